@@ -1,6 +1,6 @@
 //! Sound from a file or from the caller's samples.
 
-use std::{ffi::CString, ptr::null};
+use std::ffi::CString;
 
 use anyface::audio::{SAMPLE_RATE_HZ, SoundFile, Waveform};
 use libc::c_char;
@@ -30,15 +30,13 @@ pub unsafe extern "C" fn anyface_audio_new(
     out: *mut *mut AnyfaceAudio,
     error: *mut *mut AnyfaceError,
 ) -> AnyfaceStatus {
-    let work = || {
-        pointer::check_out("out", out)?;
+    let make = || {
         let channels = channels as usize;
         let samples = unsafe { pointer::slice("samples", samples, frame_count, channels) }?;
         let waveform = Waveform::from_interleaved(samples, channels, sample_rate_hz)?;
-        unsafe { pointer::give(out, AnyfaceAudio(waveform, None)) };
-        Ok(())
+        Ok(AnyfaceAudio(waveform, None))
     };
-    unsafe { guard::guard(error, work) }
+    unsafe { guard::give(out, error, make) }
 }
 
 /// A sound from a file: WAV, MP3, FLAC, Ogg, WebM, M4A, AAC, CAF or AIFF.
@@ -73,16 +71,15 @@ unsafe fn read(
     out: *mut *mut AnyfaceAudio,
     error: *mut *mut AnyfaceError,
 ) -> AnyfaceStatus {
-    let work = || {
-        pointer::check_out("out", out)?;
+    let make = || {
         let path = unsafe { pointer::path("path", path) }?;
         let file = SoundFile::read(path, any_damage)?;
-        let warning = file.damage.map(|damage| damage.sentence());
-        let warning = warning.and_then(|text| CString::new(text).ok());
-        unsafe { pointer::give(out, AnyfaceAudio(file.waveform, warning)) };
-        Ok(())
+        let warning = file
+            .damage
+            .map(|damage| pointer::c_text(&damage.sentence()));
+        Ok(AnyfaceAudio(file.waveform, warning))
     };
-    unsafe { guard::guard(error, work) }
+    unsafe { guard::give(out, error, make) }
 }
 
 /// What is missing of a sound because its file is damaged, as a sentence in English; NULL where nothing
@@ -91,8 +88,7 @@ unsafe fn read(
 /// The text lives as long as the sound; a part of a sound has none.
 #[unsafe(no_mangle)]
 pub unsafe extern "C" fn anyface_audio_warning(audio: *const AnyfaceAudio) -> *const c_char {
-    let warning = unsafe { audio.as_ref() }.and_then(|audio| audio.1.as_ref());
-    warning.map_or(null(), |text| text.as_ptr())
+    pointer::lend(unsafe { audio.as_ref() }.and_then(|audio| audio.1.as_ref()))
 }
 
 /// A part of a sound, copied.
@@ -109,14 +105,12 @@ pub unsafe extern "C" fn anyface_audio_trim(
     out: *mut *mut AnyfaceAudio,
     error: *mut *mut AnyfaceError,
 ) -> AnyfaceStatus {
-    let work = || {
-        pointer::check_out("out", out)?;
+    let make = || {
         let audio = unsafe { pointer::handle("audio", audio) }?;
         let part = trim(&audio.0, start_s, duration_s)?;
-        unsafe { pointer::give(out, AnyfaceAudio(part, None)) };
-        Ok(())
+        Ok(AnyfaceAudio(part, None))
     };
-    unsafe { guard::guard(error, work) }
+    unsafe { guard::give(out, error, make) }
 }
 
 fn trim(waveform: &Waveform, start_s: f64, duration_s: f64) -> Result<Waveform, Failure> {
@@ -155,11 +149,13 @@ pub unsafe extern "C" fn anyface_audio_copy_samples(
     float_count: usize,
     error: *mut *mut AnyfaceError,
 ) -> AnyfaceStatus {
-    let work = || {
-        let audio = unsafe { pointer::handle("audio", audio) }?;
-        unsafe { pointer::copy_out("buffer", &audio.0.samples, buffer, float_count) }
+    let values = || {
+        Ok(unsafe { pointer::handle("audio", audio) }?
+            .0
+            .samples
+            .as_slice())
     };
-    unsafe { guard::guard(error, work) }
+    unsafe { guard::copy(buffer, float_count, error, values) }
 }
 
 /// Length in seconds; 0 for NULL.

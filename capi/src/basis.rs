@@ -57,8 +57,7 @@ pub unsafe extern "C" fn anyface_basis_new(
     out: *mut *mut AnyfaceBasis,
     error: *mut *mut AnyfaceError,
 ) -> AnyfaceStatus {
-    let work = || {
-        pointer::check_out("out", out)?;
+    let make = || {
         let engine = unsafe { pointer::handle("engine", engine) }?;
         let clip = &unsafe { pointer::handle("clip", clip) }?.animation.vertices;
         let reduce = |watch: anyface::job::ProgressFn<'_>| {
@@ -66,10 +65,9 @@ pub unsafe extern "C" fn anyface_basis_new(
             engine.threads(|| compress(clip, max_error, max_shapes, watch))
         };
         let basis = unsafe { watched(progress, reduce) }?;
-        unsafe { pointer::give(out, AnyfaceBasis::new(basis)) };
-        Ok(())
+        Ok(AnyfaceBasis::new(basis))
     };
-    unsafe { guard::guard(error, work) }
+    unsafe { guard::give(out, error, make) }
 }
 
 /// Number `K` of shapes; 0 for NULL.
@@ -95,11 +93,8 @@ pub unsafe extern "C" fn anyface_basis_copy_shapes(
     float_count: usize,
     error: *mut *mut AnyfaceError,
 ) -> AnyfaceStatus {
-    let work = || {
-        let basis = unsafe { pointer::handle("basis", basis) }?;
-        unsafe { pointer::copy_out("buffer", basis.shapes(), buffer, float_count) }
-    };
-    unsafe { guard::guard(error, work) }
+    let values = || Ok(unsafe { pointer::handle("basis", basis) }?.shapes());
+    unsafe { guard::copy(buffer, float_count, error, values) }
 }
 
 /// Copies the weights into the caller's buffer.
@@ -113,11 +108,8 @@ pub unsafe extern "C" fn anyface_basis_copy_weights(
     float_count: usize,
     error: *mut *mut AnyfaceError,
 ) -> AnyfaceStatus {
-    let work = || {
-        let basis = unsafe { pointer::handle("basis", basis) }?;
-        unsafe { pointer::copy_out("buffer", basis.weights(), buffer, float_count) }
-    };
-    unsafe { guard::guard(error, work) }
+    let values = || Ok(unsafe { pointer::handle("basis", basis) }?.weights());
+    unsafe { guard::copy(buffer, float_count, error, values) }
 }
 
 /// Frees a basis that no running call uses, with everything it lent; nothing happens for NULL.

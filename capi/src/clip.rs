@@ -20,7 +20,7 @@ use crate::{
     guard,
     mesh::AnyfaceMesh,
     motion::{AnyfaceMotion, AnyfaceMotionOptions},
-    pointer,
+    pointer::{self, handles},
     progress::{AnyfaceProgress, watched},
     status::AnyfaceStatus,
     versioned_options,
@@ -187,11 +187,8 @@ pub unsafe extern "C" fn anyface_engine_animate(
     out: *mut *mut AnyfaceClip,
     error: *mut *mut AnyfaceError,
 ) -> AnyfaceStatus {
-    let work = || {
-        pointer::check_out("out", out)?;
-        let engine = unsafe { pointer::handle("engine", engine) }?;
-        let face = unsafe { pointer::handle("face", face) }?;
-        let audio = unsafe { pointer::handle("audio", audio) }?;
+    let make = || {
+        let (engine, face, audio) = handles!(engine, face, audio);
         let request = unsafe { versioned_options::read(options)?.to_library() }?;
         let made = |watch: ProgressFn<'_>| {
             let performance = engine.0.perform(&audio.0, &request, watch)?;
@@ -204,10 +201,9 @@ pub unsafe extern "C" fn anyface_engine_animate(
             )
         };
         let clip = unsafe { watched(progress, made) }?;
-        unsafe { pointer::give(out, clip) };
-        Ok(())
+        Ok(clip)
     };
-    unsafe { guard::guard(error, work) }
+    unsafe { guard::give(out, error, make) }
 }
 
 /// Puts motion on a face. Long: accepts a progress handle.
@@ -224,11 +220,8 @@ pub unsafe extern "C" fn anyface_clip_new(
     out: *mut *mut AnyfaceClip,
     error: *mut *mut AnyfaceError,
 ) -> AnyfaceStatus {
-    let work = || {
-        pointer::check_out("out", out)?;
-        let engine = unsafe { pointer::handle("engine", engine) }?;
-        let face = unsafe { pointer::handle("face", face) }?;
-        let motion = unsafe { pointer::handle("motion", motion) }?;
+    let make = || {
+        let (engine, face, motion) = handles!(engine, face, motion);
         let spread = |watch: ProgressFn<'_>| {
             AnyfaceClip::spread(
                 engine,
@@ -239,10 +232,9 @@ pub unsafe extern "C" fn anyface_clip_new(
             )
         };
         let clip = unsafe { watched(progress, spread) }?;
-        unsafe { pointer::give(out, clip) };
-        Ok(())
+        Ok(clip)
     };
-    unsafe { guard::guard(error, work) }
+    unsafe { guard::give(out, error, make) }
 }
 
 /// What a clip does beyond another one of the same face, such as how it is felt beyond what is said: `other`
@@ -257,14 +249,11 @@ pub unsafe extern "C" fn anyface_clip_new_difference(
     out: *mut *mut AnyfaceClip,
     error: *mut *mut AnyfaceError,
 ) -> AnyfaceStatus {
-    let work = || {
-        pointer::check_out("out", out)?;
-        let clip = unsafe { pointer::handle("clip", clip) }?;
-        let other = unsafe { pointer::handle("other", other) }?;
-        unsafe { pointer::give(out, clip.less(other)?) };
-        Ok(())
+    let make = || {
+        let (clip, other) = handles!(clip, other);
+        clip.less(other)
     };
-    unsafe { guard::guard(error, work) }
+    unsafe { guard::give(out, error, make) }
 }
 
 /// Number `T` of frames; 0 for NULL.
@@ -322,11 +311,8 @@ pub unsafe extern "C" fn anyface_clip_copy_displacements(
     float_count: usize,
     error: *mut *mut AnyfaceError,
 ) -> AnyfaceStatus {
-    let work = || {
-        let clip = unsafe { pointer::handle("clip", clip) }?;
-        unsafe { pointer::copy_out("buffer", clip.vertices(), buffer, float_count) }
-    };
-    unsafe { guard::guard(error, work) }
+    let values = || Ok(unsafe { pointer::handle("clip", clip) }?.vertices());
+    unsafe { guard::copy(buffer, float_count, error, values) }
 }
 
 /// Copies the displacements of one frame into the caller's buffer.
@@ -341,11 +327,8 @@ pub unsafe extern "C" fn anyface_clip_copy_frame(
     float_count: usize,
     error: *mut *mut AnyfaceError,
 ) -> AnyfaceStatus {
-    let work = || {
-        let values = unsafe { pointer::handle("clip", clip) }?.frame(frame)?;
-        unsafe { pointer::copy_out("buffer", values, buffer, float_count) }
-    };
-    unsafe { guard::guard(error, work) }
+    let values = || unsafe { pointer::handle("clip", clip) }?.frame(frame);
+    unsafe { guard::copy(buffer, float_count, error, values) }
 }
 
 /// Copies the 68 landmarks at rest into the caller's buffer.
@@ -359,12 +342,11 @@ pub unsafe extern "C" fn anyface_clip_copy_landmarks_neutral(
     float_count: usize,
     error: *mut *mut AnyfaceError,
 ) -> AnyfaceStatus {
-    let work = || {
+    let values = || {
         let clip = unsafe { pointer::handle("clip", clip) }?;
-        let values = clip.animation.landmarks_neutral.as_flattened();
-        unsafe { pointer::copy_out("buffer", values, buffer, float_count) }
+        Ok(clip.animation.landmarks_neutral.as_flattened())
     };
-    unsafe { guard::guard(error, work) }
+    unsafe { guard::copy(buffer, float_count, error, values) }
 }
 
 /// Copies the displacements of the 68 landmarks into the caller's buffer.
@@ -378,11 +360,8 @@ pub unsafe extern "C" fn anyface_clip_copy_landmark_displacements(
     float_count: usize,
     error: *mut *mut AnyfaceError,
 ) -> AnyfaceStatus {
-    let work = || {
-        let clip = unsafe { pointer::handle("clip", clip) }?;
-        unsafe { pointer::copy_out("buffer", clip.landmarks(), buffer, float_count) }
-    };
-    unsafe { guard::guard(error, work) }
+    let values = || Ok(unsafe { pointer::handle("clip", clip) }?.landmarks());
+    unsafe { guard::copy(buffer, float_count, error, values) }
 }
 
 /// Writes the clip as a file whose kind follows from the end of its name.
@@ -402,8 +381,7 @@ pub unsafe extern "C" fn anyface_clip_write(
     error: *mut *mut AnyfaceError,
 ) -> AnyfaceStatus {
     let work = || {
-        let clip = unsafe { pointer::handle("clip", clip) }?;
-        let mesh = unsafe { pointer::handle("mesh", mesh) }?;
+        let (clip, mesh) = handles!(clip, mesh);
         let path = unsafe { pointer::path("path", path) }?;
         anyface::output::write_animation(path, &clip.animation, clip.life.as_ref(), &mesh.0)?;
         Ok(())

@@ -15,7 +15,7 @@ use crate::{
     face::AnyfaceFace,
     guard,
     motion::AnyfaceMotion,
-    pointer,
+    pointer::handles,
     progress::{AnyfaceProgress, watched},
     status::AnyfaceStatus,
 };
@@ -92,9 +92,7 @@ pub unsafe extern "C" fn anyface_clip_stream(
     error: *mut *mut AnyfaceError,
 ) -> AnyfaceStatus {
     let work = || {
-        let engine = unsafe { pointer::handle("engine", engine) }?;
-        let face = unsafe { pointer::handle("face", face) }?;
-        let motion = unsafe { pointer::handle("motion", motion) }?;
+        let (engine, face, motion) = handles!(engine, face, motion);
         let take = take_frames.ok_or(Failure::Null("take_frames"))?;
         if frames_at_once == 0 {
             return Err(Failure::invalid(

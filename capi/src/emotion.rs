@@ -7,19 +7,13 @@ use libc::c_char;
 
 use crate::{error::AnyfaceError, guard, pointer, status::AnyfaceStatus};
 
-static NAMES: LazyLock<Vec<CString>> = LazyLock::new(|| {
-    EMOTIONS
-        .map(|name| CString::new(name).unwrap_or_default())
-        .into()
-});
+static NAMES: LazyLock<Vec<CString>> = LazyLock::new(|| EMOTIONS.map(pointer::c_text).into());
 
 /// Name of an emotion: "neutral" (0), "happy" (1), ... "drunk" (14); NULL from
 /// `ANYFACE_EMOTION_COUNT` on. Lives as long as the library is loaded.
 #[unsafe(no_mangle)]
 pub extern "C" fn anyface_emotion_name(index: usize) -> *const c_char {
-    guard::guard_or(null(), || {
-        NAMES.get(index).map_or(null(), |name| name.as_ptr())
-    })
+    guard::guard_or(null(), || pointer::lend(NAMES.get(index)))
 }
 
 /// Reads emotions as text, such as "happy:0.7" or "happy:0.4,surprised:0.3".

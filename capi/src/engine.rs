@@ -1,6 +1,6 @@
 //! Loaded weights and settings, shared by any number of jobs.
 
-use std::{path::PathBuf, ptr::null};
+use std::path::PathBuf;
 
 use anyface::{CachePolicy, Engine, EngineOptions};
 use libc::c_char;
@@ -15,8 +15,7 @@ use crate::{
 /// Loaded weights and settings. Any number of threads may use one engine at the same time.
 pub struct AnyfaceEngine(pub(crate) Engine);
 
-const fn shared_by_threads<T: Send + Sync>() {}
-const _: () = shared_by_threads::<AnyfaceEngine>();
+const _: () = guard::shared_by_threads::<AnyfaceEngine>();
 
 /// Where work that depends only on the mesh is kept between runs; for `AnyfaceEngineOptions`.
 #[repr(C)]
@@ -62,13 +61,8 @@ unsafe impl Versioned for AnyfaceEngineOptions {
     fn defaults() -> Self {
         AnyfaceEngineOptions {
             struct_size: size_of::<Self>(),
-            weights_dir: null(),
-            speech_dir: null(),
-            cache_dir: null(),
             cache: AnyfaceCache::User as i32,
-            threads: 0,
-            system: null(),
-            emotion_model_dir: null(),
+            ..Self::zero()
         }
     }
 }
@@ -93,20 +87,16 @@ impl AnyfaceEngineOptions {
     }
 
     unsafe fn cache_policy(&self) -> Result<CachePolicy, Failure> {
-        let user = AnyfaceCache::User as i32;
-        let off = AnyfaceCache::Off as i32;
-        let folder = AnyfaceCache::Folder as i32;
-        match self.cache {
-            code if code == user => Ok(CachePolicy::UserFolder),
-            code if code == off => Ok(CachePolicy::Off),
-            code if code == folder => {
+        use AnyfaceCache::{Folder, Off, User};
+        let known = [User, Off, Folder].map(|cache| (cache as i32, cache));
+        Ok(match pointer::one_of("cache", self.cache, known)? {
+            User => CachePolicy::UserFolder,
+            Off => CachePolicy::Off,
+            Folder => {
                 let path = unsafe { pointer::path("cache_dir", self.cache_dir) }?;
-                Ok(CachePolicy::Folder(path.to_owned()))
+                CachePolicy::Folder(path.to_owned())
             }
-            code => Err(Failure::invalid(format!(
-                "cache: expected {user} to {folder}, got {code}"
-            ))),
-        }
+        })
     }
 }
 
@@ -133,14 +123,12 @@ pub unsafe extern "C" fn anyface_engine_new(
     out: *mut *mut AnyfaceEngine,
     error: *mut *mut AnyfaceError,
 ) -> AnyfaceStatus {
-    let work = || {
-        pointer::check_out("out", out)?;
+    let make = || {
         let options = unsafe { versioned_options::read(options)?.to_library() }?;
         let engine = Engine::new(options)?;
-        unsafe { pointer::give(out, AnyfaceEngine(engine)) };
-        Ok(())
+        Ok(AnyfaceEngine(engine))
     };
-    unsafe { guard::guard(error, work) }
+    unsafe { guard::give(out, error, make) }
 }
 
 /// Most memory that motion on a mesh takes at a time, bytes, as far as that is known before the work starts: within 40 %

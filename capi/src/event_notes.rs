@@ -1,16 +1,16 @@
 //! What of a performance and its events a face cannot show, in words.
 
-use std::{ffi::CString, ptr::null};
+use std::ffi::CString;
 
 use libc::c_char;
 
 use crate::{
     engine::AnyfaceEngine,
-    error::{AnyfaceError, Failure},
+    error::AnyfaceError,
     face::AnyfaceFace,
     guard,
     motion::AnyfaceMotion,
-    pointer,
+    pointer::{self, handles},
     progress::{AnyfaceProgress, watched},
     status::AnyfaceStatus,
 };
@@ -35,24 +35,18 @@ pub unsafe extern "C" fn anyface_event_notes_new(
     out: *mut *mut AnyfaceEventNotes,
     error: *mut *mut AnyfaceError,
 ) -> AnyfaceStatus {
-    let work = || {
-        pointer::check_out("out", out)?;
-        let engine = unsafe { pointer::handle("engine", engine) }?;
-        let face = unsafe { pointer::handle("face", face) }?;
-        let motion = unsafe { pointer::handle("motion", motion) }?;
-        let performance = motion.performance().ok_or_else(|| {
-            Failure::invalid("motion: expected motion that was spoken, got the caller's own")
-        })?;
+    let make = || {
+        let (engine, face, motion) = handles!(engine, face, motion);
+        let performance = motion.spoken()?;
         let find = |watch: anyface::job::ProgressFn<'_>| {
             performance.unseen_events(&engine.0, &face.0, watch)
         };
         let found = unsafe { watched(progress, find) }?;
         let texts = found.into_iter().chain(face.0.field_note());
-        let texts = texts.map(|text| CString::new(text.replace('\0', "")).unwrap_or_default());
-        unsafe { pointer::give(out, AnyfaceEventNotes(texts.collect())) };
-        Ok(())
+        let texts = texts.map(|text| pointer::c_text(&text));
+        Ok(AnyfaceEventNotes(texts.collect()))
     };
-    unsafe { guard::guard(error, work) }
+    unsafe { guard::give(out, error, make) }
 }
 
 /// Number of sentences; 0 for NULL.
@@ -67,10 +61,7 @@ pub unsafe extern "C" fn anyface_event_notes_text(
     notes: *const AnyfaceEventNotes,
     index: usize,
 ) -> *const c_char {
-    guard::guard_or(null(), || {
-        let text = unsafe { notes.as_ref() }.and_then(|notes| notes.0.get(index));
-        text.map_or(null(), |text| text.as_ptr())
-    })
+    pointer::lend(unsafe { notes.as_ref() }.and_then(|notes| notes.0.get(index)))
 }
 
 /// Frees notes that no running call uses; nothing happens for NULL.
@@ -81,7 +72,10 @@ pub unsafe extern "C" fn anyface_event_notes_free(notes: *mut AnyfaceEventNotes)
 
 #[cfg(test)]
 mod tests {
-    use std::{ffi::CStr, ptr::null_mut};
+    use std::{
+        ffi::CStr,
+        ptr::{null, null_mut},
+    };
 
     use anyface::{
         CachePolicy, Engine, EngineOptions, MotionRequest,

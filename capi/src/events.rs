@@ -47,10 +47,9 @@ struct Unit {
 }
 
 static UNITS: LazyLock<Vec<Unit>> = LazyLock::new(|| {
-    let text = |text: &str| CString::new(text).unwrap_or_default();
     let unit = |unit: &ActionUnit| Unit {
-        name: text(unit.name),
-        label: text(unit.label),
+        name: pointer::c_text(unit.name),
+        label: pointer::c_text(unit.label),
     };
     ACTION_UNITS.iter().map(unit).collect()
 });
@@ -60,7 +59,7 @@ static UNITS: LazyLock<Vec<Unit>> = LazyLock::new(|| {
 #[unsafe(no_mangle)]
 pub extern "C" fn anyface_action_unit_name(index: usize) -> *const c_char {
     guard::guard_or(null(), || {
-        UNITS.get(index).map_or(null(), |unit| unit.name.as_ptr())
+        pointer::lend(UNITS.get(index).map(|unit| &unit.name))
     })
 }
 
@@ -68,7 +67,7 @@ pub extern "C" fn anyface_action_unit_name(index: usize) -> *const c_char {
 #[unsafe(no_mangle)]
 pub extern "C" fn anyface_action_unit_label(index: usize) -> *const c_char {
     guard::guard_or(null(), || {
-        UNITS.get(index).map_or(null(), |unit| unit.label.as_ptr())
+        pointer::lend(UNITS.get(index).map(|unit| &unit.label))
     })
 }
 
@@ -84,8 +83,7 @@ pub unsafe extern "C" fn anyface_events_new(
     out: *mut *mut AnyfaceEvents,
     error: *mut *mut AnyfaceError,
 ) -> AnyfaceStatus {
-    let work = || {
-        pointer::check_out("out", out)?;
+    let make = || {
         let rows = unsafe { pointer::slice("events", events, event_count, 1) }?;
         let read = |(row, event): (usize, &AnyfaceEvent)| {
             unsafe { event.to_library() }.map_err(|failure| named(row, failure))
@@ -95,10 +93,9 @@ pub unsafe extern "C" fn anyface_events_new(
             .enumerate()
             .map(read)
             .collect::<Result<_, _>>()?;
-        unsafe { pointer::give(out, AnyfaceEvents::new(events)) };
-        Ok(())
+        Ok(AnyfaceEvents::new(events))
     };
-    unsafe { guard::guard(error, work) }
+    unsafe { guard::give(out, error, make) }
 }
 
 /// Events from JSON: a list, or an object with a list `events`, of `{"start_s": 1.2, "end_s": 2.0, "units":
@@ -114,14 +111,12 @@ pub unsafe extern "C" fn anyface_events_parse(
     out: *mut *mut AnyfaceEvents,
     error: *mut *mut AnyfaceError,
 ) -> AnyfaceStatus {
-    let work = || {
-        pointer::check_out("out", out)?;
+    let make = || {
         let json = unsafe { pointer::text("json", json) }?;
         let events = unsafe { reader(weights_dir) }?.events_of_json(json)?;
-        unsafe { pointer::give(out, AnyfaceEvents::new(events)) };
-        Ok(())
+        Ok(AnyfaceEvents::new(events))
     };
-    unsafe { guard::guard(error, work) }
+    unsafe { guard::give(out, error, make) }
 }
 
 /// Events from lines of text, as the command reads them: seconds, units or words, and strength, as in
@@ -138,8 +133,7 @@ pub unsafe extern "C" fn anyface_events_from_text(
     out: *mut *mut AnyfaceEvents,
     error: *mut *mut AnyfaceError,
 ) -> AnyfaceStatus {
-    let work = || {
-        pointer::check_out("out", out)?;
+    let make = || {
         let text = unsafe { pointer::text("text", text) }?;
         let reader = unsafe { reader(weights_dir) }?;
         let lines = text.lines().filter(|line| !line.trim().is_empty());
@@ -147,17 +141,16 @@ pub unsafe extern "C" fn anyface_events_from_text(
             reader.event(line).map_err(|error| named(row, error.into()))
         };
         let events = lines.enumerate().map(read).collect::<Result<_, _>>()?;
-        unsafe { pointer::give(out, AnyfaceEvents::new(events)) };
-        Ok(())
+        Ok(AnyfaceEvents::new(events))
     };
-    unsafe { guard::guard(error, work) }
+    unsafe { guard::give(out, error, make) }
 }
 
 /// The events as JSON that `anyface_events_parse()` reads: a list, each row with a list of units and all its fields. NULL
 /// for NULL. Lives as long as the events.
 #[unsafe(no_mangle)]
 pub unsafe extern "C" fn anyface_events_json(events: *const AnyfaceEvents) -> *const c_char {
-    unsafe { events.as_ref() }.map_or(null(), |events| events.json.as_ptr())
+    pointer::lend(unsafe { events.as_ref() }.map(|events| &events.json))
 }
 
 /// Number of events; 0 for NULL.
@@ -174,7 +167,7 @@ pub unsafe extern "C" fn anyface_events_free(events: *mut AnyfaceEvents) {
 
 impl AnyfaceEvents {
     pub(crate) fn new(rows: Vec<Event>) -> AnyfaceEvents {
-        let json = CString::new(events_to_json(&rows)).unwrap_or_default();
+        let json = pointer::c_text(&events_to_json(&rows));
         AnyfaceEvents { rows, json }
     }
 }

@@ -23,10 +23,8 @@ use crate::{
 /// The reader that was asked for last, with the folder of its models: it may hold half a gigabyte.
 static LAST: Mutex<Option<Arc<Reader>>> = Mutex::new(None);
 
-static WORDS: LazyLock<Vec<CString>> = LazyLock::new(|| {
-    let text = |(name, _): &(&str, &str)| CString::new(*name).unwrap_or_default();
-    MENU.iter().map(text).collect()
-});
+static WORDS: LazyLock<Vec<CString>> =
+    LazyLock::new(|| MENU.iter().map(|(name, _)| pointer::c_text(name)).collect());
 
 /// The reader of expressions of a folder of models, or the built-in one.
 ///
@@ -54,9 +52,10 @@ pub struct AnyfaceExpression {
 impl AnyfaceExpression {
     fn of(expression: &Expression) -> AnyfaceExpression {
         let units = expression.units.iter();
-        let units = units.map(|(unit, side)| text(side.written(ACTION_UNITS[*unit].name)));
+        let units =
+            units.map(|(unit, side)| pointer::c_text(&side.written(ACTION_UNITS[*unit].name)));
         AnyfaceExpression {
-            said: text(expression.said.clone()),
+            said: pointer::c_text(&expression.said),
             units: units.collect(),
             strength: expression.strength,
             over_speech: expression.over_speech,
@@ -67,26 +66,20 @@ impl AnyfaceExpression {
     /// An expression that is none, and why.
     fn none(said: &str, why: String) -> AnyfaceExpression {
         AnyfaceExpression {
-            said: text(said.trim().to_owned()),
+            said: pointer::c_text(said.trim()),
             units: Vec::new(),
             strength: 0.0,
             over_speech: false,
-            hint: Some(text(why)),
+            hint: Some(pointer::c_text(&why)),
         }
     }
-}
-
-fn text(text: String) -> CString {
-    CString::new(text).unwrap_or_default()
 }
 
 /// A word whose units are laid down, such as "smile" or "jaw drop", for a menu; NULL from the last one on. Lives as long
 /// as the library is loaded.
 #[unsafe(no_mangle)]
 pub extern "C" fn anyface_expression_word(index: usize) -> *const c_char {
-    guard::guard_or(null(), || {
-        WORDS.get(index).map_or(null(), |word| word.as_ptr())
-    })
+    guard::guard_or(null(), || pointer::lend(WORDS.get(index)))
 }
 
 /// Reads what an expression asks of a face: units such as "12,6L", a word of `anyface_expression_word()` with a side
@@ -105,8 +98,7 @@ pub unsafe extern "C" fn anyface_expression_new(
     out: *mut *mut AnyfaceExpression,
     error: *mut *mut AnyfaceError,
 ) -> AnyfaceStatus {
-    let work = || {
-        pointer::check_out("out", out)?;
+    let make = || {
         let text = unsafe { pointer::text("text", text) }?;
         check_length(text)?;
         let expression = match unsafe { reader(weights_dir) }?.expression(text) {
@@ -114,10 +106,9 @@ pub unsafe extern "C" fn anyface_expression_new(
             Err(Error::InvalidInput(why)) => AnyfaceExpression::none(text, why),
             Err(error) => return Err(error.into()),
         };
-        unsafe { pointer::give(out, expression) };
-        Ok(())
+        Ok(expression)
     };
-    unsafe { guard::guard(error, work) }
+    unsafe { guard::give(out, error, make) }
 }
 
 /// Number of units; 0 for NULL.
@@ -135,8 +126,7 @@ pub unsafe extern "C" fn anyface_expression_unit(
     expression: *const AnyfaceExpression,
     index: usize,
 ) -> *const c_char {
-    let unit = unsafe { expression.as_ref() }.and_then(|expression| expression.units.get(index));
-    unit.map_or(null(), |unit| unit.as_ptr())
+    pointer::lend(unsafe { expression.as_ref() }.and_then(|expression| expression.units.get(index)))
 }
 
 /// How strongly the text asks for it, 0 to 2, 1 for a plain word; 0 without units, for NULL.
@@ -158,7 +148,7 @@ pub unsafe extern "C" fn anyface_expression_over_speech(
 pub unsafe extern "C" fn anyface_expression_said(
     expression: *const AnyfaceExpression,
 ) -> *const c_char {
-    unsafe { expression.as_ref() }.map_or(null(), |expression| expression.said.as_ptr())
+    pointer::lend(unsafe { expression.as_ref() }.map(|expression| &expression.said))
 }
 
 /// Why there are no units, with the nearest expression that would be understood where one is near, a sentence in English;
@@ -167,8 +157,7 @@ pub unsafe extern "C" fn anyface_expression_said(
 pub unsafe extern "C" fn anyface_expression_hint(
     expression: *const AnyfaceExpression,
 ) -> *const c_char {
-    let hint = unsafe { expression.as_ref() }.and_then(|expression| expression.hint.as_ref());
-    hint.map_or(null(), |hint| hint.as_ptr())
+    pointer::lend(unsafe { expression.as_ref() }.and_then(|expression| expression.hint.as_ref()))
 }
 
 /// Frees an expression that no running call uses; nothing happens for NULL.

@@ -2,17 +2,12 @@
 
 use std::io::Write;
 
-use anyface::{
-    Engine, Face,
-    face::PartList,
-    job::write_atomically,
-    mesh::{Landmarks, Mouth, ibug::LANDMARKS},
-};
+use anyface::{Engine, Face, job::write_atomically, mesh::Mouth};
 use libc::c_char;
 
 use crate::{
     engine::AnyfaceEngine,
-    error::{AnyfaceError, Failure},
+    error::AnyfaceError,
     face_options::{AnyfaceFaceOptions, ROLES, of_mesh},
     guard,
     mesh::AnyfaceMesh,
@@ -25,8 +20,7 @@ use crate::{
 /// needs. Never changes after it was made: any number of threads may use it at the same time.
 pub struct AnyfaceFace(pub(crate) Face);
 
-const fn shared_by_threads<T: Send + Sync>() {}
-const _: () = shared_by_threads::<AnyfaceFace>();
+const _: () = guard::shared_by_threads::<AnyfaceFace>();
 
 /// How the lips of a mesh meet.
 #[repr(C)]
@@ -57,13 +51,11 @@ pub unsafe extern "C" fn anyface_face_new(
     out: *mut *mut AnyfaceFace,
     error: *mut *mut AnyfaceError,
 ) -> AnyfaceStatus {
-    let work = || {
-        pointer::check_out("out", out)?;
+    let make = || {
         let face = unsafe { of_mesh(engine, mesh, options, progress, Engine::prepare) }?;
-        unsafe { pointer::give(out, AnyfaceFace(face)) };
-        Ok(())
+        Ok(AnyfaceFace(face))
     };
-    unsafe { guard::guard(error, work) }
+    unsafe { guard::give(out, error, make) }
 }
 
 /// The quick part of `anyface_face_new()`, whose result it shares through the engine's cache: where the
@@ -79,13 +71,11 @@ pub unsafe extern "C" fn anyface_face_find(
     out: *mut *mut AnyfaceFace,
     error: *mut *mut AnyfaceError,
 ) -> AnyfaceStatus {
-    let work = || {
-        pointer::check_out("out", out)?;
+    let make = || {
         let face = unsafe { of_mesh(engine, mesh, options, progress, Engine::find) }?;
-        unsafe { pointer::give(out, AnyfaceFace(face)) };
-        Ok(())
+        Ok(AnyfaceFace(face))
     };
-    unsafe { guard::guard(error, work) }
+    unsafe { guard::give(out, error, make) }
 }
 
 /// How the lips meet, an `AnyfaceMouth`; -1 for NULL.
@@ -163,7 +153,12 @@ pub unsafe extern "C" fn anyface_face_copy_landmarks(
 ) -> AnyfaceStatus {
     let work = || {
         let landmarks = &unsafe { pointer::handle("face", face) }?.0.landmarks;
-        unsafe { copy_landmarks(landmarks, positions, vertices, confidence) }
+        let places = landmarks.positions.as_flattened();
+        unsafe {
+            pointer::copy_where_asked("positions", places, positions)?;
+            pointer::copy_where_asked("vertices", &landmarks.vertices, vertices)?;
+            pointer::copy_where_asked("confidence", &landmarks.confidence, confidence)
+        }
     };
     unsafe { guard::guard(error, work) }
 }
@@ -188,7 +183,13 @@ pub unsafe extern "C" fn anyface_face_copy_parts(
 ) -> AnyfaceStatus {
     let work = || {
         let list = &unsafe { pointer::handle("face", face) }?.0.parts;
-        unsafe { copy_parts(list, roles, part_of_vertex) }
+        let code = |role| ROLES.into_iter().find(|(_, known)| *known == role);
+        let codes = list.parts.iter().filter_map(|part| code(part.role));
+        let codes: Vec<i32> = codes.map(|(code, _)| code as i32).collect();
+        unsafe {
+            pointer::copy_where_asked("roles", &codes, roles)?;
+            pointer::copy_where_asked("part_of_vertex", list.of_vertex(), part_of_vertex)
+        }
     };
     unsafe { guard::guard(error, work) }
 }
@@ -216,52 +217,4 @@ pub unsafe extern "C" fn anyface_face_write_landmarks(
 #[unsafe(no_mangle)]
 pub unsafe extern "C" fn anyface_face_free(face: *mut AnyfaceFace) {
     unsafe { guard::free(face) }
-}
-
-/// Copies the 68 landmarks into buffers, each of which may be NULL.
-///
-/// # Safety
-/// Each buffer is NULL or has room for what it takes.
-unsafe fn copy_landmarks(
-    landmarks: &Landmarks,
-    positions: *mut f32,
-    vertices: *mut u32,
-    confidence: *mut f32,
-) -> Result<(), Failure> {
-    if !positions.is_null() {
-        let values = landmarks.positions.as_flattened();
-        unsafe { pointer::copy_out("positions", values, positions, values.len()) }?;
-    }
-    if !vertices.is_null() {
-        unsafe { pointer::copy_out("vertices", &landmarks.vertices, vertices, LANDMARKS) }?;
-    }
-    if !confidence.is_null() {
-        let values = &landmarks.confidence;
-        unsafe { pointer::copy_out("confidence", values, confidence, LANDMARKS) }?;
-    }
-    Ok(())
-}
-
-/// Copies what each part is into buffers, each of which may be NULL.
-///
-/// # Safety
-/// Each buffer is NULL or has room for what it takes.
-unsafe fn copy_parts(
-    list: &PartList,
-    roles: *mut i32,
-    part_of_vertex: *mut u32,
-) -> Result<(), Failure> {
-    if !roles.is_null() {
-        let code = |role| ROLES.into_iter().find(|(_, known)| *known == role);
-        let parts = list.parts.iter();
-        let values: Vec<i32> = parts
-            .filter_map(|part| code(part.role).map(|(code, _)| code as i32))
-            .collect();
-        unsafe { pointer::copy_out("roles", &values, roles, list.parts.len()) }?;
-    }
-    if !part_of_vertex.is_null() {
-        let values = list.of_vertex();
-        unsafe { pointer::copy_out("part_of_vertex", values, part_of_vertex, values.len()) }?;
-    }
-    Ok(())
 }

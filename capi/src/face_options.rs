@@ -1,7 +1,5 @@
 //! What a caller knows of a mesh, and how it wants its face to be worked on.
 
-use std::ptr::null;
-
 use anyface::{
     Engine,
     face::FaceOptions,
@@ -133,23 +131,9 @@ unsafe impl Versioned for AnyfaceFaceOptions {
     fn defaults() -> Self {
         AnyfaceFaceOptions {
             struct_size: size_of::<Self>(),
-            landmark_positions: null(),
-            landmark_vertices: null(),
-            landmark_json: null(),
             forward: AnyfaceAxis::PosZ as i32,
             up: AnyfaceAxis::PosY as i32,
-            controls: null(),
-            control_count: 0,
-            part_numbers: null(),
-            part_roles: null(),
-            part_count: 0,
-            fixed_numbers: null(),
-            fixed_positions: null(),
-            fixed_count: 0,
-            object_of_vertex: null(),
-            object_vertex_count: 0,
-            object_roles: null(),
-            object_count: 0,
+            ..Self::zero()
         }
     }
 }
@@ -226,7 +210,7 @@ impl AnyfaceFaceOptions {
     }
 }
 
-fn axis(name: &str, code: i32) -> Result<Axis, Failure> {
+fn axis(name: &'static str, code: i32) -> Result<Axis, Failure> {
     const AXES: [(AnyfaceAxis, Axis); 6] = [
         (AnyfaceAxis::PosX, Axis::PosX),
         (AnyfaceAxis::NegX, Axis::NegX),
@@ -235,10 +219,7 @@ fn axis(name: &str, code: i32) -> Result<Axis, Failure> {
         (AnyfaceAxis::PosZ, Axis::PosZ),
         (AnyfaceAxis::NegZ, Axis::NegZ),
     ];
-    AXES.into_iter()
-        .find(|(number, _)| *number as i32 == code)
-        .map(|(_, axis)| axis)
-        .ok_or_else(|| Failure::invalid(format!("{name}: expected 0 to 5, got {code}")))
+    pointer::one_of(name, code, AXES.map(|(c, axis)| (c as i32, axis)))
 }
 
 /// Sets every option to its default. `struct_size` is `sizeof *options`.
@@ -334,11 +315,8 @@ unsafe fn objects(options: &AnyfaceFaceOptions) -> Result<PartChoices, Failure> 
     Ok(choices)
 }
 
-fn role(field: &str, code: i32) -> Result<PartRole, Failure> {
-    let known = ROLES.into_iter().find(|(known, _)| *known as i32 == code);
-    known
-        .map(|(_, role)| role)
-        .ok_or_else(|| Failure::invalid(format!("{field}: expected 0 to 6, got {code}")))
+fn role(field: &'static str, code: i32) -> Result<PartRole, Failure> {
+    pointer::one_of(field, code, ROLES.map(|(c, role)| (c as i32, role)))
 }
 
 #[cfg(test)]

@@ -9,6 +9,7 @@ use std::{
 
 use crate::{
     error::{AnyfaceError, Failure},
+    pointer,
     status::AnyfaceStatus,
 };
 
@@ -38,6 +39,42 @@ pub(crate) unsafe fn guard(
     }
     failure.status()
 }
+
+/// Runs a call that makes an object, which is handed to the caller last.
+///
+/// # Safety
+/// `out` and `error` are each NULL or point to writable memory for a pointer.
+pub(crate) unsafe fn give<T>(
+    out: *mut *mut T,
+    error: *mut *mut AnyfaceError,
+    make: impl FnOnce() -> Result<T, Failure>,
+) -> AnyfaceStatus {
+    let work = || {
+        pointer::check_out("out", out)?;
+        let object = Box::new(make()?);
+        unsafe { out.write(Box::into_raw(object)) };
+        Ok(())
+    };
+    unsafe { guard(error, work) }
+}
+
+/// Runs a call that copies values into the caller's buffer, whose `capacity` must be their number exactly.
+///
+/// # Safety
+/// `buffer` is NULL or valid for writes of `capacity` values; `error` as for [`guard`].
+pub(crate) unsafe fn copy<T: Copy, V: AsRef<[T]>>(
+    buffer: *mut T,
+    capacity: usize,
+    error: *mut *mut AnyfaceError,
+    values: impl FnOnce() -> Result<V, Failure>,
+) -> AnyfaceStatus {
+    let work = || unsafe { pointer::copy_out("buffer", values()?.as_ref(), buffer, capacity) };
+    unsafe { guard(error, work) }
+}
+
+/// Objects of this kind may be used by any number of threads at the same time: a `const` of its result does not compile
+/// otherwise.
+pub(crate) const fn shared_by_threads<T: Send + Sync>() {}
 
 /// Runs a call that has no way to report: `fallback` stands for a panic.
 pub(crate) fn guard_or<T>(fallback: T, work: impl FnOnce() -> T) -> T {

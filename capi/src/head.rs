@@ -1,6 +1,6 @@
 //! Heads made from numbers.
 
-use std::{ffi::CString, path::Path, ptr::null, sync::Arc};
+use std::{ffi::CString, path::Path, sync::Arc};
 
 use anyface::head::{COEFFICIENTS, Head, HeadOptions, ScanOptions};
 use libc::c_char;
@@ -10,7 +10,7 @@ use crate::{
     face::AnyfaceFace,
     guard,
     mesh::AnyfaceMesh,
-    pointer,
+    pointer::{self, handles},
     progress::{AnyfaceProgress, watched},
     status::AnyfaceStatus,
 };
@@ -27,16 +27,18 @@ pub struct AnyfaceHead {
     fit_mm: f32,
 }
 
-const fn shared_by_threads<T: Send + Sync>() {}
-const _: () = shared_by_threads::<AnyfaceHead>();
+const _: () = guard::shared_by_threads::<AnyfaceHead>();
 
 impl AnyfaceHead {
     fn open(folder: Option<&Path>) -> Result<Self, Failure> {
         let model = Head::open(folder)?;
-        let text = |text: &String| CString::new(text.replace('\0', " ")).unwrap_or_default();
         let directions = model.config().directions.iter();
         Ok(AnyfaceHead {
-            directions: Arc::new(directions.map(|direction| text(&direction.name)).collect()),
+            directions: Arc::new(
+                directions
+                    .map(|direction| pointer::c_text(&direction.name))
+                    .collect(),
+            ),
             coefficients: vec![0.0; COEFFICIENTS],
             model: Arc::new(model),
             fit_mm: 0.0,
@@ -69,8 +71,7 @@ pub unsafe extern "C" fn anyface_head_new(
     out: *mut *mut AnyfaceHead,
     error: *mut *mut AnyfaceError,
 ) -> AnyfaceStatus {
-    let work = || {
-        pointer::check_out("out", out)?;
+    let make = || {
         let given = match coefficients.is_null() && coefficient_count == 0 {
             true => Head::random(seed),
             false => {
@@ -81,10 +82,9 @@ pub unsafe extern "C" fn anyface_head_new(
         };
         let folder = unsafe { pointer::optional_text("weights_dir", weights_dir) }?;
         let head = AnyfaceHead::open(folder.map(Path::new))?;
-        unsafe { pointer::give(out, head.other(given)) };
-        Ok(())
+        Ok(head.other(given))
     };
-    unsafe { guard::guard(error, work) }
+    unsafe { guard::give(out, error, make) }
 }
 
 /// The head between two others: `share` 0 is `a`, 1 is `b`. Free with `anyface_head_free()`.
@@ -98,15 +98,12 @@ pub unsafe extern "C" fn anyface_head_new_mixed(
     out: *mut *mut AnyfaceHead,
     error: *mut *mut AnyfaceError,
 ) -> AnyfaceStatus {
-    let work = || {
-        pointer::check_out("out", out)?;
-        let a = unsafe { pointer::handle("a", a) }?;
-        let b = unsafe { pointer::handle("b", b) }?;
+    let make = || {
+        let (a, b) = handles!(a, b);
         let mixed = Head::mixture(&a.coefficients, &b.coefficients, share)?;
-        unsafe { pointer::give(out, a.other(mixed)) };
-        Ok(())
+        Ok(a.other(mixed))
     };
-    unsafe { guard::guard(error, work) }
+    unsafe { guard::give(out, error, make) }
 }
 
 /// The same head with another value along one direction, -4 to 4; 0 is the average. Free with
@@ -121,15 +118,13 @@ pub unsafe extern "C" fn anyface_head_new_along(
     out: *mut *mut AnyfaceHead,
     error: *mut *mut AnyfaceError,
 ) -> AnyfaceStatus {
-    let work = || {
-        pointer::check_out("out", out)?;
+    let make = || {
         let head = unsafe { pointer::handle("head", head) }?;
         let mut moved = head.coefficients.clone();
         head.model.set_along(&mut moved, direction, value)?;
-        unsafe { pointer::give(out, head.other(moved)) };
-        Ok(())
+        Ok(head.other(moved))
     };
-    unsafe { guard::guard(error, work) }
+    unsafe { guard::give(out, error, make) }
 }
 
 /// The head that is most like a face at rest: a scan or a model of which the landmarks are known. Long: accepts a
@@ -145,8 +140,7 @@ pub unsafe extern "C" fn anyface_head_fit(
     out: *mut *mut AnyfaceHead,
     error: *mut *mut AnyfaceError,
 ) -> AnyfaceStatus {
-    let work = || {
-        pointer::check_out("out", out)?;
+    let make = || {
         let face = &unsafe { pointer::handle("face", face) }?.0;
         let folder = unsafe { pointer::optional_text("weights_dir", weights_dir) }?;
         let head = AnyfaceHead::open(folder.map(Path::new))?;
@@ -159,10 +153,9 @@ pub unsafe extern "C" fn anyface_head_fit(
         }?;
         let mut fitted = head.other(fit.coefficients);
         fitted.fit_mm = fit.mean_mm;
-        unsafe { pointer::give(out, fitted) };
-        Ok(())
+        Ok(fitted)
     };
-    unsafe { guard::guard(error, work) }
+    unsafe { guard::give(out, error, make) }
 }
 
 /// How far the face lies from the head that was fitted to it, mean, millimetres on a head of human size; 0 for NULL and
@@ -181,11 +174,8 @@ pub unsafe extern "C" fn anyface_head_copy_coefficients(
     count: usize,
     error: *mut *mut AnyfaceError,
 ) -> AnyfaceStatus {
-    let work = || {
-        let values = &unsafe { pointer::handle("head", head) }?.coefficients;
-        unsafe { pointer::copy_out("buffer", values, buffer, count) }
-    };
-    unsafe { guard::guard(error, work) }
+    let values = || Ok(&unsafe { pointer::handle("head", head) }?.coefficients);
+    unsafe { guard::copy(buffer, count, error, values) }
 }
 
 /// Number `D` of directions in which heads differ, the one that moves the surface furthest first; 0 for NULL.
@@ -201,8 +191,7 @@ pub unsafe extern "C" fn anyface_head_direction_name(
     head: *const AnyfaceHead,
     direction: usize,
 ) -> *const c_char {
-    let name = unsafe { head.as_ref() }.and_then(|head| head.directions.get(direction));
-    name.map_or(null(), |name| name.as_ptr())
+    pointer::lend(unsafe { head.as_ref() }.and_then(|head| head.directions.get(direction)))
 }
 
 /// Copies how far the head lies along each direction. `buffer`: `[D]`; `count` must be `D`.
@@ -214,12 +203,11 @@ pub unsafe extern "C" fn anyface_head_copy_directions(
     count: usize,
     error: *mut *mut AnyfaceError,
 ) -> AnyfaceStatus {
-    let work = || {
+    let values = || {
         let head = unsafe { pointer::handle("head", head) }?;
-        let values = head.model.along(&head.coefficients)?;
-        unsafe { pointer::copy_out("buffer", &values, buffer, count) }
+        Ok(head.model.along(&head.coefficients)?)
     };
-    unsafe { guard::guard(error, work) }
+    unsafe { guard::copy(buffer, count, error, values) }
 }
 
 /// The head as a mesh at rest, metres. Long: accepts a progress handle, which may be NULL. Free with
@@ -240,8 +228,7 @@ pub unsafe extern "C" fn anyface_head_mesh(
     landmark_vertices: *mut u32,
     error: *mut *mut AnyfaceError,
 ) -> AnyfaceStatus {
-    let work = || {
-        pointer::check_out("out", out)?;
+    let make = || {
         let head = unsafe { pointer::handle("head", head) }?;
         let options = HeadOptions {
             resolution,
@@ -251,19 +238,14 @@ pub unsafe extern "C" fn anyface_head_mesh(
             .model
             .one(head.model.identity_code(&head.coefficients)?)?;
         let made = unsafe { watched(progress, |watch| one.mesh(&options, watch)) }?;
-        if !landmark_vertices.is_null() {
-            let vertices = &made.landmarks.vertices;
-            let count = vertices.len();
-            unsafe { pointer::copy_out("landmark_vertices", vertices, landmark_vertices, count) }?;
+        let (vertices, skin) = (made.landmarks.vertices, [made.canonical.len()]);
+        unsafe {
+            pointer::copy_where_asked("landmark_vertices", &vertices, landmark_vertices)?;
+            pointer::copy_where_asked("skin_vertices", &skin, skin_vertices)?;
         }
-        if !skin_vertices.is_null() {
-            let count = &[made.canonical.len()];
-            unsafe { pointer::copy_out("skin_vertices", count, skin_vertices, 1) }?;
-        }
-        unsafe { pointer::give(out, AnyfaceMesh(made.mesh)) };
-        Ok(())
+        Ok(AnyfaceMesh(made.mesh))
     };
-    unsafe { guard::guard(error, work) }
+    unsafe { guard::give(out, error, make) }
 }
 
 /// Frees a head that no running call uses, with everything it lent; nothing happens for NULL.
@@ -274,7 +256,10 @@ pub unsafe extern "C" fn anyface_head_free(head: *mut AnyfaceHead) {
 
 #[cfg(test)]
 mod tests {
-    use std::{ffi::CStr, ptr::null_mut};
+    use std::{
+        ffi::CStr,
+        ptr::{null, null_mut},
+    };
 
     use super::*;
     use crate::{

@@ -30,6 +30,7 @@ mod face_options;
 mod head;
 mod mesh;
 mod motion;
+mod motion_values;
 mod motion_weights;
 mod open_mouth;
 mod progress;

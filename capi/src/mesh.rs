@@ -29,15 +29,13 @@ pub unsafe extern "C" fn anyface_mesh_new(
     out: *mut *mut AnyfaceMesh,
     error: *mut *mut AnyfaceError,
 ) -> AnyfaceStatus {
-    let work = || {
-        pointer::check_out("out", out)?;
+    let make = || {
         let positions = unsafe { rows_of_three("positions", positions, vertex_count) }?;
         let triangles = unsafe { rows_of_three("triangles", triangles, triangle_count) }?;
         let mesh = Mesh::from_arrays(positions, triangles)?;
-        unsafe { pointer::give(out, AnyfaceMesh(mesh)) };
-        Ok(())
+        Ok(AnyfaceMesh(mesh))
     };
-    unsafe { guard::guard(error, work) }
+    unsafe { guard::give(out, error, make) }
 }
 
 /// A mesh from polygons, which are cut into triangles; the arrays are copied.
@@ -58,16 +56,14 @@ pub unsafe extern "C" fn anyface_mesh_new_polygons(
     out: *mut *mut AnyfaceMesh,
     error: *mut *mut AnyfaceError,
 ) -> AnyfaceStatus {
-    let work = || {
-        pointer::check_out("out", out)?;
+    let make = || {
         let positions = unsafe { rows_of_three("positions", positions, vertex_count) }?;
         let sizes = unsafe { pointer::slice("polygon_sizes", polygon_sizes, polygon_count, 1) }?;
         let corners = unsafe { pointer::slice("corners", corners, corner_count, 1) }?;
         let mesh = Mesh::from_polygons(positions, sizes, corners)?;
-        unsafe { pointer::give(out, AnyfaceMesh(mesh)) };
-        Ok(())
+        Ok(AnyfaceMesh(mesh))
     };
-    unsafe { guard::guard(error, work) }
+    unsafe { guard::give(out, error, make) }
 }
 
 /// A mesh from an OBJ, PLY or GLB file; the vertex order is the file's.
@@ -81,13 +77,11 @@ pub unsafe extern "C" fn anyface_mesh_read(
     out: *mut *mut AnyfaceMesh,
     error: *mut *mut AnyfaceError,
 ) -> AnyfaceStatus {
-    let work = || {
-        pointer::check_out("out", out)?;
+    let make = || {
         let mesh = Mesh::read(unsafe { pointer::path("path", path) }?)?;
-        unsafe { pointer::give(out, AnyfaceMesh(mesh)) };
-        Ok(())
+        Ok(AnyfaceMesh(mesh))
     };
-    unsafe { guard::guard(error, work) }
+    unsafe { guard::give(out, error, make) }
 }
 
 /// # Safety
@@ -124,14 +118,11 @@ pub unsafe extern "C" fn anyface_mesh_copy_positions(
     float_count: usize,
     error: *mut *mut AnyfaceError,
 ) -> AnyfaceStatus {
-    let work = || {
-        let values = unsafe { pointer::handle("mesh", mesh) }?
-            .0
-            .positions
-            .as_flattened();
-        unsafe { pointer::copy_out("buffer", values, buffer, float_count) }
+    let values = || {
+        let mesh = &unsafe { pointer::handle("mesh", mesh) }?.0;
+        Ok(mesh.positions.as_flattened())
     };
-    unsafe { guard::guard(error, work) }
+    unsafe { guard::copy(buffer, float_count, error, values) }
 }
 
 /// Copies the triangles into the caller's buffer.
@@ -145,14 +136,11 @@ pub unsafe extern "C" fn anyface_mesh_copy_triangles(
     index_count: usize,
     error: *mut *mut AnyfaceError,
 ) -> AnyfaceStatus {
-    let work = || {
-        let values = unsafe { pointer::handle("mesh", mesh) }?
-            .0
-            .triangles
-            .as_flattened();
-        unsafe { pointer::copy_out("buffer", values, buffer, index_count) }
+    let values = || {
+        let mesh = &unsafe { pointer::handle("mesh", mesh) }?.0;
+        Ok(mesh.triangles.as_flattened())
     };
-    unsafe { guard::guard(error, work) }
+    unsafe { guard::copy(buffer, index_count, error, values) }
 }
 
 /// Frees a mesh that no running call uses; nothing happens for NULL.

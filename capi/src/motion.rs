@@ -1,13 +1,13 @@
 //! Speech becomes motion, before any mesh is known.
 
-use std::{borrow::Cow, ffi::CString, ptr::null, sync::Arc};
+use std::{borrow::Cow, ffi::CString, sync::Arc};
 
 use anyface::{
     MotionRequest, Performance,
     conditions::{Emotion, EmotionCurve, Event},
     job::ProgressFn,
     mesh::ibug::LANDMARKS,
-    motion::{FaceModes, LandmarkClip, Life, Motion, Stretch, check_fps},
+    motion::{LandmarkClip, Life, Motion, Stretch, check_fps},
     speech::FeltVoice,
 };
 use libc::c_char;
@@ -20,7 +20,8 @@ use crate::{
     error::{AnyfaceError, Failure},
     events::AnyfaceEvents,
     face::AnyfaceFace,
-    guard, pointer,
+    guard,
+    pointer::{self, handles},
     progress::{AnyfaceProgress, watched},
     status::AnyfaceStatus,
     version::ANYFACE_EMOTION_COUNT,
@@ -32,7 +33,7 @@ use crate::{
 pub struct AnyfaceMotion {
     pub(crate) made: Made,
     /// What the weights of a motion of weights are called.
-    names: Vec<CString>,
+    pub(crate) names: Vec<CString>,
 }
 
 /// Where a motion comes from.
@@ -60,10 +61,6 @@ impl AnyfaceMotion {
         AnyfaceMotion { made, names }
     }
 
-    pub(crate) fn names(&self) -> &[CString] {
-        &self.names
-    }
-
     /// The motion itself.
     pub(crate) fn motion(&self) -> &Motion {
         self.made.motion()
@@ -77,7 +74,7 @@ impl AnyfaceMotion {
     }
 
     /// Head and eyes; still where the caller brought the motion.
-    fn life(&self) -> Cow<'_, Life> {
+    pub(crate) fn life(&self) -> Cow<'_, Life> {
         match &self.made {
             Made::Spoken(performance) => Cow::Borrowed(&performance.life),
             Made::Redone(_, life) => Cow::Borrowed(life),
@@ -85,7 +82,16 @@ impl AnyfaceMotion {
         }
     }
 
-    fn landmarks(&self) -> Result<&LandmarkClip, Failure> {
+    /// What it comes from, which must be speech.
+    pub(crate) fn spoken(&self) -> Result<&Performance, Failure> {
+        self.performance().ok_or_else(|| {
+            Failure::invalid(
+                "motion: expected motion that was spoken, got one that was given or redone",
+            )
+        })
+    }
+
+    pub(crate) fn landmarks(&self) -> Result<&LandmarkClip, Failure> {
         let motion = self.motion();
         motion.landmarks().ok_or_else(|| {
             Failure::invalid(format!(
@@ -170,23 +176,10 @@ unsafe impl Versioned for AnyfaceMotionOptions {
         let MotionRequest { fps, seed, .. } = MotionRequest::default();
         AnyfaceMotionOptions {
             struct_size: size_of::<Self>(),
-            emotion_strengths: null(),
-            emotion_times_s: null(),
-            emotion_count: 0,
             fps,
             seed,
-            style: null(),
             emotion_source: AnyfaceEmotionSource::Given as i32,
-            reserved: 0,
-            controls: null(),
-            control_count: 0,
-            closures_s: null(),
-            closure_count: 0,
-            closures_given: 0,
-            reserved_2: 0,
-            events: null(),
-            felt_as: null(),
-            starts_from: null(),
+            ..Self::zero()
         }
     }
 }
@@ -268,20 +261,16 @@ impl AnyfaceMotionOptions {
     }
 
     unsafe fn emotion(&self) -> Result<EmotionCurve, Failure> {
-        const GIVEN: i32 = AnyfaceEmotionSource::Given as i32;
-        const VOICE: i32 = AnyfaceEmotionSource::Voice as i32;
-        const OFF: i32 = AnyfaceEmotionSource::Off as i32;
-        const AROUSAL: i32 = AnyfaceEmotionSource::Arousal as i32;
-        match (self.emotion_source, self.emotion_count) {
-            (GIVEN, _) => unsafe { self.given_emotion() },
-            (VOICE, 0) => Ok(EmotionCurve::Auto),
-            (OFF, 0) => Ok(EmotionCurve::Off),
-            (AROUSAL, 0) => Ok(EmotionCurve::Arousal),
-            (VOICE | OFF | AROUSAL, rows) => Err(Failure::invalid(format!(
+        use AnyfaceEmotionSource::{Arousal, Given, Off, Voice};
+        let known = [Given, Voice, Off, Arousal].map(|source| (source as i32, source));
+        let source = pointer::one_of("emotion_source", self.emotion_source, known)?;
+        match (source, self.emotion_count) {
+            (Given, _) => unsafe { self.given_emotion() },
+            (Voice, 0) => Ok(EmotionCurve::Auto),
+            (Off, 0) => Ok(EmotionCurve::Off),
+            (Arousal, 0) => Ok(EmotionCurve::Arousal),
+            (_, rows) => Err(Failure::invalid(format!(
                 "emotion_count: expected 0 where the emotion is not given, got {rows}"
-            ))),
-            (other, _) => Err(Failure::invalid(format!(
-                "emotion_source: expected 0 to 3, got {other}"
             ))),
         }
     }
@@ -347,17 +336,14 @@ pub unsafe extern "C" fn anyface_motion_new(
     out: *mut *mut AnyfaceMotion,
     error: *mut *mut AnyfaceError,
 ) -> AnyfaceStatus {
-    let work = || {
-        pointer::check_out("out", out)?;
-        let engine = unsafe { pointer::handle("engine", engine) }?;
-        let audio = unsafe { pointer::handle("audio", audio) }?;
+    let make = || {
+        let (engine, audio) = handles!(engine, audio);
         let request = unsafe { versioned_options::read(options)?.to_library() }?;
         let perform = |watch: ProgressFn<'_>| engine.0.perform(&audio.0, &request, watch);
         let made = Made::Spoken(Box::new(unsafe { watched(progress, perform) }?));
-        unsafe { pointer::give(out, AnyfaceMotion::new(made)) };
-        Ok(())
+        Ok(AnyfaceMotion::new(made))
     };
-    unsafe { guard::guard(error, work) }
+    unsafe { guard::give(out, error, make) }
 }
 
 /// The same speech with other controls, another emotion, or another seed of blinks and accents: nothing is
@@ -376,19 +362,13 @@ pub unsafe extern "C" fn anyface_motion_new_again(
     out: *mut *mut AnyfaceMotion,
     error: *mut *mut AnyfaceError,
 ) -> AnyfaceStatus {
-    let work = || {
-        pointer::check_out("out", out)?;
-        let engine = unsafe { pointer::handle("engine", engine) }?;
-        let motion = unsafe { pointer::handle("motion", motion) }?;
+    let make = || {
+        let (engine, motion) = handles!(engine, motion);
         let request = unsafe { versioned_options::read(options)?.to_library() }?;
-        let performance = motion.performance().ok_or_else(|| {
-            Failure::invalid("motion: expected motion that was spoken, got the caller's own")
-        })?;
-        let again = performance.again(&engine.0, &request)?;
-        unsafe { pointer::give(out, AnyfaceMotion::new(Made::Spoken(Box::new(again)))) };
-        Ok(())
+        let again = motion.spoken()?.again(&engine.0, &request)?;
+        Ok(AnyfaceMotion::new(Made::Spoken(Box::new(again))))
     };
-    unsafe { guard::guard(error, work) }
+    unsafe { guard::give(out, error, make) }
 }
 
 /// What is said in a motion alone, without what is felt: of the same sound, which is not heard again. The clip of `motion`
@@ -405,19 +385,14 @@ pub unsafe extern "C" fn anyface_motion_new_content(
     out: *mut *mut AnyfaceMotion,
     error: *mut *mut AnyfaceError,
 ) -> AnyfaceStatus {
-    let work = || {
-        pointer::check_out("out", out)?;
-        let engine = unsafe { pointer::handle("engine", engine) }?;
-        let motion = unsafe { pointer::handle("motion", motion) }?;
-        let performance = motion.performance().ok_or_else(|| {
-            Failure::invalid("motion: expected motion that was spoken, got the caller's own")
-        })?;
+    let make = || {
+        let (engine, motion) = handles!(engine, motion);
+        let performance = motion.spoken()?;
         let perform = |watch: ProgressFn<'_>| performance.content(&engine.0, watch);
         let made = Made::Spoken(Box::new(unsafe { watched(progress, perform) }?));
-        unsafe { pointer::give(out, AnyfaceMotion::new(made)) };
-        Ok(())
+        Ok(AnyfaceMotion::new(made))
     };
-    unsafe { guard::guard(error, work) }
+    unsafe { guard::give(out, error, make) }
 }
 
 /// Motion with a stretch of it as in `again`, which was spoken of the same sound in another way: with another
@@ -437,10 +412,8 @@ pub unsafe extern "C" fn anyface_motion_new_redone(
     out: *mut *mut AnyfaceMotion,
     error: *mut *mut AnyfaceError,
 ) -> AnyfaceStatus {
-    let work = || {
-        pointer::check_out("out", out)?;
-        let motion = unsafe { pointer::handle("motion", motion) }?;
-        let again = unsafe { pointer::handle("again", again) }?;
+    let make = || {
+        let (motion, again) = handles!(motion, again);
         let brought = |made: &AnyfaceMotion| matches!(made.made, Made::Given(_));
         if brought(motion) || brought(again) {
             let message = "motion: expected motion that was spoken, got the caller's own";
@@ -449,10 +422,9 @@ pub unsafe extern "C" fn anyface_motion_new_redone(
         let stretch = Stretch::new(start_s, end_s)?;
         let moved = motion.motion().redone(again.motion(), &stretch)?;
         let life = motion.life().redone(&again.life(), &stretch, moved.fps())?;
-        unsafe { pointer::give(out, AnyfaceMotion::new(Made::Redone(moved, life))) };
-        Ok(())
+        Ok(AnyfaceMotion::new(Made::Redone(moved, life)))
     };
-    unsafe { guard::guard(error, work) }
+    unsafe { guard::give(out, error, make) }
 }
 
 /// Some frames of a motion, with all that they have beside their landmarks. Head and eyes go along.
@@ -467,8 +439,7 @@ pub unsafe extern "C" fn anyface_motion_new_frames(
     out: *mut *mut AnyfaceMotion,
     error: *mut *mut AnyfaceError,
 ) -> AnyfaceStatus {
-    let work = || {
-        pointer::check_out("out", out)?;
+    let make = || {
         let motion = unsafe { pointer::handle("motion", motion) }?;
         let frames = motion.motion().frames();
         let end = first.saturating_add(count);
@@ -479,10 +450,9 @@ pub unsafe extern "C" fn anyface_motion_new_frames(
         }
         let moved = motion.motion().frames_of(first..end);
         let made = Made::Redone(moved, motion.life().frames_of(first..end));
-        unsafe { pointer::give(out, AnyfaceMotion::new(made)) };
-        Ok(())
+        Ok(AnyfaceMotion::new(made))
     };
-    unsafe { guard::guard(error, work) }
+    unsafe { guard::give(out, error, make) }
 }
 
 /// Motion that the caller brings: from a tracker, or edited. The array is copied.
@@ -499,16 +469,14 @@ pub unsafe extern "C" fn anyface_motion_new_displacements(
     out: *mut *mut AnyfaceMotion,
     error: *mut *mut AnyfaceError,
 ) -> AnyfaceStatus {
-    let work = || {
-        pointer::check_out("out", out)?;
+    let make = || {
         let columns = LANDMARKS * 3;
         let values =
             unsafe { pointer::slice("displacements", displacements, frame_count, columns) }?;
         let motion = motion_from(values, frame_count, fps)?;
-        unsafe { pointer::give(out, AnyfaceMotion::new(Made::Given(motion))) };
-        Ok(())
+        Ok(AnyfaceMotion::new(Made::Given(motion)))
     };
-    unsafe { guard::guard(error, work) }
+    unsafe { guard::give(out, error, make) }
 }
 
 /// The pose of a face whose vertices are displaced, as a motion of one frame: what `starts_from` of
@@ -526,8 +494,7 @@ pub unsafe extern "C" fn anyface_motion_new_pose(
     out: *mut *mut AnyfaceMotion,
     error: *mut *mut AnyfaceError,
 ) -> AnyfaceStatus {
-    let work = || {
-        pointer::check_out("out", out)?;
+    let make = || {
         let face = &unsafe { pointer::handle("face", face) }?.0;
         let values = unsafe { pointer::slice("displacements", displacements, vertex_count, 3) }?;
         let moved = ArrayView2::from_shape((vertex_count, 3), values)
@@ -540,10 +507,9 @@ pub unsafe extern "C" fn anyface_motion_new_pose(
             fps: MotionRequest::default().fps,
         };
         let made = Made::Given(Motion::Landmarks(clip));
-        unsafe { pointer::give(out, AnyfaceMotion::new(made)) };
-        Ok(())
+        Ok(AnyfaceMotion::new(made))
     };
-    unsafe { guard::guard(error, work) }
+    unsafe { guard::give(out, error, make) }
 }
 
 fn motion_from(values: &[f32], frames: usize, fps: f64) -> Result<Motion, Failure> {
@@ -565,152 +531,11 @@ fn motion_from(values: &[f32], frames: usize, fps: f64) -> Result<Motion, Failur
     Ok(Motion::Landmarks(LandmarkClip { displacements, fps }))
 }
 
-/// Number `T` of frames; 0 for NULL.
-#[unsafe(no_mangle)]
-pub unsafe extern "C" fn anyface_motion_frame_count(motion: *const AnyfaceMotion) -> usize {
-    unsafe { motion.as_ref() }.map_or(0, |motion| motion.motion().frames())
-}
-
-/// Frames per second; 0 for NULL.
-#[unsafe(no_mangle)]
-pub unsafe extern "C" fn anyface_motion_fps(motion: *const AnyfaceMotion) -> f64 {
-    unsafe { motion.as_ref() }.map_or(0.0, |motion| motion.motion().fps())
-}
-
-/// Copies motion of landmarks into the caller's buffer.
-///
-/// `buffer`: `[T, 68, 3]`, canonical metres; `float_count` must be `T * 68 * 3`.
-/// Fails with `ANYFACE_STATUS_INVALID_INPUT` for another `float_count`, or a system that moves no
-/// landmarks.
-#[unsafe(no_mangle)]
-pub unsafe extern "C" fn anyface_motion_copy_displacements(
-    motion: *const AnyfaceMotion,
-    buffer: *mut f32,
-    float_count: usize,
-    error: *mut *mut AnyfaceError,
-) -> AnyfaceStatus {
-    let work = || {
-        let motion = unsafe { pointer::handle("motion", motion) }?;
-        let values = motion.landmarks()?.displacements.as_standard_layout();
-        let values = values.as_slice().unwrap_or_default();
-        unsafe { pointer::copy_out("buffer", values, buffer, float_count) }
-    };
-    unsafe { guard::guard(error, work) }
-}
-
-/// Copies how far feeling is believed beside what is said in one frame, for each vertex of a face: where the face
-/// shows the one and where the other.
-///
-/// `frame`: below `T`. `buffer`: `[V]`, 0 to 1, 0 where nothing of the face is followed; `float_count` must be `V`.
-/// Fails with `ANYFACE_STATUS_INVALID_INPUT` for another `float_count`, a frame out of range, a motion that was
-/// not spoken, or a system that does not tell both apart: see `anyface_system_hears_feeling()`.
-#[unsafe(no_mangle)]
-pub unsafe extern "C" fn anyface_motion_copy_mask(
-    motion: *const AnyfaceMotion,
-    engine: *const AnyfaceEngine,
-    face: *const AnyfaceFace,
-    frame: usize,
-    buffer: *mut f32,
-    float_count: usize,
-    error: *mut *mut AnyfaceError,
-) -> AnyfaceStatus {
-    let work = || {
-        let motion = unsafe { pointer::handle("motion", motion) }?;
-        let engine = unsafe { pointer::handle("engine", engine) }?;
-        let face = unsafe { pointer::handle("face", face) }?;
-        let performance = motion.performance().ok_or_else(|| {
-            Failure::invalid(
-                "motion: expected one that was spoken, got one that was given or redone",
-            )
-        })?;
-        let end = frame.saturating_add(1);
-        let mask = performance.feeling_mask(&engine.0, &face.0, frame..end)?;
-        let values: Vec<f32> = mask.iter().copied().collect();
-        unsafe { pointer::copy_out("buffer", &values, buffer, float_count) }
-    };
-    unsafe { guard::guard(error, work) }
-}
-
-/// Copies the rotation of the head into the caller's buffer; 0 throughout where nothing was spoken.
-///
-/// `buffer`: `[T, 3]`: rotation vectors in radians about canonical axes through the origin between the
-/// jaw's hinges; about +x nods down, about +y turns to the subject's left, about +z tilts to the subject's
-/// right. `float_count` must be `T * 3`. The displacements do not hold it.
-/// Fails with `ANYFACE_STATUS_INVALID_INPUT` for another `float_count`.
-#[unsafe(no_mangle)]
-pub unsafe extern "C" fn anyface_motion_copy_head(
-    motion: *const AnyfaceMotion,
-    buffer: *mut f32,
-    float_count: usize,
-    error: *mut *mut AnyfaceError,
-) -> AnyfaceStatus {
-    let work = || {
-        let life = unsafe { pointer::handle("motion", motion) }?.life();
-        let values = life.head.as_slice().unwrap_or_default();
-        unsafe { pointer::copy_out("buffer", values, buffer, float_count) }
-    };
-    unsafe { guard::guard(error, work) }
-}
-
-/// Copies the rotation of the eyes into the caller's buffer; 0 throughout where nothing was spoken.
-///
-/// `buffer`: `[T, 2, 2]`: right eye, left eye; yaw to the subject's left and pitch up, radians against the
-/// head. `float_count` must be `T * 4`. The displacements of the lids follow it.
-/// Fails with `ANYFACE_STATUS_INVALID_INPUT` for another `float_count`.
-#[unsafe(no_mangle)]
-pub unsafe extern "C" fn anyface_motion_copy_gaze(
-    motion: *const AnyfaceMotion,
-    buffer: *mut f32,
-    float_count: usize,
-    error: *mut *mut AnyfaceError,
-) -> AnyfaceStatus {
-    let work = || {
-        let life = unsafe { pointer::handle("motion", motion) }?.life();
-        let values = life.gaze.as_slice().unwrap_or_default();
-        unsafe { pointer::copy_out("buffer", values, buffer, float_count) }
-    };
-    unsafe { guard::guard(error, work) }
-}
-
-/// Writes the motion as npz for numpy: `landmark_displacements` `[T, 68, 3]`, canonical metres, `fps`,
-/// and for motion that was spoken `head` `[T, 3]` and `gaze` `[T, 2, 2]`. Motion of weights has `weights`
-/// `[T, S]`, their `names` `[S]` and `together` `[T]`, how far lips have to meet, too; its landmarks are the
-/// mean face's.
-///
-/// `path`: UTF-8, ends in .npz; for motion of weights in .csv or .json as well, as `anyface_weights_write()`
-/// writes them. Fails with `ANYFACE_STATUS_INVALID_INPUT` for another ending,
-/// `ANYFACE_STATUS_IO` if the file cannot be written; then nothing is left of it.
-#[unsafe(no_mangle)]
-pub unsafe extern "C" fn anyface_motion_write(
-    motion: *const AnyfaceMotion,
-    path: *const c_char,
-    error: *mut *mut AnyfaceError,
-) -> AnyfaceStatus {
-    let work = || {
-        let motion = unsafe { pointer::handle("motion", motion) }?;
-        let path = unsafe { pointer::path("path", path) }?;
-        let life = match &motion.made {
-            Made::Given(_) => None,
-            _ => Some(motion.life()),
-        };
-        let moved = motion.motion();
-        let landmarks = moved.on_mean_face(&FaceModes::open(None)?)?;
-        anyface::output::write_motion(path, moved, &landmarks, life.as_deref())?;
-        Ok(())
-    };
-    unsafe { guard::guard(error, work) }
-}
-
-/// Frees a motion that no running call uses; nothing happens for NULL.
-#[unsafe(no_mangle)]
-pub unsafe extern "C" fn anyface_motion_free(motion: *mut AnyfaceMotion) {
-    unsafe { guard::free(motion) }
-}
-
 #[cfg(test)]
 mod tests {
     use super::*;
     use crate::controls::tests::setting;
+    use std::ptr::null;
 
     fn with_emotions(strengths: &[f32], times: &[f64]) -> Result<EmotionCurve, Failure> {
         let options = AnyfaceMotionOptions {

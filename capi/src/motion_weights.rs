@@ -1,6 +1,6 @@
 //! Motion that is weights of shapes, as the system gave it.
 
-use std::{ffi::CString, ptr::null};
+use std::ffi::CString;
 
 use anyface::motion::{Motion, WeightClip};
 use libc::c_char;
@@ -29,9 +29,9 @@ impl AnyfaceMotion {
         let Motion::Weights(clip) = motion else {
             return Vec::new();
         };
-        let names = clip.names.iter();
-        names
-            .map(|name| CString::new(name.as_str()).unwrap_or_default())
+        clip.names
+            .iter()
+            .map(|name| pointer::c_text(name))
             .collect()
     }
 }
@@ -40,7 +40,7 @@ impl AnyfaceMotion {
 /// system that moves something else, for NULL.
 #[unsafe(no_mangle)]
 pub unsafe extern "C" fn anyface_motion_weight_count(motion: *const AnyfaceMotion) -> usize {
-    unsafe { motion.as_ref() }.map_or(0, |motion| motion.names().len())
+    unsafe { motion.as_ref() }.map_or(0, |motion| motion.names.len())
 }
 
 /// Name of a shape, ARKit's; NULL from the count on, for NULL. Lives as long as the motion.
@@ -49,11 +49,7 @@ pub unsafe extern "C" fn anyface_motion_weight_name(
     motion: *const AnyfaceMotion,
     shape: usize,
 ) -> *const c_char {
-    guard::guard_or(null(), || {
-        let names = unsafe { motion.as_ref() }.map(AnyfaceMotion::names);
-        let name = names.and_then(|names| names.get(shape));
-        name.map_or(null(), |name| name.as_ptr())
-    })
+    pointer::lend(unsafe { motion.as_ref() }.and_then(|motion| motion.names.get(shape)))
 }
 
 /// Copies motion of weights into the caller's buffer: as the system made it, nothing is solved.
@@ -67,13 +63,16 @@ pub unsafe extern "C" fn anyface_motion_copy_weights(
     float_count: usize,
     error: *mut *mut AnyfaceError,
 ) -> AnyfaceStatus {
-    let work = || {
+    let values = || {
         let motion = unsafe { pointer::handle("motion", motion) }?;
-        let values = motion.weights()?.weights.as_standard_layout();
-        let values = values.as_slice().unwrap_or_default();
-        unsafe { pointer::copy_out("buffer", values, buffer, float_count) }
+        Ok(motion
+            .weights()?
+            .weights
+            .iter()
+            .copied()
+            .collect::<Vec<f32>>())
     };
-    unsafe { guard::guard(error, work) }
+    unsafe { guard::copy(buffer, float_count, error, values) }
 }
 
 #[cfg(test)]
@@ -82,7 +81,10 @@ mod tests {
     use crate::motion::Made;
     use anyface::motion::LandmarkClip;
     use ndarray::{Array3, array};
-    use std::{ffi::CStr, ptr::null_mut};
+    use std::{
+        ffi::CStr,
+        ptr::{null, null_mut},
+    };
 
     fn given() -> AnyfaceMotion {
         let clip = WeightClip {

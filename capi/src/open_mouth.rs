@@ -14,8 +14,7 @@ use crate::{
 /// those that were cut in pieces; then the mouth's inside.
 pub struct AnyfaceOpenedMouth(OpenedMouth);
 
-const fn shared_by_threads<T: Send + Sync>() {}
-const _: () = shared_by_threads::<AnyfaceOpenedMouth>();
+const _: () = guard::shared_by_threads::<AnyfaceOpenedMouth>();
 
 /// Parts the lips of a face along the valley between them and sews the inside of a mouth behind them. At
 /// rest the surface stays the same.
@@ -30,14 +29,12 @@ pub unsafe extern "C" fn anyface_opened_mouth_new(
     out: *mut *mut AnyfaceOpenedMouth,
     error: *mut *mut AnyfaceError,
 ) -> AnyfaceStatus {
-    let work = || {
-        pointer::check_out("out", out)?;
+    let make = || {
         let face = &unsafe { pointer::handle("face", face) }?.0;
         let opened = open_mouth(&face.mesh, &face.landmarks)?;
-        unsafe { pointer::give(out, AnyfaceOpenedMouth(opened)) };
-        Ok(())
+        Ok(AnyfaceOpenedMouth(opened))
     };
-    unsafe { guard::guard(error, work) }
+    unsafe { guard::give(out, error, make) }
 }
 
 /// The new mesh, a copy: `V` vertices and `F` triangles. Free with `anyface_mesh_free()`.
@@ -47,13 +44,11 @@ pub unsafe extern "C" fn anyface_opened_mouth_mesh(
     out: *mut *mut AnyfaceMesh,
     error: *mut *mut AnyfaceError,
 ) -> AnyfaceStatus {
-    let work = || {
-        pointer::check_out("out", out)?;
+    let make = || {
         let mesh = unsafe { pointer::handle("opened", opened) }?.0.mesh.clone();
-        unsafe { pointer::give(out, AnyfaceMesh(mesh)) };
-        Ok(())
+        Ok(AnyfaceMesh(mesh))
     };
-    unsafe { guard::guard(error, work) }
+    unsafe { guard::give(out, error, make) }
 }
 
 /// Number of the first triangle of the mouth's inside; 0 for NULL.

@@ -1,6 +1,10 @@
 //! Raw pointers become checked borrows, results go out through checked pointers.
 
-use std::{ffi::CStr, path::Path};
+use std::{
+    ffi::{CStr, CString},
+    path::Path,
+    ptr::null,
+};
 
 use libc::c_char;
 
@@ -13,6 +17,14 @@ use crate::error::Failure;
 pub(crate) unsafe fn handle<'a, T>(name: &'static str, handle: *const T) -> Result<&'a T, Failure> {
     unsafe { handle.as_ref() }.ok_or(Failure::Null(name))
 }
+
+/// Handles that must be there, called as the caller calls them.
+macro_rules! handles {
+    ($($name:ident),+) => {
+        ($(unsafe { $crate::pointer::handle(stringify!($name), $name) }?),+)
+    };
+}
+pub(crate) use handles;
 
 /// A handle that must be there and that the call changes.
 ///
@@ -81,6 +93,34 @@ pub(crate) unsafe fn copy_out<T: Copy>(
     Ok(())
 }
 
+/// Copies `values` into a buffer of the caller that has room for them; NULL takes none.
+///
+/// # Safety
+/// `buffer` is NULL or valid for writes of as many values.
+pub(crate) unsafe fn copy_where_asked<T: Copy>(
+    name: &'static str,
+    values: &[T],
+    buffer: *mut T,
+) -> Result<(), Failure> {
+    match buffer.is_null() {
+        true => Ok(()),
+        false => unsafe { copy_out(name, values, buffer, values.len()) },
+    }
+}
+
+/// What a number of the caller stands for among `known` ones, which count from 0 on.
+pub(crate) fn one_of<T, const N: usize>(
+    name: &'static str,
+    code: i32,
+    known: [(i32, T); N],
+) -> Result<T, Failure> {
+    let found = known.into_iter().find(|(number, _)| *number == code);
+    found.map(|(_, meaning)| meaning).ok_or_else(|| {
+        let last = N - 1;
+        Failure::invalid(format!("{name}: expected 0 to {last}, got {code}"))
+    })
+}
+
 /// A string that must be there.
 ///
 /// # Safety
@@ -133,12 +173,14 @@ pub(crate) fn check_out<T>(name: &'static str, out: *mut T) -> Result<(), Failur
     check_pointer(name, out.cast_const())
 }
 
-/// Hands a new object to the caller.
-///
-/// # Safety
-/// `out` passed [`check_out`] and is valid for writes.
-pub(crate) unsafe fn give<T>(out: *mut *mut T, object: T) {
-    unsafe { out.write(Box::into_raw(Box::new(object))) };
+/// A text of the library as C has it; a NUL in it becomes a space.
+pub(crate) fn c_text(text: &str) -> CString {
+    CString::new(text.replace('\0', " ")).unwrap_or_default()
+}
+
+/// Lends a text that lives as long as its owner; NULL where there is none.
+pub(crate) fn lend(text: Option<&CString>) -> *const c_char {
+    text.map_or(null(), |text| text.as_ptr())
 }
 
 fn check_pointer<T>(name: &'static str, pointer: *const T) -> Result<(), Failure> {

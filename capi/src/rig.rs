@@ -1,6 +1,6 @@
 //! The ARKit shapes and visemes of a mesh.
 
-use std::{ffi::CString, ptr::null, sync::Arc};
+use std::{ffi::CString, sync::Arc};
 
 use anyface::{
     Engine,
@@ -30,12 +30,11 @@ pub struct AnyfaceRig {
     notes: Vec<Option<CString>>,
 }
 
-const fn shared_by_threads<T: Send + Sync>() {}
-const _: () = shared_by_threads::<AnyfaceRig>();
+const _: () = guard::shared_by_threads::<AnyfaceRig>();
 
 impl AnyfaceRig {
     fn new(rig: Arc<Rig>) -> Self {
-        let text = |text: &str| CString::new(text.replace('\0', " ")).unwrap_or_default();
+        let text = pointer::c_text;
         AnyfaceRig {
             names: rig.names.iter().map(|name| text(name)).collect(),
             notes: rig
@@ -62,17 +61,15 @@ pub unsafe extern "C" fn anyface_rig_new(
     out: *mut *mut AnyfaceRig,
     error: *mut *mut AnyfaceError,
 ) -> AnyfaceStatus {
-    let work = || {
-        pointer::check_out("out", out)?;
+    let make = || {
         let make = |engine: &Engine, mesh: &Mesh, options: &FaceOptions, watch: ProgressFn<'_>| {
             let face = engine.find(mesh, options, watch)?;
             engine.rig(&face, ShapeSource::Network, watch)
         };
         let rig = unsafe { of_mesh(engine, mesh, options, progress, make) }?;
-        unsafe { pointer::give(out, AnyfaceRig::new(rig)) };
-        Ok(())
+        Ok(AnyfaceRig::new(rig))
     };
-    unsafe { guard::guard(error, work) }
+    unsafe { guard::give(out, error, make) }
 }
 
 /// The shapes of `anyface_rig_new()`, with the skin moved by the field of the head of FaceTalk's model that is like the
@@ -91,18 +88,16 @@ pub unsafe extern "C" fn anyface_rig_new_by_field(
     out: *mut *mut AnyfaceRig,
     error: *mut *mut AnyfaceError,
 ) -> AnyfaceStatus {
-    let work = || {
-        pointer::check_out("out", out)?;
+    let make = || {
         let make = |engine: &Engine, mesh: &Mesh, options: &FaceOptions, watch: ProgressFn<'_>| {
             let face = engine.find(mesh, options, watch)?;
             let in_betweens = in_betweens != 0;
             engine.rig(&face, ShapeSource::Field { in_betweens }, watch)
         };
         let rig = unsafe { of_mesh(engine, mesh, options, progress, make) }?;
-        unsafe { pointer::give(out, AnyfaceRig::new(rig)) };
-        Ok(())
+        Ok(AnyfaceRig::new(rig))
     };
-    unsafe { guard::guard(error, work) }
+    unsafe { guard::give(out, error, make) }
 }
 
 /// Number `S` of shapes, the 52 of ARKit first; 0 for NULL.
@@ -118,8 +113,7 @@ pub unsafe extern "C" fn anyface_rig_shape_name(
     rig: *const AnyfaceRig,
     shape: usize,
 ) -> *const c_char {
-    let name = unsafe { rig.as_ref() }.and_then(|rig| rig.names.get(shape));
-    name.map_or(null(), |name| name.as_ptr())
+    pointer::lend(unsafe { rig.as_ref() }.and_then(|rig| rig.names.get(shape)))
 }
 
 /// Why a shape moves nothing, or what in it does not move, in words; lives until the rig is freed.
@@ -129,8 +123,7 @@ pub unsafe extern "C" fn anyface_rig_shape_note(
     rig: *const AnyfaceRig,
     shape: usize,
 ) -> *const c_char {
-    let note = unsafe { rig.as_ref() }.and_then(|rig| rig.notes.get(shape)?.as_ref());
-    note.map_or(null(), |note| note.as_ptr())
+    pointer::lend(unsafe { rig.as_ref() }.and_then(|rig| rig.notes.get(shape)?.as_ref()))
 }
 
 /// Copies one shape into the caller's buffer.
@@ -146,7 +139,7 @@ pub unsafe extern "C" fn anyface_rig_copy_shape(
     float_count: usize,
     error: *mut *mut AnyfaceError,
 ) -> AnyfaceStatus {
-    let work = || {
+    let values = || {
         let rig = &unsafe { pointer::handle("rig", rig) }?.rig;
         let (count, vertices, _) = rig.deltas.dim();
         if shape >= count {
@@ -154,10 +147,9 @@ pub unsafe extern "C" fn anyface_rig_copy_shape(
             return Err(crate::error::Failure::invalid(message));
         }
         let values = rig.deltas.as_slice().unwrap_or_default();
-        let values = &values[shape * vertices * 3..(shape + 1) * vertices * 3];
-        unsafe { pointer::copy_out("buffer", values, buffer, float_count) }
+        Ok(&values[shape * vertices * 3..(shape + 1) * vertices * 3])
     };
-    unsafe { guard::guard(error, work) }
+    unsafe { guard::copy(buffer, float_count, error, values) }
 }
 
 /// Frees a rig that no running call uses, with everything it lent; nothing happens for NULL.

@@ -10,7 +10,7 @@ use crate::{
     face::AnyfaceFace,
     guard,
     motion::{AnyfaceMotion, Made},
-    pointer,
+    pointer::{self, handles},
     progress::{AnyfaceProgress, watched},
     status::AnyfaceStatus,
 };
@@ -46,19 +46,17 @@ impl AnyfaceSliders {
 }
 
 pub(crate) fn known(slider: i32) -> Result<Slider, Failure> {
-    const ARTICULATION: i32 = AnyfaceSlider::Articulation as i32;
-    const EMOTION: i32 = AnyfaceSlider::Emotion as i32;
-    const BLINKS: i32 = AnyfaceSlider::Blinks as i32;
-    const EMOTION_AND_BLINKS: i32 = AnyfaceSlider::EmotionAndBlinks as i32;
-    match slider {
-        ARTICULATION => Ok(Slider::Articulation),
-        EMOTION => Ok(Slider::Emotion),
-        BLINKS => Ok(Slider::Blinks),
-        EMOTION_AND_BLINKS => Ok(Slider::EmotionAndBlinks),
-        other => Err(Failure::invalid(format!(
-            "slider: expected {ARTICULATION} to {EMOTION_AND_BLINKS}, got {other}"
-        ))),
-    }
+    const SLIDERS: [(AnyfaceSlider, Slider); 4] = [
+        (AnyfaceSlider::Articulation, Slider::Articulation),
+        (AnyfaceSlider::Emotion, Slider::Emotion),
+        (AnyfaceSlider::Blinks, Slider::Blinks),
+        (AnyfaceSlider::EmotionAndBlinks, Slider::EmotionAndBlinks),
+    ];
+    pointer::one_of(
+        "slider",
+        slider,
+        SLIDERS.map(|(c, known)| (c as i32, known)),
+    )
 }
 
 /// Finds what the sliders of a take change. Long: accepts a progress handle.
@@ -79,11 +77,8 @@ pub unsafe extern "C" fn anyface_sliders_new(
     out: *mut *mut AnyfaceSliders,
     error: *mut *mut AnyfaceError,
 ) -> AnyfaceStatus {
-    let work = || {
-        pointer::check_out("out", out)?;
-        let engine = unsafe { pointer::handle("engine", engine) }?;
-        let face = unsafe { pointer::handle("face", face) }?;
-        let motion = unsafe { pointer::handle("motion", motion) }?;
+    let make = || {
+        let (engine, face, motion) = handles!(engine, face, motion);
         let clip = &unsafe { pointer::handle("clip", clip) }?.animation.vertices;
         let basis = &unsafe { pointer::handle("basis", basis) }?.0;
         let find = |watch: anyface::job::ProgressFn<'_>| match &motion.made {
@@ -93,10 +88,9 @@ pub unsafe extern "C" fn anyface_sliders_new(
             Made::Redone(..) | Made::Given(_) => Ok(Vec::new()),
         };
         let found = unsafe { watched(progress, find) }?;
-        unsafe { pointer::give(out, AnyfaceSliders(found)) };
-        Ok(())
+        Ok(AnyfaceSliders(found))
     };
-    unsafe { guard::guard(error, work) }
+    unsafe { guard::give(out, error, make) }
 }
 
 /// Number `N` of knots of an `AnyfaceSlider`; 0 where it moves nothing, for another number, for NULL.
@@ -121,12 +115,11 @@ pub unsafe extern "C" fn anyface_sliders_copy_knots(
     float_count: usize,
     error: *mut *mut AnyfaceError,
 ) -> AnyfaceStatus {
-    let work = || {
+    let values = || {
         let found = unsafe { pointer::handle("sliders", sliders) }?.of(slider)?;
-        let knots = found.map_or(&[][..], |change| &change.knots);
-        unsafe { pointer::copy_out("buffer", knots, buffer, float_count) }
+        Ok(found.map_or(&[][..], |change| &change.knots))
     };
-    unsafe { guard::guard(error, work) }
+    unsafe { guard::copy(buffer, float_count, error, values) }
 }
 
 /// Copies what an `AnyfaceSlider` adds at each of its knots into the caller's buffer.
@@ -141,13 +134,12 @@ pub unsafe extern "C" fn anyface_sliders_copy_changes(
     float_count: usize,
     error: *mut *mut AnyfaceError,
 ) -> AnyfaceStatus {
-    let work = || {
+    let values = || {
         let found = unsafe { pointer::handle("sliders", sliders) }?.of(slider)?;
         let changes = found.map_or(&[][..], |change| &change.changes);
-        let values: Vec<f32> = changes.iter().flatten().copied().collect();
-        unsafe { pointer::copy_out("buffer", &values, buffer, float_count) }
+        Ok(changes.iter().flatten().copied().collect::<Vec<f32>>())
     };
-    unsafe { guard::guard(error, work) }
+    unsafe { guard::copy(buffer, float_count, error, values) }
 }
 
 /// Frees sliders that no running call uses; nothing happens for NULL.

@@ -1,6 +1,6 @@
 //! What is said when: heard, read from files of other tools, written for them.
 
-use std::{ffi::CString, ptr::null};
+use std::ffi::CString;
 
 use anyface::{
     annotation::{Annotation, AnnotationFormat, Interval, Symbols},
@@ -12,7 +12,8 @@ use crate::{
     audio::AnyfaceAudio,
     engine::AnyfaceEngine,
     error::{AnyfaceError, Failure},
-    guard, pointer,
+    guard,
+    pointer::{self, handles},
     status::AnyfaceStatus,
 };
 
@@ -38,11 +39,10 @@ pub struct AnyfaceSounds {
 impl AnyfaceSounds {
     fn of(annotation: Annotation) -> Result<AnyfaceSounds, Failure> {
         let closures = annotation.closures()?;
-        let text = |interval: &Interval| CString::new(interval.label.replace('\0', ""));
         // By the numbers of `AnyfaceTier`.
         let labels = [Symbols::Phones, Symbols::Words].map(|tier| {
             let intervals = annotation.intervals(tier).iter();
-            intervals.map(|i| text(i).unwrap_or_default()).collect()
+            intervals.map(|i| pointer::c_text(&i.label)).collect()
         });
         Ok(AnyfaceSounds {
             annotation,
@@ -74,15 +74,12 @@ pub unsafe extern "C" fn anyface_sounds_new(
     out: *mut *mut AnyfaceSounds,
     error: *mut *mut AnyfaceError,
 ) -> AnyfaceStatus {
-    let work = || {
-        pointer::check_out("out", out)?;
-        let engine = unsafe { pointer::handle("engine", engine) }?;
-        let audio = unsafe { pointer::handle("audio", audio) }?;
+    let make = || {
+        let (engine, audio) = handles!(engine, audio);
         let sounds = AnyfaceSounds::of(engine.0.listen(&audio.0)?)?;
-        unsafe { pointer::give(out, sounds) };
-        Ok(())
+        Ok(sounds)
     };
-    unsafe { guard::guard(error, work) }
+    unsafe { guard::give(out, error, make) }
 }
 
 /// Listens to a sound for its phones and, where `text` says them, its words, beside the closures of
@@ -100,16 +97,13 @@ pub unsafe extern "C" fn anyface_sounds_new_with_text(
     out: *mut *mut AnyfaceSounds,
     error: *mut *mut AnyfaceError,
 ) -> AnyfaceStatus {
-    let work = || {
-        pointer::check_out("out", out)?;
-        let engine = unsafe { pointer::handle("engine", engine) }?;
-        let audio = unsafe { pointer::handle("audio", audio) }?;
+    let make = || {
+        let (engine, audio) = handles!(engine, audio);
         let text = unsafe { pointer::optional_text("text", text) }?;
         let found = engine.0.listen_to_phones(&audio.0, text)?;
-        unsafe { pointer::give(out, AnyfaceSounds::of(found)?) };
-        Ok(())
+        AnyfaceSounds::of(found)
     };
-    unsafe { guard::guard(error, work) }
+    unsafe { guard::give(out, error, make) }
 }
 
 /// Sounds from a file that another tool or an artist has made: .TextGrid (Praat), .tsv or .json (Rhubarb), .pgo
@@ -125,15 +119,13 @@ pub unsafe extern "C" fn anyface_sounds_read(
     out: *mut *mut AnyfaceSounds,
     error: *mut *mut AnyfaceError,
 ) -> AnyfaceStatus {
-    let work = || {
-        pointer::check_out("out", out)?;
+    let make = || {
         check_fps(fps)?;
         let path = unsafe { pointer::path("path", path) }?;
         let sounds = AnyfaceSounds::of(Annotation::read(path, fps)?)?;
-        unsafe { pointer::give(out, sounds) };
-        Ok(())
+        Ok(sounds)
     };
-    unsafe { guard::guard(error, work) }
+    unsafe { guard::give(out, error, make) }
 }
 
 /// Writes sounds as a file of the kind that its ending names, as `anyface_sounds_read()` lists them.
@@ -177,12 +169,11 @@ pub unsafe extern "C" fn anyface_sounds_copy_closures(
     double_count: usize,
     error: *mut *mut AnyfaceError,
 ) -> AnyfaceStatus {
-    let work = || {
+    let values = || {
         let sounds = unsafe { pointer::handle("sounds", sounds) }?;
-        let values = sounds.closures.as_flattened();
-        unsafe { pointer::copy_out("buffer", values, buffer, double_count) }
+        Ok(sounds.closures.as_flattened())
     };
-    unsafe { guard::guard(error, work) }
+    unsafe { guard::copy(buffer, double_count, error, values) }
 }
 
 /// Number `n` of intervals of an `AnyfaceTier`; 0 where nothing is known of it, for another number, for
@@ -205,8 +196,7 @@ pub unsafe extern "C" fn anyface_sounds_label(
     interval: usize,
 ) -> *const c_char {
     let tier = usize::try_from(tier).unwrap_or(usize::MAX);
-    let found = unsafe { sounds.as_ref() }.and_then(|s| s.labels.get(tier)?.get(interval));
-    found.map_or(null(), |label| label.as_ptr())
+    pointer::lend(unsafe { sounds.as_ref() }.and_then(|s| s.labels.get(tier)?.get(interval)))
 }
 
 /// Copies the times of the intervals of an `AnyfaceTier` into the caller's buffer.
@@ -221,13 +211,14 @@ pub unsafe extern "C" fn anyface_sounds_copy_intervals(
     double_count: usize,
     error: *mut *mut AnyfaceError,
 ) -> AnyfaceStatus {
-    let work = || {
+    let values = || {
         let sounds = unsafe { pointer::handle("sounds", sounds) }?;
         let times = sounds.intervals(tier)?.iter();
-        let values: Vec<f64> = times.flat_map(|i| [i.start_s, i.end_s]).collect();
-        unsafe { pointer::copy_out("buffer", &values, buffer, double_count) }
+        Ok(times
+            .flat_map(|i| [i.start_s, i.end_s])
+            .collect::<Vec<f64>>())
     };
-    unsafe { guard::guard(error, work) }
+    unsafe { guard::copy(buffer, double_count, error, values) }
 }
 
 /// 1 where a phone (IPA, ARPABET, `MBP`) closes the lips as p, b and m do, else 0; 0 for NULL.

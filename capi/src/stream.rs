@@ -31,14 +31,12 @@ pub unsafe extern "C" fn anyface_stream_new(
     out: *mut *mut AnyfaceStream,
     error: *mut *mut AnyfaceError,
 ) -> AnyfaceStatus {
-    let work = || {
-        pointer::check_out("out", out)?;
+    let make = || {
         let engine = unsafe { pointer::handle("engine", engine) }?;
         let stream = engine.0.stream()?;
-        unsafe { pointer::give(out, AnyfaceStream(stream)) };
-        Ok(())
+        Ok(AnyfaceStream(stream))
     };
-    unsafe { guard::guard(error, work) }
+    unsafe { guard::give(out, error, make) }
 }
 
 /// Takes sound and only keeps it: fit for an audio thread that may allocate.

@@ -78,20 +78,8 @@ unsafe impl Versioned for AnyfaceControl {
     fn defaults() -> Self {
         AnyfaceControl {
             struct_size: size_of::<Self>(),
-            name: null(),
-            label: null(),
-            help: null(),
-            unit: null(),
-            choices: null(),
-            choice_count: 0,
-            values: AnyfaceControlValues::Real as i32,
             stage: AnyfaceControlStage::Motion as i32,
-            low: 0.0,
-            high: 0.0,
-            default_value: 0.0,
-            neutral: 0.0,
-            animatable: 0,
-            reserved: 0,
+            ..Self::zero()
         }
     }
 }

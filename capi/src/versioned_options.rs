@@ -18,6 +18,11 @@ pub(crate) unsafe trait Versioned: Sized {
     const FIRST_SIZE: usize;
     /// The defaults; `struct_size` is this library's.
     fn defaults() -> Self;
+    /// NULL and 0 in every field.
+    fn zero() -> Self {
+        // Every pattern of bytes is a value of the type.
+        unsafe { std::mem::zeroed() }
+    }
 }
 
 /// Copies the caller's options over the defaults; NULL gives the defaults.

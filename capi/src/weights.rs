@@ -41,14 +41,12 @@ pub unsafe extern "C" fn anyface_weights_new(
     out: *mut *mut AnyfaceWeights,
     error: *mut *mut AnyfaceError,
 ) -> AnyfaceStatus {
-    let work = || {
-        pointer::check_out("out", out)?;
+    let make = || {
         let rig = unsafe { rig(names, shapes, shape_count, vertex_count) }?;
         let motion = unsafe { moves("displacements", displacements, frame_count, vertex_count) }?;
-        unsafe { pointer::give(out, solved(&rig, motion, progress)?) };
-        Ok(())
+        solved(&rig, motion, progress)
     };
-    unsafe { guard::guard(error, work) }
+    unsafe { guard::give(out, error, make) }
 }
 
 /// The same of a clip, whose displacements stay in the library.
@@ -69,8 +67,7 @@ pub unsafe extern "C" fn anyface_weights_new_of_clip(
     out: *mut *mut AnyfaceWeights,
     error: *mut *mut AnyfaceError,
 ) -> AnyfaceStatus {
-    let work = || {
-        pointer::check_out("out", out)?;
+    let make = || {
         let clip = unsafe { pointer::handle("clip", clip) }?;
         let rig = unsafe { rig(names, shapes, shape_count, vertex_count) }?;
         let motion = &clip.animation.vertices.displacements;
@@ -95,10 +92,9 @@ pub unsafe extern "C" fn anyface_weights_new_of_clip(
                 solved(&rig, turned.view(), progress)?
             }
         };
-        unsafe { pointer::give(out, weights) };
-        Ok(())
+        Ok(weights)
     };
-    unsafe { guard::guard(error, work) }
+    unsafe { guard::give(out, error, make) }
 }
 
 /// Weights of all shapes of a rig.
@@ -132,15 +128,13 @@ pub unsafe extern "C" fn anyface_weights_new_given(
     out: *mut *mut AnyfaceWeights,
     error: *mut *mut AnyfaceError,
 ) -> AnyfaceStatus {
-    let work = || {
-        pointer::check_out("out", out)?;
+    let make = || {
         let names = unsafe { texts("names", names, shape_count) }?;
         let values = unsafe { pointer::slice("weights", weights, frame_count, shape_count) }?;
         let given = given(names, values, frame_count)?;
-        unsafe { pointer::give(out, AnyfaceWeights(given)) };
-        Ok(())
+        Ok(AnyfaceWeights(given))
     };
-    unsafe { guard::guard(error, work) }
+    unsafe { guard::give(out, error, make) }
 }
 
 /// Weights of which nothing is known to be left out.
@@ -172,12 +166,11 @@ pub unsafe extern "C" fn anyface_weights_copy(
     float_count: usize,
     error: *mut *mut AnyfaceError,
 ) -> AnyfaceStatus {
-    let work = || {
+    let values = || {
         let weights = &unsafe { pointer::handle("weights", weights) }?.0.weights;
-        let values: Vec<f32> = weights.iter().copied().collect();
-        unsafe { pointer::copy_out("buffer", &values, buffer, float_count) }
+        Ok(weights.iter().copied().collect::<Vec<f32>>())
     };
-    unsafe { guard::guard(error, work) }
+    unsafe { guard::copy(buffer, float_count, error, values) }
 }
 
 /// Share of the motion that the shapes leave out, root mean square over vertices and frames: 0 where

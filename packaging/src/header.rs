@@ -26,6 +26,7 @@ const SOURCES: &[&str] = &[
     "expression",
     "events",
     "motion",
+    "motion_values",
     "motion_weights",
     "clip",
     "clip_stream",

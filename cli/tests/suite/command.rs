@@ -8,6 +8,8 @@ use std::{
 
 use tempfile::TempDir;
 
+use crate::folder_with_sound;
+
 /// Exit codes that scripts rely on.
 const USAGE: i32 = 2;
 const INVALID_INPUT: i32 = 3;
@@ -44,22 +46,6 @@ fn names(folder: &Path) -> Vec<PathBuf> {
         .collect();
     names.sort();
     names
-}
-
-fn folder_with_sound(samples: &[f32], rate_hz: u32) -> TempDir {
-    let folder = tempfile::tempdir().unwrap();
-    let spec = hound::WavSpec {
-        channels: 1,
-        sample_rate: rate_hz,
-        bits_per_sample: 32,
-        sample_format: hound::SampleFormat::Float,
-    };
-    let mut wav = hound::WavWriter::create(folder.path().join("a.wav"), spec).unwrap();
-    for sample in samples {
-        wav.write_sample(*sample).unwrap();
-    }
-    wav.finalize().unwrap();
-    folder
 }
 
 fn hum(seconds: f32) -> Vec<f32> {

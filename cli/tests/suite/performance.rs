@@ -10,7 +10,7 @@ use anyface::output::{LandmarkMotion, read_landmark_motion};
 use ndarray::Array3;
 use tempfile::TempDir;
 
-use crate::{model, voice::babble};
+use crate::{folder_with_sound, model, voice::babble};
 
 fn anyface(folder: &TempDir, line: &str) -> Output {
     Command::new(env!("CARGO_BIN_EXE_anyface"))
@@ -43,22 +43,6 @@ fn count(folder: &Path) -> usize {
     fs::read_dir(folder).unwrap().count()
 }
 
-fn sound(samples: &[f32], rate_hz: u32) -> TempDir {
-    let folder = tempfile::tempdir().unwrap();
-    let spec = hound::WavSpec {
-        channels: 1,
-        sample_rate: rate_hz,
-        bits_per_sample: 32,
-        sample_format: hound::SampleFormat::Float,
-    };
-    let mut wav = hound::WavWriter::create(folder.path().join("a.wav"), spec).unwrap();
-    for sample in samples {
-        wav.write_sample(*sample).unwrap();
-    }
-    wav.finalize().unwrap();
-    folder
-}
-
 fn head() -> String {
     let folder = model("default_head");
     format!(
@@ -79,7 +63,7 @@ fn largest(displacements: &Array3<f32>) -> f32 {
 
 #[test]
 fn speech_opens_the_mouth_and_the_same_seed_gives_the_same_file() {
-    let folder = sound(&babble(1.0, 16_000), 16_000);
+    let folder = folder_with_sound(&babble(1.0, 16_000), 16_000);
     done(
         &folder,
         "motion --audio a.wav --out a.npz --seed 3 --threads 1",
@@ -102,7 +86,7 @@ fn speech_opens_the_mouth_and_the_same_seed_gives_the_same_file() {
 
 #[test]
 fn silence_keeps_still_and_says_so() {
-    let folder = sound(&[0.0; 16_000], 16_000);
+    let folder = folder_with_sound(&[0.0; 16_000], 16_000);
     let (_, warning) = done(&folder, "motion --audio a.wav --out o.npz --blinks 0");
     assert!(warning.contains("the sound is silent"), "{warning}");
     let made = motion(&folder, "o.npz");
@@ -113,7 +97,7 @@ fn silence_keeps_still_and_says_so() {
 
 #[test]
 fn silence_blinks_by_default_and_not_when_emotion_is_off() {
-    let folder = sound(&[0.0; 10 * 16_000], 16_000);
+    let folder = folder_with_sound(&[0.0; 10 * 16_000], 16_000);
     let lids = |line: &str| {
         done(&folder, &format!("motion --audio a.wav --out o.npz {line}"));
         let made = motion(&folder, "o.npz").displacements;
@@ -136,7 +120,7 @@ fn odd_but_usable_sounds_give_sane_motion() {
         (babble(0.5, 8_000), 8_000, 15),
         (clipped, 44_100, 15),
     ] {
-        let folder = sound(&samples, rate_hz);
+        let folder = folder_with_sound(&samples, rate_hz);
         done(
             &folder,
             "motion --audio a.wav --out o.npz --emotion happy:0.7",
@@ -149,7 +133,7 @@ fn odd_but_usable_sounds_give_sane_motion() {
 
 #[test]
 fn damaged_weights_are_refused() {
-    let folder = sound(&babble(0.2, 16_000), 16_000);
+    let folder = folder_with_sound(&babble(0.2, 16_000), 16_000);
     let own = folder.path().join("own/ats_compact");
     fs::create_dir_all(&own).unwrap();
     let weights = fs::read(model("ats_compact").join("model.planes.gz")).unwrap();
@@ -169,7 +153,7 @@ fn damaged_weights_are_refused() {
 
 #[test]
 fn a_head_talks_in_every_format() {
-    let folder = sound(&babble(0.4, 16_000), 16_000);
+    let folder = folder_with_sound(&babble(0.4, 16_000), 16_000);
     let animate = format!("animate {} --audio a.wav --cache cache --fps 25", head());
     let (json, _) = done(
         &folder,
@@ -219,7 +203,7 @@ fn a_head_talks_in_every_format() {
 
 #[test]
 fn a_cache_that_cannot_be_written_changes_nothing() {
-    let folder = sound(&babble(0.2, 16_000), 16_000);
+    let folder = folder_with_sound(&babble(0.2, 16_000), 16_000);
     // A file where the folder should be: nobody can write into it, not even root.
     fs::write(folder.path().join("cache"), b"").unwrap();
     let animate = format!("animate {} --audio a.wav", head());
@@ -233,7 +217,7 @@ fn a_cache_that_cannot_be_written_changes_nothing() {
 #[cfg(unix)]
 #[test]
 fn a_full_disk_leaves_no_file() {
-    let folder = sound(&babble(0.2, 16_000), 16_000);
+    let folder = folder_with_sound(&babble(0.2, 16_000), 16_000);
     let command = format!(
         "{} motion --audio a.wav --out o.npz",
         env!("CARGO_BIN_EXE_anyface")
@@ -270,7 +254,7 @@ fn landmarks_of_the_default_head_are_found_and_written() {
 #[test]
 fn a_classifier_that_is_not_there_is_refused() {
     refused(
-        &sound(&babble(1.0, 16_000), 16_000),
+        &folder_with_sound(&babble(1.0, 16_000), 16_000),
         "motion --audio a.wav --emotion auto --emotion-model nowhere --out m.npz",
         8,
         "nowhere",

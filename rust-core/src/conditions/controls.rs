@@ -77,6 +77,21 @@ pub struct ControlCurve {
 #[derive(Debug, Clone, PartialEq, Default)]
 pub struct Controls(BTreeMap<String, ControlCurve>);
 
+/// Denoising steps; 0 leaves them to the model.
+pub static STEPS: Control = Control {
+    name: "steps",
+    label: "Steps",
+    help: "Denoising steps; 0 takes the model's own number.",
+    unit: "",
+    values: ControlValues::Whole,
+    low: 0.0,
+    high: 1000.0,
+    default: 0.0,
+    neutral: 0.0,
+    stage: ControlStage::Motion,
+    is_animatable: false,
+};
+
 impl Control {
     /// The name without its unit, as the command's flags have it: `blinks_per_minute` is `blinks`.
     pub fn short_name(&self) -> &'static str {

@@ -88,19 +88,6 @@ impl Operators {
     pub fn area(&self) -> f64 {
         self.mass.iter().sum()
     }
-
-    /// Spreads a value per row, `[R, C]` row-major, over the mesh's vertices: `[V, C]`, `missing`
-    /// where a vertex has no row.
-    pub fn to_vertices(&self, per_row: &[f64], columns: usize, missing: f64) -> Vec<f64> {
-        let mut out = vec![missing; self.row_of_vertex.len() * columns];
-        for (v, &row) in self.row_of_vertex.iter().enumerate() {
-            if row != NO_ROW {
-                let source = &per_row[row as usize * columns..(row as usize + 1) * columns];
-                out[v * columns..(v + 1) * columns].copy_from_slice(source);
-            }
-        }
-        out
-    }
 }
 
 fn build(mesh: &Mesh, faces: &[[u32; 3]], options: &OperatorOptions) -> Result<Operators> {

@@ -25,7 +25,7 @@ mod tower;
 
 use std::path::{Path, PathBuf};
 
-use ndarray::{Array1, Array2, ArrayView2};
+use ndarray::{Array1, Array2};
 use serde::Deserialize;
 
 use crate::{
@@ -137,11 +137,6 @@ impl TextUnits {
             full: config.full,
             strength: config.strength,
         })
-    }
-
-    /// Places `[15, D]` of [`EMOTIONS`].
-    pub fn emotion_places(&self) -> ArrayView2<'_, f32> {
-        self.emotions.view()
     }
 
     /// Place `[D]` of a word, or the mean of the words of a text; `None` where none means anything.

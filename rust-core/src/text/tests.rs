@@ -128,8 +128,8 @@ fn places_are_near_for_words_that_mean_alike() {
     assert!(near("astonished", "surprised") > near("astonished", "calm") + 0.5);
     assert!(near("glad", "happy") > near("glad", "unhappy") + 0.5);
     assert_eq!(words.place("the"), None);
-    assert_eq!(words.emotion_places().dim(), (EMOTIONS.len(), 64));
-    let happy = words.emotion_places().row(1).to_owned();
+    assert_eq!(words.emotions.dim(), (EMOTIONS.len(), 64));
+    let happy = words.emotions.row(1).to_owned();
     assert!(cosine(&happy, &place("glad")) > 0.6);
 }
 

@@ -1,5 +1,8 @@
 //! Talking to the person or the machine at the other end.
 
+use std::{io::Write, path::Path};
+
+use anyface::{Error, Result, job::write_atomically};
 use serde::Serialize;
 
 /// Where results and progress go.
@@ -30,12 +33,18 @@ impl Console {
     }
 }
 
+/// Writes a page, and its numbers beside it as JSON.
+pub(super) fn write_page(path: &Path, page: &str, numbers: &impl Serialize) -> Result<()> {
+    let json = serde_json::to_string_pretty(numbers)
+        .map_err(|e| Error::Numerics(format!("numbers as JSON: {e}")))?;
+    write_atomically(path, |file| file.write_all(page.as_bytes()))?;
+    write_atomically(&path.with_extension("json"), |file| {
+        writeln!(file, "{json}")
+    })
+}
+
 /// The command as it is given in the repository's root.
 pub(super) fn command_line() -> String {
-    let given = std::env::args().skip(1);
-    ["cargo measure".to_owned()]
-        .into_iter()
-        .chain(given)
-        .collect::<Vec<_>>()
-        .join(" ")
+    let words: Vec<String> = std::env::args().skip(1).collect();
+    format!("cargo measure {}", words.join(" "))
 }

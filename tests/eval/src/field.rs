@@ -12,7 +12,9 @@ use crate::{
     arguments::{DataArgs, SharedArgs},
     console::Console,
     face_model::FaceModel,
+    quality::grid::{TRACK, every_tenth, spans},
     tensors::TensorFile,
+    vertex_motion::{distance, own_motion},
 };
 use anyface::{
     Engine, Error, Face, Result,
@@ -22,7 +24,6 @@ use anyface::{
     job::SILENT,
     mesh::Mesh,
     rig::ShapeSource,
-    spread::{Collector, FrameSink, Movement},
 };
 
 const MM_PER_CM: f32 = 10.0;
@@ -30,9 +31,8 @@ const MM_PER_CM: f32 = 10.0;
 pub(super) const FACE_VERTICES: usize = 9409;
 const LIPS_CM: f32 = 0.8;
 /// Vertices that a shape moves less than this do not count for it.
-const MOVING_MM: f64 = 0.5;
+const MOVING_MM: f32 = 0.5;
 const FRAMES: usize = 20;
-const HELD_OUT_EVERY: usize = 10;
 /// Training's own identities come from small seeds.
 pub(super) const UNSEEN_SEED: u64 = 9_000_000;
 
@@ -49,9 +49,12 @@ pub(super) struct Field {
     rig: bool,
 }
 
-/// Sums of distances, of the face and of the lips.
+/// Distances from the truth: of the face, of the lips, of what moves.
 #[derive(Default, Clone, Copy)]
-struct Sum([f64; 2], [f64; 2]);
+pub(super) struct Distances {
+    sums: [f64; 3],
+    counts: [f64; 3],
+}
 
 impl Field {
     pub(super) fn run(&self, shared: &SharedArgs, _: &Console) -> Result<()> {
@@ -70,7 +73,7 @@ impl Field {
             "field",
             "field, fit known",
         ];
-        let mut sums = vec![vec![Sum::default(); names.len()]; sets.len()];
+        let mut sums = vec![vec![Distances::default(); names.len()]; sets.len()];
         for number in 0..self.heads {
             let coefficients = Head::random(UNSEEN_SEED + number);
             let face = face_of(&engine, &ict, &coefficients)?;
@@ -104,9 +107,9 @@ impl Field {
                 let codes = Array2::from_shape_fn((rows.len(), rows[0].len()), |(t, n)| rows[t][n]);
                 let still = Array3::zeros(truth.dim());
                 let marks = truth.select(Axis(1), &ict.landmarks.map(|v| v as usize));
-                let decoded = spread(&engine, &face, marks)?;
+                let decoded = own_motion(&engine, &face, marks)?;
                 let mean = field.landmarks(codes.view())?;
-                let landmarked = spread(&engine, &face, face.own_motion(mean.view()))?;
+                let landmarked = own_motion(&engine, &face, face.own_motion(mean.view()))?;
                 let own = &landmarked + &field.beyond(codes.view(), &landmarked)?;
                 let of_known = &landmarked + &known.beyond(codes.view(), &landmarked)?;
                 for (n, made) in [&still, &decoded, &landmarked, &own, &of_known]
@@ -120,11 +123,8 @@ impl Field {
         for ((name, _), sums) in sets.iter().zip(&sums) {
             println!("{name}");
             for (kind, sum) in names.iter().zip(sums) {
-                println!(
-                    "  {kind:>26}: {:.3} mm, lips {:.3}",
-                    sum.0[0] / sum.0[1],
-                    sum.1[0] / sum.1[1]
-                );
+                let [face, lips, _] = sum.means_mm();
+                println!("  {kind:>26}: {face:.3} mm, lips {lips:.3}");
             }
         }
         Ok(())
@@ -139,9 +139,7 @@ impl Field {
             let network = engine.rig(&face, ShapeSource::Network, SILENT)?;
             let field = engine.rig(&face, ShapeSource::Field { in_betweens: true }, SILENT)?;
             for (channel, sums) in channels.iter().zip(&mut sums) {
-                let row = |name: &String| f32::from(u8::from(name == channel));
-                let weights =
-                    Array2::from_shape_fn((1, channels.len()), |(_, n)| row(&channels[n]));
+                let weights = pose_of(channels, &[channel]);
                 let truth = ict.moved(channels, &weights);
                 let of = |rig: &Rig, name: &str| {
                     let place = rig.names.iter().position(|known| known == name);
@@ -157,15 +155,16 @@ impl Field {
                 for ((weight, network, field), sums) in made.into_iter().zip(sums) {
                     let field = field.ok_or_else(missing)?;
                     for v in 0..FACE_VERTICES {
-                        let way = |of: &dyn Fn(usize) -> f32| {
-                            f64::from(MM_PER_CM * (0..3).map(|i| of(i).powi(2)).sum::<f32>().sqrt())
-                        };
-                        let moves = way(&|i| truth[[0, v, i]]);
-                        if moves > MOVING_MM {
-                            let off = |i, made: f32| made - weight * truth[[0, v, i]];
+                        let whole = [0, 1, 2].map(|i| truth[[0, v, i]]);
+                        if MM_PER_CM * distance(whole, [0.0; 3]) > MOVING_MM {
+                            let to = whole.map(|x| weight * x);
+                            let off = |made: &Array2<f32>| {
+                                let made = [0, 1, 2].map(|i| made[[v, i]]);
+                                f64::from(MM_PER_CM * distance(made, to))
+                            };
                             sums[0] += 1.0;
-                            sums[1] += way(&|i| off(i, network[[v, i]]));
-                            sums[2] += way(&|i| off(i, field[[v, i]]));
+                            sums[1] += off(&network);
+                            sums[2] += off(&field);
                         }
                     }
                 }
@@ -200,70 +199,71 @@ impl Field {
             &["mouthSmileLeft", "mouthSmileRight"],
             &["eyeBlinkLeft", "eyeBlinkRight"],
         ] {
-            let row = Array2::from_shape_fn((1, channels.len()), |(_, n)| {
-                f32::from(u8::from(shapes.contains(&channels[n].as_str())))
-            });
-            sets.push((shapes.join(" "), row));
+            sets.push((shapes.join(" "), pose_of(channels, shapes)));
         }
         sets.push(("grid_s1, held out".into(), spoken(data, channels)?));
         Ok(sets)
     }
 }
 
+/// Weights `[1, M]` of channels of which some are at full strength.
+fn pose_of(channels: &[String], full: &[impl AsRef<str>]) -> Array2<f32> {
+    Array2::from_shape_fn((1, channels.len()), |(_, n)| {
+        f32::from(u8::from(
+            full.iter().any(|name| name.as_ref() == channels[n]),
+        ))
+    })
+}
+
 /// Weights `[T, M]` of channels in the middle of some of grid_s1's clips that are held out.
 pub(super) fn spoken(data: &Path, channels: &[String]) -> Result<Array2<f32>> {
-    let file = TensorFile::read(&data.join("motion/grid_s1/face_track.safetensors"))?;
+    let file = TensorFile::read(&data.join(TRACK))?;
     let (weights, shape) = file.floats("weights")?;
-    let (offsets, _) = file.floats("clip_offsets")?;
-    let known = file.words("weight_names")?;
+    let names = file.words("weight_names")?;
     let clips = file.words("clips")?;
-    let mut order: Vec<usize> = (0..clips.len()).collect();
-    order.sort_by_key(|c| &clips[*c]);
-    let held_out: Vec<usize> = order
-        .into_iter()
-        .step_by(HELD_OUT_EVERY)
-        .take(FRAMES)
+    let spans = spans(&file, clips.len())?;
+    let middles = every_tenth(&clips, 0).into_iter().take(FRAMES);
+    let middles: Vec<usize> = middles
+        .map(|c| (spans[c].start + spans[c].end) / 2)
         .collect();
-    Ok(Array2::from_shape_fn(
-        (held_out.len(), channels.len()),
-        |(t, n)| {
-            let frame = ((offsets[held_out[t]] + offsets[held_out[t] + 1]) / 2.0) as usize;
-            let column = known.iter().position(|name| *name == channels[n]);
-            column.map_or(0.0, |c| weights[frame * shape[1] + c] / 255.0)
-        },
-    ))
+    let columns: Vec<_> = channels
+        .iter()
+        .map(|channel| names.iter().position(|name| name == channel))
+        .collect();
+    let size = (middles.len(), channels.len());
+    Ok(Array2::from_shape_fn(size, |(t, n)| {
+        columns[n].map_or(0.0, |c| weights[middles[t] * shape[1] + c] / 255.0)
+    }))
 }
 
-/// Landmark motion `[T, 68, 3]` of the mesh's own through the decoder.
-pub(super) fn spread(engine: &Engine, face: &Face, landmarks: Array3<f32>) -> Result<Array3<f32>> {
-    let into = |sink: &mut dyn FrameSink| {
-        engine.spread(
-            face,
-            Movement::Own {
-                landmarks,
-                fps: 1.0,
-            },
-            sink,
-            SILENT,
-        )
-    };
-    Ok(Collector::collect(into)?.vertices.displacements)
-}
-
-impl Sum {
-    fn add(&mut self, made: &Array3<f32>, truth: &Array3<f32>, lips: &[bool]) {
+impl Distances {
+    /// Both in centimetres.
+    pub(super) fn add(&mut self, made: &Array3<f32>, truth: &Array3<f32>, lips: &[bool]) {
         for (made, truth) in made.outer_iter().zip(truth.outer_iter()) {
             for (v, is_lip) in lips.iter().enumerate() {
-                let squares: f32 = (0..3).map(|i| (made[[v, i]] - truth[[v, i]]).powi(2)).sum();
-                let distance = f64::from(MM_PER_CM * squares.sqrt());
-                self.0[0] += distance;
-                self.0[1] += 1.0;
-                if *is_lip {
-                    self.1[0] += distance;
-                    self.1[1] += 1.0;
+                let [made, to] = [made, truth].map(|all| [0, 1, 2].map(|i| all[[v, i]]));
+                let moves = MM_PER_CM * distance(to, [0.0; 3]) > MOVING_MM;
+                let off = f64::from(MM_PER_CM * distance(made, to));
+                for (n, counts) in [true, *is_lip, moves].into_iter().enumerate() {
+                    if counts {
+                        self.sums[n] += off;
+                        self.counts[n] += 1.0;
+                    }
                 }
             }
         }
+    }
+
+    pub(super) fn join(&mut self, other: &Distances) {
+        for n in 0..3 {
+            self.sums[n] += other.sums[n];
+            self.counts[n] += other.counts[n];
+        }
+    }
+
+    /// Means in millimetres: of the face, of the lips, of what moves.
+    pub(super) fn means_mm(&self) -> [f64; 3] {
+        std::array::from_fn(|n| self.sums[n] / self.counts[n].max(1.0))
     }
 }
 
@@ -275,10 +275,8 @@ pub(super) fn face_of(engine: &Engine, ict: &FaceModel, coefficients: &[f32]) ->
 /// `[FACE_VERTICES]`, whether a vertex lies near the mouth.
 pub(super) fn lips(ict: &FaceModel, mesh: &Mesh) -> Vec<bool> {
     let at = |v: u32| mesh.positions[v as usize];
-    let near = |p: [f32; 3], q: [f32; 3]| {
-        (0..3).map(|i| (p[i] - q[i]).powi(2)).sum::<f32>() < LIPS_CM * LIPS_CM
-    };
+    let near = |v: u32, l: u32| distance(at(v), at(l)) < LIPS_CM;
     (0..FACE_VERTICES as u32)
-        .map(|v| ict.landmarks[48..].iter().any(|l| near(at(v), at(*l))))
+        .map(|v| ict.landmarks[48..].iter().any(|l| near(v, *l)))
         .collect()
 }

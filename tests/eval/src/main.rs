@@ -15,6 +15,7 @@ mod quality;
 mod stopwatch;
 mod template;
 mod tensors;
+mod vertex_motion;
 
 use std::process::ExitCode;
 

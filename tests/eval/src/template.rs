@@ -13,7 +13,8 @@ use crate::{
     arguments::{DataArgs, SharedArgs},
     console::Console,
     face_model::FaceModel,
-    field::{FACE_VERTICES, UNSEEN_SEED, face_of, lips, spoken, spread},
+    field::{Distances, UNSEEN_SEED, face_of, lips, spoken},
+    vertex_motion::{distance, own_motion},
 };
 use anyface::{
     Error, Face, Result,
@@ -25,9 +26,6 @@ use anyface::{
     systems::emoface::{EmoFaceConfig, MODEL, read_template},
 };
 
-const M_PER_CM: f32 = 0.01;
-/// A vertex moves that goes as far as that, millimetres.
-const MOVING_MM: f32 = 0.5;
 /// A vertex of ICT's is one of the template's that lies as near, metres.
 const SAME_M: f32 = 1e-4;
 /// Frames of speech.
@@ -45,10 +43,6 @@ pub(super) struct Template {
     heads: u64,
 }
 
-/// Mean distances from the truth, mm: of the face, of the lips, of what moves.
-#[derive(Default, Clone, Copy)]
-struct Errors([f64; 3], [f64; 3]);
-
 impl Template {
     pub(super) fn run(&self, shared: &SharedArgs, _: &Console) -> Result<()> {
         let data = self.data.folder()?;
@@ -60,7 +54,7 @@ impl Template {
             .ok_or_else(|| Error::InvalidInput("model: expected a template, got none".into()))?;
         let sets = sets(&ict, &data)?;
         let ways = ["no motion", "landmarks", "template"];
-        let mut sums = vec![[Errors::default(); 3]; sets.len()];
+        let mut sums = vec![[Distances::default(); 3]; sets.len()];
         let mean = face_of(&engine, &ict, &[])?;
         let vertices = vertices_of(&template, &mean)?;
         for number in 0..self.heads {
@@ -73,7 +67,7 @@ impl Template {
                     .to_canonical
                     .displacements_to_canonical(truth.select(Axis(1), &vertices).view());
                 let marks = on_face.landmarks(motion.view());
-                let landmarked = spread(&engine, &face, face.own_motion(marks.view()))?;
+                let landmarked = own_motion(&engine, &face, face.own_motion(marks.view()))?;
                 let own = &landmarked + &on_face.beyond(motion.view(), &landmarked);
                 let still = Array3::zeros(truth.dim());
                 for (sum, made) in sums.iter_mut().zip([&still, &landmarked, &own]) {
@@ -86,14 +80,14 @@ impl Template {
             "",
             ways.map(|way| format!("{way:>24}")).join("")
         );
-        let row = |name: &str, errors: &[Errors; 3]| {
+        let row = |name: &str, errors: &[Distances; 3]| {
             let columns = errors.map(|e| {
-                let [all, lips, moving] = e.means();
+                let [all, lips, moving] = e.means_mm();
                 format!("{all:8.3}{lips:8.3}{moving:8.3}")
             });
             println!("{name:>18} {}", columns.join(""));
         };
-        let mut others = [Errors::default(); 3];
+        let mut others = [Distances::default(); 3];
         for ((name, ..), sums) in sets.iter().zip(&sums) {
             row(name, sums);
             if name != SPOKEN && !CHEEKS.contains(&name.as_str()) {
@@ -113,45 +107,34 @@ type Poses = (String, Vec<String>, Array2<f32>);
 
 /// Every shape at full strength, and frames of speech.
 fn sets(ict: &FaceModel, data: &Path) -> Result<Vec<Poses>> {
-    let mut sets = Vec::new();
-    for shape in shapes(ict) {
-        let channels = vec![
-            shape.clone(),
-            format!("{shape}Left"),
-            format!("{shape}Right"),
-        ];
-        sets.push((shape, channels, Array2::ones((1, 3))));
-    }
+    let mut sets = whole_shapes(&ict.names);
     let channels: Vec<String> = ARKIT.iter().map(|name| (*name).to_owned()).collect();
     let weights = spoken(data, &channels)?;
     sets.push((SPOKEN.into(), channels, weights));
     Ok(sets)
 }
 
-/// ARKit's shapes without their sides, each once.
-fn shapes(ict: &FaceModel) -> Vec<String> {
+/// ARKit's shapes at full strength, both sides of each at once.
+fn whole_shapes(names: &[String]) -> Vec<Poses> {
     let plain = |name: &String| {
         let name = name.trim_end_matches("_L").trim_end_matches("_R");
         name.to_owned()
     };
-    let mut shapes: Vec<String> = ict.names.iter().map(plain).collect();
+    let mut shapes: Vec<String> = names.iter().map(plain).collect();
     shapes.sort_unstable();
     shapes.dedup();
-    shapes
+    // A name without a side moves both.
+    let whole = |shape: String| (shape.clone(), vec![shape], Array2::ones((1, 1)));
+    shapes.into_iter().map(whole).collect()
 }
 
 /// Which of ICT's vertices those of the template are.
 fn vertices_of(template: &TemplateMesh, mean: &Face) -> Result<Vec<usize>> {
-    let places: Vec<[f32; 3]> = mean
-        .mesh
-        .positions
-        .iter()
-        .map(|p| mean.to_canonical.apply(*p))
-        .collect();
-    let distance =
-        |p: &[f32; 3], q: &[f32; 3]| (0..3).map(|i| (p[i] - q[i]).powi(2)).sum::<f32>().sqrt();
+    let places = mean.mesh.positions.iter();
+    let places: Vec<[f32; 3]> = places.map(|p| mean.to_canonical.apply(*p)).collect();
     let nearest = |p: &[f32; 3]| {
-        let far = places.iter().enumerate().map(|(v, q)| (v, distance(p, q)));
+        let far = places.iter().enumerate();
+        let far = far.map(|(v, q)| (v, distance(*p, *q)));
         let (v, far) = far
             .min_by(|a, b| a.1.total_cmp(&b.1))
             .unwrap_or((0, f32::INFINITY));
@@ -165,35 +148,57 @@ fn vertices_of(template: &TemplateMesh, mean: &Face) -> Result<Vec<usize>> {
     template.mesh.positions.iter().map(nearest).collect()
 }
 
-impl Errors {
-    /// Both in centimetres.
-    fn add(&mut self, made: &Array3<f32>, truth: &Array3<f32>, lips: &[bool]) {
-        let size = |d: [f32; 3]| 1e3 * M_PER_CM * d.iter().map(|x| x * x).sum::<f32>().sqrt();
-        for (t, v) in
-            (0..truth.len_of(Axis(0))).flat_map(|t| (0..FACE_VERTICES).map(move |v| (t, v)))
-        {
-            let to: [f32; 3] = std::array::from_fn(|i| truth[[t, v, i]]);
-            let off = std::array::from_fn(|i| made[[t, v, i]] - to[i]);
-            for (n, counts) in [true, lips[v], size(to) > MOVING_MM]
-                .into_iter()
-                .enumerate()
-            {
-                if counts {
-                    self.0[n] += f64::from(size(off));
-                    self.1[n] += 1.0;
-                }
-            }
-        }
+#[cfg(test)]
+mod tests {
+    use super::*;
+    use safetensors::{
+        Dtype,
+        tensor::{TensorView, serialize},
+    };
+
+    /// A face of 68 vertices; each mode moves all of them along x by 1.
+    fn face(data: &Path, names: &[&str]) -> FaceModel {
+        let bytes = |values: Vec<f32>| -> Vec<u8> {
+            values
+                .iter()
+                .flat_map(|value| value.to_le_bytes())
+                .collect()
+        };
+        let along_x = |count: usize| bytes([1.0, 0.0, 0.0].repeat(68 * count));
+        let tensors = [
+            ("neutral", vec![68, 3], along_x(1)),
+            (
+                "landmarks68",
+                vec![68],
+                bytes((0..68u8).map(f32::from).collect()),
+            ),
+            ("triangles", vec![1, 3], bytes(vec![0.0, 1.0, 2.0])),
+            ("expression", vec![names.len(), 68, 3], along_x(names.len())),
+            ("identity", vec![1, 68, 3], along_x(1)),
+        ];
+        let views = tensors.iter().map(|(name, shape, bytes)| {
+            (
+                *name,
+                TensorView::new(Dtype::F32, shape.clone(), bytes).unwrap(),
+            )
+        });
+        let names = serde_json::to_string(names).unwrap();
+        let metadata = [("expression_names".to_owned(), names)];
+        let file = serialize(views, Some(metadata.into())).unwrap();
+        std::fs::create_dir(data.join("faces")).unwrap();
+        std::fs::write(data.join("faces/ict_facekit.safetensors"), file).unwrap();
+        FaceModel::ict(data).unwrap()
     }
 
-    fn join(&mut self, other: &Errors) {
-        for n in 0..3 {
-            self.0[n] += other.0[n];
-            self.1[n] += other.1[n];
+    #[test]
+    fn every_side_of_a_shape_moves_once() {
+        let folder = tempfile::tempdir().unwrap();
+        let ict = face(folder.path(), &["jawOpen", "mouthSmile_L", "mouthSmile_R"]);
+        let sets = whole_shapes(&ict.names);
+        let names: Vec<&str> = sets.iter().map(|(name, ..)| name.as_str()).collect();
+        assert_eq!(names, ["jawOpen", "mouthSmile"]);
+        for ((_, channels, weights), modes) in sets.iter().zip([1.0, 2.0]) {
+            assert_eq!(ict.moved(channels, weights)[[0, 0, 0]], modes);
         }
-    }
-
-    fn means(&self) -> [f64; 3] {
-        std::array::from_fn(|n| self.0[n] / self.1[n].max(1.0))
     }
 }

@@ -2,6 +2,7 @@
 
 use std::{collections::HashMap, path::Path};
 
+use half::f16;
 use safetensors::{Dtype, SafeTensors};
 
 use anyface::{Error, Result};
@@ -39,24 +40,12 @@ impl TensorFile {
         let view = file.tensor(name).map_err(|e| self.bad(&e.to_string()))?;
         let data = view.data();
         let values = match view.dtype() {
-            Dtype::F32 => data
-                .chunks_exact(4)
-                .map(|b| f32::from_le_bytes([b[0], b[1], b[2], b[3]]))
-                .collect(),
-            Dtype::F16 => data
-                .chunks_exact(2)
-                .map(|b| half(u16::from_le_bytes([b[0], b[1]])))
-                .collect(),
-            Dtype::I16 => data
-                .chunks_exact(2)
-                .map(|b| f32::from(i16::from_le_bytes([b[0], b[1]])))
-                .collect(),
-            Dtype::U8 => data.iter().map(|b| f32::from(*b)).collect(),
+            Dtype::F32 => numbers(data, f32::from_le_bytes),
+            Dtype::F16 => numbers(data, |bytes| f16::from_le_bytes(bytes).to_f32()),
+            Dtype::I16 => numbers(data, |bytes| i16::from_le_bytes(bytes).into()),
+            Dtype::U8 => numbers(data, |[byte]| byte.into()),
             // Indices here are far below 2^24, so f32 holds them exactly.
-            Dtype::I32 => data
-                .chunks_exact(4)
-                .map(|b| i32::from_le_bytes([b[0], b[1], b[2], b[3]]) as f32)
-                .collect(),
+            Dtype::I32 => numbers(data, |bytes| i32::from_le_bytes(bytes) as f32),
             other => return Err(self.bad(&format!("{name}: unexpected type {other:?}"))),
         };
         Ok((values, view.shape().to_vec()))
@@ -68,31 +57,36 @@ impl TensorFile {
     }
 }
 
-/// IEEE half precision to single.
-fn half(bits: u16) -> f32 {
-    let sign = if bits & 0x8000 == 0 { 1.0 } else { -1.0 };
-    let (exponent, fraction) = ((bits >> 10) & 0x1f, f32::from(bits & 0x3ff));
-    sign * match exponent {
-        0 => fraction * 2f32.powi(-24),
-        31 => f32::NAN,
-        _ => (1.0 + fraction / 1024.0) * 2f32.powi(i32::from(exponent) - 15),
-    }
+/// Values of `N` bytes each.
+fn numbers<const N: usize>(data: &[u8], read: impl Fn([u8; N]) -> f32) -> Vec<f32> {
+    data.as_chunks()
+        .0
+        .iter()
+        .map(|bytes| read(*bytes))
+        .collect()
 }
 
 #[cfg(test)]
 mod tests {
     use super::*;
+    use safetensors::tensor::{TensorView, serialize};
 
     #[test]
-    fn halves_are_read() {
-        for (bits, value) in [
-            (0x3c00, 1.0),
-            (0xc000, -2.0),
-            (0x3555, 0.333_251_95),
-            (0x0001, 5.960_464_5e-8),
-            (0x7bff, 65504.0),
+    fn numbers_of_every_type_are_read() {
+        let folder = tempfile::tempdir().unwrap();
+        let path = folder.path().join("numbers.safetensors");
+        for (dtype, bytes, value) in [
+            (Dtype::F32, &(-2.5f32).to_le_bytes()[..], -2.5),
+            (Dtype::F16, &0x3555u16.to_le_bytes(), 0.333_251_95),
+            (Dtype::F16, &0x0001u16.to_le_bytes(), 5.960_464_5e-8),
+            (Dtype::I16, &(-300i16).to_le_bytes(), -300.0),
+            (Dtype::U8, &[200], 200.0),
+            (Dtype::I32, &70_000i32.to_le_bytes(), 70_000.0),
         ] {
-            assert_eq!(half(bits), value);
+            let view = TensorView::new(dtype, vec![1], bytes).unwrap();
+            std::fs::write(&path, serialize([("x", view)], None).unwrap()).unwrap();
+            let file = TensorFile::read(&path).unwrap();
+            assert_eq!(file.floats("x").unwrap(), (vec![value], vec![1]));
         }
     }
 }

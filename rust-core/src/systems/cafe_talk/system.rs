@@ -7,7 +7,7 @@ use ndarray::s;
 use super::{CafeTalkConfig, Denoiser, Guidance, Request, windows_kept::WindowsKept};
 use crate::{
     Result,
-    conditions::{Control, ControlStage, ControlValues, EmotionCurve, EventTrack},
+    conditions::{Control, ControlValues, EmotionCurve, EventTrack, STEPS},
     deform::LEARNED,
     job::ProgressFn,
     models::{BuiltIn, Weights},
@@ -22,21 +22,6 @@ use crate::{
 /// Built-in weights of the denoiser.
 pub static MODEL: BuiltIn =
     BuiltIn::sized(&anyface_weights_cafe_talk::CAFE_TALK_COMPACT, "cafe_talk");
-
-/// Denoising steps; 0 leaves them to the model.
-static STEPS: Control = Control {
-    name: "steps",
-    label: "Steps",
-    help: "Denoising steps; 0 takes the model's own number.",
-    unit: "",
-    values: ControlValues::Whole,
-    low: 0.0,
-    high: 1000.0,
-    default: 0.0,
-    neutral: 0.0,
-    stage: ControlStage::Motion,
-    is_animatable: false,
-};
 
 /// β of eq. 6, times the model's own.
 static EVENTS: Control = Control {

@@ -43,14 +43,12 @@ static FEELING_FROM: Control = Control {
     label: "Feeling From",
     help: "What the emotion branch hears: this voice, or the recording given beside it (voice); the emotion \
            that is asked for (emotion); or a voice that feels nothing (off).",
-    unit: "",
     values: ControlValues::Choice(&["voice", "emotion", "off"]),
-    low: 0.0,
     high: 2.0,
     default: 0.0,
     neutral: 0.0,
     stage: ControlStage::Motion,
-    is_animatable: false,
+    ..LEARNED
 };
 
 /// The level `l` of feeling.

@@ -8,7 +8,7 @@ use super::{Denoiser, MotionConfig, MotionConfigs, Sampling};
 use crate::{
     Error, Result,
     cache::Cache,
-    conditions::{Control, ControlStage, ControlValues, Controls, EmotionCurve},
+    conditions::{Control, ControlStage, ControlValues, Controls, EmotionCurve, STEPS},
     deform::{CodeSpace, LEARNED},
     diffusion::frame_noise,
     face::{CodeField, Face, Field},
@@ -22,21 +22,6 @@ use crate::{
     },
     speech::{Heard, frames_of},
     systems::{Ability, Description, Registration, Sampled, Slider, System},
-};
-
-/// Denoising steps; 0 leaves them to the model.
-static STEPS: Control = Control {
-    name: "steps",
-    label: "Steps",
-    help: "Denoising steps; 0 takes the model's own number.",
-    unit: "",
-    values: ControlValues::Whole,
-    low: 0.0,
-    high: 1000.0,
-    default: 0.0,
-    neutral: 0.0,
-    stage: ControlStage::Motion,
-    is_animatable: false,
 };
 
 /// r of eq. 8.

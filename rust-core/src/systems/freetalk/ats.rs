@@ -6,8 +6,6 @@
 //! with the weights; the band mask is −∞ outside its radius, where the paper prints +1. With
 //! pre-norm a final LayerNorm follows the layers, as pre-norm needs.
 
-use std::path::Path;
-
 use ndarray::{Array1, Array2, ArrayRef2, ArrayView2, Axis};
 use serde::{Deserialize, Serialize};
 
@@ -182,17 +180,6 @@ impl Ats {
             AtsConfig::from_json(config)?,
             &Weights::from_bytes(weights)?,
         )
-    }
-
-    /// From a folder that holds both files.
-    ///
-    /// # Errors
-    /// `Io` if one cannot be read, else those of [`Ats::load`].
-    pub fn load_folder(folder: &Path) -> Result<Self> {
-        let path = folder.join("config.json");
-        let config = std::fs::read_to_string(&path).map_err(Error::io(path))?;
-        let weights = Weights::from_file(&folder.join("model.safetensors"))?;
-        Self::new(AtsConfig::from_json(&config)?, &weights)
     }
 
     pub(super) fn new(config: AtsConfig, weights: &Weights) -> Result<Self> {

@@ -14,7 +14,7 @@ use super::{
 use crate::{
     Result,
     cache::Cache,
-    conditions::{Control, ControlStage, ControlValues, Controls, EmotionCurve},
+    conditions::{Control, ControlStage, ControlValues, Controls, EmotionCurve, STEPS},
     deform::{Decoder, LEARNED},
     face::{Deformer, Face},
     job::ProgressFn,
@@ -32,21 +32,6 @@ pub static ATS_MODEL: BuiltIn = BuiltIn::sized(&anyface_weights_freetalk::ATS_CO
 /// Built-in weights of the stream.
 pub static STREAM_MODEL: BuiltIn = BuiltIn::new(&anyface_weights_freetalk::STREAM);
 static PAPER_MODEL: BuiltIn = BuiltIn::sized(&anyface_weights_freetalk::STM_PAPER, "stm");
-
-/// Denoising steps; 0 leaves them to the model.
-static STEPS: Control = Control {
-    name: "steps",
-    label: "Steps",
-    help: "Denoising steps; 0 takes the model's own number.",
-    unit: "",
-    values: ControlValues::Whole,
-    low: 0.0,
-    high: 1000.0,
-    default: 0.0,
-    neutral: 0.0,
-    stage: ControlStage::Motion,
-    is_animatable: false,
-};
 
 /// What spreads landmark motion over a mesh.
 static DECODER: Control = Control {

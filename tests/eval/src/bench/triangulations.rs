@@ -2,11 +2,12 @@
 
 use std::collections::HashMap;
 
-use ndarray::Array3;
+use ndarray::{Array3, Axis};
 use serde_json::{Value, json};
 
 use crate::arguments::SharedArgs;
 use crate::metrics::quantile;
+use crate::vertex_motion::vertex_motion;
 use anyface::{
     MotionRequest, Result,
     audio::Waveform,
@@ -16,7 +17,6 @@ use anyface::{
         LandmarkSource, Mesh,
         simplify::{SimplifyOptions, simplify},
     },
-    spread::Collector,
 };
 
 /// Vertices that each triangulation comes down to; the finest is the mesh cut in four as often as
@@ -53,9 +53,7 @@ pub(super) fn measure(
     for (mesh, shared_vertices) in meshes.iter().zip(&common) {
         let face = engine.prepare(mesh, &known, SILENT)?;
         to_mm = 1000.0 * face.to_canonical.scale as f32;
-        let motion = &performance.motion;
-        let made = Collector::collect(|sink| engine.spread(&face, motion, sink, SILENT))?;
-        let moved = made.vertices.displacements;
+        let moved = vertex_motion(&engine, &face, &performance.motion)?;
         results.push(at(&moved, shared_vertices));
     }
     let mut pairs = Vec::new();
@@ -78,9 +76,8 @@ pub(super) fn measure(
 }
 
 fn at(moved: &Array3<f32>, vertices: &[u32]) -> Array3<f32> {
-    Array3::from_shape_fn((moved.dim().0, vertices.len(), 3), |(t, i, x)| {
-        moved[[t, vertices[i] as usize, x]]
-    })
+    let vertices: Vec<usize> = vertices.iter().map(|v| *v as usize).collect();
+    moved.select(Axis(1), &vertices)
 }
 
 fn distances(a: &Array3<f32>, b: &Array3<f32>, to_mm: f32) -> Vec<f64> {

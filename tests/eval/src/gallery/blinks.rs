@@ -6,8 +6,11 @@ use super::{
     cells::{Cells, View, beside, under},
     subjects::Subject,
 };
-use crate::metrics::eyeballs_in_sight;
-use crate::pictures::raster::Picture;
+use crate::{
+    metrics::eyeballs_in_sight,
+    pictures::raster::Picture,
+    vertex_motion::{pose, vertex_motion},
+};
 use anyface::{
     Engine, Face, Result,
     audio::{Prosody, Waveform},
@@ -17,7 +20,6 @@ use anyface::{
     motion::{
         Cues, EmotionOrigin, Expressions, FaceModes, LandmarkClip, Motion, PerformanceControls,
     },
-    spread::Collector,
 };
 
 const EMOTIONS: [&str; 7] = [
@@ -76,8 +78,7 @@ pub(super) fn blinks(engine: &Engine, subject: &Subject) -> Result<Blinks> {
                 .select(Axis(0), &[open, half.unwrap_or(0), shut]),
             fps: FPS,
         });
-        let made = Collector::collect(|sink| engine.spread(&face, &motion, sink, SILENT))?;
-        let frames = made.vertices.displacements;
+        let frames = vertex_motion(engine, &face, &motion)?;
         for (row, frame) in rows.iter_mut().zip(frames.outer_iter()) {
             row.push(cells.close_up(Some(frame), &view));
         }
@@ -142,9 +143,5 @@ fn seen(face: &Face, frame: ArrayView2<'_, f32>) -> Option<f64> {
     }
     let cell = (CELL_M / face.metres_per_unit()) as f32;
     let area = |positions: &[[f32; 3]]| eyeballs_in_sight(positions, &skin, &eyeballs, cell).area;
-    let moved = face.mesh.positions.iter().zip(frame.rows());
-    let posed: Vec<[f32; 3]> = moved
-        .map(|(p, d)| std::array::from_fn(|i| p[i] + d[i]))
-        .collect();
-    Some(area(&posed) / area(&face.mesh.positions))
+    Some(area(&pose(&face.mesh, frame).positions) / area(&face.mesh.positions))
 }

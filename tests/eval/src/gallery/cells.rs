@@ -5,7 +5,10 @@ use std::ops::Range;
 use ndarray::{ArrayView2, ArrayView3, Axis};
 
 use super::Truth;
-use crate::pictures::raster::{Picture, Scene};
+use crate::{
+    pictures::raster::{Picture, Scene},
+    vertex_motion::{distance, pose},
+};
 use anyface::{
     Face,
     mesh::{Mesh, PartRole},
@@ -154,10 +157,12 @@ impl Cells<'_> {
         colours: &[[f32; 3]],
         view: &View,
     ) -> Picture {
-        let mut mesh = self.mesh.clone();
-        for (v, point) in mesh.positions.iter_mut().enumerate() {
-            let offset = |i: usize| moved.as_ref().map_or(0.0, |m| m[[v, i]]);
-            *point = view.seen(self.face, std::array::from_fn(|i| point[i] + offset(i)));
+        let mut mesh = match moved {
+            Some(frame) => pose(self.mesh, frame),
+            None => self.mesh.clone(),
+        };
+        for point in &mut mesh.positions {
+            *point = view.seen(self.face, *point);
         }
         let scene = Scene {
             normals: &mesh.vertex_normals(),
@@ -193,10 +198,9 @@ pub(super) fn error_mm(truth: &Truth, moved: ArrayView3<'_, f32>) -> Errors {
     for (made, real) in moved.outer_iter().zip(truth.displacements.outer_iter()) {
         let (mut sum, mut count) = (0.0, 0);
         for (v, (made, real)) in made.rows().into_iter().zip(real.rows()).enumerate() {
-            let squared =
-                |value: &dyn Fn(usize) -> f32| (0..3).map(|i| value(i).powi(2)).sum::<f32>();
-            let error = truth.mm * squared(&|i| made[i] - real[i]).sqrt();
-            let motion = truth.mm * squared(&|i| real[i]).sqrt();
+            let [made, real] = [made, real].map(|row| [0, 1, 2].map(|i| row[i]));
+            let error = truth.mm * distance(made, real);
+            let motion = truth.mm * distance(real, [0.0; 3]);
             errors.worst_of_vertex[v] = errors.worst_of_vertex[v].max(error);
             if motion > LEAST_MOTION_MM {
                 sum += error;
@@ -215,10 +219,7 @@ pub(super) fn stretch(mesh: &Mesh, moved: ArrayView3<'_, f32>) -> Vec<f32> {
     let typical = neutral.iter().sum::<f32>() / neutral.len().max(1) as f32;
     let mut worst = vec![0.0f32; neutral.len()];
     for frame in moved.outer_iter() {
-        let mut posed = mesh.clone();
-        for (point, offset) in posed.positions.iter_mut().zip(frame.rows()) {
-            (0..3).for_each(|i| point[i] += offset[i]);
-        }
+        let posed = pose(mesh, frame);
         // A thousandth of a typical area keeps slivers out of it.
         let least = 1e-3 * typical.max(f32::MIN_POSITIVE);
         for ((worst, now), before) in worst.iter_mut().zip(areas(&posed)).zip(&neutral) {

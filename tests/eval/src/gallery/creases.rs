@@ -1,18 +1,16 @@
 //! Feelings beside the truth: what skin does between the landmarks.
 
-use ndarray::{ArrayView2, ArrayView3, Axis};
+use ndarray::ArrayView3;
 
 use super::{
     cells::{Cells, View, beside, error_mm, under},
     subjects::Subject,
 };
-use crate::pictures::raster::Picture;
-use anyface::{
-    Engine, Face, Result,
-    job::SILENT,
-    mesh::Mesh,
-    spread::{Collector, Movement},
+use crate::{
+    pictures::raster::Picture,
+    vertex_motion::{distance, own_motion, pose},
 };
+use anyface::{Engine, Face, Result, job::SILENT, mesh::Mesh};
 
 const SIZE: (usize, usize) = (200, 150);
 const HALF_HEIGHT_M: f32 = 0.055;
@@ -36,14 +34,7 @@ pub(super) fn feelings(engine: &Engine, subject: &Subject) -> Result<Option<Feel
         return Ok(None);
     };
     let face = engine.prepare(&subject.mesh, &subject.options, SILENT)?;
-    let rows = truth.landmarks.map(|v| v as usize);
-    let own = truth.displacements.select(Axis(1), &rows);
-    let own = Movement::Own {
-        landmarks: own,
-        fps: 1.0,
-    };
-    let made = Collector::collect(|sink| engine.spread(&face, own, sink, SILENT))?;
-    let made = made.vertices.displacements;
+    let made = own_motion(engine, &face, truth.of_landmarks())?;
     let cells = Cells {
         mesh: &subject.mesh,
         face: &face,
@@ -74,22 +65,11 @@ pub(super) fn feelings(engine: &Engine, subject: &Subject) -> Result<Option<Feel
 
 /// Vertices about the middle between two landmarks.
 fn near(face: &Face, mm: f32, marks: [usize; 2]) -> Vec<usize> {
-    let middle: [f32; 3] = std::array::from_fn(|i| {
-        0.5 * marks
-            .map(|n| face.landmarks.positions[n][i])
-            .iter()
-            .sum::<f32>()
-    });
-    let away = |p: &[f32; 3]| {
-        mm * (0..3)
-            .map(|i| (p[i] - middle[i]).powi(2))
-            .sum::<f32>()
-            .sqrt()
-    };
-    let all = face.mesh.positions.iter().enumerate();
-    all.filter(|(_, p)| away(p) < REGION_MM)
-        .map(|(v, _)| v)
-        .collect()
+    let [a, b] = marks.map(|n| face.landmarks.positions[n]);
+    let middle = std::array::from_fn(|i| 0.5 * (a[i] + b[i]));
+    let at = &face.mesh.positions;
+    let near = |v: &usize| mm * distance(at[*v], middle) < REGION_MM;
+    (0..at.len()).filter(near).collect()
 }
 
 /// Turn of normals along the true turn, of it, over all frames.
@@ -100,13 +80,7 @@ fn turn(
     made: ArrayView3<'_, f32>,
 ) -> f32 {
     let rest = mesh.vertex_normals();
-    let normals = |frame: ArrayView2<'_, f32>| {
-        let mut posed = mesh.clone();
-        for (point, offset) in posed.positions.iter_mut().zip(frame.rows()) {
-            (0..3).for_each(|i| point[i] += offset[i]);
-        }
-        posed.vertex_normals()
-    };
+    let normals = |frame| pose(mesh, frame).vertex_normals();
     let (mut along, mut whole) = (0.0f32, 0.0f32);
     for (truth, made) in truth.outer_iter().zip(made.outer_iter()) {
         let (truth, made) = (normals(truth), normals(made));

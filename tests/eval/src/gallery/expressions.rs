@@ -3,7 +3,7 @@
 /// What a frame shows.
 pub(super) struct Expression {
     pub title: &'static str,
-    /// ARKit channels with their weights.
+    /// ARKit channels with their weights; a name without a side moves both.
     pub channels: &'static [(&'static str, f32)],
 }
 
@@ -32,70 +32,46 @@ pub(super) const MOVEMENTS: [Expression; 4] = [
 pub(super) const FEELINGS: [Expression; 6] = [
     Expression {
         title: "happy",
-        channels: &[
-            ("cheekSquintLeft", 0.8),
-            ("cheekSquintRight", 0.8),
-            ("mouthSmileLeft", 0.8),
-            ("mouthSmileRight", 0.8),
-        ],
+        channels: &[("cheekSquint", 0.8), ("mouthSmile", 0.8)],
     },
     Expression {
         title: "sad",
-        channels: &[
-            ("browInnerUp", 0.9),
-            ("browDownLeft", 0.3),
-            ("browDownRight", 0.3),
-            ("mouthFrownLeft", 0.7),
-            ("mouthFrownRight", 0.7),
-        ],
+        channels: &[("browInnerUp", 0.9), ("browDown", 0.3), ("mouthFrown", 0.7)],
     },
     Expression {
         title: "angry",
         channels: &[
-            ("browDownLeft", 1.0),
-            ("browDownRight", 1.0),
-            ("eyeWideLeft", 0.3),
-            ("eyeWideRight", 0.3),
-            ("eyeSquintLeft", 0.5),
-            ("eyeSquintRight", 0.5),
-            ("mouthPressLeft", 0.6),
-            ("mouthPressRight", 0.6),
+            ("browDown", 1.0),
+            ("eyeWide", 0.3),
+            ("eyeSquint", 0.5),
+            ("mouthPress", 0.6),
         ],
     },
     Expression {
         title: "afraid",
         channels: &[
             ("browInnerUp", 0.9),
-            ("browOuterUpLeft", 0.4),
-            ("browOuterUpRight", 0.4),
-            ("browDownLeft", 0.3),
-            ("browDownRight", 0.3),
-            ("eyeWideLeft", 0.7),
-            ("eyeWideRight", 0.7),
-            ("mouthStretchLeft", 0.7),
-            ("mouthStretchRight", 0.7),
+            ("browOuterUp", 0.4),
+            ("browDown", 0.3),
+            ("eyeWide", 0.7),
+            ("mouthStretch", 0.7),
         ],
     },
     Expression {
         title: "surprised",
         channels: &[
             ("browInnerUp", 0.9),
-            ("browOuterUpLeft", 0.9),
-            ("browOuterUpRight", 0.9),
-            ("eyeWideLeft", 0.7),
-            ("eyeWideRight", 0.7),
+            ("browOuterUp", 0.9),
+            ("eyeWide", 0.7),
             ("jawOpen", 0.4),
         ],
     },
     Expression {
         title: "disgusted",
         channels: &[
-            ("noseSneerLeft", 0.9),
-            ("noseSneerRight", 0.9),
-            ("mouthFrownLeft", 0.5),
-            ("mouthFrownRight", 0.5),
-            ("mouthLowerDownLeft", 0.5),
-            ("mouthLowerDownRight", 0.5),
+            ("noseSneer", 0.9),
+            ("mouthFrown", 0.5),
+            ("mouthLowerDown", 0.5),
         ],
     },
 ];

@@ -7,10 +7,7 @@ mod expressions;
 mod mouths;
 mod subjects;
 
-use std::{
-    io::Write,
-    path::{Path, PathBuf},
-};
+use std::path::PathBuf;
 
 use clap::Args;
 use ndarray::{Array2, Array3, Axis, s};
@@ -23,16 +20,16 @@ use self::{
 };
 use crate::{
     arguments::{DataArgs, SharedArgs},
-    console::{Console, command_line},
+    console::{Console, command_line, write_page},
     face_model::IctLandmarks,
     pictures::{Album, raster::Picture},
+    vertex_motion::{distance, own_motion, vertex_motion},
 };
 use anyface::{
     Engine, Error, Face, Result,
-    job::{SILENT, write_atomically},
+    job::SILENT,
     mesh::ibug::LANDMARKS,
     motion::{LandmarkClip, Motion},
-    spread::{Collector, Movement},
 };
 
 /// Make a page that shows meshes with their landmarks, four frames and an error map
@@ -59,7 +56,7 @@ pub(crate) struct Gallery {
 const MOUTH: usize = 3;
 
 /// What is said of a mesh.
-#[derive(Serialize)]
+#[derive(Default, Serialize)]
 struct Shown {
     title: String,
     vertices: usize,
@@ -106,16 +103,9 @@ impl Gallery {
             + &scene.blinks(&subjects)?
             + &scene.creases(&subjects::with_feelings(&data)?)?
             + &scene.mouths(&subjects, &motion)?;
-        write_atomically(&self.out, |file| file.write_all(page.as_bytes()))?;
-        self.write_json(&self.out.with_extension("json"), &shown)?;
+        write_page(&self.out, &page, &shown)?;
         console.value(&shown, &page);
         Ok(())
-    }
-
-    fn write_json(&self, path: &Path, shown: &[Shown]) -> Result<()> {
-        let json = serde_json::to_string_pretty(shown)
-            .map_err(|e| Error::Numerics(format!("numbers as JSON: {e}")))?;
-        write_atomically(path, |file| writeln!(file, "{json}"))
     }
 }
 
@@ -140,12 +130,7 @@ fn show(engine: &Engine, album: &Album, subject: &Subject, motion: &LandmarkClip
     let mut shown = Shown {
         title: subject.title.clone(),
         vertices: subject.mesh.positions.len(),
-        confidence: None,
-        refused: None,
-        landmarks_mm: None,
-        error_mm: None,
-        torn_share: None,
-        picture: None,
+        ..Shown::default()
     };
     let face = match engine.prepare(&subject.mesh, &subject.options, SILENT) {
         Ok(face) => face,
@@ -160,27 +145,21 @@ fn show(engine: &Engine, album: &Album, subject: &Subject, motion: &LandmarkClip
     let stretch = stretch(&subject.mesh, moved.view());
     let torn = stretch.iter().filter(|s| **s > 3f32.ln()).count();
     shown.torn_share = Some(torn as f32 / stretch.len().max(1) as f32);
-    let map = match &subject.truth {
+    let (map, scale) = match &subject.truth {
         Some(truth) => {
             shown.landmarks_mm = Some(landmark_error(subject, &face, truth));
             let errors = error_mm(truth, moved.view());
             shown.error_mm = Some(errors.means);
-            errors.worst_of_vertex
+            (errors.worst_of_vertex, 3.0)
         }
-        None => cells::at_vertices(&subject.mesh, &stretch),
+        None => (cells::at_vertices(&subject.mesh, &stretch), 3f32.ln()),
     };
     let cells = Cells {
         mesh: &subject.mesh,
         face: &face,
     };
-    let scale = if subject.truth.is_some() {
-        3.0
-    } else {
-        3f32.ln()
-    };
     let row = cells.row(moved.view(), &map, scale);
-    let name = subject.title.replace([' ', ','], "_").to_lowercase();
-    shown.picture = Some(album.picture(&name, &row)?);
+    shown.picture = Some(album.picture(&file_stem(&subject.title), &row)?);
     Ok(shown)
 }
 
@@ -191,19 +170,10 @@ fn frames(
     face: &Face,
     motion: &LandmarkClip,
 ) -> Result<Array3<f32>> {
-    let Some(truth) = &subject.truth else {
-        let motion = Motion::Landmarks(motion.clone());
-        let made = Collector::collect(|sink| engine.spread(face, &motion, sink, SILENT))?;
-        return Ok(made.vertices.displacements);
-    };
-    let rows = truth.landmarks.map(|v| v as usize);
-    let own = truth.displacements.select(Axis(1), &rows);
-    let own = Movement::Own {
-        landmarks: own,
-        fps: 1.0,
-    };
-    let made = Collector::collect(|sink| engine.spread(face, own, sink, SILENT))?;
-    Ok(made.vertices.displacements)
+    match &subject.truth {
+        Some(truth) => own_motion(engine, face, truth.of_landmarks()),
+        None => vertex_motion(engine, face, &Motion::Landmarks(motion.clone())),
+    }
 }
 
 /// Median distance of the landmarks from the true ones, millimetres.
@@ -212,8 +182,7 @@ fn landmark_error(subject: &Subject, face: &Face, truth: &Truth) -> f32 {
         .map(|n| {
             let own = subject.mesh.positions[truth.landmarks[n] as usize];
             let found = face.landmarks.positions[n];
-            let squared: f32 = (0..3).map(|i| (own[i] - found[i]).powi(2)).sum();
-            truth.mm * squared.sqrt()
+            truth.mm * distance(own, found)
         })
         .collect();
     distances.sort_by(f32::total_cmp);
@@ -264,6 +233,10 @@ fn sentence(one: &Shown) -> String {
     text + "."
 }
 
+fn file_stem(title: &str) -> String {
+    title.replace([' ', ','], "_").to_lowercase()
+}
+
 /// The sections of close-ups.
 struct Scenes<'a> {
     engine: &'a Engine,
@@ -272,9 +245,16 @@ struct Scenes<'a> {
 }
 
 impl Scenes<'_> {
-    fn section(&self, title: &str, name: &str, text: &str, picture: &Picture) -> Result<String> {
-        let name = name.replace([' ', ','], "_").to_lowercase();
-        let file = self.album.picture(&name, picture)?;
+    fn section(
+        &self,
+        kind: &str,
+        subject: &Subject,
+        text: &str,
+        picture: &Picture,
+    ) -> Result<String> {
+        let title = format!("{kind}, {}", subject.title);
+        let file = file_stem(&format!("{kind} {}", subject.title));
+        let file = self.album.picture(&file, picture)?;
         Ok(format!(
             "\n## {title}\n{text}\n\n![{title}]({}/{file})\n",
             self.images
@@ -286,10 +266,10 @@ impl Scenes<'_> {
             "\n# Blinks\n\nOpen, half shut and shut under each emotion at full strength: {}.\n",
             blinks::titles()
         );
-        let whole = |s: &&Subject| {
-            s.truth.is_some() || s.title == "default head" || s.title == "lee_perry_smith"
+        let whole = |s: &&Subject| match s.title.as_str() {
+            "default head" | "lee_perry_smith" => true,
+            title => s.truth.is_some() && !title.ends_with("found"),
         };
-        let whole = |s: &&Subject| whole(s) && !s.title.ends_with("found");
         for subject in subjects.iter().filter(whole) {
             let made = blinks::blinks(self.engine, subject)?;
             let seen = made.in_sight.map(|shares| {
@@ -300,13 +280,7 @@ impl Scenes<'_> {
                 Some(seen) => format!("Of the eyeballs in sight when shut: {seen}."),
                 None => "Its eyes are part of the skin.".into(),
             };
-            let name = format!("blinks {}", subject.title);
-            text += &self.section(
-                &format!("Blinks, {}", subject.title),
-                &name,
-                &text_of,
-                &made.picture,
-            )?;
+            text += &self.section("Blinks", subject, &text_of, &made.picture)?;
         }
         Ok(text)
     }
@@ -329,13 +303,7 @@ impl Scenes<'_> {
                 made.turned[0],
                 made.turned[1]
             );
-            let name = format!("creases {}", subject.title);
-            text += &self.section(
-                &format!("Creases, {}", subject.title),
-                &name,
-                &said,
-                &made.picture,
-            )?;
+            text += &self.section("Creases", subject, &said, &made.picture)?;
         }
         Ok(text)
     }
@@ -363,13 +331,7 @@ impl Scenes<'_> {
                 "Untouched, {:.2} % of the mouth's triangles grow beyond twice their area; {parted}.",
                 100.0 * made.grown
             );
-            let name = format!("lips {}", subject.title);
-            text += &self.section(
-                &format!("Lips, {}", subject.title),
-                &name,
-                &said,
-                &made.picture,
-            )?;
+            text += &self.section("Lips", subject, &said, &made.picture)?;
         }
         Ok(text)
     }
@@ -384,12 +346,8 @@ mod tests {
         let one = Shown {
             title: "blob".into(),
             vertices: 12,
-            confidence: None,
             refused: Some("no view shows a face".into()),
-            landmarks_mm: None,
-            error_mm: None,
-            torn_share: None,
-            picture: None,
+            ..Shown::default()
         };
         let page = page(&[one], "images/x");
         assert!(page.contains("## blob\n12 vertices; no face: no view shows a face."));

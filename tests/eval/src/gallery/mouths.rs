@@ -1,19 +1,21 @@
 //! Lips that are one surface: untouched, and opened.
 
-use ndarray::{Array3, ArrayView3};
+use ndarray::ArrayView3;
 
 use super::{
     cells::{Cells, View, beside, under},
     subjects::Subject,
 };
-use crate::pictures::raster::Picture;
+use crate::{
+    pictures::raster::Picture,
+    vertex_motion::{distance, pose, vertex_motion},
+};
 use anyface::{
     Engine, Error, Face, Result,
     face::{FaceOptions, open_mouth},
     job::SILENT,
     mesh::{LandmarkSource, Mesh, Mouth},
     motion::{LandmarkClip, Motion},
-    spread::Collector,
 };
 
 const SIZE: (usize, usize) = (220, 170);
@@ -43,14 +45,15 @@ pub(super) fn welded_lips(
         Ok(_) | Err(Error::FaceNotFound(_)) => return Ok(None),
         Err(other) => return Err(other),
     };
-    let untouched = frames(engine, &face, motion)?;
-    let mut rows = rows(&subject.mesh, &face, untouched.view());
+    let whole = Motion::Landmarks(motion.clone());
+    let untouched = vertex_motion(engine, &face, &whole)?;
+    let mut rows = rows_of(&subject.mesh, &face, untouched.view());
     let grown = grown(&subject.mesh, &face, untouched.view());
     let parted = match opened(engine, &face)? {
         Err(why) => Err(why),
         Ok(opened) => {
-            let frames = frames(engine, &opened, motion)?;
-            rows.extend(self::rows(&opened.mesh, &opened, frames.view()));
+            let frames = vertex_motion(engine, &opened, &whole)?;
+            rows.extend(rows_of(&opened.mesh, &opened, frames.view()));
             Ok(parting(&opened, frames.view(), motion))
         }
     };
@@ -74,14 +77,8 @@ fn opened(engine: &Engine, face: &Face) -> Result<std::result::Result<Face, Stri
     engine.prepare(&opened.mesh, &options, SILENT).map(Ok)
 }
 
-fn frames(engine: &Engine, face: &Face, motion: &LandmarkClip) -> Result<Array3<f32>> {
-    let motion = Motion::Landmarks(motion.clone());
-    let made = Collector::collect(|sink| engine.spread(face, &motion, sink, SILENT))?;
-    Ok(made.vertices.displacements)
-}
-
 /// From the front and turned: at rest, then each frame.
-fn rows(mesh: &Mesh, face: &Face, frames: ArrayView3<'_, f32>) -> Vec<Picture> {
+fn rows_of(mesh: &Mesh, face: &Face, frames: ArrayView3<'_, f32>) -> Vec<Picture> {
     let cells = Cells { mesh, face };
     let front = View::about(face, 48..68, SIZE, HALF_HEIGHT_M);
     let turned = front.turned(face, 48..68, TURNED);
@@ -99,25 +96,15 @@ fn rows(mesh: &Mesh, face: &Face, frames: ArrayView3<'_, f32>) -> Vec<Picture> {
 /// Share of the triangles about the mouth that grow beyond twice their area in any frame.
 fn grown(mesh: &Mesh, face: &Face, frames: ArrayView3<'_, f32>) -> f32 {
     let marks = &face.landmarks.positions;
-    let away = |a: [f32; 3], b: [f32; 3]| (0..3).map(|i| (a[i] - b[i]).powi(2)).sum::<f32>().sqrt();
-    let reach = NEAR * away(marks[48], marks[54]);
+    let reach = NEAR * distance(marks[48], marks[54]);
     let near = |t: &[u32; 3]| {
         let p = mesh.positions[t[0] as usize];
-        marks[48..68].iter().any(|m| away(*m, p) < reach)
+        marks[48..68].iter().any(|m| distance(*m, p) < reach)
     };
     let neutral = mesh.face_areas();
-    let twice = |f: usize| {
-        frames.outer_iter().any(|frame| {
-            let corners = mesh.triangles[f].map(|v| -> [f32; 3] {
-                std::array::from_fn(|i| mesh.positions[v as usize][i] + frame[[v as usize, i]])
-            });
-            let posed = Mesh {
-                positions: corners.to_vec(),
-                triangles: vec![[0, 1, 2]],
-            };
-            posed.face_areas()[0] > 2.0 * neutral[f]
-        })
-    };
+    let frames = frames.outer_iter();
+    let areas: Vec<_> = frames.map(|frame| pose(mesh, frame).face_areas()).collect();
+    let twice = |f: usize| areas.iter().any(|areas| areas[f] > 2.0 * neutral[f]);
     let of_mouth: Vec<usize> = (0..mesh.triangles.len())
         .filter(|&f| near(&mesh.triangles[f]))
         .collect();

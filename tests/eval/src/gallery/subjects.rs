@@ -2,7 +2,7 @@
 
 use std::path::Path;
 
-use ndarray::Array3;
+use ndarray::{Array3, Axis};
 
 use super::expressions::{Expression, FEELINGS, MOVEMENTS};
 use crate::face_model::FaceModel;
@@ -33,6 +33,14 @@ pub(super) struct Truth {
     pub landmarks: [u32; LANDMARKS],
     /// Millimetres of a mesh unit.
     pub mm: f32,
+}
+
+impl Truth {
+    /// `[E, 68, 3]`, of the landmarks.
+    pub(super) fn of_landmarks(&self) -> Array3<f32> {
+        let rows = self.landmarks.map(|v| v as usize);
+        self.displacements.select(Axis(1), &rows)
+    }
 }
 
 /// Every mesh file in a folder, by name.

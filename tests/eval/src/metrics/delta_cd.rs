@@ -1,6 +1,6 @@
 //! δCd, difference of the direction of motion between consecutive frames.
 
-use super::{Clip, mean_over_steps};
+use super::{Clip, check};
 use anyface::Result;
 
 /// Product of lengths below which a direction is undefined.
@@ -11,9 +11,17 @@ const SMALLEST: f64 = 1e-24;
 /// # Errors
 /// `ShapeMismatch` unless both are the same `[T, V, 3]` with at least two frames.
 pub fn delta_cd(prediction: Clip<'_>, truth: Clip<'_>) -> Result<f64> {
-    mean_over_steps(prediction, truth, |p, g| {
-        let dot: f64 = (0..3).map(|i| p[i] * g[i]).sum();
-        let length = |x: [f64; 3]| x.iter().map(|c| c * c).sum::<f64>().sqrt();
-        1.0 - dot / (length(p) * length(g)).max(SMALLEST)
-    })
+    check(prediction, truth, &[], 2)?;
+    let (frames, vertices, _) = truth.dim();
+    let mut sum = 0.0;
+    for t in 0..frames - 1 {
+        for v in 0..vertices {
+            let step = |clip: Clip<'_>| [0, 1, 2].map(|i| clip[[t + 1, v, i]] - clip[[t, v, i]]);
+            let (p, g) = (step(prediction), step(truth));
+            let dot: f64 = (0..3).map(|i| p[i] * g[i]).sum();
+            let length = |x: [f64; 3]| x.iter().map(|c| c * c).sum::<f64>().sqrt();
+            sum += 1.0 - dot / (length(p) * length(g)).max(SMALLEST);
+        }
+    }
+    Ok(sum / ((frames - 1) * vertices) as f64)
 }

@@ -3,16 +3,8 @@
 use super::{Clip, check};
 use anyface::Result;
 
-/// How much less (positive) or more (negative) the upper face moves than in truth.
-#[derive(Debug, Clone, Copy, PartialEq)]
-pub struct Fdd {
-    /// `mean_v std_t(‖G‖²) − mean_v std_t(‖P‖²)`.
-    pub signed: f64,
-    /// Its magnitude.
-    pub absolute: f64,
-}
-
-/// FDD over `upper`; both clips are displacements from the neutral face. Population deviation.
+/// FDD over `upper`, signed: how much less (positive) or more (negative) the upper face moves than in truth,
+/// `mean_v std_t(‖G‖²) − mean_v std_t(‖P‖²)`. Both clips are displacements from the neutral face. Population deviation.
 ///
 /// # Errors
 /// `ShapeMismatch` unless both are the same `[T, V, 3]`; `InvalidInput` for a vertex beyond `V`.
@@ -20,16 +12,12 @@ pub fn face_dynamics_deviation(
     prediction: Clip<'_>,
     truth: Clip<'_>,
     upper: &[usize],
-) -> Result<Fdd> {
+) -> Result<f64> {
     check(prediction, truth, upper, 1)?;
     let mean = |clip| upper.iter().map(|v| deviation(clip, *v)).sum::<f64>() / upper.len() as f64;
-    let signed = match upper.is_empty() {
+    Ok(match upper.is_empty() {
         true => 0.0,
         false => mean(truth) - mean(prediction),
-    };
-    Ok(Fdd {
-        signed,
-        absolute: signed.abs(),
     })
 }
 

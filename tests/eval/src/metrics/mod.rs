@@ -69,39 +69,5 @@ fn squared_distance(a: Clip<'_>, b: Clip<'_>, t: usize, v: usize) -> f64 {
     (0..3).map(|i| (a[[t, v, i]] - b[[t, v, i]]).powi(2)).sum()
 }
 
-/// Mean over frames of the largest squared distance within `region`.
-fn mean_of_largest(prediction: Clip<'_>, truth: Clip<'_>, region: &[usize]) -> Result<f64> {
-    check(prediction, truth, region, 1)?;
-    let frames = truth.dim().0;
-    let largest = |t| {
-        region.iter().fold(0.0f64, |most, v| {
-            most.max(squared_distance(prediction, truth, t, *v))
-        })
-    };
-    Ok((0..frames).map(largest).sum::<f64>() / frames as f64)
-}
-
-/// Change of vertex `v` from frame `t` to `t + 1`.
-fn step(clip: Clip<'_>, t: usize, v: usize) -> [f64; 3] {
-    std::array::from_fn(|i| clip[[t + 1, v, i]] - clip[[t, v, i]])
-}
-
-/// Mean of `of` over all steps and vertices of both clips.
-fn mean_over_steps(
-    prediction: Clip<'_>,
-    truth: Clip<'_>,
-    of: impl Fn([f64; 3], [f64; 3]) -> f64,
-) -> Result<f64> {
-    check(prediction, truth, &[], 2)?;
-    let (frames, vertices, _) = truth.dim();
-    let mut sum = 0.0;
-    for t in 0..frames - 1 {
-        for v in 0..vertices {
-            sum += of(step(prediction, t, v), step(truth, t, v));
-        }
-    }
-    Ok(sum / ((frames - 1) * vertices) as f64)
-}
-
 #[cfg(test)]
 mod tests;

@@ -8,13 +8,13 @@ use super::{
     Album, letters,
     raster::{Picture, Scene},
 };
+use crate::vertex_motion::{pose, vertex_motion};
 use anyface::{
     Engine, Error, Face, Result,
     face::FaceOptions,
     job::SILENT,
     mesh::{LandmarkSource, Mesh},
     motion::{LandmarkClip, Motion},
-    spread::{Collector, FrameSink},
 };
 
 const CELL: (usize, usize) = (112, 132);
@@ -82,18 +82,13 @@ impl Head {
             displacements: motion.mapv(|x| x as f32),
             fps: 1.0,
         };
-        let motion = Motion::Landmarks(motion);
-        let spread = |sink: &mut dyn FrameSink| engine.spread(&self.face, &motion, sink, SILENT);
-        let made = Collector::collect(spread)?;
-        let frames = made.vertices.displacements;
+        let frames = vertex_motion(engine, &self.face, &Motion::Landmarks(motion))?;
         Ok(frames.axis_iter(Axis(0)).map(|f| self.draw(f)).collect())
     }
 
     fn draw(&self, displacements: ndarray::ArrayView2<'_, f32>) -> Picture {
-        let mut mesh = self.mesh.clone();
-        for (point, moved) in mesh.positions.iter_mut().zip(displacements.rows()) {
-            *point = turned(std::array::from_fn(|i| point[i] + moved[i]));
-        }
+        let mut mesh = pose(&self.mesh, displacements);
+        mesh.positions.iter_mut().for_each(|p| *p = turned(*p));
         let scene = Scene {
             normals: &mesh.vertex_normals(),
             points: &mesh.positions,

@@ -1,11 +1,9 @@
 //! Confidence intervals: the percentile bootstrap over clips (Efron 1979).
 
-use rand_chacha::{
-    ChaCha8Rng,
-    rand_core::{RngCore, SeedableRng},
-};
+use rand_chacha::{ChaCha8Rng, rand_core::SeedableRng};
 use serde::Serialize;
 
+use super::random::below;
 use crate::metrics::quantile;
 
 /// Number of resamples behind every interval.
@@ -34,6 +32,18 @@ impl Estimate {
             None => number(self.value, digits),
         }
     }
+}
+
+/// Median of some values; none without one.
+pub(super) fn median(values: impl Iterator<Item = f64>) -> Option<f64> {
+    let values: Vec<f64> = values.collect();
+    (!values.is_empty()).then(|| quantile(&values, 0.5))
+}
+
+/// Mean of some values; none without one.
+pub(super) fn mean(values: impl ExactSizeIterator<Item = f64>) -> Option<f64> {
+    let count = values.len();
+    (count > 0).then(|| values.sum::<f64>() / count as f64)
 }
 
 /// A number with a true minus sign, and no minus before a rounded zero.
@@ -76,18 +86,12 @@ pub(super) fn estimate<T>(
     })
 }
 
-/// A whole number below `count`, each as likely but for one part in 2^64.
-fn below(random: &mut ChaCha8Rng, count: usize) -> usize {
-    ((u128::from(random.next_u64()) * count as u128) >> 64) as usize
-}
-
 #[cfg(test)]
 mod tests {
     use super::*;
 
     fn mean(records: &[&f64]) -> Option<f64> {
-        let sum: f64 = records.iter().copied().sum();
-        (!records.is_empty()).then(|| sum / records.len() as f64)
+        super::mean(records.iter().map(|x| **x))
     }
 
     #[test]

@@ -77,6 +77,11 @@ impl Clip {
     }
 }
 
+/// At most `most` of `all`, at equal distances.
+pub(super) fn spaced<T>(all: &[T], most: usize) -> impl Iterator<Item = &T> {
+    all.iter().step_by(all.len().div_ceil(most).max(1))
+}
+
 /// The inner-lip gap of `[T, 68, 3]` motion of a face `[68, 3]`, metres: `[T]` millimetres.
 pub(super) fn gap_mm(face: &Array2<f64>, motion: metrics::Clip<'_>) -> Result<Vec<f64>> {
     let positions: Array3<f64> = (&motion + face) * MM;

@@ -3,12 +3,13 @@
 use serde::Serialize;
 
 use super::{
-    bootstrap::{Estimate, estimate},
+    bootstrap::{estimate, median},
     clip::{Clip, gap_mm, rest_gap_mm},
     phone::Phone,
     predictors::Performed,
+    row::Row,
 };
-use crate::metrics::{self, Closure, closures, quantile};
+use crate::metrics::{self, Closure, closures};
 use anyface::Result;
 
 /// Lips this near to how they lie at rest are closed, millimetres.
@@ -21,29 +22,11 @@ const LEAD_S: (f64, f64) = (0.04, 0.12);
 const MS: f64 = 1000.0;
 const PER_CENT: f64 = 100.0;
 
-/// One predictor on one source.
-#[derive(Debug, Clone, Serialize)]
-pub(super) struct ClosureScores {
-    pub predictor: String,
-    pub clips: usize,
-    pub closures: usize,
-    /// Closures within [`CLOSED_MM`] of the neutral face's own gap, %.
-    pub closed_percent: Option<Estimate>,
-    /// Closures within [`SHUT`] of the clip's wide gaps, %.
-    pub shut_percent: Option<Estimate>,
-    /// Median of the smallest gap above the neutral face's, mm.
-    pub gap_mm: Option<Estimate>,
-    /// Median distance of the gap's minimum from the middle of its window, ms.
-    pub timing_ms: Option<Estimate>,
-    /// Frames of all clips with closed lips, %: what chance would reach.
-    pub time_closed_percent: Option<Estimate>,
-}
-
 /// All predictors on one source.
 #[derive(Debug, Clone, Serialize)]
 pub(super) struct SourceClosures {
     pub source: String,
-    pub rows: Vec<ClosureScores>,
+    pub rows: Vec<Row>,
 }
 
 /// What one clip holds.
@@ -91,7 +74,7 @@ pub(super) fn measure(performed: &[Performed]) -> Result<Vec<SourceClosures>> {
         let mut rows = Vec::new();
         for (name, motions) in source.with_recording() {
             let pairs = motions.iter().map(|(clip, motion)| (*clip, motion.view()));
-            rows.push(score(name, pairs)?);
+            rows.push(score(name, pairs)?.of_group("source", &source.corpus.source));
         }
         out.push(SourceClosures {
             source: source.corpus.source.clone(),
@@ -105,7 +88,7 @@ pub(super) fn measure(performed: &[Performed]) -> Result<Vec<SourceClosures>> {
 pub(super) fn score<'a>(
     name: &str,
     pairs: impl Iterator<Item = (&'a Clip, metrics::Clip<'a>)>,
-) -> Result<ClosureScores> {
+) -> Result<Row> {
     let mut records = Vec::new();
     for (clip, motion) in pairs {
         if let Some(phones) = &clip.phones {
@@ -122,27 +105,33 @@ pub(super) fn score<'a>(
         let shut = found().filter(|is| *is).count() as f64;
         (found().count() > 0).then(|| PER_CENT * shut / found().count() as f64)
     };
-    let median = |values: Vec<f64>| (!values.is_empty()).then(|| quantile(&values, 0.5));
     let timing = |of: &[&Record]| {
         let found = of.iter().flat_map(|r| &r.closures);
-        median(found.map(|c| c.offset_s.abs() * MS).collect())
+        median(found.map(|c| c.offset_s.abs() * MS))
     };
-    let gap = |of: &[&Record]| median(of.iter().flat_map(|r| r.gaps_mm()).collect());
+    let gap = |of: &[&Record]| median(of.iter().flat_map(|r| r.gaps_mm()));
     let time_closed = |of: &[&Record]| {
         let sum = |f: fn(&Record) -> f64| of.iter().map(|r| f(r)).sum::<f64>();
         (!of.is_empty()).then(|| PER_CENT * sum(|r| r.frames_closed) / sum(|r| r.frames))
     };
     let closed = |of: &[&Record]| share(of, |r, c| c.gap - r.rest_mm <= CLOSED_MM);
-    Ok(ClosureScores {
-        predictor: name.into(),
-        clips: records.len(),
-        closures: records.iter().map(|r| r.closures.len()).sum(),
-        closed_percent: estimate(&records, closed),
-        shut_percent: estimate(&records, |of| share(of, |_, c| c.gap_share < SHUT)),
-        gap_mm: estimate(&records, gap),
-        timing_ms: estimate(&records, timing),
-        time_closed_percent: estimate(&records, time_closed),
-    })
+    let shut = |of: &[&Record]| share(of, |_, c| c.gap_share < SHUT);
+    let count: usize = records.iter().map(|r| r.closures.len()).sum();
+    let at_any_time = estimate(&records, time_closed);
+    Ok(Row::default()
+        .with("predictor", "predictor", 0, name)
+        .with("clips", "clips", 0, records.len())
+        .with("closures", "p b m", 0, count)
+        .with("closed_percent", "closed, %", 1, estimate(&records, closed))
+        .with("shut_percent", "by share, %", 1, estimate(&records, shut))
+        .with("gap_mm", "gap, mm", 2, estimate(&records, gap))
+        .with("timing_ms", "timing, ms", 0, estimate(&records, timing))
+        .with(
+            "time_closed_percent",
+            "closed at any time, %",
+            1,
+            at_any_time,
+        ))
 }
 
 fn record(gap: &[f64], rest_mm: f64, fps: f64, windows: &[(f64, f64)]) -> Record {
@@ -221,8 +210,8 @@ mod tests {
         for (least_m, percent) in [(0.0004, 100.0), (0.0008, 0.0)] {
             let clip = clip(least_m);
             let found = score("", [(&clip, clip.motion.view())].into_iter()).unwrap();
-            assert_eq!(found.closed_percent.unwrap().value, percent);
-            assert_eq!(found.shut_percent.unwrap().value, 100.0);
+            assert_eq!(found.estimate("closed_percent").unwrap().value, percent);
+            assert_eq!(found.estimate("shut_percent").unwrap().value, 100.0);
         }
     }
 }

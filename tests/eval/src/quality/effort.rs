@@ -4,11 +4,10 @@
 
 use std::{collections::BTreeMap, path::Path};
 
-use serde::Serialize;
-
 use super::{
-    bootstrap::{Estimate, estimate},
-    clip::Clip,
+    bootstrap::{estimate, mean, median},
+    clip::{Clip, spaced},
+    row::Row,
     speaker::{Speaker, Wish},
     voices::{shouted, whispered},
 };
@@ -25,18 +24,6 @@ const CHIN: usize = 8;
 const WIDE: f64 = 0.95;
 const MM: f64 = 1000.0;
 
-/// One kind of pair: an effortful voice against a soft one.
-#[derive(Debug, Clone, Serialize)]
-pub(super) struct EffortScores {
-    pub pair: String,
-    pub pairs: usize,
-    /// Median of the chin's fall, 95 % quantile of a recording, in either voice, mm.
-    pub loud_mm: Option<Estimate>,
-    pub soft_mm: Option<Estimate>,
-    /// Geometric mean of the pairs' ratios.
-    pub ratio: Option<Estimate>,
-}
-
 /// A line of `clips.tsv`.
 struct Recording {
     name: String,
@@ -52,7 +39,7 @@ pub(super) fn measure(
     wish: &Wish,
     (data, spoken): (&Path, &[&Clip]),
     limit: Option<usize>,
-) -> Result<Vec<EffortScores>> {
+) -> Result<Vec<Row>> {
     let wish = Wish {
         default_controls: true,
         ..wish.clone()
@@ -63,10 +50,8 @@ pub(super) fn measure(
 }
 
 /// A shout against a whisper, both made of the same recording.
-fn made(speaker: &Speaker, wish: &Wish, spoken: &[&Clip]) -> Result<EffortScores> {
-    let every = spoken.len().div_ceil(MADE).max(1);
-    let chosen = spoken.iter().step_by(every);
-    let pairs = chosen.map(|clip| {
+fn made(speaker: &Speaker, wish: &Wish, spoken: &[&Clip]) -> Result<Row> {
+    let pairs = spaced(spoken, MADE).map(|clip| {
         let loud = fall_mm(speaker, wish, &shouted(&clip.waveform))?;
         Ok([loud, fall_mm(speaker, wish, &whispered(&clip.waveform))?])
     });
@@ -75,12 +60,7 @@ fn made(speaker: &Speaker, wish: &Wish, spoken: &[&Clip]) -> Result<EffortScores
 }
 
 /// Anger against the other feelings.
-fn acted(
-    speaker: &Speaker,
-    wish: &Wish,
-    data: &Path,
-    limit: Option<usize>,
-) -> Result<Vec<EffortScores>> {
+fn acted(speaker: &Speaker, wish: &Wish, data: &Path, limit: Option<usize>) -> Result<Vec<Row>> {
     let folder = data.join("speech/emodb_de");
     let said = by_actor_and_sentence(read(&folder.join("clips.tsv"))?);
     let mut falls: BTreeMap<&'static str, Vec<[f64; 2]>> = BTreeMap::new();
@@ -116,24 +96,18 @@ fn fall_mm(speaker: &Speaker, wish: &Wish, sound: &Waveform) -> Result<f64> {
     Ok(quantile(&falls, WIDE))
 }
 
-fn score(pair: String, pairs: &[[f64; 2]]) -> EffortScores {
-    let median = |k: usize| {
-        estimate(pairs, move |of| {
-            let values: Vec<f64> = of.iter().map(|pair| pair[k]).collect();
-            (!values.is_empty()).then(|| quantile(&values, 0.5))
-        })
-    };
+fn score(pair: String, pairs: &[[f64; 2]]) -> Row {
+    let middle = |k: usize| estimate(pairs, move |of| median(of.iter().map(|pair| pair[k])));
     let ratio = |of: &[&[f64; 2]]| {
-        let sum: f64 = of.iter().map(|[loud, soft]| (loud / soft).ln()).sum();
-        (!of.is_empty()).then(|| (sum / of.len() as f64).exp())
+        let ratios = of.iter().map(|[loud, soft]| (loud / soft).ln());
+        mean(ratios).map(f64::exp)
     };
-    EffortScores {
-        pair,
-        pairs: pairs.len(),
-        loud_mm: median(0),
-        soft_mm: median(1),
-        ratio: estimate(pairs, ratio),
-    }
+    Row::default()
+        .with("pair", "", 0, pair)
+        .with("pairs", "pairs", 0, pairs.len())
+        .with("loud_mm", "loud, mm", 1, middle(0))
+        .with("soft_mm", "soft, mm", 1, middle(1))
+        .with("ratio", "ratio", 2, estimate(pairs, ratio))
 }
 
 fn by_actor_and_sentence(recordings: Vec<Recording>) -> BTreeMap<(String, String), Vec<Recording>> {
@@ -186,9 +160,9 @@ mod tests {
     #[test]
     fn ratios_are_averaged_as_ratios() {
         let found = score("".into(), &[[2.0, 1.0], [4.0, 8.0], [8.0, 1.0]]);
-        assert!((found.ratio.unwrap().value - 2.0).abs() < 1e-12);
-        assert_eq!(found.loud_mm.unwrap().value, 4.0);
-        assert_eq!(score("".into(), &[]).ratio, None);
+        assert!((found.estimate("ratio").unwrap().value - 2.0).abs() < 1e-12);
+        assert_eq!(found.estimate("loud_mm").unwrap().value, 4.0);
+        assert_eq!(score("".into(), &[]).estimate("ratio"), None);
     }
 
     #[test]

@@ -20,7 +20,7 @@ use anyface::{
 };
 
 /// Where the track lies in the data folder.
-pub(super) const TRACK: &str = "motion/grid_s1/face_track.safetensors";
+pub(crate) const TRACK: &str = "motion/grid_s1/face_track.safetensors";
 /// Frame rate of the video.
 pub(super) const FPS: f64 = 25.0;
 const UNITS_PER_CM: f64 = 2000.0;
@@ -85,7 +85,7 @@ pub(super) fn read(data: &Path, ict: &IctLandmarks, limit: Option<usize>) -> Res
 }
 
 /// Clips whose index in the order of names leaves `remainder` on division by ten; 0: held out.
-pub(super) fn every_tenth(names: &[String], remainder: usize) -> Vec<usize> {
+pub(crate) fn every_tenth(names: &[String], remainder: usize) -> Vec<usize> {
     let mut sorted: Vec<usize> = (0..names.len()).collect();
     sorted.sort_by_key(|c| &names[*c]);
     let chosen = sorted.iter().skip(remainder).step_by(EVERY);
@@ -93,7 +93,7 @@ pub(super) fn every_tenth(names: &[String], remainder: usize) -> Vec<usize> {
 }
 
 /// First frame of each clip, and the end of the last.
-pub(super) fn spans(file: &TensorFile, clips: usize) -> Result<Vec<Range<usize>>> {
+pub(crate) fn spans(file: &TensorFile, clips: usize) -> Result<Vec<Range<usize>>> {
     let (offsets, _) = file.floats("clip_offsets")?;
     let spans: Vec<_> = offsets
         .windows(2)

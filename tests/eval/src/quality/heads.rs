@@ -4,14 +4,13 @@ use std::path::Path;
 
 use ndarray::{Array3, Axis};
 
-use crate::face_model::FaceModel;
+use crate::{face_model::FaceModel, vertex_motion::vertex_motion};
 use anyface::{
     Engine, Face, Result,
     face::FaceOptions,
     job::SILENT,
     mesh::{LandmarkSource, Mesh, ibug::LANDMARKS},
     motion::LandmarkClip,
-    spread::{Collector, FrameSink},
 };
 
 const MM: f64 = 1000.0;
@@ -31,7 +30,7 @@ impl Head {
         };
         let mesh = Mesh::read(folder.join("head.obj"))?;
         Ok(vec![
-            Self::ict(engine, data)?,
+            Self::of_model(engine, "ICT", &FaceModel::ict(data)?)?,
             Self::of_model(engine, "MakeHuman", &FaceModel::makehuman(data)?)?,
             Head {
                 title: "default head",
@@ -40,13 +39,12 @@ impl Head {
         ])
     }
 
-    /// ICT's mean head.
-    pub(super) fn ict(engine: &Engine, data: &Path) -> Result<Self> {
-        Self::of_model(engine, "ICT", &FaceModel::ict(data)?)
-    }
-
     /// A head with its own landmarks.
-    fn of_model(engine: &Engine, title: &'static str, model: &FaceModel) -> Result<Self> {
+    pub(super) fn of_model(
+        engine: &Engine,
+        title: &'static str,
+        model: &FaceModel,
+    ) -> Result<Self> {
         Ok(Head {
             title,
             face: engine.prepare(&model.mesh(&[])?, &model.options(), SILENT)?,
@@ -60,8 +58,7 @@ impl Head {
             fps: 1.0,
         };
         let motion = engine.follow(&motion, &self.face.options.controls, SILENT)?;
-        let spread = |sink: &mut dyn FrameSink| engine.spread(&self.face, &motion, sink, SILENT);
-        Ok(Collector::collect(spread)?.vertices.displacements)
+        vertex_motion(engine, &self.face, &motion)
     }
 
     /// How the mesh itself moves at its landmarks under landmark motion `[T, 68, 3]` metres:

@@ -5,18 +5,20 @@
 
 use std::path::Path;
 
-use ndarray::{Array3, ArrayView2, Axis};
-use serde::Serialize;
+use ndarray::{Array2, Array3, ArrayView2, Axis};
 
 use super::{
-    bootstrap::{Estimate, estimate},
-    clip::{Clip, RECORDED},
+    bootstrap::{estimate, median},
+    clip::{Clip, RECORDED, spaced},
     heads::{Head, stacked},
     phone::Phone,
     predictors::{MODEL, Performed},
+    row::Row,
 };
-use crate::metrics::quantile;
-use crate::{face_model::IctLandmarks, tensors::TensorFile};
+use crate::{
+    face_model::{FaceModel, IctLandmarks},
+    vertex_motion::distance,
+};
 use anyface::{Engine, Result};
 
 /// Vertices of ICT's upper teeth.
@@ -41,18 +43,6 @@ const BATCH: usize = 50;
 const MM: f64 = 1000.0;
 const MM_PER_CM: f64 = 10.0;
 
-/// One predictor on one source.
-#[derive(Debug, Clone, Serialize)]
-pub(super) struct LabiodentalScores {
-    pub source: String,
-    pub predictor: String,
-    pub count: usize,
-    /// Median of the smallest distance from the lower lip to the edge of the upper incisors.
-    pub distance_mm: Option<Estimate>,
-    /// Median of how far the lower lip lies behind its place at rest in that frame.
-    pub tuck_mm: Option<Estimate>,
-}
-
 /// ICT's head with what of it is measured.
 pub(super) struct Mouth {
     head: Head,
@@ -62,7 +52,7 @@ pub(super) struct Mouth {
     rest_cm: Vec<[f32; 3]>,
     edge_cm: Vec<[f32; 3]>,
     /// `[68, 3]` metres.
-    neutral: ndarray::Array2<f64>,
+    neutral: Array2<f64>,
 }
 
 /// One f or v.
@@ -72,11 +62,7 @@ struct Record {
 }
 
 /// The recording and the model on every source with f and v; all languages of espeak-ng together.
-pub(super) fn measure(
-    engine: &Engine,
-    mouth: &Mouth,
-    performed: &[Performed],
-) -> Result<Vec<LabiodentalScores>> {
+pub(super) fn measure(engine: &Engine, mouth: &Mouth, performed: &[Performed]) -> Result<Vec<Row>> {
     let mut out = Vec::new();
     let mut made = Vec::new();
     for source in performed {
@@ -102,20 +88,15 @@ pub(super) fn measure(
 
 impl Mouth {
     pub(super) fn read(engine: &Engine, data: &Path, ict: &IctLandmarks) -> Result<Self> {
-        let file = TensorFile::read(&data.join("faces/ict_facekit.safetensors"))?;
-        let (neutral, shape) = file.floats("neutral")?;
-        let names = file.words("expression_names")?;
-        let (modes, _) = file.floats("expression")?;
-        let roll = names.iter().position(|name| name == "mouthRollLower");
-        let roll = roll.ok_or_else(|| file.bad("expected a mode mouthRollLower, got none"))?;
-        let at =
-            |values: &[f32], v: usize| -> [f32; 3] { std::array::from_fn(|i| values[3 * v + i]) };
-        let teeth: Vec<[f32; 3]> = UPPER_TEETH.map(|v| at(&neutral, v)).collect();
-        let rolled = &modes[roll * 3 * shape[0]..(roll + 1) * 3 * shape[0]];
-        let lip = lower_lip(SKIN.map(|v| (at(&neutral, v), at(rolled, v))));
+        let model = FaceModel::ict(data)?;
+        let mut rolled = Array2::zeros(model.neutral.dim());
+        model.add("mouthRollLower", 1.0, rolled.view_mut())?;
+        let at = |values: &Array2<f32>, v: usize| [0, 1, 2].map(|i| values[[v, i]]);
+        let teeth: Vec<[f32; 3]> = UPPER_TEETH.map(|v| at(&model.neutral, v)).collect();
+        let lip = lower_lip(SKIN.map(|v| (at(&model.neutral, v), at(&rolled, v))));
         Ok(Mouth {
-            head: Head::ict(engine, data)?,
-            rest_cm: lip.iter().map(|v| at(&neutral, *v)).collect(),
+            head: Head::of_model(engine, "ICT", &model)?,
+            rest_cm: lip.iter().map(|v| at(&model.neutral, *v)).collect(),
             lip,
             edge_cm: incisor_edge(&teeth),
             neutral: ict.neutral.clone(),
@@ -157,22 +138,19 @@ impl Mouth {
         engine: &Engine,
         (source, predictor): (&str, &str),
         frames: &[ArrayView2<'_, f64>],
-    ) -> Result<Option<LabiodentalScores>> {
-        let every = frames.len().div_ceil(MOST).max(1);
-        let chosen: Vec<_> = frames.iter().step_by(every).cloned().collect();
+    ) -> Result<Option<Row>> {
+        let chosen: Vec<_> = spaced(frames, MOST).cloned().collect();
         let records = self.records(engine, &chosen)?;
-        let median = |of: fn(&Record) -> f64| {
-            estimate(&records, move |records| {
-                let values: Vec<f64> = records.iter().map(|r| of(r)).collect();
-                (!values.is_empty()).then(|| quantile(&values, 0.5))
-            })
+        let middle = |of: fn(&Record) -> f64| {
+            estimate(&records, move |all| median(all.iter().map(|r| of(r))))
         };
-        Ok((!records.is_empty()).then(|| LabiodentalScores {
-            source: source.into(),
-            predictor: predictor.into(),
-            count: frames.len(),
-            distance_mm: median(|r| r.distance_mm),
-            tuck_mm: median(|r| r.tuck_mm),
+        Ok((!records.is_empty()).then(|| {
+            Row::default()
+                .with("source", "source", 0, source)
+                .with("predictor", "predictor", 0, predictor)
+                .with("count", "f v", 0, frames.len())
+                .with("distance_mm", "distance", 2, middle(|r| r.distance_mm))
+                .with("tuck_mm", "tuck", 2, middle(|r| r.tuck_mm))
         }))
     }
 
@@ -198,12 +176,8 @@ impl Mouth {
         engine: &Engine,
         frames: &[ArrayView2<'_, f64>],
     ) -> Result<Option<f64>> {
-        let distances: Vec<f64> = self
-            .records(engine, frames)?
-            .iter()
-            .map(|record| record.distance_mm)
-            .collect();
-        Ok((!distances.is_empty()).then(|| quantile(&distances, 0.5)))
+        let records = self.records(engine, frames)?;
+        Ok(median(records.iter().map(|record| record.distance_mm)))
     }
 
     /// From the nearest vertex of the displaced lip, `[lip, 3]` centimetres, to the incisors.
@@ -225,9 +199,8 @@ fn squared_distance(a: [f32; 3], b: [f32; 3]) -> f32 {
 
 /// Vertices of the lower lip among pairs of place and motion under its roll, centimetres.
 fn lower_lip(vertices: impl Iterator<Item = ([f32; 3], [f32; 3])>) -> Vec<usize> {
-    let length = |m: [f32; 3]| squared_distance(m, [0.0; 3]).sqrt();
     let all: Vec<(f32, f32)> = vertices
-        .map(|(at, moved)| (at[0].abs(), length(moved)))
+        .map(|(at, moved)| (at[0].abs(), distance(moved, [0.0; 3])))
         .collect();
     let most = all.iter().map(|(_, moved)| *moved).fold(0.0, f32::max);
     let inside = |(x, moved): &(f32, f32)| *x < LIP_HALF_WIDTH_CM && *moved > ROLLED * most;

@@ -3,12 +3,12 @@
 use std::path::Path;
 
 use ndarray::{Array2, Array3, ArrayView1, ArrayView2};
-use serde::Serialize;
 
 use super::{
-    bootstrap::{Estimate, estimate},
+    bootstrap::{estimate, mean},
     clip::Clip,
     grid::{FPS, TRACK, every_tenth, spans},
+    row::Row,
     speaker::{Speaker, Wish},
 };
 use crate::metrics::quantile;
@@ -47,25 +47,12 @@ pub(super) struct Surroundings {
     pub lids: Vec<f64>,
 }
 
-/// One quantity of the performance beside the speaker's.
-#[derive(Debug, Clone, Serialize)]
-pub(super) struct LifeScores {
-    pub quantity: &'static str,
-    /// 5, 50 and 95 % over the speaker's held-out clips.
-    pub recorded: [f64; 3],
-    /// Mean over the model's clips, as a user gets it who changes nothing; none where the
-    /// performance has no such track.
-    pub made: Option<Estimate>,
-    /// Whether that lies within 5 and 95 %.
-    pub within: Option<bool>,
-}
-
 pub(super) fn measure(
     speaker: &Speaker,
     wish: &Wish,
     data: &Path,
     clips: &[Clip],
-) -> Result<Vec<LifeScores>> {
+) -> Result<Vec<Row>> {
     let wish = Wish {
         default_controls: true,
         ..wish.clone()
@@ -82,16 +69,13 @@ pub(super) fn measure(
         let of_speaker: Vec<f64> = recorded.iter().filter_map(|n| n[k]).collect();
         let tails = TAILS.map(|q| quantile(&of_speaker, q));
         let found: Vec<f64> = made.iter().filter_map(|n| n[k]).collect();
-        let mean = estimate(&found, |of| {
-            let sum: f64 = of.iter().copied().sum();
-            (!of.is_empty()).then(|| sum / of.len() as f64)
-        });
-        LifeScores {
-            quantity,
-            recorded: tails,
-            made: mean,
-            within: mean.map(|mean| (tails[0]..=tails[2]).contains(&mean.value)),
-        }
+        let made = estimate(&found, |of| mean(of.iter().map(|x| **x)));
+        let within = made.map(|made| (tails[0]..=tails[2]).contains(&made.value));
+        Row::default()
+            .with("quantity", "", 0, *quantity)
+            .with("recorded", "speaker, 5, 50, 95 %", 2, tails)
+            .with("made", "performance", 2, made)
+            .with("within", "within", 0, within)
     });
     Ok(rows.collect())
 }

@@ -16,7 +16,7 @@ mod events;
 mod facegood;
 mod features;
 mod figures;
-mod grid;
+pub(super) mod grid;
 mod heads;
 mod labiodentals;
 mod life;
@@ -24,9 +24,11 @@ mod measures;
 mod page;
 mod phone;
 mod predictors;
+mod random;
 mod reading;
 mod report;
 mod results;
+mod row;
 mod scores;
 mod seams;
 mod sections;
@@ -38,21 +40,18 @@ mod timing;
 mod voices;
 mod vowels;
 
-use std::{
-    io::Write,
-    path::{Path, PathBuf},
-};
+use std::path::{Path, PathBuf};
 
 use clap::Args;
 use serde::Serialize;
 
 use crate::{
     arguments::{DataArgs, SharedArgs},
-    console::{Console, command_line},
+    console::{Console, command_line, write_page},
     face_model::IctLandmarks,
     pictures::Album,
 };
-use anyface::{Error, Result, job::write_atomically, systems::built_in_models};
+use anyface::{Error, Result, systems::built_in_models};
 use baselines::Baselines;
 use bootstrap::number;
 use clip::Corpus;
@@ -342,12 +341,7 @@ impl Quality {
         let head = self.head.is_dir().then_some(self.head.as_path());
         let figures = Figures::draw(&album, performed, results, (speaker, &self.wish(), head))?;
         let page = report::markdown(results, &figures, &images);
-        write_atomically(path, |file| file.write_all(page.as_bytes()))?;
-        let json = serde_json::to_string_pretty(results)
-            .map_err(|e| Error::Numerics(format!("numbers as JSON: {e}")))?;
-        write_atomically(&path.with_extension("json"), |file| {
-            writeln!(file, "{json}")
-        })
+        write_page(path, &page, results)
     }
 }
 

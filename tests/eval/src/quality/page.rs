@@ -1,6 +1,6 @@
 //! Markdown that grows.
 
-use super::bootstrap::Estimate;
+use super::{bootstrap::Estimate, row::Row};
 
 /// Markdown that grows.
 #[derive(Default)]
@@ -22,6 +22,14 @@ impl Page {
 
     pub(super) fn picture(&mut self, title: &str, images: &str, file: &str) {
         self.block(format!("![{title}]({images}/{file})"));
+    }
+
+    /// The table of some rows of one kind; nothing without one.
+    pub(super) fn rows<'a>(&mut self, rows: impl IntoIterator<Item = &'a Row>) {
+        let mut rows = rows.into_iter().peekable();
+        if let Some(first) = rows.peek() {
+            self.table(&first.titles(), rows.map(Row::texts));
+        }
     }
 
     pub(super) fn table(&mut self, titles: &[&str], rows: impl IntoIterator<Item = Vec<String>>) {

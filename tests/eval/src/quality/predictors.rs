@@ -34,6 +34,21 @@ pub(super) struct Predictor {
     pub motions: Vec<Option<Array3<f64>>>,
 }
 
+impl Predictor {
+    /// What `speak` makes of every clip.
+    fn of_all(
+        name: impl Into<String>,
+        corpus: &Corpus,
+        speak: impl Fn(&Clip) -> Result<Array3<f64>>,
+    ) -> Result<Self> {
+        let motions = corpus.held_out.iter().map(|clip| speak(clip).map(Some));
+        Ok(Predictor {
+            name: name.into(),
+            motions: motions.collect::<Result<_>>()?,
+        })
+    }
+}
+
 /// Clips with a motion for each.
 pub(super) type Pairs<'a> = Vec<(&'a Clip, &'a Array3<f64>)>;
 
@@ -89,42 +104,31 @@ impl Asked<'_> {
         corpus: Corpus,
         fallback: Option<&Baselines>,
     ) -> Result<Performed> {
-        let speak = |style: Option<&String>| -> Result<Vec<Option<Array3<f64>>>> {
-            let wish = Wish {
-                style: style.cloned().or_else(|| self.wish.style.clone()),
-                ..self.wish.clone()
-            };
-            let made = corpus.held_out.iter().map(|c| self.speaker.speak(c, &wish));
-            made.map(|motion| motion.map(Some)).collect()
-        };
-        let mut predictors = vec![Predictor {
-            name: MODEL.into(),
-            motions: speak(None)?,
-        }];
+        let mut predictors = vec![self.model(&corpus)?];
         let own = self.styles.iter().find(|style| **style == corpus.source);
         if let (Some(own), None) = (own, &self.wish.style) {
-            predictors.push(Predictor {
-                name: format!("{MODEL}, style {own}"),
-                motions: speak(Some(own))?,
-            });
+            let wish = Wish {
+                style: Some(own.clone()),
+                ..self.wish.clone()
+            };
+            let speak = |clip: &Clip| self.speaker.speak(clip, &wish);
+            let name = format!("{MODEL}, style {own}");
+            predictors.push(Predictor::of_all(name, &corpus, speak)?);
         }
         if corpus.recorded && self.speaker.engine.stream().is_ok() {
-            let made = corpus
-                .held_out
-                .iter()
-                .map(|c| self.speaker.stream(c).map(Some));
-            predictors.push(Predictor {
-                name: STREAM.into(),
-                motions: made.collect::<Result<_>>()?,
-            });
+            let speak = |clip: &Clip| self.speaker.stream(clip);
+            predictors.push(Predictor::of_all(STREAM, &corpus, speak)?);
         }
         predictors.extend(self.other_systems(&corpus)?);
         let fitted = match corpus.training.is_empty() {
             true => None,
             false => Some(Baselines::fit(&corpus.training)?),
         };
-        if let Some(baselines) = fitted.as_ref().or(fallback) {
-            predictors.extend(by_baselines(baselines, &corpus.held_out));
+        if let Some(line) = fitted.as_ref().or(fallback) {
+            let still = |clip: &Clip| Ok(line.constant(clip));
+            predictors.push(Predictor::of_all(CONSTANT, &corpus, still)?);
+            let loud = |clip: &Clip| Ok(line.loudness(clip));
+            predictors.push(Predictor::of_all("loudness", &corpus, loud)?);
         }
         predictors.extend(self.read_files(&corpus)?);
         Ok(Performed { corpus, predictors })
@@ -132,15 +136,15 @@ impl Asked<'_> {
 
     /// The model in the style that was asked for, and files.
     pub(super) fn perform_plainly(&self, corpus: Corpus) -> Result<Performed> {
-        let speak = |clip| self.speaker.speak(clip, self.wish).map(Some);
-        let motions = corpus.held_out.iter().map(speak);
-        let mut predictors = vec![Predictor {
-            name: MODEL.into(),
-            motions: motions.collect::<Result<_>>()?,
-        }];
+        let mut predictors = vec![self.model(&corpus)?];
         predictors.extend(self.other_systems(&corpus)?);
         predictors.extend(self.read_files(&corpus)?);
         Ok(Performed { corpus, predictors })
+    }
+
+    /// The model in the style that was asked for.
+    fn model(&self, corpus: &Corpus) -> Result<Predictor> {
+        Predictor::of_all(MODEL, corpus, |clip| self.speaker.speak(clip, self.wish))
     }
 
     /// What other systems make of it as they come.
@@ -149,16 +153,9 @@ impl Asked<'_> {
             seed: self.wish.seed,
             ..Wish::default()
         };
-        let made = self.others.iter().map(|(name, speaker)| {
-            let motions = corpus
-                .held_out
-                .iter()
-                .map(|clip| speaker.speak(clip, &wish).map(Some));
-            Ok(Predictor {
-                name: name.clone(),
-                motions: motions.collect::<Result<_>>()?,
-            })
-        });
+        let others = self.others.iter();
+        let made =
+            others.map(|(name, of)| Predictor::of_all(name, corpus, |clip| of.speak(clip, &wish)));
         made.collect()
     }
 
@@ -181,20 +178,6 @@ impl Asked<'_> {
         }
         Ok(found)
     }
-}
-
-fn by_baselines(baselines: &Baselines, clips: &[Clip]) -> [Predictor; 2] {
-    let all = |of: &dyn Fn(&Clip) -> Array3<f64>| clips.iter().map(|c| Some(of(c))).collect();
-    [
-        Predictor {
-            name: CONSTANT.into(),
-            motions: all(&|clip| baselines.constant(clip)),
-        },
-        Predictor {
-            name: "loudness".into(),
-            motions: all(&|clip| baselines.loudness(clip)),
-        },
-    ]
 }
 
 fn sub_folders(folder: &Path) -> Result<Vec<PathBuf>> {

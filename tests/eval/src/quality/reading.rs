@@ -6,18 +6,16 @@
 //! performs an emotion at intensity 1, as motion of the mesh at the landmarks.
 
 use ndarray::{Array2, Array3, ArrayView2, Axis};
-use rand_chacha::{
-    ChaCha8Rng,
-    rand_core::{RngCore, SeedableRng},
-};
+use rand_chacha::{ChaCha8Rng, rand_core::SeedableRng};
 use serde::Serialize;
 
 use super::{
     bootstrap::{Estimate, estimate},
     classifier::Classifier,
-    clip::Clip,
+    clip::{Clip, spaced},
     emotions::with_emotion,
     heads::{Head, stacked},
+    random::{below, between, normal},
     speaker::{Speaker, Wish},
 };
 use crate::face_model::IctLandmarks;
@@ -118,8 +116,7 @@ pub(super) fn measure(
         .iter()
         .filter(|(row, answer)| reader.classify(row) == *answer);
     let own_percent = PER_CENT * right.count() as f64 / own.len() as f64;
-    let every = clips.len().div_ceil(CLIPS).max(1);
-    let clips: Vec<&Clip> = clips.iter().step_by(every).collect();
+    let clips: Vec<&Clip> = spaced(clips, CLIPS).collect();
     let mut found = Vec::new();
     let mut verdicts = Vec::new();
     for head in heads {
@@ -143,13 +140,13 @@ pub(super) fn measure(
             confusion,
         });
     }
-    let mean = |of: &[&f64]| {
+    let share = |of: &[&f64]| {
         let sum: f64 = of.iter().copied().sum();
         (!of.is_empty()).then(|| PER_CENT * sum / of.len() as f64)
     };
     Ok(Reading {
         answers: FACES.iter().map(|(name, _)| *name).collect(),
-        accuracy_percent: estimate(&verdicts, mean),
+        accuracy_percent: estimate(&verdicts, share),
         own_percent,
         heads: found,
     })
@@ -209,19 +206,6 @@ fn examples(
         }
     }
     Ok(out)
-}
-
-fn between(random: &mut ChaCha8Rng, [low, high]: [f64; 2]) -> f64 {
-    low + (high - low) * f64::from(random.next_u32()) / f64::from(u32::MAX)
-}
-
-/// The sum of twelve even numbers, which is near to normal.
-fn normal(random: &mut ChaCha8Rng) -> f64 {
-    (0..12).map(|_| between(random, [0.0, 1.0])).sum::<f64>() - 6.0
-}
-
-fn below(random: &mut ChaCha8Rng, count: usize) -> usize {
-    ((u128::from(random.next_u64()) * count as u128) >> 64) as usize
 }
 
 #[cfg(test)]

@@ -166,33 +166,7 @@ fn closures(page: &mut Page, results: &Results) {
          heard.",
         100.0 * SHUT
     ));
-    let rows = results.closures.iter().flat_map(|source| {
-        source.rows.iter().map(|row| {
-            vec![
-                source.source.clone(),
-                row.predictor.clone(),
-                row.clips.to_string(),
-                row.closures.to_string(),
-                cell(row.closed_percent.as_ref(), 1),
-                cell(row.shut_percent.as_ref(), 1),
-                cell(row.gap_mm.as_ref(), 2),
-                cell(row.timing_ms.as_ref(), 0),
-                cell(row.time_closed_percent.as_ref(), 1),
-            ]
-        })
-    });
-    let titles = [
-        "source",
-        "predictor",
-        "clips",
-        "p b m",
-        "closed, %",
-        "by share, %",
-        "gap, mm",
-        "timing, ms",
-        "closed at any time, %",
-    ];
-    page.table(&titles, rows.collect::<Vec<_>>());
+    page.rows(results.closures.iter().flat_map(|source| &source.rows));
 }
 
 fn silence(page: &mut Page, results: &Results) {
@@ -204,27 +178,7 @@ fn silence(page: &mut Page, results: &Results) {
          least 0.3 s long, without 0.1 s at either end. Gap: median inner-lip gap in pauses above \
          the neutral face's own.",
     );
-    let rows = results.silence.iter().map(|row| {
-        vec![
-            row.source.clone(),
-            row.predictor.clone(),
-            row.clips.to_string(),
-            number(row.pauses_s, 1),
-            cell(row.speech_mm_per_s.as_ref(), 1),
-            cell(row.pause_mm_per_s.as_ref(), 1),
-            cell(row.gap_mm.as_ref(), 2),
-        ]
-    });
-    let titles = [
-        "source",
-        "predictor",
-        "clips",
-        "pauses, s",
-        "speech, mm/s",
-        "pauses, mm/s",
-        "gap, mm",
-    ];
-    page.table(&titles, rows.collect::<Vec<_>>());
+    page.rows(&results.silence);
     if let Some(nothing) = &results.digital_silence {
         page.block(format!(
             "In digital silence (the middle of 4 s of zeros) the lips move at {} mm/s and stand {} \
@@ -269,25 +223,7 @@ fn seeds(page: &mut Page, results: &Results) {
          between seeds; and the largest difference that the seed makes to the smallest gap of any p, \
          b or m."
     ));
-    let rows = results.seeds.iter().map(|row| {
-        vec![
-            row.source.clone(),
-            row.clips.to_string(),
-            cell(row.lips_mm.as_ref(), 3),
-            cell(row.upper_mm.as_ref(), 3),
-            cell(row.gap_r.as_ref(), 4),
-            row.closure_mm.map_or("–".into(), |mm| number(mm, 2)),
-        ]
-    });
-    let titles = [
-        "source",
-        "clips",
-        "lips, mm",
-        "brows and eyes, mm",
-        "lip-gap r",
-        "closures, mm",
-    ];
-    page.table(&titles, rows.collect::<Vec<_>>());
+    page.rows(&results.seeds);
 }
 
 fn seams(page: &mut Page, results: &Results) {
@@ -329,29 +265,7 @@ fn steps(page: &mut Page, results: &Results) {
     }
     page.block("## Denoising steps");
     page.block("Work is processor time where the system tells it, else time that passed.");
-    let rows = results.steps.iter().map(|row| {
-        vec![
-            row.source.clone(),
-            row.steps.to_string(),
-            row.clips.to_string(),
-            cell(row.gap_r_by_clip.as_ref(), 3),
-            cell(row.gap_slope.as_ref(), 2),
-            cell(row.gap_amplitude.as_ref(), 2),
-            cell(row.closed_percent.as_ref(), 1),
-            number(row.work_per_second, 3),
-        ]
-    });
-    let titles = [
-        "source",
-        "steps",
-        "clips",
-        "gap r, by clip",
-        "gap slope",
-        "gap amplitude",
-        "closed, %",
-        "s of work to 1 s of sound",
-    ];
-    page.table(&titles, rows.collect::<Vec<_>>());
+    page.rows(&results.steps);
 }
 
 fn timing(page: &mut Page, results: &Results) {

@@ -3,8 +3,7 @@
 use serde::Serialize;
 
 use super::{
-    closures, effort, emotions, events, labiodentals, life, reading, scores::Scores, seams, seeds,
-    silence, steps, timing, vowels,
+    closures, emotions, events, reading, row::Row, scores::Scores, seams, silence, timing,
 };
 
 /// All numbers of one source.
@@ -37,17 +36,17 @@ pub(super) struct Results {
     pub weights: Vec<WeightsHash>,
     pub sources: Vec<SourceScores>,
     pub closures: Vec<closures::SourceClosures>,
-    pub silence: Vec<silence::SilenceScores>,
+    pub silence: Vec<Row>,
     pub digital_silence: Option<silence::DigitalSilence>,
-    pub vowels: Vec<vowels::VowelScores>,
-    pub labiodentals: Vec<labiodentals::LabiodentalScores>,
-    pub effort: Vec<effort::EffortScores>,
-    pub life: Vec<life::LifeScores>,
+    pub vowels: Vec<Row>,
+    pub labiodentals: Vec<Row>,
+    pub effort: Vec<Row>,
+    pub life: Vec<Row>,
     pub reading: Option<reading::Reading>,
     pub intensity: Vec<emotions::IntensityCurve>,
-    pub seeds: Vec<seeds::SeedScores>,
+    pub seeds: Vec<Row>,
     pub events: Option<events::EventScores>,
     pub seams: Option<seams::SeamScores>,
-    pub steps: Vec<steps::StepScores>,
+    pub steps: Vec<Row>,
     pub timing: timing::Timing,
 }

@@ -58,7 +58,7 @@ impl ClipScores {
         let (lips, upper) = (clip.rows(lips), clip.rows(upper));
         let fdd = match upper.is_empty() {
             true => None,
-            false => Some(metrics::face_dynamics_deviation(p, g, &upper)?.signed),
+            false => Some(metrics::face_dynamics_deviation(p, g, &upper)?),
         };
         let judged = |curve: Vec<f64>| curve[clip.judged.clone()].to_vec();
         let made = features::of(&clip.neutral, prediction)?.map(judged);

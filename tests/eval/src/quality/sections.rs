@@ -16,23 +16,7 @@ pub(super) fn vowels(page: &mut Page, results: &Results) {
          diphthongs): differences of means over all of them. A mouth that speaks is wide in i, comes \
          forward in u and opens in a. mm.",
     );
-    let rows = results.vowels.iter().map(|row| {
-        vec![
-            row.source.clone(),
-            row.counts.map(|count| count.to_string()).join(", "),
-            cell(row.width_i_u_mm.as_ref(), 1),
-            cell(row.protrusion_u_i_mm.as_ref(), 1),
-            cell(row.gap_a_i_mm.as_ref(), 1),
-        ]
-    });
-    let titles = [
-        "source",
-        "i, u, a",
-        "width i − u",
-        "protrusion u − i",
-        "gap a − i",
-    ];
-    page.table(&titles, rows);
+    page.rows(&results.vowels);
 }
 
 pub(super) fn labiodentals(page: &mut Page, results: &Results) {
@@ -46,16 +30,7 @@ pub(super) fn labiodentals(page: &mut Page, results: &Results) {
          vertex of the lower lip to the incisors' edge, and how far the lip's landmarks 66 and 57 lie \
          behind their place at rest. Medians, mm. At rest the distance is 1.3 mm.",
     );
-    let rows = results.labiodentals.iter().map(|row| {
-        vec![
-            row.source.clone(),
-            row.predictor.clone(),
-            row.count.to_string(),
-            cell(row.distance_mm.as_ref(), 2),
-            cell(row.tuck_mm.as_ref(), 2),
-        ]
-    });
-    page.table(&["source", "predictor", "f v", "distance", "tuck"], rows);
+    page.rows(&results.labiodentals);
 }
 
 pub(super) fn effort(page: &mut Page, results: &Results) {
@@ -70,16 +45,7 @@ pub(super) fn effort(page: &mut Page, results: &Results) {
          made. The model hears the voice and is told no emotion. How far the chin falls, 95 % quantile \
          of a recording: medians in mm, and the geometric mean of the pairs' ratios.",
     );
-    let rows = results.effort.iter().map(|row| {
-        vec![
-            row.pair.clone(),
-            row.pairs.to_string(),
-            cell(row.loud_mm.as_ref(), 1),
-            cell(row.soft_mm.as_ref(), 1),
-            cell(row.ratio.as_ref(), 2),
-        ]
-    });
-    page.table(&["", "pairs", "loud, mm", "soft, mm", "ratio"], rows);
+    page.rows(&results.effort);
 }
 
 pub(super) fn reading(page: &mut Page, results: &Results) {
@@ -128,17 +94,5 @@ pub(super) fn life(page: &mut Page, results: &Results) {
          is an opening of the lids under half of the clip's widest. The speaker reads from a screen \
          and looks down at it, so his rates are high.",
     );
-    let rows = results.life.iter().map(|row| {
-        let within = row
-            .within
-            .map_or("–", |within| if within { "yes" } else { "no" });
-        vec![
-            row.quantity.to_owned(),
-            row.recorded.map(|value| number(value, 2)).join(", "),
-            cell(row.made.as_ref(), 2),
-            within.to_owned(),
-        ]
-    });
-    let titles = ["", "speaker, 5, 50, 95 %", "performance", "within"];
-    page.table(&titles, rows);
+    page.rows(&results.life);
 }

@@ -1,12 +1,12 @@
 //! What the seed changes: how the face takes it, not whether the lips close.
 
 use ndarray::Array3;
-use serde::Serialize;
 
 use super::{
-    bootstrap::{Estimate, estimate},
+    bootstrap::{estimate, mean},
     clip::{Clip, Corpus, gap_mm},
     closures::windows,
+    row::Row,
     scores::{lips, upper},
     speaker::{Speaker, Wish},
 };
@@ -18,30 +18,19 @@ pub(super) const SEEDS: usize = 5;
 const CLIPS: usize = 8;
 const MM: f64 = 1000.0;
 
-/// One source.
-#[derive(Debug, Clone, Serialize)]
-pub(super) struct SeedScores {
-    pub source: String,
-    pub clips: usize,
-    /// Standard deviation of a landmark's place between seeds, mm.
-    pub lips_mm: Option<Estimate>,
-    pub upper_mm: Option<Estimate>,
-    /// Pearson r of the lip gap between seeds, mean over pairs.
-    pub gap_r: Option<Estimate>,
-    /// Largest difference between seeds of the smallest gap of one closure, over all closures, mm;
-    /// none without phone times.
-    pub closure_mm: Option<f64>,
-}
-
+/// One clip.
 struct Record {
+    /// Standard deviation of a landmark's place between seeds, mm.
     lips_mm: f64,
     upper_mm: f64,
+    /// Pearson r of the lip gap between seeds, mean over pairs.
     gap_r: f64,
+    /// Largest difference between seeds of the smallest gap of one closure, mm; none without phone times.
     closure_mm: Option<f64>,
 }
 
 /// With the controls that a user gets who changes nothing.
-pub(super) fn measure(speaker: &Speaker, wish: &Wish, corpus: &Corpus) -> Result<SeedScores> {
+pub(super) fn measure(speaker: &Speaker, wish: &Wish, corpus: &Corpus) -> Result<Row> {
     let wish = &Wish {
         default_controls: true,
         ..wish.clone()
@@ -50,20 +39,21 @@ pub(super) fn measure(speaker: &Speaker, wish: &Wish, corpus: &Corpus) -> Result
     let records: Vec<Record> = clips
         .map(|clip| record(speaker, wish, clip))
         .collect::<Result<_>>()?;
-    let mean = |of: fn(&Record) -> f64| {
-        estimate(&records, move |records| {
-            let sum: f64 = records.iter().map(|r| of(r)).sum();
-            (!records.is_empty()).then(|| sum / records.len() as f64)
-        })
-    };
-    Ok(SeedScores {
-        source: corpus.source.clone(),
-        clips: records.len(),
-        lips_mm: mean(|r| r.lips_mm),
-        upper_mm: mean(|r| r.upper_mm),
-        gap_r: mean(|r| r.gap_r),
-        closure_mm: records.iter().filter_map(|r| r.closure_mm).reduce(f64::max),
-    })
+    let of_clips =
+        |of: fn(&Record) -> f64| estimate(&records, move |all| mean(all.iter().map(|r| of(r))));
+    let closure_mm = records.iter().filter_map(|r| r.closure_mm);
+    Ok(Row::default()
+        .with("source", "source", 0, corpus.source.clone())
+        .with("clips", "clips", 0, records.len())
+        .with("lips_mm", "lips, mm", 3, of_clips(|r| r.lips_mm))
+        .with(
+            "upper_mm",
+            "brows and eyes, mm",
+            3,
+            of_clips(|r| r.upper_mm),
+        )
+        .with("gap_r", "lip-gap r", 4, of_clips(|r| r.gap_r))
+        .with("closure_mm", "closures, mm", 2, closure_mm.reduce(f64::max)))
 }
 
 /// Largest difference between curves of the gap of the smallest value within one window, mm.

@@ -3,9 +3,10 @@
 use serde::Serialize;
 
 use super::{
-    bootstrap::{Estimate, estimate},
+    bootstrap::{estimate, median},
     clip::{Clip, gap_mm, rest_gap_mm},
     predictors::Performed,
+    row::Row,
     scores::lips,
     speaker::{Speaker, Wish},
 };
@@ -32,20 +33,6 @@ const NOTHING_S: f64 = 4.0;
 const NOTHING_FPS: f64 = 25.0;
 const MM: f64 = 1000.0;
 
-/// One predictor on one source.
-#[derive(Debug, Clone, Serialize)]
-pub(super) struct SilenceScores {
-    pub source: String,
-    pub predictor: String,
-    /// Clips with a pause.
-    pub clips: usize,
-    pub pauses_s: f64,
-    pub speech_mm_per_s: Option<Estimate>,
-    pub pause_mm_per_s: Option<Estimate>,
-    /// Median inner-lip gap in pauses above the neutral face's own, mm.
-    pub gap_mm: Option<Estimate>,
-}
-
 /// The model in four seconds of zeros.
 #[derive(Debug, Clone, Copy, Serialize)]
 pub(super) struct DigitalSilence {
@@ -64,7 +51,7 @@ struct Record {
 }
 
 /// All predictors on all sources; clips without a pause are passed over.
-pub(super) fn measure(performed: &[Performed]) -> Result<Vec<SilenceScores>> {
+pub(super) fn measure(performed: &[Performed]) -> Result<Vec<Row>> {
     let mut out = Vec::new();
     for source in performed {
         for (name, motions) in source.with_recording() {
@@ -72,14 +59,15 @@ pub(super) fn measure(performed: &[Performed]) -> Result<Vec<SilenceScores>> {
                 .iter()
                 .filter_map(|(clip, motion)| record(name, clip, motion.view()).transpose());
             let records: Vec<Record> = records.collect::<Result<_>>()?;
-            let row = score(&source.corpus.source, name, &records);
-            out.extend((row.clips > 0).then_some(row));
+            if !records.is_empty() {
+                out.push(score(&source.corpus.source, name, &records));
+            }
         }
     }
     Ok(out)
 }
 
-fn score(source: &str, predictor: &str, records: &[Record]) -> SilenceScores {
+fn score(source: &str, predictor: &str, records: &[Record]) -> Row {
     let rms = |of: &[&Record], part: fn(&Record) -> (f64, f64)| {
         let sums = of.iter().map(|r| part(r));
         let (sum, count) = sums.fold((0.0, 0.0), |a, b| (a.0 + b.0, a.1 + b.1));
@@ -87,19 +75,26 @@ fn score(source: &str, predictor: &str, records: &[Record]) -> SilenceScores {
     };
     let pause = |of: &[&Record]| rms(of, |r| r.pause);
     let speech = |of: &[&Record]| rms(of, |r| r.speech);
-    let gap = |of: &[&Record]| {
-        let gaps: Vec<f64> = of.iter().flat_map(|r| &r.gaps_mm).copied().collect();
-        (!gaps.is_empty()).then(|| quantile(&gaps, 0.5))
-    };
-    SilenceScores {
-        source: source.into(),
-        predictor: predictor.into(),
-        clips: records.len(),
-        pauses_s: records.iter().map(|r| r.pauses_s).sum(),
-        speech_mm_per_s: estimate(records, speech),
-        pause_mm_per_s: estimate(records, pause),
-        gap_mm: estimate(records, gap),
-    }
+    let gap = |of: &[&Record]| median(of.iter().flat_map(|r| &r.gaps_mm).copied());
+    let pauses_s: f64 = records.iter().map(|r| r.pauses_s).sum();
+    Row::default()
+        .with("source", "source", 0, source)
+        .with("predictor", "predictor", 0, predictor)
+        .with("clips", "clips", 0, records.len())
+        .with("pauses_s", "pauses, s", 1, pauses_s)
+        .with(
+            "speech_mm_per_s",
+            "speech, mm/s",
+            1,
+            estimate(records, speech),
+        )
+        .with(
+            "pause_mm_per_s",
+            "pauses, mm/s",
+            1,
+            estimate(records, pause),
+        )
+        .with("gap_mm", "gap, mm", 2, estimate(records, gap))
 }
 
 fn record(name: &str, clip: &Clip, motion: metrics::Clip<'_>) -> Result<Option<Record>> {

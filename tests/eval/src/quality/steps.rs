@@ -1,13 +1,12 @@
 //! What the number of denoising steps buys.
 
 use ndarray::Array3;
-use serde::Serialize;
 
 use super::{
-    bootstrap::Estimate,
-    clip::{Clip, Corpus},
+    clip::{Clip, Corpus, spaced},
     closures,
     measures::scores,
+    row::Row,
     scores::ClipScores,
     speaker::{Speaker, Wish},
 };
@@ -18,24 +17,8 @@ use anyface::Result;
 const STEPS: [usize; 4] = [1, 2, 4, 20];
 const CLIPS: usize = 20;
 
-/// One source at one number of steps.
-#[derive(Debug, Clone, Serialize)]
-pub(super) struct StepScores {
-    pub source: String,
-    pub steps: usize,
-    pub clips: usize,
-    pub gap_r_by_clip: Option<Estimate>,
-    pub gap_slope: Option<Estimate>,
-    pub gap_amplitude: Option<Estimate>,
-    /// Where phone times are known.
-    pub closed_percent: Option<Estimate>,
-    /// Seconds of processor time to a second of sound.
-    pub work_per_second: f64,
-}
-
-pub(super) fn measure(speaker: &Speaker, wish: &Wish, corpus: &Corpus) -> Result<Vec<StepScores>> {
-    let every = corpus.held_out.len().div_ceil(CLIPS).max(1);
-    let clips: Vec<&Clip> = corpus.held_out.iter().step_by(every).collect();
+pub(super) fn measure(speaker: &Speaker, wish: &Wish, corpus: &Corpus) -> Result<Vec<Row>> {
+    let clips: Vec<&Clip> = spaced(&corpus.held_out, CLIPS).collect();
     STEPS
         .into_iter()
         .map(|steps| {
@@ -43,15 +26,17 @@ pub(super) fn measure(speaker: &Speaker, wish: &Wish, corpus: &Corpus) -> Result
                 steps: Some(steps),
                 ..wish.clone()
             };
-            let mut found = at_steps(speaker, &wish, &clips)?;
-            found.source = corpus.source.clone();
-            found.steps = steps;
-            Ok(found)
+            at_steps(speaker, &wish, &clips, (&corpus.source, steps))
         })
         .collect()
 }
 
-fn at_steps(speaker: &Speaker, wish: &Wish, clips: &[&Clip]) -> Result<StepScores> {
+fn at_steps(
+    speaker: &Speaker,
+    wish: &Wish,
+    clips: &[&Clip],
+    (source, steps): (&str, usize),
+) -> Result<Row> {
     let stopwatch = Stopwatch::start();
     let motions: Vec<Array3<f64>> = clips
         .iter()
@@ -63,16 +48,17 @@ fn at_steps(speaker: &Speaker, wish: &Wish, clips: &[&Clip]) -> Result<StepScore
         .map(|(clip, motion)| ClipScores::new(clip, motion))
         .collect::<Result<_>>()?;
     let found = scores(&records);
-    let closed = closures::score("", pairs())?;
+    let score = |key| found.get(key).copied();
+    let closed = closures::score("", pairs())?.estimate("closed_percent");
     let sound_s: f64 = clips.iter().map(|c| c.waveform.duration_s()).sum();
-    Ok(StepScores {
-        source: String::new(),
-        steps: 0,
-        clips: clips.len(),
-        gap_r_by_clip: found.get("gap_r_by_clip").copied(),
-        gap_slope: found.get("gap_slope").copied(),
-        gap_amplitude: found.get("gap_amplitude").copied(),
-        closed_percent: closed.closed_percent,
-        work_per_second: work_s / sound_s.max(f64::MIN_POSITIVE),
-    })
+    let work = work_s / sound_s.max(f64::MIN_POSITIVE);
+    Ok(Row::default()
+        .with("source", "source", 0, source)
+        .with("steps", "steps", 0, steps)
+        .with("clips", "clips", 0, clips.len())
+        .with("gap_r_by_clip", "gap r, by clip", 3, score("gap_r_by_clip"))
+        .with("gap_slope", "gap slope", 2, score("gap_slope"))
+        .with("gap_amplitude", "gap amplitude", 2, score("gap_amplitude"))
+        .with("closed_percent", "closed, %", 1, closed)
+        .with("work_per_second", "s of work to 1 s of sound", 3, work))
 }

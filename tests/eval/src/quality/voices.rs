@@ -4,11 +4,9 @@
 //! and what excites them. A whisper is the same mouth with noise for a voice. A shout has a higher
 //! voice, wider resonances and a flatter spectrum.
 
-use rand_chacha::{
-    ChaCha8Rng,
-    rand_core::{RngCore, SeedableRng},
-};
+use rand_chacha::{ChaCha8Rng, rand_core::SeedableRng};
 
+use super::random::normal;
 use anyface::audio::{SAMPLE_RATE_HZ, Waveform};
 
 /// Poles of the mouth.
@@ -32,10 +30,7 @@ const SEED: u64 = 0;
 pub(super) fn whispered(sound: &Waveform) -> Waveform {
     let samples = doubles(sound);
     let mut random = ChaCha8Rng::seed_from_u64(SEED);
-    // The sum of twelve even numbers is near to normal.
-    let mut unit = || f64::from(random.next_u32()) / f64::from(u32::MAX);
-    let mut normal = || (0..12).map(|_| unit()).sum::<f64>() - 6.0;
-    let noise: Vec<f64> = samples.iter().map(|_| normal()).collect();
+    let noise: Vec<f64> = samples.iter().map(|_| normal(&mut random)).collect();
     let out = through_resonances(&samples, 1.0, |at| {
         let from = at.min(noise.len().saturating_sub(FRAME));
         noise[from..(from + FRAME).min(noise.len())].to_vec()

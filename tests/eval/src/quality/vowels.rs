@@ -1,12 +1,11 @@
 //! Whether vowels look different: width, protrusion and opening of i, u and a at their middles.
 
-use serde::Serialize;
-
 use super::{
-    bootstrap::{Estimate, estimate},
+    bootstrap::estimate,
     clip::Clip,
     features::{self, GAP, PROTRUSION, WIDTH},
     predictors::Performed,
+    row::Row,
 };
 use crate::metrics;
 use anyface::Result;
@@ -17,20 +16,6 @@ const SHORTEST_S: f64 = 0.04;
 /// Fewer of one vowel are not compared.
 const LEAST: usize = 5;
 
-/// The model on one source with known phones.
-#[derive(Debug, Clone, Serialize)]
-pub(super) struct VowelScores {
-    pub source: String,
-    /// Numbers of i, u and a.
-    pub counts: [usize; 3],
-    /// Mean width of i minus that of u.
-    pub width_i_u_mm: Option<Estimate>,
-    /// Mean protrusion of u minus that of i.
-    pub protrusion_u_i_mm: Option<Estimate>,
-    /// Mean gap of a minus that of i.
-    pub gap_a_i_mm: Option<Estimate>,
-}
-
 /// Of one clip: number and summed features of each vowel.
 #[derive(Default)]
 struct Record {
@@ -39,7 +24,7 @@ struct Record {
 }
 
 /// Every source that is spoken only and has enough vowels, then all languages of espeak-ng together.
-pub(super) fn measure(performed: &[Performed]) -> Result<Vec<VowelScores>> {
+pub(super) fn measure(performed: &[Performed]) -> Result<Vec<Row>> {
     let mut out = Vec::new();
     let mut made = Vec::new();
     for source in performed.iter().filter(|p| !p.corpus.recorded) {
@@ -48,13 +33,9 @@ pub(super) fn measure(performed: &[Performed]) -> Result<Vec<VowelScores>> {
             .iter()
             .map(|(clip, motion)| record(clip, motion.view()));
         let records: Vec<Record> = pairs.collect::<Result<_>>()?;
-        let row = score(&source.corpus.source, &records);
-        out.extend(
-            row.counts
-                .iter()
-                .all(|count| *count >= LEAST)
-                .then_some(row),
-        );
+        if counts(&records).iter().all(|count| *count >= LEAST) {
+            out.push(score(&source.corpus.source, &records));
+        }
         if source.corpus.is_synthetic() {
             made.extend(records);
         }
@@ -93,7 +74,12 @@ fn between_frames(curve: &[f64], frame: f64) -> f64 {
     curve[before] * (1.0 - share) + curve[(before + 1).min(last)] * share
 }
 
-fn score(source: &str, records: &[Record]) -> VowelScores {
+/// Numbers of i, u and a.
+fn counts(records: &[Record]) -> [usize; 3] {
+    [0, 1, 2].map(|v| records.iter().map(|r| r.counts[v]).sum())
+}
+
+fn score(source: &str, records: &[Record]) -> Row {
     let difference = |more: char, less: char, feature: usize| {
         let mean = move |of: &[&Record], letter: char| {
             let vowel = VOWELS.iter().position(|v| *v == letter)?;
@@ -103,13 +89,18 @@ fn score(source: &str, records: &[Record]) -> VowelScores {
         };
         estimate(records, move |of| Some(mean(of, more)? - mean(of, less)?))
     };
-    VowelScores {
-        source: source.into(),
-        counts: [0, 1, 2].map(|v| records.iter().map(|r| r.counts[v]).sum()),
-        width_i_u_mm: difference('i', 'u', WIDTH),
-        protrusion_u_i_mm: difference('u', 'i', PROTRUSION),
-        gap_a_i_mm: difference('a', 'i', GAP),
-    }
+    let forward = difference('u', 'i', PROTRUSION);
+    Row::default()
+        .with("source", "source", 0, source)
+        .with("counts", "i, u, a", 0, counts(records))
+        .with(
+            "width_i_u_mm",
+            "width i − u",
+            1,
+            difference('i', 'u', WIDTH),
+        )
+        .with("protrusion_u_i_mm", "protrusion u − i", 1, forward)
+        .with("gap_a_i_mm", "gap a − i", 1, difference('a', 'i', GAP))
 }
 
 #[cfg(test)]
@@ -127,8 +118,8 @@ mod tests {
             record([1, 1, 0], [4.0, 1.0, 0.0]),
         ];
         let found = score("", &records);
-        assert_eq!(found.counts, [2, 1, 2]);
-        assert!((found.gap_a_i_mm.unwrap().value - 5.0).abs() < 1e-12);
+        assert_eq!(counts(&records), [2, 1, 2]);
+        assert!((found.estimate("gap_a_i_mm").unwrap().value - 5.0).abs() < 1e-12);
     }
 
     #[test]

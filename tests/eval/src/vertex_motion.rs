@@ -1,0 +1,42 @@
+//! What motion does to the vertices of a mesh.
+
+use anyface::{
+    Engine, Face, Result,
+    job::SILENT,
+    mesh::Mesh,
+    spread::{Collector, Movement},
+};
+use ndarray::{Array3, ArrayView2};
+
+/// `[T, V, 3]`, mesh units: the vertices of a face under a motion.
+pub(super) fn vertex_motion<'a>(
+    engine: &Engine,
+    face: &Face,
+    movement: impl Into<Movement<'a>>,
+) -> Result<Array3<f32>> {
+    let animation = Collector::collect(|sink| engine.spread(face, movement, sink, SILENT))?;
+    Ok(animation.vertices.displacements)
+}
+
+/// The same under motion `[T, 68, 3]` of the mesh's own landmarks.
+pub(super) fn own_motion(
+    engine: &Engine,
+    face: &Face,
+    landmarks: Array3<f32>,
+) -> Result<Array3<f32>> {
+    let fps = 1.0;
+    vertex_motion(engine, face, Movement::Own { landmarks, fps })
+}
+
+/// The mesh in one frame `[V, 3]` of displacements.
+pub(super) fn pose(mesh: &Mesh, frame: ArrayView2<'_, f32>) -> Mesh {
+    let mut posed = mesh.clone();
+    for (point, offset) in posed.positions.iter_mut().zip(frame.rows()) {
+        (0..3).for_each(|i| point[i] += offset[i]);
+    }
+    posed
+}
+
+pub(super) fn distance(a: [f32; 3], b: [f32; 3]) -> f32 {
+    (0..3).map(|i| (a[i] - b[i]).powi(2)).sum::<f32>().sqrt()
+}
