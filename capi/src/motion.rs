@@ -91,6 +91,21 @@ impl AnyfaceMotion {
         })
     }
 
+    /// Copies values of a motion into the caller's buffer, whose `float_count` must be their number exactly.
+    ///
+    /// # Safety
+    /// `motion` is NULL or a motion that is not freed meanwhile; `buffer` and `error` as for [`guard::copy`].
+    pub(crate) unsafe fn copy(
+        motion: *const AnyfaceMotion,
+        buffer: *mut f32,
+        float_count: usize,
+        error: *mut *mut AnyfaceError,
+        values: impl FnOnce(&AnyfaceMotion) -> Result<Vec<f32>, Failure>,
+    ) -> AnyfaceStatus {
+        let values = || values(unsafe { pointer::handle("motion", motion) }?);
+        unsafe { guard::copy(buffer, float_count, error, values) }
+    }
+
     pub(crate) fn landmarks(&self) -> Result<&LandmarkClip, Failure> {
         let motion = self.motion();
         motion.landmarks().ok_or_else(|| {

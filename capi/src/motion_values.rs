@@ -37,16 +37,11 @@ pub unsafe extern "C" fn anyface_motion_copy_displacements(
     float_count: usize,
     error: *mut *mut AnyfaceError,
 ) -> AnyfaceStatus {
-    let values = || {
-        let motion = unsafe { pointer::handle("motion", motion) }?;
-        Ok(motion
-            .landmarks()?
-            .displacements
-            .iter()
-            .copied()
-            .collect::<Vec<f32>>())
+    let values = |motion: &AnyfaceMotion| {
+        let displacements = &motion.landmarks()?.displacements;
+        Ok(displacements.iter().copied().collect())
     };
-    unsafe { guard::copy(buffer, float_count, error, values) }
+    unsafe { AnyfaceMotion::copy(motion, buffer, float_count, error, values) }
 }
 
 /// Copies how far feeling is believed beside what is said in one frame, for each vertex of a face: where the face
@@ -87,11 +82,8 @@ pub unsafe extern "C" fn anyface_motion_copy_head(
     float_count: usize,
     error: *mut *mut AnyfaceError,
 ) -> AnyfaceStatus {
-    let values = || {
-        let motion = unsafe { pointer::handle("motion", motion) }?;
-        Ok(motion.life().head.iter().copied().collect::<Vec<f32>>())
-    };
-    unsafe { guard::copy(buffer, float_count, error, values) }
+    let values = |motion: &AnyfaceMotion| Ok(motion.life().head.iter().copied().collect());
+    unsafe { AnyfaceMotion::copy(motion, buffer, float_count, error, values) }
 }
 
 /// Copies the rotation of the eyes into the caller's buffer; 0 throughout where nothing was spoken.
@@ -106,11 +98,8 @@ pub unsafe extern "C" fn anyface_motion_copy_gaze(
     float_count: usize,
     error: *mut *mut AnyfaceError,
 ) -> AnyfaceStatus {
-    let values = || {
-        let motion = unsafe { pointer::handle("motion", motion) }?;
-        Ok(motion.life().gaze.iter().copied().collect::<Vec<f32>>())
-    };
-    unsafe { guard::copy(buffer, float_count, error, values) }
+    let values = |motion: &AnyfaceMotion| Ok(motion.life().gaze.iter().copied().collect());
+    unsafe { AnyfaceMotion::copy(motion, buffer, float_count, error, values) }
 }
 
 /// Writes the motion as npz for numpy: `landmark_displacements` `[T, 68, 3]`, canonical metres, `fps`,

@@ -7,7 +7,6 @@ use libc::c_char;
 
 use crate::{
     error::{AnyfaceError, Failure},
-    guard,
     motion::AnyfaceMotion,
     pointer,
     status::AnyfaceStatus,
@@ -63,16 +62,8 @@ pub unsafe extern "C" fn anyface_motion_copy_weights(
     float_count: usize,
     error: *mut *mut AnyfaceError,
 ) -> AnyfaceStatus {
-    let values = || {
-        let motion = unsafe { pointer::handle("motion", motion) }?;
-        Ok(motion
-            .weights()?
-            .weights
-            .iter()
-            .copied()
-            .collect::<Vec<f32>>())
-    };
-    unsafe { guard::copy(buffer, float_count, error, values) }
+    let values = |motion: &AnyfaceMotion| Ok(motion.weights()?.weights.iter().copied().collect());
+    unsafe { AnyfaceMotion::copy(motion, buffer, float_count, error, values) }
 }
 
 #[cfg(test)]
