@@ -23,7 +23,7 @@ impl Prepare {
     /// Runs it.
     pub fn run(&self) -> Result<()> {
         let mut steps = Steps::new("prepare")?;
-        packages(&mut steps)?;
+        apt::ensure(&mut steps, apt::BLENDER_LIBRARIES)?;
         Venv::Blender.ensure(&mut steps)?;
         python::blender(&mut steps, self.blender.as_deref())?;
         python::blender_executable(&mut steps)?;
@@ -32,15 +32,9 @@ impl Prepare {
     }
 }
 
-/// Installs the Debian packages that Blender needs.
-fn packages(steps: &mut Steps) -> Result<()> {
-    apt::ensure(steps, apt::BLENDER_LIBRARIES)
-}
-
-/// Starts the same beside the steps that follow.
+/// Starts `cargo xtask prepare` beside the steps that follow. None of them may call apt-get, of which only one runs at
+/// a time.
 pub fn start(steps: &mut Steps, blender: Option<&str>) -> Result<Started> {
-    // Before anything else that calls apt-get, of which only one may run.
-    packages(steps)?;
     let mut prepare = Command::new(std::env::current_exe()?);
     prepare.arg("prepare");
     if let Some(version) = blender {

@@ -52,7 +52,6 @@ impl Test {
             steps.ignore("Python wheel", "--rust-only");
             steps.ignore("training", "--rust-only");
         } else {
-            apt::ensure(&mut steps, &["debootstrap"])?;
             let prepared = prepare::start(&mut steps, self.blender.as_deref())?;
             rust(&mut steps)?;
             steps.join(prepared)?;

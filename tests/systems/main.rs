@@ -20,8 +20,8 @@ const REGISTRY: &str = "rust-core/src/systems/mod.rs";
 
 /// A copy of the crates that users get, in a folder of the build: a workspace with the crates in a folder below it.
 ///
-/// Cargo names what it builds by the place of a crate in its workspace. Were it that of this build, the two would
-/// take turns in one place of the build folder, and each would be compiled again after the other.
+/// Cargo names a build by where the crate stands in its workspace. In the same place as ours, each build would
+/// overwrite the other, and both would be compiled again.
 struct Tree {
     workspace: PathBuf,
     crates: PathBuf,
