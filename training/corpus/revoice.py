@@ -65,6 +65,12 @@ def harmonics(fundamental_hz: np.ndarray) -> np.ndarray:
 
 def revoice(samples: np.ndarray, random: np.random.Generator) -> np.ndarray:
     """Log-mel [1 + S // 160, 64] of the same words in another voice."""
+    power = revoiced_power(samples, random)
+    return np.log(np.maximum(power @ mel_filters().numpy(), FLOOR)).astype(np.float32)
+
+
+def revoiced_power(samples: np.ndarray, random: np.random.Generator) -> np.ndarray:
+    """Power spectra [1 + S // 160, 257] of the same words in another voice, for any filters."""
     power = power_spectrum(torch.from_numpy(samples)).numpy().astype(np.float64)
     strength, pitch = voicing(power)
     voiced = pitch[strength > 0.5]
@@ -77,8 +83,7 @@ def revoice(samples: np.ndarray, random: np.random.Generator) -> np.ndarray:
     comb = harmonics(_melody(len(power), random))
     unvoiced = np.where(strength[:, None] > 0.3, smooth * breath, power)
     stretched = [_stretch(x, tract) for x in (smooth, unvoiced)]
-    mixed = tonal * stretched[0] * comb + (1.0 - tonal) * stretched[1]
-    return np.log(np.maximum(mixed @ mel_filters().numpy(), FLOOR)).astype(np.float32)
+    return tonal * stretched[0] * comb + (1.0 - tonal) * stretched[1]
 
 
 def _melody(frames: int, random: np.random.Generator) -> np.ndarray:

@@ -1,0 +1,94 @@
+"""Facts about Whisper's encoder, on a folder of random weights; on the real ones where they are at hand."""
+
+import os
+from pathlib import Path
+
+import numpy as np
+import pytest
+import torch
+
+from training.corpus.clip import read_sound
+from training.speech import whisper
+from training.speech.log_mel import power_spectrum
+from training.tests.test_parity import SHARED, needs_shared
+
+REAL = Path(os.environ.get("ANYFACE_WHISPER", "runs/whisper-base"))
+
+
+@pytest.fixture
+def folder(tmp_path: Path) -> Path:
+    """Two layers of width 128 with random weights, as CTranslate2 writes them."""
+    made = whisper.WhisperEncoder(whisper.WhisperConfig(layers=2, width=128, places=1500))
+    random, state, tensors = np.random.default_rng(0), made.state_dict(), {}
+    for ours, theirs in whisper.names(2).items():
+        tensors[theirs] = (random.standard_normal(state[ours].shape) * 0.1).astype(np.float16)
+    whisper.write_tensors(tmp_path / "model.bin", tensors)
+    return tmp_path
+
+
+def noise(seconds: float) -> torch.Tensor:
+    return torch.from_numpy(np.random.default_rng(1).standard_normal(int(16000 * seconds)) * 0.1).float()
+
+
+def test_tensors_come_back_from_a_file(folder):
+    tensors = whisper.read_tensors(folder / "model.bin")
+    whisper.write_tensors(folder / "again.bin", tensors)
+    assert (folder / "again.bin").read_bytes() == (folder / "model.bin").read_bytes()
+    assert tensors["encoder/layer_1/self_attention/linear_0/weight"].shape == (384, 128)
+
+
+def test_attention_is_its_definition(folder):
+    layer, x = whisper.load(folder).layers[0], torch.randn(1, 7, 128)
+    q, k, v = layer.query_key_value(layer.attention_norm(x))[0].unflatten(-1, (3, 2, 64)).permute(1, 2, 0, 3)
+    mixed = torch.cat([(q[h] @ k[h].T / 8.0).softmax(-1) @ v[h] for h in range(2)], dim=-1)
+    y = x + layer.mix(mixed)
+    slow = y + layer.narrow(torch.nn.functional.gelu(layer.wide(layer.feed_norm(y))))
+    torch.testing.assert_close(layer(x), slow, atol=1e-4, rtol=1e-4)
+
+
+def test_spans_agree_with_the_whole_inside_and_in_length(folder):
+    model, mel = whisper.load(folder), whisper.whisper_mel(noise(14.0))
+    whole, parts = model(mel[None], [1])[0][0], model.hear(mel, [1])[0]
+    assert parts.shape == whole.shape
+    # The first span begins as the whole does; all that differs is how far attention reaches.
+    close = torch.nn.functional.cosine_similarity(whole[:500], parts[:500], dim=1)
+    assert close.min() > 0.98
+
+
+def test_a_layer_does_not_depend_on_those_above(folder):
+    model, mel = whisper.load(folder), whisper.whisper_mel(noise(1.0))
+    first, last = model.hear(mel, [1, 2])
+    torch.testing.assert_close(model.hear(mel, [1])[0], first)
+    assert first.shape == last.shape == (50, 128)
+
+
+def test_mel_of_a_power_spectrum_is_that_of_the_sound():
+    samples = noise(2.0)
+    exact = whisper.whisper_mel(samples)
+    near = whisper.mel_of_power(power_spectrum(samples))[: len(exact)]
+    # A band of low frequency is as wide as one bin, so single frames differ.
+    assert (near - exact)[2:-2].mean(dim=0).abs().max() < 0.06
+
+
+def test_a_folder_without_weights_says_how_to_get_them(tmp_path):
+    with pytest.raises(ValueError, match="fetch"):
+        whisper.load(tmp_path)
+
+
+@pytest.mark.skipif(not REAL.exists(), reason=f"{REAL}: expected Whisper base (ANYFACE_WHISPER), got nothing")
+@needs_shared
+def test_the_real_encoder_gives_the_numbers_of_ctranslate2():
+    mel = whisper.whisper_mel(torch.from_numpy(read_sound(SHARED / "data/clips/jfk.wav")))[:1100]
+    last = whisper.load(REAL)(mel[None], [6])[0][0]
+    expected = torch.tensor(CTRANSLATE2)
+    torch.testing.assert_close(last[::137, :4], expected, atol=2e-3, rtol=0)
+
+
+CTRANSLATE2 = [
+    [-1.8456, 0.1496, -1.3777, -0.7869],
+    [-1.3885, -0.5401, 0.4337, 0.2675],
+    [0.8157, -0.1380, 0.0765, 0.2754],
+    [-0.1228, -0.2779, 0.1954, 0.9242],
+    [-0.2246, 0.5254, 1.1761, -0.1614],
+]
+"""Features 0, 137, 274 … of jfk.wav, first four channels, by ctranslate2 4.8.5 in float32."""
