@@ -5,7 +5,8 @@
 writes `<out>/teacher/grid_s1/<clip>.npz`: the co-articulation teacher on the true phone times of
 every held-out clip of grid_s1. It hears nothing, so it bounds what phones alone can tell. With
 `--run ats.pt --name NAME --takes TAKE ...` instead `<out>/NAME/facegood_zh_whole/…`: what a model that
-never heard these takes makes of them in its default style.
+never heard these takes makes of them in its default style; with `--grid` (and `--run`) `<out>/NAME/grid_s1/…`,
+the held-out clips of a speaker that it never heard.
 """
 
 from dataclasses import replace
@@ -45,15 +46,17 @@ def write_teacher(data: Path, out: Path) -> int:
     return len(held_out)
 
 
-def write_unheard(data: Path, cache: Path, run: Path, out: Path, takes: list[str]) -> None:
-    """A finished run's motion of whole takes of facegood_zh."""
+def write_unheard(data: Path, cache: Path, run: Path, out: Path, takes: list[str], grid: bool) -> None:
+    """A finished run's motion of whole takes of facegood_zh and of grid_s1's held-out clips."""
     model, entries = full_model(run), bank.load(data, cache, 7)
+    chosen = {f"grid_s1/{e.name}": e for e in entries if grid and e.source == "grid_s1" and e.held_out}
     for take in takes:
         parts = [e for e in entries if e.source == "facegood_zh" and e.name.split("/")[0] == take]
         if not parts:
             raise ValueError(f"--takes: expected takes of facegood_zh, got {take}")
-        motion = model.teach(joined(parts)).taught.float().unflatten(1, (68, 3)).numpy()
-        write(out / "facegood_zh_whole" / f"{take}.npz", motion)
+        chosen[f"facegood_zh_whole/{take}"] = joined(parts)
+    for path, entry in chosen.items():
+        write(out / f"{path}.npz", model.teach(entry).taught.float().unflatten(1, (68, 3)).numpy())
 
 
 def joined(parts: list[bank.Entry]) -> bank.Entry:
@@ -78,10 +81,11 @@ def main(
     run: Annotated[Path | None, "ats.pt of a model that was trained without something"] = None,
     name: Annotated[str, "of that model, as the report shows it"] = "without",
     takes: Annotated[list[str], "of facegood_zh that it never heard"] = (),
+    grid: Annotated[bool, "it never heard grid_s1"] = False,
 ) -> None:
     """Command line."""
     if run is not None:
-        write_unheard(data, cache, run, out / name, takes)
+        write_unheard(data, cache, run, out / name, takes, grid)
     else:
         print(f"{out / 'teacher'}: {write_teacher(data, out)} clips")
 
