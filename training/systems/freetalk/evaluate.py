@@ -5,7 +5,7 @@
 writes `<out>/teacher/grid_s1/<clip>.npz`: the co-articulation teacher on the true phone times of
 every held-out clip of grid_s1. It hears nothing, so it bounds what phones alone can tell. With
 `--run ats.pt --name NAME --takes TAKE ...` instead `<out>/NAME/facegood_zh_whole/…`: what a model that
-never heard these takes makes of them in its default style; with `--grid` (and `--run`) `<out>/NAME/grid_s1/…`,
+never heard these takes makes of them in its default style; with `--grid` also `<out>/NAME/grid_s1/…`,
 the held-out clips of a speaker that it never heard.
 """
 
