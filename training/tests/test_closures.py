@@ -3,8 +3,12 @@
 import numpy as np
 import torch
 
+from training.corpus.clip import FPS
 from training.corpus.closures import (
+    FASTEST_M_S,
     TOUCHING_M,
+    Contact,
+    approach,
     bilabial_frames,
     closures_met,
     inner_depths,
@@ -36,11 +40,20 @@ def test_narrowing_takes_the_gap_that_is_asked_and_leaves_the_corners():
     assert (out[1] == motion[1]).all()
 
 
-def test_sure_closures_touch_and_the_others_stay():
-    motion = torch.from_numpy(open_mouth(3)).flatten(1)
-    gap = lip_gap(lips_closed(motion, torch.tensor([0.9, 0.1, 0.1])))
-    wanted = [TOUCHING_M, 0.01, 0.01]
-    np.testing.assert_allclose(gap.numpy(), wanted, atol=1e-7)
+def test_sure_closures_touch_and_unlikely_ones_change_nothing():
+    motion = torch.from_numpy(open_mouth(11)).flatten(1)
+    unlikely = torch.full((11,), 0.1)
+    assert (lips_closed(motion, unlikely) == motion).all()
+    likely = unlikely.index_fill(0, torch.tensor([5]), 0.9)
+    gap = lip_gap(lips_closed(motion, likely))
+    np.testing.assert_allclose(gap[[0, 5, 10]].numpy(), [0.01, TOUCHING_M, 0.01], atol=1e-5)
+    assert gap.diff().abs().max() < FASTEST_M_S / FPS
+
+
+def test_lips_touch_when_they_are_nearest():
+    openings = 0.004 + 0.1 * np.abs(np.arange(25) / 25 - 0.48)
+    share = approach(openings, [Contact(0.42, 0.5, 1.0)])
+    assert share.argmax() == 12 and share[12] > 0.999
 
 
 def test_closed_lips_meet_in_depth_too():

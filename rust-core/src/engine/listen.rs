@@ -1,11 +1,13 @@
 //! What is said when, as the engine hears it.
 
+use std::sync::Arc;
+
 use super::Engine;
 use crate::{
     Result,
     annotation::{Annotation, Symbols, Tier},
     audio::Waveform,
-    speech::{Heard, PhoneModel},
+    speech::Heard,
 };
 
 impl Engine {
@@ -14,19 +16,19 @@ impl Engine {
     /// # Errors
     /// `Audio` for a sound too short to use.
     pub fn listen(&self, waveform: &Waveform) -> Result<Annotation> {
-        self.threads(|| Ok(self.closures_of(&Heard::of(waveform, &self.encoder)?)))
+        self.threads(|| Ok(closures_of(&self.hear(waveform)?)))
     }
 
     /// The same, with tiers of phones and, where a text is given, of its words. The tier of closures is
     /// the one of [`Engine::listen`], and alone says when lips close.
     ///
     /// # Errors
-    /// `Audio` for a sound too short to use; those of [`PhoneModel::open`] and [`PhoneModel::said`].
+    /// `Audio` for a sound too short to use; those of [`crate::speech::PhoneModel::said`].
     pub fn listen_to_phones(&self, waveform: &Waveform, text: Option<&str>) -> Result<Annotation> {
         self.threads(|| {
-            let heard = Heard::of(waveform, &self.encoder)?;
-            let said = self.phone_model()?.said(&heard, text)?;
-            let mut found = self.closures_of(&heard);
+            let heard = self.hear(waveform)?;
+            let said = self.phone_model.said(&heard, text)?;
+            let mut found = closures_of(&heard);
             for tier in &mut found.tiers {
                 tier.symbols = Symbols::Closures;
             }
@@ -39,24 +41,18 @@ impl Engine {
         })
     }
 
-    fn phone_model(&self) -> Result<&PhoneModel> {
-        if let Some(model) = self.phone_model.get() {
-            return Ok(model);
-        }
-        let model = PhoneModel::open(self.model_folder.as_deref())?;
-        Ok(self.phone_model.get_or_init(|| model))
+    /// Listens to a sound, with what hears phones in it.
+    pub(super) fn hear(&self, waveform: &Waveform) -> Result<Heard> {
+        let mut heard = Heard::of(waveform, &self.encoder)?;
+        heard.phones = Some(Arc::clone(&self.phone_model));
+        Ok(heard)
     }
+}
 
-    /// As the system hears them.
-    fn closures_of(&self, heard: &Heard) -> Annotation {
-        let closures = match self.system.description().phones {
-            Some(phones) => heard.contacts_with(phones, None).0,
-            None => heard.closures(None),
-        };
-        let mut closures = closures.intervals();
-        for interval in &mut closures {
-            interval[1] = interval[1].min(heard.duration_s).max(interval[0]);
-        }
-        Annotation::of_closures(&closures, heard.duration_s)
+fn closures_of(heard: &Heard) -> Annotation {
+    let mut closures = heard.contacts(None).together.intervals();
+    for interval in &mut closures {
+        interval[1] = interval[1].min(heard.duration_s).max(interval[0]);
     }
+    Annotation::of_closures(&closures, heard.duration_s)
 }

@@ -106,8 +106,8 @@ pub struct Engine {
     emotion_model: Option<EmotionModel>,
     /// Loaded where shapes are asked for.
     rig_model: OnceLock<RigModel>,
-    /// Loaded where phones or words are asked for.
-    phone_model: OnceLock<PhoneModel>,
+    /// What hears phones: it says when lips touch.
+    phone_model: Arc<PhoneModel>,
     model_folder: Option<PathBuf>,
     cache: Cache,
     /// Names the models in what is kept of a mesh.
@@ -176,7 +176,7 @@ impl Engine {
                 None => None,
             },
             rig_model: OnceLock::new(),
-            phone_model: OnceLock::new(),
+            phone_model: Arc::new(PhoneModel::open(folder)?),
             cache: Cache::new(&options.cache),
             key_of_models: key_of_models(folder)?,
             pool: threads_of_own(options.threads)?,

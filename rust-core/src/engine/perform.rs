@@ -165,7 +165,7 @@ impl Engine {
         self.check(request)?;
         self.threads(|| {
             report(progress, "speech", 0.0)?;
-            let mut heard = Heard::of(waveform, &self.encoder)?;
+            let mut heard = self.hear(waveform)?;
             if self.system.description().keeps_sound {
                 heard.voice = heard.voice.with_sound(waveform);
             }

@@ -2,7 +2,8 @@
 
 use ndarray::{Array3, ArrayView2, ArrayView3, ArrayViewMut2};
 
-use crate::mesh::ibug::{CHIN, LIP_COLUMNS, speaking};
+use super::contacts::{TOUCHING_M, as_before, opening};
+use crate::mesh::ibug::{CHIN, LIP_COLUMNS, LipColumn, speaking};
 
 /// Lips nearer than this over neutral count as closing, metres.
 const CLOSED_M: f32 = 1.5e-3;
@@ -42,11 +43,31 @@ pub(super) fn articulate(
 /// Gives closed lips their gap back: what was closed in `sampled` is closed in `moved`, and lips pass
 /// no deeper through one another than they did.
 ///
-/// Closing fades in over the last 1.5 mm, so that nothing jumps. Each lip goes half of the way, and
-/// the outer lip goes with the inner one. Both `[T, 68, 3]`, canonical metres.
-pub(super) fn keep_closures(moved: &mut Array3<f32>, sampled: ArrayView3<'_, f32>) {
+/// Closing fades in over the last 1.5 mm, and around closed lips the gap stays on the path that lips take
+/// ([`as_before`]), so that nothing jumps. Both `[T, 68, 3]`, canonical metres.
+pub(super) fn keep_closures(moved: &mut Array3<f32>, sampled: ArrayView3<'_, f32>, fps: f64) {
     for (mut frame, sampled) in moved.outer_iter_mut().zip(sampled.outer_iter()) {
         keep_gap(&mut frame, sampled, closedness, 0.0);
+    }
+    let openings = |clip: ArrayView3<'_, f32>| clip.outer_iter().map(opening).collect::<Vec<f32>>();
+    let shares = as_before(&openings(moved.view()), &openings(sampled), fps);
+    let frames = moved.outer_iter_mut().zip(shares);
+    for (mut frame, share) in frames.filter(|(_, share)| *share > 0.0) {
+        for column in &LIP_COLUMNS {
+            let (up, low) = (column.upper[0].0, column.lower[0].0);
+            let opening = frame[[up, 1]] - frame[[low, 1]] - TOUCHING_M;
+            part(&mut frame, column, -share * opening.max(0.0));
+        }
+    }
+}
+
+/// Parts the lips of a column by so much, metres: each goes half of the way, and the outer lip with the inner one.
+fn part(frame: &mut ArrayViewMut2<'_, f32>, column: &LipColumn, by: f32) {
+    for (n, share) in column.upper {
+        frame[[*n, 1]] += 0.5 * share * by;
+    }
+    for (n, share) in column.lower {
+        frame[[*n, 1]] -= 0.5 * share * by;
     }
 }
 
@@ -68,12 +89,6 @@ pub(super) fn keep_gap(
         let had = sampled[[up, 1]] - sampled[[low, 1]];
         let has = frame[[up, 1]] - frame[[low, 1]];
         let free = has.max(had.min(least));
-        let half = 0.5 * (free + closed(had) * (had - free) - has);
-        for (n, share) in column.upper {
-            frame[[*n, 1]] += share * half;
-        }
-        for (n, share) in column.lower {
-            frame[[*n, 1]] -= share * half;
-        }
+        part(frame, column, free + closed(had) * (had - free) - has);
     }
 }

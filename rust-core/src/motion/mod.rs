@@ -8,7 +8,7 @@ mod blinks;
 mod breath;
 mod brow_accents;
 mod chance;
-mod closures;
+mod contacts;
 mod controls;
 mod effort;
 mod expression;
@@ -39,7 +39,7 @@ use crate::{Result, deform::CodeSpace};
 
 pub use blinks::{Blink, blinks};
 pub use brow_accents::{BrowAccent, brow_accents};
-pub use closures::close_lips;
+pub(crate) use contacts::{Parting, narrow, opening};
 pub(crate) use controls::control_named;
 pub use controls::{PERFORMANCE_CONTROLS, PerformanceControls};
 pub use effort::effort_gain;

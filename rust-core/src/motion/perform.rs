@@ -175,7 +175,8 @@ impl FaceModes {
             );
         }
         if shaped || controls.smoothing_s > 0.0 || controls.variety > 0.0 {
-            keep_closures(&mut clip.displacements, sampled.displacements.view());
+            let fps = clip.fps;
+            keep_closures(&mut clip.displacements, sampled.displacements.view(), fps);
         }
         Ok(())
     }

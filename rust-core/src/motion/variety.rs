@@ -102,7 +102,7 @@ impl Variety {
                 frame[[n, 0]] += shift;
             }
         }
-        keep_closures(moved, sampled.view());
+        keep_closures(moved, sampled.view(), fps);
     }
 
     /// Lifts, lowers and knits the brows a little while somebody speaks. `[T, 68, 3]`, canonical metres.

@@ -1,6 +1,6 @@
 //! When lips are together, as a speech encoder's own read-out has it.
 //!
-//! Twin of `lips_closed` in `training/corpus/closures.py`, where `motion::close_lips` is the other half.
+//! Twin of `contacts` in `training/corpus/closures.py`.
 
 use std::ops::Range;
 
@@ -14,8 +14,18 @@ const PEAK_SHARE: f32 = 0.75;
 /// An interval is the one that was heard where both its ends lie so near to it, seconds: what a file
 /// rounds.
 const SAME_S: f64 = 1e-3;
-/// Time in which lips come together before an interval that was given, and part after it, seconds.
-const APPROACH_S: f64 = 0.02;
+/// A time in which lips touch.
+#[derive(Debug, Clone, Copy, PartialEq)]
+pub struct Contact {
+    /// Where it begins, seconds.
+    pub start_s: f64,
+    /// Where it ends, seconds.
+    pub end_s: f64,
+    /// How far the lips go to touching, 0 to 1.
+    pub share: f32,
+    /// The lips touch from start to end. Otherwise they touch somewhere between the two.
+    pub lasts: bool,
+}
 
 /// When lips are together: where the sound says so, or where an artist does.
 ///
@@ -25,7 +35,8 @@ const APPROACH_S: f64 = 0.02;
 /// let heard = LipClosures::heard(&[0.0, 0.9, 0.9, 0.0, 0.0], 25.0);
 /// assert_eq!(heard.intervals(), [[0.02, 0.1]]);
 /// let mended = heard.mended(&[[0.12, 0.16]]);
-/// assert_eq!((mended.share(0.04, 0.04), mended.share(0.14, 0.04)), (0.0, 1.0));
+/// let contact = mended.contacts()[0];
+/// assert_eq!((contact.start_s, contact.share, contact.lasts), (0.12, 1.0, true));
 /// ```
 #[derive(Debug, Clone, PartialEq)]
 pub struct LipClosures {
@@ -39,9 +50,7 @@ pub struct LipClosures {
 impl LipClosures {
     /// What is heard: `probability` `[T']`, frame `t` at `t / rate_hz` seconds.
     ///
-    /// Where the probability is three quarters of the highest within two frames, a smooth step from 0.2
-    /// to 0.35 decides how far the lips go. Between its frames the probability goes straight, so that a
-    /// closure of one of them is met at any frame rate.
+    /// A frame counts where its probability is three quarters of the highest within two frames.
     pub fn heard(probability: &[f32], rate_hz: f64) -> LipClosures {
         LipClosures {
             probability: peaks(probability),
@@ -53,17 +62,10 @@ impl LipClosures {
     /// Where lips go together, `[start_s, end_s]` in rising order; each frame lasts half of one to
     /// either side.
     pub fn intervals(&self) -> Vec<[f64; 2]> {
-        let seconds = |frame: f64| (frame / self.rate_hz).max(0.0);
-        let heard = self.runs().into_iter();
-        let heard = heard.map(|run| {
-            [
-                seconds(run.start as f64 - 0.5),
-                seconds(run.end as f64 - 0.5),
-            ]
-        });
-        let mut all: Vec<[f64; 2]> = heard.chain(self.given.iter().copied()).collect();
-        all.sort_by(|a, b| a[0].total_cmp(&b[0]));
-        all
+        let contacts = self.contacts().into_iter();
+        contacts
+            .map(|contact| [contact.start_s, contact.end_s])
+            .collect()
     }
 
     /// The same with these intervals instead: those that were heard stay to the bit, those that are not
@@ -88,27 +90,37 @@ impl LipClosures {
         out
     }
 
-    /// How far lips go to touching at a moment, 0 to 1, in motion whose frames lie `step_s` apart; an
-    /// interval that is shorter is met by one of them.
-    pub fn share(&self, time_s: f64, step_s: f64) -> f32 {
-        let heard = smooth_step(between(&self.probability, time_s * self.rate_hz));
-        let given = self.given.iter().map(|[start, end]| {
-            let half = 0.5 * (end - start).max(step_s);
-            let beyond = (time_s - 0.5 * (start + end)).abs() - half;
-            let x = (1.0 - beyond / APPROACH_S).clamp(0.0, 1.0) as f32;
-            x * x * (3.0 - 2.0 * x)
+    /// Where lips touch, in rising order.
+    ///
+    /// What is heard goes as far as its highest probability says: a smooth step from 0.2 to 0.35. The lips touch
+    /// somewhere in it. An interval that an artist sets lasts from its start to its end.
+    pub fn contacts(&self) -> Vec<Contact> {
+        let heard = self.runs().into_iter().map(|run| {
+            let highest = self.probability[run.clone()]
+                .iter()
+                .fold(0.0, |a: f32, b| a.max(*b));
+            let [start_s, end_s] = self.seconds(&run);
+            Contact {
+                start_s,
+                end_s,
+                share: closure_share(highest),
+                lasts: false,
+            }
         });
-        given.fold(heard, f32::max)
+        let given = self.given.iter().map(|&[start_s, end_s]| Contact {
+            start_s,
+            end_s,
+            share: 1.0,
+            lasts: true,
+        });
+        let mut all: Vec<Contact> = heard.chain(given).collect();
+        all.sort_by(|a, b| a.start_s.total_cmp(&b.start_s));
+        all
     }
 
-    /// [`LipClosures::share`] at each frame of a clip, `[T]`; 0 where an event is `over_speech`.
-    pub(crate) fn shares(&self, frames: usize, fps: f64, over_speech: &[bool]) -> Vec<f32> {
-        let step_s = 1.0 / fps;
-        let share = |t: usize| match over_speech.get(t) {
-            Some(true) => 0.0,
-            _ => self.share(t as f64 * step_s, step_s),
-        };
-        (0..frames).map(share).collect()
+    /// Where a run of frames begins and ends: each frame lasts half of one to either side.
+    fn seconds(&self, run: &Range<usize>) -> [f64; 2] {
+        [run.start, run.end].map(|frame| ((frame as f64 - 0.5) / self.rate_hz).max(0.0))
     }
 
     /// Frames in which lips move because of what was heard, without a gap.
@@ -140,19 +152,8 @@ fn peaks(probability: &[f32]) -> Vec<f32> {
     probability.iter().enumerate().map(near_highest).collect()
 }
 
-/// A track at a fractional frame, held beyond its end; 0 where it is empty.
-fn between(track: &[f32], position: f64) -> f32 {
-    let Some(last) = track.len().checked_sub(1) else {
-        return 0.0;
-    };
-    let position = position.min(last as f64);
-    let before = position.floor() as usize;
-    let share = (position - before as f64) as f32;
-    track[before] + share * (track[(before + 1).min(last)] - track[before])
-}
-
-/// How far the lips go to touching.
-fn smooth_step(probability: f32) -> f32 {
+/// How far the lips go to touching where a closure is so likely, 0 to 1: a smooth step from 0.2 to 0.35.
+pub fn closure_share(probability: f32) -> f32 {
     let x = ((probability - SURE_FROM) / (SURE_AT - SURE_FROM)).clamp(0.0, 1.0);
     x * x * (3.0 - 2.0 * x)
 }

@@ -1,6 +1,6 @@
 //! When lips touch, as the encoder and the phones hear it together.
 
-use super::{Heard, LipClosures, PhoneModel, heard::heard_or_given};
+use super::{Heard, LipClosures};
 
 /// Weight of the phones' log-odds beside the encoder's own, and what is added so that both together raise no more
 /// false closures than the encoder alone.
@@ -8,34 +8,44 @@ const PHONES_SHARE: f32 = 0.45;
 const EARLIER: f32 = 1.5;
 const LEAST: f32 = 1e-5;
 
+/// When the lips of a speaker touch.
+#[derive(Debug, Clone, PartialEq)]
+pub struct LipContacts {
+    /// One another, for p, b, m.
+    pub together: LipClosures,
+    /// The lower lip the upper teeth, for f, v.
+    pub at_teeth: LipClosures,
+}
+
 impl Heard {
-    /// The same by two witnesses, the encoder's own read-out and the phones' p, b and m, which miss fewer than the
-    /// encoder alone at as many false ones (the card of `cafe_talk_compact` counts them); and when the lower lip is at
-    /// the upper teeth, as the phones' f and v have it.
+    /// When the lips touch: as the sound says, or together in the `given` intervals `[start_s, end_s]`.
     ///
-    /// The encoder alone, and never at the teeth, where the phones were not made for it.
-    pub fn contacts_with(
-        &self,
-        phones: &PhoneModel,
-        given: Option<&[[f64; 2]]>,
-    ) -> (LipClosures, LipClosures) {
+    /// Two witnesses hear p, b, m: the encoder ([`super::SpeechEncoder::closed_lips`]) and the phones. They miss
+    /// fewer than the encoder alone at as many false ones (the card of `cafe_talk_compact` counts them). The phones
+    /// alone hear f and v. Without phones that know the encoder's features the encoder is the one witness.
+    pub fn contacts(&self, given: Option<&[[f64; 2]]>) -> LipContacts {
         let rate_hz = self.track.rate_hz;
-        if !phones.hears(self) {
-            return (self.closures(given), LipClosures::heard(&[], rate_hz));
-        }
         let features = self.features(rate_hz);
-        let heard = phones.contacts(features.view());
-        let together = match self.encoder.closed_lips(features.view()) {
-            Some(closed) => {
+        let closed = self
+            .encoder
+            .closed_lips(features.view())
+            .unwrap_or_default();
+        let phones = self.phones.as_ref().filter(|phones| phones.hears(self));
+        let (together, at_teeth) = match phones.map(|phones| phones.contacts(features.view())) {
+            Some(heard) => {
                 let both = closed.iter().zip(&heard.together);
-                both.map(|(a, b)| agreed(*a, *b)).collect()
+                (both.map(|(a, b)| agreed(*a, *b)).collect(), heard.at_teeth)
             }
-            None => Vec::new(),
+            None => (closed, Vec::new()),
         };
-        (
-            heard_or_given(&together, rate_hz, given),
-            LipClosures::heard(&heard.at_teeth, rate_hz),
-        )
+        let together = LipClosures::heard(&together, rate_hz);
+        LipContacts {
+            together: match given {
+                Some(given) => together.mended(given),
+                None => together,
+            },
+            at_teeth: LipClosures::heard(&at_teeth, rate_hz),
+        }
     }
 }
 

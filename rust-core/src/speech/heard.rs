@@ -5,7 +5,7 @@ use std::sync::Arc;
 use ndarray::Array2;
 
 use super::{
-    FeatureTrack, FeltVoice, LipClosures, SpeechEncoder, at_motion_frames, encoder::frames_of,
+    FeatureTrack, FeltVoice, PhoneModel, SpeechEncoder, at_motion_frames, encoder::frames_of,
 };
 use crate::{
     Result,
@@ -35,6 +35,8 @@ pub struct Heard {
     pub voice: FeltVoice,
     /// What another's model of emotions hears in it, where the engine has one.
     pub emotion: Option<EmotionCurve>,
+    /// What hears phones in the features, where the engine has it.
+    pub phones: Option<Arc<PhoneModel>>,
     /// Length of the sound in seconds.
     pub duration_s: f64,
     pub(super) encoder: Arc<dyn SpeechEncoder>,
@@ -51,6 +53,7 @@ impl Heard {
             prosody: Prosody::of(waveform),
             voice: FeltVoice::of(waveform),
             emotion: None,
+            phones: None,
             duration_s: waveform.duration_s(),
             encoder: Arc::clone(encoder),
         })
@@ -69,25 +72,5 @@ impl Heard {
     /// Speech features at the times of motion frames, `[T, C]`.
     pub fn features(&self, fps: f64) -> Array2<f32> {
         at_motion_frames(&self.track, self.frames(fps), fps)
-    }
-
-    /// When lips are together: as the encoder hears it ([`SpeechEncoder::closed_lips`]), or in the
-    /// `given` intervals `[start_s, end_s]`.
-    pub fn closures(&self, given: Option<&[[f64; 2]]>) -> LipClosures {
-        let rate_hz = self.track.rate_hz;
-        let closed = self.encoder.closed_lips(self.features(rate_hz).view());
-        heard_or_given(&closed.unwrap_or_default(), rate_hz, given)
-    }
-}
-
-pub(super) fn heard_or_given(
-    closed: &[f32],
-    rate_hz: f64,
-    given: Option<&[[f64; 2]]>,
-) -> LipClosures {
-    let heard = LipClosures::heard(closed, rate_hz);
-    match given {
-        Some(given) => heard.mended(given),
-        None => heard,
     }
 }

@@ -21,15 +21,17 @@ mod transformer_encoder;
 pub mod wav2vec2;
 
 pub use causal::{CausalConfig, CausalModel, CausalSpeech};
-pub use closures::LipClosures;
+pub(crate) use closures::closure_share;
+pub use closures::{Contact, LipClosures};
 pub(crate) use compact::{ACTIVE_RANGE, DEEPEST, QUIETEST_LEVEL, SCALE};
 pub use compact::{CompactConfig, CompactEncoder, normalise};
+pub use contacts::LipContacts;
 pub use emotion_model::EmotionModel;
 pub use encoder::{COMPACT_MODEL, FeatureTrack, SpeechEncoder, SpeechInput, frames_of};
 pub use feeling::{FEELING_MODEL, FeelingConfig, FeelingEncoder, FeltVoice, LiveFeeling};
 pub use heard::Heard;
 pub use log_mel::{BANDS, FRAME, HOP, MelAnalyser, log_mel};
-pub use phones::{LipContacts, PHONE_MODEL, PhoneConfig, PhoneModel, Said};
+pub use phones::{PHONE_MODEL, PhoneConfig, PhoneModel, Said};
 pub use resample::at_motion_frames;
 pub use transformer_encoder::HiddenStates;
 

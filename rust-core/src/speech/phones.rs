@@ -65,13 +65,13 @@ const BILABIALS: &[&str] = &["p", "b", "m"];
 /// Phones for which the lower lip is at the upper teeth.
 const LABIODENTALS: &[&str] = &["f", "v"];
 
-/// How likely each frame is to be one in which lips touch, 0 to 1.
+/// How likely the lips touch in each frame, `[T]`, 0 to 1.
 #[derive(Debug, Clone, PartialEq)]
-pub struct LipContacts {
-    /// That lips are together for p, b or m.
-    pub together: Vec<f32>,
-    /// That the lower lip is at the upper teeth for f or v.
-    pub at_teeth: Vec<f32>,
+pub(super) struct ContactProbability {
+    /// One another, for p, b or m.
+    pub(super) together: Vec<f32>,
+    /// The lower lip the upper teeth, for f or v.
+    pub(super) at_teeth: Vec<f32>,
 }
 
 /// Phones and words of a sound.
@@ -132,9 +132,9 @@ impl PhoneModel {
     }
 
     /// What the lips touch in each frame of features `[T, C]`: the mean of its rows.
-    pub fn contacts(&self, features: ArrayView2<'_, f32>) -> LipContacts {
+    pub(super) fn contacts(&self, features: ArrayView2<'_, f32>) -> ContactProbability {
         let posteriors = self.log_posteriors(features);
-        LipContacts {
+        ContactProbability {
             together: self.probability(BILABIALS, &posteriors),
             at_teeth: self.probability(LABIODENTALS, &posteriors),
         }

@@ -12,7 +12,7 @@ use crate::{
     motion::{
         EmotionOrigin, LandmarkClip, Motion, MotionKind, MotionRequest, MotionStream, TemplateMask,
     },
-    speech::{Heard, PhoneModel, SpeechInput},
+    speech::{Heard, SpeechInput},
 };
 
 /// How a system is known before it is loaded.
@@ -89,8 +89,6 @@ pub struct Description<'a> {
     pub speech: Option<&'a SpeechInput>,
     /// Whether [`Heard::voice`] has to keep the sound, for an encoder of the system's own.
     pub keeps_sound: bool,
-    /// What hears closed lips beside the speech encoder.
-    pub phones: Option<&'a PhoneModel>,
     /// Whether another emotion needs another [`System::sample`], or [`System::perform`] adds it.
     pub emotion: EmotionOrigin,
     /// Names of the speaking styles that its models know.

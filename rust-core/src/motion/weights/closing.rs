@@ -3,21 +3,19 @@
 use ndarray::{Array2, Array3, ArrayView3, ArrayViewMut1, s};
 
 use super::{
-    super::{FaceModes, WeightClip},
+    super::{
+        FaceModes, WeightClip,
+        contacts::{TOUCHING_M, approach},
+    },
     reach::{Aim, corners_of, reach},
 };
 use crate::{Result, mesh::ibug::INNER_LIPS, speech::LipClosures};
 
-/// Opening over that of the neutral face at which lips touch in speech, metres, as in [`super::super::close_lips`].
-const TOUCHING_M: f32 = -0.5e-3;
 /// How much farther than where they touch lips may be pressed, metres: beyond that one goes through the other.
 const PRESSED_M: f32 = 0.3e-3;
 const CLOSE: &str = "mouthClose";
 /// A shape that moves no lip farther has no say.
 const STILL_M: f32 = 0.1e-3;
-/// How fast lips come together and part again, m/s: of the frames of grid_s1's tracked speaker 0.1 % close by more
-/// than 0.33 and part by more than 0.28.
-const FASTEST_M_S: f32 = 0.3;
 const PAIRS: usize = INNER_LIPS.len();
 
 /// By how much each shape parts the lips of one head.
@@ -75,42 +73,16 @@ impl LipGaps {
     /// Brings the lips of a clip together where `closures` says so, except where an event is `over_speech`, and
     /// keeps with the clip how far.
     ///
-    /// At each such frame every inner pair goes its share of the way to where lips touch, in height and in depth:
+    /// Every inner pair goes its share ([`approach`]) of the way to where lips touch, in height and in depth:
     /// shapes that part them give way and `mouthClose` comes, by least squares with bounds (coordinate descent,
     /// as in [`crate::rig::solve`]). It never opens.
     pub fn close(&self, clip: &mut WeightClip, closures: &LipClosures, over_speech: &[bool]) {
-        let shares = closures.shares(clip.weights.nrows(), clip.fps, over_speech);
-        clip.together = self.in_time(clip, shares, over_speech);
-        self.bring_together(clip);
-    }
-
-    /// The shares `[T]` of closures, and of frames beside them as much as lips need that come together no faster
-    /// than lips do: under a dropped jaw they have far to go.
-    fn in_time(&self, clip: &WeightClip, shares: Vec<f32>, over_speech: &[bool]) -> Vec<f32> {
         let rows = clip.weights.outer_iter();
-        let apart: Vec<f32> = rows
+        let openings: Vec<f32> = rows
             .map(|row| (self.largest(row) - TOUCHING_M).max(0.0))
             .collect();
-        let step = FASTEST_M_S / clip.fps as f32;
-        let closing = apart.iter().zip(&shares);
-        let mut most: Vec<f32> = closing
-            .map(|(apart, share)| match *share > 0.0 {
-                true => apart * (1.0 - share),
-                false => f32::INFINITY,
-            })
-            .collect();
-        for t in 1..most.len() {
-            most[t] = most[t].min(most[t - 1] + step);
-        }
-        for t in (1..most.len()).rev() {
-            most[t - 1] = most[t - 1].min(most[t] + step);
-        }
-        let needed = |(t, share): (usize, f32)| match over_speech.get(t) {
-            Some(true) => share,
-            _ if most[t] < apart[t] => share.max(1.0 - most[t] / apart[t]),
-            _ => share,
-        };
-        shares.into_iter().enumerate().map(needed).collect()
+        clip.together = approach(&openings, &closures.contacts(), clip.fps, over_speech);
+        self.bring_together(clip);
     }
 
     /// The same where the clip knows how far its lips have to come together: for a head whose lips part
@@ -293,13 +265,14 @@ mod tests {
             .map(|t| gaps.largest(long.weights.row(t)))
             .collect();
         assert!(apart[0] > 0.02 && apart[10] < 0.0, "{apart:?}");
-        let fastest = 1.2 * FASTEST_M_S / 50.0;
+        let fastest = 0.4 / 50.0;
         let steps = apart.windows(2).map(|pair| (pair[1] - pair[0]).abs());
         assert!(steps.clone().all(|step| step < fastest), "{apart:?}");
         assert!(steps.fold(0.0, f32::max) > 0.5 * fastest);
-        // Beyond that nothing moves.
-        for t in [0, 3, 17, 20] {
-            assert_eq!(long.weights.row(t), before.row(t), "frame {t}");
+        // Far from it hardly anything moves.
+        for t in [0, 20] {
+            let moved = (&long.weights.row(t) - &before.row(t)).mapv(f32::abs).sum();
+            assert!(moved < 0.02, "frame {t}: {moved}");
         }
     }
 

@@ -15,7 +15,7 @@ use crate::{
         FaceModes, LipGaps, LowerLip, Motion, MotionKind, MotionRequest, PerformanceControls,
         WeightClip, WeightCues, control_named, style_number,
     },
-    speech::{Heard, PhoneModel},
+    speech::Heard,
     systems::{Ability, Description, Registration, Sampled, Slider, System},
 };
 
@@ -82,7 +82,6 @@ pub struct CafeTalk {
     modes: FaceModes,
     gaps: LipGaps,
     lower_lip: LowerLip,
-    phones: PhoneModel,
     kept: WindowsKept,
 }
 
@@ -104,7 +103,6 @@ impl CafeTalk {
             modes,
             gaps,
             lower_lip,
-            phones: PhoneModel::open(folder)?,
             kept: WindowsKept::default(),
         })
     }
@@ -131,11 +129,11 @@ impl CafeTalk {
     /// given.
     fn make_contacts(&self, clip: &mut WeightClip, heard: &Heard, request: &MotionRequest) {
         let events = EventTrack::of(&request.events, &clip.names, clip.weights.nrows(), clip.fps);
-        let given = request.closures.as_deref();
-        let (closures, at_teeth) = heard.contacts_with(&self.phones, given);
+        let contacts = heard.contacts(request.closures.as_deref());
         self.lower_lip
-            .reach_teeth(clip, &at_teeth, &events.over_speech);
-        self.gaps.close(clip, &closures, &events.over_speech);
+            .reach_teeth(clip, &contacts.at_teeth, &events.over_speech);
+        self.gaps
+            .close(clip, &contacts.together, &events.over_speech);
     }
 }
 
@@ -144,7 +142,6 @@ impl System for CafeTalk {
         let config = self.config();
         Description {
             speech: Some(&config.speech),
-            phones: Some(&self.phones),
             styles: &config.styles,
             windows: Some(config.windows()),
             ..Description::default()

@@ -2,17 +2,17 @@
 
 use std::sync::Arc;
 
-use ndarray::{Array3, ArrayView1, ArrayView2};
+use ndarray::{ArrayView1, ArrayView2, ArrayViewMut2};
 
 use super::{EmoFaceConfig, HeardFrame, Layer, Model, Progressing};
 use crate::{
     Error, Result,
     conditions::{EMOTIONS, Emotion},
     mesh::ibug::LANDMARKS,
-    motion::{self, LandmarkClip, LandmarkFrame, MotionStream},
+    motion::{LandmarkFrame, MotionStream, Parting, narrow, opening},
     speech::{
-        CausalModel, CausalSpeech, CompactEncoder, FeelingEncoder, LipClosures, LiveFeeling,
-        SpeechEncoder,
+        CausalModel, CausalSpeech, CompactEncoder, FeelingEncoder, LiveFeeling, SpeechEncoder,
+        closure_share,
     },
 };
 
@@ -39,6 +39,7 @@ pub struct EmoFaceStream {
     state: Progressing,
     style: usize,
     emotion: Emotion,
+    parting: Parting,
     /// What is heard on average of the emotion that was set, `[E]`.
     set: Option<Vec<f32>>,
 }
@@ -57,6 +58,7 @@ impl EmoFaceStream {
             state: parts.model.start(None)?,
             style,
             emotion: Emotion::default(),
+            parting: Parting::new(parts.model.config().fps),
             set: None,
             parts,
         })
@@ -86,10 +88,14 @@ impl MotionStream for EmoFaceStream {
         let closed = ArrayView2::from_shape((1, content.len()), content).ok();
         let closed = closed.and_then(|row| self.parts.encoder.closed_lips(row));
         let made = self.parts.model.step(heard, Layer::Both, &mut self.state);
-        let displacements = landmarks(config, made.layer(Layer::Both));
+        let mut displacements = landmarks(config, made.layer(Layer::Both));
+        let share = closed.map_or(0.0, |closed| closure_share(closed[0]));
+        let mut face = ArrayViewMut2::from(&mut displacements);
+        let share = self.parting.next(opening(face.view()), share);
+        narrow(&mut face, share);
         Some(LandmarkFrame {
             index,
-            displacements: closed_by_ear(displacements, closed.as_deref(), config.fps),
+            displacements,
         })
     }
 
@@ -151,26 +157,10 @@ pub fn landmarks(config: &EmoFaceConfig, values: &[f32]) -> [[f32; 3]; LANDMARKS
     std::array::from_fn(|n| std::array::from_fn(|axis| values[3 * at[n] + axis]))
 }
 
-/// A frame with lips as far closed as is heard in it; there is no later frame to compare it with.
-fn closed_by_ear(
-    displacements: [[f32; 3]; LANDMARKS],
-    probability: Option<&[f32]>,
-    fps: f64,
-) -> [[f32; 3]; LANDMARKS] {
-    let Some(probability) = probability else {
-        return displacements;
-    };
-    let values = displacements.as_flattened().to_vec();
-    let mut clip = LandmarkClip {
-        displacements: Array3::from_shape_vec((1, LANDMARKS, 3), values).expect("68 landmarks"),
-        fps,
-    };
-    motion::close_lips(&mut clip, &LipClosures::heard(probability, fps));
-    std::array::from_fn(|n| std::array::from_fn(|axis| clip.displacements[[0, n, axis]]))
-}
-
 #[cfg(test)]
 mod tests {
+    use ndarray::Array3;
+
     use super::*;
     use crate::conditions::EmotionCurve;
     use crate::{

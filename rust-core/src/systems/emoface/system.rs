@@ -301,7 +301,8 @@ impl System for EmoFace {
         report(progress, "sample", 1.0)?;
         let wanted = heard.frames(request.fps);
         let mut clip = LandmarkClip { displacements, fps }.at_rate(request.fps, wanted);
-        motion::close_lips(&mut clip, &heard.closures(request.closures.as_deref()));
+        let contacts = heard.contacts(request.closures.as_deref());
+        clip.make_contacts(&contacts, &self.modes)?;
         let space = Arc::clone(&self.space);
         Ok(Sampled {
             motion: Motion::Codes(CodeClip {

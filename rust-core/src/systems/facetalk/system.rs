@@ -249,7 +249,8 @@ impl System for FaceTalk {
         let frames = heard.frames(request.fps);
         let codes = motion::at_rate(codes.view(), fps / request.fps, frames);
         let mut landmarks = LandmarkClip { displacements, fps }.at_rate(request.fps, frames);
-        motion::close_lips(&mut landmarks, &heard.closures(request.closures.as_deref()));
+        let contacts = heard.contacts(request.closures.as_deref());
+        landmarks.make_contacts(&contacts, &self.modes)?;
         Ok(self.motion(codes, landmarks).into())
     }
 

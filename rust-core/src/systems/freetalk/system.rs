@@ -20,8 +20,8 @@ use crate::{
     job::ProgressFn,
     models::BuiltIn,
     motion::{
-        self, CausalExpression, EmotionOrigin, Expressions, FaceModes, LandmarkClip, Motion,
-        MotionKind, MotionRequest, MotionStream, PERFORMANCE_CONTROLS, Performer,
+        CausalExpression, EmotionOrigin, Expressions, FaceModes, LandmarkClip, Motion, MotionKind,
+        MotionRequest, MotionStream, PERFORMANCE_CONTROLS, Performer,
     },
     speech::{CausalModel, Heard},
     systems::{Description, Registration, Sampled, Slider, System},
@@ -141,7 +141,8 @@ impl System for FreeTalk {
         let mut clip = LandmarkClip { displacements, fps }.at_rate(request.fps, frames);
         let closes = self.ats.config().closes_lips(request.style.as_deref());
         if closes || request.closures.is_some() {
-            motion::close_lips(&mut clip, &heard.closures(request.closures.as_deref()));
+            let contacts = heard.contacts(request.closures.as_deref());
+            clip.make_contacts(&contacts, &self.modes)?;
         }
         Ok(Motion::Landmarks(clip).into())
     }

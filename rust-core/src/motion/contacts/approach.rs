@@ -1,0 +1,281 @@
+//! How lips come to a contact and part from it: the same path for landmarks and for weights of shapes.
+//!
+//! Twin of `approach` in `training/corpus/closures.py`.
+
+use crate::speech::Contact;
+
+/// How fast lips come together and part at most, m/s: of the frames of grid_s1's tracked speaker 0.1 % close by more
+/// than 0.33 and part by more than 0.28.
+const FASTEST_M_S: f64 = 0.28;
+/// Time in which they come to that speed, seconds.
+const SPEED_UP_S: f64 = 0.02;
+/// Half of the time for which lips touch at least, seconds. With the slow beginning of the way apart they are
+/// within 0.5 mm for about 60 ms.
+const HALF_TOUCH_S: f64 = 0.015;
+/// So much of what is heard of a long contact are its edges, seconds.
+const EDGES_S: f64 = 0.13;
+/// How long before and after what is heard of a contact it may lie, seconds.
+const REACH_S: f64 = 0.02;
+/// Openings so near to the smallest one share in saying when lips touch, metres.
+const NEAR_M: f32 = 0.5e-3;
+/// How sharply an opening bends into the path.
+const SHARPNESS: i32 = 6;
+/// Farther from a touch it no longer bounds the opening, seconds.
+const FAR_S: f64 = 0.15;
+/// Openings that count as closed, metres from touching.
+const CLOSED_M: f32 = 0.75e-3;
+/// A smaller share leaves a frame as it is.
+const LEAST: f32 = 1e-3;
+
+/// Lips that touch, or nearly so.
+struct Touch {
+    /// From when to when, seconds.
+    span_s: [f64; 2],
+    /// How far they are from it, metres.
+    left: f64,
+}
+
+/// How far lips go to touching in each frame, `[T]`, 0 to 1.
+///
+/// `openings` `[T]`: how far they are from touching, metres. A contact that is heard lies where the opening is
+/// smallest meanwhile, so that the motion keeps its own time. Around it the opening stays below what lips can reach:
+/// they speed up evenly and then move at their fastest, as those of the recorded speaker. No contact falls into a
+/// frame that is `free`.
+pub fn approach(openings: &[f32], contacts: &[Contact], fps: f64, free: &[bool]) -> Vec<f32> {
+    let touches = contacts.iter().filter_map(|contact| {
+        let span_s = touch(openings, contact, fps);
+        let middle = (0.5 * (span_s[0] + span_s[1]) * fps).round() as usize;
+        let middle = middle.min(openings.len().checked_sub(1)?);
+        let left = f64::from((1.0 - contact.share) * openings[middle]);
+        (free.get(middle) != Some(&true)).then_some(Touch { span_s, left })
+    });
+    let widest = widest(openings.len(), touches, fps);
+    let bent = openings.iter().zip(widest);
+    let mut shares: Vec<f32> = bent
+        .map(|(opening, widest)| bend(*opening, widest))
+        .collect();
+    let is_free = shares.iter_mut().zip(free).filter(|(_, free)| **free);
+    is_free.for_each(|(share, _)| *share = 0.0);
+    shares
+}
+
+/// How far lips whose `openings` `[T]` were changed go to touching, `[T]`, 0 to 1, so that near frames where they
+/// were closed in `before` `[T]` they come and part on the same path, or on their own where that is faster.
+pub fn as_before(openings: &[f32], before: &[f32], fps: f64) -> Vec<f32> {
+    let closed = before
+        .iter()
+        .enumerate()
+        .filter(|(_, opening)| **opening < CLOSED_M);
+    let touches = closed.map(|(t, opening)| Touch {
+        span_s: [t as f64 / fps; 2],
+        left: f64::from(*opening),
+    });
+    let widest = widest(before.len(), touches, fps);
+    let share = |((opening, before), widest): ((&f32, &f32), f64)| {
+        let most = widest.max(f64::from(*before)) as f32;
+        match *opening > most {
+            true => 1.0 - most / opening,
+            false => 0.0,
+        }
+    };
+    openings.iter().zip(before).zip(widest).map(share).collect()
+}
+
+/// How wide lips can be in each frame, `[T]` metres from touching, if they touch then.
+fn widest(frames: usize, touches: impl Iterator<Item = Touch>, fps: f64) -> Vec<f64> {
+    let mut widest = vec![f64::INFINITY; frames];
+    for Touch { span_s, left } in touches {
+        let [from_s, to_s] = span_s;
+        let first = ((from_s - FAR_S) * fps).max(0.0) as usize;
+        let end = (((to_s + FAR_S) * fps).ceil().max(0.0) as usize).min(frames);
+        for t in first.min(end)..end {
+            let time_s = t as f64 / fps;
+            let apart_s = (from_s - time_s).max(time_s - to_s).max(0.0);
+            widest[t] = widest[t].min(left + reach_m(apart_s));
+        }
+    }
+    widest
+}
+
+/// The share that bends an opening smoothly below the widest.
+fn bend(opening: f32, widest: f64) -> f32 {
+    if opening <= 0.0 {
+        return 0.0;
+    }
+    let ratio = f64::from(opening) / widest;
+    let share = 1.0 - (1.0 + ratio.powi(SHARPNESS)).powf(-1.0 / f64::from(SHARPNESS)) as f32;
+    match share < LEAST {
+        true => 0.0,
+        false => share,
+    }
+}
+
+/// How far lips part in a time from touching, metres.
+fn reach_m(time_s: f64) -> f64 {
+    match time_s < SPEED_UP_S {
+        true => FASTEST_M_S * time_s * time_s / (2.0 * SPEED_UP_S),
+        false => FASTEST_M_S * (time_s - 0.5 * SPEED_UP_S),
+    }
+}
+
+/// From when to when lips touch in a contact, seconds; at least one frame lies between.
+fn touch(openings: &[f32], contact: &Contact, fps: f64) -> [f64; 2] {
+    let Contact { start_s, end_s, .. } = *contact;
+    let (middle_s, half_s) = (0.5 * (start_s + end_s), 0.5 * (end_s - start_s));
+    let half_frame_s = 0.5 / fps;
+    if contact.lasts {
+        let half_s = half_s.max(half_frame_s);
+        return [middle_s - half_s, middle_s + half_s];
+    }
+    let touching_s = (half_s - 0.5 * EDGES_S).max(HALF_TOUCH_S);
+    let room_s = (half_s - touching_s).max(0.0);
+    let at_s = smallest(openings, [start_s - REACH_S, end_s + REACH_S], fps).unwrap_or(middle_s);
+    let at_s = at_s.clamp(middle_s - room_s, middle_s + room_s);
+    let touching_s = touching_s.max(half_frame_s);
+    [at_s - touching_s, at_s + touching_s]
+}
+
+/// When the opening is smallest between two times, seconds: the mean of the frames that are near it, weighed.
+fn smallest(openings: &[f32], [from_s, to_s]: [f64; 2], fps: f64) -> Option<f64> {
+    let first = (from_s * fps).ceil().max(0.0) as usize;
+    let end = ((to_s * fps).floor() as usize + 1).min(openings.len());
+    let frames = openings.get(first..end)?;
+    let least = frames.iter().copied().fold(f32::INFINITY, f32::min);
+    let weight = |opening: &f32| f64::from((-(opening - least) / NEAR_M).exp());
+    let sum: f64 = frames.iter().map(weight).sum();
+    let times = frames.iter().enumerate();
+    let moment: f64 = times
+        .map(|(t, opening)| weight(opening) * (first + t) as f64)
+        .sum();
+    (sum > 0.0).then(|| moment / sum / fps)
+}
+
+/// The path of lips that part, for motion that comes frame by frame: what comes next is not known.
+#[derive(Debug, Clone, Copy)]
+pub struct Parting {
+    /// How long ago lips last touched, seconds, and how far they were from it then, metres.
+    last: Option<(f64, f64)>,
+    step_s: f64,
+}
+
+impl Parting {
+    /// Lips that have not touched yet, in motion of so many frames a second.
+    pub fn new(fps: f64) -> Parting {
+        Parting {
+            last: None,
+            step_s: fps.recip(),
+        }
+    }
+
+    /// How far lips that are `opening` metres from touching go to it in the next frame, 0 to 1; the sound asks for
+    /// `share`.
+    pub fn next(&mut self, opening: f32, share: f32) -> f32 {
+        let step_s = self.step_s;
+        let last = self.last.map(|(time_s, left)| (time_s + step_s, left));
+        let reached = last.map_or(f64::INFINITY, |(time_s, left)| left + reach_m(time_s));
+        let opening = f64::from(opening);
+        let left = opening.min(reached) * f64::from(1.0 - share);
+        self.last = match share > 0.0 {
+            true => Some((0.0, left)),
+            false => last,
+        };
+        match opening > 0.0 {
+            true => (1.0 - left / opening) as f32,
+            false => 0.0,
+        }
+    }
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    fn heard(start_s: f64, end_s: f64) -> Contact {
+        Contact {
+            start_s,
+            end_s,
+            share: 1.0,
+            lasts: false,
+        }
+    }
+
+    /// What is left of 12 mm, metres.
+    fn left(contacts: &[Contact], fps: f64, frames: usize) -> Vec<f32> {
+        let openings = vec![0.012; frames];
+        let shares = approach(&openings, contacts, fps, &[]);
+        shares.iter().map(|share| 0.012 * (1.0 - share)).collect()
+    }
+
+    #[test]
+    fn lips_touch_for_forty_to_ninety_milliseconds_and_move_as_fast_as_lips_do() {
+        for length_s in [0.04, 0.08, 0.12] {
+            let fps = 240.0;
+            let left = left(&[heard(0.4, 0.4 + length_s)], fps, 240);
+            let shut = left.iter().filter(|gap| **gap < 0.5e-3).count() as f64 / fps;
+            assert!((0.04..0.09).contains(&shut), "{length_s}: {shut}");
+            let steps = left
+                .windows(2)
+                .map(|pair| f64::from((pair[1] - pair[0]).abs()) * fps);
+            assert!(steps.fold(0.0, f64::max) < 1.05 * FASTEST_M_S);
+            let parting = left[120..].iter().take_while(|gap| **gap < 0.01).count() as f64 / fps;
+            assert!(parting < 0.1, "{parting}");
+            assert!(left[0] > 0.0119 && left[239] > 0.0119);
+        }
+    }
+
+    #[test]
+    fn a_contact_is_met_at_any_rate_and_a_long_one_lasts() {
+        for fps in [12.0, 24.0, 25.0, 29.97, 60.0] {
+            for at in 0..20 {
+                let start_s = 0.3 + 0.007 * f64::from(at);
+                let short = left(&[heard(start_s, start_s + 0.01)], fps, fps as usize);
+                assert!(short.iter().any(|gap| *gap < 1e-6), "{fps}, {start_s}");
+            }
+            let long = left(&[heard(0.2, 0.8)], fps, fps as usize);
+            let shut = long.iter().filter(|gap| **gap < 0.5e-3).count() as f64 / fps;
+            assert!((0.4..0.7).contains(&shut), "{fps}: {shut}");
+        }
+    }
+
+    #[test]
+    fn lips_touch_when_they_are_nearest() {
+        let fps = 100.0;
+        let nearest = |t: usize| 0.004 + 0.1 * (t as f32 / 100.0 - 0.46).abs();
+        let openings: Vec<f32> = (0..100).map(nearest).collect();
+        let shares = approach(&openings, &[heard(0.4, 0.48)], fps, &[]);
+        let shut: Vec<usize> = (0..100).filter(|t| shares[*t] > 0.999).collect();
+        assert!(shut.contains(&46) && !shut.contains(&42), "{shut:?}");
+    }
+
+    #[test]
+    fn a_closure_that_is_unsure_goes_part_of_the_way() {
+        let half = Contact {
+            share: 0.5,
+            ..heard(0.4, 0.44)
+        };
+        let least = left(&[half], 50.0, 50).into_iter().fold(1.0, f32::min);
+        assert!((0.005..0.0062).contains(&least), "{least}");
+    }
+
+    #[test]
+    fn nothing_moves_where_a_frame_is_free() {
+        let free = [true; 50];
+        let shares = approach(&[0.01; 50], &[heard(0.4, 0.44)], 50.0, &free);
+        assert_eq!(shares, [0.0; 50]);
+    }
+
+    #[test]
+    fn lips_that_stream_close_at_once_and_part_along_the_path() {
+        let mut parting = Parting::new(25.0);
+        let asked = [0.0, 0.0, 1.0, 0.0, 0.0, 0.0, 0.0];
+        let left: Vec<f32> = asked
+            .iter()
+            .map(|share| 0.012 * (1.0 - parting.next(0.012, *share)))
+            .collect();
+        assert_eq!((left[0], left[1], left[2]), (0.012, 0.012, 0.0));
+        assert!(left[3] > 0.008 && left[3] < 0.011, "{left:?}");
+        assert!((left[5] - 0.012).abs() < 1e-6);
+        let steps = left.windows(2).map(|pair| pair[1] - pair[0]);
+        assert!(steps.fold(0.0, f32::max) < 0.33 / 25.0);
+    }
+}
