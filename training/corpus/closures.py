@@ -67,8 +67,9 @@ class Contact:
 def contacts(probability: np.ndarray) -> list[Contact]:
     """Where lips touch, as `probability` [T] says at 25 Hz.
 
-    Twin of `LipClosures::contacts` in `rust-core/src/speech/closures.rs`. A frame counts where its probability
-    is three quarters of the highest within two frames. A smooth step from 0.2 to 0.35 decides how far lips go.
+    Twin of `LipClosures::contacts` in `rust-core/src/speech/closures.rs`. A frame counts where its
+    probability is three quarters of the highest within two frames. A smooth step from 0.2 to 0.35 decides
+    how far lips go.
     """
     padded = np.pad(probability, PEAK_FRAMES)
     highest = sliding_window_view(padded, 2 * PEAK_FRAMES + 1).max(axis=1)
