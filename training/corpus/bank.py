@@ -56,7 +56,7 @@ def of_folders(folders: list[Path], voices: int, seed: int = 0, limit: int | Non
     """Entries of the clips of corpus folders."""
     random = np.random.default_rng(seed)
     found = clips_of_folders(folders, limit)
-    return [_entry(clip, None, voices, random) for clip in found]
+    return [entry_in_voices(clip, None, voices, random) for clip in found]
 
 
 def clips_of_folders(folders: list[Path], limit: int | None = None) -> list[Clip]:
@@ -75,7 +75,7 @@ def build(data: Path, voices: int, seed: int, sources: list[str], limit: int | N
     for source in sources:
         clips = few(READERS[source](data), limit)
         known = spoken(data, source, {clip.name for clip in clips})
-        entries += [_entry(clip, known.get(clip.name), voices, random) for clip in clips]
+        entries += [entry_in_voices(clip, known.get(clip.name), voices, random) for clip in clips]
     return entries
 
 
@@ -105,7 +105,8 @@ def load(
     return cached(path, Entry, lambda: build(data, voices, seed, list(sources), limit))
 
 
-def _entry(clip: Clip, said: Utterance | None, voices: int, random: np.random.Generator) -> Entry:
+def entry_in_voices(clip: Clip, said: Utterance | None, voices: int, random: np.random.Generator) -> Entry:
+    """A clip in its own voice, and re-voiced where it is trained on; `said` are its phones."""
     frames = len(clip.motion)
     mels = [log_mel(torch.from_numpy(clip.samples))]
     if not clip.held_out:

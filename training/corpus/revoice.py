@@ -18,6 +18,10 @@ TRACT_OCTAVES = 0.25
 VOICED_UP_TO_HZ = 4500.0
 HUM_HZ = 70.0
 COMPRESSION = 0.25
+COLOUR_NEPERS = 1.0
+NOISE_NEPERS = (1.5, 9.0)
+"""How far the noise of a room lies under speech, in nepers of power."""
+ECHO_FRAMES = 40
 
 
 def voicing(power: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
@@ -84,6 +88,24 @@ def revoiced_power(samples: np.ndarray, random: np.random.Generator) -> np.ndarr
     unvoiced = np.where(strength[:, None] > 0.3, smooth * breath, power)
     stretched = [_stretch(x, tract) for x in (smooth, unvoiced)]
     return tonal * stretched[0] * comb + (1.0 - tonal) * stretched[1]
+
+
+def other_room(power: np.ndarray, random: np.random.Generator) -> np.ndarray:
+    """Power spectra [T, F] of the same sound through another microphone, in a room with steady noise."""
+    colour, noise = (_curve(power.shape[1], random) for _ in range(2))
+    heard = power * np.exp(COLOUR_NEPERS * colour)
+    decay, gain = random.uniform(3.0, 12.0), random.uniform(0.0, 0.5)
+    tail = gain / decay * np.exp(-np.arange(1, ECHO_FRAMES) / decay)
+    heard = convolve1d(
+        heard, np.concatenate([np.zeros(ECHO_FRAMES - 1), [1.0], tail]), axis=0, mode="constant"
+    )
+    level = np.quantile(heard, 0.9, axis=0).mean() * np.exp(-random.uniform(*NOISE_NEPERS))
+    return heard + level * np.exp(noise) * random.gamma(1.0, 1.0, heard.shape)
+
+
+def _curve(bins: int, random: np.random.Generator) -> np.ndarray:
+    """A smooth random curve over frequency, [F], of deviation 1 at its six knots."""
+    return np.interp(np.linspace(0.0, 5.0, bins), np.arange(6), random.standard_normal(6))
 
 
 def _melody(frames: int, random: np.random.Generator) -> np.ndarray:

@@ -3,7 +3,9 @@
     python -m training.speech.train --data ../shared/data --out runs/speech
 
 Each source of motion has its own linear read-out, so that two people do not average into one.
-Speech without a face (many voices, eighteen languages) joins through its phones. With `--corpus DIR
+Speech without a face (many voices, eighteen languages) joins through its phones. With `--ear ear.pt` of
+`training.speech.train_ear` that teacher gives this speech its motion, instead of the co-articulation rules,
+and the encoder learns to tell the teacher's features (or a `--layer` of Whisper) as well. With `--corpus DIR
 [DIR ...]` it hears corpus folders alone, and their phones where they say them. Only the encoder is kept.
 Seeded; resumes from `--out/last.pt` with the same bits.
 """
@@ -23,32 +25,37 @@ from training.corpus.teacher import Teacher
 from training.corpus.windows import AugmentOptions, Batch, WindowSampler
 from training.losses import (
     feature_concordance,
-    feature_scores,
     landmark_weights,
     lip_gap,
     motion_loss,
     source_scale,
+    weighted_mean,
 )
 from training.machine import Machine
 from training.run import Run, begin, descend, seeded, trainer_parser
-from training.speech.compact import CompactConfig, CompactEncoder, debug_config, normalise
+from training.speech.compact import CompactConfig, CompactEncoder, debug_config, load_encoder, normalise
+from training.speech.ear import MOTION, TargetWindows, add_arguments, lessons, with_target
+from training.speech.strangers import scores
 from training.speech.targets import PhoneHead
 
 SHARES = {"grid_s1": 0.35, "facegood_zh": 0.2, "taught": 0.45}
 CONCORDANCE = 0.3
 ARTICULATION = 0.5
+DISTILLATION = 0.5
 HEARD_EVERY = 2
+JUDGED_CLIPS = 100
 
 
 class SpeechToMotion(nn.Module):
     """The encoder and one linear read-out to 204 displacements (in units of the source)."""
 
-    def __init__(self, config: CompactConfig, sources: list[str], dropout: float = 0.1):
+    def __init__(self, config: CompactConfig, sources: list[str], dropout: float = 0.1, targets: int = 0):
         super().__init__()
         self.encoder = CompactEncoder(config)
         self.dropout = nn.Dropout(dropout)
         self.readouts = nn.ModuleList(nn.Linear(config.channels, 204) for _ in sources)
         self.phones = PhoneHead(config.channels)
+        self.target = nn.Linear(config.channels, targets) if targets else None
 
     def forward(self, mel: torch.Tensor, source: torch.Tensor) -> torch.Tensor:
         """`mel` [B, 4 T, 64], `source` [B] → [B, T, 204] in units of the source's scale."""
@@ -61,29 +68,39 @@ class SpeechToMotion(nn.Module):
 
 
 def loss_of(model: SpeechToMotion, batch: Batch, scale: torch.Tensor, weight: torch.Tensor, machine: Machine):
-    """Motion loss, gap concordance and articulation of one batch; `scale` [B, 1, 1] metres of its sources."""
+    """Motion loss, gap concordance and articulation of one batch; `scale` [B, 1, 1] metres of its sources.
+
+    Columns of motion after the first 204 are features that the encoder shall tell (`with_target`).
+    """
+    motion, wanted = batch.motion[..., :MOTION], batch.motion[..., MOTION:]
+    seen_weight, known = batch.weight[..., :MOTION], batch.weight[..., MOTION:]
     with machine.autocast():
         features = model.dropout(model.encoder(batch.mel))
         prediction = model.read_out(features, batch.source).float()
         said = model.phones.loss(features, batch.phones)
-    truth = batch.motion / scale
-    motion = motion_loss(prediction - truth, batch.weight * weight)
-    seen = batch.weight.amax(dim=(1, 2)) > 0
+        told = None if model.target is None else model.target(features).float()
+    truth = motion / scale
+    moved = motion_loss(prediction - truth, seen_weight * weight)
+    seen = seen_weight.amax(dim=(1, 2)) > 0
     agreement, parts = feature_concordance(prediction[seen], truth[seen])
-    parts |= {"motion": motion.item(), "said": said.item()}
-    return motion + CONCORDANCE * agreement + ARTICULATION * said, parts
+    loss = moved + CONCORDANCE * agreement + ARTICULATION * said
+    parts |= {"motion": moved.item(), "said": said.item()}
+    if told is not None:
+        told = weighted_mean(told - wanted, known.expand_as(told))
+        parts, loss = parts | {"told": told.item()}, loss + DISTILLATION * told
+    return loss, parts
 
 
 @torch.no_grad()
-def motion_scores(model: SpeechToMotion, entries, source: int) -> dict[str, float]:
-    """r by clip and slope of every feature, of one read-out."""
+def motion_scores(model: SpeechToMotion, entries, source: int, scale_m: float) -> dict[str, float]:
+    """`scores` of every feature, of one read-out whose unit is `scale_m` metres."""
     model.eval()
     pairs = []
     for entry in entries:
         mel = normalise(entry.mels[0].float())[None]
-        pairs.append((model(mel, torch.tensor([source]))[0], entry.motion))
+        pairs.append((model(mel, torch.tensor([source]))[0] * scale_m, entry))
     model.train()
-    return feature_scores(pairs)
+    return scores(pairs)
 
 
 @torch.no_grad()
@@ -100,17 +117,17 @@ def closure_scores(model: SpeechToMotion, entries, source: int) -> dict[str, flo
     return {f"{label} closed": float(np.mean(found)) for label, found in sorted(met.items())}
 
 
-def validate(model, entries, heard: list[bank.Entry], sources: list[str]) -> dict[str, float]:
+def validate(model, entries, heard: list[bank.Entry], sources: list[str], scales) -> dict[str, float]:
     """Held-out clips of trained sources, all of a source left out (each read-out), closures of `heard`."""
     judge = sources.index(spoken.SOURCE if spoken.SOURCE in sources else sources[0])
     report = {k: round(v, 3) for k, v in closure_scores(model, heard, judge).items()}
     for name in sorted({e.source for e in entries} - {spoken.SOURCE}):
         known = name in sources
         chosen = [e for e in entries if e.source == name and (e.held_out or not known)]
-        for index, source in enumerate(s for s in sources if s != spoken.SOURCE):
+        for index, source in enumerate(sources):
             if not chosen or (known and source != name):
                 continue
-            scores = motion_scores(model, chosen[:60], index)
+            scores = motion_scores(model, chosen[:JUDGED_CLIPS], index, scales[source])
             label = name if known else f"{name}<-{source}"
             report |= {f"{label} {key}": round(value, 3) for key, value in scores.items()}
     return report
@@ -124,6 +141,7 @@ class Speech:
     judged: list[bank.Entry]
     heard: list[bank.Entry]
     shares: dict[str, float]
+    targets: int = 0
 
 
 def speech_of(arguments) -> Speech:
@@ -133,6 +151,8 @@ def speech_of(arguments) -> Speech:
     entries = entries_of(arguments, voices, limit)
     if arguments.corpus:
         return Speech(entries, entries, with_phones([e for e in entries if e.held_out]), lasting(entries))
+    if arguments.ear is not None:
+        return taught_by_ear(arguments, entries)
     if not debug:
         left = tuple(arguments.leave_speech)
         teacher = Teacher.load() if arguments.teacher else None
@@ -144,17 +164,30 @@ def speech_of(arguments) -> Speech:
     return Speech(entries, judged, heard, {s: share for s, share in SHARES.items() if s in found})
 
 
+def taught_by_ear(arguments, recorded: list[bank.Entry]) -> Speech:
+    """Recorded clips, and all other speech as the teacher on Whisper hears it; its features with both."""
+    taught, targets = lessons(arguments)
+    entries = taught + [with_target(e, targets[e.source, e.name]) for e in recorded]
+    judged = recorded + taught + spoken.unseen(arguments.data)
+    heard = [e for e in judged if e.source == spoken.SOURCE and e.held_out and (e.phones >= 0).all()]
+    shares = {s: share for s, share in SHARES.items() if s not in arguments.leave_out}
+    return Speech(entries, judged, heard[::HEARD_EVERY], shares, taught[0].motion.shape[1] - MOTION)
+
+
 def train(arguments) -> Path:
     """Runs the training and returns the checkpoint's path."""
     seeded(arguments)
     machine = Machine("cpu", "bfloat16")
-    config = debug_config() if arguments.config == "debug" else CompactConfig()
+    config = debug_config() if arguments.config == "debug" else CompactConfig(channels=arguments.channels)
     speech = speech_of(arguments)
     sources, scales = list(speech.shares), measured_scales([*speech.shares], speech.entries)
     shares = list(speech.shares.values())
-    sampler = WindowSampler(speech.entries, sources, shares, arguments.seed, AugmentOptions())
-    model = SpeechToMotion(config, sources)
-    if arguments.init is not None:
+    windows = TargetWindows if speech.targets else WindowSampler
+    sampler = windows(speech.entries, sources, shares, arguments.seed, AugmentOptions())
+    model = SpeechToMotion(config, sources, targets=speech.targets)
+    if arguments.init is not None and arguments.init.is_dir():
+        model.encoder.load_state_dict(load_encoder(arguments.init).state_dict())
+    elif arguments.init is not None:
         model.load_state_dict(torch.load(arguments.init)["state"])
     run, weight = start(arguments, model, {"windows": sampler.random}, 0.995), landmark_weights()
 
@@ -162,7 +195,10 @@ def train(arguments) -> Path:
         batch = sampler.batch(arguments.batch, arguments.frames)
         return loss_of(model, batch, source_scale(sources, batch.source, scales), weight, machine)
 
-    averaged = descend(arguments, run, loss, lambda x: validate(x, speech.judged, speech.heard, sources))
+    def judge(averaged: SpeechToMotion) -> dict[str, float]:
+        return validate(averaged, speech.judged, speech.heard, sources, scales)
+
+    averaged = descend(arguments, run, loss, judge)
     final = {"state": averaged.state_dict(), "config": config.to_json(), "sources": sources}
     torch.save(final, arguments.out / "speech.pt")
     return arguments.out / "speech.pt"
@@ -183,9 +219,11 @@ def parser() -> argparse.ArgumentParser:
     parser.add_argument("--leave-speech", nargs="*", default=[], help="speech to leave out (nathalie_nl, …)")
     parser.add_argument("--teacher", action=argparse.BooleanOptionalAction, default=True)
     parser.add_argument("--reader", type=Path, help="an earlier speech.pt that reads untimed speech")
+    add_arguments(parser)
+    parser.add_argument("--channels", type=int, default=192, help="width of the encoder")
     parser.add_argument("--minutes", type=float, default=5.0, help="of each language by espeak-ng")
     parser.add_argument("--voices", type=int, default=7)
-    parser.add_argument("--init", type=Path, help="start from this speech.pt")
+    parser.add_argument("--init", type=Path, help="start from this speech.pt, or encoder (a folder)")
     parser.add_argument("--batch", type=int, default=24)
     parser.add_argument("--frames", type=int, default=96)
     return parser

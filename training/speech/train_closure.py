@@ -15,13 +15,13 @@ import torch
 import torch.nn.functional as F
 from torch import Tensor
 
-from training.corpus import bank, spoken
+from training.corpus import bank
 from training.corpus.phones import BILABIALS
 from training.corpus.shares import lasting, with_phones
-from training.corpus.teacher import Teacher
 from training.corpus.windows import AugmentOptions, WindowSampler
 from training.run import downhill, seeded
 from training.speech.compact import CompactConfig, CompactEncoder
+from training.speech.ear import add_arguments, speech_without_a_face
 from training.speech.targets import windows_of
 
 EARLY_MEL_FRAMES = 3
@@ -68,10 +68,8 @@ def speech_with_phones(arguments) -> tuple[list[bank.Entry], dict[str, float]]:
         if all(e.held_out for e in entries):
             raise ValueError("--corpus: expected phones/CLIP.tsv of one training clip or more, got none")
         return entries, lasting(entries)
-    data, cache, left = arguments.data, arguments.cache, tuple(arguments.leave_speech)
-    entries = bank.load(data, cache, arguments.voices)
-    entries += spoken.load(data, cache, arguments.minutes, left, Teacher.load(), arguments.reader)
-    return entries, SHARES
+    entries = bank.load(arguments.data, arguments.cache, arguments.voices)
+    return entries + speech_without_a_face(arguments), SHARES
 
 
 def main(line: list[str] | None = None) -> None:
@@ -82,6 +80,7 @@ def main(line: list[str] | None = None) -> None:
     parser.add_argument("--run", type=Path, required=True, help="ats.pt of training.systems.freetalk.train")
     parser.add_argument("--cache", type=Path, default=Path("runs/cache"))
     parser.add_argument("--reader", type=Path, help="as given to training.systems.freetalk.train")
+    add_arguments(parser)
     parser.add_argument("--leave-speech", nargs="*", default=[])
     parser.add_argument("--minutes", type=float, default=5.0)
     parser.add_argument("--voices", type=int, default=7)

@@ -24,7 +24,6 @@ from training.corpus.clip import Clip
 from training.corpus.closures import closures_met
 from training.corpus.shares import entries_of, lasting, measured_scales, with_phones
 from training.corpus.split import leave_clips
-from training.corpus.teacher import Teacher
 from training.diffusion.schedule import add_noise, noise_levels
 from training.losses import (
     feature_concordance,
@@ -37,6 +36,7 @@ from training.losses import (
 from training.machine import Machine, add_arguments
 from training.nn.checkpoint import save
 from training.run import Run, begin, descend, seeded, trainer_parser
+from training.speech import ear
 from training.speech.compact import SHIPPED_ENCODER, CompactEncoder, load_encoder
 from training.speech.compact import debug_config as debug_encoder
 from training.speech.hubert import HubertFeatures
@@ -312,10 +312,7 @@ def speech_source(arguments, config: AtsConfig) -> CompactSpeech | HubertSpeech:
     config.speech = SpeechInput("compact_speech", encoder.config.channels)
     source = CompactSpeech(encoder, entries_of(arguments, arguments.voices, arguments.limit))
     if spoken.SOURCE not in getattr(arguments, "leave_out", ()) and not arguments.corpus:
-        left, cache = tuple(arguments.leave_speech), arguments.cache
-        teacher = Teacher.load()
-        speech = (arguments.minutes, left, teacher, arguments.reader)
-        source.entries += spoken.load(arguments.data, cache, *speech)
+        source.entries += ear.speech_without_a_face(arguments)
     return source
 
 
@@ -339,6 +336,7 @@ def add_speech_flags(parser: argparse.ArgumentParser, validation_clips: int) -> 
     parser.add_argument("--leave-speech", nargs="*", default=[], help="speech to leave out (nathalie_nl, …)")
     parser.add_argument("--reader", type=Path, help="an earlier speech.pt that reads untimed speech")
     parser.add_argument("--minutes", type=float, default=5.0, help="of each language by espeak-ng")
+    ear.add_arguments(parser)
     parser.add_argument("--voices", type=int, default=7)
     parser.add_argument("--limit", type=int, help="clips of each source, for a quick look")
     add_arguments(parser, "bfloat16")

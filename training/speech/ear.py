@@ -1,0 +1,237 @@
+"""The teacher of motion on Whisper: its network, and the lessons it gives the compact encoder.
+
+`training.speech.train_ear` trains it. A lesson is speech without a face, with the motion and the phones that
+the teacher hears in it, and with features of Whisper beside the motion, as one track.
+"""
+
+import argparse
+import hashlib
+from collections.abc import Iterator
+from dataclasses import dataclass, field, replace
+from pathlib import Path
+
+import numpy as np
+import torch
+from torch import Tensor, nn
+
+from training.corpus import ear, spoken
+from training.corpus.aligned import read_texts
+from training.corpus.bank import Entry
+from training.corpus.cache import cached, digest
+from training.corpus.clip import FPS, MEL_PER_FRAME
+from training.corpus.decoded import HZ, LEAST_ALIGNED, LEAST_DECODED, align, decode
+from training.corpus.ear import FRAMES_EACH, EarClip
+from training.corpus.espeak import Espeak
+from training.corpus.phones import SEGMENTS, Phone, segment_track, split
+from training.corpus.teacher import Teacher, closure, met
+from training.corpus.windows import WindowSampler
+from training.losses import SCALE_M
+from training.nn.config import Config
+from training.speech.compact import ResidualBlock
+from training.speech.targets import PhoneHead
+
+MOTION = 204
+"""Columns of motion in a track; the features of a lesson follow them."""
+LARGEST = 6.0
+"""Deviations: Whisper's inner layers have a few channels of enormous size."""
+
+
+@dataclass
+class EarConfig(Config):
+    """Sizes of the teacher."""
+
+    model: str = "ear"
+    layers: int = len(ear.LAYERS)
+    width: int = 512
+    channels: int = 256
+    dilations: list[int] = field(default_factory=lambda: [1, 2, 4, 1])
+    dropout: float = 0.2
+    noise: float = 0.2
+
+
+class EarToMotion(nn.Module):
+    """Layers of Whisper [B, L, 2 T, C] → features [B, T, c] at 25 Hz, and their read-outs."""
+
+    def __init__(self, config: EarConfig, sources: list[str]):
+        super().__init__()
+        self.config, channels = config, config.channels
+        self.register_buffer("mean", torch.zeros(config.layers, 1, config.width))
+        self.register_buffer("deviation", torch.ones(config.layers, 1, config.width))
+        self.enter = nn.Linear(config.layers * config.width, channels)
+        self.enter_levels = nn.Linear(ear.LEVELS, channels)
+        self.dropped = nn.Dropout(config.dropout)
+        self.down = nn.Conv1d(channels, channels, 5, stride=2, padding=2)
+        self.blocks = nn.ModuleList(ResidualBlock(channels, d) for d in config.dilations)
+        self.norm = nn.LayerNorm(channels)
+        self.readouts = nn.ModuleList(nn.Linear(channels, 204) for _ in sources)
+        self.phones = PhoneHead(channels)
+
+    def forward(self, heard: Tensor, levels: Tensor) -> Tensor:
+        """`heard` [B, L, 2 T, C] and `levels` [B, 2 T, 8] of `EarClip` → [B, T, c]."""
+        x = ((heard.float() - self.mean) / self.deviation).clamp(-LARGEST, LARGEST)
+        if self.training:
+            x = x + self.config.noise * torch.randn_like(x)
+        x = self.enter(self.dropped(x).transpose(1, 2).flatten(2)) + self.enter_levels(levels)
+        x = nn.functional.gelu(self.down(nn.functional.gelu(x).transpose(1, 2)).transpose(1, 2))
+        for block in self.blocks:
+            x = block(x)
+        return self.dropped(self.norm(x))
+
+    def read_out(self, features: Tensor, source: Tensor) -> Tensor:
+        """`features` [B, T, c], `source` [B] → [B, T, 204] in units of the source's scale."""
+        every = torch.stack([readout(features) for readout in self.readouts])
+        return every[source, torch.arange(len(source))]
+
+    def of(self, clip: EarClip) -> Tensor:
+        """Features [T, c] of a clip in its own voice."""
+        return self(clip.heard[:1], clip.levels()[None])[0]
+
+    def motion(self, clip: EarClip, index: int) -> Tensor:
+        """Motion [T, 204] of one read-out in a clip's own voice, in units of the read-out's source."""
+        return self.read_out(self.of(clip)[None], torch.tensor([index]))[0]
+
+
+class EarTeacher:
+    """A finished run, which gives speech a face in the manner of its first source."""
+
+    def __init__(self, run: Path, layer: int | None = None):
+        saved = torch.load(run)
+        self.model = EarToMotion(EarConfig.from_json(saved["config"]), saved["sources"]).eval()
+        self.model.load_state_dict(saved["state"])
+        self.model.requires_grad_(False)
+        self.scale_m, self.layer = SCALE_M[saved["sources"][0]], layer
+
+    @torch.no_grad()
+    def target(self, clip: EarClip, features: Tensor | None = None) -> Tensor:
+        """What the compact encoder shall tell of a clip, [T, C'] f16.
+
+        A layer of Whisper in deviations, around each frame of motion; with `layer` none the teacher's own
+        `features`, which are computed where they are not at hand.
+        """
+        if self.layer is None:
+            return (self.model.of(clip) if features is None else features).half()
+        place = ear.LAYERS.index(self.layer)
+        x = (clip.heard[0, place].float() - self.model.mean[place]) / self.model.deviation[place]
+        x = x.clamp(-LARGEST, LARGEST)
+        before = torch.cat([x[:1], x[1:-1:FRAMES_EACH]])
+        return (0.25 * before + 0.5 * x[::FRAMES_EACH] + 0.25 * x[1::FRAMES_EACH]).half()
+
+    @torch.no_grad()
+    def log_posteriors(self, clip: EarClip) -> np.ndarray:
+        """Phones of a clip, [4 T, segments] at 100 Hz: two passes, a feature apart."""
+        heard, levels = clip.heard[0], clip.levels()
+        late = (torch.cat([heard[:, 1:], heard[:, -1:]], dim=1), torch.cat([levels[1:], levels[-1:]]))
+        found = [self.model(x[None], y[None])[0] for x, y in ((heard, levels), late)]
+        passes = [self.model.phones.readout(features) for features in found]
+        rows = torch.stack(passes, dim=1).flatten(0, 1).log_softmax(dim=-1)
+        return rows.repeat_interleave(MEL_PER_FRAME // FRAMES_EACH, dim=0).numpy()
+
+    @torch.no_grad()
+    def lesson(self, clip: EarClip, said: list[str] | None) -> Entry:
+        """A clip without a face: its motion, with lips that meet at p, b and m, its phones, its features.
+
+        Phones that nobody timed are read: those of `said` where a text tells them.
+        """
+        features, phones = self.model.of(clip), clip.phones
+        if (phones < 0).any():
+            rows = self.log_posteriors(clip)
+            found, sure = decode(rows) if said is None else align(rows, said)
+            if sure > (LEAST_DECODED if said is None else LEAST_ALIGNED):
+                phones = torch.from_numpy(segment_track(found, len(phones), HZ))
+        motion = (self.model.readouts[0](features) * self.scale_m).unflatten(1, (68, 3)).numpy()
+        if (phones >= 0).all():
+            motion = met(motion, closure(timed(phones), np.arange(len(motion)) / FPS))
+        weight = torch.ones(1, MOTION).expand(len(motion), MOTION)
+        moved = torch.from_numpy(motion).flatten(1).half()
+        made = replace(entry_of(clip), source=spoken.SOURCE, motion=moved, weight=weight, phones=phones)
+        made.name = f"{clip.source}/{clip.name.split('/')[-1]}"
+        return with_target(made, self.target(clip, features))
+
+
+def entry_of(clip: EarClip) -> Entry:
+    """The clip without what Whisper hears of it."""
+    return Entry(**{key: value for key, value in vars(clip).items() if key != "heard"})
+
+
+def timed(phones: Tensor) -> list[Phone]:
+    """A track of segments [T] at 100 Hz as phones with times."""
+    edges = [0, *(torch.nonzero(phones.diff()).flatten() + 1).tolist(), len(phones)]
+    spans = zip(edges[:-1], edges[1:], strict=True)
+    return [Phone(a / HZ, (b - a) / HZ, SEGMENTS[int(phones[a])]) for a, b in spans]
+
+
+def with_target(entry: Entry, target: Tensor) -> Entry:
+    """Motion and features side by side as one track, as windows re-time `motion` with the sound.
+
+    One more column of `weight` tells that the features are known.
+    """
+    motion = torch.cat([entry.motion.half(), target], dim=1)
+    known = torch.ones(1, 1).expand(len(motion), 1)
+    return replace(entry, motion=motion, weight=torch.cat([entry.weight, known], dim=1).half())
+
+
+class TargetWindows(WindowSampler):
+    """Windows of entries from `with_target`; over silence the features are unknown."""
+
+    def _silence(self, frames: int):
+        mel, still, _, phones, affect = super()._silence(frames)
+        seen = torch.ones(frames, MOTION + 1)
+        seen[:, -1] = 0.0
+        return mel, still, seen, phones, affect
+
+
+def lessons(arguments) -> tuple[list[Entry], dict[tuple[str, str], Tensor]]:
+    """Lessons in all speech without a face, and the features of recorded clips by source and name."""
+    if arguments.whisper is None:
+        raise ValueError("--ear: expected --whisper, the folder of training.speech.whisper, got nothing")
+    teacher = EarTeacher(arguments.ear, arguments.layer)
+    left = {*arguments.leave_speech, *ear.UNHEARD}
+    names = [source for source in ear.every_source() if source not in left]
+    weights = hashlib.sha256(arguments.ear.read_bytes()).hexdigest()
+    run = digest(ear.VERSION, weights, arguments.layer, names, arguments.minutes)
+
+    def made() -> Iterator[Entry]:
+        sequences = read_sequences(arguments.data)
+        for source in names:
+            for clip in ear.load(
+                arguments.data, arguments.cache, arguments.whisper, [source], arguments.minutes
+            ):
+                if source in SCALE_M:
+                    yield with_target(entry_of(clip), teacher.target(clip))
+                else:
+                    yield teacher.lesson(clip, sequences.get(clip.name.split("/")[-1]))
+
+    found = cached(arguments.cache / f"lessons-ear-{run}.pt", Entry, made)
+    recorded = {(e.source, e.name): e.motion[:, MOTION:] for e in found if e.source in SCALE_M}
+    return [e for e in found if e.source == spoken.SOURCE], recorded
+
+
+def speech_without_a_face(arguments) -> list[Entry]:
+    """All of it with phones, moved by the teacher of `--ear`, else by the co-articulation rules."""
+    if arguments.ear is None:
+        left, reader = tuple(arguments.leave_speech), arguments.reader
+        return spoken.load(arguments.data, arguments.cache, arguments.minutes, left, Teacher.load(), reader)
+    return [without_target(entry) for entry in lessons(arguments)[0]]
+
+
+def without_target(entry: Entry) -> Entry:
+    """The inverse of `with_target`."""
+    return replace(entry, motion=entry.motion[:, :MOTION], weight=entry.weight[:, :MOTION])
+
+
+def add_arguments(parser: argparse.ArgumentParser) -> None:
+    """Who teaches speech without a face, for `lessons` and `speech_without_a_face`."""
+    parser.add_argument("--ear", type=Path, help="ear.pt of training.speech.train_ear, which then teaches")
+    parser.add_argument(
+        "--layer", type=int, choices=ear.LAYERS, help="of Whisper, in place of ear.pt's features"
+    )
+    parser.add_argument("--whisper", type=Path, help="folder of training.speech.whisper, for --ear")
+
+
+def read_sequences(data: Path) -> dict[str, list[str]]:
+    """Segments of the texts of kerstin_de as espeak-ng speaks them, by name."""
+    espeak, found = Espeak(), {}
+    for name, text in read_texts(data / "speech/kerstin_de").items():
+        _, phones = espeak.speak(text, "de")
+        found[name] = [part for phone in phones for _, _, part in split(phone)]
+    return found
