@@ -9,7 +9,9 @@ from training.corpus.windows import AugmentOptions
 from training.losses import SCALE_M, lip_gap
 from training.nn.checkpoint import save
 from training.speech import strangers
+from training.speech.compact import CompactEncoder, debug_config
 from training.speech.ear import MOTION, EarConfig, EarTeacher, EarToMotion, TargetWindows, timed, with_target
+from training.speech.fold import feature_map, folded
 from training.speech.train_ear import EarSampler, phones_right
 
 WIDTH = 8
@@ -114,3 +116,19 @@ def test_scores_take_loudness_out():
     assert min(perfect["gap r"], perfect["gap speech"], perfect["gap beyond"]) > 0.999
     assert abs(perfect["gap slope"] - 1.0) < 1e-5
     assert loud["gap r"] > 0.7 and abs(loud["gap beyond"]) < 0.2
+
+
+def test_a_denoiser_hears_another_encoder_as_its_own():
+    torch.manual_seed(1)
+    old, new = (CompactEncoder(debug_config()).eval() for _ in range(2))
+    new.load_state_dict(old.state_dict())
+    order = torch.randperm(16)
+    with torch.no_grad():
+        new.norm.weight.copy_(torch.linspace(0.5, 2.0, 16))
+        new.norm.bias.copy_(torch.randn(16))
+    mels = [torch.randn(80, 64) for _ in range(4)]
+    matrix, shift, met = feature_map(old, new, mels)
+    assert met > 0.999
+    layer = torch.nn.Linear(16, 5)
+    heard = folded(layer, matrix[:, order], shift)(new(mels[0][None])[..., order])
+    torch.testing.assert_close(heard, layer(old(mels[0][None])), atol=5e-3, rtol=0)
