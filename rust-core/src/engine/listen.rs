@@ -27,7 +27,7 @@ impl Engine {
     pub fn listen_to_phones(&self, waveform: &Waveform, text: Option<&str>) -> Result<Annotation> {
         self.threads(|| {
             let heard = self.hear(waveform)?;
-            let said = self.phone_model.said(&heard, text)?;
+            let said = self.phone_model.said(heard.sound(), text)?;
             let mut found = closures_of(&heard);
             for tier in &mut found.tiers {
                 tier.symbols = Symbols::Closures;

@@ -30,7 +30,10 @@ impl Heard {
             .encoder
             .closed_lips(features.view())
             .unwrap_or_default();
-        let phones = self.phones.as_ref().filter(|phones| phones.hears(self));
+        let phones = self
+            .phones
+            .as_ref()
+            .filter(|phones| phones.hears(&self.track, self.encoder_name()));
         let (together, at_teeth) = match phones.map(|phones| phones.contacts(features.view())) {
             Some(heard) => {
                 let both = closed.iter().zip(&heard.together);

@@ -64,6 +64,11 @@ impl Heard {
         self.encoder.name()
     }
 
+    /// Its features, the name of the encoder that heard it, and its length in seconds.
+    pub fn sound(&self) -> (&FeatureTrack, &str, f64) {
+        (&self.track, self.encoder_name(), self.duration_s)
+    }
+
     /// One frame for every started `1 / fps` seconds, at least one.
     pub fn frames(&self, fps: f64) -> usize {
         frames_of(self.duration_s, fps)

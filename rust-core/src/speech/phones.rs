@@ -9,7 +9,7 @@ use std::path::Path;
 use ndarray::{Array1, Array2, ArrayView2, Axis};
 
 use super::{
-    COMPACT_MODEL, Heard,
+    COMPACT_MODEL, FeatureTrack,
     alignment::{State, best_path, states_of},
     letters::Word,
 };
@@ -157,23 +157,28 @@ impl PhoneModel {
     }
 
     /// Whether a sound was heard by the encoder that it was trained on.
-    pub fn hears(&self, heard: &Heard) -> bool {
-        self.check(heard).is_ok()
+    pub fn hears(&self, track: &FeatureTrack, encoder: &str) -> bool {
+        self.check(track, encoder).is_ok()
     }
 
-    /// Phones of a sound and, where a text is given, its words and the phones that fit to them.
+    /// Phones of a sound (its features, the encoder's name, its length in seconds) and, where a text is given, its words
+    /// and the phones that fit to them.
     ///
     /// # Errors
     /// `Weights` if the sound was heard by another encoder; `InvalidInput` for a text without a letter,
     /// or one too long for the sound.
-    pub fn said(&self, heard: &Heard, text: Option<&str>) -> Result<Said> {
-        self.check(heard)?;
-        let rate_hz = heard.track.rate_hz * PARTS as f64;
-        let mut likelihood = self.log_posteriors(heard.track.features.view());
+    pub fn said(
+        &self,
+        (track, encoder, duration_s): (&FeatureTrack, &str, f64),
+        text: Option<&str>,
+    ) -> Result<Said> {
+        self.check(track, encoder)?;
+        let rate_hz = track.rate_hz * PARTS as f64;
+        let mut likelihood = self.log_posteriors(track.features.view());
         likelihood -= &(PRIOR_POWER * &self.log_prior);
         let clock = Clock {
             rate_hz,
-            duration_s: heard.duration_s,
+            duration_s,
         };
         let words = match text {
             Some(text) => self.align(&mut likelihood, text, clock)?,
@@ -186,15 +191,13 @@ impl PhoneModel {
         Ok(Said { phones, words })
     }
 
-    fn check(&self, heard: &Heard) -> Result<()> {
-        let channels = heard.track.features.ncols();
-        match (heard.encoder_name(), channels) == (COMPACT_MODEL.name, self.config.channels) {
+    fn check(&self, track: &FeatureTrack, encoder: &str) -> Result<()> {
+        let channels = track.features.ncols();
+        match (encoder, channels) == (COMPACT_MODEL.name, self.config.channels) {
             true => Ok(()),
             false => Err(Error::Weights(format!(
                 "phones: expected {} features of {}, got {channels} of {}",
-                self.config.channels,
-                COMPACT_MODEL.name,
-                heard.encoder_name()
+                self.config.channels, COMPACT_MODEL.name, encoder
             ))),
         }
     }

@@ -2,7 +2,7 @@ use std::{collections::HashMap, sync::Arc};
 
 use safetensors::{SafeTensors, tensor::TensorView};
 
-use super::*;
+use super::{super::Heard, *};
 use crate::{audio::Waveform, speech::SpeechEncoder};
 
 fn floats(view: &TensorView<'_>) -> Vec<f32> {
@@ -85,7 +85,9 @@ fn heard() -> Heard {
 #[test]
 fn words_stand_in_their_order_within_the_sound() {
     let model = PhoneModel::open(None).unwrap();
-    let said = model.said(&heard(), Some("— see, \"shoes\" !")).unwrap();
+    let said = model
+        .said(heard().sound(), Some("— see, \"shoes\" !"))
+        .unwrap();
     let labels: Vec<&str> = said.words.iter().map(|word| word.label.as_str()).collect();
     assert_eq!(labels, ["see", "shoes"]);
     for tier in [&said.words, &said.phones] {
@@ -95,7 +97,7 @@ fn words_stand_in_their_order_within_the_sound() {
         );
         assert!(tier.windows(2).all(|pair| pair[0].end_s <= pair[1].start_s));
     }
-    assert!(model.said(&heard(), None).unwrap().words.is_empty());
+    assert!(model.said(heard().sound(), None).unwrap().words.is_empty());
 }
 
 #[test]
@@ -103,12 +105,18 @@ fn texts_that_cannot_be_are_refused() {
     let (model, heard) = (PhoneModel::open(None).unwrap(), heard());
     for text in ["", " – … ", &"word ".repeat(200)] {
         assert!(
-            matches!(model.said(&heard, Some(text)), Err(Error::InvalidInput(_))),
+            matches!(
+                model.said(heard.sound(), Some(text)),
+                Err(Error::InvalidInput(_))
+            ),
             "{text}"
         );
     }
     let (other, ..) = debug_model();
-    assert!(matches!(other.said(&heard, None), Err(Error::Weights(_))));
+    assert!(matches!(
+        other.said(heard.sound(), None),
+        Err(Error::Weights(_))
+    ));
 }
 
 #[test]
