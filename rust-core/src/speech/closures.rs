@@ -14,6 +14,7 @@ const PEAK_SHARE: f32 = 0.75;
 /// An interval is the one that was heard where both its ends lie so near to it, seconds: what a file
 /// rounds.
 const SAME_S: f64 = 1e-3;
+
 /// A time in which lips touch.
 #[derive(Debug, Clone, Copy, PartialEq)]
 pub struct Contact {

@@ -92,15 +92,10 @@ mod tests {
         }
         let mut there = before.clone();
         there.displacements.fill(0.0);
-        let unmoved = there.clone();
-        for face in [&mut there] {
-            face.displacements
-                .index_axis_mut(ndarray::Axis(2), 2)
-                .fill(-3e-3);
-        }
+        let mut depth = there.displacements.index_axis_mut(ndarray::Axis(2), 2);
+        depth.fill(-3e-3);
         let kept = there.clone();
         reach_teeth(&mut there, &LipClosures::heard(&probability, 25.0));
         assert_eq!(there, kept);
-        assert_ne!(kept, unmoved);
     }
 }
