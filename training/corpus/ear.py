@@ -18,10 +18,7 @@ from training.corpus.aligned import (
     ALPHABETS,
     UNSEEN_LANGUAGES,
     Utterance,
-    read_kathleen,
     read_librivox,
-    read_nathalie,
-    read_texts,
     read_unlabelled,
     speak,
 )
@@ -40,7 +37,7 @@ LEVELS = 8
 VOICES, ROOMS = 3, 2
 """Voices of a recorded clip, its own among them; so many more are re-voiced and in another room."""
 VERSION = 2
-TIMED, UNTIMED = ("nathalie_nl", "kathleen_en"), ("kerstin_de", "picovoice_en")
+UNTIMED = ("kerstin_de", "picovoice_en")
 UNHEARD = ("librivox_en", *(f"espeak_{language}" for language in UNSEEN_LANGUAGES))
 """Speech that no training hears."""
 
@@ -86,7 +83,7 @@ def load(data: Path, cache: Path, folder: Path, sources: list[str], minutes: flo
 def every_source() -> list[str]:
     """Recorded motion, recorded speech and the languages of espeak-ng, those of `UNHEARD` last."""
     made = [f"espeak_{language}" for language in ALPHABETS if language not in UNSEEN_LANGUAGES]
-    return [*bank.READERS, *TIMED, *UNTIMED, *made, *UNHEARD]
+    return [*bank.READERS, *spoken.RECORDED, *UNTIMED, *made, *UNHEARD]
 
 
 def _hear(
@@ -121,7 +118,7 @@ def _voices(clip: Clip, ear: Ear, random: np.random.Generator) -> Tensor:
 
 def utterances(data: Path, source: str, espeak: Callable[[], Espeak], minutes: float) -> list[Utterance]:
     """Speech without a face of one source."""
-    readers = {"nathalie_nl": read_nathalie, "kathleen_en": read_kathleen, "librivox_en": read_librivox}
+    readers = spoken.RECORDED | {"librivox_en": read_librivox}
     if source in readers:
         return readers[source](data)
     if source in UNTIMED:
@@ -129,6 +126,4 @@ def utterances(data: Path, source: str, espeak: Callable[[], Espeak], minutes: f
     language = source.removeprefix("espeak_")
     if language in UNSEEN_LANGUAGES:
         return speak(espeak(), language, 1.0, seed=1)
-    texts = spoken.TEXTS.get(language)
-    texts = list(read_texts(data / "speech" / texts).values()) if texts else []
-    return speak(espeak(), language, minutes, seed=0, texts=texts)
+    return speak(espeak(), language, minutes, seed=0, texts=spoken.texts_of(data, language))

@@ -75,10 +75,13 @@ def utterances(data: Path, minutes: float, leave_out: tuple[str, ...], reader: P
     for language in ALPHABETS:
         if language in UNSEEN_LANGUAGES or language in leave_out:
             continue
-        texts = []
-        if language in TEXTS:
-            texts = list(read_texts(data / "speech" / TEXTS[language]).values())
-        yield from speak(espeak, language, minutes, seed=0, texts=texts)
+        yield from speak(espeak, language, minutes, seed=0, texts=texts_of(data, language))
+
+
+def texts_of(data: Path, language: str) -> list[str]:
+    """What espeak-ng says in a language beside its own sentences: the texts of recorded speech."""
+    source = TEXTS.get(language)
+    return list(read_texts(data / "speech" / source).values()) if source else []
 
 
 def unseen(data: Path) -> list[Entry]:
