@@ -2,7 +2,7 @@
 
 use ndarray::{Array3, ArrayView2, ArrayView3, ArrayViewMut2};
 
-use super::contacts::{TOUCHING_M, as_before, opening};
+use super::contacts::{TOUCHING_M, opening, restore_contacts};
 use crate::mesh::ibug::{CHIN, LIP_COLUMNS, LipColumn, speaking};
 
 /// Lips nearer than this over neutral count as closing, metres.
@@ -44,13 +44,13 @@ pub(super) fn articulate(
 /// no deeper through one another than they did.
 ///
 /// Closing fades in over the last 1.5 mm, and around closed lips the gap stays on the path that lips take
-/// ([`as_before`]), so that nothing jumps. Both `[T, 68, 3]`, canonical metres.
+/// ([`restore_contacts`]), so that nothing jumps. Both `[T, 68, 3]`, canonical metres.
 pub(super) fn keep_closures(moved: &mut Array3<f32>, sampled: ArrayView3<'_, f32>, fps: f64) {
     for (mut frame, sampled) in moved.outer_iter_mut().zip(sampled.outer_iter()) {
         keep_gap(&mut frame, sampled, closedness, 0.0);
     }
     let openings = |clip: ArrayView3<'_, f32>| clip.outer_iter().map(opening).collect::<Vec<f32>>();
-    let shares = as_before(&openings(moved.view()), &openings(sampled), fps);
+    let shares = restore_contacts(&openings(moved.view()), &openings(sampled), fps);
     let frames = moved.outer_iter_mut().zip(shares);
     for (mut frame, share) in frames.filter(|(_, share)| *share > 0.0) {
         for column in &LIP_COLUMNS {

@@ -12,15 +12,15 @@ const SPEED_UP_S: f64 = 0.02;
 /// Half of the time for which lips touch at least, seconds. With the slow beginning of the way apart they are
 /// within 0.5 mm for about 60 ms.
 const HALF_TOUCH_S: f64 = 0.015;
-/// So much of what is heard of a long contact are its edges, seconds.
+/// Seconds of what is heard of a long contact in which the lips still come or already part.
 const EDGES_S: f64 = 0.13;
-/// How long before and after what is heard of a contact it may lie, seconds.
+/// Lips may touch so long before or after the sound says so, seconds.
 const REACH_S: f64 = 0.02;
-/// Openings so near to the smallest one share in saying when lips touch, metres.
+/// Frames whose opening is so near to the smallest decide together when lips touch, metres.
 const NEAR_M: f32 = 0.5e-3;
 /// How sharply an opening bends into the path.
 const SHARPNESS: i32 = 6;
-/// Farther from a touch it no longer bounds the opening, seconds.
+/// Time beyond which a touch no longer bounds the opening, seconds.
 const FAR_S: f64 = 0.15;
 /// Openings that count as closed, metres from touching.
 const CLOSED_M: f32 = 0.75e-3;
@@ -61,7 +61,7 @@ pub fn approach(openings: &[f32], contacts: &[Contact], fps: f64, free: &[bool])
 
 /// How far lips whose `openings` `[T]` were changed go to touching, `[T]`, 0 to 1, so that near frames where they
 /// were closed in `before` `[T]` they come and part on the same path, or on their own where that is faster.
-pub fn as_before(openings: &[f32], before: &[f32], fps: f64) -> Vec<f32> {
+pub fn restore_contacts(openings: &[f32], before: &[f32], fps: f64) -> Vec<f32> {
     let closed = before
         .iter()
         .enumerate()

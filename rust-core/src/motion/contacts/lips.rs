@@ -6,7 +6,7 @@ use super::approach;
 use crate::{
     Result,
     mesh::ibug::{CHIN, INNER_LIPS, JAW, OUTER_LIPS},
-    motion::{FaceModes, LandmarkClip},
+    motion::{FaceModes, LandmarkClip, phrases::smooth_step},
     speech::LipClosures,
 };
 
@@ -92,7 +92,7 @@ fn raise_jaw(clip: &mut LandmarkClip, shares: &[f32], modes: &FaceModes) -> Resu
             .take(t + around + 1 - first);
         let by = near.map(|(at, excess)| {
             let away_s = at.abs_diff(t) as f64 / clip.fps;
-            excess * ease((1.0 - away_s / JAW_S) as f32)
+            excess * smooth_step(1.0 - away_s / JAW_S) as f32
         });
         let by = by.fold(0.0, f32::max);
         for n in JAW.filter(|_| by > 0.0) {
@@ -110,12 +110,6 @@ fn too_low(drop: f32) -> f32 {
     let room = most - free;
     let beyond = (drop - free).max(0.0);
     beyond - room * (1.0 - (-beyond / room).exp())
-}
-
-/// A smooth step from 0 to 1.
-fn ease(x: f32) -> f32 {
-    let x = x.clamp(0.0, 1.0);
-    x * x * (3.0 - 2.0 * x)
 }
 
 #[cfg(test)]

@@ -10,7 +10,7 @@ mod teeth;
 use super::{FaceModes, LandmarkClip};
 use crate::{Result, speech::LipContacts};
 
-pub use approach::{Parting, approach, as_before};
+pub use approach::{Parting, approach, restore_contacts};
 pub use lips::{TOUCHING_M, narrow, opening};
 pub use teeth::{AT_TEETH_M, LIP, distance, excess};
 

@@ -4,7 +4,10 @@ use ndarray::{Array3, ArrayView2, ArrayViewMut2};
 
 use crate::{
     mesh::ibug::LIP_COLUMNS,
-    motion::articulation::{closedness, keep_gap},
+    motion::{
+        articulation::{closedness, keep_gap},
+        contacts::TOUCHING_M,
+    },
 };
 
 /// Lips that are closed for longer than this rest: an expression may part them.
@@ -13,8 +16,6 @@ const REST_S: f64 = 0.6;
 const SETTLING_S: f64 = 0.08;
 /// Deviation of the way in which what parts the lips yields to a closure.
 const YIELDING_S: f64 = 0.05;
-/// Upper lips may lie this far below lower ones: they touch, metres.
-const TOUCHING_M: f32 = -0.5e-3;
 
 /// How much the lips of each frame speak, and how far they yield.
 pub(super) struct Closures {
