@@ -64,6 +64,13 @@ pub struct PhoneModel {
 const BILABIALS: &[&str] = &["p", "b", "m"];
 /// Phones for which the lower lip is at the upper teeth.
 const LABIODENTALS: &[&str] = &["f", "v"];
+const VOWELS: &[&str] = &[
+    "i", "ɪ", "y", "u", "ʊ", "e", "ɛ", "ø", "ə", "ɝ", "o", "ɔ", "ʌ", "a", "ɑ", "æ",
+];
+/// How likely a vowel is where f or v is surely no speech, and where it surely is: hiss has none.
+const VOWEL_HEARD: [f32; 2] = [0.5, 0.9];
+/// Frames to either side in which that vowel has to be.
+const VOWEL_FRAMES: usize = 10;
 
 /// How likely the lips touch in each frame, `[T]`, 0 to 1.
 #[derive(Debug, Clone, PartialEq)]
@@ -134,9 +141,17 @@ impl PhoneModel {
     /// What the lips touch in each frame of features `[T, C]`: the mean of its rows.
     pub(super) fn contacts(&self, features: ArrayView2<'_, f32>) -> ContactProbability {
         let posteriors = self.log_posteriors(features);
+        let vowels = self.probability(VOWELS, &posteriors);
+        let mut at_teeth = self.probability(LABIODENTALS, &posteriors);
+        for (t, probability) in at_teeth.iter_mut().enumerate() {
+            let near = t.saturating_sub(VOWEL_FRAMES)..(t + VOWEL_FRAMES + 1).min(vowels.len());
+            let vowel = vowels[near].iter().copied().fold(0.0, f32::max);
+            let [from, to] = VOWEL_HEARD;
+            *probability *= ((vowel - from) / (to - from)).clamp(0.0, 1.0);
+        }
         ContactProbability {
             together: self.probability(BILABIALS, &posteriors),
-            at_teeth: self.probability(LABIODENTALS, &posteriors),
+            at_teeth,
         }
     }
 

@@ -24,12 +24,12 @@ const PAIRS: usize = INNER_LIPS.len();
 /// use anyface::{motion::{FaceModes, LipGaps, WeightClip}, speech::LipClosures, rig::ARKIT};
 ///
 /// let names: Vec<String> = ARKIT[..51].iter().map(|name| name.to_string()).collect();
-/// let mut clip = WeightClip { weights: ndarray::Array2::zeros((3, 51)), names, fps: 25.0, together: vec![] };
+/// let mut clip = WeightClip { weights: ndarray::Array2::zeros((5, 51)), names, fps: 25.0, together: vec![] };
 /// let jaw = clip.column("jawOpen").unwrap();
 /// clip.weights.column_mut(jaw).fill(0.3);
 /// let gaps = LipGaps::of_mean_face(&FaceModes::open(None)?, &clip.names)?;
-/// gaps.close(&mut clip, &LipClosures::heard(&[0.0, 0.9, 0.0], 25.0), &[false; 3]);
-/// assert!(gaps.largest(clip.weights.row(1)) < 0.0 && gaps.largest(clip.weights.row(0)) > 0.004);
+/// gaps.close(&mut clip, &LipClosures::heard(&[0.0, 0.0, 0.9, 0.0, 0.0], 25.0), &[false; 5]);
+/// assert!(gaps.largest(clip.weights.row(2)) < 0.0 && gaps.largest(clip.weights.row(0)) > 0.004);
 /// # Ok::<(), anyface::Error>(())
 /// ```
 #[derive(Debug, Clone, PartialEq)]

@@ -132,3 +132,22 @@ fn a_change_of_phone_costs() {
     assert_eq!(decode(rows(&clear).view()), clear);
     assert!(decode(Array2::zeros((0, 2)).view()).is_empty());
 }
+
+#[test]
+fn hiss_brings_no_lip_to_the_teeth() {
+    let encoder = crate::speech::compact(None).unwrap();
+    let mut state = 1u32;
+    let samples = (0..48_000).map(|_| {
+        state = state.wrapping_mul(1_664_525).wrapping_add(1_013_904_223);
+        0.1 * ((state >> 8) as f32 / (1 << 24) as f32 - 0.5)
+    });
+    let sound = Waveform {
+        samples: samples.collect(),
+    };
+    let features = encoder.encode(&sound).unwrap().features;
+    let model = PhoneModel::open(None).unwrap();
+    let posteriors = model.log_posteriors(features.view());
+    let most = |values: &[f32]| values.iter().copied().fold(0.0, f32::max);
+    assert!(most(&model.probability(LABIODENTALS, &posteriors)) > 0.3);
+    assert!(most(&model.contacts(features.view()).at_teeth) < 0.2);
+}
