@@ -239,8 +239,14 @@ impl Engine {
         })
     }
 
-    /// Head and eyes beside `motion`; still where only speech is asked for.
-    fn life(&self, motion: &Motion, heard: &Heard, request: &MotionRequest) -> Life {
+    /// Head and eyes beside `motion`, carried by `emotion`; still where only speech is asked for.
+    fn life(
+        &self,
+        motion: &Motion,
+        heard: &Heard,
+        request: &MotionRequest,
+        emotion: &EmotionCurve,
+    ) -> Life {
         let (frames, fps) = (motion.frames(), motion.fps());
         if request.emotion == EmotionCurve::Off {
             return Life::still(frames);
@@ -258,7 +264,8 @@ impl Engine {
             }
         };
         let strengths: Vec<LifeStrengths> = (0..frames).map(strengths).collect();
-        Life::perform(&heard.prosody, request.seed, fps, &strengths)
+        let affect = emotion.sample(frames, fps);
+        Life::perform(&heard.prosody, affect.view(), request.seed, fps, &strengths)
     }
 
     /// What a control is asked to be; 0 where the system has no such control.
@@ -296,7 +303,7 @@ impl Engine {
             }
         }
         let mut moved = moved.into_owned();
-        let life = self.life(&moved, heard, request);
+        let life = self.life(&moved, heard, request, blink_emotion);
         match &mut moved {
             Motion::Landmarks(clip) => self
                 .face_modes

@@ -5,12 +5,14 @@
 //! drift. Sizes are those of the tracked head of grid_s1 within clips of 3 s: standard deviations
 //! (medians) 0.65°, 0.38° and 0.20° of pitch, yaw and roll, mean speeds 5, 2.6 and 1.5 degrees a second
 //! while he speaks, half as much in pauses; pitch has a third of its power above 2 Hz, yaw an eighth.
+//!
+//! He reads calmly. A voice whose pitch moves more, or an emotion, makes the head livelier: then the strongly
+//! stressed syllables have nods of 4 to 8° in about half a second, and drift and posture grow. [`Mood`] says
+//! what an emotion does.
 
 use super::{
-    brow_accents::prominences,
-    chance::Chance,
-    phrases::{Phrases, smooth_step},
-    slow_noise::SlowNoise,
+    brow_accents::prominences, chance::Chance, liveliness::liveliness, mood::Mood,
+    phrases::Phrases, slow_noise::SlowNoise,
 };
 use crate::audio::Prosody;
 
@@ -38,11 +40,30 @@ const PREPARE_S: f64 = 0.2;
 const NOD_S: f64 = 0.07;
 const LATE_S: f64 = 0.03;
 /// Beyond this time nothing is left of a nod, seconds.
-const NOD_REACH_S: f64 = 0.6;
+const NOD_REACH_S: f64 = 1.2;
+/// From this prominence on, in deviations, a lively head nods far; how far the bell of such a nod goes, more of it
+/// for each further deviation, and at most, degrees.
+const STRONG: f64 = 0.9;
+const FAR_DEG: f64 = 3.6;
+const FARTHER_DEG: f64 = 0.6;
+const FARTHEST_DEG: f64 = 4.4;
+/// Deviation of its bell, seconds. The head rises before it by this share, so long before.
+const FAR_S: f64 = 0.1;
+const FAR_PREPARE: f64 = 0.2;
+const FAR_PREPARE_S: f64 = 0.3;
+/// Far nods are no nearer to one another, seconds, and so many of the syllables that may have one have one.
+const FAR_APART_S: f64 = 0.9;
+const FAR_SHARE: f64 = 0.8;
+/// How much a liveliness of 1 adds to drift and posture.
+const LIVELY_DRIFT: f64 = 0.8;
+/// Nothing is livelier than that.
+const MOST_LIVELY: f64 = 1.2;
 /// Share of a nod that goes sideways, at most, about y and z.
 const SIDEWAYS: [f64; 2] = [0.6, 0.4];
 /// Farther no rotation goes about x, y and z at strength 1, degrees: the reach of a clip in 20.
 const MOST_DEG: [f64; 3] = [3.0, 2.6, 1.5];
+/// What a liveliness of 1 adds to that.
+const LIVELY_MOST_DEG: [f64; 3] = [9.0, 5.0, 3.0];
 /// The head rises with the breath before a phrase by this much, degrees, and so long before it.
 const BREATH_DEG: f64 = 0.45;
 const BREATH_S: f64 = 0.15;
@@ -55,15 +76,18 @@ struct Nod {
     time_s: f64,
     /// About x, y and z, degrees.
     size: [f64; 3],
+    /// What is added at a liveliness of 1.
+    far: [f64; 3],
 }
 
 /// Rotation of the head over time, drawn once for a performance.
 pub(super) struct HeadMotion {
+    liveliness: f64,
     drift: [SlowNoise; 3],
     nods: Vec<Nod>,
     phrases: Phrases,
-    /// One for each phrase, degrees.
-    postures: Vec<[f64; 3]>,
+    /// About each axis, one for each phrase, degrees.
+    postures: [Vec<f64>; 3],
 }
 
 impl HeadMotion {
@@ -72,9 +96,11 @@ impl HeadMotion {
         let mut chance = Chance::new(seed, STREAM);
         let drift = std::array::from_fn(|_| SlowNoise::new(&mut chance, DRIFT_HZ.0, DRIFT_HZ.1));
         let phrases = Phrases::of(prosody);
-        let posture = |_| POSTURE_DEG.map(|most| chance.between(-most, most));
-        let postures = phrases.0.iter().map(posture).collect();
+        let count = phrases.0.len();
+        let postures =
+            POSTURE_DEG.map(|most| (0..count).map(|_| chance.between(-most, most)).collect());
         HeadMotion {
+            liveliness: liveliness(prosody),
             drift,
             nods: nods(prosody, &mut chance),
             phrases,
@@ -83,21 +109,30 @@ impl HeadMotion {
     }
 
     /// Rotation vector at `time_s` in radians, canonical axes; `breath` scales the rise before a phrase.
-    pub(super) fn at(&self, time_s: f64, breath: f64) -> [f64; 3] {
+    /// `drift_s` is the time of the drift, which passes as fast as the moods' pace.
+    pub(super) fn at(&self, time_s: f64, drift_s: f64, breath: f64, mood: &Mood) -> [f64; 3] {
+        let lively = (self.liveliness + mood.liveliness).clamp(0.0, MOST_LIVELY);
+        let size = mood.size * (1.0 + LIVELY_DRIFT * lively);
         let activity = self.phrases.activity(time_s);
         let calm = DRIFT_AT_REST + (1.0 - DRIFT_AT_REST) * activity;
-        let mut turn: [f64; 3] =
-            std::array::from_fn(|i| calm * DRIFT_DEG[i] * self.drift[i].at(time_s));
-        turn[0] += SINK_DEG * (0.5 - activity) - breath * self.breath(time_s);
         let posture = self.posture(time_s);
+        let mut turn: [f64; 3] = std::array::from_fn(|i| {
+            size * (calm * DRIFT_DEG[i] * self.drift[i].at(drift_s) + posture[i])
+        });
+        turn[0] += mood.size * SINK_DEG * (0.5 - activity) - breath * self.breath(time_s);
         for nod in self.near(time_s) {
-            let share = nod.shape(time_s);
-            (0..3).for_each(|i| turn[i] += share * nod.size[i]);
+            // A nod is never quicker than in calm speech: larger ones would jerk.
+            let since_s = mood.pace.min(1.0) * (time_s - nod.time_s);
+            let share = mood.size * nod_shape(since_s);
+            let far = lively * far_nod_shape(since_s);
+            (0..3).for_each(|i| turn[i] += share * nod.size[i] + far * nod.far[i]);
         }
-        std::array::from_fn(|i| {
-            let plain = turn[i] + posture[i];
-            (MOST_DEG[i] * (plain / MOST_DEG[i]).tanh()).to_radians()
-        })
+        turn = std::array::from_fn(|i| {
+            let most = mood.size.max(1.0) * MOST_DEG[i] + lively * LIVELY_MOST_DEG[i];
+            most * (turn[i] / most).tanh()
+        });
+        turn[0] += mood.down_deg;
+        turn.map(f64::to_radians)
     }
 
     fn near(&self, time_s: f64) -> impl Iterator<Item = &Nod> {
@@ -108,22 +143,10 @@ impl HeadMotion {
         self.nods[from..].iter().take_while(until)
     }
 
-    /// Goes over from one phrase's posture to the next one's while that begins.
     fn posture(&self, time_s: f64) -> [f64; 3] {
-        let phrases = &self.phrases.0;
-        let begun = |phrase: &super::phrases::Phrase| phrase.start_s - 0.5 * POSTURE_S <= time_s;
-        let count = phrases.partition_point(begun);
-        let of = |k: usize| match k {
-            0 => [0.0; 3],
-            k => self.postures[k - 1],
-        };
-        if count == 0 {
-            return of(0);
-        }
-        let since = time_s - phrases[count - 1].start_s + 0.5 * POSTURE_S;
-        let share = smooth_step(since / POSTURE_S);
-        let (from, to) = (of(count - 1), of(count));
-        std::array::from_fn(|i| from[i] + share * (to[i] - from[i]))
+        self.postures
+            .each_ref()
+            .map(|postures| self.phrases.between(postures, 0.0, POSTURE_S, time_s))
     }
 
     /// How far the head has risen with the breath, degrees.
@@ -137,12 +160,14 @@ impl HeadMotion {
     }
 }
 
-impl Nod {
-    /// Up before the syllable, down on it.
-    fn shape(&self, time_s: f64) -> f64 {
-        let since_s = time_s - self.time_s;
-        bell(since_s / NOD_S) - PREPARE * bell((since_s + PREPARE_S) / (1.3 * NOD_S))
-    }
+/// Up before the syllable, down on it.
+fn nod_shape(since_s: f64) -> f64 {
+    bell(since_s / NOD_S) - PREPARE * bell((since_s + PREPARE_S) / (1.3 * NOD_S))
+}
+
+/// The same, slower, for far nods.
+fn far_nod_shape(since_s: f64) -> f64 {
+    bell(since_s / FAR_S) - FAR_PREPARE * bell((since_s + FAR_PREPARE_S) / (1.3 * FAR_S))
 }
 
 fn bell(x: f64) -> f64 {
@@ -150,15 +175,27 @@ fn bell(x: f64) -> f64 {
 }
 
 fn nods(prosody: &Prosody, chance: &mut Chance) -> Vec<Nod> {
+    let mut free_s = f64::NEG_INFINITY;
     let nod = |(frame, prominence): (usize, f32)| {
         // Drawn for every syllable, so that one syllable more does not shift what others get.
         let (vary, late_s) = (chance.between(0.4, 1.6), chance.between(-0.03, 0.03));
         let sideways = SIDEWAYS.map(|most| chance.between(-most, most));
-        let stress = f64::from(prominence).max(-0.5);
-        let size = (vary * (NOD_DEG + STRESS_DEG * stress)).min(MOST_NOD_DEG);
+        let (pick, more_deg) = (chance.unit(), chance.between(-0.4, 0.4));
+        let prominence = f64::from(prominence);
+        let size = (vary * (NOD_DEG + STRESS_DEG * prominence.max(-0.5))).min(MOST_NOD_DEG);
+        let time_s = Prosody::time_s(frame) + LATE_S + late_s;
+        let is_far = prominence >= STRONG && time_s >= free_s && pick < FAR_SHARE;
+        let far = match is_far {
+            true => (FAR_DEG + FARTHER_DEG * (prominence - STRONG) + more_deg).min(FARTHEST_DEG),
+            false => 0.0,
+        };
+        if is_far {
+            free_s = time_s + FAR_APART_S;
+        }
         Nod {
-            time_s: Prosody::time_s(frame) + LATE_S + late_s,
+            time_s,
             size: [size, sideways[0] * size, sideways[1] * size],
+            far: [far, sideways[0] * far, sideways[1] * far],
         }
     };
     let mut nods: Vec<Nod> = prominences(prosody).into_iter().map(nod).collect();
@@ -169,15 +206,47 @@ fn nods(prosody: &Prosody, chance: &mut Chance) -> Vec<Nod> {
 #[cfg(test)]
 mod tests {
     use super::*;
-    use crate::motion::phrases::tests::speaking;
+    use crate::{
+        conditions::{Emotion, EmotionCurve},
+        motion::{mood::moods, phrases::tests::speaking},
+    };
 
     const FPS: f64 = 25.0;
 
     /// Degrees, `seconds` at 25 frames a second.
     fn track(seed: u64, seconds: usize) -> Vec<[f64; 3]> {
         let motion = HeadMotion::draw(&speaking(seconds, 60), seed);
-        let at = |t: usize| motion.at(t as f64 / FPS, 1.0).map(f64::to_degrees);
+        let at = |t: usize| at(&motion, t as f64 / FPS, 1.0).map(f64::to_degrees);
         (0..seconds * 25).map(at).collect()
+    }
+
+    fn at(motion: &HeadMotion, time_s: f64, breath: f64) -> [f64; 3] {
+        motion.at(time_s, time_s, breath, &Mood::NEUTRAL)
+    }
+
+    /// A minute of `prosody`, degrees.
+    fn in_mood(prosody: &Prosody, emotion: &str) -> Vec<[f64; 3]> {
+        let curve = EmotionCurve::Constant(Emotion::parse(emotion).unwrap());
+        let mood = moods(curve.sample(1, FPS).view(), FPS)[0];
+        let motion = HeadMotion::draw(prosody, 3);
+        let at = |t: usize| {
+            let time_s = t as f64 / FPS;
+            motion
+                .at(time_s, mood.pace * time_s, 1.0, &mood)
+                .map(f64::to_degrees)
+        };
+        (0..60 * 25).map(at).collect()
+    }
+
+    /// The same voice with all intervals of its pitch doubled and more.
+    fn lively() -> Prosody {
+        let mut prosody = speaking(60, 60);
+        prosody.pitch_hz.iter_mut().for_each(|hz| {
+            if *hz > 120.0 {
+                *hz = 210.0;
+            }
+        });
+        prosody
     }
 
     fn deviation(track: &[[f64; 3]], axis: usize) -> f64 {
@@ -230,8 +299,8 @@ mod tests {
         for (frame, prominence) in prominences(&prosody) {
             if prominence > 1.0 {
                 let time_s = Prosody::time_s(frame) + LATE_S;
-                on += motion.at(time_s, 0.0)[0].to_degrees();
-                between += motion.at(time_s - 0.15, 0.0)[0].to_degrees();
+                on += at(&motion, time_s, 0.0)[0].to_degrees();
+                between += at(&motion, time_s - 0.15, 0.0)[0].to_degrees();
                 count += 1.0;
             }
         }
@@ -246,8 +315,85 @@ mod tests {
     fn a_breath_lifts_the_head_before_a_phrase_and_nowhere_else() {
         let motion = HeadMotion::draw(&speaking(9, 60), 0);
         let lift =
-            |time_s: f64| (motion.at(time_s, 0.0)[0] - motion.at(time_s, 1.0)[0]).to_degrees();
+            |time_s: f64| (at(&motion, time_s, 0.0)[0] - at(&motion, time_s, 1.0)[0]).to_degrees();
         assert!(lift(3.0 - BREATH_S) > 0.2);
         assert!(lift(1.5).abs() < 1e-3);
+    }
+
+    #[test]
+    fn lively_speech_nods_by_4_to_8_degrees_on_strong_stresses() {
+        let prosody = lively();
+        let track = in_mood(&prosody, "neutral:0");
+        let calm = in_mood(&speaking(60, 60), "neutral:0");
+        let motion = HeadMotion::draw(&prosody, 3);
+        let far: Vec<f64> = motion
+            .nods
+            .iter()
+            .filter(|nod| nod.far[0] > 0.0)
+            .map(|nod| nod.time_s)
+            .collect();
+        assert!(far.len() > 15, "{} far nods a minute", far.len());
+        // From the highest place in the 0.6 s before to the lowest within 0.1 s.
+        let size = |track: &[[f64; 3]], time_s: f64| {
+            let t = (time_s * FPS) as usize;
+            let pitch = |range: std::ops::Range<usize>| range.map(|t| track[t][0]);
+            let high = pitch(t.saturating_sub(15)..t).fold(f64::INFINITY, f64::min);
+            pitch(t - 2..t + 3).fold(f64::NEG_INFINITY, f64::max) - high
+        };
+        let mut sizes: Vec<f64> = far.iter().map(|s| size(&track, *s)).collect();
+        sizes.sort_by(f64::total_cmp);
+        let (tenth, last) = (sizes.len() / 10, sizes.len() - 1);
+        assert!(sizes[tenth] > 4.0 && sizes[last - tenth] < 8.0, "{sizes:?}");
+        assert!(far.iter().all(|s| size(&calm, *s) < 4.0));
+    }
+
+    #[test]
+    fn emotions_carry_the_head_each_in_its_way() {
+        let prosody = speaking(60, 60);
+        let of = |emotion: &str| in_mood(&prosody, emotion);
+        let [sad, neutral, happy, calm, angry] =
+            ["sad:1", "neutral:0", "happy:1", "calm:1", "angry:1"].map(of);
+        let pitch = |track: &[[f64; 3]]| deviation(track, 0);
+        assert!(pitch(&sad) < 0.8 * pitch(&neutral) && pitch(&calm) < 0.8 * pitch(&neutral));
+        assert!(pitch(&happy) > 1.5 * pitch(&neutral) && pitch(&angry) > 1.5 * pitch(&neutral));
+        assert!(speed(&sad, 0) < 0.6 * speed(&neutral, 0));
+        let down =
+            |track: &[[f64; 3]]| track.iter().map(|r| r[0]).sum::<f64>() / track.len() as f64;
+        assert!(down(&sad) > down(&neutral) + 3.0 && down(&angry) > down(&neutral) + 1.0);
+        assert!(down(&happy) < down(&neutral) - 0.5);
+    }
+
+    #[test]
+    fn the_liveliest_head_turns_smoothly() {
+        let track = in_mood(&lively(), "happy:1");
+        for axis in 0..3 {
+            for three in track.windows(3) {
+                let steps = [
+                    three[1][axis] - three[0][axis],
+                    three[2][axis] - three[1][axis],
+                ];
+                assert!(
+                    FPS * steps[0].abs() < 90.0,
+                    "{} degrees a second",
+                    FPS * steps[0]
+                );
+                let change = FPS * FPS * (steps[1] - steps[0]).abs();
+                assert!(change < 1500.0, "{change} degrees a second squared");
+            }
+        }
+    }
+
+    #[test]
+    fn silence_is_calm_in_every_mood() {
+        let silence = Prosody::of(&crate::audio::Waveform {
+            samples: vec![0.0; 16_000 * 60],
+        });
+        for emotion in ["neutral:0", "happy:1", "angry:1"] {
+            let track = in_mood(&silence, emotion);
+            assert!(
+                deviation(&track, 0) < 0.8 && speed(&track, 0) < 2.0,
+                "{emotion}"
+            );
+        }
     }
 }

@@ -3,9 +3,9 @@
 //! Both are tracks of their own: they turn bones, empties or eyeballs, never the skin. The lids follow
 //! the eyes, because lids are landmarks.
 
-use ndarray::{Array2, Array3, ArrayView3, Axis};
+use ndarray::{Array2, Array3, ArrayView2, ArrayView3, Axis};
 
-use super::{face_modes::FaceModes, gaze::Gaze, head::HeadMotion, upper_face::lids};
+use super::{face_modes::FaceModes, gaze::Gaze, head::HeadMotion, mood::moods, upper_face::lids};
 use crate::{Result, audio::Prosody};
 
 /// Radius of an eyeball, over which the upper lid slides, metres.
@@ -53,16 +53,25 @@ impl Life {
 
     /// Draws head and eyes for somebody who says this; `strengths` holds for each frame.
     ///
+    /// `affect` `[T, 16]`, mixture and intensity, carries the head: its posture, how far and how fast it moves.
     /// The eyes turn against the head as far as it really turns. Same seed, same tracks.
-    pub fn perform(prosody: &Prosody, seed: u64, fps: f64, strengths: &[LifeStrengths]) -> Life {
+    pub fn perform(
+        prosody: &Prosody,
+        affect: ArrayView2<'_, f32>,
+        seed: u64,
+        fps: f64,
+        strengths: &[LifeStrengths],
+    ) -> Life {
         let mut life = Life::still(strengths.len());
         let motion = HeadMotion::draw(prosody, seed);
         let gaze = Gaze::draw(prosody, strengths.len() as f64 / fps, seed);
-        for (t, strength) in strengths.iter().enumerate() {
+        let mut drift_s = 0.0;
+        for (t, (strength, mood)) in strengths.iter().zip(moods(affect, fps)).enumerate() {
             let time_s = t as f64 / fps;
             let head = motion
-                .at(time_s, strength.breath)
+                .at(time_s, drift_s, strength.breath, &mood)
                 .map(|x| strength.head * x);
+            drift_s += mood.pace / fps;
             let eyes = gaze.at(time_s, head);
             for i in 0..3 {
                 life.head[[t, i]] = head[i] as f32;
@@ -101,7 +110,7 @@ impl FaceModes {
 #[cfg(test)]
 mod tests {
     use super::*;
-    use crate::motion::phrases::tests::speaking;
+    use crate::{conditions::EmotionCurve, motion::phrases::tests::speaking};
 
     const FPS: f64 = 30.0;
 
@@ -110,7 +119,8 @@ mod tests {
     }
 
     fn performed(strengths: &[LifeStrengths]) -> Life {
-        Life::perform(&speaking(9, 60), 4, FPS, strengths)
+        let affect = EmotionCurve::default().sample(270, FPS);
+        Life::perform(&speaking(9, 60), affect.view(), 4, FPS, strengths)
     }
 
     #[test]

@@ -18,6 +18,8 @@ mod gaze;
 mod head;
 mod join;
 mod life;
+mod liveliness;
+mod mood;
 mod perform;
 mod phrases;
 mod redo;

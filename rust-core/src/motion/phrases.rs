@@ -43,6 +43,23 @@ impl Phrases {
         Phrases(phrases)
     }
 
+    /// Goes over from the value of one phrase to that of the next while that begins, in `change_s` seconds;
+    /// `before` is the value before the first. `values`: one for each phrase.
+    pub(super) fn between(&self, values: &[f64], before: f64, change_s: f64, time_s: f64) -> f64 {
+        let ends = |phrase: &Phrase| phrase.start_s + 0.5 * change_s <= time_s;
+        let done = self.0.partition_point(ends);
+        let of = |count: usize| count.checked_sub(1).map_or(before, |k| values[k]);
+        let mut value = of(done);
+        for (k, phrase) in self.0.iter().enumerate().skip(done) {
+            let share = smooth_step((time_s - phrase.start_s) / change_s + 0.5);
+            if share == 0.0 {
+                break;
+            }
+            value += share * (of(k + 1) - of(k));
+        }
+        value
+    }
+
     /// 1 while somebody speaks, 0 in pauses, smooth in between.
     pub(super) fn activity(&self, time_s: f64) -> f64 {
         let next = self.0.partition_point(|phrase| phrase.end_s < time_s);

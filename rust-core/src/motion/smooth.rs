@@ -32,7 +32,10 @@ impl WeightClip {
 }
 
 /// `deviation` in frames.
-fn smoothed<D: Dimension + RemoveAxis>(values: &Array<f32, D>, deviation: f64) -> Array<f32, D> {
+pub(super) fn smoothed<D: Dimension + RemoveAxis>(
+    values: &Array<f32, D>,
+    deviation: f64,
+) -> Array<f32, D> {
     if deviation.is_nan() || deviation <= 0.0 || values.is_empty() {
         return values.clone();
     }

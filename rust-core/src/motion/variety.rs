@@ -2,14 +2,16 @@
 //!
 //! Slow, seeded changes of how far the mouth opens, widens and protrudes, of the side it prefers and of
 //! how the brows are held. All of it rests while nobody speaks, and lips that close close as before.
-//! Sizes of the sides are those of grid_s1: the mouth's corners part from symmetry by 0.53 mm across and
-//! 0.40 mm up (medians of deviations within clips), the lips' openings left and right differ by 4 %.
+//! Sides are as those of grid_s1, whose corners of the mouth part from symmetry within a clip by 0.38 mm up and by
+//! 0.55 mm across (medians of deviations), slower than 1 Hz 0.26 and 0.37 mm, faster 0.22 and 0.34 mm; from clip to
+//! clip their means differ by 0.33 mm up. The lips' openings left and right differ by 4 %. His brows go by 0.35 mm
+//! within a clip, 0.23 mm of it slower than 1 Hz, and their means differ by 0.55 mm.
 
 use ndarray::{Array2, Array3};
 
 use super::{
-    articulation::keep_closures, chance::Chance, face_modes::FaceModes, phrases::Phrases,
-    slow_noise::SlowNoise,
+    articulation::keep_closures, brow_accents::RAISING, chance::Chance, face_modes::FaceModes,
+    phrases::Phrases, slow_noise::SlowNoise,
 };
 use crate::{
     Result,
@@ -27,12 +29,18 @@ const TAKE: [f64; 3] = [0.08, 0.06, 0.08];
 const CHANGE: [f64; 3] = [0.16, 0.13, 0.16];
 /// Deviation of what one side of the mouth opens more than the other.
 const SIDE: f64 = 0.04;
-/// Deviation of the mouth's shift to a side, and of the corners' tilt, metres.
-const SHIFT_M: f64 = 0.32e-3;
-const TILT_M: f64 = 0.26e-3;
-/// Deviation of the weight of raised and of knit brows.
-const RAISE: f64 = 0.09;
-const KNIT: f64 = 0.05;
+/// Deviation of the mouth's shift to a side throughout a take, of its slow and of its quick changes, metres.
+const SHIFT_M: [f64; 3] = [0.2e-3, 0.2e-3, 0.14e-3];
+/// The same of what a corner is higher than the middle, and the other one lower.
+const TILT_M: [f64; 3] = [0.14e-3, 0.12e-3, 0.09e-3];
+/// How quick the quick changes are.
+const QUICK_HZ: (f64, f64) = (1.2, 3.5);
+/// Deviation of the weight of raised brows from phrase to phrase, of its slow and of its quick changes.
+const RAISE: [f64; 3] = [0.06, 0.016, 0.012];
+/// How far brows go from one phrase to the next, seconds.
+const RAISE_S: f64 = 0.7;
+/// Deviation of the weight of knit brows.
+const KNIT: f64 = 0.03;
 /// Deviation of what one brow goes further than the other.
 const BROW_SIDE: f64 = 0.25;
 /// Where the landmarks of the mouth lie across at rest, shares of half its width, right to left.
@@ -41,65 +49,145 @@ const PLACES: [f32; 20] = [
     0.9, 0.33, 0.0, -0.33,
 ];
 
-/// The slow changes of a take.
+/// The changes of a take.
 pub(super) struct Variety {
     phrases: Phrases,
     take: [f64; 3],
     change: [SlowNoise; 3],
     side: SlowNoise,
-    shift: SlowNoise,
-    tilt: SlowNoise,
-    raise: SlowNoise,
+    shift: Change,
+    tilt: Change,
+    /// Of each phrase, deviations.
+    raises: Vec<f64>,
+    raise: [SlowNoise; 2],
     knit: SlowNoise,
     brow_side: SlowNoise,
+}
+
+/// What is the same throughout, what changes slowly and what quickly.
+struct Change {
+    take: f64,
+    slow: SlowNoise,
+    quick: SlowNoise,
+}
+
+impl Change {
+    fn draw(chance: &mut Chance) -> Self {
+        Change {
+            take: deviate(chance),
+            slow: SlowNoise::new(chance, MOUTH_HZ.0, MOUTH_HZ.1),
+            quick: SlowNoise::new(chance, QUICK_HZ.0, QUICK_HZ.1),
+        }
+    }
+
+    fn at(&self, time_s: f64, [take, slow, quick]: [f64; 3]) -> f64 {
+        take * self.take + slow * self.slow.at(time_s) + quick * self.quick.at(time_s)
+    }
+}
+
+/// A bell of deviation 1, within 2.6.
+fn deviate(chance: &mut Chance) -> f64 {
+    5.3 * (chance.bell() - 0.5)
+}
+
+/// How the lower face differs at an instant.
+#[derive(Debug, Clone, Copy)]
+pub(super) struct MouthVariety {
+    /// Factors on how far it opens, across, up and out of the face.
+    pub(super) scale: [f32; 3],
+    /// Share that the left side opens more and the right one less.
+    pub(super) side: f32,
+    /// How far the mouth lies to the left, metres.
+    pub(super) shift_m: f32,
+    /// How much higher its left corner is than the middle, and its right one lower, metres.
+    pub(super) tilt_m: f32,
+}
+
+/// How the brows differ at an instant, in weights of ARKit's shapes; below 0 the other way.
+#[derive(Debug, Clone, Copy)]
+pub(super) struct BrowVariety {
+    pub(super) raised: f32,
+    pub(super) knit: f32,
+    /// Share that the left brow goes further and the right one less.
+    pub(super) side: f32,
 }
 
 impl Variety {
     /// Same seed, same take.
     pub(super) fn draw(prosody: &Prosody, seed: u64) -> Self {
         let mut chance = Chance::new(seed, STREAM);
-        // A bell of deviation 1, within 2.6.
-        let take = TAKE.map(|deviation| deviation * 5.3 * (chance.bell() - 0.5));
+        let take = TAKE.map(|deviation| deviation * deviate(&mut chance));
         let mut mouth = || SlowNoise::new(&mut chance, MOUTH_HZ.0, MOUTH_HZ.1);
         let change = std::array::from_fn(|_| mouth());
-        let (side, shift, tilt) = (mouth(), mouth(), mouth());
-        let mut brows = || SlowNoise::new(&mut chance, BROWS_HZ.0, BROWS_HZ.1);
+        let side = mouth();
+        let (shift, tilt) = (Change::draw(&mut chance), Change::draw(&mut chance));
+        let mut brows = |(low, high)| SlowNoise::new(&mut chance, low, high);
+        let raise = [brows(BROWS_HZ), brows(QUICK_HZ)];
+        let (knit, brow_side) = (brows(BROWS_HZ), brows(BROWS_HZ));
+        let phrases = Phrases::of(prosody);
+        let raises = phrases.0.iter().map(|_| deviate(&mut chance)).collect();
         Variety {
-            phrases: Phrases::of(prosody),
+            phrases,
             take,
             change,
             side,
             shift,
             tilt,
-            raise: brows(),
-            knit: brows(),
-            brow_side: brows(),
+            raises,
+            raise,
+            knit,
+            brow_side,
+        }
+    }
+
+    /// How the mouth differs at `time_s`.
+    pub(super) fn mouth(&self, time_s: f64, strength: f32) -> MouthVariety {
+        let strength = f64::from(strength);
+        let size = strength * self.phrases.activity(time_s);
+        MouthVariety {
+            scale: std::array::from_fn(|i| {
+                let change = self.take[i] + CHANGE[i] * self.change[i].at(time_s);
+                (1.0 + strength * change).max(0.2) as f32
+            }),
+            side: (strength * SIDE * self.side.at(time_s)) as f32,
+            shift_m: (size * self.shift.at(time_s, SHIFT_M)) as f32,
+            tilt_m: (size * self.tilt.at(time_s, TILT_M)) as f32,
+        }
+    }
+
+    /// How the brows differ at `time_s`.
+    pub(super) fn brows(&self, time_s: f64, strength: f32) -> BrowVariety {
+        let strength = f64::from(strength);
+        let size = strength * self.phrases.activity(time_s);
+        let [slow, quick] = &self.raise;
+        let raised = RAISE[0] * self.phrases.between(&self.raises, 0.0, RAISE_S, time_s)
+            + RAISE[1] * slow.at(time_s)
+            + RAISE[2] * quick.at(time_s);
+        BrowVariety {
+            raised: (size * raised) as f32,
+            knit: (size * KNIT * self.knit.at(time_s)) as f32,
+            side: (strength * BROW_SIDE * self.brow_side.at(time_s)) as f32,
         }
     }
 
     /// Varies the lower face of `[T, 68, 3]`, canonical metres; gaps of closed lips stay.
     pub(super) fn vary_mouth(&self, moved: &mut Array3<f32>, fps: f64, strength: f32) {
         let sampled = moved.clone();
-        let strength = f64::from(strength);
         for (t, mut frame) in moved.outer_iter_mut().enumerate() {
-            let time_s = t as f64 / fps;
-            let activity = self.phrases.activity(time_s);
-            let scale: [f32; 3] = std::array::from_fn(|i| {
-                let change = self.take[i] + CHANGE[i] * self.change[i].at(time_s);
-                (1.0 + strength * change).max(0.2) as f32
-            });
+            let MouthVariety {
+                scale,
+                side,
+                shift_m,
+                tilt_m,
+            } = self.mouth(t as f64 / fps, strength);
             for n in speaking() {
                 for (x, scale) in frame.row_mut(n).iter_mut().zip(scale) {
                     *x *= scale;
                 }
             }
-            let sized = |deviation: f64, noise: &SlowNoise| strength * deviation * noise.at(time_s);
-            let side = sized(SIDE, &self.side) as f32;
-            let shift = (activity * sized(SHIFT_M, &self.shift)) as f32;
-            let tilt = (activity * sized(TILT_M, &self.tilt)) as f32;
             for (n, place) in MOUTH.zip(PLACES) {
-                frame[[n, 1]] = frame[[n, 1]] * (1.0 + side * place) + tilt * place;
-                frame[[n, 0]] += shift;
+                frame[[n, 1]] = frame[[n, 1]] * (1.0 + side * place) + tilt_m * place;
+                frame[[n, 0]] += shift_m;
             }
         }
         keep_closures(moved, sampled.view(), fps);
@@ -113,32 +201,19 @@ impl Variety {
         modes: &FaceModes,
         strength: f32,
     ) -> Result<()> {
-        let raise = sum(
-            modes,
-            [
-                "browInnerUp_L",
-                "browInnerUp_R",
-                "browOuterUp_L",
-                "browOuterUp_R",
-            ],
-        )?;
+        let raise = sum(modes, RAISING)?;
         let knit = sum(modes, ["browDown_L", "browDown_R"])?;
-        let strength = f64::from(strength);
         for (t, mut frame) in moved.outer_iter_mut().enumerate() {
-            let time_s = t as f64 / fps;
-            let size = strength * self.phrases.activity(time_s);
-            let side = strength * BROW_SIDE * self.brow_side.at(time_s);
-            let raised = size * RAISE * self.raise.at(time_s);
-            let knitted = size * KNIT * self.knit.at(time_s);
+            let brows = self.brows(t as f64 / fps, strength);
             for n in BROWS {
                 let side = if n < BROWS.start + 5 {
-                    1.0 - side
+                    1.0 - brows.side
                 } else {
-                    1.0 + side
+                    1.0 + brows.side
                 };
                 let mut row = frame.row_mut(n);
-                row.scaled_add((side * raised) as f32, &raise.row(n));
-                row.scaled_add((side * knitted) as f32, &knit.row(n));
+                row.scaled_add(side * brows.raised, &raise.row(n));
+                row.scaled_add(side * brows.knit, &knit.row(n));
             }
         }
         Ok(())
@@ -221,7 +296,7 @@ mod tests {
         let takes: Vec<_> = (0..6).map(|seed| varied(seed, &modes)).collect();
         let (lips, brows) = (deviation_mm(&takes, MOUTH), deviation_mm(&takes, BROWS));
         assert!((0.35..1.2).contains(&lips), "lips {lips} mm");
-        assert!((0.5..1.5).contains(&brows), "brows {brows} mm");
+        assert!((0.3..1.2).contains(&brows), "brows {brows} mm");
         let closed = (0..FRAMES).filter(|t| gap(&plain, *t) < 1e-4);
         let mut count = 0;
         for t in closed {

@@ -34,7 +34,13 @@ fn voice(seconds: f32) -> Waveform {
 
 /// A request with events as the command has them, and nothing that chance adds.
 fn asked(events: &[&str]) -> MotionRequest {
-    let still = ["blinks_per_minute", "brow_accents", "gaze", "head_motion"];
+    let still = [
+        "blinks_per_minute",
+        "brow_accents",
+        "gaze",
+        "head_motion",
+        "variety",
+    ];
     let controls = still.iter().fold(Controls::default(), |controls, name| {
         controls.with(name, 0.0)
     });
@@ -194,6 +200,36 @@ fn articulation_scales_speech_and_lips_that_met_still_meet() {
     assert!(mean(&more, "jawOpen", 0.0, 3.0) > 1.2 * mean(&weights(&plain), "jawOpen", 0.0, 3.0));
     let gaps = LipGaps::of_mean_face(&FaceModes::open(None).unwrap(), &more.names).unwrap();
     assert!(gaps.largest(more.weights.row(26)) < 0.0);
+}
+
+#[test]
+fn another_seed_is_another_take_in_which_lips_still_meet() {
+    let modes = FaceModes::open(None).unwrap();
+    let take = |seed: u64| {
+        let mut request = asked(&[]);
+        request.controls.set("variety", 1.0);
+        request.closures = Some(vec![[1.0, 1.08]]);
+        request.seed = seed;
+        weights(&performed(4.0, &request))
+    };
+    let (one, other) = (take(1), take(2));
+    assert_eq!(one, take(1));
+    let gaps = LipGaps::of_mean_face(&modes, &one.names).unwrap();
+    for clip in [&one, &other] {
+        assert!(gaps.largest(clip.weights.row(26)) < 0.0);
+        assert!(clip.weights.iter().all(|weight| *weight >= 0.0));
+    }
+    let gap = |clip: &WeightClip| {
+        let moved = clip.landmarks(&modes).unwrap().displacements;
+        &moved.slice(s![.., 62, 1]) - &moved.slice(s![.., 66, 1])
+    };
+    let (a, b) = (gap(&one), gap(&other));
+    let apart_mm = 1e3 * (&a - &b).mapv(f32::abs).mean().unwrap();
+    assert!((0.1..1.5).contains(&apart_mm), "{apart_mm} mm");
+    let centred = |x: &ndarray::Array1<f32>| x - x.mean().unwrap();
+    let (a, b) = (centred(&a), centred(&b));
+    let r = a.dot(&b) / (a.dot(&a) * b.dot(&b)).sqrt();
+    assert!(r > 0.95, "r {r}");
 }
 
 #[test]

@@ -4,6 +4,7 @@ mod closing;
 mod perform;
 mod reach;
 mod teeth;
+mod variety;
 
 use std::borrow::Cow;
 
@@ -114,4 +115,8 @@ fn scale(weights: &mut Array2<f32>, columns: &[usize], factor: impl Fn(usize) ->
             row[column] *= factor;
         }
     }
+}
+
+fn starts(name: &str, stems: &[&str]) -> bool {
+    stems.iter().any(|stem| name.starts_with(stem))
 }

@@ -2,7 +2,7 @@
 
 use ndarray::{Array1, ArrayView2, ArrayView3};
 
-use super::{columns, scale};
+use super::{columns, scale, starts};
 use crate::{
     Result,
     audio::Prosody,
@@ -13,6 +13,7 @@ use crate::{
         brow_accents::brow_accents,
         effort::effort_gain,
         upper_face::{Lids, lids},
+        variety::Variety,
     },
 };
 
@@ -56,12 +57,12 @@ pub struct WeightCues<'a> {
     pub prosody: &'a Prosody,
     /// Take away everything that speech did not cause.
     pub speech_only: bool,
-    /// Same seed, same blinks and accents.
+    /// Same seed, same blinks, accents and variety.
     pub seed: u64,
 }
 
 impl WeightClip {
-    /// The clip with `controls` put on it: smoothing, articulation with effort and the share of jaw and lips,
+    /// The clip with `controls` put on it: smoothing, variety, articulation with effort and the share of jaw and lips,
     /// the upper face's scale, brow accents, asymmetry, blinks. Head and gaze are no weights: see
     /// [`crate::motion::Life`]. Lips that have to meet are brought together afterwards, by
     /// [`super::LipGaps`].
@@ -76,11 +77,19 @@ impl WeightClip {
     ) -> Result<WeightClip> {
         Controls::from(*controls).check(PERFORMANCE_CONTROLS, ControlStage::Motion)?;
         let mut clip = self.smoothed(f64::from(controls.smoothing_s));
+        let variety = (controls.variety > 0.0 && !cues.speech_only)
+            .then(|| Variety::draw(cues.prosody, cues.seed));
+        if let Some(variety) = &variety {
+            clip.vary_mouth(modes, variety, controls.variety)?;
+        }
         clip.articulate(cues.prosody, controls);
         let of = |stems: &[&str]| columns(&self.names, |name| starts(name, stems));
         if cues.speech_only {
             scale(&mut clip.weights, &of(&UPPER), |_| 0.0);
         } else {
+            if let Some(variety) = &variety {
+                clip.vary_brows(modes, variety, controls.variety)?;
+            }
             scale(&mut clip.weights, &of(&UPPER), |_| controls.upper_face);
             clip.raise_brows(cues, controls.brow_accents);
         }
@@ -192,8 +201,4 @@ fn closing_of(modes: &FaceModes, names: &[String]) -> Result<[Array1<f32>; 2]> {
             .collect()
     };
     Ok(lids(modes)?.each_ref().map(of))
-}
-
-fn starts(name: &str, stems: &[&str]) -> bool {
-    stems.iter().any(|stem| name.starts_with(stem))
 }

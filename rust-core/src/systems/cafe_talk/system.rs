@@ -58,6 +58,7 @@ static PERFORMANCE: &[Control] = &[
     control_named("asymmetry"),
     control_named("head_motion"),
     control_named("gaze"),
+    control_named("variety"),
 ];
 
 static OWN_CONTROLS: &[Control] = &[EVENTS, GUIDANCE, STEPS, LEARNED];
