@@ -19,9 +19,9 @@ class Engine:
     binary: Path
     options: list[str] = field(default_factory=list)
 
-    def motion(self, samples: np.ndarray, emotion: str) -> np.ndarray:
-        """Sound at 16 kHz to displacements of the landmarks, [T, 68, 3] canonical metres at 25 fps."""
-        return self._speech("motion", samples, emotion)["landmark_displacements"]
+    def motion(self, samples: np.ndarray, emotion: str, fps: float = FPS) -> np.ndarray:
+        """Sound at 16 kHz to displacements of the landmarks, [T, 68, 3] canonical metres at `fps`."""
+        return self._speech("motion", samples, emotion, fps=fps)["landmark_displacements"]
 
     def mesh(self, samples: np.ndarray, emotion: str, mesh: Path, marks: Path, *more: str) -> np.ndarray:
         """Sound to displacements of a mesh, [T, V, 3] in its own units."""
@@ -51,11 +51,13 @@ class Engine:
                 raise RuntimeError(f"{' '.join(line)}: {done.stderr.strip()}")
             return dict(np.load(out))
 
-    def _speech(self, command: str, samples: np.ndarray, emotion: str, *more) -> dict[str, np.ndarray]:
+    def _speech(
+        self, command: str, samples: np.ndarray, emotion: str, *more, fps: float = FPS
+    ) -> dict[str, np.ndarray]:
         with tempfile.TemporaryDirectory() as folder:
             sound = Path(folder) / "sound.wav"
             soundfile.write(sound, samples, SOUND_HZ, subtype="FLOAT")
-            return self.run(command, "--audio", sound, "--fps", int(FPS), "--emotion", emotion, *more)
+            return self.run(command, "--audio", sound, "--fps", fps, "--emotion", emotion, *more)
 
     def _spread(self, motion: np.ndarray, neutral: np.ndarray, mesh: Path, marks: Path | None, *more):
         with tempfile.TemporaryDirectory() as folder:

@@ -24,7 +24,7 @@ from training.corpus.phones import PAUSE, Phone
 from training.corpus.split import grid_held_out
 from training.flags import run_command
 
-NATHALIE_LAST_PHONE_S = 0.02
+LAST_PHONE_S = 0.02
 HELD_OUT_EVERY = 20
 UNSEEN_LANGUAGES = ("fi", "hu", "el")
 """Languages that no training sees: they measure how far the encoder carries over."""
@@ -75,21 +75,43 @@ class Utterance:
 
 
 def read_nathalie(data: Path, limit: int | None = None) -> list[Utterance]:
-    """Dutch with its own phone times; clips whose phones overrun the sound are dropped."""
-    folder, found = data / "speech/nathalie_nl", []
+    """Dutch with its own phone times."""
+    return read_timed(data / "speech/nathalie_nl", limit)
+
+
+def read_kokoro(data: Path) -> list[Utterance]:
+    """Voices of `training.corpus.kokoro`; none where it wrote nothing."""
+    folder = data / "speech/kokoro"
+    return read_timed(folder) if folder.exists() else []
+
+
+def kokoro_count(data: Path) -> list[int]:
+    """Number of these utterances, for names of caches; empty without them."""
+    path = data / "speech/kokoro/phones.jsonl"
+    return [path.read_text().count("\n")] if path.exists() else []
+
+
+def read_timed(folder: Path, limit: int | None = None) -> list[Utterance]:
+    """Sounds of `phones.jsonl`, which has a line for each; clips whose phones overrun the sound are dropped.
+
+    A line may have `source` and `held_out`; else the folder is the source, and every twentieth is held out.
+    """
+    found = []
     for index, line in enumerate((folder / "phones.jsonl").read_text().splitlines()[:limit]):
         record = json.loads(line)
         phones = [Phone(p["start"], p["duration"], p["phone"]) for w in record["words"] for p in w["phones"]]
-        samples = read_sound(folder / f"{record['id']}.ogg")
+        sounds = (folder / f"{record['id']}{ending}" for ending in (".ogg", ".wav"))
+        samples = read_sound(next(path for path in sounds if path.exists()))
         end_s = len(samples) / 16000
-        if phones and phones[-1].end_s > end_s + NATHALIE_LAST_PHONE_S:
+        if phones and phones[-1].end_s > end_s + LAST_PHONE_S:
             continue
         timed = [
             (word["phones"], word["word"]) for word in record["words"] if word["phones"] and word["word"]
         ]
         words = [(p[0]["start"], p[-1]["start"] + p[-1]["duration"], word) for p, word in timed]
-        held_out = index % HELD_OUT_EVERY == 0
-        found.append(Utterance(record["id"], "nathalie_nl", held_out, samples, phones, words))
+        held_out = record.get("held_out", index % HELD_OUT_EVERY == 0)
+        source = record.get("source", folder.name)
+        found.append(Utterance(record["id"], source, held_out, samples, phones, words))
     return found
 
 

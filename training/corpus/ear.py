@@ -18,6 +18,7 @@ from training.corpus.aligned import (
     ALPHABETS,
     UNSEEN_LANGUAGES,
     Utterance,
+    kokoro_count,
     read_librivox,
     read_unlabelled,
     speak,
@@ -75,7 +76,9 @@ def load(data: Path, cache: Path, folder: Path, sources: list[str], minutes: flo
     """Clips of `sources` (`every_source` names them), each source from its file where it was heard before."""
     found, ear, espeak = [], functools.cache(lambda: Ear(folder)), functools.cache(Espeak)
     for source in sources:
-        path = cache / f"ear-{source}-{digest(VERSION, bank.VERSION, LAYERS, VOICES, ROOMS, minutes)}.pt"
+        kokoro = kokoro_count(data) if source == "kokoro" else []
+        name = digest(VERSION, bank.VERSION, LAYERS, VOICES, ROOMS, minutes, *kokoro)
+        path = cache / f"ear-{source}-{name}.pt"
         found += cached(path, EarClip, functools.partial(_hear, data, source, ear, espeak, minutes))
     return found
 

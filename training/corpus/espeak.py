@@ -16,6 +16,10 @@ SYNCHRONOUS = 2
 PHONE_EVENTS = 1
 IPA_EVENTS = 2
 PHONE = 7
+UTF8 = 1
+TIE = "^"
+IPA_WITH_TIES = 2 | 128 | ord(TIE) << 8
+"""Mode of `espeak_TextToPhonemes`: IPA, and `TIE` between the letters of one sound."""
 RATE, PITCH, RANGE = 1, 3, 4
 
 
@@ -51,12 +55,12 @@ class Espeak:
         self.sound, self.events = [], []
         self.callback = CFUNCTYPE(c_int, POINTER(c_short), c_int, POINTER(_Event))(self._receive)
         self.library.espeak_SetSynthCallback(self.callback)
+        self.library.espeak_TextToPhonemes.restype = c_char_p
 
     def speak(self, text: str, voice: str, rate_wpm: int = 160, pitch: int = 50, melody: int = 50):
         """Samples [S] f32 at 16 kHz and phones. `voice` is a name such as `fr+f3`."""
         self.sound, self.events = [], []
-        if self.library.espeak_SetVoiceByName(voice.encode()) != 0:
-            raise ValueError(f"espeak-ng voice: expected one of `espeak-ng --voices`, got {voice!r}")
+        self._take_voice(voice)
         for parameter, value in ((RATE, rate_wpm), (PITCH, pitch), (RANGE, melody)):
             self.library.espeak_SetParameter(parameter, value, 0)
         data = text.encode() + b"\0"
@@ -65,6 +69,19 @@ class Espeak:
         raw = np.frombuffer(b"".join(self.sound), np.int16).astype(np.float32) / 32768.0
         samples = resample_poly(raw, RATE_HZ, self.rate_hz).astype(np.float32)
         return samples, _phones(self.events, len(raw) / self.rate_hz)
+
+    def ipa(self, text: str, voice: str) -> str:
+        """How `voice` says a text, in IPA with stress; `TIE` stands between the letters of one sound."""
+        self._take_voice(voice)
+        rest, clauses = c_char_p(text.encode()), []
+        while rest.value is not None:
+            clause = self.library.espeak_TextToPhonemes(ctypes.byref(rest), UTF8, IPA_WITH_TIES)
+            clauses.append(clause.decode())
+        return " ".join(clauses)
+
+    def _take_voice(self, voice: str) -> None:
+        if self.library.espeak_SetVoiceByName(voice.encode()) != 0:
+            raise ValueError(f"espeak-ng voice: expected one of `espeak-ng --voices`, got {voice!r}")
 
     def _receive(self, wave, count, events) -> int:
         if wave and count:

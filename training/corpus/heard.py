@@ -14,6 +14,8 @@ from training.corpus.aligned import (
     UNSEEN_LANGUAGES,
     Utterance,
     grid_words,
+    kokoro_count,
+    read_kokoro,
     read_librivox,
     read_nathalie,
     read_texts,
@@ -66,7 +68,8 @@ def hear(encoder: CompactEncoder, samples: np.ndarray, warps: tuple[float, ...])
 
 def load(data: Path, cache: Path, encoder: CompactEncoder, minutes: float) -> list[Heard]:
     """All of it; from the cache where it was made before."""
-    path = cache / f"heard-{VERSION}-{minutes:g}.pt"
+    name = "-".join(map(str, [VERSION, f"{minutes:g}", *kokoro_count(data)]))
+    path = cache / f"heard-{name}.pt"
     return cached(path, Heard, lambda: _every(data, encoder, minutes))
 
 
@@ -77,6 +80,8 @@ def _every(data: Path, encoder: CompactEncoder, minutes: float):
         yield heard
     for u in read_emodb(data):
         yield _of(encoder, u, WARPS)
+    for u in read_kokoro(data):
+        yield _of(encoder, u, (1.0,))
     for u in read_librivox(data):
         heard = _of(encoder, u, (1.0,))
         heard.text = (data / "clips/librivox" / f"{u.name}.txt").read_text()

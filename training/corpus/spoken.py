@@ -15,7 +15,9 @@ from training.corpus.aligned import (
     ALPHABETS,
     UNSEEN_LANGUAGES,
     Utterance,
+    kokoro_count,
     read_kathleen,
+    read_kokoro,
     read_librivox,
     read_nathalie,
     read_texts,
@@ -32,7 +34,7 @@ from training.speech.log_mel import log_mel
 
 SOURCE = "taught"
 TEXTS = {"en-us": "kathleen_en", "en-gb-scotland": "kathleen_en", "de": "kerstin_de", "nl": "nathalie_nl"}
-RECORDED = {"nathalie_nl": read_nathalie, "kathleen_en": read_kathleen}
+RECORDED = {"nathalie_nl": read_nathalie, "kathleen_en": read_kathleen, "kokoro": read_kokoro}
 VERSION = 4
 
 
@@ -52,7 +54,8 @@ def load(
     """
     read = None if reader is None else hashlib.sha256(reader.read_bytes()).hexdigest()
     taught = None if teacher is None else hashlib.sha256(PARAMETERS.read_bytes()).hexdigest()
-    path = cache / f"spoken-{digest(VERSION, minutes, sorted(leave_out), taught, read)}.pt"
+    kokoro = [] if "kokoro" in leave_out else kokoro_count(data)
+    path = cache / f"spoken-{digest(VERSION, minutes, sorted(leave_out), taught, read, *kokoro)}.pt"
 
     def entries() -> Iterator[Entry]:
         random = np.random.default_rng(0)

@@ -15,7 +15,7 @@ import torch
 from torch import Tensor, nn
 
 from training.corpus import ear, spoken
-from training.corpus.aligned import read_texts
+from training.corpus.aligned import kokoro_count, read_texts
 from training.corpus.bank import Entry
 from training.corpus.cache import cached, digest
 from training.corpus.clip import FPS, MEL_PER_FRAME
@@ -188,7 +188,8 @@ def lessons(arguments) -> tuple[list[Entry], dict[tuple[str, str], Tensor]]:
     left = {*arguments.leave_speech, *ear.UNHEARD}
     names = [source for source in ear.every_source() if source not in left]
     weights = hashlib.sha256(arguments.ear.read_bytes()).hexdigest()
-    run = digest(ear.VERSION, weights, arguments.layer, names, arguments.minutes)
+    kokoro = kokoro_count(arguments.data) if "kokoro" in names else []
+    run = digest(ear.VERSION, weights, arguments.layer, names, arguments.minutes, *kokoro)
 
     def made() -> Iterator[Entry]:
         sequences = read_sequences(arguments.data)

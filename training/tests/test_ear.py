@@ -1,10 +1,11 @@
 """Facts about the teacher on Whisper and the lessons that it gives, on made-up features."""
 
 import numpy as np
+import pytest
 import torch
 
 from training.corpus.ear import LAYERS, EarClip
-from training.corpus.phones import SEGMENTS
+from training.corpus.phones import SEGMENTS, Phone
 from training.corpus.windows import AugmentOptions
 from training.losses import SCALE_M, lip_gap
 from training.nn.checkpoint import save
@@ -132,3 +133,20 @@ def test_a_denoiser_hears_another_encoder_as_its_own():
     layer = torch.nn.Linear(16, 5)
     heard = folded(layer, matrix[:, order], shift)(new(mels[0][None])[..., order])
     torch.testing.assert_close(heard, layer(old(mels[0][None])), atol=5e-3, rtol=0)
+
+
+def test_closures_are_met_or_false_where_they_stand():
+    fps, motion = 50.0, np.zeros((100, 68, 3))
+    motion[:, 61:64, 1] = 5e-3
+    labels = ["_", "a", "p", "a", "b", "a", "_"]
+    starts = [0.0, 0.2, 0.5, 0.6, 0.9, 1.0, 1.8]
+    said = [Phone(s, e - s, x) for s, e, x in zip(starts, [*starts[1:], 2.0], labels, strict=True)]
+    for second in (0.06, 0.5, 1.4):
+        motion[int(second * fps), 61:64, 1] = 0.0
+    counted = strangers.count_closures(motion, fps, said)
+    assert (counted.said, counted.met, counted.false) == (2, 1, 1)
+    assert counted.seconds == pytest.approx(1.4, abs=0.05)
+    motion[45, 61:63, 1] = 0.0
+    assert strangers.count_closures(motion, fps, said).met == 1, "all three pairs have to meet"
+    motion[45, 63, 1] = 0.4e-3
+    assert (counted + strangers.count_closures(motion, fps, said)).met == 3

@@ -3,6 +3,7 @@
 mod closing;
 mod perform;
 mod reach;
+mod rounding;
 mod teeth;
 mod variety;
 
@@ -107,6 +108,10 @@ fn columns(names: &[String], is_wanted: impl Fn(&str) -> bool) -> Vec<usize> {
     wanted.map(|(column, _)| column).collect()
 }
 
+fn starts(name: &str, stems: &[&str]) -> bool {
+    stems.iter().any(|stem| name.starts_with(stem))
+}
+
 /// Multiplies some columns, each frame by its own factor.
 fn scale(weights: &mut Array2<f32>, columns: &[usize], factor: impl Fn(usize) -> f32) {
     for (t, mut row) in weights.axis_iter_mut(Axis(0)).enumerate() {
@@ -115,8 +120,4 @@ fn scale(weights: &mut Array2<f32>, columns: &[usize], factor: impl Fn(usize) ->
             row[column] *= factor;
         }
     }
-}
-
-fn starts(name: &str, stems: &[&str]) -> bool {
-    stems.iter().any(|stem| name.starts_with(stem))
 }

