@@ -123,7 +123,7 @@ impl HeadMotion {
         for nod in self.near(time_s) {
             // A nod is never quicker than in calm speech: larger ones would jerk.
             let since_s = mood.pace.min(1.0) * (time_s - nod.time_s);
-            let share = mood.size * nod_shape(since_s);
+            let share = mood.size * mood.pace.sqrt() * nod_shape(since_s);
             let far = lively * far_nod_shape(since_s);
             (0..3).for_each(|i| turn[i] += share * nod.size[i] + far * nod.far[i]);
         }
