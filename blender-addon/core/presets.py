@@ -48,9 +48,22 @@ def read(path) -> Preset:
     if not isinstance(document, dict) or document.get("anyface_preset") != VERSION:
         raise AnyfaceError("input", f"{path.name}: expected an Anyface preset of version {VERSION}")
     values = schema.check(f"{path.name}: values", document.get("values"), schema.OBJECT)
+    values = _without_jaw_lips(values)
     name = document.get("name") or path.stem
     schema.check(f"{path.name}: name", name, schema.TEXT)
     return Preset(name, {key: _checked(path.name, key, values[key]) for key in values}, path)
+
+
+def _without_jaw_lips(values: dict) -> dict:
+    """The same without `jaw_lips`, which presets held before the jaw had a control of its own: -1
+    gave the jaw half and the lips half more, 1 the other way round."""
+    shift = values.get("jaw_lips")
+    if not isinstance(shift, int | float) or not -1.0 <= shift <= 1.0:
+        return values
+    jaw, lips = 1.0 + 0.5 * shift, 1.0 - 0.5 * shift
+    articulation = min(2.0, lips * values.get("articulation", 1.0))
+    kept = {name: value for name, value in values.items() if name != "jaw_lips"}
+    return kept | {"articulation": articulation, "jaw": min(2.0, jaw / lips)}
 
 
 def _checked(where: str, name: str, value):

@@ -29,10 +29,6 @@ _STAGES = {
 
 # What the library's controls are called here, where its own words are not those of an artist.
 _CONTROLS = {
-    "jaw_lips": (
-        "Jaw or Lips",
-        "Who does the talking: -1 the lips more and the jaw half as much, 1 the other way round",
-    ),
     "variety": (
         "Variety",
         "How much takes of different seeds differ; lips that close stay closed",

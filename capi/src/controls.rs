@@ -75,7 +75,7 @@ pub(crate) mod tests {
     fn values_and_keys_reach_the_library() {
         let (times, values) = ([0.0, 2.0], [0.5, 1.5]);
         let settings = [
-            setting(c"jaw_lips", -0.5),
+            setting(c"jaw", 0.5),
             AnyfaceControlSetting {
                 key_times_s: times.as_ptr(),
                 key_values: values.as_ptr(),
@@ -84,7 +84,7 @@ pub(crate) mod tests {
             },
         ];
         let controls = unsafe { read(settings.as_ptr(), 2) }.unwrap();
-        assert_eq!(controls.get("jaw_lips"), Some(-0.5));
+        assert_eq!(controls.get("jaw"), Some(0.5));
         let curve = controls.animated("articulation").unwrap();
         assert_eq!((curve.value, curve.at(1.0)), (1.0, 1.0));
     }

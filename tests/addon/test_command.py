@@ -40,7 +40,7 @@ def test_bake_writes_the_file_and_the_report(run, tmp_path):
         9,
         "--steps",
         3,
-        "--jaw-lips",
+        "--jaw",
         -0.5,
         "--blinks",
         7,
@@ -56,7 +56,7 @@ def test_bake_writes_the_file_and_the_report(run, tmp_path):
     assert code == 0
     request = run.stage.calls[0][5]
     assert (request.fps, request.seed, request.controls["steps"]) == (12.0, 9, 3)
-    names = ("jaw_lips", "blinks_per_minute", "decoder", "articulation")
+    names = ("jaw", "blinks_per_minute", "decoder", "articulation")
     assert [request.controls[name] for name in names] == [-0.5, 7.0, 1.0, 1.0]
     row = request.emotion[0][1]
     assert row[1] == 0.7 and row[3] == 0.2

@@ -35,7 +35,7 @@ def asked(stage):
     return stage.calls[-1][5]
 
 
-@pytest.mark.parametrize("name", ["articulation", "jaw_lips", "upper_face", "asymmetry"])
+@pytest.mark.parametrize("name", ["articulation", "jaw", "rounding", "upper_face", "asymmetry"])
 def test_keyframes_on_sliders_become_curves(stage, face, name):
     for frame, value in ((1, 0.0), (49, 1.0)):
         setattr(face.anyface, name, value)
@@ -88,7 +88,9 @@ def test_sliders_of_a_whole_take_cannot_be_keyed(face):
 # and presets count on these.
 STORED = {
     "articulation": (0.0, 2.0, 1.0, True),
-    "jaw_lips": (-1.0, 1.0, 0.0, True),
+    "jaw": (0.0, 2.0, 1.0, True),
+    "rounding": (0.0, 2.0, 1.0, True),
+    "width": (0.0, 2.0, 1.0, True),
     "smoothing_s": (0.0, 0.1, 0.0, False),
     "upper_face": (0.0, 2.0, 1.0, True),
     "blinks_per_minute": (0.0, 60.0, 15.0, False),
@@ -139,6 +141,16 @@ def test_a_saved_preset_comes_back(stage, face, addon, installed):
     assert "Weinerlich / Test" in [preset.name for preset in addon("ui.presets").everyone()]
     assert bpy.ops.anyface.preset_delete(name="Weinerlich / Test") == {"FINISHED"}
     assert not path.exists()
+
+
+def test_presets_from_before_jaw_had_a_control_are_read(addon, tmp_path):
+    path = tmp_path / "old.json"
+    path.write_text('{"anyface_preset": 1, "values": {"articulation": 0.5, "jaw_lips": -0.4}}')
+    values = addon("core.presets").read(path).values
+    assert values == pytest.approx({"articulation": 0.6, "jaw": 0.8 / 1.2})
+    path.write_text('{"anyface_preset": 1, "values": {"jaw_lips": "much"}}')
+    with pytest.raises(addon("core.errors").AnyfaceError, match="jaw_lips"):
+        addon("core.presets").read(path)
 
 
 def test_presets_are_handed_on_as_files(stage, face, addon, tmp_path):

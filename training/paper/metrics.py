@@ -1,10 +1,14 @@
-"""The metrics of the FreeTalk paper (§4.2); numbers of the Rust twins in `tests/eval/src/metrics`.
+"""The metrics of the FreeTalk paper (§4.2), with Rust twins in `tests/eval/src/metrics`, and MTM and SLCC.
 
 Shapes: `P` prediction and `G` truth [T, N, 3], displacements from the neutral face; `lips` and `upper` are
 numbers of points. Lengths come out in the unit of the motion, LVE, EVE and δM in its square.
+
+MTM and SLCC are those of Chae-Yeon et al., "Perceptually Accurate 3D Talking Head Generation" (CVPR 2025).
 """
 
 import numpy as np
+from scipy.ndimage import gaussian_filter1d
+from scipy.signal import find_peaks
 from scipy.spatial.distance import cdist
 
 NAMES = ("LVE", "EVE", "MVE", "FDD", "DTW", "DFD", "δM", "δCd")
@@ -37,14 +41,88 @@ def upper_dynamics(x: np.ndarray) -> float:
     return float(np.square(x).sum(-1).std(0).mean())
 
 
-def warped(between: np.ndarray, joined) -> float:
+def warped(between: np.ndarray, joined: np.ufunc) -> float:
     """Cost of the best monotone path through distances [T, S]: a sum (DTW), or its longest step (DFD)."""
-    cost = np.full((between.shape[0] + 1, between.shape[1] + 1), np.inf)
+    return float(path_costs(between, joined)[-1, -1])
+
+
+def path_costs(between: np.ndarray, joined: np.ufunc) -> np.ndarray:
+    """Cost of the best monotone path from the first cell to each cell, [T + 1, S + 1].
+
+    Row and column 0 stand before the start: infinity, but 0 in the corner. Cells of one antidiagonal depend
+    on the two before it alone, so they are computed together.
+    """
+    rows, columns = between.shape
+    cost = np.full((rows + 1, columns + 1), np.inf)
     cost[0, 0] = 0.0
-    for i, row in enumerate(between, 1):
-        for j, distance in enumerate(row, 1):
-            cost[i, j] = joined(distance, min(cost[i - 1, j], cost[i, j - 1], cost[i - 1, j - 1]))
-    return cost[-1, -1]
+    for diagonal in range(2, rows + columns + 1):
+        i = np.arange(max(1, diagonal - columns), min(rows, diagonal - 1) + 1)
+        j = diagonal - i
+        before = np.minimum(np.minimum(cost[i - 1, j], cost[i, j - 1]), cost[i - 1, j - 1])
+        cost[i, j] = joined(between[i - 1, j - 1], before)
+    return cost
+
+
+def best_path(cost: np.ndarray) -> list[tuple[int, int]]:
+    """Cells of the cheapest path through `path_costs`, last first; a diagonal step wins a tie."""
+    i, j = (n - 1 for n in cost.shape)
+    path = []
+    while i > 0 and j > 0:
+        path.append((i - 1, j - 1))
+        i, j = min(((i - 1, j - 1), (i - 1, j), (i, j - 1)), key=lambda cell: cost[cell])
+    return path
+
+
+MISALIGNMENT_SIGMA = 2.0
+"""Frames by which the openings are smoothed for MTM, as in the code of its authors."""
+
+
+def temporal_misalignment(p: np.ndarray, g: np.ndarray) -> np.ndarray:
+    """By how many frames each extremum of the true opening is off, frames, without sign: MTM is their mean.
+
+    `p` and `g` [T] are the opening of the lips, predicted and true, in any unit. Both are smoothed by a
+    Gaussian of 2 frames. Their first differences (0 in frame 0) are aligned by dynamic time warping with the
+    absolute difference as distance. A local maximum of the truth and a local maximum of the prediction
+    belong together where the path joins their frames, and a minimum to a minimum, unless the prediction's
+    lies beyond the true extrema next to it. Extrema without a partner do not count. Returns one number for
+    each pair; none where nothing was joined.
+    """
+    p, g = smooth_opening(p), smooth_opening(g)
+    steps = [np.diff(x, prepend=x[0]) for x in (g, p)]
+    path = best_path(path_costs(np.abs(steps[0][:, None] - steps[1]), np.add))
+    true, made = extrema(g), extrema(p)
+    order = [0, *sorted(true), len(g) - 1]
+    place = {frame: k for k, frame in enumerate(order[1:-1], 1)}
+    off = []
+    for i, j in path:
+        if i in true and made.get(j) == true[i] and order[place[i] - 1] <= j <= order[place[i] + 1]:
+            off.append(abs(i - j))
+    return np.array(off, np.float64)
+
+
+def smooth_opening(x: np.ndarray) -> np.ndarray:
+    """[T] under the Gaussian of MTM."""
+    return gaussian_filter1d(np.asarray(x, np.float64), MISALIGNMENT_SIGMA)
+
+
+def extrema(x: np.ndarray) -> dict[int, bool]:
+    """Frames of the local maxima (true) and minima (false) of [T]."""
+    tops, bottoms = (find_peaks(sign * x)[0].tolist() for sign in (1, -1))
+    return dict.fromkeys(tops, True) | dict.fromkeys(bottoms, False)
+
+
+def lip_intensity(x: np.ndarray) -> float:
+    """How much lips move, in the unit of `x` [T, N, D] a frame: root of the mean over frames of the square of
+    the points' mean step."""
+    return float(np.sqrt(np.square(np.linalg.norm(np.diff(x, axis=0), axis=-1).mean(-1)).mean()))
+
+
+def speech_lip_correlation(lips: np.ndarray, speech: np.ndarray) -> float:
+    """SLCC: Pearson's r of `lip_intensity` and the sound's root mean square, both [clips], of one speaker.
+
+    The paper puts every speaker's intensities to mean 0 and deviation 1 first, which leaves this r as it is.
+    """
+    return float(np.corrcoef(lips, speech)[0, 1])
 
 
 def cosine_distance(p: np.ndarray, g: np.ndarray) -> float:

@@ -7,6 +7,7 @@ each source of folders with `phones.jsonl`.
 """
 
 from dataclasses import dataclass
+from math import nan
 from pathlib import Path
 from typing import Annotated
 
@@ -26,6 +27,7 @@ from training.losses import FEATURES
 from training.speech.compact import ACTIVE_QUANTILE, ACTIVE_RANGE
 
 LEAST_FRAMES = 10
+ROUNDING = 1e-4
 CLOSED_M = 0.5e-3
 """Opening over that of the neutral face up to which lips count as closed."""
 AROUND_S, FAR_S, EDGE_S = 0.04, 0.12, 0.1
@@ -34,49 +36,53 @@ NARROW = "pbmɸβʙ"
 """Where a closure is not false: lips come near in the last three too."""
 
 
-def loudness(entry: Entry) -> Tensor:
-    """Mean log power of the sound around each frame of motion, [T] nepers."""
-    level = entry.mels[0].float().mean(dim=1)
-    return level.unflatten(0, (-1, MEL_PER_FRAME)).mean(dim=1)
+def loudness(mel: Tensor) -> Tensor:
+    """Mean log power of the sound around each frame of motion, [4 T, 64] log-mel → [T] nepers."""
+    return mel.float().mean(dim=1).unflatten(0, (-1, MEL_PER_FRAME)).mean(dim=1)
 
 
-def spoken_frames(entry: Entry) -> Tensor:
-    """Frames within 4 nepers of the 95 % quantile of loudness, which are no pause: [T] bool."""
-    level = loudness(entry)
+def spoken_frames(level: Tensor) -> Tensor:
+    """Frames within 4 nepers of the 95 % quantile of loudness, which are no pause: [T] → [T] bool."""
     return level >= torch.quantile(level, ACTIVE_QUANTILE) - ACTIVE_RANGE
 
 
 def without_line(x: Tensor, line: Tensor) -> Tensor:
-    """What of `x` [T] no straight line through `line` [T] tells."""
+    """What of `x` [T] no straight line through `line` [T] tells; 0 where that is rounding alone."""
     x, line = x - x.mean(), line - line.mean()
-    return x - line * (x @ line) / line.square().sum().clamp_min(1e-9)
+    rest = x - line * (x @ line) / line.square().sum().clamp_min(1e-9)
+    return rest if rest.norm() > ROUNDING * x.norm() else torch.zeros_like(x)
 
 
 def correlation(a: Tensor, b: Tensor) -> Tensor:
-    """Pearson's r of two series [T]."""
-    return torch.corrcoef(torch.stack([a, b]))[0, 1]
+    """Pearson's r of two series [T]; 0 where either is constant."""
+    return torch.corrcoef(torch.stack([a, b]))[0, 1].nan_to_num(0.0)
 
 
-def scores(pairs: list[tuple[Tensor, Entry]]) -> dict[str, float]:
-    """For predicted motion [T, 204] of each clip and every feature, means over clips.
+def feature_scores(clips: list[tuple[Tensor, Tensor, Tensor]]) -> dict[str, float]:
+    """Means over clips: the predicted and the true curve of a feature and the loudness, all [T].
 
     `r` by clip; `slope` of predicted over true within clips; `speech` r over the frames that are no
     pause; `beyond` r after the line through loudness is taken out of both.
     """
+    rows, product, square = {"r": [], "speech": [], "beyond": []}, 0.0, 0.0
+    for made, true, level in clips:
+        said = spoken_frames(level)
+        rows["r"].append(correlation(made, true))
+        if said.sum() >= LEAST_FRAMES:
+            rows["speech"].append(correlation(made[said], true[said]))
+        rows["beyond"].append(correlation(without_line(made, level), without_line(true, level)))
+        product += float((made - made.mean()) @ (true - true.mean()))
+        square += float((true - true.mean()).square().sum())
+    means = {key: float(torch.stack(values).mean()) if values else nan for key, values in rows.items()}
+    return means | {"slope": product / max(square, 1e-12)}
+
+
+def scores(pairs: list[tuple[Tensor, Entry]]) -> dict[str, float]:
+    """`feature_scores` of every feature of predicted motion [T, 204]: `gap r`, `gap slope`, …"""
     report = {}
     for name, of in FEATURES.items():
-        rows, product, square = {"r": [], "speech": [], "beyond": []}, 0.0, 0.0
-        for motion, entry in pairs:
-            made, true, said = of(motion), of(entry.motion), spoken_frames(entry)
-            line = loudness(entry)
-            rows["r"].append(correlation(made, true))
-            if said.sum() >= LEAST_FRAMES:
-                rows["speech"].append(correlation(made[said], true[said]))
-            rows["beyond"].append(correlation(without_line(made, line), without_line(true, line)))
-            product += float((made - made.mean()) @ (true - true.mean()))
-            square += float((true - true.mean()).square().sum())
-        report |= {f"{name} {key}": float(torch.stack(values).nanmean()) for key, values in rows.items()}
-        report[f"{name} slope"] = product / max(square, 1e-12)
+        clips = [(of(motion), of(entry.motion), loudness(entry.mels[0])) for motion, entry in pairs]
+        report |= {f"{name} {key}": value for key, value in feature_scores(clips).items()}
     return report
 
 

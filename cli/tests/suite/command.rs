@@ -101,7 +101,7 @@ fn requests_out_of_range_exit_with_3_before_any_work() {
             ["--articulation", "3"],
             "articulation: expected 0 to 2, got 3",
         ),
-        (["--jaw-lips", "-2"], "jaw_lips: expected -1 to 1, got -2"),
+        (["--jaw", "3"], "jaw: expected 0 to 2, got 3"),
         (["--emotion-keys", "happy"], "expected seconds:emotion"),
     ] {
         refused(&folder, &with(&extra), INVALID_INPUT, words);

@@ -37,6 +37,8 @@ pub(crate) const BRIDGE: Range<usize> = 27..31;
 pub(crate) const LIDS: Range<usize> = 36..48;
 pub(crate) const MOUTH: Range<usize> = 48..68;
 pub(crate) const CHIN: usize = 8;
+/// Corners of the mouth, right and left.
+pub(crate) const CORNERS: [usize; 2] = [48, 54];
 
 /// Inner lips that face each other, upper and lower, from the subject's right to the left.
 pub(crate) const INNER_LIPS: [(usize, usize); 3] = [(61, 67), (62, 66), (63, 65)];

@@ -1,43 +1,83 @@
-//! How strongly the mouth speaks, and whether jaw or lips do it; lips that met still meet.
+//! How strongly the mouth speaks: its jaw, its rounding, its width; lips that met still meet.
 
 use ndarray::{Array3, ArrayView2, ArrayView3, ArrayViewMut2};
 
-use super::contacts::{TOUCHING_M, opening, restore_contacts};
-use crate::mesh::ibug::{CHIN, LIP_COLUMNS, LipColumn, speaking};
+use super::{
+    FaceModes,
+    contacts::{TOUCHING_M, forward, opening, restore_contacts},
+};
+use crate::{
+    Result,
+    mesh::ibug::{CHIN, CORNERS, LIP_COLUMNS, LipColumn, speaking},
+};
 
 /// Lips nearer than this over neutral count as closing, metres.
 const CLOSED_M: f32 = 1.5e-3;
-/// Share that the extremes of `jaw_lips` take from one and give to the other.
-const MOST_SHIFTED: f32 = 0.5;
+/// How strongly each part of speech moves the mouth.
+#[derive(Debug, Clone, Copy)]
+pub(super) struct Mouth<'a> {
+    /// `[T]`, of all that speech does.
+    pub(super) articulation: &'a [f32],
+    pub(super) jaw: f32,
+    pub(super) rounding: f32,
+    pub(super) width: f32,
+}
 
-/// Scales speech around the emotion's expression: `emotion + a ((1 + b) jaw + (1 − b) lips)`.
+impl Mouth<'_> {
+    /// Whether it leaves speech as it is.
+    pub(super) fn is_neutral(&self) -> bool {
+        let parts = [self.jaw, self.rounding, self.width];
+        parts
+            .iter()
+            .chain(self.articulation)
+            .all(|gain| *gain == 1.0)
+    }
+}
+
+/// Scales speech around the emotion's expression.
 ///
-/// `articulation` `[T]` is `a` of each frame. The jaw's part is the chin's drop over the emotion times `jaw_open`, scaled to a chin that drops by
-/// one; the lips' part is the rest. `b` is half of `jaw_lips`.
+/// Speech is `jaw + rounding + width + rest`: the jaw's part is that of `jawOpen` whose chin drops as far; rounding is
+/// the `mouthPucker` that brings the lips as far forward; width is the `mouthStretch` of both sides that parts the
+/// corners as far as what is left does.
 ///
 /// # Shapes and units
-/// `moved`, `emotion`: `[T, 68, 3]`, canonical metres. `jaw_open`: `[68, 3]`.
+/// `moved`, `emotion`: `[T, 68, 3]`, canonical metres.
+///
+/// # Errors
+/// `Weights` for modes without these shapes.
 pub(super) fn articulate(
     moved: &mut Array3<f32>,
     emotion: ArrayView3<'_, f32>,
-    jaw_open: ArrayView2<'_, f32>,
-    articulation: &[f32],
-    jaw_lips: f32,
-) {
-    let shift = MOST_SHIFTED * jaw_lips;
-    let reach = jaw_open[[CHIN, 1]];
+    modes: &FaceModes,
+    mouth: &Mouth<'_>,
+) -> Result<()> {
+    let (jaw, pucker) = (modes.mode("jawOpen")?, modes.mode("mouthPucker")?);
+    let stretch = &modes.mode("mouthStretch_L")? + &modes.mode("mouthStretch_R")?;
     let frames = moved.outer_iter_mut().zip(emotion.outer_iter());
-    for ((mut frame, emotion), articulation) in frames.zip(articulation) {
-        let opening = (frame[[CHIN, 1]] - emotion[[CHIN, 1]]) / reach;
+    for ((mut frame, emotion), articulation) in frames.zip(mouth.articulation) {
+        let speech = &frame - &emotion;
+        let opening = speech[[CHIN, 1]] / jaw[[CHIN, 1]];
+        let lips = &speech - &(opening * &jaw);
+        let rounding = (forward(lips.view()) / forward(pucker)).max(0.0);
+        let rest = &lips - &(rounding * &pucker);
+        let width = width_of(rest.view()) / width_of(stretch.view());
         for n in speaking() {
             for axis in 0..3 {
-                let speech = frame[[n, axis]] - emotion[[n, axis]];
-                let jaw = opening * jaw_open[[n, axis]];
-                let shifted = (1.0 + shift) * jaw + (1.0 - shift) * (speech - jaw);
-                frame[[n, axis]] = emotion[[n, axis]] + articulation * shifted;
+                let at = [n, axis];
+                let more = (mouth.jaw - 1.0) * opening * jaw[at]
+                    + (mouth.rounding - 1.0) * rounding * pucker[at]
+                    + (mouth.width - 1.0) * width * stretch[at];
+                frame[at] = emotion[at] + articulation * (speech[at] + more);
             }
         }
     }
+    Ok(())
+}
+
+/// How far the corners of the mouth are apart, metres over neutral.
+fn width_of(face: ArrayView2<'_, f32>) -> f32 {
+    let [right, left] = CORNERS;
+    face[[left, 0]] - face[[right, 0]]
 }
 
 /// Gives closed lips their gap back: what was closed in `sampled` is closed in `moved`, and lips pass

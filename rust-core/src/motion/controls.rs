@@ -71,8 +71,12 @@ performance_controls! {
     effort: "Effort", "", [0.0, 2.0], default 1.0, neutral 0.0, true,
         "How much a voice that shouts opens the mouth further, and one that whispers less; closed lips stay \
          closed.";
-    jaw_lips: "Lips to Jaw", "", [-1.0, 1.0], default 0.0, neutral 0.0, true,
-        "-1 halves the jaw's share and gives the lips half more, 1 the other way round.";
+    jaw: "Jaw", "", [0.0, 2.0], default 1.0, neutral 1.0, true,
+        "How far speech moves the jaw; closed lips stay closed.";
+    rounding: "Rounding", "", [0.0, 2.0], default 1.0, neutral 1.0, true,
+        "How far lips come forward and together at the sides in words such as who and blue.";
+    width: "Width", "", [0.0, 2.0], default 1.0, neutral 1.0, true,
+        "How much speech widens and narrows the mouth, beside rounding.";
     smoothing_s: "Smoothing", "s", [0.0, 0.1], default 0.0, neutral 0.0, false,
         "Smoothing over time in seconds; closed lips stay closed.";
     upper_face: "Upper Face", "", [0.0, 2.0], default 1.0, neutral 1.0, true,

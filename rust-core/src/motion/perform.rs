@@ -5,7 +5,7 @@ use ndarray::{Array3, ArrayView2};
 use super::{
     EmotionOrigin, Expressions, FaceModes, LandmarkClip, Motion, MotionRequest,
     PERFORMANCE_CONTROLS, PerformanceControls,
-    articulation::{articulate, keep_closures},
+    articulation::{Mouth, articulate, keep_closures},
     blinks::{blinks, close_lids},
     breath::breathe,
     brow_accents::{brow_accents, raise_brows},
@@ -88,8 +88,8 @@ impl Performer<'_> {
 impl FaceModes {
     /// The clip with `controls` put on it; the same whatever the number of threads.
     ///
-    /// In this order: smoothing, variety of the mouth, articulation with effort and the share of jaw and
-    /// lips, closures as they were, the expression where the clip has none, breath, variety of the brows,
+    /// In this order: smoothing, variety of the mouth, articulation with effort, jaw, rounding and
+    /// width, closures as they were, the expression where the clip has none, breath, variety of the brows,
     /// brow accents, the upper face's scale, asymmetry, blinks. Head and gaze are no landmarks: see
     /// [`super::Life`]. With [`PerformanceControls::as_sampled`] the clip comes back with its expression,
     /// unless `speech_only`.
@@ -150,29 +150,23 @@ impl FaceModes {
         cues: &Cues<'_>,
         controls: &PerformanceControls,
     ) -> Result<()> {
-        let PerformanceControls {
-            articulation,
-            jaw_lips,
-            effort,
-            ..
-        } = *controls;
         let frames = clip.displacements.dim().0;
-        let mut gain = effort_gain(cues.prosody, frames, clip.fps, effort);
-        gain.iter_mut().for_each(|gain| *gain *= articulation);
-        let shaped = gain.iter().any(|gain| *gain != 1.0) || jaw_lips != 0.0;
+        let mut gain = effort_gain(cues.prosody, frames, clip.fps, controls.effort);
+        gain.iter_mut()
+            .for_each(|gain| *gain *= controls.articulation);
+        let mouth = Mouth {
+            articulation: &gain,
+            jaw: controls.jaw,
+            rounding: controls.rounding,
+            width: controls.width,
+        };
+        let shaped = !mouth.is_neutral();
         if shaped {
             let emotion = match cues.emotion_origin {
                 EmotionOrigin::Learned => cues.expressions.alone(cues.affect, clip.fps),
                 EmotionOrigin::Added => Array3::zeros(clip.displacements.dim()),
             };
-            let jaw = self.mode("jawOpen")?;
-            articulate(
-                &mut clip.displacements,
-                emotion.view(),
-                jaw,
-                &gain,
-                jaw_lips,
-            );
+            articulate(&mut clip.displacements, emotion.view(), self, &mouth)?;
         }
         if shaped || controls.smoothing_s > 0.0 || controls.variety > 0.0 {
             let fps = clip.fps;

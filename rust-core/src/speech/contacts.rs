@@ -1,4 +1,4 @@
-//! When lips touch, as the encoder and the phones hear it together.
+//! When lips touch and how round they are, as the encoder and the phones hear it together.
 
 use super::{Heard, LipClosures};
 
@@ -7,14 +7,61 @@ use super::{Heard, LipClosures};
 const PHONES_SHARE: f32 = 0.45;
 const EARLIER: f32 = 1.5;
 const LEAST: f32 = 1e-5;
+/// Weights of five frames, 0.2 s, over which rounding is smoothed.
+const KERNEL: [f32; 5] = [0.1, 0.25, 0.3, 0.25, 0.1];
 
-/// When the lips of a speaker touch.
+/// When the lips of a speaker touch, and how round they are.
 #[derive(Debug, Clone, PartialEq)]
 pub struct LipContacts {
     /// One another, for p, b, m.
     pub together: LipClosures,
     /// The lower lip the upper teeth, for f, v.
     pub at_teeth: LipClosures,
+    /// How far they come forward, for u, o, w.
+    pub rounding: LipRounding,
+}
+
+/// How round lips are over time.
+///
+/// ```
+/// use anyface::speech::LipRounding;
+///
+/// let rounding = LipRounding::heard(vec![0.0, 1.0, 1.0, 1.0, 1.0, 1.0, 0.0], 25.0);
+/// let degrees = rounding.at_frames(7, 25.0);
+/// assert!(degrees[0] < 0.4 && degrees[3] > 0.99 && degrees[6] < 0.4);
+/// ```
+#[derive(Debug, Clone, PartialEq)]
+pub struct LipRounding {
+    /// `[T']`, 0 to 1.
+    degree: Vec<f32>,
+    rate_hz: f64,
+}
+
+impl LipRounding {
+    /// From the degree of each frame, `[T']`, 0 to 1, frame `t` at `t / rate_hz` seconds. It is smoothed to the pace of
+    /// lips: they come forward within 0.16 s.
+    pub fn heard(degree: Vec<f32>, rate_hz: f64) -> LipRounding {
+        let at = |t: isize| degree[t.clamp(0, degree.len() as isize - 1) as usize];
+        let smooth = |t: isize| (-2..=2).map(|k| KERNEL[(k + 2) as usize] * at(t + k)).sum();
+        LipRounding {
+            degree: (0..degree.len() as isize).map(smooth).collect(),
+            rate_hz,
+        }
+    }
+
+    /// At the times of motion frames, `[T]`.
+    pub fn at_frames(&self, frames: usize, fps: f64) -> Vec<f32> {
+        let last = match self.degree.len() {
+            0 => return vec![0.0; frames],
+            length => length - 1,
+        };
+        let at = |t: usize| {
+            let place = (t as f64 / fps * self.rate_hz).min(last as f64);
+            let (first, part) = (place as usize, place.fract() as f32);
+            (1.0 - part) * self.degree[first] + part * self.degree[(first + 1).min(last)]
+        };
+        (0..frames).map(at).collect()
+    }
 }
 
 impl Heard {
@@ -34,13 +81,15 @@ impl Heard {
             .phones
             .as_ref()
             .filter(|phones| phones.hears(&self.track, self.encoder_name()));
-        let (together, at_teeth) = match phones.map(|phones| phones.contacts(features.view())) {
-            Some(heard) => {
-                let both = closed.iter().zip(&heard.together);
-                (both.map(|(a, b)| agreed(*a, *b)).collect(), heard.at_teeth)
-            }
-            None => (closed, Vec::new()),
-        };
+        let (together, at_teeth, rounding) =
+            match phones.map(|phones| phones.contacts(features.view())) {
+                Some(heard) => {
+                    let both = closed.iter().zip(&heard.together);
+                    let together = both.map(|(a, b)| agreed(*a, *b)).collect();
+                    (together, heard.at_teeth, heard.rounding)
+                }
+                None => (closed, Vec::new(), Vec::new()),
+            };
         let together = LipClosures::heard(&together, rate_hz);
         LipContacts {
             together: match given {
@@ -48,6 +97,7 @@ impl Heard {
                 None => together,
             },
             at_teeth: LipClosures::heard(&at_teeth, rate_hz),
+            rounding: LipRounding::heard(rounding, rate_hz),
         }
     }
 }

@@ -25,7 +25,7 @@ pub(crate) use closures::closure_share;
 pub use closures::{Contact, LipClosures};
 pub(crate) use compact::{ACTIVE_RANGE, DEEPEST, QUIETEST_LEVEL, SCALE};
 pub use compact::{CompactConfig, CompactEncoder, normalise};
-pub use contacts::LipContacts;
+pub use contacts::{LipContacts, LipRounding};
 pub use emotion_model::EmotionModel;
 pub use encoder::{COMPACT_MODEL, FeatureTrack, SpeechEncoder, SpeechInput, frames_of};
 pub use feeling::{FEELING_MODEL, FeelingConfig, FeelingEncoder, FeltVoice, LiveFeeling};

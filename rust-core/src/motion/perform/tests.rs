@@ -135,7 +135,7 @@ fn each_control_moves_its_own_landmarks() {
     let upper = |n: usize| (17..31).contains(&n) || (36..48).contains(&n);
     let brows = |n: usize| (17..27).contains(&n);
     let sides = |n: usize| brows(n) || [48, 49, 53, 54, 55, 59, 60, 64].contains(&n);
-    let cases: [(PerformanceControls, &dyn Fn(usize) -> bool); 7] = [
+    let cases: [(PerformanceControls, &dyn Fn(usize) -> bool); 8] = [
         (
             PerformanceControls {
                 variety: 1.5,
@@ -152,7 +152,15 @@ fn each_control_moves_its_own_landmarks() {
         ),
         (
             PerformanceControls {
-                jaw_lips: -0.8,
+                jaw: 0.3,
+                ..plain()
+            },
+            &speaking,
+        ),
+        (
+            PerformanceControls {
+                rounding: 0.3,
+                width: 1.5,
                 ..plain()
             },
             &speaking,
@@ -218,15 +226,17 @@ fn articulation_scales_speech_around_the_emotion() {
 }
 
 #[test]
-fn closures_survive_articulation_jaw_lips_and_smoothing() {
+fn closures_survive_articulation_jaw_width_and_smoothing() {
     for emotion in ["neutral:0", "surprised:1"] {
         let clip = talking(&modes(), emotion);
         let sampled = &clip.displacements;
         for articulation in [0.0, 0.4, 1.0, 1.6, 2.0] {
-            for (jaw_lips, smoothing_s) in [(0.0, 0.0), (-1.0, 0.03), (1.0, 0.1)] {
+            for (jaw, width, smoothing_s) in [(1.0, 1.0, 0.0), (0.0, 2.0, 0.03), (2.0, 0.0, 0.1)] {
                 let controls = PerformanceControls {
                     articulation,
-                    jaw_lips,
+                    jaw,
+                    width,
+                    rounding: width,
                     smoothing_s,
                     ..plain()
                 };
@@ -248,20 +258,46 @@ fn closures_survive_articulation_jaw_lips_and_smoothing() {
 }
 
 #[test]
-fn the_jaw_takes_over_from_the_lips() {
-    let clip = talking(&modes(), "neutral:0");
-    let lowest = |jaw_lips| {
-        let made = performed(
-            &clip,
-            "neutral:0",
-            PerformanceControls {
-                jaw_lips,
-                ..plain()
-            },
-        );
-        (0..FRAMES).map(|t| made[[t, 8, 1]]).fold(0.0, f32::min)
+fn jaw_rounding_and_width_each_scale_their_own_part() {
+    let modes = modes();
+    let mut clip = talking(&modes, "neutral:0");
+    let pucker = modes.mode("mouthPucker").unwrap();
+    for mut face in clip.displacements.outer_iter_mut() {
+        face.scaled_add(0.4, &pucker);
+    }
+    let measure = |controls| {
+        let made = performed(&clip, "neutral:0", controls);
+        let each = made.outer_iter().map(|face| {
+            let forward = (48..68).map(|n| face[[n, 2]]).sum::<f32>() / 20.0;
+            [-face[[8, 1]], forward, face[[54, 0]] - face[[48, 0]]]
+        });
+        each.fold([0.0; 3], |sum, one| {
+            [0, 1, 2].map(|n| sum[n] + one[n] / FRAMES as f32)
+        })
     };
-    assert!(lowest(1.0) < 1.4 * lowest(0.0) && lowest(-1.0) > 0.6 * lowest(0.0));
+    let [drop, forward, width] = measure(plain());
+    let jaw = measure(PerformanceControls {
+        jaw: 0.0,
+        ..plain()
+    });
+    assert!(drop > 1e-3 && jaw[0].abs() < 0.1 * drop, "{drop} {jaw:?}");
+    let flat = measure(PerformanceControls {
+        rounding: 0.0,
+        ..plain()
+    });
+    let round = measure(PerformanceControls {
+        rounding: 2.0,
+        ..plain()
+    });
+    assert!(flat[1] < forward - 1e-3 && round[1] > forward + 1e-3);
+    assert!(flat[2] > width + 1e-3 && round[2] < width - 1e-3);
+    let chin_moved = (flat[0] - drop).abs().max((round[0] - drop).abs());
+    assert!(chin_moved < 0.2 * (round[1] - forward), "{chin_moved}");
+    let wide = measure(PerformanceControls {
+        width: 2.0,
+        ..plain()
+    });
+    assert!((wide[0] - drop).abs() < 0.02 * drop && (wide[2] - width).abs() > 1e-4);
 }
 
 #[test]

@@ -3,6 +3,7 @@
 mod closing;
 mod perform;
 mod reach;
+mod rounding;
 mod teeth;
 
 use std::borrow::Cow;
@@ -104,6 +105,10 @@ impl FaceModes {
 fn columns(names: &[String], is_wanted: impl Fn(&str) -> bool) -> Vec<usize> {
     let wanted = names.iter().enumerate().filter(|(_, name)| is_wanted(name));
     wanted.map(|(column, _)| column).collect()
+}
+
+fn starts(name: &str, stems: &[&str]) -> bool {
+    stems.iter().any(|stem| name.starts_with(stem))
 }
 
 /// Multiplies some columns, each frame by its own factor.

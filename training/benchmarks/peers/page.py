@@ -1,0 +1,98 @@
+"""The page: what was measured and how, a table for each source, and what it says."""
+
+from math import isnan
+from pathlib import Path
+
+from training.benchmarks.peers.table import Row, Source
+from training.benchmarks.peers.tools import TOOLS
+
+HEAD = Path(__file__).with_name("head.md")
+LEFT_OUT = "quality.md: "
+MARGIN = 0.005
+READ = {
+    "gap r": "gap",
+    "width r": "width",
+    "protrusion r": "protrusion",
+    "gap speech": "gap within speech",
+    "gap beyond": "gap beyond loudness",
+}
+COLUMNS = ("gap", "width", "protrusion", "in speech", "beyond loudness", "p b m, %", "MTM, ms (joined, %)",
+           "SLCC", "delay, smoothing, ms")  # fmt: skip
+
+
+def page(sources: list[Source], errors: dict[str, str]) -> str:
+    """The whole page in Markdown."""
+    parts = [HEAD.read_text(encoding="utf-8"), *map(section, sources), reading(sources), packages(errors)]
+    return "\n".join(parts).rstrip() + "\n"
+
+
+def section(source: Source) -> str:
+    """Heading and table of a source."""
+    judged = [r for _, chosen in source.turns for r in chosen]
+    frames = sum(r.judged.stop - r.judged.start for r in judged)
+    about = f"{len(judged)} recordings, {frames} frames. {counts(source)} {source.note}".rstrip()
+    heads = f"| predictor | {' | '.join(COLUMNS)} |"
+    lines = [f"## {source.title}\n", f"{about}\n", heads, "| --- |" + " --- |" * len(COLUMNS)]
+    return "\n".join([*lines, *(f"| {row.name} | {' | '.join(cells(row))} |" for row in source.rows)]) + "\n"
+
+
+def counts(source: Source) -> str:
+    """How many closures and stretches stand behind the shares."""
+    scores = source.rows[0].scores
+    closures = f"{scores['p b m']} p, b and m, " if scores["p b m"] else "No phone times, "
+    return f"{closures}{scores['stretches']} stretches."
+
+
+def cells(row: Row) -> list[str]:
+    """Texts of a row."""
+    s = row.scores
+    pairs = [f"{number(s[f'{f} r'])} / {number(s[f'{f} slope'])}" for f in ("gap", "width", "protrusion")]
+    mtm, joined = number(s.get("MTM"), 0), number(s.get("joined"), 0)
+    taken = "–" if isnan(row.lag_ms) else f"{number(row.lag_ms, 0)}, {number(row.sigma_ms, 0)}"
+    if "best lag" in s:
+        taken = f"none (best: {number(s['best lag'], 0)})"
+    return [*pairs, number(s.get("gap speech")), number(s.get("gap beyond")), number(s.get("closed"), 0),
+            "–" if mtm == "–" else f"{mtm} ({joined})", number(s.get("SLCC")), taken]  # fmt: skip
+
+
+def number(value: float | None, digits: int = 2) -> str:
+    """A number, or a dash."""
+    if value is None or isnan(value):
+        return "–"
+    return f"{round(value, digits) + 0.0:.{digits}f}".replace("-", "−")
+
+
+def reading(sources: list[Source]) -> str:
+    """What the tables say, in sentences."""
+    lines = ["## Reading\n", "r of loudness, of the best tool, of the log-mel ridge and of ours:\n"]
+    for source in sources:
+        rows = {row.name: row.scores for row in source.rows}
+        tools = [t.row for t in TOOLS if t.row in rows]
+        if tools:
+            parts = "; ".join(beside(rows, tools, key, label) for key, label in READ.items())
+            lines.append(f"- **{source.title}** ({above(rows, tools)}): {parts}. {source.note}".rstrip())
+    return "\n".join(lines) + "\n"
+
+
+def beside(rows: dict[str, dict[str, float]], tools: list[str], key: str, label: str) -> str:
+    """One measure of those that matter."""
+    best = max(tools, key=lambda tool: rows[tool][key])
+    ours = [name for name in rows if name == "Anyface" or name.startswith(LEFT_OUT)]
+    names = [name for name in ("loudness", best, "log-mel", *ours) if key in rows[name]]
+    return f"{label}: " + ", ".join(f"{name} {number(rows[name][key])}" for name in names)
+
+
+def above(rows: dict[str, dict[str, float]], tools: list[str]) -> str:
+    """How many tools tell more of the gap than loudness."""
+    louder = sum(rows[tool]["gap r"] > rows["loudness"]["gap r"] + MARGIN for tool in tools)
+    return f"{louder} of {len(tools)} tools lie above loudness alone in the gap"
+
+
+def packages(errors: dict[str, str]) -> str:
+    """Versions, licences and outputs, and what could not be run."""
+    lines = ["## The tools\n", "| row | package | licence | what its map sees |", "| --- | --- | --- | --- |"]
+    lines += [f"| {t.row} | {t.package} | {t.licence} | {t.outputs} |" for t in TOOLS]
+    lines += ["", "The command fetches them by name; nothing of them is part of this repository."]
+    lines += ["facegood_zh has no text, so openfacefx has no row with one there."]
+    lines += [f"Not all could run, {name}: {error}" for name, error in errors.items()]
+    return "\n".join(lines) + "\n"
