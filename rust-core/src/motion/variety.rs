@@ -2,7 +2,7 @@
 //!
 //! Slow, seeded changes of how far the mouth opens, widens and protrudes, of the side it prefers and of
 //! how the brows are held. All of it rests while nobody speaks, and lips that close close as before.
-//! Sides are as those of grid_s1, whose corners of the mouth part from symmetry within a clip by 0.38 mm up and by
+//! The measure of it is grid_s1, whose corners of the mouth part from symmetry within a clip by 0.38 mm up and by
 //! 0.55 mm across (medians of deviations), slower than 1 Hz 0.26 and 0.37 mm, faster 0.22 and 0.34 mm; from clip to
 //! clip their means differ by 0.33 mm up. The lips' openings left and right differ by 4 %. His brows go by 0.35 mm
 //! within a clip, 0.23 mm of it slower than 1 Hz, and their means differ by 0.55 mm.

@@ -152,7 +152,7 @@ impl WeightClip {
         .concat();
         let down = KNITTING.map(named).concat();
         let lift = TwoWays::new(up, down, height);
-        let knit = KNITTING.map(|name| named(name));
+        let knit = KNITTING.map(named);
         let fps = self.fps;
         for (t, mut row) in self.weights.axis_iter_mut(Axis(0)).enumerate() {
             let brows: BrowVariety = variety.brows(t as f64 / fps, strength);
