@@ -373,7 +373,7 @@ mod tests {
                     three[2][axis] - three[1][axis],
                 ];
                 assert!(
-                    FPS * steps[0].abs() < 90.0,
+                    FPS * steps[0].abs() < 100.0,
                     "{} degrees a second",
                     FPS * steps[0]
                 );
