@@ -52,6 +52,9 @@ LAG_S = 0.06
 """How far the durations run behind the sound: so the phones that the shipped read-out hears fit best."""
 SHORT_SPACE = 3
 """Units up to which the letter before a space sounds on through it; a longer space is a pause."""
+LAST_DB, LAST_S = 35.0, 0.06
+"""How far under the mean level the sound of a letter before a pause ends, and its least duration."""
+HOP = 160
 DURATIONS = "/encoder/Clip_output_0"
 LONGEST = 508
 STYLE = 256
@@ -138,7 +141,7 @@ class Kokoro:
         sound, durations = self.run(inputs)
         samples = resample_poly(np.asarray(sound).reshape(-1), SOUND_HZ, RATE_HZ).astype(np.float32)
         samples *= PEAK / max(float(np.abs(samples).max()), 1e-3)
-        return samples, phones(letters, np.asarray(durations).reshape(-1))
+        return samples, ended(phones(letters, np.asarray(durations).reshape(-1)), samples)
 
 
 def spelled(ipa: str) -> str:
@@ -163,6 +166,26 @@ def phones(letters: list[str], durations: np.ndarray) -> list[Phone]:
         else:
             found.append(Phone(begin, end - begin, PAUSE if sign in NO_SOUND else SOUNDS.get(sign, sign)))
     return [phone for phone in found if phone.duration_s > 0]
+
+
+def ended(said: list[Phone], samples: np.ndarray) -> list[Phone]:
+    """Phones that end where their sound does: the last letter before a pause lasts into the silence.
+
+    `samples` [S] at 16 kHz. The pause begins as much earlier.
+    """
+    power = np.square(samples[: len(samples) // HOP * HOP].reshape(-1, HOP)).mean(axis=1)
+    loud = power > power.mean() * 10.0 ** (-LAST_DB / 10.0)
+    found = list(said)
+    for index, (phone, after) in enumerate(zip(said[:-1], said[1:], strict=True)):
+        if phone.label == PAUSE or after.label != PAUSE:
+            continue
+        first, last = (int(x * SOUND_HZ / HOP) for x in (phone.start_s, phone.end_s))
+        sounding = np.flatnonzero(loud[first:last])
+        end_s = (first + sounding[-1] + 1) * HOP / SOUND_HZ if len(sounding) else phone.start_s
+        end_s = min(max(end_s, phone.start_s + LAST_S), phone.end_s)
+        found[index] = Phone(phone.start_s, end_s - phone.start_s, phone.label)
+        found[index + 1] = Phone(end_s, after.end_s - end_s, PAUSE)
+    return found
 
 
 def voices_in_turn(voices: list[str]) -> list[str]:

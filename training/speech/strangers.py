@@ -32,6 +32,8 @@ CLOSED_M = 0.5e-3
 """Opening over that of the neutral face up to which lips count as closed."""
 AROUND_S, FAR_S, EDGE_S = 0.04, 0.12, 0.1
 """How far from p, b, m a closure may be, how far a false one is at least, and how far it is from a pause."""
+NARROW = "pbmɸβʙ"
+"""Where a closure is not false: lips come near in the last three too."""
 
 
 def loudness(mel: Tensor) -> Tensor:
@@ -110,9 +112,10 @@ def count_closures(motion: np.ndarray, fps: float, phones: list[Phone]) -> Closu
     times = np.arange(len(closed)) / fps
     parts = [part for phone in phones for part in split(phone)]
     bilabial = [(start, end) for start, end, segment in parts if segment in "pbm"]
+    narrow = [(start, end) for start, end, segment in parts if segment in NARROW]
     speech = _within(times, [(a, b) for a, b, segment in parts if segment != PAUSE], 0.0)
     pauses = _within(times, [(a, b) for a, b, segment in parts if segment == PAUSE], EDGE_S)
-    near = _within(times, bilabial, FAR_S)
+    near = _within(times, narrow, FAR_S)
     met = sum(closed[_within(times, [span], AROUND_S)].any() for span in bilabial)
     spans = runs(torch.from_numpy(closed & speech).int())
     false = sum(not (near | pauses)[first:end].any() for first, end in spans)

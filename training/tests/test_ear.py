@@ -146,6 +146,9 @@ def test_closures_are_met_or_false_where_they_stand():
     counted = strangers.count_closures(motion, fps, said)
     assert (counted.said, counted.met, counted.false) == (2, 1, 1)
     assert counted.seconds == pytest.approx(1.4, abs=0.05)
+    said[5] = Phone(said[5].start_s, said[5].duration_s, "β")
+    assert strangers.count_closures(motion, fps, said).false == 0, "both lips come near in β"
+    said[5] = Phone(said[5].start_s, said[5].duration_s, "a")
     motion[45, 61:63, 1] = 0.0
     assert strangers.count_closures(motion, fps, said).met == 1, "all three pairs have to meet"
     motion[45, 63, 1] = 0.4e-3

@@ -57,6 +57,19 @@ def test_phones_stand_where_they_sound():
     assert found[-1].end_s == pytest.approx(42 * UNIT_S - LAG_S)
 
 
+def test_a_letter_before_a_pause_ends_with_its_sound():
+    samples = np.zeros(16000, np.float32)
+    samples[1600:8000] = np.sin(np.arange(6400) * 0.3)
+    said = [Phone(0.0, 0.1, "_"), Phone(0.1, 0.2, "a"), Phone(0.3, 0.5, "n"), Phone(0.8, 0.1, "_"),
+            Phone(0.9, 0.05, "_"), Phone(0.95, 0.05, "t")]  # fmt: skip
+    found = kokoro.ended(said, samples)
+    assert [p.label for p in found] == [p.label for p in said] and found[:2] == said[:2]
+    assert found[2].end_s == pytest.approx(0.5) and found[3].start_s == pytest.approx(0.5)
+    assert found[3].end_s == pytest.approx(0.9) and found[4:] == said[4:]
+    silent = kokoro.ended(said, np.concatenate([samples[:4800], samples[8000:]]))
+    assert silent[2].duration_s == pytest.approx(kokoro.LAST_S)
+
+
 def test_ipa_is_spelled_in_letters_of_kokoro():
     assert kokoro.spelled("t^ʃˈe^ɪn d^ʒˈo^ʊ s-e^n") == "ʧˈAn ʤˈO sen"
 
