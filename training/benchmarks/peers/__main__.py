@@ -76,7 +76,7 @@ def ours(binary: Path, data: Path, recordings: list[Recording]) -> tuple[dict, f
 
 
 def left_out(name: str, path: Path = REPOSITORY / "docs/quality.json") -> list[Row]:
-    """What `docs/quality.md` says of a model on whole takes that it never saw; empty where it says nothing."""
+    """What `docs/quality.md` says of a model on whole takes that it never saw; empty without such."""
     sources = {source["source"]: source["predictors"] for source in json.loads(path.read_text())["sources"]}
     found = []
     for predictor in sources.get("facegood_zh_whole", []):
