@@ -262,8 +262,9 @@ def write(folder: Path, utterances: list[Utterance]) -> None:
                 {"start": round(p.start_s, 3), "duration": round(p.duration_s, 3), "phone": p.label or PAUSE}
                 for p in utterance.phones
             ]
-            words = [{"word": "", "phones": phones}]
-            file.write(json.dumps({"id": utterance.name, "words": words}, ensure_ascii=False) + "\n")
+            record = {"id": utterance.name, "source": utterance.source, "held_out": utterance.held_out}
+            record["words"] = [{"word": "", "phones": phones}]
+            file.write(json.dumps(record, ensure_ascii=False) + "\n")
 
 
 def main(

@@ -134,12 +134,15 @@ def main(
     speech: Annotated[list[Path], "folders of sounds with phones.jsonl"],
     clips: Annotated[int, "of each source at most, the first"] = 20,
     fps: int = 60,
+    held_out: Annotated[bool, "only what no training hears"] = False,
+    weights: Annotated[Path | None, "models in place of those of the program"] = None,
 ) -> None:
     """Command line."""
-    engine, found, numbers = Engine(anyface, ["--threads", "1"]), {}, {}
+    options = ["--threads", "1"] + (["--weights", str(weights)] if weights else [])
+    engine, found, numbers = Engine(anyface, options), {}, {}
     for utterance in (u for folder in speech for u in read_timed(folder)):
         source = utterance.source
-        if numbers.get(source, 0) < clips:
+        if numbers.get(source, 0) < clips and (utterance.held_out or not held_out):
             motion = engine.motion(utterance.samples, "neutral", fps)
             counted = count_closures(motion, fps, utterance.phones)
             found[source] = found.get(source, ClosureCounts()) + counted

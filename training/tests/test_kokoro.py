@@ -6,7 +6,7 @@ import numpy as np
 import pytest
 
 from training.corpus import kokoro
-from training.corpus.aligned import kokoro_count, read_kokoro, read_timed
+from training.corpus.aligned import kokoro_count, read_kokoro, read_timed, write
 from training.corpus.kokoro import LAG_S, RATE_HZ, UNIT_S, Kokoro, phones
 from training.corpus.phones import Phone
 from training.packages import check_hash
@@ -104,6 +104,11 @@ def test_lessons_read_the_folder(tmp_path):
     assert all(u.held_out == u.name.startswith(("af_bella", "ff_siwis")) for u in found)
     assert len(found[0].samples) / 16000 == pytest.approx(lines[0]["seconds"], abs=0.01)
     assert read_timed(folder, 2)[1].phones == found[1].phones
+    write(tmp_path / "copy", found)
+    copied = read_timed(tmp_path / "copy")
+    assert [(u.source, u.held_out, u.phones) for u in copied] == [
+        (u.source, u.held_out, u.phones) for u in found
+    ]
 
 
 def test_a_package_with_other_contents_is_refused():

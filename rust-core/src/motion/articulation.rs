@@ -89,8 +89,15 @@ pub(super) fn keep_closures(moved: &mut Array3<f32>, sampled: ArrayView3<'_, f32
     for (mut frame, sampled) in moved.outer_iter_mut().zip(sampled.outer_iter()) {
         keep_gap(&mut frame, sampled, closedness, 0.0);
     }
-    let openings = |clip: ArrayView3<'_, f32>| clip.outer_iter().map(opening).collect::<Vec<f32>>();
-    let shares = restore_contacts(&openings(moved.view()), &openings(sampled), fps);
+    let openings: Vec<f32> = sampled.outer_iter().map(opening).collect();
+    keep_path(moved, &openings, fps);
+}
+
+/// Keeps the lips of `moved` `[T, 68, 3]` on their way to and from contacts, where `before` `[T]` is how far they were
+/// from touching, metres ([`restore_contacts`]).
+pub(super) fn keep_path(moved: &mut Array3<f32>, before: &[f32], fps: f64) {
+    let openings: Vec<f32> = moved.outer_iter().map(|face| opening(face)).collect();
+    let shares = restore_contacts(&openings, before, fps);
     let frames = moved.outer_iter_mut().zip(shares);
     for (mut frame, share) in frames.filter(|(_, share)| *share > 0.0) {
         for column in &LIP_COLUMNS {

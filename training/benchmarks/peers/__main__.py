@@ -29,10 +29,11 @@ from training.flags import run_command
 
 MM, MS = 1000.0, 1000.0
 CONTEXT_FRAMES = (-4, -2, 0, 2, 4)
+WITHOUT = {"takes": "without_the_take", "strange": "without_facegood_zh"}
 OTHERS = "Anyface's model was trained on other clips of this speaker."
 BEGINNINGS = "Anyface's model was trained on what comes before in the same takes."
 MOST = "Anyface's model was trained on the first 85 % of each of these takes."
-MODEL_ALONE = ("--effort", "0", "--breath", "0", "--variety", "0")
+WITHOUT_VARIETY = ("--effort", "0", "--breath", "0", "--variety", "0")
 
 
 @dataclass
@@ -63,7 +64,7 @@ def mel_context(r: Recording) -> np.ndarray:
 def ours(binary: Path, data: Path, recordings: list[Recording]) -> tuple[dict, float]:
     """Mouths by row and recording, and the gap of the face at rest that they move, mm."""
     neutral = IctLandmarks(data).neutral
-    uses = {"Anyface": ("neutral", ()), "Anyface, model alone": ("off", MODEL_ALONE)}
+    uses = {"Anyface": ("neutral", ()), "Anyface, without variety": ("off", WITHOUT_VARIETY)}
     found = {}
     for row, (emotion, options) in uses.items():
         engine = Engine(binary.resolve(), ["--system", "freetalk", *options])
@@ -74,17 +75,20 @@ def ours(binary: Path, data: Path, recordings: list[Recording]) -> tuple[dict, f
     return found, float(inner_gap(np.zeros((1, 68, 3)), neutral)[0] * MM)
 
 
-def left_out(path: Path = REPOSITORY / "docs/quality.json") -> list[Row]:
-    """What `docs/quality.md` says of models on whole takes that they were trained without."""
-    sources = {source["source"]: source for source in json.loads(path.read_text())["sources"]}
-    rows = []
-    for predictor in sources.get("facegood_zh_whole", {"predictors": []})["predictors"]:
-        scores = {}
-        for feature in FEATURES:
-            scores[f"{feature} r"] = predictor["scores"][f"{feature}_r_by_clip"]["value"]
-            scores[f"{feature} slope"] = predictor["scores"][f"{feature}_slope"]["value"]
-        rows.append(Row(f"{LEFT_OUT}{predictor['name']}", scores))
-    return rows
+def left_out(name: str, path: Path = REPOSITORY / "docs/quality.json") -> list[Row]:
+    """What `docs/quality.md` says of a model on whole takes that it never saw; empty without such."""
+    sources = {source["source"]: source["predictors"] for source in json.loads(path.read_text())["sources"]}
+    found = []
+    for predictor in sources.get("facegood_zh_whole", []):
+        if predictor["name"] == name:
+            measures = {"r": "r_by_clip", "slope": "slope"}
+            scores = {
+                f"{f} {ours}": predictor["scores"][f"{f}_{theirs}"]["value"]
+                for f in FEATURES
+                for ours, theirs in measures.items()
+            }
+            found.append(Row(f"{LEFT_OUT}{name}", scores))
+    return found
 
 
 def rows(source: Source, predictions: Predictions) -> list[Row]:
@@ -138,7 +142,7 @@ def main(
     predictions.mouths, predictions.rest_mm = ours(anyface, data, spoken)
     for source in measured:
         source.rows = rows(source, predictions)
-    measured[-1].rows += left_out()
+        source.rows += left_out(WITHOUT.get(source.key, ""))
     out.parent.mkdir(parents=True, exist_ok=True)
     out.write_text(page(measured, errors), encoding="utf-8")
     print(out)

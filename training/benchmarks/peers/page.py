@@ -63,29 +63,45 @@ def number(value: float | None, digits: int = 2) -> str:
 
 
 def reading(sources: list[Source]) -> str:
-    """What the tables say, in sentences."""
-    lines = ["## Reading\n", "r of loudness, of the best tool, of the log-mel ridge and of ours:\n"]
+    """What the tables say of r, in sentences."""
+    lines = ["## Reading\n"]
     for source in sources:
         rows = {row.name: row.scores for row in source.rows}
         tools = [t.row for t in TOOLS if t.row in rows]
         if tools:
-            parts = "; ".join(beside(rows, tools, key, label) for key, label in READ.items())
-            lines.append(f"- **{source.title}** ({above(rows, tools)}): {parts}. {source.note}".rstrip())
+            ours = [name for name in rows if name == "Anyface" or name.startswith(LEFT_OUT)]
+            told = [
+                above(rows, tools),
+                *(place(rows, ["loudness", "log-mel", *tools], name) for name in ours),
+            ]
+            lines.append(f"- **{source.title}**: {' '.join(told)} {source.note}".rstrip())
     return "\n".join(lines) + "\n"
 
 
-def beside(rows: dict[str, dict[str, float]], tools: list[str], key: str, label: str) -> str:
-    """One measure of those that matter."""
-    best = max(tools, key=lambda tool: rows[tool][key])
-    ours = [name for name in rows if name == "Anyface" or name.startswith(LEFT_OUT)]
-    names = [name for name in ("loudness", best, "log-mel", *ours) if key in rows[name]]
-    return f"{label}: " + ", ".join(f"{name} {number(rows[name][key])}" for name in names)
-
-
 def above(rows: dict[str, dict[str, float]], tools: list[str]) -> str:
-    """How many tools tell more of the gap than loudness."""
-    louder = sum(rows[tool]["gap r"] > rows["loudness"]["gap r"] + MARGIN for tool in tools)
-    return f"{louder} of {len(tools)} tools lie above loudness alone in the gap"
+    """Loudness, and the tools that tell more of the gap."""
+    level = rows["loudness"]["gap r"]
+    louder = [
+        f"{tool} {number(rows[tool]['gap r'])}" for tool in tools if rows[tool]["gap r"] > level + MARGIN
+    ]
+    more = f"{len(louder)} of {len(tools)} tools have more" + (f" ({'; '.join(louder)})" if louder else "")
+    return f"Loudness alone has r {number(level)} of the gap, and {more}."
+
+
+def place(rows: dict[str, dict[str, float]], others: list[str], name: str) -> str:
+    """In what one of ours lies before all others and in what behind one."""
+    before, behind = [], []
+    for key, label in READ.items():
+        if key in rows[name]:
+            best = max(others, key=lambda other: rows[other][key])
+            told = f"{label} ({number(rows[name][key])}; {best}: {number(rows[best][key])})"
+            (before if rows[name][key] > rows[best][key] else behind).append(told)
+    parts = [
+        f"{where} {', '.join(found)}"
+        for where, found in (("ahead in", before), ("behind in", behind))
+        if found
+    ]
+    return f"*{name}* is {' and '.join(parts)}."
 
 
 def packages(errors: dict[str, str]) -> str:

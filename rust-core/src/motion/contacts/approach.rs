@@ -7,6 +7,8 @@ use crate::speech::Contact;
 /// How fast lips come together and part at most, m/s: of the frames of grid_s1's tracked speaker 0.1 % close by more
 /// than 0.33 and part by more than 0.28.
 const FASTEST_M_S: f64 = 0.28;
+/// How fast lips move that are asked to speak larger, m/s.
+const FASTEST_OF_ALL_M_S: f64 = 0.33;
 /// Time in which they come to that speed, seconds.
 const SPEED_UP_S: f64 = 0.02;
 /// Half of the time for which lips touch at least, seconds. With the slow beginning of the way apart they are
@@ -60,7 +62,8 @@ pub fn approach(openings: &[f32], contacts: &[Contact], fps: f64, free: &[bool])
 }
 
 /// How far lips whose `openings` `[T]` were changed go to touching, `[T]`, 0 to 1, so that near frames where they
-/// were closed in `before` `[T]` they come and part on the same path, or on their own where that is faster.
+/// were closed in `before` `[T]` they come and part on the same path, or on their own where that is faster; nowhere faster
+/// than lips move.
 pub fn restore_contacts(openings: &[f32], before: &[f32], fps: f64) -> Vec<f32> {
     let closed = before
         .iter()
@@ -71,14 +74,26 @@ pub fn restore_contacts(openings: &[f32], before: &[f32], fps: f64) -> Vec<f32> 
         left: f64::from(*opening),
     });
     let widest = widest(before.len(), touches, fps);
-    let share = |((opening, before), widest): ((&f32, &f32), f64)| {
-        let most = widest.max(f64::from(*before)) as f32;
-        match *opening > most {
-            true => 1.0 - most / opening,
-            false => 0.0,
-        }
+    let mut path: Vec<f32> = openings.to_vec();
+    for (path, (before, widest)) in path.iter_mut().zip(before.iter().zip(widest)) {
+        *path = path.min(before.max(widest as f32));
+    }
+    slow(&mut path, (FASTEST_OF_ALL_M_S / fps) as f32);
+    let share = |(opening, path): (&f32, f32)| match *opening > path {
+        true => 1.0 - path / opening,
+        false => 0.0,
     };
-    openings.iter().zip(before).zip(widest).map(share).collect()
+    openings.iter().zip(path).map(share).collect()
+}
+
+/// Lowers a path until no step is longer than `step`.
+fn slow(path: &mut [f32], step: f32) {
+    for t in 1..path.len() {
+        path[t] = path[t].min(path[t - 1] + step);
+    }
+    for t in (1..path.len()).rev() {
+        path[t - 1] = path[t - 1].min(path[t] + step);
+    }
 }
 
 /// How wide lips can be in each frame, `[T]` metres from touching, if they touch then.
@@ -255,6 +270,28 @@ mod tests {
         };
         let least = left(&[half], 50.0, 50).into_iter().fold(1.0, f32::min);
         assert!((0.005..0.0062).contains(&least), "{least}");
+    }
+
+    #[test]
+    fn no_lips_move_faster_than_lips() {
+        let fps = 60.0;
+        let openings: Vec<f32> = (0..60)
+            .map(|t| if t % 12 < 6 { 0.004 } else { 0.03 })
+            .collect();
+        let before: Vec<f32> = openings.iter().map(|opening| opening * 0.7).collect();
+        let shares = restore_contacts(&openings, &before, fps);
+        let after: Vec<f32> = openings
+            .iter()
+            .zip(shares)
+            .map(|(o, s)| o * (1.0 - s))
+            .collect();
+        let steps = after.windows(2).map(|pair| (pair[1] - pair[0]).abs());
+        assert!(steps.fold(0.0, f32::max) < 5.6e-3, "{after:?}");
+        assert!(
+            after.iter().zip(&openings).all(|(a, o)| a <= o)
+                && after[3] == 0.004
+                && after[8] > 0.015
+        );
     }
 
     #[test]

@@ -12,6 +12,8 @@ use crate::{
     conditions::EMOTIONS,
     motion::{
         Cues, FaceModes, LandmarkClip,
+        articulation::keep_path,
+        contacts::opening,
         upper_face::{Lids, lids},
     },
 };
@@ -26,6 +28,9 @@ const LIDS_MOST: f32 = 0.9;
 
 /// How far an expression brings one end of an eye ahead of the other on the way to closing, metres.
 const UNEVEN_M: f32 = 0.25e-3;
+
+/// Lips that rest count as so far apart, metres: an expression may part them.
+const AT_REST_M: f32 = 0.1;
 
 /// All that an expression needs to know of one frame.
 pub(super) struct Moment {
@@ -54,6 +59,11 @@ impl Expressions {
         let closures = Closures::of(&clip.displacements, fps);
         let (eyes, accents) = (lids(modes)?, accents(cues.prosody));
         let mut wandering = Wandering::new(cues.seed);
+        let spoken = clip.displacements.outer_iter();
+        let openings = spoken
+            .zip(&closures.speaking)
+            .map(|(face, speaking)| opening(face) + (1.0 - speaking) * AT_REST_M);
+        let openings: Vec<f32> = openings.collect();
         let frames = clip.displacements.outer_iter_mut().zip(smooth.outer_iter());
         for (t, (mut frame, smooth)) in frames.enumerate() {
             let time_s = t as f64 / fps;
@@ -66,6 +76,7 @@ impl Expressions {
             };
             self.show(&mut frame, smooth, &moment, &eyes);
         }
+        keep_path(&mut clip.displacements, &openings, fps);
         Ok(())
     }
 

@@ -46,7 +46,7 @@ fn talking(seconds: f64) -> LandmarkClip {
     let (modes, mut clip) = (modes(), still((seconds * FPS) as usize));
     let jaw = modes.mode("jawOpen").unwrap();
     for (t, mut frame) in clip.displacements.outer_iter_mut().enumerate() {
-        let open = (std::f32::consts::TAU * 3.0 * t as f32 / FPS as f32).sin();
+        let open = (std::f32::consts::TAU * 2.0 * t as f32 / FPS as f32).sin();
         frame.scaled_add(0.5 * open.max(0.0), &jaw);
         if open <= 0.0 {
             for n in [61, 62, 63] {

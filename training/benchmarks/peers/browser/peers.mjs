@@ -11,7 +11,7 @@ const RATE = 48000;
 const FPS = 60;
 const QUANTUM = 128;
 const MESSAGES_MS = 60;
-// Chromium keeps the threads of old contexts until the page goes.
+// After 125 sounds Chromium defined no more processors; a new page has it begin again.
 const SOUNDS_A_PAGE = 30;
 
 const pause = (ms) => new Promise((done) => setTimeout(done, ms));
