@@ -30,9 +30,9 @@ const CHANGE: [f64; 3] = [0.16, 0.13, 0.16];
 /// Deviation of what one side of the mouth opens more than the other.
 const SIDE: f64 = 0.04;
 /// Deviation of the mouth's shift to a side throughout a take, of its slow and of its quick changes, metres.
-const SHIFT_M: [f64; 3] = [0.2e-3, 0.2e-3, 0.14e-3];
+const SHIFT_M: [f64; 3] = [0.2e-3, 0.32e-3, 0.24e-3];
 /// The same of what a corner is higher than the middle, and the other one lower.
-const TILT_M: [f64; 3] = [0.14e-3, 0.12e-3, 0.09e-3];
+const TILT_M: [f64; 3] = [0.14e-3, 0.2e-3, 0.14e-3];
 /// How quick the quick changes are.
 const QUICK_HZ: (f64, f64) = (1.2, 3.5);
 /// Deviation of the weight of raised brows from phrase to phrase, of its slow and of its quick changes.
