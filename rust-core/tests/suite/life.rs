@@ -13,7 +13,8 @@ use crate::{head::engine, voice::babble};
 
 /// 5th and 95th percentiles of the deviation of pitch over the clips of grid_s1, degrees.
 const TRACKED_PITCH_DEG: (f32, f32) = (0.40, 1.13);
-const MOST_DEG: f32 = 3.0;
+/// A far nod on a strong stress goes so far, degrees.
+const MOST_DEG: f32 = 8.0;
 
 fn spoken(engine: &Engine, controls: &PerformanceControls, seed: u64) -> Performance {
     let waveform = Waveform {
