@@ -67,14 +67,14 @@ const LABIODENTALS: &[&str] = &["f", "v"];
 const VOWELS: &[&str] = &[
     "i", "ɪ", "y", "u", "ʊ", "e", "ɛ", "ø", "ə", "ɝ", "o", "ɔ", "ʌ", "a", "ɑ", "æ",
 ];
-/// How round lips are in phones: how far forward facegood_zh's speaker has them in the upper quarter of the frames that
-/// sound so, u as 1. He says ʊ and ø too seldom; they count as o.
+/// How round lips are in phones: how far forward facegood_zh's speaker has them in the mean of the frames that sound so,
+/// u as 1. He says ʊ and ø too seldom; they count as o.
 const ROUNDED: [(&[&str], f32); 5] = [
     (&["u"], 1.0),
-    (&["w", "y"], 0.92),
-    (&["ɔ"], 0.88),
-    (&["ʊ", "o", "ø"], 0.72),
-    (&["ʃ", "ʒ", "ɹ"], 0.53),
+    (&["w"], 0.9),
+    (&["y", "ɔ"], 0.7),
+    (&["ʊ", "o", "ø"], 0.6),
+    (&["ʃ", "ʒ", "ɹ"], 0.5),
 ];
 /// How likely a vowel is where f or v is surely no speech, and where it surely is: hiss has none.
 const VOWEL_HEARD: [f32; 2] = [0.5, 0.9];

@@ -63,7 +63,7 @@ mod tests {
             .unwrap();
         assert_eq!(clip.weights.row(0), weights.row(0));
         assert!(
-            (0.4..0.8).contains(&clip.weights[[1, 0]]),
+            (0.25..0.6).contains(&clip.weights[[1, 0]]),
             "{}",
             clip.weights
         );
