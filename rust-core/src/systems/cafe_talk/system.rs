@@ -60,7 +60,6 @@ static PERFORMANCE: &[Control] = &[
     control_named("asymmetry"),
     control_named("head_motion"),
     control_named("gaze"),
-    control_named("tongue"),
     control_named("variety"),
 ];
 
