@@ -2,6 +2,7 @@
 
 mod config;
 mod denoiser;
+mod opening;
 mod system;
 
 pub use config::{MotionConfig, MotionConfigs, Sampling};

@@ -4,7 +4,7 @@ use std::{path::Path, sync::Arc};
 
 use ndarray::{Array2, Array3, ArrayView2};
 
-use super::{Denoiser, MotionConfig, MotionConfigs, Sampling};
+use super::{Denoiser, MotionConfig, MotionConfigs, Sampling, opening::bound_opening};
 use crate::{
     Error, Result,
     cache::Cache,
@@ -244,7 +244,9 @@ impl System for FaceTalk {
             )));
         }
         let fps = self.config().fps;
-        let codes = self.codes(heard.features(fps).view(), request, progress)?;
+        let mut codes = self.codes(heard.features(fps).view(), request, progress)?;
+        let wide = self.landmarks(codes.view())?;
+        bound_opening(&mut codes, &self.space.head.rest_code(), wide.view());
         let displacements = self.landmarks(codes.view())?;
         let frames = heard.frames(request.fps);
         let codes = motion::at_rate(codes.view(), fps / request.fps, frames);
