@@ -12,10 +12,11 @@ use anyface::{
 use clap::Args;
 
 use crate::{
-    arguments::{FaceArgs, MotionArgs, SharedArgs, SoundArgs, not_onto},
+    arguments::{FaceArgs, MotionArgs, SharedArgs, SoundArgs},
     console::Console,
     layers::{LayerArgs, Layered},
     open_mouth,
+    paths::{InputPath, OutputPath},
     redo::{Redo, RedoArgs},
     stages::{new_report, note_face, note_memory, note_result, read_sound, timed},
     surface::SurfaceArgs,
@@ -29,14 +30,14 @@ use crate::{
 pub struct Animate {
     /// The mesh: OBJ, PLY or GLB
     #[arg(long, value_name = "M")]
-    mesh: PathBuf,
+    mesh: InputPath,
     /// The speech: WAV, MP3, FLAC, Ogg, WebM, M4A, AAC, CAF or AIFF
     #[arg(long, value_name = "A")]
-    audio: PathBuf,
+    audio: InputPath,
     /// The result: .npz (arrays, with the rotation of head and eyes beside them), .pc2 or .mdd (point caches); with
     /// --surface a new folder
     #[arg(long, value_name = "O")]
-    out: PathBuf,
+    out: OutputPath,
     /// Part lips that are one surface first; the new mesh is written beside the result, its name with
     /// _open_mouth.obj behind it
     #[arg(long)]
@@ -56,13 +57,18 @@ pub struct Animate {
 }
 
 impl Animate {
+    /// Results whose names come from that of the animation.
+    pub fn outputs_beside(&self) -> Vec<PathBuf> {
+        let opened = self.open_mouth.then(|| open_mouth::beside(&self.out));
+        opened
+            .into_iter()
+            .chain(self.layers.outputs_beside(&self.out))
+            .collect()
+    }
+
     pub fn run(&self, shared: &SharedArgs, console: &Console) -> Result<()> {
         // What is cheap to check comes before what takes time.
         self.surface.check(&self.out)?;
-        not_onto(
-            &self.out,
-            &[("--mesh", &self.mesh), ("--audio", &self.audio)],
-        )?;
         self.layers.check()?;
         let request = self.motion.request(shared)?;
         let redo = self.redo.asked()?;

@@ -2,7 +2,7 @@
 
 use std::{
     fmt::{Display, Formatter},
-    path::{Path, PathBuf},
+    path::Path,
     str::FromStr,
     sync::Arc,
 };
@@ -26,6 +26,7 @@ use anyface::{
 use clap::Args;
 
 use crate::controls::{EmotionArgs, FaceControls, MotionControls};
+use crate::paths::{CachePath, InputPath};
 
 /// A coarser skin than this has no lips to speak of.
 const LEAST_PROXY: usize = 500;
@@ -38,18 +39,18 @@ pub struct SharedArgs {
     system: Option<String>,
     /// Folder of models (folders such as ats_paper, stm_paper, hubert) that override the embedded ones
     #[arg(long, global = true, value_name = "DIR")]
-    weights: Option<PathBuf>,
+    weights: Option<InputPath>,
     /// Folder with a HuBERT or wav2vec2 config.json and model.safetensors or pytorch_model.bin,
     /// instead of the embedded speech encoder
     #[arg(long, global = true, value_name = "DIR")]
-    speech: Option<PathBuf>,
+    speech: Option<InputPath>,
     /// Folder with a classifier of emotions on HuBERT or wav2vec2 (config.json with labels, weights) that hears them
     /// instead of the embedded one where the emotion is `auto`
     #[arg(long, global = true, value_name = "DIR")]
-    emotion_model: Option<PathBuf>,
+    emotion_model: Option<InputPath>,
     /// Folder that keeps per-mesh work between runs [default: the user's cache folder]
     #[arg(long, global = true, value_name = "DIR", conflicts_with = "no_cache")]
-    cache: Option<PathBuf>,
+    cache: Option<CachePath>,
     /// Keep no per-mesh work between runs
     #[arg(long, global = true)]
     no_cache: bool,
@@ -79,36 +80,16 @@ impl SharedArgs {
     fn options(&self) -> EngineOptions {
         EngineOptions {
             system: self.system.clone(),
-            models: self.weights.clone(),
+            models: self.weights.as_deref().map(Path::to_path_buf),
             cache: match (&self.cache, self.no_cache) {
-                (Some(folder), _) => CachePolicy::Folder(folder.clone()),
+                (Some(folder), _) => CachePolicy::Folder(folder.to_path_buf()),
                 (None, true) => CachePolicy::Off,
                 (None, false) => CachePolicy::UserFolder,
             },
             threads: self.threads,
-            speech: self.speech.clone(),
-            emotion_model: self.emotion_model.clone(),
+            speech: self.speech.as_deref().map(Path::to_path_buf),
+            emotion_model: self.emotion_model.as_deref().map(Path::to_path_buf),
         }
-    }
-}
-
-/// Refuses a result that would replace a file which it is made from.
-///
-/// # Errors
-/// `InvalidInput` that names the option.
-pub fn not_onto(out: &Path, inputs: &[(&str, &Path)]) -> Result<()> {
-    let Ok(place) = out.canonicalize() else {
-        return Ok(());
-    };
-    let same = inputs
-        .iter()
-        .find(|(_, input)| input.canonicalize().is_ok_and(|input| input == place));
-    match same {
-        None => Ok(()),
-        Some((option, _)) => Err(Error::InvalidInput(format!(
-            "{}: expected another file than that of {option}, which the result would replace",
-            out.display()
-        ))),
     }
 }
 
@@ -142,10 +123,10 @@ impl SoundArgs {
 pub struct FaceArgs {
     /// Landmarks as JSON: 68 positions or 68 vertex numbers [default: found on the mesh]
     #[arg(long, value_name = "L.json")]
-    landmarks: Option<PathBuf>,
+    landmarks: Option<InputPath>,
     /// Some landmarks as JSON that stay where they are; the others follow
     #[arg(long, value_name = "F.json")]
-    fix: Option<PathBuf>,
+    fix: Option<InputPath>,
     /// Axis out of the face where several places look alike: x, -x, y, -y, z or -z
     #[arg(long, default_value = "z", value_parser = axis, allow_hyphen_values = true)]
     forward: Axis,
@@ -255,7 +236,7 @@ pub struct MotionArgs {
     /// Where lips close, instead of where it is heard: the p, b and m of a .TextGrid, .tsv, .json, .pgo,
     /// .dat (which counts frames of --fps) or .txt, such as `anyface sounds` writes
     #[arg(long, value_name = "S")]
-    sounds: Option<PathBuf>,
+    sounds: Option<InputPath>,
     /// What the face does and when (cafe-talk): seconds, action units with L or R for one side or words, and
     /// strength, as in 1.2-2.0:12,6:0.8 or 2.4-2.8:left wink; a ! at the end puts it over the speech; may be
     /// repeated. `anyface units` lists the words whose units are laid down
@@ -264,13 +245,13 @@ pub struct MotionArgs {
     /// Events of a JSON file, a list of {"start_s", "end_s", "units": ["12", "45L"] or "left wink", "strength",
     /// "over_speech"}
     #[arg(long, value_name = "E.json")]
-    events: Option<PathBuf>,
+    events: Option<InputPath>,
     /// Another recording of which the feeling is taken (emoface), stretched to the length of the sound
     #[arg(long, value_name = "OTHER")]
-    feeling: Option<PathBuf>,
+    feeling: Option<InputPath>,
     /// Motion of `anyface motion` in whose last frame the face begins (emoface)
     #[arg(long, value_name = "M.npz")]
-    starts_from: Option<PathBuf>,
+    starts_from: Option<InputPath>,
 }
 
 impl MotionArgs {

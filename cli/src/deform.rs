@@ -1,6 +1,6 @@
 //! `anyface deform`: motion of landmarks or weights from a file on a mesh.
 
-use std::path::{Path, PathBuf};
+use std::path::Path;
 
 use anyface::{
     Engine, Error, Face, Result,
@@ -14,8 +14,9 @@ use clap::Args;
 use ndarray::{Array2, Axis};
 
 use crate::{
-    arguments::{FaceArgs, SharedArgs, not_onto},
+    arguments::{FaceArgs, SharedArgs},
     console::Console,
+    paths::{InputPath, OutputPath},
     stages::{new_report, note_face, spread_into, timed},
     surface::SurfaceArgs,
 };
@@ -29,19 +30,19 @@ const DEFAULT_FPS: f64 = 30.0;
 pub struct Deform {
     /// The mesh: OBJ, PLY or GLB
     #[arg(long, value_name = "M")]
-    mesh: PathBuf,
+    mesh: InputPath,
     /// Motion, .npz: landmarks_neutral [68, 3] and landmark_displacements [T, 68, 3] in mesh
     /// units; without landmarks_neutral, the displacements are metres on a human head, as
     /// `anyface motion` writes them. Where it holds weights, these move the mesh's own ARKit shapes
     #[arg(long, value_name = "L.npz")]
-    motion: PathBuf,
+    motion: InputPath,
     /// The result: .npz (arrays), .pc2 or .mdd (point caches); for --surface a new folder
     #[arg(long, value_name = "O")]
-    out: PathBuf,
+    out: OutputPath,
     /// Also write by which share each vertex attends to each landmark, mean over the frames: .npz with
     /// attention [V, 68]. Needs --decoder paper and motion in mesh units
     #[arg(long, value_name = "A.npz")]
-    attention: Option<PathBuf>,
+    attention: Option<OutputPath>,
     #[command(flatten)]
     face: FaceArgs,
     #[command(flatten)]
@@ -51,10 +52,6 @@ pub struct Deform {
 impl Deform {
     pub fn run(&self, shared: &SharedArgs, console: &Console) -> Result<()> {
         self.surface.check(&self.out)?;
-        not_onto(
-            &self.out,
-            &[("--mesh", &self.mesh), ("--motion", &self.motion)],
-        )?;
         let mut report = new_report();
         let motion = timed(&mut report, "read", || read_landmark_motion(&self.motion))?;
         let mesh = timed(&mut report, "read", || Mesh::read(&self.mesh))?;

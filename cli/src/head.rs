@@ -16,8 +16,9 @@ use clap::Args;
 use serde::Serialize;
 
 use crate::{
-    arguments::{SharedArgs, not_onto, shown},
+    arguments::{SharedArgs, shown},
     console::Console,
+    paths::{InputPath, OutputPath},
     stages::{new_report, timed},
 };
 
@@ -26,7 +27,7 @@ use crate::{
 pub struct MakeHead {
     /// The result: .obj with the objects skin, eyes, teeth and tongue; NAME.landmarks.json is written beside it
     #[arg(long, value_name = "HEAD.obj")]
-    out: PathBuf,
+    out: OutputPath,
     /// Which random head
     #[arg(long, value_name = "N", conflicts_with_all = ["mix", "code", "like"])]
     seed: Option<u64>,
@@ -35,13 +36,13 @@ pub struct MakeHead {
     mix: Option<Mixture>,
     /// Its coefficients as a JSON list of 100 numbers, such as --code-out writes
     #[arg(long, value_name = "C.json", conflicts_with = "like")]
-    code: Option<PathBuf>,
+    code: Option<InputPath>,
     /// A clean head like this scan or model: OBJ, PLY or GLB
     #[arg(long, value_name = "SCAN")]
-    like: Option<PathBuf>,
+    like: Option<InputPath>,
     /// Landmarks of the scan as JSON [default: found on it]
     #[arg(long, value_name = "L.json", requires = "like")]
-    like_landmarks: Option<PathBuf>,
+    like_landmarks: Option<InputPath>,
     /// A slider, -4 to 4, 0 is the average head; see `anyface info --json`; may be repeated
     #[arg(long, value_name = "NAME=VALUE", value_parser = direction, allow_hyphen_values = true)]
     direction: Vec<(String, f32)>,
@@ -56,7 +57,7 @@ pub struct MakeHead {
     skin_only: bool,
     /// Also write the coefficients as JSON
     #[arg(long, value_name = "C.json")]
-    code_out: Option<PathBuf>,
+    code_out: Option<OutputPath>,
 }
 
 /// Two seeds and the share of the second.
@@ -97,7 +98,7 @@ impl MakeHead {
             let one = head.one(head.identity_code(&coefficients)?)?;
             one.mesh(&options, &progress)
         })?;
-        let landmarks = self.out.with_extension("landmarks.json");
+        let landmarks = self.landmarks_path();
         timed(&mut report, "write", || {
             self.write(&made, &landmarks, &coefficients)
         })?;
@@ -119,18 +120,21 @@ impl MakeHead {
         console.value(&full, &summary(&full, &made))
     }
 
+    /// Results whose names come from that of the head.
+    pub fn outputs_beside(&self) -> Vec<PathBuf> {
+        vec![self.landmarks_path()]
+    }
+
+    fn landmarks_path(&self) -> PathBuf {
+        self.out.with_extension("landmarks.json")
+    }
+
     fn check(&self) -> Result<()> {
         if self.out.extension().is_none_or(|ending| ending != "obj") {
             return Err(Error::InvalidInput(format!(
                 "{}: expected a name that ends in .obj",
                 self.out.display()
             )));
-        }
-        let inputs = [("--like", &self.like), ("--code", &self.code)];
-        for (name, path) in inputs {
-            if let Some(path) = path {
-                not_onto(&self.out, &[(name, path)])?;
-            }
         }
         Ok(())
     }

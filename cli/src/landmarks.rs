@@ -1,13 +1,14 @@
 //! `anyface landmarks`: the 68 landmarks of a mesh.
 
-use std::{io::Write, path::PathBuf};
+use std::io::Write;
 
 use anyface::{Result, job::write_atomically, mesh::Mesh};
 use clap::Args;
 
 use crate::{
-    arguments::{FaceArgs, SharedArgs, not_onto, shown},
+    arguments::{FaceArgs, SharedArgs, shown},
     console::Console,
+    paths::{InputPath, OutputPath},
     stages::{new_report, note_face, timed},
 };
 
@@ -16,17 +17,16 @@ use crate::{
 pub struct FindLandmarks {
     /// The mesh: OBJ, PLY or GLB
     #[arg(long, value_name = "M")]
-    mesh: PathBuf,
+    mesh: InputPath,
     /// The result as JSON: position, vertex and confidence of each, and how the lips meet
     #[arg(long, value_name = "L.json")]
-    out: PathBuf,
+    out: OutputPath,
     #[command(flatten)]
     face: FaceArgs,
 }
 
 impl FindLandmarks {
     pub fn run(&self, shared: &SharedArgs, console: &Console) -> Result<()> {
-        not_onto(&self.out, &[("--mesh", &self.mesh)])?;
         let options = self.face.options(&self.mesh, None)?;
         let mut report = new_report();
         let mesh = timed(&mut report, "read", || Mesh::read(&self.mesh))?;

@@ -11,6 +11,7 @@ use anyface::{
 };
 use clap::{Args, ValueEnum};
 
+use crate::paths::{InputPath, OutputPath};
 use crate::stages::spread_into;
 
 /// Options of layers.
@@ -19,7 +20,7 @@ pub struct LayerArgs {
     /// Where feeling acts (emoface): a JSON list of a share from 0 to 1 for each vertex; where it is 0 only what is
     /// said moves the face
     #[arg(long, value_name = "M.json", conflicts_with = "redo")]
-    mask: Option<PathBuf>,
+    mask: Option<InputPath>,
     /// Also write layers (emoface): content, what is said alone, and feeling, what is felt beyond it, beside the
     /// result with _content and _feeling in their names
     #[arg(
@@ -31,7 +32,7 @@ pub struct LayerArgs {
     layers: Vec<Layer>,
     /// Also write how far feeling is believed in each vertex and frame (emoface): .npz with mask [T, V]
     #[arg(long, value_name = "W.npz", conflicts_with = "redo")]
-    mask_out: Option<PathBuf>,
+    mask_out: Option<OutputPath>,
 }
 
 #[derive(Debug, Clone, Copy, PartialEq, Eq, ValueEnum)]
@@ -62,6 +63,14 @@ impl LayerArgs {
             }
             _ => Ok(()),
         }
+    }
+
+    /// The files of the layers.
+    pub fn outputs_beside(&self, out: &Path) -> Vec<PathBuf> {
+        self.layers
+            .iter()
+            .map(|layer| beside(out, *layer))
+            .collect()
     }
 
     /// Frames that lie in memory at once: two blocks, and the mask, whose shares are a third of a vertex's motion.

@@ -15,6 +15,7 @@ mod layers;
 mod motion;
 mod open_mouth;
 mod parts;
+mod paths;
 mod redo;
 mod rig;
 mod signals;
@@ -24,13 +25,14 @@ mod stages;
 mod surface;
 mod units;
 
-use std::process::ExitCode;
+use std::{path::PathBuf, process::ExitCode};
 
 use anyface::{Result, job::all_or_none};
-use clap::{Parser, Subcommand};
+use clap::{ArgMatches, CommandFactory, FromArgMatches, Parser, Subcommand};
 
 use arguments::SharedArgs;
 use console::Console;
+use paths::Files;
 
 /// Makes any face mesh talk: speech in, facial animation with emotion out, on a plain CPU.
 #[derive(Parser)]
@@ -60,11 +62,17 @@ enum Command {
 
 /// Reads the command line, runs it and says how it went.
 fn main() -> ExitCode {
-    let arguments = Arguments::parse();
+    let matches = Arguments::command().get_matches();
+    let arguments = Arguments::from_arg_matches(&matches).unwrap_or_else(|error| error.exit());
     let console = Console::new(arguments.shared.json);
     console.listen();
     signals::listen();
-    match all_or_none(|| arguments.run(&console)) {
+    let files = arguments.files(&matches);
+    let run = || {
+        files.check()?;
+        arguments.run(&console)
+    };
+    match all_or_none(files.inputs(), run) {
         Ok(()) => ExitCode::SUCCESS,
         Err(error) => {
             console.error(&error);
@@ -74,6 +82,23 @@ fn main() -> ExitCode {
 }
 
 impl Arguments {
+    /// What is read and written.
+    fn files(&self, matches: &ArgMatches) -> Files {
+        let mut command = Arguments::command();
+        command.build();
+        Files::new(&command, matches, self.outputs_beside())
+    }
+
+    /// Results whose names come from those of other results.
+    fn outputs_beside(&self) -> Vec<PathBuf> {
+        match &self.command {
+            Command::Animate(command) => command.outputs_beside(),
+            Command::Head(command) => command.outputs_beside(),
+            Command::Rig(command) => command.outputs_beside(),
+            _ => Vec::new(),
+        }
+    }
+
     fn run(&self, console: &Console) -> Result<()> {
         self.shared.check()?;
         match &self.command {

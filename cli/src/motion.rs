@@ -1,7 +1,5 @@
 //! `anyface motion`: speech to motion of landmarks or weights, before any mesh is known.
 
-use std::path::PathBuf;
-
 use anyface::{
     Result,
     job::write_json,
@@ -11,8 +9,9 @@ use anyface::{
 use clap::Args;
 
 use crate::{
-    arguments::{MotionArgs, SharedArgs, SoundArgs, not_onto, shown},
+    arguments::{MotionArgs, SharedArgs, SoundArgs, shown},
     console::Console,
+    paths::{InputPath, OutputPath},
     redo::RedoArgs,
     stages::{new_report, read_sound, summary, timed},
 };
@@ -22,14 +21,14 @@ use crate::{
 pub struct Motion {
     /// The speech: WAV, MP3, FLAC, Ogg, WebM, M4A, AAC, CAF or AIFF
     #[arg(long, value_name = "A")]
-    audio: PathBuf,
+    audio: InputPath,
     /// The result, .npz: landmark_displacements [T, 68, 3], head [T, 3], gaze [T, 2, 2] and fps. Of a system
     /// that makes weights also weights [T, S] and their names [S]; or these alone: .csv (Live Link Face), .json
     #[arg(long, value_name = "O")]
-    out: PathBuf,
+    out: OutputPath,
     /// Also write a report of the run
     #[arg(long, value_name = "R.json")]
-    report: Option<PathBuf>,
+    report: Option<OutputPath>,
     /// As the stream hears it: each frame knows a fifth of a second ahead; one style, no noise
     #[arg(long, conflicts_with_all = ["style", "sounds", "redo"])]
     causal: bool,
@@ -45,7 +44,6 @@ impl Motion {
     pub fn run(&self, shared: &SharedArgs, console: &Console) -> Result<()> {
         // Which kind it is, the system says; a name that fits none is refused before anything is loaded.
         check_motion_path(&self.out, true)?;
-        not_onto(&self.out, &[("--audio", &self.audio)])?;
         let request = self.motion.request(shared)?;
         let redo = self.redo.asked()?;
         let mut report = new_report();

@@ -11,8 +11,9 @@ use anyface::{
 use clap::Args;
 
 use crate::{
-    arguments::{FaceArgs, SharedArgs, not_onto, shown},
+    arguments::{FaceArgs, SharedArgs, shown},
     console::Console,
+    paths::{InputPath, OutputPath},
     stages::{new_report, note_face, timed},
 };
 
@@ -21,11 +22,11 @@ use crate::{
 pub struct OpenMouth {
     /// The mesh: OBJ, PLY or GLB
     #[arg(long, value_name = "M")]
-    mesh: PathBuf,
+    mesh: InputPath,
     /// The new mesh, .obj: the old vertices keep their numbers and places; texture coordinates,
     /// normals, materials and groups of an OBJ stay
     #[arg(long, value_name = "O.obj")]
-    out: PathBuf,
+    out: OutputPath,
     #[command(flatten)]
     face: FaceArgs,
 }
@@ -33,7 +34,6 @@ pub struct OpenMouth {
 impl OpenMouth {
     pub fn run(&self, shared: &SharedArgs, console: &Console) -> Result<()> {
         check_name(&self.out)?;
-        not_onto(&self.out, &[("--mesh", &self.mesh)])?;
         let options = self.face.options(&self.mesh, None)?;
         let mut report = new_report();
         let mesh = timed(&mut report, "read", || Mesh::read(&self.mesh))?;

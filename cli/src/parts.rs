@@ -1,7 +1,5 @@
 //! `anyface parts`: the parts of a mesh and what each of them is.
 
-use std::path::PathBuf;
-
 use anyface::{
     Result,
     mesh::{Mesh, ObjectNames, Part},
@@ -11,6 +9,7 @@ use clap::Args;
 use crate::{
     arguments::{FaceArgs, SharedArgs},
     console::Console,
+    paths::InputPath,
 };
 
 /// List the parts of a mesh (teeth, eyes, lashes, …) and what each of them follows
@@ -18,7 +17,7 @@ use crate::{
 pub struct ListParts {
     /// The mesh: OBJ or PLY
     #[arg(long, value_name = "M")]
-    mesh: PathBuf,
+    mesh: InputPath,
     #[command(flatten)]
     face: FaceArgs,
 }

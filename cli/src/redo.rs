@@ -1,6 +1,6 @@
 //! A stretch of an earlier result made again.
 
-use std::path::{Path, PathBuf};
+use std::path::Path;
 
 use anyface::{
     Engine, Error, Face, Performance, Result,
@@ -16,6 +16,8 @@ use anyface::{
 use clap::Args;
 use ndarray::Array3;
 
+use crate::paths::InputPath;
+
 /// Options of a stretch that is made again.
 #[derive(Args)]
 pub struct RedoArgs {
@@ -24,7 +26,7 @@ pub struct RedoArgs {
     redo: Option<Stretch>,
     /// The earlier result, .npz, of the same mesh, sound and frame rate
     #[arg(long, value_name = "T.npz", requires = "redo")]
-    from: Option<PathBuf>,
+    from: Option<InputPath>,
 }
 
 /// What is made again, and of which file.

@@ -8,14 +8,15 @@ use anyface::{
     job::write_json,
     mesh::Mesh,
     output::{Report, write_rig, write_rig_folder},
-    rig::ShapeSource,
+    rig::{ARKIT, ShapeSource, VISEMES},
 };
 use clap::{Args, ValueEnum};
 use serde::Serialize;
 
 use crate::{
-    arguments::{FaceArgs, SharedArgs, is_folder, not_onto, shown},
+    arguments::{FaceArgs, SharedArgs, is_folder, shown},
     console::Console,
+    paths::{InputPath, OutputPath},
     stages::{new_report, note_face, timed},
 };
 
@@ -33,10 +34,10 @@ enum By {
 pub struct MakeRig {
     /// The mesh: OBJ or PLY
     #[arg(long, value_name = "M")]
-    mesh: PathBuf,
+    mesh: InputPath,
     /// The result: .npz (names, deltas [S, V, 3], neutral), or a folder for one OBJ a shape
     #[arg(long, value_name = "R")]
-    out: PathBuf,
+    out: OutputPath,
     /// What moves the skin of each shape: network, or field for that of a head that is like the mesh
     #[arg(long, value_enum, default_value_t = By::Network)]
     by: By,
@@ -45,7 +46,7 @@ pub struct MakeRig {
     in_betweens: bool,
     /// Also write a report of every shape
     #[arg(long, value_name = "R.json")]
-    report: Option<PathBuf>,
+    report: Option<OutputPath>,
     #[command(flatten)]
     face: FaceArgs,
 }
@@ -59,6 +60,20 @@ struct RigReport<'a> {
 }
 
 impl MakeRig {
+    /// Files in the folder of shapes.
+    pub fn outputs_beside(&self) -> Vec<PathBuf> {
+        if !is_folder(&self.out) {
+            return Vec::new();
+        }
+        let shapes = ARKIT.iter().chain(&VISEMES).copied();
+        let names = shapes.chain(["neutral"]).map(str::to_owned);
+        let halves = ARKIT.iter().map(|name| format!("{name}_half"));
+        names
+            .chain(halves)
+            .map(|name| self.out.join(format!("{name}.obj")))
+            .collect()
+    }
+
     pub fn run(&self, shared: &SharedArgs, console: &Console) -> Result<()> {
         let as_archive = self.as_archive()?;
         if self.in_betweens && self.by == By::Network {
@@ -67,7 +82,6 @@ impl MakeRig {
                     .to_owned(),
             ));
         }
-        not_onto(&self.out, &[("--mesh", &self.mesh)])?;
         let options = self.face.options(&self.mesh, None)?;
         let mut report = new_report();
         let mesh = timed(&mut report, "read", || Mesh::read(&self.mesh))?;
@@ -115,7 +129,7 @@ impl MakeRig {
 
     /// The bytes of the mesh, if it is an OBJ.
     fn source(&self) -> Result<Option<Vec<u8>>> {
-        let bytes = std::fs::read(&self.mesh).map_err(Error::io(&self.mesh))?;
+        let bytes = std::fs::read(&self.mesh).map_err(Error::io(&*self.mesh))?;
         Ok((!bytes.starts_with(b"ply")).then_some(bytes))
     }
 }

@@ -1,7 +1,5 @@
 //! `anyface solve`: any vertex animation into weights of ARKit shapes.
 
-use std::path::PathBuf;
-
 use anyface::{
     Result,
     job::write_json,
@@ -14,8 +12,9 @@ use clap::Args;
 use serde::Serialize;
 
 use crate::{
-    arguments::{SharedArgs, not_onto, shown},
+    arguments::{SharedArgs, shown},
     console::Console,
+    paths::{InputPath, OutputPath},
     stages::{new_report, timed},
 };
 
@@ -27,16 +26,16 @@ const POOR: f32 = 0.3;
 pub struct Solve {
     /// The mesh: OBJ or PLY
     #[arg(long, value_name = "M")]
-    mesh: PathBuf,
+    mesh: InputPath,
     /// Motion of its vertices: .npz (displacements [T, V, 3]), .pc2 or .mdd
     #[arg(long, value_name = "A")]
-    animation: PathBuf,
+    animation: InputPath,
     /// Its shapes, as `anyface rig` writes them
     #[arg(long, value_name = "R.npz")]
-    rig: PathBuf,
+    rig: InputPath,
     /// The result: .csv (Live Link Face) or .json
     #[arg(long, value_name = "W")]
-    out: PathBuf,
+    out: OutputPath,
     /// Frames per second [default: what the animation says, else 30]
     #[arg(long)]
     fps: Option<f64>,
@@ -48,7 +47,7 @@ pub struct Solve {
     symmetry: f64,
     /// Also write a report of the run
     #[arg(long, value_name = "R.json")]
-    report: Option<PathBuf>,
+    report: Option<OutputPath>,
 }
 
 /// A run and how well the shapes fit the motion.
@@ -64,10 +63,6 @@ struct SolveReport<'a> {
 
 impl Solve {
     pub fn run(&self, shared: &SharedArgs, console: &Console) -> Result<()> {
-        let inputs = [&self.mesh, &self.animation, &self.rig];
-        for (option, input) in ["--mesh", "--animation", "--rig"].into_iter().zip(inputs) {
-            not_onto(&self.out, &[(option, input)])?;
-        }
         let mut report = new_report();
         let mesh = timed(&mut report, "read", || Mesh::read(&self.mesh))?;
         let rig = timed(&mut report, "read", || read_rig(&self.rig))?;

@@ -1,7 +1,5 @@
 //! `anyface sounds`: what is heard, as a file that can be mended, or one such file as another.
 
-use std::path::PathBuf;
-
 use anyface::{
     Error, Result,
     annotation::{Annotation, AnnotationFormat, Symbols},
@@ -10,8 +8,9 @@ use anyface::{
 use clap::Args;
 
 use crate::{
-    arguments::{SharedArgs, SoundArgs, not_onto, shown},
+    arguments::{SharedArgs, SoundArgs, shown},
     console::Console,
+    paths::{InputPath, OutputPath},
     stages::{new_report, read_sound},
 };
 
@@ -21,10 +20,10 @@ use crate::{
 pub struct Sounds {
     /// The speech: WAV, MP3, FLAC, Ogg, WebM, M4A, AAC, CAF or AIFF
     #[arg(long, value_name = "A", required_unless_present = "sounds")]
-    audio: Option<PathBuf>,
+    audio: Option<InputPath>,
     /// Turn this file of times into another kind instead of listening
     #[arg(long, value_name = "S", conflicts_with = "audio")]
-    sounds: Option<PathBuf>,
+    sounds: Option<InputPath>,
     /// Write the phones that are heard, too (IPA)
     #[arg(long, conflicts_with = "sounds")]
     phones: bool,
@@ -33,11 +32,11 @@ pub struct Sounds {
     text: Option<String>,
     /// The same from a file in UTF-8
     #[arg(long, value_name = "F", conflicts_with = "sounds")]
-    text_file: Option<PathBuf>,
+    text_file: Option<InputPath>,
     /// The result: .TextGrid (Praat), .tsv or .json (Rhubarb), .pgo (Papagayo), .dat (Moho) or .txt
     /// (lines of start, end and label)
     #[arg(long, value_name = "O")]
-    out: PathBuf,
+    out: OutputPath,
     #[command(flatten)]
     sound: SoundArgs,
     /// Frames per second that .pgo and .dat count
@@ -49,9 +48,6 @@ impl Sounds {
     pub fn run(&self, shared: &SharedArgs, console: &Console) -> Result<()> {
         AnnotationFormat::from_path(&self.out)?;
         check_fps(self.fps)?;
-        for input in self.audio.iter().chain(&self.sounds).chain(&self.text_file) {
-            not_onto(&self.out, &[("its input", input)])?;
-        }
         let mut report = new_report();
         let found = match (&self.sounds, &self.audio) {
             (Some(path), _) => Annotation::read(path, self.fps)?,
@@ -99,7 +95,7 @@ impl Sounds {
         let Some(path) = &self.text_file else {
             return Ok(self.text.clone());
         };
-        let bytes = std::fs::read(path).map_err(Error::io(path))?;
+        let bytes = std::fs::read(path).map_err(Error::io(&**path))?;
         let text = String::from_utf8(bytes).map_err(|_| {
             let shown = path.display();
             Error::InvalidInput(format!(

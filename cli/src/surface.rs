@@ -1,7 +1,7 @@
 //! Where an animation of a mesh goes: its vertices into a file, or the surface of the head that it is like into a file
 //! for each frame; and the report of the run.
 
-use std::path::{Path, PathBuf};
+use std::path::Path;
 
 use anyface::{
     Engine, Error, Face, Result,
@@ -16,6 +16,7 @@ use clap::Args;
 use crate::{
     arguments::{is_folder, shown},
     console::Console,
+    paths::OutputPath,
     stages::{summary, timed},
 };
 
@@ -24,7 +25,7 @@ use crate::{
 pub struct SurfaceArgs {
     /// Also write a report of the run
     #[arg(long, value_name = "R.json")]
-    report: Option<PathBuf>,
+    report: Option<OutputPath>,
     /// Write the surface of the head that is like the mesh instead (facetalk), a PLY for each frame: cells along
     /// its longest side, 32 to 512
     #[arg(long, value_name = "N")]

@@ -234,6 +234,27 @@ fn a_result_never_replaces_what_it_is_made_from() {
             "--out",
             "rig.npz",
         ],
+        // Results whose names come from those of others.
+        &[
+            "animate",
+            "--mesh",
+            "t_open_mouth.obj",
+            "--audio",
+            "a.wav",
+            "--out",
+            "t.npz",
+            "--open-mouth",
+        ],
+        &[
+            "head",
+            "--like",
+            "h.ply",
+            "--like-landmarks",
+            "h.landmarks.json",
+            "--out",
+            "h.obj",
+        ],
+        &["rig", "--mesh", "rig/jawOpen.obj", "--out", "rig/"],
     ] {
         let ended = run(folder.path(), arguments);
         assert_eq!(

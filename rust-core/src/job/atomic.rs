@@ -10,6 +10,7 @@ use std::{
 
 use tempfile::{NamedTempFile, TempDir};
 
+use super::place::{Place, folder_of, follow};
 use crate::{Error, Result};
 
 /// Bytes that are gathered before the system is asked to write them.
@@ -23,8 +24,37 @@ const ABANDONED: Duration = Duration::from_secs(3600);
 /// Files and folders in the making of this process.
 static UNFINISHED: Mutex<Vec<PathBuf>> = Mutex::new(Vec::new());
 
-/// Files of the job that are whole and wait for its others; `None` where each gets its name at once.
-static WAITING: Mutex<Option<Vec<Unfinished>>> = Mutex::new(None);
+/// The job whose files wait for each other; `None` where each gets its name at once.
+static JOB: Mutex<Option<Job>> = Mutex::new(None);
+
+/// A job of [`all_or_none`].
+#[derive(Default)]
+struct Job {
+    inputs: Vec<(Place, PathBuf)>,
+    outputs: Vec<(Place, PathBuf)>,
+    /// Files that are whole and wait for the others.
+    waiting: Vec<Unfinished>,
+}
+
+impl Job {
+    /// Refuses a file that the job reads, or writes already.
+    fn note_output(&mut self, path: &Path) -> Result<()> {
+        let place = Place::of(path);
+        let known = |files: &[(Place, PathBuf)], what: &str| {
+            let same = files.iter().find(|(other, _)| *other == place);
+            same.map_or(Ok(()), |(_, other)| {
+                let (path, other) = (path.display(), other.display());
+                Err(Error::InvalidInput(format!(
+                    "{path}: expected another file than {other}, which {what}"
+                )))
+            })
+        };
+        known(&self.inputs, "the result would replace")?;
+        known(&self.outputs, "is another result")?;
+        self.outputs.push((place, path.to_owned()));
+        Ok(())
+    }
+}
 
 fn unfinished(change: impl FnOnce(&mut Vec<PathBuf>)) {
     change(&mut UNFINISHED.lock().unwrap_or_else(PoisonError::into_inner));
@@ -41,20 +71,25 @@ pub fn remove_unfinished() {
 
 /// Runs a job whose files get their names when it has succeeded, all together, and leave nothing where it has not.
 ///
-/// For a process that does one job at a time, such as the command: files of all its threads wait.
+/// For a process that does one job at a time, such as the command: files of all its threads wait. The job writes none of
+/// `inputs`, the files that it reads, and no file twice.
 ///
 /// # Errors
-/// Those of `job`; `Io` if a file cannot get its name.
-pub fn all_or_none<T>(job: impl FnOnce() -> Result<T>) -> Result<T> {
-    let waiting = |next| {
-        let mut waiting = WAITING.lock().unwrap_or_else(PoisonError::into_inner);
-        std::mem::replace(&mut *waiting, next).unwrap_or_default()
+/// Those of `job`; `Io` if a file cannot get its name; `InvalidInput` for a file that the job reads or writes already.
+pub fn all_or_none<T>(inputs: Vec<PathBuf>, job: impl FnOnce() -> Result<T>) -> Result<T> {
+    let swap = |next| {
+        let mut job = JOB.lock().unwrap_or_else(PoisonError::into_inner);
+        std::mem::replace(&mut *job, next)
     };
-    waiting(Some(Vec::new()));
+    let inputs = inputs.into_iter().map(|path| (Place::of(&path), path));
+    swap(Some(Job {
+        inputs: inputs.collect(),
+        ..Job::default()
+    }));
     let result = job();
-    let files = waiting(None);
+    let ended = swap(None).unwrap_or_default();
     let result = result?;
-    for file in files {
+    for file in ended.waiting {
         file.place()?;
     }
     Ok(result)
@@ -70,7 +105,8 @@ fn remove(path: &Path) {
 
 /// Writes a file under a temporary name in the same folder, then renames it to `path`.
 ///
-/// On any failure the temporary file is removed and what was at `path` stays.
+/// On any failure the temporary file is removed and what was at `path` stays. Where `path` is a link, the file that it
+/// points to is replaced, and the link stays.
 ///
 /// # Errors
 /// `Io` if the folder cannot be written to, the disk is full, or `path` is there already and is
@@ -102,8 +138,15 @@ impl Drop for Unfinished {
 
 impl Unfinished {
     /// Opens a temporary file beside `path`.
+    ///
+    /// # Errors
+    /// `Io`; `InvalidInput` for a file that the job reads or writes already.
     pub(crate) fn create(path: &Path) -> Result<(Unfinished, BufWriter<File>)> {
         refuse_special(path).map_err(Error::io(path))?;
+        if let Some(job) = &mut *JOB.lock().unwrap_or_else(PoisonError::into_inner) {
+            job.note_output(path)?;
+        }
+        let path = &follow(path);
         let folder = folder_of(path);
         remove_abandoned(folder);
         let temporary = temporary_in(folder).map_err(Error::io(path))?;
@@ -117,11 +160,11 @@ impl Unfinished {
 
     /// Renames it to its place, when everything was written, or with the other files of its job.
     pub(crate) fn finish(self) -> Result<()> {
-        let mut waiting = WAITING.lock().unwrap_or_else(PoisonError::into_inner);
-        match &mut *waiting {
-            Some(files) => files.push(self),
+        let mut job = JOB.lock().unwrap_or_else(PoisonError::into_inner);
+        match &mut *job {
+            Some(job) => job.waiting.push(self),
             None => {
-                drop(waiting);
+                drop(job);
                 self.place()?;
             }
         }
@@ -194,14 +237,6 @@ impl UnfinishedFolder {
         // It has another name now.
         let _ = temporary.keep();
         Ok(())
-    }
-}
-
-/// The folder in which `path` lies.
-fn folder_of(path: &Path) -> &Path {
-    match path.parent() {
-        Some(folder) if !folder.as_os_str().is_empty() => folder,
-        _ => Path::new("."),
     }
 }
 
@@ -321,6 +356,18 @@ mod tests {
         let path = folder.path().join("no/such/clip.npz");
         let error = write_atomically(&path, |_| Ok(())).unwrap_err();
         assert!(error.to_string().contains("no/such/clip.npz"), "{error}");
+    }
+
+    #[cfg(unix)]
+    #[test]
+    fn a_link_stays_and_its_file_is_replaced() {
+        let folder = tempfile::tempdir().unwrap();
+        let (file, link) = (folder.path().join("a"), folder.path().join("link"));
+        fs::write(&file, b"old").unwrap();
+        std::os::unix::fs::symlink("a", &link).unwrap();
+        write_atomically(&link, |file| file.write_all(b"new")).unwrap();
+        assert!(fs::symlink_metadata(&link).unwrap().is_symlink());
+        assert_eq!(fs::read(&file).unwrap(), b"new");
     }
 
     #[cfg(unix)]

@@ -4,8 +4,10 @@
 mod atomic;
 pub mod memory;
 pub(crate) mod outside;
+mod place;
 mod progress;
 
 pub(crate) use atomic::{Unfinished, UnfinishedFolder};
 pub use atomic::{all_or_none, remove_unfinished, write_atomically, write_json};
+pub use place::Place;
 pub use progress::{Progress, ProgressFn, SILENT, report};

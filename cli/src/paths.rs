@@ -1,0 +1,289 @@
+//! Which files a command reads and which it writes.
+//!
+//! The type of an option says it, so that no option can be forgotten: before work begins, every result is compared with
+//! every file that is read and with every other result.
+
+use std::{
+    ffi::OsString,
+    ops::Deref,
+    path::{Path, PathBuf},
+};
+
+use anyface::{Error, Result, job::Place};
+use clap::{ArgMatches, Command};
+
+macro_rules! path_type {
+    ($(#[$doc:meta])* $name:ident) => {
+        $(#[$doc])*
+        #[derive(Debug, Clone)]
+        pub struct $name(PathBuf);
+
+        impl From<OsString> for $name {
+            fn from(text: OsString) -> Self {
+                $name(text.into())
+            }
+        }
+
+        impl AsRef<Path> for $name {
+            fn as_ref(&self) -> &Path {
+                &self.0
+            }
+        }
+
+        impl Deref for $name {
+            type Target = Path;
+
+            fn deref(&self) -> &Path {
+                &self.0
+            }
+        }
+    };
+}
+
+path_type! {
+    /// A file or a folder that is read.
+    InputPath
+}
+path_type! {
+    /// A file or a folder that is written.
+    OutputPath
+}
+path_type! {
+    /// A folder of files that only anyface knows.
+    CachePath
+}
+
+/// What a path belongs to, as an error names it.
+struct Named {
+    option: String,
+    path: PathBuf,
+}
+
+/// The files of a command line.
+pub struct Files {
+    inputs: Vec<Named>,
+    outputs: Vec<Named>,
+}
+
+impl Files {
+    /// Those of all options. `beside`: results whose names come from those of other results.
+    pub fn new(command: &Command, matches: &ArgMatches, beside: Vec<PathBuf>) -> Files {
+        let mut files = Files {
+            inputs: Vec::new(),
+            outputs: Vec::new(),
+        };
+        files.read(command, matches);
+        files.outputs.extend(beside.into_iter().map(|path| Named {
+            option: path.display().to_string(),
+            path,
+        }));
+        files
+    }
+
+    fn read(&mut self, command: &Command, matches: &ArgMatches) {
+        for arg in command.get_arguments() {
+            let id = arg.get_id().as_str();
+            let option = format!("--{}", arg.get_long().unwrap_or(id));
+            let named = |path: &Path| Named {
+                option: option.clone(),
+                path: path.to_owned(),
+            };
+            // An option of another type than asked for is an error, which says that it is no such path.
+            if let Ok(Some(paths)) = matches.try_get_many::<InputPath>(id) {
+                self.inputs.extend(paths.map(|path| named(path)));
+            }
+            if let Ok(Some(paths)) = matches.try_get_many::<OutputPath>(id) {
+                self.outputs.extend(paths.map(|path| named(path)));
+            }
+        }
+        if let Some((name, matches)) = matches.subcommand()
+            && let Some(command) = command.find_subcommand(name)
+        {
+            self.read(command, matches);
+        }
+    }
+
+    /// Refuses a result that would replace a file which is read, or another result.
+    ///
+    /// # Errors
+    /// `InvalidInput` that names both options.
+    pub fn check(&self) -> Result<()> {
+        for (n, output) in self.outputs.iter().enumerate() {
+            let place = Place::of(&output.path);
+            let is_same = |other: &&Named| Place::of(&other.path) == place;
+            let is_replaced =
+                |other: &&Named| is_same(other) || Place::is_inside(&output.path, &other.path);
+            let refuse = |other: &Named, what: &str| {
+                let (option, path) = (&output.option, output.path.display());
+                Err(Error::InvalidInput(format!(
+                    "{option} {path}: expected another file than that of {}, {what}",
+                    other.option
+                )))
+            };
+            if let Some(input) = self.inputs.iter().find(is_replaced) {
+                return refuse(input, "which the result would replace");
+            }
+            if let Some(other) = self.outputs[..n].iter().find(is_same) {
+                return refuse(other, "which is written, too");
+            }
+        }
+        Ok(())
+    }
+
+    /// The paths of what is read.
+    pub fn inputs(&self) -> Vec<PathBuf> {
+        self.inputs.iter().map(|input| input.path.clone()).collect()
+    }
+}
+
+#[cfg(test)]
+mod tests {
+    use std::{any::TypeId, fs};
+
+    use clap::{
+        Arg, CommandFactory,
+        error::{ContextKind, ContextValue, ErrorKind},
+    };
+
+    use super::*;
+    use crate::Arguments;
+
+    fn command() -> Command {
+        let mut command = Arguments::command();
+        command.build();
+        command
+    }
+
+    fn is<T: 'static>(arg: &Arg) -> bool {
+        arg.get_value_parser().type_id() == TypeId::of::<T>()
+    }
+
+    /// Long options of one subcommand whose values have a type.
+    fn options<T: 'static>(command: &Command) -> Vec<String> {
+        let args = command.get_arguments().filter(|arg| is::<T>(arg));
+        args.map(|arg| format!("--{}", arg.get_long().unwrap()))
+            .collect()
+    }
+
+    /// The files of a subcommand with two options and all that these require; nothing where they exclude each other.
+    fn files(name: &str, first: (&str, &Path), second: (&str, &Path)) -> Option<Files> {
+        let mut words: Vec<OsString> = ["anyface".into(), name.into()].into();
+        for (option, path) in [first, second] {
+            words.extend([option.into(), path.into()]);
+        }
+        for _ in 0..8 {
+            match Arguments::command().try_get_matches_from(&words) {
+                Ok(matches) => return Some(Files::new(&command(), &matches, Vec::new())),
+                Err(error) if error.kind() == ErrorKind::MissingRequiredArgument => {
+                    let Some(ContextValue::Strings(missing)) = error.get(ContextKind::InvalidArg)
+                    else {
+                        panic!("{error}");
+                    };
+                    for option in missing {
+                        let option = option.split_whitespace().next().unwrap().to_owned();
+                        let value = match option.as_str() {
+                            "--redo" => "1-2".to_owned(),
+                            other => format!("no{other}"),
+                        };
+                        words.extend([option.into(), value.into()]);
+                    }
+                }
+                Err(error) if error.kind() == ErrorKind::ArgumentConflict => return None,
+                Err(error) => panic!("{words:?}: {error}"),
+            }
+        }
+        panic!("{words:?}: always something missing");
+    }
+
+    fn refusal(files: &Files) -> String {
+        files
+            .check()
+            .err()
+            .map_or_else(String::new, |error| error.to_string())
+    }
+
+    #[test]
+    fn every_option_says_whether_its_file_is_read_or_written() {
+        for subcommand in command().get_subcommands() {
+            let unclear = options::<PathBuf>(subcommand);
+            assert!(unclear.is_empty(), "{}: {unclear:?}", subcommand.get_name());
+        }
+    }
+
+    #[test]
+    fn no_result_replaces_what_is_read_however_it_is_spelled() {
+        let folder = tempfile::tempdir().unwrap();
+        let place = |name: &str| folder.path().join(name);
+        fs::write(place("file"), b"of the user").unwrap();
+        fs::hard_link(place("file"), place("hard")).unwrap();
+        let mut spellings = vec![place("file"), place("./file"), place("hard")];
+        #[cfg(unix)]
+        {
+            std::os::unix::fs::symlink("file", place("soft")).unwrap();
+            spellings.push(place("soft"));
+        }
+        let mut pairs = 0;
+        for subcommand in command().get_subcommands() {
+            let name = subcommand.get_name();
+            for input in options::<InputPath>(subcommand) {
+                for output in options::<OutputPath>(subcommand) {
+                    for spelling in &spellings {
+                        let (read, written) = (
+                            (input.as_str(), &*place("file")),
+                            (output.as_str(), &**spelling),
+                        );
+                        let Some(files) = files(name, read, written) else {
+                            continue;
+                        };
+                        let told = refusal(&files);
+                        let named = told.contains(&input) && told.contains(&output);
+                        assert!(
+                            named && told.contains("would replace"),
+                            "{name} {input} {output}: {told:?}"
+                        );
+                        pairs += 1;
+                    }
+                }
+            }
+        }
+        assert!(pairs > 150, "{pairs}");
+    }
+
+    #[test]
+    fn no_two_results_have_one_place() {
+        let folder = tempfile::tempdir().unwrap();
+        let place = |name: &str| folder.path().join(name);
+        let mut pairs = 0;
+        for subcommand in command().get_subcommands() {
+            let outputs = options::<OutputPath>(subcommand);
+            for (n, one) in outputs.iter().enumerate() {
+                for other in &outputs[..n] {
+                    for spelling in ["new", "./new", "NEW"] {
+                        let written = (one.as_str(), &*place("new"));
+                        let too = (other.as_str(), &*place(spelling));
+                        let Some(files) = files(subcommand.get_name(), written, too) else {
+                            continue;
+                        };
+                        let told = refusal(&files);
+                        assert!(told.contains("is written, too"), "{one} {other}: {told:?}");
+                        pairs += 1;
+                    }
+                }
+            }
+        }
+        assert!(pairs > 10, "{pairs}");
+    }
+
+    #[test]
+    fn files_of_a_folder_that_is_read_stay_and_new_ones_may_lie_beside_them() {
+        let folder = tempfile::tempdir().unwrap();
+        let place = |name: &str| folder.path().join(name);
+        fs::write(place("config.json"), b"{}").unwrap();
+        let with = |out: &str| {
+            let (read, written) = (("--weights", folder.path()), ("--report", &*place(out)));
+            files("motion", read, written).unwrap()
+        };
+        assert!(refusal(&with("config.json")).contains("would replace"));
+        assert_eq!(refusal(&with("report.json")), "");
+    }
+}

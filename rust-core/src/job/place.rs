@@ -1,0 +1,125 @@
+//! Which file a path means, however it is spelled.
+
+use std::{
+    fs,
+    path::{Path, PathBuf},
+};
+
+/// More links in a row are a circle.
+const MOST_LINKS: usize = 40;
+
+/// The file that a path means.
+///
+/// Paths of one file have equal places, by whatever spelling or link they reach it. Files that do not exist yet have
+/// equal places also where their names differ only in case, as some file systems make no difference there.
+#[derive(Debug, Clone, PartialEq, Eq)]
+pub enum Place {
+    /// A file by its numbers.
+    #[cfg(unix)]
+    File {
+        /// Number of the device.
+        device: u64,
+        /// Number of the file on it.
+        inode: u64,
+    },
+    /// A file by the path that the system itself uses for it.
+    #[cfg(not(unix))]
+    File(PathBuf),
+    /// A file that does not exist yet.
+    New {
+        /// Where it will lie.
+        folder: PathBuf,
+        /// Its name in lower case.
+        name: String,
+    },
+}
+
+impl Place {
+    /// The place of a path. A link means the file that it points to.
+    pub fn of(path: &Path) -> Place {
+        let path = follow(path);
+        existing(&path).unwrap_or_else(|| {
+            let folder = folder_of(&path);
+            let name = path.file_name().unwrap_or_default();
+            Place::New {
+                folder: folder.canonicalize().unwrap_or_else(|_| folder.to_owned()),
+                name: name.to_string_lossy().to_lowercase(),
+            }
+        })
+    }
+
+    /// Whether a file exists and lies in a folder, however deep.
+    pub fn is_inside(file: &Path, folder: &Path) -> bool {
+        let real = (file.canonicalize(), folder.canonicalize());
+        matches!(real, (Ok(file), Ok(folder)) if file != folder && file.starts_with(&folder))
+    }
+}
+
+#[cfg(unix)]
+fn existing(path: &Path) -> Option<Place> {
+    use std::os::unix::fs::MetadataExt;
+    let found = fs::metadata(path).ok()?;
+    let (device, inode) = (found.dev(), found.ino());
+    Some(Place::File { device, inode })
+}
+
+#[cfg(not(unix))]
+fn existing(path: &Path) -> Option<Place> {
+    path.canonicalize().ok().map(Place::File)
+}
+
+/// Where a link leads, also if nothing is there yet; another path as it is.
+pub(super) fn follow(path: &Path) -> PathBuf {
+    let mut path = path.to_owned();
+    for _ in 0..MOST_LINKS {
+        match fs::read_link(&path) {
+            Ok(target) => path = folder_of(&path).join(target),
+            Err(_) => break,
+        }
+    }
+    path
+}
+
+/// The folder in which `path` lies.
+pub(super) fn folder_of(path: &Path) -> &Path {
+    match path.parent() {
+        Some(folder) if !folder.as_os_str().is_empty() => folder,
+        _ => Path::new("."),
+    }
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    #[test]
+    fn spellings_of_a_file_have_one_place() {
+        let folder = tempfile::tempdir().unwrap();
+        let path = folder.path().join("a.npz");
+        let long = folder.path().join(".").join("a.npz");
+        assert_eq!(Place::of(&path), Place::of(&long));
+        let other = folder.path().join("A.npz");
+        assert_eq!(Place::of(&path), Place::of(&other));
+        assert_ne!(Place::of(&path), Place::of(&folder.path().join("b.npz")));
+        fs::write(&path, b"a").unwrap();
+        assert_eq!(Place::of(&path), Place::of(&long));
+        assert!(Place::is_inside(&long, folder.path()));
+        assert!(!Place::is_inside(folder.path(), folder.path()));
+    }
+
+    #[cfg(unix)]
+    #[test]
+    fn links_lead_to_the_place_of_their_file() {
+        use std::os::unix::fs::symlink;
+        let folder = tempfile::tempdir().unwrap();
+        let [file, soft, hard, dangling] =
+            ["a.npz", "soft", "hard", "dangling"].map(|name| folder.path().join(name));
+        fs::write(&file, b"a").unwrap();
+        symlink("a.npz", &soft).unwrap();
+        fs::hard_link(&file, &hard).unwrap();
+        symlink("b.npz", &dangling).unwrap();
+        assert_eq!(Place::of(&soft), Place::of(&file));
+        assert_eq!(Place::of(&hard), Place::of(&file));
+        assert_eq!(Place::of(&dangling), Place::of(&folder.path().join("b.npz")));
+    }
+}
