@@ -120,6 +120,9 @@ mod tests {
         symlink("b.npz", &dangling).unwrap();
         assert_eq!(Place::of(&soft), Place::of(&file));
         assert_eq!(Place::of(&hard), Place::of(&file));
-        assert_eq!(Place::of(&dangling), Place::of(&folder.path().join("b.npz")));
+        assert_eq!(
+            Place::of(&dangling),
+            Place::of(&folder.path().join("b.npz"))
+        );
     }
 }

@@ -57,7 +57,11 @@ mod tests {
     #[test]
     fn usual_openings_stay_and_wide_ones_come_nearer_to_rest() {
         let mut codes = array![[3.0, 0.0], [3.0, 0.0], [3.0, 0.0]];
-        bound_opening(&mut codes, &[1.0, 0.0], opening(&[0.0, 0.019, 0.035]).view());
+        bound_opening(
+            &mut codes,
+            &[1.0, 0.0],
+            opening(&[0.0, 0.019, 0.035]).view(),
+        );
         assert_eq!(codes.slice(ndarray::s![..2, 0]), array![3.0, 3.0]);
         let share = (codes[[2, 0]] - 1.0) / 2.0;
         assert!((0.75..0.8).contains(&share), "{share}");
@@ -65,7 +69,9 @@ mod tests {
 
     #[test]
     fn bounded_gaps_grow_without_a_corner_and_end_at_the_widest() {
-        let gaps: Vec<f32> = (0..200).map(|i| bounded(USUAL_M + 5e-4 * i as f32)).collect();
+        let gaps: Vec<f32> = (0..200)
+            .map(|i| bounded(USUAL_M + 5e-4 * i as f32))
+            .collect();
         assert!(gaps.iter().all(|&gap| gap <= WIDEST_M));
         assert!(gaps.windows(2).all(|pair| pair[1] >= pair[0]));
         assert!((gaps[1] - gaps[0] - 5e-4).abs() < 1e-5);
