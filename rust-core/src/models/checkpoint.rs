@@ -50,27 +50,17 @@ pub(crate) fn read(folder: &Path) -> Result<Weights> {
 /// Reads the zip archive that PyTorch writes since version 1.6; its pickle runs no code.
 #[cfg(feature = "checkpoints")]
 fn read_pytorch(path: &Path) -> Result<Weights> {
+    use super::pickle::read_tensors;
     use crate::Error;
-    use candle_core::{DType, Tensor, pickle};
 
-    let bad = |e: candle_core::Error| {
+    std::fs::File::open(path).map_err(Error::io(path))?;
+    let arrays = read_tensors(path).map_err(|e| {
         Error::Weights(format!(
             "{}: expected a whole checkpoint of PyTorch 1.6 or later: {e}",
             path.display()
         ))
-    };
-    let widen = |tensor: Tensor| -> candle_core::Result<_> {
-        let values = tensor.to_dtype(DType::F32)?.flatten_all()?.to_vec1()?;
-        Ok((tensor.dims().to_vec(), values))
-    };
-    std::fs::File::open(path).map_err(Error::io(path))?;
-    let tensors = pickle::read_all(path).map_err(bad)?;
-    let arrays = tensors
-        .into_iter()
-        .filter(|(_, tensor)| tensor.dtype().is_float())
-        .map(|(name, tensor)| Ok((name, widen(tensor)?)))
-        .collect::<candle_core::Result<Vec<_>>>();
-    Ok(Weights::from_arrays(arrays.map_err(bad)?))
+    })?;
+    Ok(Weights::from_arrays(arrays))
 }
 
 #[cfg(not(feature = "checkpoints"))]

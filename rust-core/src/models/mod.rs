@@ -1,6 +1,8 @@
 //! Where weights come from: those inside the library, a folder that may override them, a user's own checkpoint.
 
 pub(crate) mod checkpoint;
+#[cfg(feature = "checkpoints")]
+mod pickle;
 mod weights;
 
 use std::{

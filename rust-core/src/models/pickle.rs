@@ -1,0 +1,619 @@
+//! Checkpoints as `torch.save` writes them since PyTorch 1.6: a zip archive of a pickle and of the bytes of its tensors.
+//!
+//! A pickle is a program. This reader knows the few instructions of it that make tensors and plain containers, refuses
+//! everything else by name, and asks for no more memory than the file is large: candle's own reader copies what is
+//! remembered, so that 633 bytes fill all memory, and drops nested values recursively, which overflows the stack.
+
+use std::{
+    collections::HashMap,
+    fs::File,
+    io::{BufReader, Read},
+    path::Path,
+};
+
+use candle_core::{DType, Device, Tensor};
+use zip::{CompressionMethod, ZipArchive};
+
+/// The pickle of wav2vec2-large, 317 million weights in 422 tensors, has 60 kB.
+const LARGEST_PICKLE: u64 = 16 << 20;
+/// Instructions of a pickle; the same has 12 thousand.
+const MOST_INSTRUCTIONS: usize = 2_000_000;
+/// Letters of a name that is copied, and axes of a tensor.
+const LONGEST_NAME: usize = 256;
+const MOST_AXES: usize = 16;
+
+/// Shape and values of a tensor by its name.
+type Arrays = Vec<(String, (Vec<usize>, Vec<f32>))>;
+
+/// Reads all tensors of floating point numbers in the dictionary that a checkpoint holds.
+///
+/// # Errors
+/// Says what was expected and what the file has instead.
+pub(super) fn read_tensors(path: &Path) -> Result<Arrays, String> {
+    let file = File::open(path).map_err(|error| error.to_string())?;
+    let bytes = file.metadata().map_err(|error| error.to_string())?.len();
+    let zip = ZipArchive::new(BufReader::new(file)).map_err(|error| error.to_string())?;
+    let mut archive = Archive {
+        zip,
+        budget: bytes,
+        storages: HashMap::new(),
+    };
+    let (prefix, pickle) = archive.pickle()?;
+    let values = Machine::run(&pickle)?;
+    let mut elements = bytes;
+    let mut arrays = Vec::new();
+    for (name, tensor) in values.tensors()? {
+        let Some(dtype) = tensor.storage.dtype else {
+            continue;
+        };
+        let count = tensor.elements()?;
+        elements = elements
+            .checked_sub(count as u64)
+            .ok_or("expected no more numbers than the file has bytes, got more")?;
+        let storage = archive.storage(&prefix, &tensor.storage, dtype)?;
+        let values = tensor.gather(count, storage)?;
+        arrays.push((name.to_owned(), (tensor.shape.clone(), values)));
+    }
+    match arrays.is_empty() {
+        true => Err("expected a dictionary of tensors, got none".to_owned()),
+        false => Ok(arrays),
+    }
+}
+
+/// The zip archive around a pickle.
+struct Archive {
+    zip: ZipArchive<BufReader<File>>,
+    /// Bytes of storages that may still be read: as many as the file has.
+    budget: u64,
+    storages: HashMap<String, Vec<f32>>,
+}
+
+impl Archive {
+    /// The pickle, and what names of its archive begin with.
+    fn pickle(&mut self) -> Result<(String, Vec<u8>), String> {
+        let names = self.zip.file_names();
+        let found = names.filter_map(|name| name.strip_suffix("data.pkl"));
+        let prefix = found.min_by_key(|prefix| prefix.len());
+        let prefix = prefix
+            .ok_or("expected data.pkl in it, got none")?
+            .to_owned();
+        let entry = self.zip.by_name(&format!("{prefix}data.pkl"));
+        let entry = entry.map_err(|error| error.to_string())?;
+        let mut pickle = Vec::new();
+        let mut limited = entry.take(LARGEST_PICKLE + 1);
+        let read = limited.read_to_end(&mut pickle);
+        read.map_err(|error| format!("data.pkl: {error}"))?;
+        match pickle.len() as u64 > LARGEST_PICKLE {
+            true => Err(format!(
+                "data.pkl: expected at most {LARGEST_PICKLE} bytes, got more"
+            )),
+            false => Ok((prefix, pickle)),
+        }
+    }
+
+    /// All numbers of a storage.
+    fn storage(&mut self, prefix: &str, storage: &Storage, dtype: DType) -> Result<&[f32], String> {
+        if !self.storages.contains_key(&storage.key) {
+            let values = self.read_storage(prefix, storage, dtype)?;
+            self.storages.insert(storage.key.clone(), values);
+        }
+        Ok(&self.storages[&storage.key])
+    }
+
+    fn read_storage(
+        &mut self,
+        prefix: &str,
+        storage: &Storage,
+        dtype: DType,
+    ) -> Result<Vec<f32>, String> {
+        let name = format!("{prefix}data/{}", storage.key);
+        let in_it = |error: String| format!("{name}: {error}");
+        let entry = self.zip.by_name(&name);
+        let mut entry = entry.map_err(|error| in_it(error.to_string()))?;
+        if entry.compression() != CompressionMethod::Stored {
+            return Err(in_it(
+                "expected plain bytes, as torch.save writes them, got compressed ones".into(),
+            ));
+        }
+        let wanted = (storage.numel as u64).saturating_mul(dtype.size_in_bytes() as u64);
+        if entry.size() < wanted {
+            return Err(in_it(format!(
+                "expected {wanted} bytes, got {}",
+                entry.size()
+            )));
+        }
+        self.budget = self
+            .budget
+            .checked_sub(wanted)
+            .ok_or_else(|| in_it("expected no more bytes than the file has, got more".into()))?;
+        let mut bytes = vec![0; wanted as usize];
+        let read = entry.read_exact(&mut bytes);
+        read.map_err(|error| in_it(error.to_string()))?;
+        let tensor = Tensor::from_raw_buffer(&bytes, dtype, &[storage.numel], &Device::Cpu);
+        let values = tensor.and_then(|tensor| tensor.to_dtype(DType::F32)?.to_vec1());
+        values.map_err(|error| in_it(error.to_string()))
+    }
+}
+
+/// Numbers that tensors lie in.
+#[derive(Debug, Clone)]
+struct Storage {
+    /// `None` where they are no floating point numbers.
+    dtype: Option<DType>,
+    key: String,
+    numel: usize,
+}
+
+/// A view of a storage.
+#[derive(Debug)]
+struct View {
+    storage: Storage,
+    offset: usize,
+    shape: Vec<usize>,
+    strides: Vec<usize>,
+}
+
+impl View {
+    /// How many numbers it has, all of which lie in its storage.
+    fn elements(&self) -> Result<usize, String> {
+        let count = self
+            .shape
+            .iter()
+            .try_fold(1_usize, |n, size| n.checked_mul(*size));
+        let wrong = || {
+            format!(
+                "expected a tensor within its {} numbers, got shape {:?}, strides {:?}, offset {}",
+                self.storage.numel, self.shape, self.strides, self.offset
+            )
+        };
+        let count = count.ok_or_else(wrong)?;
+        if count == 0 {
+            return Ok(0);
+        }
+        let ways = self.shape.iter().zip(&self.strides);
+        let last = ways
+            .map(|(size, stride)| (size - 1).checked_mul(*stride))
+            .try_fold(self.offset, |at, way| at.checked_add(way?));
+        let fits = last.is_some_and(|last| last < self.storage.numel);
+        match fits && self.shape.len() == self.strides.len() {
+            true => Ok(count),
+            false => Err(wrong()),
+        }
+    }
+
+    /// Its numbers in the order of rows.
+    fn gather(&self, count: usize, storage: &[f32]) -> Result<Vec<f32>, String> {
+        let mut out = Vec::with_capacity(count);
+        let mut index = vec![0; self.shape.len()];
+        let mut at = self.offset;
+        for _ in 0..count {
+            out.push(
+                *storage
+                    .get(at)
+                    .ok_or("expected a tensor within its storage")?,
+            );
+            for axis in (0..index.len()).rev() {
+                index[axis] += 1;
+                at += self.strides[axis];
+                if index[axis] < self.shape[axis] {
+                    break;
+                }
+                at -= index[axis] * self.strides[axis];
+                index[axis] = 0;
+            }
+        }
+        Ok(out)
+    }
+}
+
+/// Number of a value in the list of all.
+type Id = usize;
+
+/// What a pickle makes. Values refer to others by number: nothing is copied, and nothing nests.
+#[derive(Debug)]
+enum Value {
+    /// None, a truth value, a floating point number: nothing that a tensor is made of.
+    Plain,
+    Number(i64),
+    Text(String),
+    Global(String),
+    Tuple(Vec<Id>),
+    List(Vec<Id>),
+    Dict(Vec<(Id, Id)>),
+    Storage(Storage),
+    Tensor(View),
+}
+
+/// All values of a pickle.
+struct Values {
+    all: Vec<Value>,
+    result: Id,
+}
+
+impl Values {
+    /// Tensors of the dictionary that is the result, with their names.
+    fn tensors(&self) -> Result<Vec<(&str, &View)>, String> {
+        let Value::Dict(items) = &self.all[self.result] else {
+            return Err("expected a dictionary of tensors, got another value".to_owned());
+        };
+        let named =
+            items
+                .iter()
+                .filter_map(|(key, value)| match (&self.all[*key], &self.all[*value]) {
+                    (Value::Text(name), Value::Tensor(view)) => Some((name.as_str(), view)),
+                    _ => None,
+                });
+        Ok(named.collect())
+    }
+}
+
+/// Runs a pickle.
+struct Machine<'a> {
+    rest: &'a [u8],
+    values: Vec<Value>,
+    stack: Vec<Id>,
+    /// Heights of the stack.
+    marks: Vec<usize>,
+    memo: HashMap<u32, Id>,
+}
+
+impl<'a> Machine<'a> {
+    fn run(pickle: &'a [u8]) -> Result<Values, String> {
+        let mut machine = Machine {
+            rest: pickle,
+            values: Vec::new(),
+            stack: Vec::new(),
+            marks: Vec::new(),
+            memo: HashMap::new(),
+        };
+        for _ in 0..MOST_INSTRUCTIONS {
+            let at = pickle.len() - machine.rest.len();
+            let in_it = |error: String| format!("data.pkl, byte {at}: {error}");
+            if machine.step().map_err(in_it)? {
+                let result = machine.pop().map_err(in_it)?;
+                return Ok(Values {
+                    all: machine.values,
+                    result,
+                });
+            }
+        }
+        Err(format!(
+            "data.pkl: expected at most {MOST_INSTRUCTIONS} instructions, got more"
+        ))
+    }
+
+    /// One instruction; whether it was the last.
+    fn step(&mut self) -> Result<bool, String> {
+        match self.byte()? {
+            b'.' => return Ok(true),
+            // Protocol; frame.
+            0x80 => drop(self.take(1)?),
+            0x95 => drop(self.take(8)?),
+            b'N' | 0x88 | 0x89 => self.push(Value::Plain),
+            b'G' => {
+                self.take(8)?;
+                self.push(Value::Plain);
+            }
+            b'K' => {
+                let number = i64::from(self.byte()?);
+                self.push(Value::Number(number));
+            }
+            b'M' => {
+                let number = u16::from_le_bytes(self.array()?);
+                self.push(Value::Number(number.into()));
+            }
+            b'J' => {
+                let number = i32::from_le_bytes(self.array()?);
+                self.push(Value::Number(number.into()));
+            }
+            0x8a => {
+                let number = self.long()?;
+                self.push(Value::Number(number));
+            }
+            b'X' => {
+                let length = u32::from_le_bytes(self.array()?);
+                self.text(length as usize)?;
+            }
+            0x8c => {
+                let length = self.byte()?;
+                self.text(length.into())?;
+            }
+            b'c' => {
+                let (module, name) = (self.line()?, self.line()?);
+                self.push(Value::Global(global(module, name)?));
+            }
+            0x93 => {
+                let (name, module) = (self.pop()?, self.pop()?);
+                let name = global(self.text_of(module)?, self.text_of(name)?)?;
+                self.push(Value::Global(name));
+            }
+            b'(' => self.marks.push(self.stack.len()),
+            b'}' => self.push(Value::Dict(Vec::new())),
+            b']' => self.push(Value::List(Vec::new())),
+            b')' => self.push(Value::Tuple(Vec::new())),
+            b't' => {
+                let items = self.pop_to_mark()?;
+                self.push(Value::Tuple(items));
+            }
+            code @ 0x85..=0x87 => {
+                let items = self.pop_many(usize::from(code - 0x84))?;
+                self.push(Value::Tuple(items));
+            }
+            b'a' => {
+                let item = self.pop()?;
+                self.append(vec![item])?;
+            }
+            b'e' => {
+                let items = self.pop_to_mark()?;
+                self.append(items)?;
+            }
+            b's' => {
+                let items = self.pop_many(2)?;
+                self.set_items(&items)?;
+            }
+            b'u' => {
+                let items = self.pop_to_mark()?;
+                self.set_items(&items)?;
+            }
+            b'q' => {
+                let place = self.byte()?;
+                self.remember(place.into())?;
+            }
+            b'r' => {
+                let place = u32::from_le_bytes(self.array()?);
+                self.remember(place)?;
+            }
+            0x94 => {
+                let place = self.memo.len();
+                self.remember(u32::try_from(place).map_err(|error| error.to_string())?)?;
+            }
+            b'h' => {
+                let place = self.byte()?;
+                self.recall(place.into())?;
+            }
+            b'j' => {
+                let place = u32::from_le_bytes(self.array()?);
+                self.recall(place)?;
+            }
+            b'Q' => {
+                let id = self.pop()?;
+                let storage = self.storage(id)?;
+                self.push(Value::Storage(storage));
+            }
+            b'R' => {
+                let (arguments, function) = (self.pop()?, self.pop()?);
+                self.call(function, arguments)?;
+            }
+            // State of an object: of an ordered dictionary, its metadata.
+            b'b' => drop(self.pop()?),
+            other => {
+                return Err(format!(
+                    "expected an instruction that torch.save writes, got {other:#04x}"
+                ));
+            }
+        }
+        Ok(false)
+    }
+
+    fn take(&mut self, count: usize) -> Result<&'a [u8], String> {
+        let (taken, rest) = self
+            .rest
+            .split_at_checked(count)
+            .ok_or_else(|| format!("expected {count} bytes more, got {}", self.rest.len()))?;
+        self.rest = rest;
+        Ok(taken)
+    }
+
+    fn byte(&mut self) -> Result<u8, String> {
+        Ok(self.take(1)?[0])
+    }
+
+    fn array<const N: usize>(&mut self) -> Result<[u8; N], String> {
+        let taken = self.take(N)?;
+        Ok(taken.try_into().expect("as many bytes as were asked for"))
+    }
+
+    /// An integer of up to eight bytes.
+    fn long(&mut self) -> Result<i64, String> {
+        let length = self.byte()?;
+        let bytes = self.take(length.into())?;
+        if bytes.len() > 8 {
+            return Err(format!(
+                "expected an integer of at most 8 bytes, got {length}"
+            ));
+        }
+        let sign = bytes.last().is_some_and(|byte| *byte >= 0x80);
+        let mut whole = [if sign { 0xff } else { 0 }; 8];
+        whole[..bytes.len()].copy_from_slice(bytes);
+        Ok(i64::from_le_bytes(whole))
+    }
+
+    fn text(&mut self, length: usize) -> Result<(), String> {
+        let bytes = self.take(length)?;
+        let text = str::from_utf8(bytes).map_err(|error| error.to_string())?;
+        self.push(Value::Text(text.to_owned()));
+        Ok(())
+    }
+
+    fn line(&mut self) -> Result<&'a str, String> {
+        let end = self.rest.iter().position(|byte| *byte == b'\n');
+        let line = self.take(end.ok_or("expected the end of a line, got none")?)?;
+        self.take(1)?;
+        str::from_utf8(line).map_err(|error| error.to_string())
+    }
+
+    fn push(&mut self, value: Value) {
+        self.stack.push(self.values.len());
+        self.values.push(value);
+    }
+
+    fn pop(&mut self) -> Result<Id, String> {
+        let above_mark = self.stack.len() > self.marks.last().copied().unwrap_or_default();
+        let top = self.stack.pop().filter(|_| above_mark);
+        top.ok_or_else(|| "expected a value on the stack, got none".to_owned())
+    }
+
+    fn pop_many(&mut self, count: usize) -> Result<Vec<Id>, String> {
+        let mut items = (0..count)
+            .map(|_| self.pop())
+            .collect::<Result<Vec<_>, _>>()?;
+        items.reverse();
+        Ok(items)
+    }
+
+    fn pop_to_mark(&mut self) -> Result<Vec<Id>, String> {
+        let mark = self.marks.pop().ok_or("expected a mark, got none")?;
+        Ok(self.stack.split_off(mark.min(self.stack.len())))
+    }
+
+    fn top(&self) -> Result<Id, String> {
+        let top = self.stack.last().copied();
+        top.ok_or_else(|| "expected a value on the stack, got none".to_owned())
+    }
+
+    fn append(&mut self, items: Vec<Id>) -> Result<(), String> {
+        let list = self.top()?;
+        match &mut self.values[list] {
+            Value::List(all) => {
+                all.extend(items);
+                Ok(())
+            }
+            _ => Err("expected a list, got another value".to_owned()),
+        }
+    }
+
+    fn set_items(&mut self, items: &[Id]) -> Result<(), String> {
+        let dict = self.top()?;
+        match (&mut self.values[dict], items.len() % 2) {
+            (Value::Dict(all), 0) => {
+                all.extend(items.chunks(2).map(|pair| (pair[0], pair[1])));
+                Ok(())
+            }
+            _ => Err("expected a dictionary and pairs, got other values".to_owned()),
+        }
+    }
+
+    fn remember(&mut self, place: u32) -> Result<(), String> {
+        let top = self.top()?;
+        self.memo.insert(place, top);
+        Ok(())
+    }
+
+    fn recall(&mut self, place: u32) -> Result<(), String> {
+        let id = self.memo.get(&place).copied();
+        let id = id.ok_or_else(|| format!("expected a value at {place} of the memo, got none"))?;
+        self.stack.push(id);
+        Ok(())
+    }
+
+    fn text_of(&self, id: Id) -> Result<&str, String> {
+        match &self.values[id] {
+            Value::Text(text) => Ok(text),
+            _ => Err("expected a text, got another value".to_owned()),
+        }
+    }
+
+    fn tuple_of(&self, id: Id) -> Result<&[Id], String> {
+        match &self.values[id] {
+            Value::Tuple(items) => Ok(items),
+            _ => Err("expected a tuple, got another value".to_owned()),
+        }
+    }
+
+    fn size_of(&self, id: Id) -> Result<usize, String> {
+        match self.values[id] {
+            Value::Number(number) => usize::try_from(number).ok(),
+            _ => None,
+        }
+        .ok_or_else(|| "expected a size, got another value".to_owned())
+    }
+
+    fn sizes_of(&self, id: Id) -> Result<Vec<usize>, String> {
+        let items = self.tuple_of(id)?;
+        match items.len() > MOST_AXES {
+            true => Err(format!(
+                "expected at most {MOST_AXES} axes, got {}",
+                items.len()
+            )),
+            false => items.iter().map(|item| self.size_of(*item)).collect(),
+        }
+    }
+
+    /// `("storage", torch.FloatStorage, key, device, numel)`.
+    fn storage(&self, id: Id) -> Result<Storage, String> {
+        let &[_, kind, key, _, numel] = self.tuple_of(id)? else {
+            return Err("expected a storage of five values, got another number".to_owned());
+        };
+        let Value::Global(kind) = &self.values[kind] else {
+            return Err("expected a kind of storage, got another value".to_owned());
+        };
+        Ok(Storage {
+            dtype: dtype(kind)?,
+            key: short(self.text_of(key)?)?.to_owned(),
+            numel: self.size_of(numel)?,
+        })
+    }
+
+    fn call(&mut self, function: Id, arguments: Id) -> Result<(), String> {
+        let Value::Global(name) = &self.values[function] else {
+            return Err("expected the name of a function, got another value".to_owned());
+        };
+        let items = self.tuple_of(arguments)?;
+        let value = match (name.as_str(), items) {
+            ("collections.OrderedDict", _) => Value::Dict(Vec::new()),
+            ("torch._utils._rebuild_tensor_v2", &[storage, offset, shape, strides, ..]) => {
+                let Value::Storage(storage) = &self.values[storage] else {
+                    return Err("expected a storage, got another value".to_owned());
+                };
+                Value::Tensor(View {
+                    storage: storage.clone(),
+                    offset: self.size_of(offset)?,
+                    shape: self.sizes_of(shape)?,
+                    strides: self.sizes_of(strides)?,
+                })
+            }
+            ("torch.Size", &[same]) | ("torch._utils._rebuild_parameter", &[same, ..]) => {
+                self.stack.push(same);
+                return Ok(());
+            }
+            (other, _) => {
+                return Err(format!(
+                    "expected tensors and plain containers, got {other}"
+                ));
+            }
+        };
+        self.push(value);
+        Ok(())
+    }
+}
+
+/// The full name of a class or function.
+fn global(module: &str, name: &str) -> Result<String, String> {
+    Ok(format!("{}.{}", short(module)?, short(name)?))
+}
+
+fn short(name: &str) -> Result<&str, String> {
+    match name.len() > LONGEST_NAME {
+        true => Err(format!(
+            "expected a name of at most {LONGEST_NAME} letters, got {}",
+            name.len()
+        )),
+        false => Ok(name),
+    }
+}
+
+/// Numbers of a kind of storage, `None` where they are no floating point numbers.
+fn dtype(kind: &str) -> Result<Option<DType>, String> {
+    match kind {
+        "torch.FloatStorage" => Ok(Some(DType::F32)),
+        "torch.DoubleStorage" => Ok(Some(DType::F64)),
+        "torch.HalfStorage" => Ok(Some(DType::F16)),
+        "torch.BFloat16Storage" => Ok(Some(DType::BF16)),
+        "torch.LongStorage" | "torch.IntStorage" | "torch.ShortStorage" | "torch.CharStorage"
+        | "torch.ByteStorage" | "torch.BoolStorage" => Ok(None),
+        other => Err(format!("expected a storage of numbers, got {other}")),
+    }
+}
+
+#[cfg(test)]
+mod tests;
