@@ -140,6 +140,13 @@ impl Redo<'_> {
         let (Some(fps), Some(landmarks_neutral)) = (vertices.fps, landmarks.neutral) else {
             return Err(self.wrong("arrays fps and landmarks_neutral, got none"));
         };
+        let frames = vertices.displacements.dim().0;
+        let of_landmarks = landmarks.displacements.dim().0;
+        if frames != of_landmarks {
+            return Err(self.wrong(&format!(
+                "as many frames of landmarks as of vertices, {frames}, got {of_landmarks}"
+            )));
+        }
         Ok(Animation {
             vertices: VertexClip {
                 displacements: vertices.displacements,

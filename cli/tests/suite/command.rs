@@ -493,6 +493,27 @@ fn motion_of_weights_has_a_file_a_table_and_stretches_that_are_made_again() {
     );
 }
 
+/// An animation with its landmarks of the first frame alone.
+fn shorten_landmarks(from: &Path, to: &Path) {
+    let file = fs::File::open(from).unwrap();
+    let mut npz = ndarray_npy::NpzReader::new(file).unwrap();
+    let mut out = ndarray_npy::NpzWriter::new(fs::File::create(to).unwrap());
+    for name in npz.names().unwrap() {
+        let name = name.trim_end_matches(".npy").to_owned();
+        if name == "fps" {
+            let fps: ndarray::Array0<f64> = npz.by_name(&name).unwrap();
+            out.add_array(&name, &fps).unwrap();
+            continue;
+        }
+        let mut array: ndarray::ArrayD<f32> = npz.by_name(&name).unwrap();
+        if name == "landmark_displacements" {
+            array.slice_axis_inplace(ndarray::Axis(0), (..1).into());
+        }
+        out.add_array(&name, &array).unwrap();
+    }
+    out.finish().unwrap();
+}
+
 #[test]
 fn a_stretch_of_an_animated_mesh_is_made_again_and_the_rest_stays_to_the_bit() {
     let folder = folder_with_sound(&hum(0.8), 16_000);
@@ -519,6 +540,18 @@ fn a_stretch_of_an_animated_mesh_is_made_again_and_the_rest_stays_to_the_bit() {
     done(
         &folder,
         &[&animate[..], &["new.npz"], &redo, &["--emotion", "angry:1"]].concat(),
+    );
+    shorten_landmarks(
+        &folder.path().join("was.npz"),
+        &folder.path().join("short.npz"),
+    );
+    let short = ["--redo", "0.2-0.6", "--from", "short.npz"];
+    let words = [&animate[..], &["o.npz"], &short].concat();
+    refused(
+        &folder,
+        &words,
+        3,
+        "as many frames of landmarks as of vertices, 20, got 1",
     );
     let mesh = anyface::mesh::Mesh::read(std::path::Path::new(mesh)).unwrap();
     let [was, same, new] = ["was.npz", "same.npz", "new.npz"].map(|name| {

@@ -2,7 +2,7 @@
 
 use std::{ops::Range, sync::OnceLock};
 
-use super::{OneHead, parts};
+use super::{OneHead, SURFACE_CELLS, parts};
 use crate::{
     Error, Result,
     job::{ProgressFn, report},
@@ -47,9 +47,16 @@ impl OneHead<'_> {
     /// Makes the mesh of this head.
     ///
     /// # Errors
-    /// `InvalidInput` for a resolution of 0, above 4096 or that would take more than 1 GiB, and for a code
+    /// `InvalidInput` for a resolution under 32, above 4096 or that would take more than 1 GiB, and for a code
     /// without a surface; `Cancelled`.
     pub fn mesh(&self, options: &HeadOptions, progress: ProgressFn<'_>) -> Result<MadeHead> {
+        let least = *SURFACE_CELLS.start();
+        if options.resolution < least {
+            return Err(Error::InvalidInput(format!(
+                "resolution: expected at least {least} cells along the longest side, as fewer leave no face, got {}",
+                options.resolution
+            )));
+        }
         let skin = self.canonical_surface(options.resolution, progress)?;
         let Mesh {
             positions: mut canonical,

@@ -108,6 +108,18 @@ fn a_mixture_lies_between() {
 }
 
 #[test]
+fn too_few_cells_for_a_face_are_refused() {
+    for resolution in [0, 1, 2, 5, 31] {
+        let options = HeadOptions {
+            resolution,
+            parts: true,
+        };
+        let error = of_seed(3).mesh(&options, SILENT).err().unwrap();
+        assert!(error.to_string().contains("at least 32"), "{error}");
+    }
+}
+
+#[test]
 fn a_made_head_is_closed_and_has_its_landmarks_on_vertices() {
     let options = HeadOptions {
         resolution: 64,
