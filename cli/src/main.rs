@@ -12,6 +12,7 @@ mod head;
 mod info;
 mod landmarks;
 mod layers;
+mod memory;
 mod motion;
 mod open_mouth;
 mod parts;
@@ -67,6 +68,7 @@ fn main() -> ExitCode {
     let console = Console::new(arguments.shared.json);
     console.listen();
     signals::listen();
+    memory::guard(arguments.shared.json);
     let files = arguments.files(&matches);
     let run = || {
         files.check()?;

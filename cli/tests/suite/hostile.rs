@@ -270,6 +270,44 @@ fn a_result_never_replaces_what_it_is_made_from() {
 
 #[cfg(target_os = "linux")]
 #[test]
+fn under_any_limit_of_memory_the_command_ends_well_and_leaves_nothing() {
+    let folder = crate::folder_with_sound(&crate::voice::babble(2.0, 16_000), 16_000);
+    let mesh = crate::model("default_head").join("head.obj");
+    let (command, mesh) = (env!("CARGO_BIN_EXE_anyface"), mesh.display());
+    let before = fs::read_dir(folder.path()).unwrap().count();
+    let mut codes = Vec::new();
+    for megabytes in [80, 100, 150, 250, 280, 350, 450, 550, 2_000] {
+        let line = format!(
+            "ulimit -v {}; exec {command} animate --mesh {mesh} --audio a.wav --out o.npz --no-cache --threads 2",
+            megabytes * 1000
+        );
+        let mut shell = Command::new("sh");
+        let ended = shell
+            .current_dir(folder.path())
+            .args(["-c", &line])
+            .output()
+            .unwrap();
+        let said = String::from_utf8_lossy(&ended.stderr);
+        let code = ended.status.code();
+        match code {
+            Some(0) => fs::remove_file(folder.path().join("o.npz")).unwrap(),
+            _ => assert!(
+                code == Some(13) && said.contains("out of memory"),
+                "{megabytes} MB, {code:?}: {said}"
+            ),
+        }
+        assert_eq!(
+            fs::read_dir(folder.path()).unwrap().count(),
+            before,
+            "{megabytes} MB"
+        );
+        codes.push(code);
+    }
+    assert_eq!((codes[0], codes[codes.len() - 1]), (Some(13), Some(0)));
+}
+
+#[cfg(target_os = "linux")]
+#[test]
 fn a_reader_that_has_left_is_no_error_and_a_full_disk_is_one() {
     let info = |out: Stdio| {
         let mut command = Command::new(env!("CARGO_BIN_EXE_anyface"));

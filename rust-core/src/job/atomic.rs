@@ -4,7 +4,7 @@ use std::{
     fs::{self, File},
     io::{self, BufWriter, Write},
     path::{Path, PathBuf},
-    sync::{Mutex, PoisonError},
+    sync::{Mutex, PoisonError, TryLockError},
     time::{Duration, SystemTime},
 };
 
@@ -61,12 +61,23 @@ fn unfinished(change: impl FnOnce(&mut Vec<PathBuf>)) {
 }
 
 /// Removes all files and folders in the making, before the process ends in the middle of its work.
+///
+/// Waits a moment for a thread that notes one, and no longer: that thread may be the one that ends the process.
 pub fn remove_unfinished() {
-    unfinished(|paths| {
-        for path in paths.drain(..) {
-            remove(&path);
+    for _ in 0..100 {
+        let paths = match UNFINISHED.try_lock() {
+            Ok(paths) => Some(paths),
+            Err(TryLockError::Poisoned(error)) => Some(error.into_inner()),
+            Err(TryLockError::WouldBlock) => None,
+        };
+        if let Some(mut paths) = paths {
+            for path in paths.drain(..) {
+                remove(&path);
+            }
+            return;
         }
-    });
+        std::thread::sleep(Duration::from_millis(1));
+    }
 }
 
 /// Runs a job whose files get their names when it has succeeded, all together, and leave nothing where it has not.

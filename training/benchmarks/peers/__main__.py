@@ -75,8 +75,8 @@ def ours(binary: Path, data: Path, recordings: list[Recording]) -> tuple[dict, f
     return found, float(inner_gap(np.zeros((1, 68, 3)), neutral)[0] * MM)
 
 
-def left_out(name: str, path: Path = REPOSITORY / "docs/quality.json") -> list[Row]:
-    """What `docs/quality.md` says of a model on whole takes that it never saw; empty without such."""
+def left_out(name: str, path: Path = REPOSITORY / "docs/measured/left-out.json") -> list[Row]:
+    """What `docs/measured/left-out.md` says of a model on whole takes that it never saw; empty without such."""
     sources = {source["source"]: source["predictors"] for source in json.loads(path.read_text())["sources"]}
     found = []
     for predictor in sources.get("facegood_zh_whole", []):

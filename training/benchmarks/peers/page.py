@@ -7,7 +7,7 @@ from training.benchmarks.peers.table import Row, Source
 from training.benchmarks.peers.tools import TOOLS
 
 HEAD = Path(__file__).with_name("head.md")
-LEFT_OUT = "quality.md: "
+LEFT_OUT = "left-out.md: "
 MARGIN = 0.005
 READ = {
     "gap r": "gap",

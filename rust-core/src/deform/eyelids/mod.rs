@@ -195,7 +195,7 @@ impl Eyelids {
             hug: shut,
         });
         let made = self.rims.each_ref().map(|rim| self.elevations(rim, frame));
-        let change = self.lacking(closed, shut, &made).map(|x| hold * x);
+        let change = self.shortfall(closed, shut, &made).map(|x| hold * x);
         let added = [UPPER_SHARE, UPPER_SHARE - 1.0].map(|share| change.map(|x| share * x));
         let whole: [[f32; SAMPLES]; 2] = std::array::from_fn(|lid| {
             std::array::from_fn(|k| made[lid][k] + added[lid][k] - self.rims[lid].rest[k])
@@ -222,7 +222,7 @@ impl Eyelids {
 
     /// What the openings that a decoder made lack to those that are asked for, radians; `made`: elevations of
     /// both edges.
-    fn lacking(&self, closed: f32, shut: f32, made: &[[f32; SAMPLES]; 2]) -> [f32; SAMPLES] {
+    fn shortfall(&self, closed: f32, shut: f32, made: &[[f32; SAMPLES]; 2]) -> [f32; SAMPLES] {
         let overlap = shut * OVERLAP_CM / self.ball.radius;
         let change: [f32; SAMPLES] = std::array::from_fn(|k| {
             let rest = self.rims[0].rest[k] - self.rims[1].rest[k];
@@ -306,8 +306,8 @@ impl Eyelids {
             (length, length - self.ball.radius_below(p, length))
         };
         let ((length, height), (_, before)) = (over(turned), over(place));
-        let lacking = before + lift.out - height;
-        let scale = 1.0 + share * lacking.max(lift.hug * lacking) / length.max(1e-6);
+        let shortfall = before + lift.out - height;
+        let scale = 1.0 + share * shortfall.max(lift.hug * shortfall) / length.max(1e-6);
         std::array::from_fn(|i| scale * turned[i] - came[i])
     }
 }

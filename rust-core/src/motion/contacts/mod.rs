@@ -13,7 +13,7 @@ use crate::{Result, speech::LipContacts};
 
 pub use approach::{Parting, approach, restore_contacts};
 pub use lips::{TOUCHING_M, narrow, opening};
-pub use rounding::{forward, lacking};
+pub use rounding::{forward, shortfall};
 pub use teeth::{AT_TEETH_M, LIP, distance, excess};
 
 impl LandmarkClip {

@@ -13,7 +13,7 @@ use crate::{
 /// his jaw takes back.
 pub const ROUND_M: f32 = 3.3e-3;
 
-/// Brings the lips of a clip forward where they are rounded, by as much of `mouthPucker` as they lack.
+/// Brings the lips of a clip forward where they are rounded, by as much of `mouthPucker` as they fall short.
 ///
 /// # Errors
 /// `Weights` for modes without it or the jaw.
@@ -26,8 +26,8 @@ pub fn round_lips(
     let degrees = rounding.at_frames(clip.displacements.dim().0, clip.fps);
     for (mut face, degree) in clip.displacements.outer_iter_mut().zip(degrees) {
         let opening = face[[CHIN, 1]] / jaw[[CHIN, 1]];
-        let has = forward(face.view()) - opening * forward(jaw);
-        let weight = lacking(degree, has) / forward(pucker);
+        let forward_m = forward(face.view()) - opening * forward(jaw);
+        let weight = shortfall(degree, forward_m) / forward(pucker);
         for n in MOUTH.filter(|_| weight > 0.0) {
             for axis in 0..3 {
                 face[[n, axis]] += weight * pucker[[n, axis]];
@@ -37,9 +37,9 @@ pub fn round_lips(
     Ok(())
 }
 
-/// How far lips that are `has` metres forward lack of a degree of rounding, metres.
-pub fn lacking(degree: f32, has: f32) -> f32 {
-    (degree * ROUND_M - has.max(0.0)).max(0.0)
+/// How far lips that are `forward_m` metres forward fall short of a degree of rounding, metres.
+pub fn shortfall(degree: f32, forward_m: f32) -> f32 {
+    (degree * ROUND_M - forward_m.max(0.0)).max(0.0)
 }
 
 /// How far forward the lips of a frame `[68, 3]` are in the mean, metres.

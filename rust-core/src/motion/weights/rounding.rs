@@ -3,7 +3,7 @@
 use super::{
     super::{
         FaceModes, WeightClip,
-        contacts::{forward, lacking},
+        contacts::{forward, shortfall},
     },
     starts,
 };
@@ -36,7 +36,7 @@ impl WeightClip {
         let degrees = rounding.at_frames(self.weights.nrows(), self.fps);
         for (t, mut row) in self.weights.outer_iter_mut().enumerate() {
             if over_speech.get(t) != Some(&true) {
-                row[pucker] += lacking(degrees[t], row.dot(&by)) / by[pucker];
+                row[pucker] += shortfall(degrees[t], row.dot(&by)) / by[pucker];
             }
         }
         Ok(())

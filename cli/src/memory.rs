@@ -1,0 +1,81 @@
+//! What the command does where memory ends: it removes what is half written, says so, and exits with the code of that
+//! error. Rust ends such a process by SIGABRT, which would leave the files and tell scripts nothing.
+
+use std::{
+    alloc::{GlobalAlloc, Layout, System},
+    sync::atomic::{AtomicBool, Ordering},
+};
+
+/// The system's allocator, which notes that memory has ended.
+struct Watched;
+
+#[global_allocator]
+static ALLOCATOR: Watched = Watched;
+
+static HAS_ENDED: AtomicBool = AtomicBool::new(false);
+
+fn note(place: *mut u8) -> *mut u8 {
+    if place.is_null() {
+        HAS_ENDED.store(true, Ordering::Relaxed);
+    }
+    place
+}
+
+// SAFETY: every call goes to the system's allocator as it came.
+unsafe impl GlobalAlloc for Watched {
+    unsafe fn alloc(&self, layout: Layout) -> *mut u8 {
+        note(unsafe { System.alloc(layout) })
+    }
+
+    unsafe fn alloc_zeroed(&self, layout: Layout) -> *mut u8 {
+        note(unsafe { System.alloc_zeroed(layout) })
+    }
+
+    unsafe fn realloc(&self, place: *mut u8, layout: Layout, size: usize) -> *mut u8 {
+        note(unsafe { System.realloc(place, layout, size) })
+    }
+
+    unsafe fn dealloc(&self, place: *mut u8, layout: Layout) {
+        unsafe { System.dealloc(place, layout) };
+    }
+}
+
+/// Ends the process politely from now on where memory ends.
+#[cfg(unix)]
+pub fn guard(json: bool) {
+    use std::{io::Write, sync::Mutex};
+
+    use anyface::{Error, job::remove_unfinished};
+    use signal_hook::{consts::SIGABRT, low_level};
+
+    /// Kept for what is still to do.
+    const RESERVE: usize = 256 << 10;
+
+    let reserve = Mutex::new(Some(vec![1_u8; RESERVE]));
+    let message = "the memory that this process may take has ended; more memory, a shorter sound or a smaller mesh helps";
+    let error = Error::OutOfMemory(message.to_owned());
+    let code = i32::from(error.exit_code());
+    let text = match json {
+        true => format!(
+            "{{\"error\":{{\"code\":{code},\"kind\":\"out_of_memory\",\"message\":\"{error}\"}}}}\n"
+        ),
+        false => format!("error: {error}\n"),
+    };
+    let end = move || {
+        if !HAS_ENDED.load(Ordering::Relaxed) {
+            return;
+        }
+        if let Ok(mut reserve) = reserve.try_lock() {
+            *reserve = None;
+        }
+        remove_unfinished();
+        let _ = std::io::stderr().write_all(text.as_bytes());
+        low_level::exit(code);
+    };
+    // SAFETY: the signal is raised by the thread that found no memory, outside of the allocator and of the lock of
+    // standard error; nothing else sends it.
+    let _ = unsafe { low_level::register(SIGABRT, end) };
+}
+
+#[cfg(not(unix))]
+pub fn guard(_json: bool) {}
