@@ -6,9 +6,9 @@ use std::{
     process::Command,
 };
 
-use anyhow::Result;
+use anyhow::{Context, Result};
 
-use crate::{install, machine, steps::Steps};
+use crate::{install, licences, machine, steps::Steps};
 
 const NAME: &str = "libanyface-dev";
 const PROGRAM: &str = "#include <anyface.h>\n\
@@ -33,12 +33,20 @@ fn stage(built: &Path, tree: &Path, out: &Path) -> Result<PathBuf> {
     install::install(built, &tree.join("usr"))?;
     let documents = tree.join("usr/share/doc").join(NAME);
     fs::create_dir_all(&documents)?;
-    install::copy_licences(&documents)?;
-    fs::copy(documents.join("NOTICE"), documents.join("copyright"))?;
+    fs::write(documents.join("copyright"), copyright()?)?;
     fs::create_dir_all(tree.join("DEBIAN"))?;
     let size = size_kb(&tree.join("usr"))?;
     fs::write(tree.join("DEBIAN/control"), control(version, size))?;
     Ok(out.join(format!("{NAME}_{version}_amd64.deb")))
+}
+
+/// All licences in the one file where Debian looks for them.
+fn copyright() -> Result<String> {
+    let texts = licences::FILES.iter().map(|name| {
+        let text = fs::read_to_string(machine::root().join(name));
+        text.with_context(|| format!("reading {name}"))
+    });
+    Ok(texts.collect::<Result<Vec<_>>>()?.join("\n\n"))
 }
 
 fn control(version: &str, size_kb: u64) -> String {
@@ -145,6 +153,12 @@ mod tests {
         for mut command in commands {
             let output = command.output().unwrap();
             assert!(output.status.success(), "{command:?}: {output:?}");
+        }
+        let installed = root.join("usr/share/doc").join(NAME).join("copyright");
+        let text = fs::read_to_string(installed).unwrap();
+        for name in licences::FILES {
+            let part = fs::read_to_string(machine::root().join(name)).unwrap();
+            assert!(text.contains(&part), "{name}");
         }
         fs::remove_dir_all(folder).unwrap();
     }

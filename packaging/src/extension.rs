@@ -11,13 +11,11 @@ use anyhow::{Context, Result, ensure};
 use clap::Args;
 
 use crate::{
+    licences,
     machine::{self, Platform},
     python::{PYTHON, Venv},
     steps::Steps,
 };
-
-/// Files of the repository that the zip carries beside the extension's own.
-pub const LICENCES: &[&str] = &["LICENSE-MIT", "LICENSE-APACHE", "NOTICE"];
 
 /// Builds the extension's zip.
 #[derive(Args)]
@@ -108,14 +106,7 @@ pub fn build_zip(steps: &mut Steps, library: &Path, zip: &Path) -> Result<()> {
     let inside = stage.join("lib").join(platform.shared_library());
     fs::create_dir_all(stage.join("lib"))?;
     fs::copy(library, &inside)?;
-    fs::create_dir_all(stage.join("licences"))?;
-    for name in LICENCES {
-        fs::copy(
-            machine::root().join(name),
-            stage.join("licences").join(name),
-        )
-        .with_context(|| format!("copying {name}"))?;
-    }
+    licences::copy(&stage.join("licences"))?;
     strip(steps, &inside)?;
     pack(steps, &stage, zip)?;
     validate(steps, zip)

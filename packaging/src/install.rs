@@ -1,4 +1,4 @@
-//! The C library as a tree that pkg-config and CMake find: `lib`, `include`, their package files.
+//! The C library as a tree that pkg-config and CMake find: `lib`, `include`, their package files, licences.
 
 use std::{
     fs,
@@ -10,7 +10,7 @@ use anyhow::{Context, Result, ensure};
 use clap::Args;
 
 use crate::{
-    extension,
+    licences,
     machine::{self, Platform},
 };
 
@@ -27,10 +27,10 @@ fn system_libraries(platform: Platform) -> &'static [&'static str] {
     }
 }
 
-/// Installs the C library under a prefix: lib, include, pkg-config and CMake package files.
+/// Installs the C library under a prefix: lib, include, pkg-config and CMake package files, licences.
 #[derive(Args)]
 pub struct Install {
-    /// The folder that receives `lib` and `include`, such as /usr/local.
+    /// The folder that receives `lib`, `include` and `share/doc/anyface`, such as /usr/local.
     #[arg(long)]
     prefix: PathBuf,
     /// Folder of a built libanyface.so and libanyface.a; without it a release build is made.
@@ -46,6 +46,7 @@ impl Install {
             None => build()?,
         };
         install(&built, &self.prefix)?;
+        licences::copy(&self.prefix.join("share/doc/anyface"))?;
         println!("installed into {}", self.prefix.display());
         Ok(())
     }
@@ -186,15 +187,6 @@ fn write(path: &Path, text: &str) -> Result<()> {
 fn make_folder(file: &Path) -> Result<()> {
     let folder = file.parent().context("a file lies in a folder")?;
     fs::create_dir_all(folder).with_context(|| format!("making {}", folder.display()))
-}
-
-/// Puts the licences of the library into `folder`.
-pub fn copy_licences(folder: &Path) -> Result<()> {
-    for name in extension::LICENCES {
-        fs::copy(machine::root().join(name), folder.join(name))
-            .with_context(|| format!("copying {name}"))?;
-    }
-    Ok(())
 }
 
 #[cfg(test)]

@@ -7,6 +7,7 @@ mod demo;
 mod extension;
 mod header;
 mod install;
+mod licences;
 mod machine;
 mod package;
 mod portable;
@@ -14,6 +15,7 @@ mod prepare;
 mod python;
 mod steps;
 mod test;
+mod third_party;
 mod wheel;
 
 use anyhow::Result;
@@ -41,6 +43,8 @@ enum Task {
     Header(header::Header),
     /// The C library below a prefix, for pkg-config and CMake.
     Install(install::Install),
+    /// THIRD-PARTY.md, the licences of the linked crates, by cargo-about.
+    Licences(licences::Licences),
     /// What is handed out for this system: zip, wheel, C library, Debian package.
     Package(package::Package),
     /// What the tests install: Python environments, and Blender as a program.
@@ -58,6 +62,7 @@ fn main() -> Result<()> {
         Task::Extension(extension) => extension.run(),
         Task::Header(header) => header.run(),
         Task::Install(install) => install.run(),
+        Task::Licences(licences) => licences.run(),
         Task::Package(package) => package.run(),
         Task::Prepare(prepare) => prepare.run(),
         Task::Test(test) => test.run(),

@@ -10,7 +10,7 @@ use anyhow::{Result, ensure};
 use clap::Args;
 
 use crate::{
-    debian, extension, install,
+    debian, extension, install, licences,
     machine::{self, Platform},
     portable,
     steps::Steps,
@@ -62,23 +62,51 @@ impl Package {
     }
 }
 
-/// Library, header, package files of pkg-config and CMake, licences.
+/// Lays out the tarball: library, header, package files of pkg-config and CMake, licences.
+fn stage(built: &Path, tree: &Path) -> Result<()> {
+    machine::empty(tree)?;
+    install::install(built, tree)?;
+    licences::copy(tree)
+}
+
+/// Packs the C library and what belongs to it.
 fn tarball(steps: &mut Steps, built: &Path, out: &Path, platform: Platform) -> Result<PathBuf> {
     let name = format!("anyface-{}-{}", env!("CARGO_PKG_VERSION"), platform.name());
-    let stage = machine::target().join("tarball");
-    let tree = stage.join(&name);
-    machine::empty(&tree)?;
-    install::install(built, &tree)?;
-    install::copy_licences(&tree)?;
+    let folder = machine::target().join("tarball");
+    let tree = folder.join(&name);
+    stage(built, &tree)?;
     let path = out.join(format!("{name}.tar.gz"));
     let mut command = Command::new("tar");
     command
         .arg("-czf")
         .arg(&path)
         .arg("-C")
-        .arg(&stage)
+        .arg(&folder)
         .arg(&name);
     steps.run("pack the C library", &mut command)?;
     ensure!(path.is_file(), "tar wrote no {}", path.display());
     Ok(path)
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    #[test]
+    fn a_tarball_has_the_library_and_all_licences() {
+        let folder = std::env::temp_dir().join(format!("anyface-tarball-{}", std::process::id()));
+        let (built, tree) = (folder.join("built"), folder.join("tree"));
+        fs::create_dir_all(&built).unwrap();
+        let platform = Platform::here().unwrap();
+        let library = platform.static_library();
+        for name in [platform.shared_library(), library, "anyface.dll.lib"] {
+            fs::write(built.join(name), name).unwrap();
+        }
+        stage(&built, &tree).unwrap();
+        let names = ["lib", "include"].iter().chain(licences::FILES);
+        let missing: Vec<_> = names.filter(|name| !tree.join(name).exists()).collect();
+        assert!(missing.is_empty(), "{missing:?}");
+        assert!(tree.join("lib").join(library).is_file());
+        fs::remove_dir_all(folder).unwrap();
+    }
 }
