@@ -14,7 +14,7 @@ from pathlib import Path
 ROOT = Path(__file__).resolve().parents[2]
 CORE = ROOT / "blender-addon/core"
 PACKAGE = ROOT / "packaging/wheel/anyface"
-LICENCES = ("LICENSE-MIT", "LICENSE-APACHE", "NOTICE")
+LICENCES = ("LICENSE-MIT", "LICENSE-APACHE", "NOTICE", "THIRD-PARTY.md")
 # The earliest date that a zip can hold.
 DATE = (1980, 1, 1, 0, 0, 0)
 EXECUTABLE, PLAIN = 0o100755 << 16, 0o100644 << 16

@@ -6,6 +6,8 @@ import time
 import numpy as np
 import pytest
 
+from conftest import ROOT
+
 
 def test_core_and_farm_never_import_bpy(installed):
     paths = sorted([*(installed / "core").rglob("*.py"), *(installed / "farm").rglob("*.py")])
@@ -18,6 +20,13 @@ def test_core_and_farm_never_import_bpy(installed):
             elif isinstance(node, ast.ImportFrom):
                 names = [node.module or ""]
             assert not any(name.split(".")[0] in ("bpy", "aud") for name in names), path
+
+
+def test_the_licences_of_what_is_linked_lie_in_the_zip(installed):
+    names = ["LICENSE-APACHE", "LICENSE-MIT", "NOTICE", "THIRD-PARTY.md"]
+    assert sorted(path.name for path in (installed / "licences").iterdir()) == names
+    for name in names:
+        assert (installed / "licences" / name).read_bytes() == (ROOT / name).read_bytes(), name
 
 
 def _matrix(rotation, scale):

@@ -55,6 +55,16 @@ fn pkg_config_finds_the_installed_library() {
 }
 
 #[test]
+fn licences_are_installed_with_the_library() {
+    let folder = workspace("licences");
+    let documents = installed(&folder).join("share/doc/anyface");
+    for name in ["LICENSE-MIT", "LICENSE-APACHE", "NOTICE", "THIRD-PARTY.md"] {
+        let text = |folder: &Path| std::fs::read_to_string(folder.join(name)).expect(name);
+        assert_eq!(text(&documents), text(root()), "{name}");
+    }
+}
+
+#[test]
 #[cfg_attr(not(has_pkg_config), ignore = "needs pkg-config")]
 fn pkg_config_static_makes_a_program_without_shared_libraries() {
     let folder = workspace("static");

@@ -39,6 +39,19 @@ def test_its_core_is_that_of_the_extension(wheel):
         assert b"bpy." not in archive.read(name), name
 
 
+def test_it_carries_the_licences_of_what_is_linked(wheel):
+    archive = zipfile.ZipFile(wheel)
+    name = next(name for name in archive.namelist() if name.endswith("/METADATA"))
+    folder = name.rpartition("/")[0]
+    head = archive.read(name).decode().partition("\n\n")[0]
+    files = re.findall(r"^License-File: (.+)$", head, flags=re.MULTILINE)
+    assert "THIRD-PARTY.md" in files
+    inside = {name for name in archive.namelist() if name.startswith(f"{folder}/licenses/")}
+    assert inside == {f"{folder}/licenses/{name}" for name in files}
+    for name in files:
+        assert archive.read(f"{folder}/licenses/{name}") == (ROOT / name).read_bytes(), name
+
+
 @pytest.mark.skipif(not shutil.which("objdump"), reason="needs objdump")
 @pytest.mark.skipif(sys.platform != "linux", reason="other systems have no glibc")
 def test_its_tag_is_the_glibc_that_its_library_needs(wheel, tmp_path):
