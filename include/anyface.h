@@ -1273,7 +1273,8 @@ AnyfaceStatus anyface_motion_copy_gaze(const AnyfaceMotion *motion,
                                        AnyfaceError **error);
 
 /// Writes the motion as npz for numpy: `landmark_displacements` `[T, 68, 3]`, canonical metres, `fps`,
-/// and for motion that was spoken `head` `[T, 3]` and `gaze` `[T, 2, 2]`. Motion of weights has `weights`
+/// and for motion that was spoken `head` `[T, 3]`, `gaze` `[T, 2, 2]` and `tongue` `[T, 4]`, shares of the way to contact:
+/// tip to the ridge behind the upper teeth, middle and back to the palate, tip at the upper teeth. Motion of weights has `weights`
 /// `[T, S]`, their `names` `[S]` and `together` `[T]`, how far lips have to meet, too; its landmarks are the
 /// mean face's.
 ///
@@ -1400,7 +1401,8 @@ AnyfaceStatus anyface_clip_copy_landmark_displacements(const AnyfaceClip *clip,
 ///
 /// .npz for numpy: `displacements` `[T, V, 3]`, `landmarks_neutral` `[68, 3]`,
 /// `landmark_displacements` `[T, 68, 3]`, mesh units, `fps`, and for motion that was spoken `head` `[T, 3]`
-/// and `gaze` `[T, 2, 2]` as `anyface_motion_copy_head()` and `_gaze()` give them. .pc2 and .mdd: point caches of
+/// and `gaze` `[T, 2, 2]` as `anyface_motion_copy_head()` and `_gaze()` give them, and `tongue` `[T, 4]`, which the
+/// displacements hold. .pc2 and .mdd: point caches of
 /// positions for Blender, Maya, Houdini and others.
 /// `mesh`: the mesh of the clip's face. `path`: UTF-8.
 /// Fails with `ANYFACE_STATUS_INVALID_INPUT` for another ending or another mesh,
@@ -1432,7 +1434,7 @@ AnyfaceStatus anyface_clip_stream(const AnyfaceEngine *engine,
 
 /// Finds what of the events of a motion nobody will see: events behind the end of the sound, and units that
 /// this face cannot show, such as brows where it has none. After a clip of this face it is also told where no head of
-/// the system's own model is like the face, so that landmarks alone moved it. Long for a face that was never asked for
+/// the system's own model is like the face, so that landmarks alone moved it, and where the face has no tongue that moves by itself. Long for a face that was never asked for
 /// its shapes: accepts a progress handle.
 ///
 /// `motion` is that of `anyface_motion_new()`. `progress` may be NULL. Free with `anyface_event_notes_free()`.

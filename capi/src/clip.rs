@@ -7,7 +7,7 @@ use anyface::{
     deform::VertexClip,
     job::ProgressFn,
     motion::{Life, Motion, Visibility, lip_travel},
-    spread::{Animation, Collector},
+    spread::{Animation, Collector, Movement},
 };
 use libc::c_char;
 use ndarray::Axis;
@@ -68,17 +68,18 @@ impl AnyfaceClip {
         }
     }
 
-    /// Puts motion on a face; `performance` is where it comes from, where it was spoken.
+    /// Puts motion, and the tongue beside it, on a face; `performance` is where they come from, where they were spoken.
     fn spread(
         engine: &AnyfaceEngine,
         face: &Face,
-        motion: &Motion,
+        (motion, tongue): (&Motion, &Life),
         performance: Option<&Performance>,
         watch: ProgressFn<'_>,
     ) -> anyface::Result<Self> {
         let mut collector = Collector::default();
         let motion = followed(engine, face, motion, watch)?;
-        let made = engine.0.spread(face, &*motion, &mut collector, watch)?;
+        let movement = Movement::from(&*motion).with_tongue(tongue);
+        let made = engine.0.spread(face, movement, &mut collector, watch)?;
         let mm = 1000.0 * face.metres_per_unit() as f32;
         let lips_mm = mm * lip_travel(made.landmarks.view());
         // Motion that the caller brought may let the lips rest.
@@ -195,7 +196,7 @@ pub unsafe extern "C" fn anyface_engine_animate(
             AnyfaceClip::spread(
                 engine,
                 &face.0,
-                &performance.motion,
+                (&performance.motion, &performance.life),
                 Some(&performance),
                 watch,
             )
@@ -226,7 +227,7 @@ pub unsafe extern "C" fn anyface_clip_new(
             AnyfaceClip::spread(
                 engine,
                 &face.0,
-                motion.motion(),
+                (motion.motion(), &*motion.life()),
                 motion.performance(),
                 watch,
             )
@@ -368,7 +369,8 @@ pub unsafe extern "C" fn anyface_clip_copy_landmark_displacements(
 ///
 /// .npz for numpy: `displacements` `[T, V, 3]`, `landmarks_neutral` `[68, 3]`,
 /// `landmark_displacements` `[T, 68, 3]`, mesh units, `fps`, and for motion that was spoken `head` `[T, 3]`
-/// and `gaze` `[T, 2, 2]` as `anyface_motion_copy_head()` and `_gaze()` give them. .pc2 and .mdd: point caches of
+/// and `gaze` `[T, 2, 2]` as `anyface_motion_copy_head()` and `_gaze()` give them, and `tongue` `[T, 4]`, which the
+/// displacements hold. .pc2 and .mdd: point caches of
 /// positions for Blender, Maya, Houdini and others.
 /// `mesh`: the mesh of the clip's face. `path`: UTF-8.
 /// Fails with `ANYFACE_STATUS_INVALID_INPUT` for another ending or another mesh,

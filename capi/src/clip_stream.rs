@@ -3,7 +3,7 @@
 use anyface::{
     Error,
     job::ProgressFn,
-    spread::{ClipStart, FrameSink, LandmarkTrack},
+    spread::{ClipStart, FrameSink, LandmarkTrack, Movement},
 };
 use libc::{c_int, c_void};
 use ndarray::{Array3, Axis};
@@ -105,9 +105,11 @@ pub unsafe extern "C" fn anyface_clip_stream(
             frames_at_once,
             taken: 0,
         };
+        let life = motion.life();
         let spread = |watch: ProgressFn<'_>| {
             let motion = followed(engine, &face.0, motion.motion(), watch)?;
-            engine.0.spread(&face.0, &*motion, &mut sink, watch)
+            let movement = Movement::from(&*motion).with_tongue(&life);
+            engine.0.spread(&face.0, movement, &mut sink, watch)
         };
         unsafe { watched(progress, spread) }?;
         Ok(())

@@ -2,6 +2,7 @@
 
 use std::ffi::CString;
 
+use anyface::spread::tongue_note;
 use libc::c_char;
 
 use crate::{
@@ -21,7 +22,7 @@ pub struct AnyfaceEventNotes(Vec<CString>);
 
 /// Finds what of the events of a motion nobody will see: events behind the end of the sound, and units that
 /// this face cannot show, such as brows where it has none. After a clip of this face it is also told where no head of
-/// the system's own model is like the face, so that landmarks alone moved it. Long for a face that was never asked for
+/// the system's own model is like the face, so that landmarks alone moved it, and where the face has no tongue that moves by itself. Long for a face that was never asked for
 /// its shapes: accepts a progress handle.
 ///
 /// `motion` is that of `anyface_motion_new()`. `progress` may be NULL. Free with `anyface_event_notes_free()`.
@@ -42,7 +43,10 @@ pub unsafe extern "C" fn anyface_event_notes_new(
             performance.unseen_events(&engine.0, &face.0, watch)
         };
         let found = unsafe { watched(progress, find) }?;
+        let speaks = performance.life.tongue.iter().any(|share| *share != 0.0);
+        let tongue = speaks.then(|| tongue_note(&face.0)).flatten();
         let texts = found.into_iter().chain(face.0.field_note());
+        let texts = texts.chain(tongue.map(str::to_owned));
         let texts = texts.map(|text| pointer::c_text(&text));
         Ok(AnyfaceEventNotes(texts.collect()))
     };

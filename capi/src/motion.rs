@@ -41,7 +41,7 @@ pub(crate) enum Made {
     /// Spoken, with all that variations of it need.
     Spoken(Box<Performance>),
     /// Spoken, a stretch of it in another way.
-    Redone(Motion, Life),
+    Redone(Motion, Box<Life>),
     /// Brought by the caller.
     Given(Motion),
 }
@@ -437,7 +437,7 @@ pub unsafe extern "C" fn anyface_motion_new_redone(
         let stretch = Stretch::new(start_s, end_s)?;
         let moved = motion.motion().redone(again.motion(), &stretch)?;
         let life = motion.life().redone(&again.life(), &stretch, moved.fps())?;
-        Ok(AnyfaceMotion::new(Made::Redone(moved, life)))
+        Ok(AnyfaceMotion::new(Made::Redone(moved, Box::new(life))))
     };
     unsafe { guard::give(out, error, make) }
 }
@@ -464,7 +464,8 @@ pub unsafe extern "C" fn anyface_motion_new_frames(
             )));
         }
         let moved = motion.motion().frames_of(first..end);
-        let made = Made::Redone(moved, motion.life().frames_of(first..end));
+        let life = motion.life().frames_of(first..end);
+        let made = Made::Redone(moved, Box::new(life));
         Ok(AnyfaceMotion::new(made))
     };
     unsafe { guard::give(out, error, make) }
@@ -600,8 +601,12 @@ mod tests {
         let life = Life {
             head: ndarray::Array2::from_shape_fn((5, 3), |(t, _)| t as f32),
             gaze: ndarray::Array3::zeros((5, 2, 2)),
+            tongue: ndarray::Array2::zeros((5, 4)),
         };
-        let whole = AnyfaceMotion::new(Made::Redone(motion_from(&values, 5, 30.0).unwrap(), life));
+        let whole = AnyfaceMotion::new(Made::Redone(
+            motion_from(&values, 5, 30.0).unwrap(),
+            Box::new(life),
+        ));
         let (mut part, mut error) = (std::ptr::null_mut(), std::ptr::null_mut());
         let status = unsafe { anyface_motion_new_frames(&whole, 1, 3, &mut part, &mut error) };
         assert_eq!(status, AnyfaceStatus::Ok);

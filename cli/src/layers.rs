@@ -148,13 +148,13 @@ impl Layered<'_> {
         sink: &mut dyn FrameSink,
         progress: ProgressFn<'_>,
     ) -> Result<anyface::spread::SpreadReport> {
-        let whole = &self.performance.motion;
+        let whole = self.performance;
         match &self.said {
             Some(said) if self.mask.iter().any(|share| *share != 1.0) => {
                 let rest = self.mask.iter().map(|share| 1.0 - share).collect();
-                let parts = [(&said.motion, rest), (whole, self.mask.clone())];
-                self.engine
-                    .spread(self.face, Movement::Mixed(parts), sink, progress)
+                let parts = [(&said.motion, rest), (&whole.motion, self.mask.clone())];
+                let mixed = Movement::Mixed(parts).with_tongue(&whole.life);
+                self.engine.spread(self.face, mixed, sink, progress)
             }
             _ => self.engine.spread(self.face, whole, sink, progress),
         }
@@ -165,7 +165,7 @@ impl Layered<'_> {
         let said = self.said.as_ref().map_or(self.performance, |said| said);
         let negative = self.mask.iter().map(|share| -share).collect();
         let spread = |sink: &mut dyn FrameSink| match layer {
-            Layer::Content => self.engine.spread(self.face, &said.motion, sink, progress),
+            Layer::Content => self.engine.spread(self.face, said, sink, progress),
             Layer::Feeling => {
                 let whole = (&self.performance.motion, self.mask.clone());
                 let parts = [(&said.motion, negative), whole];

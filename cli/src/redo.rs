@@ -11,7 +11,7 @@ use anyface::{
     output::{
         Format, read_landmark_motion, read_life, read_vertex_motion, read_weights, write_animation,
     },
-    spread::{Animation, Collector, SpreadReport},
+    spread::{Animation, Collector, Movement, SpreadReport},
 };
 use clap::Args;
 use ndarray::Array3;
@@ -72,9 +72,11 @@ impl Redo<'_> {
         )?;
         let rows = self.stretch.frames(frames, fps)?;
         let part = motion.frames_of(rows.clone());
+        let life = performance.life.frames_of(rows.clone());
         let mut notes = Vec::new();
         let new = Collector::collect(|sink| {
-            let made = engine.spread(face, &part, sink, progress)?;
+            let part = Movement::from(&part).with_tongue(&life);
+            let made = engine.spread(face, part, sink, progress)?;
             notes.clone_from(&made.notes);
             Ok(made)
         })?;

@@ -98,6 +98,7 @@ STORED = {
     "asymmetry": (-1.0, 1.0, 0.0, True),
     "head_motion": (0.0, 2.0, 1.0, True),
     "gaze": (0.0, 2.0, 1.0, True),
+    "tongue": (0.0, 2.0, 1.0, True),
     "breath": (0.0, 2.0, 1.0, True),
     "variety": (0.0, 2.0, 1.0, True),
     "effort": (0.0, 2.0, 1.0, True),

@@ -371,20 +371,34 @@ impl Engine {
     ) -> Result<SpreadReport> {
         let movement = movement.into();
         self.threads(|| {
-            let spread = match movement {
-                Movement::Motion(motion) => self.on_face(face, motion, progress)?,
-                Movement::Own { landmarks, fps } => {
-                    let deformer = self.deformer(face, progress)?.as_ref();
-                    Spread::of_landmarks(face, deformer, landmarks, fps)
-                }
-                Movement::Mixed([(one, first), (other, second)]) => {
-                    let one = self.on_face(face, one, progress)?;
-                    let other = self.on_face(face, other, progress)?;
-                    Spread::mixed([(one, first), (other, second)])?
-                }
-            };
+            let spread = self.on_its_way(face, movement, progress)?;
             spread.into_sink(sink, progress)
         })
+    }
+
+    /// A movement on its way to a face.
+    fn on_its_way<'a>(
+        &self,
+        face: &'a Face,
+        movement: Movement<'a>,
+        progress: ProgressFn<'_>,
+    ) -> Result<Spread<'a>> {
+        match movement {
+            Movement::Motion(motion) => self.on_face(face, motion, progress),
+            Movement::Own { landmarks, fps } => {
+                let deformer = self.deformer(face, progress)?.as_ref();
+                Ok(Spread::of_landmarks(face, deformer, landmarks, fps))
+            }
+            Movement::Mixed([(one, first), (other, second)]) => {
+                let one = self.on_face(face, one, progress)?;
+                let other = self.on_face(face, other, progress)?;
+                Spread::mixed([(one, first), (other, second)])
+            }
+            Movement::WithTongue(movement, tongue) => {
+                let spread = self.on_its_way(face, *movement, progress)?;
+                spread.with_tongue(tongue.view())
+            }
+        }
     }
 
     /// A motion on its way to a face.
@@ -519,7 +533,7 @@ impl Engine {
         progress: ProgressFn<'_>,
     ) -> Result<SpreadReport> {
         let performance = self.perform(waveform, request, progress)?;
-        self.spread(face, &performance.motion, sink, progress)
+        self.spread(face, &performance, sink, progress)
     }
 
     /// Runs `work` on the engine's own threads, if it has any: what the library offers beside the engine, such as

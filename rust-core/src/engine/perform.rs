@@ -16,7 +16,7 @@ use crate::{
     },
     nn::finite::check_result,
     speech::Heard,
-    spread::on_face,
+    spread::{Movement, on_face},
     systems::{Ability, Sampled},
 };
 
@@ -29,12 +29,13 @@ const STILL: f64 = 1e-6;
 /// Controls of what lives beside the face.
 const HEAD: &str = "head_motion";
 const GAZE: &str = "gaze";
+const TONGUE: &str = "tongue";
 const BREATH: &str = "breath";
 /// The control by which a system that hears feeling shows one of its layers, and its value for what is said alone.
 const LAYER: &str = "layer";
 const CONTENT: f32 = 1.0;
 
-/// Motion with head and gaze, and all that is needed to perform it in another way.
+/// Motion with head, gaze and tongue, and all that is needed to perform it in another way.
 ///
 /// ```
 /// use anyface::{CachePolicy, Engine, EngineOptions, MotionRequest, audio::Waveform, job::SILENT};
@@ -53,7 +54,7 @@ const CONTENT: f32 = 1.0;
 pub struct Performance {
     /// The motion.
     pub motion: Motion,
-    /// Head and eyes beside it, as many frames.
+    /// Head, eyes and tongue beside it, as many frames.
     pub life: Life,
     /// As the system made it, before any control.
     pub(super) sampled: Sampled,
@@ -135,7 +136,7 @@ impl Performance {
         })
     }
 
-    /// Motion, head and eyes with `stretch` of them as in `again`; see [`Motion::redone`].
+    /// Motion, head, eyes and tongue with `stretch` of them as in `again`; see [`Motion::redone`].
     ///
     /// # Errors
     /// Those of [`Motion::redone`].
@@ -145,6 +146,12 @@ impl Performance {
             motion,
             self.life.redone(&again.life, stretch, self.motion.fps())?,
         ))
+    }
+}
+
+impl<'a> From<&'a Performance> for Movement<'a> {
+    fn from(performance: &'a Performance) -> Movement<'a> {
+        Movement::Motion(&performance.motion).with_tongue(&performance.life)
     }
 }
 
@@ -230,6 +237,7 @@ impl Engine {
         check_result("motion", motion.values())?;
         check_result("head", life.head.view().into_dyn())?;
         check_result("gaze", life.gaze.view().into_dyn())?;
+        check_result("tongue", life.tongue.view().into_dyn())?;
         Ok(Performance {
             motion,
             life,
@@ -239,8 +247,38 @@ impl Engine {
         })
     }
 
-    /// Head and eyes beside `motion`, carried by `emotion`; still where only speech is asked for.
+    /// Head, eyes and tongue beside `motion`; head and eyes, which `emotion` carries, are still where only speech is asked
+    /// for.
     fn life(
+        &self,
+        motion: &Motion,
+        heard: &Heard,
+        request: &MotionRequest,
+        emotion: &EmotionCurve,
+    ) -> Life {
+        Life {
+            tongue: self.tongue(motion, heard, request),
+            ..self.head_and_eyes(motion, heard, request, emotion)
+        }
+    }
+
+    /// What the tongue does, `[T, 4]`.
+    fn tongue(&self, motion: &Motion, heard: &Heard, request: &MotionRequest) -> Array2<f32> {
+        let (frames, fps) = (motion.frames(), motion.fps());
+        let at = |t: usize| self.control_at(request, TONGUE, t as f64 / fps) as f32;
+        let strengths: Vec<f32> = (0..frames).map(at).collect();
+        let mut tongue = Life::still(frames).tongue;
+        if strengths.iter().any(|strength| *strength != 0.0) {
+            let heard = heard.tongue(fps);
+            let rows = tongue.outer_iter_mut().zip(heard.outer_iter());
+            for ((mut row, heard), strength) in rows.zip(strengths) {
+                row.assign(&(strength * &heard));
+            }
+        }
+        tongue
+    }
+
+    fn head_and_eyes(
         &self,
         motion: &Motion,
         heard: &Heard,
@@ -251,10 +289,7 @@ impl Engine {
         if request.emotion == EmotionCurve::Off {
             return Life::still(frames);
         }
-        let at = |name: &str, time_s: f64| match request.controls.animated(name) {
-            Some(curve) => curve.at(time_s),
-            None => f64::from(self.control(request, name)),
-        };
+        let at = |name: &str, time_s: f64| self.control_at(request, name, time_s);
         let strengths = |t: usize| {
             let time_s = t as f64 / fps;
             LifeStrengths {
@@ -266,6 +301,14 @@ impl Engine {
         let strengths: Vec<LifeStrengths> = (0..frames).map(strengths).collect();
         let affect = emotion.sample(frames, fps);
         Life::perform(&heard.prosody, affect.view(), request.seed, fps, &strengths)
+    }
+
+    /// What a control is asked to be at a time; 0 where the system has no such control.
+    fn control_at(&self, request: &MotionRequest, name: &str, time_s: f64) -> f64 {
+        match request.controls.animated(name) {
+            Some(curve) => curve.at(time_s),
+            None => f64::from(self.control(request, name)),
+        }
     }
 
     /// What a control is asked to be; 0 where the system has no such control.
@@ -288,7 +331,7 @@ impl Engine {
             .system
             .perform(sampled, heard, request, blink_emotion)?;
         let mut moved = Cow::Borrowed(&base);
-        let on_motion = |control: &&Control| ![HEAD, GAZE].contains(&control.name);
+        let on_motion = |control: &&Control| ![HEAD, GAZE, TONGUE].contains(&control.name);
         for control in self.registration.controls().filter(on_motion) {
             if let Some(curve) = request.controls.animated(control.name) {
                 let at = |value: f64| {

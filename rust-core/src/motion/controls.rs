@@ -92,6 +92,9 @@ performance_controls! {
          face.";
     gaze: "Gaze", "", [0.0, 2.0], default 1.0, neutral 0.0, true,
         "Strength of the eyes' leaps, rests and looks away; a track beside the face, which the lids follow.";
+    tongue: "Tongue", "", [0.0, 2.0], default 1.0, neutral 0.0, true,
+        "How far the tongue rises and comes forward for l, th, t d n s z, k g and the vowels; a track beside the \
+         face, which moves a tongue that is a part of its own.";
     breath: "Breath", "", [0.0, 2.0], default 1.0, neutral 0.0, true,
         "How far lips part and the head rises before phrases; lips that close stay closed.";
     variety: "Variety", "", [0.0, 2.0], default 1.0, neutral 0.0, true,

@@ -1,12 +1,12 @@
-//! Head and eyes beside the face.
+//! Head, eyes and tongue beside the face.
 //!
-//! Both are tracks of their own: they turn bones, empties or eyeballs, never the skin. The lids follow
-//! the eyes, because lids are landmarks.
+//! All are tracks of their own. Head and eyes turn bones, empties or eyeballs, never the skin. The lids follow
+//! the eyes, because lids are landmarks. The tongue moves the tongue of a mesh, where it has one.
 
 use ndarray::{Array2, Array3, ArrayView2, ArrayView3, Axis};
 
 use super::{face_modes::FaceModes, gaze::Gaze, head::HeadMotion, mood::moods, upper_face::lids};
-use crate::{Result, audio::Prosody};
+use crate::{Result, audio::Prosody, speech::TONGUE_PLACES};
 
 /// Radius of an eyeball, over which the upper lid slides, metres.
 const EYEBALL_M: f32 = 0.012;
@@ -15,7 +15,7 @@ const EYEBALL_M: f32 = 0.012;
 /// 0.8 to 1 for the lid itself.
 const LID_SHARE: f32 = 0.9;
 
-/// Rotation of head and eyes over time.
+/// Rotation of head and eyes, and what the tongue does over time.
 ///
 /// ```
 /// let still = anyface::motion::Life::still(25);
@@ -29,6 +29,9 @@ pub struct Life {
     /// `[T, 2, 2]`: right eye, left eye; yaw to the subject's left and pitch up in radians against the
     /// head.
     pub gaze: Array3<f32>,
+    /// `[T, 4]`: shares of the way from rest to contact: tip to the ridge behind the upper teeth, middle and back to
+    /// the palate, tip at the upper teeth. 1 is contact. More stays contact where it is put on a mesh.
+    pub tongue: Array2<f32>,
 }
 
 /// What one frame is asked for; 0 is stillness, 1 natural.
@@ -48,6 +51,7 @@ impl Life {
         Life {
             head: Array2::zeros((frames, 3)),
             gaze: Array3::zeros((frames, 2, 2)),
+            tongue: Array2::zeros((frames, TONGUE_PLACES)),
         }
     }
 

@@ -183,7 +183,7 @@ impl Motion {
 }
 
 impl Life {
-    /// Head and eyes with `stretch` of them as in `again`; see [`Motion::redone`].
+    /// Head, eyes and tongue with `stretch` of them as in `again`; see [`Motion::redone`].
     ///
     /// # Errors
     /// Those of [`Stretch::splice`].
@@ -191,6 +191,7 @@ impl Life {
         Ok(Life {
             head: stretch.splice(self.head.view(), again.head.view(), fps)?,
             gaze: stretch.splice(self.gaze.view(), again.gaze.view(), fps)?,
+            tongue: stretch.splice(self.tongue.view(), again.tongue.view(), fps)?,
         })
     }
 
@@ -204,6 +205,7 @@ impl Life {
         Life {
             head: self.head.slice_axis(Axis(0), slice).to_owned(),
             gaze: self.gaze.slice_axis(Axis(0), slice).to_owned(),
+            tongue: self.tongue.slice_axis(Axis(0), slice).to_owned(),
         }
     }
 }

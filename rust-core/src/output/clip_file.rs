@@ -19,8 +19,8 @@ use crate::{
 /// A file that takes the frames of a clip; it is there when the last one was taken, and never half.
 ///
 /// npz: `displacements` `[T, V, 3]`, `landmarks_neutral` `[68, 3]`, `landmark_displacements`
-/// `[T, 68, 3]` as f32 in mesh units, `fps`, and where they are known `head` `[T, 3]` and `gaze` `[T, 2, 2]` as
-/// [`Life`] has them: in canonical axes, and not in the displacements. pc2 and mdd: positions, mesh units and axes.
+/// `[T, 68, 3]` as f32 in mesh units, `fps`, and where they are known `head` `[T, 3]`, `gaze` `[T, 2, 2]` and `tongue`
+/// `[T, 4]` as [`Life`] has them. The displacements hold the tongue alone. pc2 and mdd: positions, mesh units and axes.
 ///
 /// Its errors as a [`FrameSink`]: `ShapeMismatch` if the frames are not those that were announced,
 /// `Io` if the file cannot be written.

@@ -9,6 +9,7 @@ use crate::{
     Error, Result,
     mesh::ibug::LANDMARKS,
     motion::{Life, WeightClip, check_fps},
+    speech::TONGUE_PLACES,
 };
 
 /// Landmark motion as a file holds it.
@@ -57,7 +58,8 @@ pub fn read_landmark_motion(path: &Path) -> Result<LandmarkMotion> {
     })
 }
 
-/// Reads `head` `[T, 3]` and `gaze` `[T, 2, 2]`; `None` in files that lack either.
+/// Reads `head` `[T, 3]` and `gaze` `[T, 2, 2]`; `None` in files that lack either. `tongue` `[T, 4]` rests in files
+/// that lack it.
 ///
 /// # Errors
 /// `Io` if the file cannot be read, `InvalidInput` if it is no npz or holds numbers that are not finite,
@@ -70,20 +72,31 @@ pub fn read_life(path: &Path) -> Result<Option<Life>> {
     let head: Array2<f32> = npz.array("head")?;
     let gaze: Array3<f32> = npz.array("gaze")?;
     let frames = head.nrows();
-    if (head.ncols(), gaze.dim()) != (3, (frames, 2, 2)) {
+    let tongue: Array2<f32> = match npz.has("tongue") {
+        true => npz.array("tongue")?,
+        false => Life::still(frames).tongue,
+    };
+    let sizes = (head.ncols(), gaze.dim(), tongue.dim());
+    if sizes != (3, (frames, 2, 2), (frames, TONGUE_PLACES)) {
         return Err(Error::ShapeMismatch {
-            what: "head and gaze",
-            expected: format!("[{frames}, 3] and [{frames}, 2, 2]"),
-            got: format!("{:?} and {:?}", head.shape(), gaze.shape()),
+            what: "head, gaze and tongue",
+            expected: format!("[{frames}, 3], [{frames}, 2, 2] and [{frames}, {TONGUE_PLACES}]"),
+            got: format!(
+                "{:?}, {:?} and {:?}",
+                head.shape(),
+                gaze.shape(),
+                tongue.shape()
+            ),
         });
     }
-    if head.iter().chain(&gaze).any(|x| !x.is_finite()) {
+    let values = head.iter().chain(&gaze).chain(&tongue);
+    if values.into_iter().any(|x| !x.is_finite()) {
         return Err(Error::InvalidInput(format!(
-            "{}: head and gaze: expected finite numbers, got NaN or infinity",
+            "{}: head, gaze and tongue: expected finite numbers, got NaN or infinity",
             path.display()
         )));
     }
-    Ok(Some(Life { head, gaze }))
+    Ok(Some(Life { head, gaze, tongue }))
 }
 
 /// Reads `weights` `[T, S]`, `names` `[S]`, `fps` and `together` `[T]` (or nothing), as motion of weights is

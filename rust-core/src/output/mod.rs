@@ -67,7 +67,7 @@ pub fn write_animation(
 }
 
 /// Writes motion as npz: `landmark_displacements` `[T, 68, 3]` in canonical metres, which `landmarks` has
-/// ([`Motion::on_mean_face`]), `fps`, and `head` and `gaze` as [`Life`] has them. Motion of weights has its `weights`
+/// ([`Motion::on_mean_face`]), `fps`, and `head`, `gaze` and `tongue` as [`Life`] has them. Motion of weights has its `weights`
 /// `[T, S]`, their `names` `[S]` and `together` `[T]` too, how far lips have to meet on whatever head shows it; it may go
 /// to a .csv or .json as well, as [`write_blend_weights`] writes them, alone.
 ///

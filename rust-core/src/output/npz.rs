@@ -87,12 +87,14 @@ impl<W: Write + Seek> Archive<W> {
         self.values(landmarks.map_err(io::Error::other)?)
     }
 
-    /// `head`, `[T, 3]`, and `gaze`, `[T, 2, 2]`.
+    /// `head`, `[T, 3]`, `gaze`, `[T, 2, 2]`, and `tongue`, `[T, 4]`.
     pub(super) fn life(&mut self, life: &Life) -> io::Result<()> {
         self.start("head", "<f4", life.head.shape())?;
         self.values(life.head.view().insert_axis(Axis(0)))?;
         self.start("gaze", "<f4", life.gaze.shape())?;
-        self.values(life.gaze.view())
+        self.values(life.gaze.view())?;
+        self.start("tongue", "<f4", life.tongue.shape())?;
+        self.values(life.tongue.view().insert_axis(Axis(0)))
     }
 
     /// A scalar of double precision.

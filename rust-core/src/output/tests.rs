@@ -89,13 +89,16 @@ fn motion_files_hold_no_neutral_landmarks() {
     let life = Life {
         head: ndarray::array![[0.1, 0.2, 0.3], [0.4, 0.5, 0.6]],
         gaze: Array3::from_shape_fn((2, 2, 2), |(t, e, i)| (4 * t + 2 * e + i) as f32),
+        tongue: ndarray::array![[0.1, 0.2, 0.3, 0.4], [1.0, 0.0, 0.5, 0.0]],
     };
     let spoken = Motion::Landmarks(motion.clone());
     write_motion(&path, &spoken, &motion, Some(&life)).unwrap();
     let mut npz = NpzReader::new(std::fs::File::open(&path).unwrap()).unwrap();
     let head: ndarray::Array2<f32> = npz.by_name("head").unwrap();
     let gaze: Array3<f32> = npz.by_name("gaze").unwrap();
-    assert_eq!((head, gaze), (life.head, life.gaze));
+    let tongue: ndarray::Array2<f32> = npz.by_name("tongue").unwrap();
+    assert_eq!(read_life(&path).unwrap(), Some(life.clone()));
+    assert_eq!((head, gaze, tongue), (life.head, life.gaze, life.tongue));
     let read = read_landmark_motion(&path).unwrap();
     assert_eq!(read.neutral, None);
     assert_eq!(read.displacements, motion.displacements);

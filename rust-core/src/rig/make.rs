@@ -95,7 +95,7 @@ impl RigModel {
         lids::meet(&mut deltas, &head.landmarks, &face.landmarks.vertices);
         let parts = &face.parts.connected;
         let eyes = eyeballs(&head.positions, parts, &head.follows, &head.landmarks);
-        let tongue = tongue(&head.positions, parts, &head.follows, &head.landmarks);
+        let tongue = tongue(&head.positions, &face.parts, &head.landmarks);
         turn_eyes(&eyes, &head.positions, &mut deltas);
         if let TongueFound::Own(tongue) = &tongue {
             let mut shape = deltas.index_axis_mut(Axis(0), arkit("tongueOut"));
@@ -221,10 +221,7 @@ fn note(name: &str, present: bool, eyes: &[Eyeball], tongue: &TongueFound) -> Op
     let has_eye = |is_left| eyes.iter().any(|eye| eye.is_left == is_left);
     match (name, tongue) {
         ("viseme_sil", _) => Some("silence is the neutral face"),
-        ("tongueOut", TongueFound::None) => Some("no tongue was found in the mouth"),
-        ("tongueOut", TongueFound::WithGums) => {
-            Some("the tongue is one part with the gums, so it cannot come out by itself")
-        }
+        ("tongueOut", tongue) if tongue.complaint().is_some() => tongue.complaint(),
         _ if name.starts_with("eyeLook") && !has_eye(name.ends_with("Left")) => {
             Some("no eyeball was found on this side: only the lids move")
         }

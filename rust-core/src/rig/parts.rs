@@ -5,8 +5,8 @@
 use glam::Vec3;
 
 use crate::{
-    face::binding::Follows,
-    mesh::{Parts, ibug::LANDMARKS, sphere::fit_sphere},
+    face::{PartList, binding::Follows},
+    mesh::{PartRole, Parts, ibug::LANDMARKS, sphere::fit_sphere},
 };
 
 /// How far an eye turns in a look at strength 1, degrees: up, down, in, out. ARKit does not say;
@@ -151,16 +151,27 @@ pub enum TongueFound {
     None,
 }
 
+impl TongueFound {
+    /// Why a tongue cannot move, where it cannot.
+    pub fn complaint(&self) -> Option<&'static str> {
+        match self {
+            TongueFound::Own(_) => None,
+            TongueFound::WithGums => {
+                Some("the tongue is one part with the gums, so it cannot move by itself")
+            }
+            TongueFound::None => Some("no tongue was found in the mouth"),
+        }
+    }
+}
+
 /// Finds the tongue among the parts that follow the jaw: the one that runs deep along the midline.
 pub fn tongue(
     positions: &[[f32; 3]],
-    parts: &Parts,
-    follows: &[Follows],
+    parts: &PartList,
     landmarks: &[[f32; 3]; LANDMARKS],
 ) -> TongueFound {
     let unit = Vec3::from(landmarks[48]).distance(landmarks[54].into()) / 5.0;
     let lips = middle_of_lips(landmarks);
-    let follows_jaw = |&v: &u32| matches!(follows[v as usize], Follows::Jaw(_));
     let deep = |part: &Vec<u32>| {
         let midline = part
             .iter()
@@ -172,8 +183,11 @@ pub fn tongue(
         let (_, high) = range(part.iter().map(|&v| positions[v as usize][1]));
         high - lips[1] > GUMS_ABOVE_CM * unit
     };
-    let mut found = parts.vertices();
-    found.retain(|part| part.iter().any(follows_jaw) && deep(part));
+    let lists = parts.connected.vertices();
+    let of_jaw = parts.parts.iter().zip(lists);
+    let of_jaw = of_jaw.filter(|(part, _)| matches!(part.role, PartRole::Jaw | PartRole::Mouth));
+    let deep = of_jaw.filter_map(|(_, vertices)| deep(&vertices).then_some(vertices));
+    let found: Vec<Vec<u32>> = deep.collect();
     match found
         .iter()
         .filter(|part| !above(part))
@@ -207,7 +221,8 @@ fn come_out(positions: &[[f32; 3]], part: &[u32], lips: [f32; 3], unit: f32) -> 
     }
 }
 
-fn middle_of_lips(landmarks: &[[f32; 3]; LANDMARKS]) -> [f32; 3] {
+/// Between the lips, in the middle.
+pub fn middle_of_lips(landmarks: &[[f32; 3]; LANDMARKS]) -> [f32; 3] {
     std::array::from_fn(|i| 0.5 * (landmarks[62][i] + landmarks[66][i]))
 }
 

@@ -17,6 +17,7 @@ mod letters;
 mod log_mel;
 mod phones;
 mod resample;
+mod tongue;
 mod transformer_encoder;
 pub mod wav2vec2;
 
@@ -33,6 +34,7 @@ pub use heard::Heard;
 pub use log_mel::{BANDS, FRAME, HOP, MelAnalyser, log_mel};
 pub use phones::{PHONE_MODEL, PhoneConfig, PhoneModel, Said};
 pub use resample::at_motion_frames;
+pub use tongue::TONGUE_PLACES;
 pub use transformer_encoder::HiddenStates;
 
 use std::path::Path;

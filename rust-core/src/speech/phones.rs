@@ -23,7 +23,7 @@ use crate::{
 /// Rows of posteriors to a frame of the encoder.
 const PARTS: usize = 4;
 /// Seconds before its encoder's frame at which the first of its rows stands.
-const EARLY_S: f64 = 0.02;
+pub(super) const EARLY_S: f64 = 0.02;
 /// Power of the share of each class by which its posterior is divided.
 const PRIOR_POWER: f32 = 0.8;
 /// Nepers that it costs to go from one phone to another.
@@ -200,6 +200,16 @@ impl PhoneModel {
         self.check(track, encoder).is_ok()
     }
 
+    /// The sign of each class `[K]`, IPA.
+    pub(super) fn classes(&self) -> &[String] {
+        &self.config.phones
+    }
+
+    /// Rows of posteriors in a second of features.
+    pub(super) fn rows_per_second(&self, track: &FeatureTrack) -> f64 {
+        track.rate_hz * PARTS as f64
+    }
+
     /// Phones of a sound (its features, the encoder's name, its length in seconds) and, where a text is given, its words
     /// and the phones that fit to them.
     ///
@@ -212,7 +222,7 @@ impl PhoneModel {
         text: Option<&str>,
     ) -> Result<Said> {
         self.check(track, encoder)?;
-        let rate_hz = track.rate_hz * PARTS as f64;
+        let rate_hz = self.rows_per_second(track);
         let mut likelihood = self.log_posteriors(track.features.view());
         likelihood -= &(PRIOR_POWER * &self.log_prior);
         let clock = Clock {

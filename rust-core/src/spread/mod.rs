@@ -8,10 +8,11 @@
 mod on_face;
 mod sink;
 mod template_on_face;
+mod tongue;
 
 use std::{borrow::Cow, ops::Range, sync::Arc};
 
-use ndarray::{Array3, ArrayView1, ArrayView2, Axis, Slice};
+use ndarray::{Array2, Array3, ArrayView1, ArrayView2, Axis, Slice};
 use rayon::prelude::*;
 
 use crate::{
@@ -19,13 +20,16 @@ use crate::{
     face::{CodeField, Deformer, Face, Field, Rig},
     job::{Progress, ProgressFn, report},
     mesh::{Mouth, ibug::LANDMARKS},
-    motion::{CodeClip, LipGaps, Motion, WeightClip},
+    motion::{CodeClip, Life, LipGaps, Motion, WeightClip},
+    speech::TONGUE_PLACES,
 };
 pub use on_face::on_face;
 pub use sink::{
     Animation, ClipStart, Collector, FrameSink, LandmarkTrack, SpreadReport, frames_at_once,
 };
 pub use template_on_face::TemplateOnFace;
+use tongue::SpokenTongue;
+pub use tongue::tongue_note;
 
 /// What is to be put on a face.
 pub enum Movement<'a> {
@@ -41,6 +45,16 @@ pub enum Movement<'a> {
     /// Two motions of one length, each vertex by its shares `[V]` of both, such as what is said and how it is felt
     /// under a painted mask.
     Mixed([(&'a Motion, Vec<f32>); 2]),
+    /// Any of these with what the tongue does beside it, `[T, 4]` as [`Life::tongue`] has it.
+    WithTongue(Box<Movement<'a>>, &'a Array2<f32>),
+}
+
+impl<'a> Movement<'a> {
+    /// The same with what the tongue does beside it.
+    #[must_use]
+    pub fn with_tongue(self, life: &'a Life) -> Movement<'a> {
+        Movement::WithTongue(Box::new(self), &life.tongue)
+    }
 }
 
 impl<'a> From<&'a Motion> for Movement<'a> {
@@ -55,6 +69,7 @@ pub struct Spread<'a> {
     fps: f64,
     frames: usize,
     way: Way<'a>,
+    tongue: Option<SpokenTongue>,
     notes: Vec<String>,
 }
 
@@ -138,6 +153,7 @@ impl<'a> Spread<'a> {
                 landmarks,
                 field: None,
             }),
+            tongue: None,
             notes: Vec::new(),
         }
     }
@@ -179,6 +195,7 @@ impl<'a> Spread<'a> {
             fps: shapes.clip.fps,
             frames: shapes.clip.weights.nrows(),
             way: Way::Shapes(shapes),
+            tongue: None,
             notes: Vec::new(),
         }
     }
@@ -209,8 +226,31 @@ impl<'a> Spread<'a> {
             fps,
             frames,
             way: Way::Mixed(Box::new(parts)),
+            tongue: None,
             notes,
         })
+    }
+
+    /// The same with what the tongue does beside it, `[T, 4]` as [`Life::tongue`] has it. A note says where the face has
+    /// no tongue that could.
+    ///
+    /// # Errors
+    /// `ShapeMismatch` for another number of frames.
+    pub fn with_tongue(mut self, tongue: ArrayView2<'_, f32>) -> Result<Spread<'a>> {
+        if tongue.dim() != (self.frames, TONGUE_PLACES) {
+            return Err(Error::ShapeMismatch {
+                what: "tongue beside a motion",
+                expected: format!("[{}, {TONGUE_PLACES}]", self.frames),
+                got: format!("{:?}", tongue.dim()),
+            });
+        }
+        if tongue.iter().any(|share| *share != 0.0) {
+            match SpokenTongue::new(self.face, tongue) {
+                Ok(tongue) => self.tongue = Some(tongue),
+                Err(complaint) => self.notes.push(complaint.into()),
+            }
+        }
+        Ok(self)
     }
 
     /// Displacements of a stretch of frames, `[t, V, 3]`, mesh units.
@@ -218,6 +258,14 @@ impl<'a> Spread<'a> {
     /// # Errors
     /// `Cancelled`.
     pub fn frames(&self, range: Range<usize>, progress: ProgressFn<'_>) -> Result<Array3<f32>> {
+        let mut moved = self.without_tongue(range.clone(), progress)?;
+        if let Some(tongue) = &self.tongue {
+            tongue.speak(range, &mut moved);
+        }
+        Ok(moved)
+    }
+
+    fn without_tongue(&self, range: Range<usize>, progress: ProgressFn<'_>) -> Result<Array3<f32>> {
         match &self.way {
             Way::Landmarks(way) => way.frames(self.face, range, progress),
             Way::Shapes(shapes) => {

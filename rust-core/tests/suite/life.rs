@@ -42,6 +42,18 @@ fn no_strength_is_stillness_and_leaves_every_landmark() {
     assert_eq!(nodding.motion, plain.motion);
     assert!(nodding.life.head.iter().any(|x| *x != 0.0));
     assert!(nodding.life.gaze.iter().all(|x| *x == 0.0));
+    let tongue = PerformanceControls {
+        tongue: 1.0,
+        ..still
+    };
+    let speaking = spoken(&engine, &tongue, 1);
+    assert_eq!(speaking.motion, plain.motion);
+    assert_eq!(
+        (&speaking.life.head, &speaking.life.gaze),
+        (&plain.life.head, &plain.life.gaze)
+    );
+    let tongue = &speaking.life.tongue;
+    assert!(tongue.iter().all(|x| (0.0..=1.0).contains(x)) && tongue.iter().any(|x| *x > 0.0));
     let gaze = PerformanceControls { gaze: 1.0, ..still };
     let looking = spoken(&engine, &gaze, 1);
     let moved = &looking.motion.values() - &plain.motion.values();
@@ -54,12 +66,16 @@ fn no_strength_is_stillness_and_leaves_every_landmark() {
     for (pitch, lid) in up.iter().zip(lids) {
         assert!(pitch * lid >= 0.0, "lids go with the eyes: {pitch} {lid}");
     }
+    let still = Life::still(60);
     let off = MotionRequest {
         emotion: EmotionCurve::Off,
         ..MotionRequest::default()
     };
     let speech_alone = looking.again(&engine, &off).unwrap();
-    assert_eq!(speech_alone.life, Life::still(60));
+    assert_eq!(
+        (speech_alone.life.head, speech_alone.life.gaze),
+        (still.head, still.gaze)
+    );
 }
 
 #[test]

@@ -60,6 +60,7 @@ static PERFORMANCE: &[Control] = &[
     control_named("asymmetry"),
     control_named("head_motion"),
     control_named("gaze"),
+    control_named("tongue"),
     control_named("variety"),
 ];
 

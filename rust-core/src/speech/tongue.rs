@@ -1,0 +1,197 @@
+//! Where the tongue goes for what is said.
+
+use ndarray::{Array2, ArrayView2, Axis};
+
+use super::{Heard, PhoneModel, phones::EARLY_S};
+
+/// What a tongue does in one frame: its tip rises to the ridge behind the upper teeth, its middle and its back rise
+/// to the palate, its tip goes to the edge of the upper teeth.
+pub const TONGUE_PLACES: usize = 4;
+
+/// Shares of the way from rest to the roof of the mouth, by the degrees of constriction of Browman & Goldstein
+/// ("Articulatory gestures as phonological units", Phonology 6, 1989): closed, critical, narrow, mid. The paper ranks
+/// them. The shares are ours, for a way of 12 mm of which a critical constriction leaves 1 mm, a narrow one 4 mm and a
+/// mid one 7 mm.
+const CLOSED: f32 = 1.0;
+const CRITICAL: f32 = 0.9;
+const NARROW: f32 = 0.7;
+const MID: f32 = 0.4;
+
+/// Tip, middle, back, and tip at the teeth for phones that need the tongue: the places and degrees of the same
+/// paper, alveolar for t d n l s z, dental for θ ð, palatal for j i, velar for k ɡ ŋ u w. It rests for all others.
+const TARGETS: &[(&[&str], [f32; TONGUE_PLACES])] = &[
+    (&["t", "d", "n", "l", "r"], [CLOSED, 0.0, 0.0, 0.0]),
+    (&["s", "z"], [CRITICAL, MID, 0.0, 0.0]),
+    (&["ʃ", "ʒ"], [NARROW, NARROW, 0.0, 0.0]),
+    (&["θ", "ð"], [0.0, 0.0, 0.0, CLOSED]),
+    (&["k", "ɡ", "ŋ"], [0.0, 0.0, CLOSED, 0.0]),
+    (&["x", "ʁ"], [0.0, 0.0, CRITICAL, 0.0]),
+    (&["j", "i", "y"], [0.0, NARROW, 0.0, 0.0]),
+    (&["ɹ", "ɝ"], [MID, MID, 0.0, 0.0]),
+    (&["ɪ", "e", "ø"], [0.0, MID, 0.0, 0.0]),
+    (&["u", "w"], [0.0, 0.0, NARROW, 0.0]),
+    (&["ʊ", "o"], [0.0, 0.0, MID, 0.0]),
+];
+
+/// Seconds in which the tongue comes to a target and leaves it. Its speed is at most π / 2 of the way in this time:
+/// 0.29 m/s for a way of 15 mm.
+const TRAVEL_S: f64 = 0.08;
+/// Rows of posteriors to either side that are averaged: 30 ms together.
+const NEAR_ROWS: usize = 1;
+
+impl Heard {
+    /// What the tongue does for the phones that are heard, `[T, 4]`, each a share of the way from rest to contact, 0 to 1:
+    /// tip to the ridge behind the upper teeth, middle and back to the palate, tip to the edge of the upper teeth. Zero where no
+    /// phones know the encoder's features.
+    ///
+    /// The tongue reaches the target of a phone where it is most likely.
+    pub fn tongue(&self, fps: f64) -> Array2<f32> {
+        let frames = self.frames(fps);
+        let phones = self.phones.as_ref();
+        match phones.filter(|phones| phones.hears(&self.track, self.encoder_name())) {
+            Some(phones) => {
+                let posteriors = phones.log_posteriors(self.track.features.view());
+                let rate_hz = phones.rows_per_second(&self.track);
+                let targets = targets(posteriors.view(), phones);
+                travel(targets.view(), rate_hz, frames, fps)
+            }
+            None => Array2::zeros((frames, TONGUE_PLACES)),
+        }
+    }
+}
+
+/// Targets `[R, 4]` by log-posteriors `[R, K]`: the mean over all phones, smoothed over neighbouring rows.
+fn targets(posteriors: ArrayView2<'_, f32>, phones: &PhoneModel) -> Array2<f32> {
+    let table = table(phones.classes());
+    let sharp = posteriors.mapv(f32::exp).dot(&table);
+    let mut smooth = sharp.clone();
+    for (r, mut row) in smooth.outer_iter_mut().enumerate() {
+        let near = r.saturating_sub(NEAR_ROWS)..(r + NEAR_ROWS + 1).min(sharp.nrows());
+        let near = sharp.slice_axis(Axis(0), near.into());
+        row.assign(&near.mean_axis(Axis(0)).expect("the row itself"));
+    }
+    smooth
+}
+
+/// The target of each class, `[K, 4]`.
+fn table(classes: &[String]) -> Array2<f32> {
+    let mut table = Array2::zeros((classes.len(), TONGUE_PLACES));
+    for (name, mut row) in classes.iter().zip(table.outer_iter_mut()) {
+        let known = TARGETS
+            .iter()
+            .find(|(names, _)| names.contains(&name.as_str()));
+        if let Some((_, target)) = known {
+            row.iter_mut().zip(target).for_each(|(to, x)| *to = *x);
+        }
+    }
+    table
+}
+
+/// The way of a tongue through `targets` `[R, 4]`, `[frames, 4]`: it comes to each target in time and leaves it as
+/// slowly, and of several near ones it goes as far as the farthest asks.
+fn travel(targets: ArrayView2<'_, f32>, rate_hz: f64, frames: usize, fps: f64) -> Array2<f32> {
+    let mut out = Array2::zeros((frames, TONGUE_PLACES));
+    for (t, mut now) in out.outer_iter_mut().enumerate() {
+        let middle = (t as f64 / fps + EARLY_S) * rate_hz;
+        let reach = TRAVEL_S * rate_hz;
+        let first = (middle - reach).ceil().max(0.0) as usize;
+        let end = ((middle + reach).floor().max(0.0) as usize + 1).min(targets.nrows());
+        for r in first.min(end)..end {
+            let away = (r as f64 - middle).abs() / reach;
+            let share = (0.5 + 0.5 * (std::f64::consts::PI * away.min(1.0)).cos()) as f32;
+            for (x, target) in now.iter_mut().zip(targets.row(r)) {
+                *x = f32::max(*x, share * target);
+            }
+        }
+    }
+    out
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    const RATE_HZ: f64 = 100.0;
+
+    fn classes() -> Vec<String> {
+        ["_", "a", "l", "t", "θ", "k", "j", "s"]
+            .map(str::to_owned)
+            .to_vec()
+    }
+
+    #[test]
+    fn each_phone_moves_its_own_part_of_the_tongue() {
+        let classes = classes();
+        let table = table(&classes);
+        let of = |name: &str| {
+            let row = classes.iter().position(|known| known == name).unwrap();
+            table.row(row).to_vec()
+        };
+        for name in ["_", "a"] {
+            assert_eq!(of(name), [0.0; TONGUE_PLACES]);
+        }
+        for (names, place) in [(&["l", "t"][..], 0), (&["j"], 1), (&["k"], 2), (&["θ"], 3)] {
+            for name in names {
+                let most = (0..TONGUE_PLACES).max_by(|a, b| of(name)[*a].total_cmp(&of(name)[*b]));
+                assert_eq!(most, Some(place), "{name}");
+                assert!(of(name)[place] >= NARROW, "{name}");
+            }
+        }
+        assert!(of("s")[0] < of("t")[0]);
+    }
+
+    #[test]
+    fn every_phone_with_a_target_is_one_that_the_model_hears() {
+        let phones = PhoneModel::open(None).unwrap();
+        for name in TARGETS.iter().flat_map(|(names, _)| *names) {
+            assert!(phones.classes().iter().any(|known| known == name), "{name}");
+        }
+    }
+
+    #[test]
+    fn posteriors_mix_targets() {
+        let phones = PhoneModel::open(None).unwrap();
+        let classes = phones.classes();
+        let of = |name: &str| classes.iter().position(|known| known == name).unwrap();
+        let mut posteriors = Array2::from_elem((9, classes.len()), f32::NEG_INFINITY);
+        posteriors.column_mut(of("l")).fill(0.75f32.ln());
+        posteriors.column_mut(of("k")).fill(0.25f32.ln());
+        let made = targets(posteriors.view(), &phones);
+        for row in made.rows() {
+            assert!((row[0] - 0.75).abs() < 1e-6 && (row[2] - 0.25).abs() < 1e-6);
+            assert_eq!((row[1], row[3]), (0.0, 0.0));
+        }
+    }
+
+    #[test]
+    fn the_tongue_is_there_in_time_and_no_faster_than_tongues_are() {
+        // An l of 50 ms around 0.5 s, then a k 120 ms after it.
+        let mut asked = Array2::zeros((102, TONGUE_PLACES));
+        asked.slice_mut(ndarray::s![50..55, 0]).fill(1.0);
+        asked.slice_mut(ndarray::s![67..72, 2]).fill(1.0);
+        let fps = 200.0;
+        let made = travel(asked.view(), RATE_HZ, 200, fps);
+        let at = |time_s: f64, place: usize| made[[(time_s * fps) as usize, place]];
+        assert!(at(0.5, 0) > 0.999 && at(0.67, 2) > 0.999);
+        assert!(at(0.5, 2) == 0.0 && at(0.67, 0) == 0.0);
+        for (t, row) in made.outer_iter().enumerate() {
+            let time_s = t as f64 / fps;
+            let is_silent = !(0.39..0.81).contains(&time_s);
+            assert!(!is_silent || row.iter().all(|x| *x == 0.0), "{time_s}");
+        }
+        let steps = made.outer_iter().zip(made.outer_iter().skip(1));
+        let fastest = steps.flat_map(|(a, b)| (&b - &a).to_vec());
+        let fastest = fps as f32 * fastest.fold(0.0, |most: f32, x| most.max(x.abs()));
+        assert!(0.015 * fastest < 0.3, "{fastest} ways a second");
+    }
+
+    #[test]
+    fn no_targets_are_stillness_and_a_short_sound_is_no_error() {
+        for rows in [0, 40] {
+            let silence = Array2::<f32>::zeros((rows, TONGUE_PLACES));
+            let made = travel(silence.view(), RATE_HZ, 9, 30.0);
+            assert_eq!(made.dim(), (9, TONGUE_PLACES));
+            assert!(made.iter().all(|x| *x == 0.0));
+        }
+    }
+}
