@@ -298,12 +298,15 @@ def _felt(scene, settings: Settings, engine) -> SoundSource | None:
 
 
 def _pose(ob, face: FaceMesh, settings: Settings) -> np.ndarray | None:
-    """How the face stands now, `[V, 3]` from rest, where it is to begin so; other pieces rest."""
+    """How the face and its other pieces stand now, `[V, 3]` from rest, where it is to begin so."""
     if not settings.starts_from_pose or not systems.by_name(settings.system).starts_from_pose:
         return None
     moved = np.zeros_like(face.positions)
     own = mesh.read_pose(ob)
     moved[: len(own)] = own
+    for piece in face.pieces[1:]:
+        stands = mesh.read_pose(bpy.data.objects[piece.name])
+        moved[piece.rows] = stands @ piece.matrix[:3, :3].T
     return moved
 
 

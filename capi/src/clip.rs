@@ -227,7 +227,7 @@ pub unsafe extern "C" fn anyface_clip_new(
             AnyfaceClip::spread(
                 engine,
                 &face.0,
-                (motion.motion(), &*motion.life()),
+                (motion.motion(), motion.life()),
                 motion.performance(),
                 watch,
             )

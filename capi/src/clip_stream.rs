@@ -108,7 +108,7 @@ pub unsafe extern "C" fn anyface_clip_stream(
         let life = motion.life();
         let spread = |watch: ProgressFn<'_>| {
             let motion = followed(engine, &face.0, motion.motion(), watch)?;
-            let movement = Movement::from(&*motion).with_tongue(&life);
+            let movement = Movement::from(&*motion).with_tongue(life);
             engine.0.spread(&face.0, movement, &mut sink, watch)
         };
         unsafe { watched(progress, spread) }?;

@@ -1,14 +1,15 @@
 //! Speech becomes motion, before any mesh is known.
 
-use std::{borrow::Cow, ffi::CString, sync::Arc};
+use std::{ffi::CString, sync::Arc};
 
 use anyface::{
     MotionRequest, Performance,
     conditions::{Emotion, EmotionCurve, Event},
     job::ProgressFn,
     mesh::ibug::LANDMARKS,
-    motion::{LandmarkClip, Life, Motion, Stretch, check_fps},
+    motion::{LandmarkClip, Life, Motion, Pose, Stretch, check_fps},
     speech::FeltVoice,
+    spread::pose_on,
 };
 use libc::c_char;
 use ndarray::{ArrayView2, ArrayView3};
@@ -42,15 +43,15 @@ pub(crate) enum Made {
     Spoken(Box<Performance>),
     /// Spoken, a stretch of it in another way.
     Redone(Motion, Box<Life>),
-    /// Brought by the caller.
-    Given(Motion),
+    /// Brought by the caller, with a tongue that rests but in a pose.
+    Given(Motion, Box<Life>),
 }
 
 impl Made {
     fn motion(&self) -> &Motion {
         match self {
             Made::Spoken(performance) => &performance.motion,
-            Made::Redone(motion, _) | Made::Given(motion) => motion,
+            Made::Redone(motion, _) | Made::Given(motion, _) => motion,
         }
     }
 }
@@ -61,6 +62,12 @@ impl AnyfaceMotion {
         AnyfaceMotion { made, names }
     }
 
+    /// What a caller brought, whose head, eyes and tongue rest.
+    pub(crate) fn brought(motion: Motion) -> AnyfaceMotion {
+        let life = Box::new(Life::still(motion.frames()));
+        AnyfaceMotion::new(Made::Given(motion, life))
+    }
+
     /// The motion itself.
     pub(crate) fn motion(&self) -> &Motion {
         self.made.motion()
@@ -69,16 +76,15 @@ impl AnyfaceMotion {
     pub(crate) fn performance(&self) -> Option<&Performance> {
         match &self.made {
             Made::Spoken(performance) => Some(performance),
-            Made::Redone(..) | Made::Given(_) => None,
+            Made::Redone(..) | Made::Given(..) => None,
         }
     }
 
-    /// Head and eyes; still where the caller brought the motion.
-    pub(crate) fn life(&self) -> Cow<'_, Life> {
+    /// Head, eyes and tongue; head and eyes are still where the caller brought the motion.
+    pub(crate) fn life(&self) -> &Life {
         match &self.made {
-            Made::Spoken(performance) => Cow::Borrowed(&performance.life),
-            Made::Redone(_, life) => Cow::Borrowed(life),
-            Made::Given(motion) => Cow::Owned(Life::still(motion.frames())),
+            Made::Spoken(performance) => &performance.life,
+            Made::Redone(_, life) | Made::Given(_, life) => life,
         }
     }
 
@@ -179,7 +185,7 @@ pub struct AnyfaceMotionOptions {
     /// Another recording whose feeling the face shows; only until the call returns. NULL, the default, is the
     /// voice itself. A system that does not hear feeling refuses: see `anyface_system_hears_feeling()`.
     pub felt_as: *const AnyfaceAudio,
-    /// A motion of landmarks in whose last frame the face begins; only until the call returns. NULL, the
+    /// A motion of landmarks in whose last frame the face begins, its tongue too; only until the call returns. NULL, the
     /// default, is rest. Systems that do not go on from a pose refuse: see `anyface_system_starts_from_pose()`.
     pub starts_from: *const AnyfaceMotion,
 }
@@ -223,22 +229,22 @@ impl AnyfaceMotionOptions {
         })
     }
 
-    unsafe fn starts_from(&self) -> Result<Option<[[f32; 3]; LANDMARKS]>, Failure> {
+    unsafe fn starts_from(&self) -> Result<Option<Pose>, Failure> {
         if self.starts_from.is_null() {
             return Ok(None);
         }
-        let motion = unsafe { pointer::handle("starts_from", self.starts_from) }?.motion();
+        let whole = unsafe { pointer::handle("starts_from", self.starts_from) }?;
+        let motion = whole.motion();
         let clip = motion.landmarks();
         let last = clip.and_then(|clip| clip.displacements.outer_iter().last());
-        let last = last.ok_or_else(|| {
+        let last = last.zip(whole.life().tongue.outer_iter().last());
+        let (landmarks, tongue) = last.ok_or_else(|| {
             let (frames, kind) = (motion.frames(), motion.kind());
             Failure::invalid(format!(
                 "starts_from: expected frames of landmarks, got {frames} of {kind}"
             ))
         })?;
-        Ok(Some(std::array::from_fn(|n| {
-            std::array::from_fn(|axis| last[[n, axis]])
-        })))
+        Ok(Some(Pose::of_frame(landmarks, tongue)))
     }
 
     unsafe fn felt_as(&self) -> Result<Option<Arc<FeltVoice>>, Failure> {
@@ -429,14 +435,14 @@ pub unsafe extern "C" fn anyface_motion_new_redone(
 ) -> AnyfaceStatus {
     let make = || {
         let (motion, again) = handles!(motion, again);
-        let brought = |made: &AnyfaceMotion| matches!(made.made, Made::Given(_));
+        let brought = |made: &AnyfaceMotion| matches!(made.made, Made::Given(..));
         if brought(motion) || brought(again) {
             let message = "motion: expected motion that was spoken, got the caller's own";
             return Err(Failure::invalid(message));
         }
         let stretch = Stretch::new(start_s, end_s)?;
         let moved = motion.motion().redone(again.motion(), &stretch)?;
-        let life = motion.life().redone(&again.life(), &stretch, moved.fps())?;
+        let life = motion.life().redone(again.life(), &stretch, moved.fps())?;
         Ok(AnyfaceMotion::new(Made::Redone(moved, Box::new(life))))
     };
     unsafe { guard::give(out, error, make) }
@@ -490,7 +496,7 @@ pub unsafe extern "C" fn anyface_motion_new_displacements(
         let values =
             unsafe { pointer::slice("displacements", displacements, frame_count, columns) }?;
         let motion = motion_from(values, frame_count, fps)?;
-        Ok(AnyfaceMotion::new(Made::Given(motion)))
+        Ok(AnyfaceMotion::brought(motion))
     };
     unsafe { guard::give(out, error, make) }
 }
@@ -498,8 +504,8 @@ pub unsafe extern "C" fn anyface_motion_new_displacements(
 /// The pose of a face whose vertices are displaced, as a motion of one frame: what `starts_from` of
 /// `AnyfaceMotionOptions` takes. The array is copied.
 ///
-/// `displacements`: `[vertex_count, 3]` from the face at rest, mesh units and axes. Landmarks alone are kept of it. Free
-/// with `anyface_motion_free()`.
+/// `displacements`: `[vertex_count, 3]` from the face at rest, mesh units and axes. Landmarks are kept of it, and what
+/// the tongue does beside its jaw, where the face has one that moves by itself. Free with `anyface_motion_free()`.
 /// Fails with `ANYFACE_STATUS_INVALID_INPUT` for another number of vertices than the face has, or values that are not
 /// finite.
 #[unsafe(no_mangle)]
@@ -515,14 +521,19 @@ pub unsafe extern "C" fn anyface_motion_new_pose(
         let values = unsafe { pointer::slice("displacements", displacements, vertex_count, 3) }?;
         let moved = ArrayView2::from_shape((vertex_count, 3), values)
             .map_err(|error| Failure::invalid(format!("displacements: {error}")))?;
-        let pose = face.pose_of(moved)?;
-        let displacements = ArrayView3::from_shape((1, LANDMARKS, 3), pose.as_flattened())
+        let pose = pose_on(face, moved)?;
+        let life = Life {
+            tongue: ndarray::arr2(&[pose.tongue]),
+            ..Life::still(1)
+        };
+        let landmarks = pose.landmarks.as_flattened();
+        let displacements = ArrayView3::from_shape((1, LANDMARKS, 3), landmarks)
             .map_err(|error| Failure::invalid(format!("displacements: {error}")))?;
         let clip = LandmarkClip {
             displacements: displacements.to_owned(),
             fps: MotionRequest::default().fps,
         };
-        let made = Made::Given(Motion::Landmarks(clip));
+        let made = Made::Given(Motion::Landmarks(clip), Box::new(life));
         Ok(AnyfaceMotion::new(made))
     };
     unsafe { guard::give(out, error, make) }

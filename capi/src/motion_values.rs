@@ -102,6 +102,21 @@ pub unsafe extern "C" fn anyface_motion_copy_gaze(
     unsafe { AnyfaceMotion::copy(motion, buffer, float_count, error, values) }
 }
 
+/// Copies what the tongue does into the caller's buffer: `[T, 4]`, shares of the way from rest to contact, 0 to 1: tip
+/// to the ridge behind the upper teeth, middle and back to the palate, tip at the upper teeth. `float_count` must be
+/// `T * 4`. Clips hold it where the face has a tongue that moves by itself.
+/// Fails with `ANYFACE_STATUS_INVALID_INPUT` for another `float_count`.
+#[unsafe(no_mangle)]
+pub unsafe extern "C" fn anyface_motion_copy_tongue(
+    motion: *const AnyfaceMotion,
+    buffer: *mut f32,
+    float_count: usize,
+    error: *mut *mut AnyfaceError,
+) -> AnyfaceStatus {
+    let values = |motion: &AnyfaceMotion| Ok(motion.life().tongue.iter().copied().collect());
+    unsafe { AnyfaceMotion::copy(motion, buffer, float_count, error, values) }
+}
+
 /// Writes the motion as npz for numpy: `landmark_displacements` `[T, 68, 3]`, canonical metres, `fps`,
 /// and for motion that was spoken `head` `[T, 3]`, `gaze` `[T, 2, 2]` and `tongue` `[T, 4]`, shares of the way to contact:
 /// tip to the ridge behind the upper teeth, middle and back to the palate, tip at the upper teeth. Motion of weights has `weights`
@@ -121,7 +136,7 @@ pub unsafe extern "C" fn anyface_motion_write(
         let motion = unsafe { pointer::handle("motion", motion) }?;
         let path = unsafe { pointer::path("path", path) }?;
         let life = match &motion.made {
-            Made::Given(_) => None,
+            Made::Given(..) => None,
             _ => Some(motion.life()),
         };
         let moved = motion.motion();

@@ -85,7 +85,7 @@ mod tests {
             fps: 25.0,
             together: Vec::new(),
         };
-        AnyfaceMotion::new(Made::Given(Motion::Weights(clip)))
+        AnyfaceMotion::brought(Motion::Weights(clip))
     }
 
     #[test]
@@ -109,7 +109,7 @@ mod tests {
             displacements: Array3::zeros((1, 68, 3)),
             fps: 25.0,
         };
-        let motion = AnyfaceMotion::new(Made::Given(Motion::Landmarks(clip)));
+        let motion = AnyfaceMotion::brought(Motion::Landmarks(clip));
         assert_eq!(unsafe { anyface_motion_weight_count(&motion) }, 0);
         let failure = motion.weights().unwrap_err();
         assert!(failure.message().contains("got landmarks"));

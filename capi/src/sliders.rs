@@ -85,7 +85,7 @@ pub unsafe extern "C" fn anyface_sliders_new(
             Made::Spoken(performance) => {
                 performance.slider_changes(&engine.0, &face.0, clip, basis, watch)
             }
-            Made::Redone(..) | Made::Given(_) => Ok(Vec::new()),
+            Made::Redone(..) | Made::Given(..) => Ok(Vec::new()),
         };
         let found = unsafe { watched(progress, find) }?;
         Ok(AnyfaceSliders(found))

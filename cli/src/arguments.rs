@@ -13,12 +13,9 @@ use anyface::{
     audio::{SoundFile, Waveform},
     conditions::Event,
     face::{DEFAULT_PROXY, FaceOptions},
-    mesh::{
-        Axis, FixedLandmark, LandmarkSource, ObjectNames, PartChoices, PartRole, PartSelector,
-        ibug::LANDMARKS,
-    },
-    motion::check_fps,
-    output::read_landmark_motion,
+    mesh::{Axis, FixedLandmark, LandmarkSource, ObjectNames, PartChoices, PartRole, PartSelector},
+    motion::{Life, Pose, check_fps},
+    output::{read_landmark_motion, read_life},
     speech::FeltVoice,
     systems::{Ability, Registration},
     text::Reader,
@@ -268,7 +265,7 @@ impl MotionArgs {
         Ok(events)
     }
 
-    fn starts_from(&self) -> Result<Option<[[f32; 3]; LANDMARKS]>> {
+    fn starts_from(&self) -> Result<Option<Pose>> {
         let Some(path) = &self.starts_from else {
             return Ok(None);
         };
@@ -284,9 +281,11 @@ impl MotionArgs {
         }
         let frames = motion.displacements.outer_iter();
         let last = frames.last().ok_or_else(|| wrong("none"))?;
-        Ok(Some(std::array::from_fn(|n| {
-            std::array::from_fn(|axis| last[[n, axis]])
-        })))
+        let still = || Life::still(motion.displacements.len_of(Axis(0)));
+        let life = read_life(path)?.unwrap_or_else(still);
+        let tongue = life.tongue.outer_iter().last();
+        let tongue = tongue.ok_or_else(|| wrong("no frame of the tongue"))?;
+        Ok(Some(Pose::of_frame(last, tongue)))
     }
 
     fn felt_as(&self) -> Result<Option<Arc<FeltVoice>>> {

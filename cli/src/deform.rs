@@ -6,8 +6,10 @@ use anyface::{
     Engine, Error, Face, Result,
     conditions::Controls,
     mesh::{LandmarkSource, Mesh, ibug::LANDMARKS},
-    motion::{LandmarkClip, Motion},
-    output::{LandmarkMotion, Report, read_landmark_motion, read_weights, write_attention},
+    motion::{LandmarkClip, Life, Motion},
+    output::{
+        LandmarkMotion, Report, read_landmark_motion, read_life, read_weights, write_attention,
+    },
     spread::Movement,
 };
 use clap::Args;
@@ -33,7 +35,8 @@ pub struct Deform {
     mesh: InputPath,
     /// Motion, .npz: landmarks_neutral [68, 3] and landmark_displacements [T, 68, 3] in mesh
     /// units; without landmarks_neutral, the displacements are metres on a human head, as
-    /// `anyface motion` writes them. Where it holds weights, these move the mesh's own ARKit shapes
+    /// `anyface motion` writes them. Where it holds weights, these move the mesh's own ARKit shapes; where it holds
+    /// tongue [T, 4] beside head and gaze, the mesh's tongue speaks
     #[arg(long, value_name = "L.npz")]
     motion: InputPath,
     /// The result: .npz (arrays), .pc2 or .mdd (point caches); for --surface a new folder
@@ -77,29 +80,30 @@ impl Deform {
             self.write_attention(path, &engine, &face, &motion, console)?;
         }
         let weights = read_weights(&self.motion)?;
+        let frames = motion.displacements.len_of(Axis(0));
+        let life = read_life(&self.motion)?.unwrap_or_else(|| Life::still(frames));
         let fps = motion.fps.unwrap_or(DEFAULT_FPS);
         let (progress, displacements) = (&|p| console.progress(p), motion.displacements);
         // Nothing is known of the speech, so lips may rest.
-        spread_into(
-            &self.out,
-            &face,
-            fps,
-            0.0,
-            None,
-            &mut report,
-            |sink| match (motion.neutral, weights) {
-                (Some(_), _) => {
-                    let landmarks = displacements;
-                    engine.spread(&face, Movement::Own { landmarks, fps }, sink, progress)
+        spread_into(&self.out, &face, fps, 0.0, None, &mut report, |sink| {
+            let spoken;
+            let movement = match (motion.neutral, weights) {
+                (Some(_), _) => Movement::Own {
+                    landmarks: displacements,
+                    fps,
+                },
+                (None, Some(clip)) => {
+                    spoken = Motion::Weights(clip);
+                    Movement::from(&spoken)
                 }
-                (None, Some(clip)) => engine.spread(&face, &Motion::Weights(clip), sink, progress),
                 (None, None) => {
                     let clip = LandmarkClip { displacements, fps };
-                    let motion = engine.follow(&clip, &face.options.controls, progress)?;
-                    engine.spread(&face, &motion, sink, progress)
+                    spoken = engine.follow(&clip, &face.options.controls, progress)?;
+                    Movement::from(&spoken)
                 }
-            },
-        )?;
+            };
+            engine.spread(&face, movement.with_tongue(&life), sink, progress)
+        })?;
         self.surface.tell(&report, console)
     }
 

@@ -169,8 +169,8 @@ impl Layered<'_> {
             Layer::Feeling => {
                 let whole = (&self.performance.motion, self.mask.clone());
                 let parts = [(&said.motion, negative), whole];
-                self.engine
-                    .spread(self.face, Movement::Mixed(parts), sink, progress)
+                let mixed = Movement::Mixed(parts).with_tongue(&said.life);
+                self.engine.spread(self.face, mixed, sink, progress)
             }
         };
         let fps = said.motion.fps();

@@ -12,7 +12,8 @@ use crate::{
     face::Face,
     job::{ProgressFn, report},
     motion::{
-        Life, LifeStrengths, Motion, MotionRequest, Stretch, begin_in, check_closures, check_fps,
+        Life, LifeStrengths, Motion, MotionRequest, Stretch, begin_in, begin_tongue_in,
+        check_closures, check_fps,
     },
     nn::finite::check_result,
     speech::Heard,
@@ -26,6 +27,7 @@ const PIECES: usize = 2;
 /// A control whose largest and least value lie nearer together does not change.
 const STILL: f64 = 1e-6;
 
+const ARTICULATION: &str = "articulation";
 /// Controls of what lives beside the face.
 const HEAD: &str = "head_motion";
 const GAZE: &str = "gaze";
@@ -66,10 +68,9 @@ pub struct Performance {
 impl Performance {
     /// What the lips were asked for, the mean over all keys where that changes; 1 is normal.
     pub fn articulation(&self) -> f32 {
-        const NAME: &str = "articulation";
         let controls = &self.request.controls;
-        let Some(curve) = controls.animated(NAME) else {
-            return controls.get(NAME).unwrap_or(1.0);
+        let Some(curve) = controls.animated(ARTICULATION) else {
+            return controls.get(ARTICULATION).unwrap_or(1.0);
         };
         let sum: f64 = curve.keys.iter().map(|(_, value)| value).sum();
         (sum / curve.keys.len() as f64) as f32
@@ -262,17 +263,21 @@ impl Engine {
         }
     }
 
-    /// What the tongue does, `[T, 4]`.
+    /// What the tongue does, `[T, 4]`, 0 to 1: as far as is heard, times its own strength and that of all articulation.
     fn tongue(&self, motion: &Motion, heard: &Heard, request: &MotionRequest) -> Array2<f32> {
         let (frames, fps) = (motion.frames(), motion.fps());
-        let at = |t: usize| self.control_at(request, TONGUE, t as f64 / fps) as f32;
+        let articulates = self.knows(ARTICULATION);
+        let at = |t: usize| {
+            let at = |name: &str| self.control_at(request, name, t as f64 / fps) as f32;
+            at(TONGUE) * if articulates { at(ARTICULATION) } else { 1.0 }
+        };
         let strengths: Vec<f32> = (0..frames).map(at).collect();
         let mut tongue = Life::still(frames).tongue;
         if strengths.iter().any(|strength| *strength != 0.0) {
             let heard = heard.tongue(fps);
             let rows = tongue.outer_iter_mut().zip(heard.outer_iter());
             for ((mut row, heard), strength) in rows.zip(strengths) {
-                row.assign(&(strength * &heard));
+                row.assign(&heard.mapv(|share| (strength * share).min(1.0)));
             }
         }
         tongue
@@ -311,6 +316,11 @@ impl Engine {
         }
     }
 
+    fn knows(&self, name: &str) -> bool {
+        let mut known = self.registration.controls();
+        known.any(|control| control.name == name)
+    }
+
     /// What a control is asked to be; 0 where the system has no such control.
     pub(super) fn control(&self, request: &MotionRequest, name: &str) -> f32 {
         let mut known = self.registration.controls();
@@ -346,7 +356,7 @@ impl Engine {
             }
         }
         let mut moved = moved.into_owned();
-        let life = self.life(&moved, heard, request, blink_emotion);
+        let mut life = self.life(&moved, heard, request, blink_emotion);
         match &mut moved {
             Motion::Landmarks(clip) => self
                 .face_modes
@@ -359,7 +369,8 @@ impl Engine {
         let fps = moved.fps();
         if let (Some(pose), Some(clip)) = (&request.starts_from, moved.landmarks_mut()) {
             // Last, so that nothing that is put on a performance takes it away from the pose.
-            begin_in(pose, clip.displacements.view_mut(), fps);
+            begin_in(&pose.landmarks, clip.displacements.view_mut(), fps);
+            begin_tongue_in(&pose.tongue, life.tongue.view_mut(), fps);
         }
         Ok((moved, life))
     }

@@ -4,6 +4,8 @@
 //! from the same speech features and noise; what they change on the mesh, by landmarks or by weights of
 //! its shapes, is expressed in the take's own. Between its knots a slider is linear.
 
+use std::collections::BTreeSet;
+
 use ndarray::{Array1, Array2, Array3, ArrayView1, Axis};
 
 use super::{Engine, Performance};
@@ -17,9 +19,9 @@ use crate::{
     },
     face::{Deformer, Face},
     job::{Progress, ProgressFn, report},
-    motion::{EmotionOrigin, LandmarkClip, Motion, WeightClip},
+    motion::{EmotionOrigin, LandmarkClip, Life, Motion, WeightClip},
     rig::ShapeSource,
-    spread::{closed_on, of_shapes},
+    spread::{FaceTongue, closed_on, of_shapes},
     systems::Slider,
 };
 
@@ -112,7 +114,7 @@ impl Performance {
             .collect()
     }
 
-    /// The performance with one slider at `position`; blinks are there or, at 0, not.
+    /// Motion, head, eyes and tongue of the performance with one slider at `position`; blinks are there or, at 0, not.
     ///
     /// # Errors
     /// Those of [`Engine::perform`].
@@ -122,7 +124,7 @@ impl Performance {
         slider: Slider,
         position: f32,
         progress: ProgressFn<'_>,
-    ) -> Result<Motion> {
+    ) -> Result<(Motion, Life)> {
         let mut request = self.request.clone();
         let (emotion, blinks) = match slider {
             Slider::Articulation => (false, false),
@@ -142,14 +144,13 @@ impl Performance {
             request.emotion = request.emotion.scaled(position);
         }
         let learned = engine.description().emotion == EmotionOrigin::Learned;
-        let (varied, _) = engine.threads(|| match emotion && learned {
+        engine.threads(|| match emotion && learned {
             false => engine.controlled(&self.sampled.motion, heard, &request, blink_emotion),
             true => {
                 let sampled = engine.system.sample(heard, &request, progress)?.motion;
                 engine.controlled(&sampled, heard, &request, blink_emotion)
             }
-        })?;
-        Ok(varied)
+        })
     }
 
     /// What each slider of a take changes, in the weights of its shapes; sliders that move nothing are
@@ -168,7 +169,7 @@ impl Performance {
         progress: ProgressFn<'_>,
     ) -> Result<Vec<SliderChange>> {
         check_take(self, clip, basis)?;
-        let take = &self.motion;
+        let take = (&self.motion, &self.life);
         let ways = Slider::ALL.map(|slider| (slider, self.knots(engine, slider)));
         let count = ways.iter().map(|(_, knots)| knots.len()).sum::<usize>();
         if count == 0 {
@@ -189,8 +190,8 @@ impl Performance {
                         fraction,
                     })
                 };
-                let varied = self.varied(engine, slider, *knot, &within)?;
-                let change = engine.threads(|| measure.change(take, &varied, &within))?;
+                let (motion, life) = self.varied(engine, slider, *knot, &within)?;
+                let change = engine.threads(|| measure.change(take, (&motion, &life), &within))?;
                 changes.push(match slider {
                     Slider::EmotionAndBlinks => beyond_each(change, &out),
                     _ => change,
@@ -222,21 +223,33 @@ struct Way<'a> {
     /// Of these vertices alone, where the face's offers that.
     few: Option<Box<dyn Deformer>>,
     vertices: Vec<usize>,
+    /// The tongue among them, whose vertices all are there.
+    tongue: Option<FaceTongue>,
+    /// Places of those among them by which the face is known, and their vertices.
+    telling: Vec<usize>,
+    told: Vec<usize>,
 }
 
+/// A motion, and head, eyes and tongue beside it.
+type Moving<'a> = (&'a Motion, &'a Life);
+
 impl Way<'_> {
-    /// Where some `frames` of a motion move the vertices, `[F, S, 3]`.
+    /// Where some `frames` of a motion move the vertices by which the face is known, `[F, S, 3]`.
     fn frames(
         &self,
-        motion: &Motion,
+        (motion, life): Moving<'_>,
         frames: &[usize],
         progress: ProgressFn<'_>,
     ) -> Result<Array3<f32>> {
-        match motion {
+        let mut moved = match motion {
             Motion::Landmarks(clip) => self.of_landmarks(clip, frames, progress),
             Motion::Codes(clip) => self.of_landmarks(&clip.landmarks, frames, progress),
             Motion::Weights(clip) => self.of_weights(&clip.rows(frames), progress),
+        }?;
+        if let Some(tongue) = &self.tongue {
+            tongue.speak(life.tongue.select(Axis(0), frames).view(), &mut moved);
         }
+        Ok(moved.select(Axis(1), &self.telling))
     }
 
     fn of_landmarks(
@@ -288,23 +301,37 @@ impl Engine {
         progress: ProgressFn<'_>,
     ) -> Result<Way<'a>> {
         let deformer = self.threads(|| self.deformer(face, progress))?.as_ref();
-        let (few, vertices) = match deformer.of_vertices(&telling) {
+        let tongue = FaceTongue::find(face).ok();
+        let beside: BTreeSet<usize> = tongue.iter().flat_map(FaceTongue::numbers).collect();
+        let known: BTreeSet<u32> = telling.iter().copied().collect();
+        // What a tongue does depends on all of it.
+        let wanted = beside.iter().map(|&v| v as u32).chain(telling);
+        let wanted: Vec<u32> = BTreeSet::from_iter(wanted).into_iter().collect();
+        let (few, vertices) = match deformer.of_vertices(&wanted) {
             Some(few) => (Some(few.deformer), few.vertices),
-            None => (None, telling),
+            None => (None, wanted),
         };
+        let vertices: Vec<usize> = vertices.iter().map(|&v| v as usize).collect();
+        let tells = |v: &usize| known.contains(&(*v as u32)) || !beside.contains(v);
+        let telling: Vec<usize> = (0..vertices.len())
+            .filter(|&at| tells(&vertices[at]))
+            .collect();
         Ok(Way {
             face,
             engine: self,
             deformer,
             few,
-            vertices: vertices.iter().map(|&v| v as usize).collect(),
+            tongue: tongue.and_then(|tongue| tongue.among(&vertices)),
+            told: telling.iter().map(|&at| vertices[at]).collect(),
+            telling,
+            vertices,
         })
     }
 }
 
 impl Measure<'_> {
     fn new<'a>(way: Way<'a>, clip: &'a VertexClip, basis: &'a VertexBasis) -> Result<Measure<'a>> {
-        let vertices: Vec<u32> = way.vertices.iter().map(|&v| v as u32).collect();
+        let vertices: Vec<u32> = way.told.iter().map(|&v| v as u32).collect();
         let projection = Projection::new(basis, &vertices)?;
         Ok(Measure {
             way,
@@ -315,20 +342,25 @@ impl Measure<'_> {
         })
     }
 
-    /// How the weights `[T, K]` of the take, whose motion is `take`, change to show `varied`.
+    /// How the weights `[T, K]` of the take, which moves as `take`, change to show `varied`.
     fn change(
         &self,
-        take: &Motion,
-        varied: &Motion,
+        take: Moving<'_>,
+        varied: Moving<'_>,
         progress: ProgressFn<'_>,
     ) -> Result<Array2<f32>> {
-        let (was, is) = (take.values(), varied.values());
-        let differs = |t: &usize| was.index_axis(Axis(0), *t) != is.index_axis(Axis(0), *t);
-        let frames: Vec<usize> = (0..take.frames()).filter(differs).collect();
-        let mut out = Array2::zeros((take.frames(), self.projection.shapes()));
+        let count = take.0.frames();
+        let (was, is) = (take.0.values(), varied.0.values());
+        let has_tongue = self.way.tongue.is_some();
+        let differs = |t: &usize| {
+            was.index_axis(Axis(0), *t) != is.index_axis(Axis(0), *t)
+                || has_tongue && take.1.tongue.row(*t) != varied.1.tongue.row(*t)
+        };
+        let frames: Vec<usize> = (0..count).filter(differs).collect();
+        let mut out = Array2::zeros((count, self.projection.shapes()));
         for frames in frames.chunks(FRAMES_AT_ONCE) {
             let mut moved = self.moved(varied, frames, progress)?;
-            if let Motion::Codes(_) = take {
+            if let Motion::Codes(_) = take.0 {
                 // The clip has what codes add to landmarks; both motions have the same codes.
                 moved -= &self.moved(take, frames, progress)?;
             }
@@ -358,14 +390,14 @@ impl Measure<'_> {
     /// How far some `frames` `[F]` of a motion move the vertices `[F, S, 3]` from where the take has them.
     fn moved(
         &self,
-        motion: &Motion,
+        motion: Moving<'_>,
         frames: &[usize],
         progress: ProgressFn<'_>,
     ) -> Result<Array3<f32>> {
         let mut moved = self.way.frames(motion, frames, progress)?;
         for (&t, mut frame) in frames.iter().zip(moved.outer_iter_mut()) {
             let clip = self.clip.displacements.index_axis(Axis(0), t);
-            for (mut row, &v) in frame.rows_mut().into_iter().zip(&self.way.vertices) {
+            for (mut row, &v) in frame.rows_mut().into_iter().zip(&self.way.told) {
                 row -= &clip.row(v);
             }
         }

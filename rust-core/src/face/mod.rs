@@ -237,6 +237,11 @@ impl Face {
         })
     }
 
+    /// What spreads landmark motion over this mesh, where that is known.
+    pub(crate) fn known_deformer(&self) -> Option<&dyn Deformer> {
+        self.deformer.get().map(AsRef::as_ref)
+    }
+
     /// What spreads landmark motion over this mesh; `make` is called where there is none yet.
     pub(crate) fn deformer(
         &self,

@@ -1,11 +1,61 @@
 //! A motion that begins in the pose in which another ended.
 
-use ndarray::{ArrayView2, ArrayViewMut3, Axis};
+use ndarray::{ArrayView1, ArrayView2, ArrayViewMut2, ArrayViewMut3, Axis};
 
-use crate::mesh::ibug::LANDMARKS;
+use crate::{mesh::ibug::LANDMARKS, speech::TONGUE_PLACES};
 
 /// How long a motion takes from a pose that it was given to its own.
 const LEAVES_WITHIN_S: f64 = 0.4;
+
+/// How a face stands at one moment.
+#[derive(Debug, Clone, Copy, PartialEq)]
+pub struct Pose {
+    /// `[68][3]` from the neutral face, canonical metres.
+    pub landmarks: [[f32; 3]; LANDMARKS],
+    /// What its tongue does, as [`Life::tongue`](super::Life::tongue) has it.
+    pub tongue: [f32; TONGUE_PLACES],
+}
+
+impl From<[[f32; 3]; LANDMARKS]> for Pose {
+    /// The tongue rests.
+    fn from(landmarks: [[f32; 3]; LANDMARKS]) -> Pose {
+        Pose {
+            landmarks,
+            tongue: [0.0; TONGUE_PLACES],
+        }
+    }
+}
+
+impl Pose {
+    /// What landmarks `[68, 3]` and tongue `[4]` are in one frame.
+    pub fn of_frame(landmarks: ArrayView2<'_, f32>, tongue: ArrayView1<'_, f32>) -> Pose {
+        Pose {
+            landmarks: std::array::from_fn(|n| std::array::from_fn(|axis| landmarks[[n, axis]])),
+            tongue: std::array::from_fn(|place| tongue[place]),
+        }
+    }
+}
+
+/// Mixes the tongue `[T, 4]` with that of a pose so that its first frame is the pose's; as [`begin_in`] does it for
+/// landmarks.
+pub(crate) fn begin_tongue_in(
+    pose: &[f32; TONGUE_PLACES],
+    mut tongue: ArrayViewMut2<'_, f32>,
+    fps: f64,
+) {
+    for (t, mut row) in tongue.axis_iter_mut(Axis(0)).enumerate() {
+        let left = left_of_pose(t, fps);
+        for (x, pose) in row.iter_mut().zip(pose) {
+            *x = (1.0 - left) * *x + left * pose;
+        }
+    }
+}
+
+/// The share of a pose in frame `t` of a motion that begins in it: 1 in the first, 0 from [`LEAVES_WITHIN_S`] on.
+fn left_of_pose(t: usize, fps: f64) -> f32 {
+    let way = (t as f64 / (LEAVES_WITHIN_S * fps)).min(1.0);
+    (1.0 - way * way * (3.0 - 2.0 * way)) as f32
+}
 
 /// Shifts landmarks `[T, 68, 3]` so that their first frame is `pose`: by all that they are off it there, and by less
 /// and less within [`LEAVES_WITHIN_S`], in a way that starts and ends without a jolt.
@@ -19,19 +69,38 @@ pub(crate) fn begin_in(
     };
     let off = &ArrayView2::from(pose) - &first;
     for (t, mut frame) in displacements.axis_iter_mut(Axis(0)).enumerate() {
-        let way = t as f64 / (LEAVES_WITHIN_S * fps);
-        if way >= 1.0 {
+        let left = left_of_pose(t, fps);
+        if left == 0.0 {
             break;
         }
-        let left = 1.0 - way * way * (3.0 - 2.0 * way);
-        frame.scaled_add(left as f32, &off);
+        frame.scaled_add(left, &off);
     }
 }
 
 #[cfg(test)]
 mod tests {
     use super::*;
-    use ndarray::Array3;
+    use ndarray::{Array2, Array3};
+
+    #[test]
+    fn a_tongue_begins_in_the_pose_and_stays_within_its_way() {
+        let own = Array2::from_shape_fn((30, TONGUE_PLACES), |(t, place)| {
+            (0.5 + 0.5 * (0.3 * t as f32 + place as f32).sin()).min(1.0)
+        });
+        let pose = [1.0, 0.0, 0.4, 0.7];
+        let mut joined = own.clone();
+        begin_tongue_in(&pose, joined.view_mut(), 25.0);
+        assert_eq!(joined.row(0).to_vec(), pose);
+        assert!(joined.iter().all(|share| (0.0..=1.0).contains(share)));
+        for t in 1..10 {
+            assert!(joined.row(t) != own.row(t), "frame {t}");
+        }
+        assert_eq!(
+            joined.slice(ndarray::s![10.., ..]),
+            own.slice(ndarray::s![10.., ..])
+        );
+        begin_tongue_in(&pose, Array2::zeros((0, TONGUE_PLACES)).view_mut(), 25.0);
+    }
 
     #[test]
     fn the_first_frame_is_the_pose_and_what_follows_the_motion_itself() {

@@ -30,7 +30,7 @@ pub struct Life {
     /// head.
     pub gaze: Array3<f32>,
     /// `[T, 4]`: shares of the way from rest to contact: tip to the ridge behind the upper teeth, middle and back to
-    /// the palate, tip at the upper teeth. 1 is contact. More stays contact where it is put on a mesh.
+    /// the palate, tip at the upper teeth; 1 is contact.
     pub tongue: Array2<f32>,
 }
 

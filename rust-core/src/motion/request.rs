@@ -5,9 +5,10 @@ use std::{ops::RangeInclusive, sync::Arc};
 use crate::{
     Error, Result,
     conditions::{Controls, EmotionCurve, Event},
-    mesh::ibug::LANDMARKS,
     speech::FeltVoice,
 };
+
+use super::Pose;
 
 /// Frames per second that a result may have.
 pub const FPS: RangeInclusive<f64> = 1.0..=240.0;
@@ -42,9 +43,9 @@ pub struct MotionRequest {
     /// Another recording of which the feeling is taken, however long, where a system hears feeling
     /// (`feeling_from` of EmoFace).
     pub felt_as: Option<Arc<FeltVoice>>,
-    /// Displacements of the landmarks in canonical metres in the frame before the first, such as the last frame
-    /// of another motion; `None` is rest. For systems that make one frame from those before.
-    pub starts_from: Option<[[f32; 3]; LANDMARKS]>,
+    /// How the face stands in the first frame, such as in the last frame of another motion; `None` is rest. For systems
+    /// that make one frame from those before.
+    pub starts_from: Option<Pose>,
 }
 
 impl Default for MotionRequest {

@@ -8,17 +8,17 @@ use super::{Heard, PhoneModel, phones::EARLY_S};
 /// to the palate, its tip goes to the edge of the upper teeth.
 pub const TONGUE_PLACES: usize = 4;
 
-/// Shares of the way from rest to the roof of the mouth, by the degrees of constriction of Browman & Goldstein
-/// ("Articulatory gestures as phonological units", Phonology 6, 1989): closed, critical, narrow, mid. The paper ranks
-/// them. The shares are ours, for a way of 12 mm of which a critical constriction leaves 1 mm, a narrow one 4 mm and a
-/// mid one 7 mm.
+/// Shares of the way from rest to the roof of the mouth, from closed to mid. That tongue tip and tongue body each have a
+/// place and a degree of constriction is the notion of tract variables (Browman & Goldstein, "Articulatory gestures as
+/// phonological units", Phonology 6, 1989). The sizes are ours: for a way of 12 mm a critical constriction leaves 1 mm,
+/// a narrow one 4 mm and a mid one 7 mm.
 const CLOSED: f32 = 1.0;
 const CRITICAL: f32 = 0.9;
 const NARROW: f32 = 0.7;
 const MID: f32 = 0.4;
 
-/// Tip, middle, back, and tip at the teeth for phones that need the tongue: the places and degrees of the same
-/// paper, alveolar for t d n l s z, dental for θ ð, palatal for j i, velar for k ɡ ŋ u w. It rests for all others.
+/// Tip, middle, back, and tip at the teeth for phones that need the tongue, by the usual names of their places:
+/// alveolar t d n l s z, dental θ ð, palatal j i, velar k ɡ ŋ u w. The degrees are ours. It rests for all others.
 const TARGETS: &[(&[&str], [f32; TONGUE_PLACES])] = &[
     (&["t", "d", "n", "l", "r"], [CLOSED, 0.0, 0.0, 0.0]),
     (&["s", "z"], [CRITICAL, MID, 0.0, 0.0]),

@@ -6,6 +6,7 @@
 //! lies in memory whole.
 
 mod on_face;
+mod pose;
 mod sink;
 mod template_on_face;
 mod tongue;
@@ -24,11 +25,12 @@ use crate::{
     speech::TONGUE_PLACES,
 };
 pub use on_face::on_face;
+pub use pose::pose_on;
 pub use sink::{
     Animation, ClipStart, Collector, FrameSink, LandmarkTrack, SpreadReport, frames_at_once,
 };
 pub use template_on_face::TemplateOnFace;
-use tongue::SpokenTongue;
+pub(crate) use tongue::FaceTongue;
 pub use tongue::tongue_note;
 
 /// What is to be put on a face.
@@ -69,7 +71,8 @@ pub struct Spread<'a> {
     fps: f64,
     frames: usize,
     way: Way<'a>,
-    tongue: Option<SpokenTongue>,
+    /// The tongue of the face, and what it does over time, `[T, 4]`.
+    tongue: Option<(FaceTongue, Array2<f32>)>,
     notes: Vec<String>,
 }
 
@@ -244,13 +247,26 @@ impl<'a> Spread<'a> {
                 got: format!("{:?}", tongue.dim()),
             });
         }
-        if tongue.iter().any(|share| *share != 0.0) {
-            match SpokenTongue::new(self.face, tongue) {
-                Ok(tongue) => self.tongue = Some(tongue),
-                Err(complaint) => self.notes.push(complaint.into()),
-            }
+        if tongue.iter().all(|share| *share == 0.0) {
+            return Ok(self);
+        }
+        match FaceTongue::find(self.face) {
+            Ok(found) => self.speak(&found, tongue),
+            Err(complaint) => self.notes.push(complaint.into()),
         }
         Ok(self)
+    }
+
+    /// Lets the tongue speak; in a mixture beside the jaw of each part, so that parts add up.
+    fn speak(&mut self, found: &FaceTongue, track: ArrayView2<'_, f32>) {
+        match &mut self.way {
+            Way::Mixed(parts) => parts
+                .iter_mut()
+                .for_each(|(part, _)| part.speak(found, track)),
+            Way::Landmarks(_) | Way::Shapes(_) => {
+                self.tongue = Some((found.clone(), track.to_owned()))
+            }
+        }
     }
 
     /// Displacements of a stretch of frames, `[t, V, 3]`, mesh units.
@@ -259,8 +275,8 @@ impl<'a> Spread<'a> {
     /// `Cancelled`.
     pub fn frames(&self, range: Range<usize>, progress: ProgressFn<'_>) -> Result<Array3<f32>> {
         let mut moved = self.without_tongue(range.clone(), progress)?;
-        if let Some(tongue) = &self.tongue {
-            tongue.speak(range, &mut moved);
+        if let Some((tongue, track)) = &self.tongue {
+            tongue.speak(track.slice_axis(Axis(0), range.into()), &mut moved);
         }
         Ok(moved)
     }

@@ -3,16 +3,16 @@
 //! Fields over its own length raise its tip, middle and back, and bring its tip forward. Lengths are canonical
 //! centimetres, on a mouth 5 cm wide; +y is up, +z out of the face.
 
-use std::ops::Range;
+use std::{array, ops::Range};
 
-use ndarray::{Array2, Array3, ArrayView1, ArrayView2, ArrayViewMut2, Axis};
+use ndarray::{Array3, ArrayView1, ArrayView2, ArrayViewMut2, Axis};
 use rayon::prelude::*;
 
 use crate::{
-    Result,
     face::Face,
     mesh::{PartRole, Similarity},
     rig::parts::{TongueFound, middle_of_lips, tongue},
+    speech::TONGUE_PLACES,
 };
 
 /// Where on the tongue's length, 0 at the root and 1 at the tip, middle and back rise most, and how far to either side
@@ -43,6 +43,10 @@ const INNER_CM: f32 = 1.15;
 /// How far apart the faces of the front teeth are at most.
 const THICK_CM: f32 = 1.2;
 
+/// Steps by which the shares of a tongue that stands somewhere are found.
+const FIRST_STEP: f32 = 0.25;
+const LAST_STEP: f32 = 1e-4;
+
 /// Why the tongue of a face does not speak, where it does not.
 pub fn tongue_note(face: &Face) -> Option<&'static str> {
     let (positions, landmarks) = centimetres(face);
@@ -56,15 +60,15 @@ fn centimetres(face: &Face) -> (Vec<[f32; 3]>, [[f32; 3]; 68]) {
     (positions, face.landmarks.positions.map(cm))
 }
 
-/// The tongue of a mesh, and what it does over time.
-pub(super) struct SpokenTongue {
-    /// `[T, 4]`.
-    track: Array2<f32>,
+/// The tongue of a face, which may move by itself.
+#[derive(Debug, Clone)]
+pub(crate) struct FaceTongue {
     vertices: Vec<TongueVertex>,
     room: Room,
     to_canonical: Similarity,
 }
 
+#[derive(Debug, Clone)]
 struct TongueVertex {
     number: usize,
     rest: [f32; 3],
@@ -88,12 +92,9 @@ struct Room {
     unit: f32,
 }
 
-impl SpokenTongue {
-    /// The tongue of a face, or why it has none that moves. `track`: `[T, 4]`.
-    pub(super) fn new(
-        face: &Face,
-        track: ArrayView2<'_, f32>,
-    ) -> Result<SpokenTongue, &'static str> {
+impl FaceTongue {
+    /// The tongue of a face, or why it has none that moves.
+    pub(crate) fn find(face: &Face) -> Result<FaceTongue, &'static str> {
         let (positions, landmarks) = centimetres(face);
         let found = tongue(&positions, &face.parts, &landmarks);
         let found = match found {
@@ -115,17 +116,28 @@ impl SpokenTongue {
             let numbers = parts.flat_map(|(_, list)| list);
             numbers.map(|v| positions[v as usize]).collect()
         };
-        Ok(SpokenTongue {
-            track: track.to_owned(),
+        Ok(FaceTongue {
             room: Room::find(&vertices, &skull, lips, unit),
             vertices,
             to_canonical: face.to_canonical,
         })
     }
 
-    /// Adds what the tongue does in some frames to the displacements `[t, V, 3]` of the mesh, its own units.
-    pub(super) fn speak(&self, range: Range<usize>, moved: &mut Array3<f32>) {
-        let rows = self.track.slice_axis(Axis(0), range.into());
+    /// The numbers of its vertices in the mesh.
+    pub(crate) fn numbers(&self) -> impl Iterator<Item = usize> + '_ {
+        self.vertices.iter().map(|vertex| vertex.number)
+    }
+
+    /// The same where the mesh is known by some of its vertices alone, rising; `None` where these lack one of the tongue's.
+    pub(crate) fn among(mut self, known: &[usize]) -> Option<FaceTongue> {
+        for vertex in &mut self.vertices {
+            vertex.number = known.binary_search(&vertex.number).ok()?;
+        }
+        Some(self)
+    }
+
+    /// Adds what the tongue does, `rows` `[t, 4]`, to the displacements `[t, V, 3]` of the mesh, its own units.
+    pub(crate) fn speak(&self, rows: ArrayView2<'_, f32>, moved: &mut Array3<f32>) {
         let frames = moved.axis_iter_mut(Axis(0)).into_par_iter();
         frames
             .zip(rows.axis_iter(Axis(0)))
@@ -133,17 +145,64 @@ impl SpokenTongue {
             .for_each(|(frame, row)| self.speak_frame(frame, row));
     }
 
+    /// Where displacements `[V, 3]` of the mesh, its own units, take the tongue.
+    fn now(&self, frame: ArrayView2<'_, f32>) -> Vec<[f32; 3]> {
+        let per_unit = 100.0 * self.to_canonical.scale as f32;
+        let now = self.vertices.iter().map(|vertex| {
+            let moved = frame.row(vertex.number);
+            let moved = self.to_canonical.rotate([moved[0], moved[1], moved[2]]);
+            array::from_fn(|i| vertex.rest[i] + per_unit * moved[i])
+        });
+        now.collect()
+    }
+
+    /// What the tongue does, shares as a row of [`FaceTongue::speak`] has them, where the mesh stands as in `shown`
+    /// `[V, 3]` and its jaw alone brings it to `jaw` `[V, 3]`, mesh units.
+    pub(super) fn shares_of(
+        &self,
+        shown: ArrayView2<'_, f32>,
+        jaw: ArrayView2<'_, f32>,
+    ) -> [f32; TONGUE_PLACES] {
+        let rests = |vertex: &TongueVertex| shown.row(vertex.number).iter().all(|x| *x == 0.0);
+        if self.vertices.iter().all(rests) {
+            // Nobody has moved it, whatever the jaw does.
+            return [0.0; TONGUE_PLACES];
+        }
+        let (shown, jaw) = (self.now(shown), self.now(jaw));
+        let off = |row: &[f32; TONGUE_PLACES]| -> f32 {
+            let by = self.displacements(&jaw, ArrayView1::from(row));
+            let each = shown.iter().zip(&jaw).zip(&by);
+            let squares = each.map(|((shown, jaw), by)| {
+                let left: [f32; 3] = array::from_fn(|i| shown[i] - jaw[i] - by[i]);
+                left.iter().map(|x| x * x).sum::<f32>()
+            });
+            squares.sum()
+        };
+        let mut row = [0.0; TONGUE_PLACES];
+        let mut least = off(&row);
+        let mut step = FIRST_STEP;
+        while step > LAST_STEP {
+            let before = least;
+            for place in 0..TONGUE_PLACES {
+                for by in [step, -step] {
+                    let mut other = row;
+                    other[place] = (row[place] + by).clamp(0.0, 1.0);
+                    let left = off(&other);
+                    if left < least {
+                        (row, least) = (other, left);
+                    }
+                }
+            }
+            if least == before {
+                step *= 0.5;
+            }
+        }
+        row
+    }
+
     fn speak_frame(&self, mut frame: ArrayViewMut2<'_, f32>, row: ArrayView1<'_, f32>) {
         let per_unit = 100.0 * self.to_canonical.scale as f32;
-        let now: Vec<[f32; 3]> = self
-            .vertices
-            .iter()
-            .map(|vertex| {
-                let moved = frame.row(vertex.number);
-                let moved = self.to_canonical.rotate([moved[0], moved[1], moved[2]]);
-                std::array::from_fn(|i| vertex.rest[i] + per_unit * moved[i])
-            })
-            .collect();
+        let now = self.now(frame.view());
         let to_mesh = self.to_canonical.inverse();
         for (vertex, by) in self.vertices.iter().zip(self.displacements(&now, row)) {
             let by = to_mesh.rotate(by);

@@ -13,7 +13,7 @@ use anyface::{
     job::SILENT,
     mesh::{LandmarkSource, PartChoices},
     models::Weights,
-    motion::Motion,
+    motion::{Motion, Pose},
     speech::{FeelingEncoder, FeltVoice},
     spread::{Collector, FrameSink, Movement, SpreadReport, TemplateOnFace},
     systems::emoface::{EmoFaceConfig, MODEL, read_template},
@@ -119,7 +119,7 @@ fn a_shot_goes_on_from_the_pose_in_which_another_ended() {
     let end = first.index_axis(ndarray::Axis(0), 30);
     let pose = std::array::from_fn(|n| std::array::from_fn(|axis| end[[n, axis]]));
     let request = MotionRequest {
-        starts_from: Some(pose),
+        starts_from: Some(Pose::from(pose)),
         ..felt(&[], "happy")
     };
     let (rest, on) = (first, performed(&request).unwrap());
@@ -155,44 +155,41 @@ fn largest_mm(moved: &Array2<f32>) -> f32 {
 
 #[test]
 fn five_joined_shots_never_jump() {
-    let mut end: Option<Array2<f32>> = None;
+    let mut end: Option<Pose> = None;
     for (n, emotion) in ["happy", "angry", "neutral:0", "sad", "happy"]
         .iter()
         .enumerate()
     {
-        let pose = end
-            .as_ref()
-            .map(|end| std::array::from_fn(|n| std::array::from_fn(|axis| end[[n, axis]])));
         // With all that is put on a performance: blinks, accents, effort, closed lips.
         let request = MotionRequest {
             fps: 30.0,
             emotion: EmotionCurve::parse(emotion).unwrap(),
             controls: Controls::default().with("feeling_from", 1.0),
             seed: n as u64,
-            starts_from: pose,
+            starts_from: end,
             ..MotionRequest::default()
         };
         let sound = voice(2.0 + 0.37 * n as f32);
-        let made = ENGINE.perform(&sound, &request, SILENT).unwrap().motion;
-        let moved = made.landmarks().unwrap().displacements.clone();
+        let made = ENGINE.perform(&sound, &request, SILENT).unwrap();
+        let moved = made.motion.landmarks().unwrap().displacements.clone();
         let steps = steps_mm(&moved);
         let mut sorted = steps.clone();
         sorted.sort_by(f32::total_cmp);
         let fast = sorted[sorted.len() * 99 / 100];
         if let Some(end) = &end {
-            let jump = largest_mm(&(&moved.index_axis(Axis(0), 0) - end));
+            let pose = ndarray::arr2(&end.landmarks);
+            let jump = largest_mm(&(&moved.index_axis(Axis(0), 0) - &pose));
             assert!(jump < 1e-3, "shot {n} jumps by {jump} mm");
+            assert_eq!(made.life.tongue.row(0).to_vec(), end.tongue, "shot {n}");
             let begun = steps[..12].iter().fold(0.0f32, |most, x| most.max(*x));
             assert!(
                 begun <= fast,
                 "shot {n} begins with {begun} mm a frame, 99 %: {fast}"
             );
         }
-        end = Some(
-            moved
-                .index_axis(Axis(0), moved.len_of(Axis(0)) - 1)
-                .to_owned(),
-        );
+        let last = moved.len_of(Axis(0)) - 1;
+        let landmarks = moved.index_axis(Axis(0), last);
+        end = Some(Pose::of_frame(landmarks, made.life.tongue.row(last)));
     }
 }
 

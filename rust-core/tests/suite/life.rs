@@ -79,6 +79,42 @@ fn no_strength_is_stillness_and_leaves_every_landmark() {
 }
 
 #[test]
+fn the_tongue_obeys_articulation_and_its_own_strength() {
+    let engine = engine();
+    let at = |articulation: f32, tongue: f32| {
+        let asked = PerformanceControls {
+            articulation,
+            tongue,
+            ..PerformanceControls::default()
+        };
+        spoken(&engine, &asked, 1).life.tongue
+    };
+    let whole = at(1.0, 1.0);
+    assert!(whole.iter().any(|x| *x > 0.2));
+    for still in [at(0.0, 1.0), at(1.0, 0.0), at(0.0, 2.0)] {
+        assert!(still.iter().all(|x| *x == 0.0));
+    }
+    assert_eq!(at(0.5, 1.0), 0.5 * &whole);
+    assert_eq!(at(0.5, 1.0), at(1.0, 0.5));
+    assert_eq!(at(2.0, 1.0), whole.mapv(|x| (2.0 * x).min(1.0)));
+    let mut request = MotionRequest {
+        seed: 1,
+        controls: PerformanceControls::default().into(),
+        ..MotionRequest::default()
+    };
+    let keys = vec![(0.0, 0.0), (1.0, 0.0), (1.001, 1.0)];
+    let curve = ControlCurve { value: 1.0, keys };
+    request.controls.set_curve("articulation", curve);
+    let later = spoken(&engine, &PerformanceControls::default(), 1)
+        .again(&engine, &request)
+        .unwrap()
+        .life
+        .tongue;
+    assert!(later.slice(s![..=30, ..]).iter().all(|x| *x == 0.0));
+    assert_eq!(later.slice(s![31.., ..]), whole.slice(s![31.., ..]));
+}
+
+#[test]
 fn strengths_that_change_scale_the_tracks_where_they_stand() {
     let engine = engine();
     let whole = spoken(&engine, &PerformanceControls::default(), 3);

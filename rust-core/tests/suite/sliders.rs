@@ -13,8 +13,8 @@ use anyface::{
     face::Deformer,
     job::SILENT,
     mesh::PartChoices,
-    motion::{Motion, PerformanceControls},
-    spread::Collector,
+    motion::{Life, Motion, PerformanceControls},
+    spread::{Collector, Movement},
     systems::Slider,
 };
 use ndarray::{Array2, Array3, Axis};
@@ -58,7 +58,7 @@ impl Take {
     fn of(engine: Engine, request: &MotionRequest) -> Take {
         let face = head::prepared(&head::head(), &head::landmarks(), PartChoices::default());
         let performance = engine.perform(&voice(), request, SILENT).unwrap();
-        let clip = spread(&engine, &face, &performance.motion);
+        let clip = spread(&engine, &face, &performance);
         let basis = compress(&clip, MAX_ERROR_M, 256, SILENT).unwrap();
         Take {
             engine,
@@ -78,8 +78,9 @@ impl Take {
     }
 
     /// Mean and largest distance, mm, of the take with changed weights from a motion of its own.
-    fn distance(&self, change: &Array2<f32>, motion: &Motion) -> (f32, f32) {
-        let truth = spread(&self.engine, &self.face, motion);
+    fn distance(&self, change: &Array2<f32>, (motion, life): &(Motion, Life)) -> (f32, f32) {
+        let movement = Movement::from(motion).with_tongue(life);
+        let truth = spread(&self.engine, &self.face, movement);
         let basis = VertexBasis {
             weights: &self.basis.weights + change,
             ..self.basis.clone()
@@ -88,9 +89,12 @@ impl Take {
     }
 }
 
-fn spread(engine: &Engine, face: &Face, motion: &Motion) -> VertexClip {
-    let made = Collector::collect(|sink| engine.spread(face, motion, sink, SILENT));
-    made.unwrap().vertices
+fn spread<'a>(engine: &Engine, face: &Face, movement: impl Into<Movement<'a>>) -> VertexClip {
+    let mut collector = Collector::default();
+    engine
+        .spread(face, movement, &mut collector, SILENT)
+        .unwrap();
+    collector.into_animation().vertices
 }
 
 fn distance(a: &Array3<f32>, b: &Array3<f32>) -> (f32, f32) {
@@ -112,9 +116,18 @@ fn of(changes: &[SliderChange], slider: Slider) -> &SliderChange {
 fn a_variation_is_the_run_that_it_stands_for() {
     let (engine, asked) = (head::engine(), request("happy:0.8"));
     let performance = engine.perform(&voice(), &asked, SILENT).unwrap();
-    let run = |request: &MotionRequest| engine.perform(&voice(), request, SILENT).unwrap().motion;
-    assert_eq!(performance.motion, run(&asked));
-    let vary = |of: &Performance, slider, position| of.varied(&engine, slider, position, SILENT);
+    let run = |request: &MotionRequest| {
+        let made = engine.perform(&voice(), request, SILENT).unwrap();
+        (made.motion, made.life.tongue)
+    };
+    assert_eq!(
+        (performance.motion.clone(), performance.life.tongue.clone()),
+        run(&asked)
+    );
+    let vary = |of: &Performance, slider, position| {
+        let (motion, life) = of.varied(&engine, slider, position, SILENT).unwrap();
+        (motion, life.tongue)
+    };
     for (slider, position) in [(Slider::Articulation, 1.3), (Slider::Blinks, 0.0)] {
         let mut wanted = asked.clone();
         match slider {
@@ -122,7 +135,7 @@ fn a_variation_is_the_run_that_it_stands_for() {
             _ => wanted.controls.set("blinks_per_minute", position),
         }
         assert_eq!(
-            vary(&performance, slider, position).unwrap(),
+            vary(&performance, slider, position),
             run(&wanted),
             "{slider:?}"
         );
@@ -136,10 +149,7 @@ fn a_variation_is_the_run_that_it_stands_for() {
         emotion: EmotionCurve::parse("happy:0.4").unwrap(),
         ..unblinking
     };
-    assert_eq!(
-        vary(&performance, Slider::Emotion, 0.5).unwrap(),
-        run(&wanted)
-    );
+    assert_eq!(vary(&performance, Slider::Emotion, 0.5), run(&wanted));
 }
 
 #[test]
@@ -270,7 +280,8 @@ fn blinks_change_the_frames_in_which_eyes_blink() {
     let open = take
         .performance
         .varied(&take.engine, Slider::Blinks, 0.0, SILENT)
-        .unwrap();
+        .unwrap()
+        .0;
     let change = of(&changes, Slider::Blinks).at(0.0);
     let mut blinking = 0;
     for (t, row) in change.outer_iter().enumerate() {

@@ -1,6 +1,6 @@
 use std::path::Path;
 
-use ndarray::s;
+use ndarray::{Array2, s};
 
 use super::*;
 use crate::{
@@ -9,7 +9,7 @@ use crate::{
     job::SILENT,
     mesh::{LandmarkSource, Mesh},
     motion::{LandmarkClip, Life, Motion},
-    spread::{Collector, Movement},
+    spread::{Collector, Movement, pose_on},
 };
 
 /// Vertices of the default head's tongue, its last part.
@@ -119,7 +119,7 @@ fn each_place_rises_on_its_own_and_nothing_but_the_tongue_moves() {
         .clone()
         .max_by(|&a, &b| z(a).total_cmp(&z(b)))
         .unwrap();
-    let tongue = SpokenTongue::new(&face, life.tongue.view()).unwrap();
+    let tongue = FaceTongue::find(&face).unwrap();
     let there = std::array::from_fn(|i| face.mesh.positions[tip][i] + spoken[[4, tip, i]]);
     let [_, height, depth] = face.to_canonical.apply(there).map(|x| 100.0 * x);
     let Room { edge, inner, .. } = tongue.room;
@@ -136,7 +136,7 @@ fn no_tongue_goes_through_palate_or_teeth() {
         let (motion, life) = (jaw(&[open_m; 6]), life(&rows));
         let (plain, _) = spread(&engine, &face, (&motion).into());
         let (spoken, _) = spread(&engine, &face, Movement::from(&motion).with_tongue(&life));
-        let tongue = SpokenTongue::new(&face, life.tongue.view()).unwrap();
+        let tongue = FaceTongue::find(&face).unwrap();
         let at = |moved: &Array3<f32>, t: usize, vertex: &TongueVertex| -> [f32; 3] {
             let here = face.mesh.positions[vertex.number];
             let moved = moved.slice(s![t, vertex.number, ..]);
@@ -199,4 +199,31 @@ fn frames_that_do_not_fit_are_refused() {
     let movement = Movement::from(&motion).with_tongue(&life);
     let made = Collector::collect(|sink| engine.spread(&face, movement, sink, SILENT));
     assert!(made.is_err());
+}
+
+#[test]
+fn the_shares_of_a_pose_are_those_that_made_it() {
+    let engine = engine();
+    let face = face(&engine, true);
+    let rows = [[0.0; 4], L, K, [0.5, 0.3, 0.0, 0.0], [0.2, 0.0, 0.6, 0.3]];
+    let (motion, life) = (jaw(&[0.006; 5]), life(&rows));
+    let (shown, _) = spread(&engine, &face, Movement::from(&motion).with_tongue(&life));
+    for (t, row) in rows.iter().enumerate() {
+        let pose = pose_on(&face, shown.index_axis(Axis(0), t)).unwrap();
+        let again = Life {
+            tongue: ndarray::arr2(&[pose.tongue]),
+            ..Life::still(1)
+        };
+        let found = jaw(&[0.006]);
+        let (made, _) = spread(&engine, &face, Movement::from(&found).with_tongue(&again));
+        let off = &made.index_axis(Axis(0), 0) - &shown.index_axis(Axis(0), t);
+        let off =
+            1000.0 * face.metres_per_unit() as f32 * off.fold(0.0f32, |most, x| most.max(x.abs()));
+        assert!(off < 0.2, "{row:?} {:?}: {off} mm", pose.tongue);
+    }
+    // A tongue that nobody has moved rests.
+    let mut moved = shown.index_axis(Axis(0), 1).to_owned();
+    let first = face.mesh.positions.len() - TONGUE_VERTICES;
+    moved.slice_mut(s![first.., ..]).fill(0.0);
+    assert_eq!(pose_on(&face, moved.view()).unwrap().tongue, [0.0; 4]);
 }

@@ -281,7 +281,8 @@ impl System for EmoFace {
         let asked = request.style.as_deref();
         let style = style_number(asked, &config.styles, &config.default_style)?;
         let layer = Layer::of(&request.controls);
-        let first = request.starts_from.map(|pose| self.model().pose_of(&pose));
+        let first = request.starts_from.as_ref();
+        let first = first.map(|pose| self.model().pose_of(&pose.landmarks));
         let mut state = self.model().start(first.as_ref().map(|pose| pose.view()))?;
         let mut displacements = Array3::zeros((frames, LANDMARKS, 3));
         let mut codes = Array2::zeros((frames, self.model().code_size()));
