@@ -263,7 +263,7 @@ impl Engine {
         }
     }
 
-    /// What the tongue does, `[T, 4]`, 0 to 1: as far as is heard, times its own strength and that of all articulation.
+    /// What the tongue does, `[T, 4]`, 0 to 1: what is heard, as strong as it and all articulation are asked to be.
     fn tongue(&self, motion: &Motion, heard: &Heard, request: &MotionRequest) -> Array2<f32> {
         let (frames, fps) = (motion.frames(), motion.fps());
         let articulates = self.knows(ARTICULATION);
@@ -277,7 +277,7 @@ impl Engine {
             let heard = heard.tongue(fps);
             let rows = tongue.outer_iter_mut().zip(heard.outer_iter());
             for ((mut row, heard), strength) in rows.zip(strengths) {
-                row.assign(&heard.mapv(|share| (strength * share).min(1.0)));
+                row.assign(&heard.mapv(|share| strengthened(share, strength)));
             }
         }
         tongue
@@ -373,6 +373,14 @@ impl Engine {
             begin_tongue_in(&pose.tongue, life.tongue.view_mut(), fps);
         }
         Ok((moved, life))
+    }
+}
+
+/// A share of the way to contact under a strength: that much of it up to 1, beyond it nearer and nearer to contact.
+fn strengthened(share: f32, strength: f32) -> f32 {
+    match strength > 1.0 {
+        true => 1.0 - (1.0 - share).powf(strength),
+        false => strength * share,
     }
 }
 

@@ -32,6 +32,8 @@ const BLINKS: &str = "blinks_per_minute";
 /// How far beyond the take a slider goes.
 const MOST: f32 = 2.0;
 const MOST_EMOTION: f32 = 1.5;
+/// Beside a jaw that articulation opens, a tongue answers to it by its square.
+const BETWEEN_TONGUE: [f32; 2] = [0.5, 1.4];
 /// Faces answer to half an emotion by more than half.
 const MIDDLE_EMOTION: f32 = 0.5;
 /// The largest value of the controls that are scaled.
@@ -42,6 +44,8 @@ const TELLING_VERTICES: usize = 3000;
 /// A host spends time on every shape that moves in a frame. So of the shapes that a frame of the take
 /// leaves at 0 no more than this many move at a knot, those that matter most.
 const MOVED_BESIDE: usize = 4;
+/// A tongue that speaks has shapes of its own: so many more.
+const MOVED_BY_TONGUE: usize = 2;
 
 /// What a slider adds to the weights of a take.
 #[derive(Debug, Clone, PartialEq)]
@@ -170,14 +174,21 @@ impl Performance {
     ) -> Result<Vec<SliderChange>> {
         check_take(self, clip, basis)?;
         let take = (&self.motion, &self.life);
-        let ways = Slider::ALL.map(|slider| (slider, self.knots(engine, slider)));
-        let count = ways.iter().map(|(_, knots)| knots.len()).sum::<usize>();
-        if count == 0 {
+        let mut ways = Slider::ALL.map(|slider| (slider, self.knots(engine, slider)));
+        if ways.iter().all(|(_, knots)| knots.is_empty()) {
             return Ok(Vec::new());
         }
         let vertices = telling_vertices(basis, TELLING_VERTICES);
         let way = engine.way(face, vertices, progress)?;
-        let measure = Measure::new(way, clip, basis)?;
+        let speaks = way.tongue.is_some() && self.life.tongue.iter().any(|share| *share != 0.0);
+        if speaks {
+            ways.iter_mut()
+                .filter(|(slider, _)| *slider == Slider::Articulation)
+                .for_each(|(_, knots)| add_between(knots));
+        }
+        let count = ways.iter().map(|(_, knots)| knots.len()).sum::<usize>();
+        let mut measure = Measure::new(way, clip, basis)?;
+        measure.beside += if speaks { MOVED_BY_TONGUE } else { 0 };
         let mut done = 0;
         let mut out = Vec::new();
         for (slider, knots) in ways {
@@ -211,6 +222,17 @@ impl Performance {
         }
         report(progress, STAGE, 1.0)?;
         Ok(out)
+    }
+}
+
+/// Puts those of [`BETWEEN_TONGUE`] that lie within rising `knots` among them.
+fn add_between(knots: &mut Vec<f32>) {
+    if let (Some(&first), Some(&last)) = (knots.first(), knots.last()) {
+        let between = BETWEEN_TONGUE
+            .iter()
+            .filter(|knot| first < **knot && **knot < last);
+        knots.extend(between);
+        knots.sort_by(f32::total_cmp);
     }
 }
 
@@ -290,6 +312,8 @@ struct Measure<'a> {
     projection: Projection,
     /// How far the shapes move, `[K]`.
     sizes: Vec<f32>,
+    /// How many shapes that a frame of the take leaves at 0 may move.
+    beside: usize,
 }
 
 impl Engine {
@@ -339,6 +363,7 @@ impl Measure<'_> {
             basis,
             sizes: projection.sizes(),
             projection,
+            beside: MOVED_BESIDE,
         })
     }
 
@@ -381,7 +406,7 @@ impl Measure<'_> {
         let mut still: Vec<usize> = (0..take.len()).filter(|&k| take[k] == 0.0).collect();
         still.sort_by(|&a, &b| reach(b).total_cmp(&reach(a)));
         let mut few = change.to_owned();
-        for &k in still.iter().skip(MOVED_BESIDE) {
+        for &k in still.iter().skip(self.beside) {
             few[k] = 0.0;
         }
         few

@@ -96,7 +96,11 @@ fn the_tongue_obeys_articulation_and_its_own_strength() {
     }
     assert_eq!(at(0.5, 1.0), 0.5 * &whole);
     assert_eq!(at(0.5, 1.0), at(1.0, 0.5));
-    assert_eq!(at(2.0, 1.0), whole.mapv(|x| (2.0 * x).min(1.0)));
+    // Beyond 1 it comes nearer to contact and never farther.
+    for (more, heard) in at(2.0, 1.0).iter().zip(&whole) {
+        let wanted = heard - 1e-6..=(2.0 * heard).min(1.0) + 1e-6;
+        assert!(wanted.contains(more), "{more} for {heard}");
+    }
     let mut request = MotionRequest {
         seed: 1,
         controls: PerformanceControls::default().into(),
