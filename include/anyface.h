@@ -522,7 +522,7 @@ typedef struct {
     /// Another recording whose feeling the face shows; only until the call returns. NULL, the default, is the
     /// voice itself. A system that does not hear feeling refuses: see `anyface_system_hears_feeling()`.
     const AnyfaceAudio *felt_as;
-    /// A motion of landmarks in whose last frame the face begins; only until the call returns. NULL, the
+    /// A motion of landmarks in whose last frame the face begins, its tongue too; only until the call returns. NULL, the
     /// default, is rest. Systems that do not go on from a pose refuse: see `anyface_system_starts_from_pose()`.
     const AnyfaceMotion *starts_from;
 } AnyfaceMotionOptions;
@@ -1211,8 +1211,8 @@ AnyfaceStatus anyface_motion_new_displacements(const float *displacements,
 /// The pose of a face whose vertices are displaced, as a motion of one frame: what `starts_from` of
 /// `AnyfaceMotionOptions` takes. The array is copied.
 ///
-/// `displacements`: `[vertex_count, 3]` from the face at rest, mesh units and axes. Landmarks alone are kept of it. Free
-/// with `anyface_motion_free()`.
+/// `displacements`: `[vertex_count, 3]` from the face at rest, mesh units and axes. Landmarks are kept of it, and what
+/// the tongue does beside its jaw, where the face has one that moves by itself. Free with `anyface_motion_free()`.
 /// Fails with `ANYFACE_STATUS_INVALID_INPUT` for another number of vertices than the face has, or values that are not
 /// finite.
 AnyfaceStatus anyface_motion_new_pose(const AnyfaceFace *face,
@@ -1271,6 +1271,15 @@ AnyfaceStatus anyface_motion_copy_gaze(const AnyfaceMotion *motion,
                                        float *buffer,
                                        size_t float_count,
                                        AnyfaceError **error);
+
+/// Copies what the tongue does into the caller's buffer: `[T, 4]`, shares of the way from rest to contact, 0 to 1: tip
+/// to the ridge behind the upper teeth, middle and back to the palate, tip at the upper teeth. `float_count` must be
+/// `T * 4`. Clips hold it where the face has a tongue that moves by itself.
+/// Fails with `ANYFACE_STATUS_INVALID_INPUT` for another `float_count`.
+AnyfaceStatus anyface_motion_copy_tongue(const AnyfaceMotion *motion,
+                                         float *buffer,
+                                         size_t float_count,
+                                         AnyfaceError **error);
 
 /// Writes the motion as npz for numpy: `landmark_displacements` `[T, 68, 3]`, canonical metres, `fps`,
 /// and for motion that was spoken `head` `[T, 3]`, `gaze` `[T, 2, 2]` and `tongue` `[T, 4]`, shares of the way to contact:
@@ -1434,8 +1443,8 @@ AnyfaceStatus anyface_clip_stream(const AnyfaceEngine *engine,
 
 /// Finds what of the events of a motion nobody will see: events behind the end of the sound, and units that
 /// this face cannot show, such as brows where it has none. After a clip of this face it is also told where no head of
-/// the system's own model is like the face, so that landmarks alone moved it, and where the face has no tongue that moves by itself. Long for a face that was never asked for
-/// its shapes: accepts a progress handle.
+/// the system's own model is like the face, so that landmarks alone moved it. Where the face has no tongue that moves by
+/// itself it is told as well. Long for a face that was never asked for its shapes: accepts a progress handle.
 ///
 /// `motion` is that of `anyface_motion_new()`. `progress` may be NULL. Free with `anyface_event_notes_free()`.
 /// Fails with `ANYFACE_STATUS_INVALID_INPUT` for motion that was not spoken, `ANYFACE_STATUS_CANCELLED`.

@@ -22,8 +22,8 @@ pub struct AnyfaceEventNotes(Vec<CString>);
 
 /// Finds what of the events of a motion nobody will see: events behind the end of the sound, and units that
 /// this face cannot show, such as brows where it has none. After a clip of this face it is also told where no head of
-/// the system's own model is like the face, so that landmarks alone moved it, and where the face has no tongue that moves by itself. Long for a face that was never asked for
-/// its shapes: accepts a progress handle.
+/// the system's own model is like the face, so that landmarks alone moved it. Where the face has no tongue that moves by
+/// itself it is told as well. Long for a face that was never asked for its shapes: accepts a progress handle.
 ///
 /// `motion` is that of `anyface_motion_new()`. `progress` may be NULL. Free with `anyface_event_notes_free()`.
 /// Fails with `ANYFACE_STATUS_INVALID_INPUT` for motion that was not spoken, `ANYFACE_STATUS_CANCELLED`.
@@ -133,7 +133,9 @@ mod tests {
             anyface_event_notes_free(notes);
             texts
         };
-        assert!(notes().is_empty());
+        // It was made without a tongue.
+        let without_tongue = "no tongue was found in the mouth";
+        assert_eq!(notes(), [without_tongue]);
         unsafe {
             let mut clip = null_mut();
             let status = anyface_clip_new(&engine, &face, &motion, null(), &mut clip, null_mut());
@@ -142,7 +144,7 @@ mod tests {
         }
         let told = notes();
         assert!(
-            told.len() == 1 && told[0].contains("landmarks alone"),
+            told.len() == 2 && told[0].contains("landmarks alone") && told[1] == without_tongue,
             "{told:?}"
         );
     }

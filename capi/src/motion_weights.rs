@@ -69,7 +69,6 @@ pub unsafe extern "C" fn anyface_motion_copy_weights(
 #[cfg(test)]
 mod tests {
     use super::*;
-    use crate::motion::Made;
     use anyface::motion::LandmarkClip;
     use ndarray::{Array3, array};
     use std::{

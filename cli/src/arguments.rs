@@ -281,7 +281,7 @@ impl MotionArgs {
         }
         let frames = motion.displacements.outer_iter();
         let last = frames.last().ok_or_else(|| wrong("none"))?;
-        let still = || Life::still(motion.displacements.len_of(Axis(0)));
+        let still = || Life::still(motion.displacements.dim().0);
         let life = read_life(path)?.unwrap_or_else(still);
         let tongue = life.tongue.outer_iter().last();
         let tongue = tongue.ok_or_else(|| wrong("no frame of the tongue"))?;

@@ -257,6 +257,7 @@ static void missing_handles(void) {
     CHECK_FAILS(anyface_face_copy_to_canonical(NULL, &value, 12, &error), null_pointer, "face");
     CHECK_FAILS(anyface_motion_copy_head(NULL, &value, 1, &error), null_pointer, "motion");
     CHECK_FAILS(anyface_motion_copy_gaze(NULL, &value, 1, &error), null_pointer, "motion");
+    CHECK_FAILS(anyface_motion_copy_tongue(NULL, &value, 1, &error), null_pointer, "motion");
     CHECK_FAILS(anyface_face_write_landmarks(NULL, "x", &error), null_pointer, "face");
     CHECK_FAILS(anyface_clip_copy_displacements(NULL, &value, 1, &error), null_pointer, "clip");
     CHECK_FAILS(anyface_clip_copy_frame(NULL, 0, &value, 1, &error), null_pointer, "clip");

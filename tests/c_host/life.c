@@ -1,5 +1,5 @@
 /*
- * Head and eyes beside a performance: what they say, how strengths reach them, and what is refused.
+ * Head, eyes and tongue beside a performance: what they say, how strengths reach them, and what is refused.
  *
  *     life VOICE.wav MOTION.npz
  */
@@ -41,12 +41,26 @@ static void angles(const AnyfaceMotion *motion, float *head, float *gaze) {
     free(turns);
 }
 
+/* The largest share of the tongue, whose shares all are within 0 and 1. */
+static float tongue(const AnyfaceMotion *motion) {
+    size_t count = 4 * anyface_motion_frame_count(motion);
+    float *shares = malloc(count * sizeof *shares);
+    CHECK(shares != NULL);
+    CHECK_OK(anyface_motion_copy_tongue(motion, shares, count, &error));
+    for (size_t i = 0; i < count; i++) CHECK(shares[i] >= 0.0f && shares[i] <= 1.0f);
+    float most = largest(shares, count);
+    free(shares);
+    return most;
+}
+
 static void wrong_calls(const AnyfaceMotion *motion) {
     float *none = NULL;
     float few[3] = {7.0f, 7.0f, 7.0f};
     CHECK_FAILS(anyface_motion_copy_head(motion, none, 3, &error), ANYFACE_STATUS_INVALID_INPUT,
                 "expected");
     CHECK_FAILS(anyface_motion_copy_gaze(motion, few, 3, &error), ANYFACE_STATUS_INVALID_INPUT,
+                "expected");
+    CHECK_FAILS(anyface_motion_copy_tongue(motion, few, 3, &error), ANYFACE_STATUS_INVALID_INPUT,
                 "expected");
     CHECK(few[0] == 7.0f);
 }
@@ -63,19 +77,21 @@ int main(int argc, char **argv) {
     angles(motion, &head, &gaze);
     CHECK(head > 0.001f && head < 0.09f);
     CHECK(gaze > 0.01f && gaze < 0.4f);
+    CHECK(tongue(motion) > 0.0f);
     wrong_calls(motion);
     CHECK_OK(anyface_motion_write(motion, argv[2], &error));
 
     AnyfaceMotionOptions still;
     anyface_motion_options_init(&still, sizeof still);
-    AnyfaceControlSetting off[2] = {{.name = "head_motion", .value = 0.0f},
-                                    {.name = "gaze", .value = 0.0f}};
+    AnyfaceControlSetting off[3] = {{.name = "head_motion", .value = 0.0f},
+                                    {.name = "gaze", .value = 0.0f},
+                                    {.name = "articulation", .value = 0.0f}};
     still.controls = off;
-    still.control_count = 2;
+    still.control_count = 3;
     AnyfaceMotion *again = NULL;
     CHECK_OK(anyface_motion_new_again(engine, motion, &still, &again, &error));
     angles(again, &head, &gaze);
-    CHECK(head == 0.0f && gaze == 0.0f);
+    CHECK(head == 0.0f && gaze == 0.0f && tongue(again) == 0.0f);
     anyface_motion_free(again);
     // FreeTalk does not tell what is said from what is felt.
     CHECK(anyface_motion_new_content(engine, motion, NULL, &again, NULL) ==
@@ -86,7 +102,7 @@ int main(int argc, char **argv) {
     AnyfaceMotion *given = NULL;
     CHECK_OK(anyface_motion_new_displacements(moved, 2, 24.0, &given, &error));
     angles(given, &head, &gaze);
-    CHECK(head == 0.0f && gaze == 0.0f);
+    CHECK(head == 0.0f && gaze == 0.0f && tongue(given) == 0.0f);
     anyface_motion_free(given);
 
     anyface_audio_free(audio);
