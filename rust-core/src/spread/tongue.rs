@@ -27,6 +27,8 @@ const TIP_TOP: f32 = 0.88;
 const BELOW_TEETH: f32 = 0.75;
 /// Half the length whose top counts for middle and back.
 const PLACE: f32 = 0.15;
+/// Half the length that counts as one cut across it.
+const SLICE: f32 = 0.1;
 /// Share of a rise that the tongue's underside takes part in: the floor of the mouth holds it.
 const UNDERSIDE: f32 = 0.35;
 /// The farthest that a place rises or the tip goes down and back.
@@ -37,11 +39,18 @@ const BACKWARD_CM: f32 = 0.3;
 const RIDGE_CM: f32 = 0.6;
 const PALATE_CM: f32 = 1.5;
 /// The skin of the tongue stays so far off teeth and palate.
-const CLEAR_CM: f32 = 0.05;
+const CLEAR_CM: f32 = 0.03;
 /// Where no upper teeth are found, their inner face lies so far behind the lips.
 const INNER_CM: f32 = 1.15;
 /// How far apart the faces of the front teeth are at most.
 const THICK_CM: f32 = 1.2;
+
+/// Height of the inner face of front teeth that is known, at so many heights, and at so many places beside the middle.
+const WALL_CM: f32 = 1.5;
+const WALL_HEIGHTS: usize = 11;
+const WALL_SIDES: usize = 6;
+/// Parts of the side of a triangle between points on it.
+const SAMPLES: usize = 4;
 
 /// Steps by which the shares of a tongue that stands somewhere are found.
 const FIRST_STEP: f32 = 0.25;
@@ -65,6 +74,7 @@ fn centimetres(face: &Face) -> (Vec<[f32; 3]>, [[f32; 3]; 68]) {
 pub(crate) struct FaceTongue {
     vertices: Vec<TongueVertex>,
     room: Room,
+    lower: Option<LowerTeeth>,
     to_canonical: Similarity,
 }
 
@@ -78,6 +88,13 @@ struct TongueVertex {
     shares: [f32; 4],
 }
 
+/// The lower front teeth at rest, and some of their vertices.
+#[derive(Debug, Clone)]
+struct LowerTeeth {
+    wall: Wall,
+    numbers: Vec<usize>,
+}
+
 /// What lies around the tongue.
 #[derive(Debug, Clone, PartialEq)]
 struct Room {
@@ -86,8 +103,8 @@ struct Room {
     places: [f32; 3],
     /// Height of the edge of the upper front teeth.
     edge: f32,
-    /// Inner face of the upper front teeth along z.
-    inner: f32,
+    /// Inner face of the upper front teeth.
+    upper: Wall,
     /// A fifth of the mouth's width.
     unit: f32,
 }
@@ -108,30 +125,42 @@ impl FaceTongue {
             .sqrt()
             / 5.0;
         let vertices = vertices(&positions, &found.vertices);
-        let skull: Vec<[f32; 3]> = {
+        let of_role = |role: PartRole| -> Vec<usize> {
             let lists = face.parts.connected.vertices().into_iter();
             let parts = face.parts.parts.iter().zip(lists);
-            let parts = parts
-                .filter(|(part, list)| part.role == PartRole::Skull && *list != found.vertices);
+            let parts = parts.filter(|(part, list)| part.role == role && *list != found.vertices);
             let numbers = parts.flat_map(|(_, list)| list);
-            numbers.map(|v| positions[v as usize]).collect()
+            numbers.map(|v| v as usize).collect()
         };
+        let surface = |numbers: &[usize]| surface(&positions, &face.mesh.triangles, numbers);
+        let skull = of_role(PartRole::Skull);
+        let points = surface(&skull);
+        let skull: Vec<[f32; 3]> = skull.iter().map(|&v| positions[v]).collect();
+        let room = Room::find(&vertices, (&skull, &points), lips, unit);
+        let jaw = of_role(PartRole::Jaw);
+        let lower = LowerTeeth::find(&positions, &jaw, &surface(&jaw), &room);
         Ok(FaceTongue {
-            room: Room::find(&vertices, &skull, lips, unit),
+            lower,
+            room,
             vertices,
             to_canonical: face.to_canonical,
         })
     }
 
-    /// The numbers of its vertices in the mesh.
+    /// The numbers of its vertices in the mesh, and of those teeth that it depends on.
     pub(crate) fn numbers(&self) -> impl Iterator<Item = usize> + '_ {
-        self.vertices.iter().map(|vertex| vertex.number)
+        let teeth = self.lower.iter().flat_map(|teeth| &teeth.numbers);
+        let own = self.vertices.iter().map(|vertex| vertex.number);
+        own.chain(teeth.copied())
     }
 
     /// The same where the mesh is known by some of its vertices alone, rising; `None` where these lack one of the tongue's.
     pub(crate) fn among(mut self, known: &[usize]) -> Option<FaceTongue> {
         for vertex in &mut self.vertices {
             vertex.number = known.binary_search(&vertex.number).ok()?;
+        }
+        for number in self.lower.iter_mut().flat_map(|teeth| &mut teeth.numbers) {
+            *number = known.binary_search(number).ok()?;
         }
         Some(self)
     }
@@ -156,6 +185,21 @@ impl FaceTongue {
         now.collect()
     }
 
+    /// Where displacements `[V, 3]` take the lower front teeth.
+    fn below(&self, frame: ArrayView2<'_, f32>) -> Option<Wall> {
+        let LowerTeeth { wall, numbers } = self.lower.as_ref()?;
+        let mut by = [0.0f32; 3];
+        for &number in numbers {
+            let moved = frame.row(number);
+            for (by, moved) in by.iter_mut().zip(moved) {
+                *by += moved / numbers.len() as f32;
+            }
+        }
+        let per_unit = 100.0 * self.to_canonical.scale as f32;
+        let by = self.to_canonical.rotate(by).map(|x| per_unit * x);
+        Some(wall.moved(by[1], by[2]))
+    }
+
     /// What the tongue does, shares as a row of [`FaceTongue::speak`] has them, where the mesh stands as in `shown`
     /// `[V, 3]` and its jaw alone brings it to `jaw` `[V, 3]`, mesh units.
     pub(super) fn shares_of(
@@ -168,9 +212,10 @@ impl FaceTongue {
             // Nobody has moved it, whatever the jaw does.
             return [0.0; TONGUE_PLACES];
         }
+        let below = self.below(jaw);
         let (shown, jaw) = (self.now(shown), self.now(jaw));
         let off = |row: &[f32; TONGUE_PLACES]| -> f32 {
-            let by = self.displacements(&jaw, ArrayView1::from(row));
+            let by = self.displacements((&jaw, below.as_ref()), ArrayView1::from(row));
             let each = shown.iter().zip(&jaw).zip(&by);
             let squares = each.map(|((shown, jaw), by)| {
                 let left: [f32; 3] = array::from_fn(|i| shown[i] - jaw[i] - by[i]);
@@ -202,9 +247,10 @@ impl FaceTongue {
 
     fn speak_frame(&self, mut frame: ArrayViewMut2<'_, f32>, row: ArrayView1<'_, f32>) {
         let per_unit = 100.0 * self.to_canonical.scale as f32;
-        let now = self.now(frame.view());
+        let (now, below) = (self.now(frame.view()), self.below(frame.view()));
         let to_mesh = self.to_canonical.inverse();
-        for (vertex, by) in self.vertices.iter().zip(self.displacements(&now, row)) {
+        let each = self.displacements((&now, below.as_ref()), row);
+        for (vertex, by) in self.vertices.iter().zip(each) {
             let by = to_mesh.rotate(by);
             let mut moved = frame.row_mut(vertex.number);
             for i in 0..3 {
@@ -213,14 +259,14 @@ impl FaceTongue {
         }
     }
 
-    /// What each vertex of the tongue, which its jaw has brought to `now`, does beside it.
-    fn displacements(&self, now: &[[f32; 3]], row: ArrayView1<'_, f32>) -> Vec<[f32; 3]> {
+    /// What each vertex of the tongue, which its jaw has brought to `now` behind the teeth `below`, does beside it.
+    fn displacements(
+        &self,
+        (now, below): (&[[f32; 3]], Option<&Wall>),
+        row: ArrayView1<'_, f32>,
+    ) -> Vec<[f32; 3]> {
         let Room {
-            roof,
-            edge,
-            inner,
-            unit,
-            ..
+            roof, edge, unit, ..
         } = self.room;
         let share = |place: usize| row[place].clamp(0.0, 1.0);
         // A tip is in one place at a time.
@@ -228,23 +274,12 @@ impl FaceTongue {
         let both = (ridge + between).max(1.0);
         (ridge, between) = (ridge / both, between / both);
         let rise = |from: f32, to: f32| (to - from).clamp(0.0, RISE_CM * unit);
-        let forward = |from: f32, to: f32| (to - from).clamp(-BACKWARD_CM * unit, RISE_CM * unit);
         let clear = CLEAR_CM * unit;
-        let tip = self
-            .vertices
-            .iter()
-            .zip(now)
-            .map(|(_, p)| p[2])
-            .fold(f32::NEG_INFINITY, f32::max);
-        let to_ridge = [
-            rise(self.top(now, TIP_TOP..2.0), roof[0]),
-            forward(tip, inner - clear),
-        ];
-        let below = edge - clear - self.top(now, BELOW_TEETH..2.0);
-        let to_edge = [
-            below.clamp(-BACKWARD_CM * unit, RISE_CM * unit),
-            forward(tip, inner - clear),
-        ];
+        let to_ridge = rise(self.top(now, TIP_TOP..2.0), roof[0]);
+        let over_teeth = below.map_or(f32::NEG_INFINITY, |below| below.top() + 2.0 * clear);
+        let to_edge = (edge - clear).max(over_teeth) - self.top(now, BELOW_TEETH..2.0);
+        let to_edge = to_edge.clamp(-BACKWARD_CM * unit, RISE_CM * unit);
+        let [to_ridge, to_edge] = [to_ridge, to_edge].map(|rise| [rise, self.reach(now, rise)]);
         let of_tip: [f32; 2] = std::array::from_fn(|i| ridge * to_ridge[i] + between * to_edge[i]);
         let near = |(at, _): (f32, f32)| at - PLACE..at + PLACE;
         let middle = share(1) * rise(self.top(now, near(MIDDLE)), roof[1]);
@@ -256,9 +291,23 @@ impl FaceTongue {
                 at_tip * of_tip[0] + at_middle * middle + at_back * back,
                 forward * of_tip[1],
             ];
-            self.room.kept_inside(*now, by)
+            self.room.kept_inside(*now, by, below)
         });
         each.collect()
+    }
+
+    /// How far forward the tip goes until it touches the upper teeth, where it has risen by `rise`.
+    fn reach(&self, now: &[[f32; 3]], rise: f32) -> f32 {
+        let Room { edge, unit, .. } = self.room;
+        let of_tip = self.vertices.iter().zip(now);
+        let of_tip = of_tip.filter(|(vertex, _)| vertex.shares[3] > 0.5);
+        let ways = of_tip.map(|(vertex, p)| {
+            let height = (p[1] + vertex.shares[0] * rise).max(edge);
+            let room = self.room.upper.limit(p[0], height) - CLEAR_CM * unit - p[2];
+            room / vertex.shares[3]
+        });
+        let least = ways.fold(f32::INFINITY, f32::min);
+        least.clamp(-BACKWARD_CM * unit, RISE_CM * unit)
     }
 
     /// The highest point of a stretch of the tongue's length.
@@ -287,8 +336,17 @@ fn vertices(positions: &[[f32; 3]], numbers: &[u32]) -> Vec<TongueVertex> {
                 (low.min(x), high.max(x))
             })
     };
-    let ((root, tip), (low, high)) = (range(2), range(1));
+    let (root, tip) = range(2);
     let share = |x: f32, (low, high): (f32, f32)| ((x - low) / (high - low)).clamp(0.0, 1.0);
+    // Underside and back of the tongue where it is cut across.
+    let slice = |along: f32| {
+        let near = numbers.iter().map(|&v| of(v));
+        let near = near.filter(|p| (share(p[2], (root, tip)) - along).abs() < SLICE);
+        near.map(|p| p[1])
+            .fold((f32::INFINITY, f32::NEG_INFINITY), |(low, high), y| {
+                (low.min(y), high.max(y))
+            })
+    };
     let bump = |along: f32, (at, reach): (f32, f32)| {
         0.5 + 0.5 * (std::f32::consts::PI * ((along - at) / reach).clamp(-1.0, 1.0)).cos()
     };
@@ -296,7 +354,7 @@ fn vertices(positions: &[[f32; 3]], numbers: &[u32]) -> Vec<TongueVertex> {
         .iter()
         .map(|&v| {
             let along = share(of(v)[2], (root, tip));
-            let taken = UNDERSIDE + (1.0 - UNDERSIDE) * share(of(v)[1], (low, high));
+            let taken = UNDERSIDE + (1.0 - UNDERSIDE) * share(of(v)[1], slice(along));
             let of_tip = smooth_step(share(along, TIP));
             TongueVertex {
                 number: v as usize,
@@ -322,7 +380,12 @@ fn smooth_step(x: f32) -> f32 {
 impl Room {
     /// Measures it by the parts that rest with the `skull`: upper teeth, gums and palate. Where none are found they lie as
     /// they do behind the lips of people.
-    fn find(vertices: &[TongueVertex], skull: &[[f32; 3]], lips: [f32; 3], unit: f32) -> Room {
+    fn find(
+        vertices: &[TongueVertex],
+        (skull, surface): (&[[f32; 3]], &[[f32; 3]]),
+        lips: [f32; 3],
+        unit: f32,
+    ) -> Room {
         let rest: Vec<[f32; 3]> = vertices.iter().map(|vertex| vertex.rest).collect();
         let ends = rest
             .iter()
@@ -338,26 +401,21 @@ impl Room {
                 && (ends.1 - 0.2 * unit..lips[2] + 0.3 * unit).contains(&p[2])
         };
         let in_front: Vec<[f32; 3]> = skull.iter().filter(is_in_front).copied().collect();
-        let least = |axis: usize, of: &dyn Fn(&[f32; 3]) -> bool| {
-            in_front
-                .iter()
-                .filter(|p| of(p))
-                .map(|p| p[axis])
-                .fold(f32::INFINITY, f32::min)
+        let heights = in_front.iter().map(|p| p[1]);
+        let edge = match in_front.is_empty() {
+            true => lips[1],
+            false => heights.fold(f32::INFINITY, f32::min),
         };
-        let (edge, inner) = match in_front.is_empty() {
-            true => (lips[1], lips[2] - INNER_CM * unit),
-            false => {
-                let edge = least(1, &|_| true);
-                let outer = in_front
-                    .iter()
-                    .map(|p| p[2])
-                    .fold(f32::NEG_INFINITY, f32::max);
-                let inner = least(2, &|p| {
-                    p[1] < edge + 1.1 * unit && p[2] > outer - THICK_CM * unit
-                });
-                (edge, inner)
-            }
+        let deepest = in_front
+            .iter()
+            .map(|p| p[2])
+            .fold(f32::NEG_INFINITY, f32::max)
+            - THICK_CM * unit;
+        let front: Vec<[f32; 3]> = surface.iter().filter(|p| p[2] > deepest).copied().collect();
+        let anywhere = lips[2] - INNER_CM * unit;
+        let upper = match in_front.is_empty() {
+            true => Wall::flat(lips[0], edge, anywhere, unit),
+            false => Wall::of(&front, lips[0], edge, unit),
         };
         let heights = [
             edge + RIDGE_CM * unit,
@@ -386,7 +444,7 @@ impl Room {
             roof,
             places,
             edge,
-            inner,
+            upper,
             unit,
         }
     }
@@ -403,13 +461,159 @@ impl Room {
         }
     }
 
-    /// A displacement that brings no vertex farther through roof or teeth than it is.
-    fn kept_inside(&self, now: [f32; 3], mut by: [f32; 3]) -> [f32; 3] {
+    /// A displacement that brings no vertex farther through roof, upper teeth or the teeth `below` than it is.
+    fn kept_inside(&self, now: [f32; 3], mut by: [f32; 3], below: Option<&Wall>) -> [f32; 3] {
+        let clear = CLEAR_CM * self.unit;
         by[1] = by[1].min((self.roof_at(now[2] + by[2]) - now[1]).max(0.0));
-        let into = now[2] + by[2] - (self.inner - CLEAR_CM * self.unit);
-        by[2] -= into.clamp(0.0, by[2].max(0.0));
+        let height = now[1] + by[1];
+        let upper = (height > self.edge - 0.5 * clear).then_some(&self.upper);
+        let lower = below.filter(|below| height < below.top() + 0.5 * clear);
+        for wall in upper.into_iter().chain(lower) {
+            let limit = (wall.limit(now[0], height) - clear).max(now[2]);
+            by[2] = by[2].min(limit - now[2]);
+        }
         by
     }
 }
+
+impl LowerTeeth {
+    /// Of the parts that follow the jaw, by their vertices and their `surface`; `None` where nothing lies in front.
+    fn find(
+        positions: &[[f32; 3]],
+        jaw: &[usize],
+        surface: &[[f32; 3]],
+        room: &Room,
+    ) -> Option<LowerTeeth> {
+        let (unit, middle) = (room.unit, room.upper.middle);
+        let is_in_front =
+            |p: &[f32; 3]| (p[0] - middle).abs() < 0.4 * unit && p[2] > room.places[0] - 0.5 * unit;
+        let numbers: Vec<usize> = jaw
+            .iter()
+            .copied()
+            .filter(|&v| is_in_front(&positions[v]))
+            .collect();
+        let front = numbers.iter().map(|&v| positions[v]);
+        let (top, outer) = front.fold((f32::NEG_INFINITY, f32::NEG_INFINITY), |(top, outer), p| {
+            (top.max(p[1]), outer.max(p[2]))
+        });
+        if numbers.is_empty() {
+            return None;
+        }
+        let deepest = outer - THICK_CM * unit;
+        let front: Vec<[f32; 3]> = surface.iter().filter(|p| p[2] > deepest).copied().collect();
+        let wall = Wall::of(&front, middle, top - WALL_CM * unit, unit);
+        Some(LowerTeeth { wall, numbers })
+    }
+}
+
+/// The inner face of front teeth: by the distance from the middle and by height, how far back it lies.
+#[derive(Debug, Clone, PartialEq)]
+struct Wall {
+    middle: f32,
+    /// Its lowest height.
+    low: f32,
+    /// Between heights, and between distances from the middle.
+    step: f32,
+    z: [[f32; WALL_HEIGHTS]; WALL_SIDES],
+}
+
+impl Wall {
+    /// Of points on teeth, from the height `low` on; it goes on as it is where these end.
+    fn of(points: &[[f32; 3]], middle: f32, low: f32, unit: f32) -> Wall {
+        let step = WALL_CM * unit / (WALL_HEIGHTS - 1) as f32;
+        let mut z = [[f32::INFINITY; WALL_HEIGHTS]; WALL_SIDES];
+        for p in points {
+            let (side, height) = ((p[0] - middle).abs() / step, (p[1] - low) / step);
+            for (s, column) in z.iter_mut().enumerate() {
+                for (h, z) in column.iter_mut().enumerate() {
+                    let is_near =
+                        (side - s as f32 - 0.5).abs() < 0.75 && (height - h as f32).abs() < 0.75;
+                    if is_near {
+                        *z = z.min(p[2]);
+                    }
+                }
+            }
+        }
+        for column in &mut z {
+            for h in 1..WALL_HEIGHTS {
+                if column[h].is_infinite() {
+                    column[h] = column[h - 1];
+                }
+            }
+            for h in (1..WALL_HEIGHTS).rev() {
+                if column[h - 1].is_infinite() {
+                    column[h - 1] = column[h];
+                }
+            }
+        }
+        Wall {
+            middle,
+            low,
+            step,
+            z,
+        }
+    }
+
+    /// One that is nowhere farther back or forth.
+    fn flat(middle: f32, low: f32, z: f32, unit: f32) -> Wall {
+        Wall {
+            middle,
+            low,
+            step: WALL_CM * unit / (WALL_HEIGHTS - 1) as f32,
+            z: [[z; WALL_HEIGHTS]; WALL_SIDES],
+        }
+    }
+
+    fn top(&self) -> f32 {
+        self.low + self.step * (WALL_HEIGHTS - 1) as f32
+    }
+
+    fn moved(&self, up: f32, forward: f32) -> Wall {
+        Wall {
+            low: self.low + up,
+            z: self.z.map(|column| column.map(|z| z + forward)),
+            ..*self
+        }
+    }
+
+    /// How far forward something may be at a place across the face and a height; without end beside the front teeth.
+    fn limit(&self, x: f32, height: f32) -> f32 {
+        let side = ((x - self.middle).abs() / self.step) as usize;
+        let Some(column) = self.z.get(side) else {
+            return f32::INFINITY;
+        };
+        let place = ((height - self.low) / self.step).clamp(0.0, (WALL_HEIGHTS - 1) as f32);
+        let (h, share) = ((place as usize).min(WALL_HEIGHTS - 2), place.fract());
+        let share = if place as usize > h { 1.0 } else { share };
+        match column[h].is_finite() {
+            true => column[h] + share * (column[h + 1] - column[h]),
+            false => f32::INFINITY,
+        }
+    }
+}
+
+/// Points on the triangles of some vertices, rising, so close that no tooth lies between them.
+fn surface(positions: &[[f32; 3]], triangles: &[[u32; 3]], numbers: &[usize]) -> Vec<[f32; 3]> {
+    let mut sorted = numbers.to_vec();
+    sorted.sort_unstable();
+    let mut points = Vec::new();
+    for corners in triangles {
+        let is_inside = |&v: &u32| sorted.binary_search(&(v as usize)).is_ok();
+        if !corners.iter().all(is_inside) {
+            continue;
+        }
+        let at = corners.map(|v| positions[v as usize]);
+        for a in 0..=SAMPLES {
+            for b in 0..=SAMPLES - a {
+                let shares = [a, b, SAMPLES - a - b].map(|n| n as f32 / SAMPLES as f32);
+                points.push(array::from_fn(|i| {
+                    (0..3).map(|corner| shares[corner] * at[corner][i]).sum()
+                }));
+            }
+        }
+    }
+    points
+}
+
 #[cfg(test)]
 mod tests;

@@ -115,15 +115,18 @@ fn each_place_rises_on_its_own_and_nothing_but_the_tongue_moves() {
             "frame {t}: {risen_mm} mm at {place}"
         );
     }
-    let tip = numbers
-        .clone()
-        .max_by(|&a, &b| z(a).total_cmp(&z(b)))
-        .unwrap();
     let tongue = FaceTongue::find(&face).unwrap();
-    let there = std::array::from_fn(|i| face.mesh.positions[tip][i] + spoken[[4, tip, i]]);
-    let [_, height, depth] = face.to_canonical.apply(there).map(|x| 100.0 * x);
-    let Room { edge, inner, .. } = tongue.room;
-    assert!((inner - depth).abs() < 0.15, "θ: {depth} beside {inner}");
+    let (edge, wall) = (tongue.room.edge, &tongue.room.upper);
+    let gaps = numbers.map(|v| {
+        let there = std::array::from_fn(|i| face.mesh.positions[v][i] + spoken[[4, v, i]]);
+        let [x, height, depth] = face.to_canonical.apply(there).map(|x| 100.0 * x);
+        (wall.limit(x, height.max(edge)) - depth, height)
+    });
+    let (gap, height) = gaps.min_by(|a, b| a.0.total_cmp(&b.0)).unwrap();
+    assert!(
+        (0.0..0.06).contains(&gap),
+        "θ: {gap} cm from the upper teeth"
+    );
     assert!((edge - height).abs() < 0.6, "θ: {height} beside {edge}");
 }
 
@@ -152,8 +155,8 @@ fn no_tongue_goes_through_palate_or_teeth() {
                 now[1] < roof + 1e-3,
                 "frame {t}: {now:?} through the roof at {roof}"
             );
-            let is_in_teeth =
-                now[2] > tongue.room.inner.max(was[2]) && now[1] > tongue.room.edge.max(was[1]);
+            let inner = tongue.room.upper.limit(now[0], now[1]);
+            let is_in_teeth = now[2] > inner.max(was[2]) && now[1] > tongue.room.edge.max(was[1]);
             assert!(
                 !is_in_teeth,
                 "frame {t}, open {open_m}: {now:?} in the teeth, {:?}",
