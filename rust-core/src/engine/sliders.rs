@@ -32,8 +32,8 @@ const BLINKS: &str = "blinks_per_minute";
 /// How far beyond the take a slider goes.
 const MOST: f32 = 2.0;
 const MOST_EMOTION: f32 = 1.5;
-/// Beside a jaw that articulation opens, a tongue answers to it by its square.
-const BETWEEN_TONGUE: [f32; 2] = [0.5, 1.4];
+/// Beside a jaw that articulation opens, a tongue answers to it by its square, up to teeth.
+const BETWEEN_TONGUE: [f32; 3] = [0.5, 1.2, 1.5];
 /// Faces answer to half an emotion by more than half.
 const MIDDLE_EMOTION: f32 = 0.5;
 /// The largest value of the controls that are scaled.

@@ -23,8 +23,6 @@ const BACK: (f32, f32) = (0.25, 0.35);
 const TIP: (f32, f32) = (0.4, 0.95);
 /// From here on the surface counts as the tip's.
 const TIP_TOP: f32 = 0.88;
-/// From here on the tongue lies below the edge of the upper teeth where its tip touches them.
-const BELOW_TEETH: f32 = 0.75;
 /// Half the length whose top counts for middle and back.
 const PLACE: f32 = 0.15;
 /// Half the length that counts as one cut across it.
@@ -47,10 +45,12 @@ const THICK_CM: f32 = 1.2;
 
 /// Height of the inner face of front teeth that is known, at so many heights, and at so many places beside the middle.
 const WALL_CM: f32 = 1.5;
-const WALL_HEIGHTS: usize = 11;
-const WALL_SIDES: usize = 6;
+const WALL_HEIGHTS: usize = 16;
+const WALL_SIDES: usize = 9;
+/// How far forward the tongue may go past the edge of teeth for its distance from that edge.
+const SLOPE: f32 = 1.0;
 /// Parts of the side of a triangle between points on it.
-const SAMPLES: usize = 4;
+const SAMPLES: usize = 8;
 
 /// Steps by which the shares of a tongue that stands somewhere are found.
 const FIRST_STEP: f32 = 0.25;
@@ -132,7 +132,18 @@ impl FaceTongue {
             let numbers = parts.flat_map(|(_, list)| list);
             numbers.map(|v| v as usize).collect()
         };
-        let surface = |numbers: &[usize]| surface(&positions, &face.mesh.triangles, numbers);
+        let is_near_lips = |p: [f32; 3]| {
+            let away = |axis: usize| (p[axis] - lips[axis]).abs() / unit;
+            away(0) < 1.5 && away(1) < 3.0 && away(2) < 3.5
+        };
+        let surface = |numbers: &[usize]| {
+            let near: Vec<usize> = numbers
+                .iter()
+                .copied()
+                .filter(|&v| is_near_lips(positions[v]))
+                .collect();
+            surface(&positions, &face.mesh.triangles, &near)
+        };
         let skull = of_role(PartRole::Skull);
         let points = surface(&skull);
         let skull: Vec<[f32; 3]> = skull.iter().map(|&v| positions[v]).collect();
@@ -277,8 +288,7 @@ impl FaceTongue {
         let clear = CLEAR_CM * unit;
         let to_ridge = rise(self.top(now, TIP_TOP..2.0), roof[0]);
         let over_teeth = below.map_or(f32::NEG_INFINITY, |below| below.top() + 2.0 * clear);
-        let to_edge = (edge - clear).max(over_teeth) - self.top(now, BELOW_TEETH..2.0);
-        let to_edge = to_edge.clamp(-BACKWARD_CM * unit, RISE_CM * unit);
+        let to_edge = self.rise_of_foremost(now, (edge - clear).max(over_teeth));
         let [to_ridge, to_edge] = [to_ridge, to_edge].map(|rise| [rise, self.reach(now, rise)]);
         let of_tip: [f32; 2] = std::array::from_fn(|i| ridge * to_ridge[i] + between * to_edge[i]);
         let near = |(at, _): (f32, f32)| at - PLACE..at + PLACE;
@@ -294,6 +304,18 @@ impl FaceTongue {
             self.room.kept_inside(*now, by, below)
         });
         each.collect()
+    }
+
+    /// How far the tip rises until its foremost point is at a height.
+    fn rise_of_foremost(&self, now: &[[f32; 3]], height: f32) -> f32 {
+        let unit = self.room.unit;
+        // The same at all times: another one would rise by another share.
+        let of_tip = self.vertices.iter().zip(now);
+        let foremost = of_tip.max_by(|a, b| a.0.rest[2].total_cmp(&b.0.rest[2]));
+        let rise = foremost.map_or(0.0, |(vertex, p)| {
+            (height - p[1]) / vertex.shares[0].max(UNDERSIDE)
+        });
+        rise.clamp(-BACKWARD_CM * unit, RISE_CM * unit)
     }
 
     /// How far forward the tip goes until it touches the upper teeth, where it has risen by `rise`.
@@ -466,10 +488,11 @@ impl Room {
         let clear = CLEAR_CM * self.unit;
         by[1] = by[1].min((self.roof_at(now[2] + by[2]) - now[1]).max(0.0));
         let height = now[1] + by[1];
-        let upper = (height > self.edge - 0.5 * clear).then_some(&self.upper);
-        let lower = below.filter(|below| height < below.top() + 0.5 * clear);
-        for wall in upper.into_iter().chain(lower) {
-            let limit = (wall.limit(now[0], height) - clear).max(now[2]);
+        let free = |beyond: f32| SLOPE * beyond.max(0.0);
+        let upper = self.upper.limit(now[0], height) + free(self.edge - height);
+        let lower = below.map(|below| below.limit(now[0], height) + free(height - below.top()));
+        for limit in [Some(upper), lower].into_iter().flatten() {
+            let limit = (limit - clear).max(now[2]);
             by[2] = by[2].min(limit - now[2]);
         }
         by
@@ -526,8 +549,8 @@ impl Wall {
             let (side, height) = ((p[0] - middle).abs() / step, (p[1] - low) / step);
             for (s, column) in z.iter_mut().enumerate() {
                 for (h, z) in column.iter_mut().enumerate() {
-                    let is_near =
-                        (side - s as f32 - 0.5).abs() < 0.75 && (height - h as f32).abs() < 0.75;
+                    let away = (side - s as f32 - 0.5).abs().max((height - h as f32).abs());
+                    let is_near = away < 0.55;
                     if is_near {
                         *z = z.min(p[2]);
                     }

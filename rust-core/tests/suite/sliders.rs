@@ -186,7 +186,7 @@ fn the_tongue_goes_with_articulation() {
     let take = Take::new(&request("happy:0.8"));
     let changes = take.changes();
     let change = of(&changes, Slider::Articulation);
-    assert_eq!(change.knots, [0.0, 0.5, 1.4, 2.0]);
+    assert_eq!(change.knots, [0.0, 0.5, 1.2, 1.5, 2.0]);
     // Those of the default head's tongue are its last.
     let tongue = |moved: &Array3<f32>| moved.slice(ndarray::s![.., -146.., ..]).to_owned();
     let still = tongue(&take.basis.displacements());
