@@ -141,7 +141,7 @@ pub unsafe extern "C" fn anyface_motion_write(
         };
         let moved = motion.motion();
         let landmarks = moved.on_mean_face(&FaceModes::open(None)?)?;
-        anyface::output::write_motion(path, moved, &landmarks, life.as_deref())?;
+        anyface::output::write_motion(path, moved, &landmarks, life)?;
         Ok(())
     };
     unsafe { guard::guard(error, work) }
