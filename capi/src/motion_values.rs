@@ -118,10 +118,9 @@ pub unsafe extern "C" fn anyface_motion_copy_tongue(
 }
 
 /// Writes the motion as npz for numpy: `landmark_displacements` `[T, 68, 3]`, canonical metres, `fps`,
-/// and for motion that was spoken `head` `[T, 3]`, `gaze` `[T, 2, 2]` and `tongue` `[T, 4]`, shares of the way to contact:
-/// tip to the ridge behind the upper teeth, middle and back to the palate, tip at the upper teeth. Motion of weights has `weights`
-/// `[T, S]`, their `names` `[S]` and `together` `[T]`, how far lips have to meet, too; its landmarks are the
-/// mean face's.
+/// and for motion that was spoken `head` `[T, 3]`, `gaze` `[T, 2, 2]` and `tongue` `[T, 4]` as the functions that copy
+/// them give them. Motion of weights has `weights` `[T, S]`, their `names` `[S]` and `together` `[T]`, how far lips have
+/// to meet, too; its landmarks are the mean face's.
 ///
 /// `path`: UTF-8, ends in .npz; for motion of weights in .csv or .json as well, as `anyface_weights_write()`
 /// writes them. Fails with `ANYFACE_STATUS_INVALID_INPUT` for another ending,

@@ -34,8 +34,8 @@ pub struct Animate {
     /// The speech: WAV, MP3, FLAC, Ogg, WebM, M4A, AAC, CAF or AIFF
     #[arg(long, value_name = "A")]
     audio: InputPath,
-    /// The result: .npz (arrays, with the rotation of head and eyes and the tongue beside them), .pc2 or .mdd (point caches); with
-    /// --surface a new folder
+    /// The result: .npz (arrays, with the rotation of head and eyes and the tongue beside them), .pc2 or .mdd (point
+    /// caches); with --surface a new folder
     #[arg(long, value_name = "O")]
     out: OutputPath,
     /// Part lips that are one surface first; the new mesh is written beside the result, its name with

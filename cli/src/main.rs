@@ -137,8 +137,8 @@ mod tests {
              --emotion happy:0.7 --fps 30 --seed 0 --steps 4 --threads 2 --report R.json",
             "anyface motion --audio A.wav --out O.npz --emotion sad:1 --fps 25 --seed 3",
             "anyface motion --audio A.wav --out O.npz --emotion-keys 0:sad:1 --articulation 1.2 \
-             --jaw 0.5 --rounding 1.2 --width 0.8 --tongue 0.7 --smoothing 0.02 --upper-face 0.5 --blinks 20 --brow-accents 0 \
-             --asymmetry -1",
+             --jaw 0.5 --rounding 1.2 --width 0.8 --tongue 0.7 --smoothing 0.02 --upper-face 0.5 --blinks 20 \
+             --brow-accents 0 --asymmetry -1",
             "anyface motion --audio A.wav --out O.npz --emotion sad:1 --causal",
             "anyface deform --mesh M.obj --motion L.npz --out O.npz",
             "anyface landmarks --mesh M.obj --out L.json --forward -y --up z",

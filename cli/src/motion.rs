@@ -23,7 +23,8 @@ pub struct Motion {
     #[arg(long, value_name = "A")]
     audio: InputPath,
     /// The result, .npz: landmark_displacements [T, 68, 3], head [T, 3], gaze [T, 2, 2], tongue [T, 4] and fps.
-    /// Of a system that makes weights also weights [T, S] and their names [S]; or these alone: .csv (Live Link Face), .json
+    /// Of a system that makes weights also weights [T, S] and their names [S]; or these alone: .csv (Live Link Face),
+    /// .json
     #[arg(long, value_name = "O")]
     out: OutputPath,
     /// Also write a report of the run

@@ -29,8 +29,8 @@ const RUNS: [(&str, &str); 10] = [
     ),
     (
         "shaped.npz",
-        "animate HEAD --audio v.wav --emotion auto --articulation 1.4 --jaw 0.6 --rounding 1.5 --width 0.8 --tongue 0.5 --smoothing \
-         0.03 --asymmetry 0.5",
+        "animate HEAD --audio v.wav --emotion auto --articulation 1.4 --jaw 0.6 --rounding 1.5 --width 0.8 --tongue 0.5 \
+         --smoothing 0.03 --asymmetry 0.5",
     ),
     (
         "keyed.mdd",
