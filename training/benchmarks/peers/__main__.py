@@ -76,7 +76,7 @@ def ours(binary: Path, data: Path, recordings: list[Recording]) -> tuple[dict, f
 
 
 def left_out(name: str, path: Path = REPOSITORY / "docs/measured/left-out.json") -> list[Row]:
-    """What `docs/measured/left-out.md` says of a model on whole takes that it never saw; empty without such."""
+    """Scores of a model on whole takes that it never saw, from `docs/measured/left-out.md`; none without."""
     sources = {source["source"]: source["predictors"] for source in json.loads(path.read_text())["sources"]}
     found = []
     for predictor in sources.get("facegood_zh_whole", []):
