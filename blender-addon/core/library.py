@@ -239,6 +239,7 @@ SIGNATURES = {
     ),
     "anyface_motion_copy_head": (c_int32, [_HANDLE, _FLOATS, c_size_t, _OUT]),
     "anyface_motion_copy_gaze": (c_int32, [_HANDLE, _FLOATS, c_size_t, _OUT]),
+    "anyface_motion_copy_tongue": (c_int32, [_HANDLE, _FLOATS, c_size_t, _OUT]),
     "anyface_clip_new": (c_int32, [_HANDLE, _HANDLE, _HANDLE, _HANDLE, _OUT, _OUT]),
     "anyface_clip_frame_count": (c_size_t, [_HANDLE]),
     "anyface_clip_copy_frame": (c_int32, [_HANDLE, c_size_t, _FLOATS, c_size_t, _OUT]),

@@ -235,11 +235,13 @@ class Engine(
         face, motion, _ = made
         head = np.empty((frames, 3), dtype=np.float32)
         gaze = np.empty((frames, 2, 2), dtype=np.float32)
+        tongue = np.empty((frames, 4), dtype=np.float32)
         way = np.empty((3, 4), dtype=np.float32)
         self._copy("anyface_motion_copy_head", motion, head)
         self._copy("anyface_motion_copy_gaze", motion, gaze)
+        self._copy("anyface_motion_copy_tongue", motion, tongue)
         self._copy("anyface_face_copy_to_canonical", face, way)
-        return Life(head, gaze, way)
+        return Life(head, gaze, way, tongue=tongue)
 
     def _landmarks(self, clip, frames: int) -> Landmarks:
         neutral = np.empty((LANDMARKS, 3), dtype=np.float32)

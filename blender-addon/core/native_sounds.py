@@ -10,7 +10,7 @@ import numpy as np
 
 from .job import Progress
 from .native_shapes import Clip
-from .take import Animation, Life, Request, Sound
+from .take import Animation, Request, Sound
 
 _WORDS = 1
 """`AnyfaceTier` of the C interface."""
@@ -120,7 +120,9 @@ class SoundCalls:
         animation = Animation(self._millimetres(face, clip))
         animation.displacements = clip.displacements()[part]
         life = self._life((face, spoken, clip), len(made.weights))
-        animation.life = Life(life.head[part], life.gaze[part], life.way)
+        animation.life = replace(
+            life, head=life.head[part], gaze=life.gaze[part], tongue=life.tongue[part]
+        )
         animation.shape_weights = replace(made, weights=made.weights[part])
         return animation
 

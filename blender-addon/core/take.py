@@ -282,13 +282,16 @@ class Life:
     `head` `[T, 3]` rotation vectors about canonical axes (+x to the subject's left, +y up, +z out
     of the face), radians; `gaze` `[T, 2, 2]`: right eye, left eye; yaw to the left and pitch up.
     `way` `[3, 4]` leads from the frame in which the mesh was given to the canonical one, metres on
-    a human head. `looked_at` `[T, 3]`, canonical, are points on which the eyes rest.
+    a human head. `looked_at` `[T, 3]`, canonical, are points on which the eyes rest. `tongue`
+    `[T, 4]` are shares of the way to contact, 0 to 1, which the displacements hold: tip to the
+    ridge behind the upper teeth, middle and back to the palate, tip at the upper teeth.
     """
 
     head: np.ndarray
     gaze: np.ndarray
     way: np.ndarray
     looked_at: np.ndarray | None = None
+    tongue: np.ndarray | None = None
 
 
 @dataclass

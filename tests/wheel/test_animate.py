@@ -27,6 +27,7 @@ def test_a_clip_is_a_sequence_of_its_frames(clip):
     with pytest.raises(IndexError):
         clip[count]
     assert clip.head.shape == (count, 3) and clip.gaze.shape == (count, 2, 2)
+    assert clip.tongue.shape == (count, 4) and 0.0 <= clip.tongue.min() < clip.tongue.max() <= 1.0
 
 
 def test_a_voice_moves_the_lips_and_landmarks_go_with_the_skin(clip):

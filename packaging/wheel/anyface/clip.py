@@ -30,8 +30,10 @@ class Clip:
     `rest`. `landmarks` `[68, 3]` lie on the mesh at rest, in the order of iBUG 300-W, and move by
     `landmark_displacements` `[T, 68, 3]`. `head` `[T, 3]` are rotation vectors in radians about +x to
     the subject's left, +y up and +z out of the face, `gaze` `[T, 2, 2]` yaw to the subject's left and
-    pitch up of the right and the left eye, in radians; the displacements hold neither. `largest_mm` is
-    the largest displacement on a head of human size; `speaks` is False where nobody would see the
+    pitch up of the right and the left eye, in radians; the displacements hold neither. `tongue` `[T, 4]`
+    are shares of the way to contact, 0 to 1: tip to the ridge behind the upper teeth, middle and back to
+    the palate, tip at the upper teeth; the displacements hold it where the mesh has a tongue. `largest_mm`
+    is the largest displacement on a head of human size; `speaks` is False where nobody would see the
     lips move, as for a sound without speech. `weights` are there where they were asked for.
 
     It is a sequence of its frames: `clip[t]` is `[V, 3]`, the positions of all vertices.
@@ -45,6 +47,7 @@ class Clip:
     landmark_displacements: Floats
     head: Floats
     gaze: Floats
+    tongue: Floats
     largest_mm: float
     speaks: bool
     weights: Weights | None = None

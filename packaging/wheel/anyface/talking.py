@@ -167,6 +167,7 @@ def _clip(fps: float, mesh: Mesh, made: Animation, weights: Weights | None) -> C
         landmark_displacements=made.landmarks.displacements,
         head=made.life.head,
         gaze=made.life.gaze,
+        tongue=made.life.tongue,
         largest_mm=made.largest_mm,
         speaks=made.visibility == "SPEAKS",
         weights=weights,
