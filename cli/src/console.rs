@@ -100,17 +100,22 @@ impl Console {
     /// Prints an error, as `{"error": {"kind", "code", "message"}}` with `--json`.
     pub fn error(&self, error: &Error) {
         self.bar.finish_and_clear();
-        match self.json {
-            true => {
-                let body = serde_json::json!({"error": {
-                    "kind": kind(error),
-                    "code": error.exit_code(),
-                    "message": error.to_string(),
-                }});
-                complained(&body);
-            }
-            false => complained(&format!("error: {error}")),
+        complained(&error_text(error, self.json));
+    }
+}
+
+/// An error as standard error has it, a line for people or JSON.
+pub fn error_text(error: &Error, json: bool) -> String {
+    match json {
+        true => {
+            let body = serde_json::json!({"error": {
+                "kind": kind(error),
+                "code": error.exit_code(),
+                "message": error.to_string(),
+            }});
+            body.to_string()
         }
+        false => format!("error: {error}"),
     }
 }
 

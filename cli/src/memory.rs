@@ -48,6 +48,8 @@ pub fn guard(json: bool) {
     use anyface::{Error, job::remove_unfinished};
     use signal_hook::{consts::SIGABRT, low_level};
 
+    use crate::console::error_text;
+
     /// Kept for what is still to do.
     const RESERVE: usize = 256 << 10;
 
@@ -55,12 +57,7 @@ pub fn guard(json: bool) {
     let message = "the memory that this process may take has ended; more memory, a shorter sound or a smaller mesh helps";
     let error = Error::OutOfMemory(message.to_owned());
     let code = i32::from(error.exit_code());
-    let text = match json {
-        true => format!(
-            "{{\"error\":{{\"code\":{code},\"kind\":\"out_of_memory\",\"message\":\"{error}\"}}}}\n"
-        ),
-        false => format!("error: {error}\n"),
-    };
+    let text = error_text(&error, json) + "\n";
     let end = move || {
         if !HAS_ENDED.load(Ordering::Relaxed) {
             return;

@@ -53,8 +53,8 @@ fn read_pytorch(path: &Path) -> Result<Weights> {
     use super::pickle::read_tensors;
     use crate::Error;
 
-    std::fs::File::open(path).map_err(Error::io(path))?;
-    let arrays = read_tensors(path).map_err(|e| {
+    let file = std::fs::File::open(path).map_err(Error::io(path))?;
+    let arrays = read_tensors(file).map_err(|e| {
         Error::Weights(format!(
             "{}: expected a whole checkpoint of PyTorch 1.6 or later: {e}",
             path.display()

@@ -11,15 +11,18 @@ const WIDEST_M: f32 = 28e-3;
 /// Gaps up to here stay as they are: 99.5 % of the recorded ones are smaller.
 const USUAL_M: f32 = 20e-3;
 
-/// Moves the codes `[T, X]` of frames whose lips part too far towards the code at rest, `[X]`.
+/// Moves the codes `[T, X]` of frames whose lips part too far towards the code at rest, `[X]`; the numbers of these
+/// frames.
 ///
 /// `displacements`: how these codes move landmarks from rest, `[T, 68, 3]` metres.
 pub(super) fn bound_opening(
     codes: &mut Array2<f32>,
     rest: &[f32],
     displacements: ArrayView3<'_, f32>,
-) {
-    for (mut code, frame) in codes.outer_iter_mut().zip(displacements.outer_iter()) {
+) -> Vec<usize> {
+    let mut moved = Vec::new();
+    let frames = codes.outer_iter_mut().zip(displacements.outer_iter());
+    for (t, (mut code, frame)) in frames.enumerate() {
         let (upper, lower) = INNER_LIPS[1];
         let gap = frame[[upper, 1]] - frame[[lower, 1]];
         if gap > USUAL_M {
@@ -27,8 +30,10 @@ pub(super) fn bound_opening(
             for (x, rest) in code.iter_mut().zip(rest) {
                 *x = rest + share * (*x - rest);
             }
+            moved.push(t);
         }
     }
+    moved
 }
 
 /// A gap beyond `USUAL_M`, smoothly under `WIDEST_M`.
@@ -57,11 +62,9 @@ mod tests {
     #[test]
     fn usual_openings_stay_and_wide_ones_come_nearer_to_rest() {
         let mut codes = array![[3.0, 0.0], [3.0, 0.0], [3.0, 0.0]];
-        bound_opening(
-            &mut codes,
-            &[1.0, 0.0],
-            opening(&[0.0, 0.019, 0.035]).view(),
-        );
+        let gaps = opening(&[0.0, 0.019, 0.035]);
+        let moved = bound_opening(&mut codes, &[1.0, 0.0], gaps.view());
+        assert_eq!(moved, [2]);
         assert_eq!(codes.slice(ndarray::s![..2, 0]), array![3.0, 3.0]);
         let share = (codes[[2, 0]] - 1.0) / 2.0;
         assert!((0.75..0.8).contains(&share), "{share}");

@@ -2,7 +2,7 @@
 
 use std::{path::Path, sync::Arc};
 
-use ndarray::{Array2, Array3, ArrayView2};
+use ndarray::{Array2, Array3, ArrayView2, Axis};
 
 use super::{Denoiser, MotionConfig, MotionConfigs, Sampling, opening::bound_opening};
 use crate::{
@@ -245,9 +245,13 @@ impl System for FaceTalk {
         }
         let fps = self.config().fps;
         let mut codes = self.codes(heard.features(fps).view(), request, progress)?;
-        let wide = self.landmarks(codes.view())?;
-        bound_opening(&mut codes, &self.space.head.rest_code(), wide.view());
-        let displacements = self.landmarks(codes.view())?;
+        let mut displacements = self.landmarks(codes.view())?;
+        let rest = self.space.head.rest_code();
+        let moved = bound_opening(&mut codes, &rest, displacements.view());
+        let again = self.landmarks(codes.select(Axis(0), &moved).view())?;
+        for (t, frame) in moved.into_iter().zip(again.outer_iter()) {
+            displacements.index_axis_mut(Axis(0), t).assign(&frame);
+        }
         let frames = heard.frames(request.fps);
         let codes = motion::at_rate(codes.view(), fps / request.fps, frames);
         let mut landmarks = LandmarkClip { displacements, fps }.at_rate(request.fps, frames);
