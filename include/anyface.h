@@ -607,11 +607,13 @@ AnyfaceStatus anyface_engine_new(const AnyfaceEngineOptions *options,
 /// Most memory that motion on a mesh takes at a time, bytes, as far as that is known before the work starts: within 40 %
 /// of what was measured.
 ///
-/// `frames_at_once`: frames that are kept, all for `anyface_clip_new()`, two blocks for `anyface_clip_stream()`. 0 for NULL.
+/// `frames_at_once`: frames that are kept, all for `anyface_clip_new()`, two blocks for `anyface_clip_stream()`.
+/// `sound_s`: seconds of the sound that `anyface_motion_new()` gets. 0 for NULL.
 /// `anyface_face_new()` and `anyface_clip_new()` fail with `ANYFACE_STATUS_OUT_OF_MEMORY` where it surely does not fit.
 uint64_t anyface_engine_memory_needed(const AnyfaceEngine *engine,
                                       size_t vertex_count,
-                                      size_t frames_at_once);
+                                      size_t frames_at_once,
+                                      double sound_s);
 
 /// Memory that this process may still take, bytes; `UINT64_MAX` where the system does not say.
 uint64_t anyface_memory_left(void);

@@ -163,7 +163,10 @@ SIGNATURES = {
     "anyface_system_control": (c_int32, [c_size_t, c_size_t, POINTER(Control), c_size_t]),
     "anyface_engine_options_init": (c_int32, [POINTER(EngineOptions), c_size_t]),
     "anyface_engine_new": (c_int32, [POINTER(EngineOptions), _OUT, _OUT]),
-    "anyface_engine_memory_needed": (c_uint64, [_HANDLE, c_size_t, c_size_t]),
+    "anyface_engine_memory_needed": (
+        c_uint64,
+        [_HANDLE, c_size_t, c_size_t, c_double],
+    ),
     "anyface_memory_left": (c_uint64, []),
     "anyface_audio_new": (c_int32, [_FLOATS, c_size_t, c_uint32, c_uint32, _OUT, _OUT]),
     "anyface_audio_read": (c_int32, [c_char_p, _OUT, _OUT]),

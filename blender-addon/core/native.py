@@ -182,9 +182,12 @@ class Engine(
 
     def _memory_notes(self, vertices: int, sound: Sound, request: Request) -> list[str]:
         """That a take may not fit into memory, before it is made; every frame lies there twice."""
-        frames = 2 * math.ceil(request.fps * len(sound.samples) / sound.rate_hz)
+        sound_s = len(sound.samples) / sound.rate_hz
+        frames = 2 * math.ceil(request.fps * sound_s)
         left = self._library.anyface_memory_left()
-        needed = self._library.anyface_engine_memory_needed(self._handle, vertices, frames)
+        needed = self._library.anyface_engine_memory_needed(
+            self._handle, vertices, frames, sound_s
+        )
         if needed <= left:
             return []
         needed, left = needed >> 20, left >> 20

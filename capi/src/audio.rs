@@ -2,7 +2,10 @@
 
 use std::ffi::CString;
 
-use anyface::audio::{SAMPLE_RATE_HZ, SoundFile, Waveform};
+use anyface::{
+    audio::{SAMPLE_RATE_HZ, SoundFile, Waveform},
+    job::SILENT,
+};
 use libc::c_char;
 
 use crate::{
@@ -73,11 +76,11 @@ unsafe fn read(
 ) -> AnyfaceStatus {
     let make = || {
         let path = unsafe { pointer::path("path", path) }?;
-        let file = SoundFile::read(path, any_damage)?;
+        let file = SoundFile::read(path, any_damage, SILENT)?;
         let warning = file
             .damage
             .map(|damage| pointer::c_text(&damage.sentence()));
-        Ok(AnyfaceAudio(file.waveform, warning))
+        Ok(AnyfaceAudio(file.whole(SILENT)?, warning))
     };
     unsafe { guard::give(out, error, make) }
 }
@@ -168,7 +171,7 @@ pub unsafe extern "C" fn anyface_audio_duration_s(audio: *const AnyfaceAudio) ->
 #[unsafe(no_mangle)]
 pub unsafe extern "C" fn anyface_audio_peak(audio: *const AnyfaceAudio) -> f32 {
     guard::guard_or(0.0, || {
-        unsafe { audio.as_ref() }.map_or(0.0, |audio| audio.0.peak())
+        unsafe { audio.as_ref() }.map_or(0.0, |audio| audio.0.levels().peak)
     })
 }
 

@@ -3,10 +3,10 @@
 use anyface::{
     Error,
     job::ProgressFn,
-    spread::{ClipStart, FrameSink, LandmarkTrack, Movement},
+    spread::{ClipStart, FrameBlock, FrameSink, Movement},
 };
 use libc::{c_int, c_void};
-use ndarray::{Array3, Axis};
+use ndarray::Axis;
 
 use crate::{
     clip::followed,
@@ -56,8 +56,8 @@ impl FrameSink for HostSink {
         self.frames_at_once
     }
 
-    fn take(&mut self, block: Array3<f32>) -> anyface::Result<()> {
-        let block = block.as_standard_layout();
+    fn take(&mut self, block: FrameBlock) -> anyface::Result<()> {
+        let block = block.displacements.as_standard_layout();
         let frames = block.len_of(Axis(0));
         let first = self.taken;
         self.taken += frames;
@@ -67,7 +67,7 @@ impl FrameSink for HostSink {
         }
     }
 
-    fn finish(&mut self, _landmarks: &LandmarkTrack<'_>) -> anyface::Result<()> {
+    fn finish(&mut self) -> anyface::Result<()> {
         Ok(())
     }
 }

@@ -134,15 +134,21 @@ pub unsafe extern "C" fn anyface_engine_new(
 /// Most memory that motion on a mesh takes at a time, bytes, as far as that is known before the work starts: within 40 %
 /// of what was measured.
 ///
-/// `frames_at_once`: frames that are kept, all for `anyface_clip_new()`, two blocks for `anyface_clip_stream()`. 0 for NULL.
+/// `frames_at_once`: frames that are kept, all for `anyface_clip_new()`, two blocks for `anyface_clip_stream()`.
+/// `sound_s`: seconds of the sound that `anyface_motion_new()` gets. 0 for NULL.
 /// `anyface_face_new()` and `anyface_clip_new()` fail with `ANYFACE_STATUS_OUT_OF_MEMORY` where it surely does not fit.
 #[unsafe(no_mangle)]
 pub unsafe extern "C" fn anyface_engine_memory_needed(
     engine: *const AnyfaceEngine,
     vertex_count: usize,
     frames_at_once: usize,
+    sound_s: f64,
 ) -> u64 {
-    let need = |engine: &AnyfaceEngine| engine.0.memory_need(vertex_count, frames_at_once).bytes();
+    let need = |engine: &AnyfaceEngine| {
+        let sound_s = sound_s.max(0.0);
+        let need = engine.0.memory_need(vertex_count, frames_at_once, sound_s);
+        need.bytes()
+    };
     guard::guard_or(0, || unsafe { engine.as_ref() }.map_or(0, need))
 }
 

@@ -18,7 +18,9 @@ use crate::{
     open_mouth,
     paths::{InputPath, OutputPath},
     redo::{Redo, RedoArgs},
-    stages::{new_report, note_face, note_memory, note_result, read_sound, timed},
+    stages::{
+        Frames, new_report, note_face, note_memory, note_result, read_sound, speak_into, timed,
+    },
     surface::SurfaceArgs,
 };
 
@@ -74,14 +76,21 @@ impl Animate {
         let redo = self.redo.asked()?;
         let options = self.face.options(&self.mesh, None)?;
         let mut report = new_report();
-        let waveform = read_sound(&mut report, &self.audio, &self.sound)?;
-        let mesh = timed(&mut report, "read", || Mesh::read(&self.mesh))?;
         let progress = &|p| console.progress(p);
+        let sound = read_sound(&mut report, &self.audio, &self.sound, progress)?;
+        let mesh = timed(&mut report, "read", || Mesh::read(&self.mesh))?;
         let engine = timed(&mut report, "load", || shared.engine())?;
         self.surface.check_system(&engine)?;
+        let is_whole = self.layers.are_asked() || redo.is_some() || self.surface.is_asked();
+        let duration_s = sound.levels.duration_s();
         if !self.surface.is_asked() {
-            let frames = frames_of(waveform.duration_s(), request.fps);
-            note_memory(&mut report, &engine, &mesh, self.layers.kept(frames, &mesh))?;
+            let heard_s = match is_whole {
+                true => duration_s,
+                false => Engine::longest_stretch_s(duration_s),
+            };
+            let frames = frames_of(heard_s, request.fps);
+            let (vertices, kept) = (mesh.positions.len(), self.layers.kept(frames, &mesh));
+            note_memory(&mut report, &engine, vertices, kept, heard_s)?;
         }
         let mut face = timed(&mut report, "prepare", || {
             match self.open_mouth || self.surface.is_asked() {
@@ -93,12 +102,17 @@ impl Animate {
             face = self.opened(&engine, &face, &mut report, console)?;
         }
         note_face(&mut report, &face);
+        let unseen = engine.unseen_events(&face, &request.events, duration_s, progress)?;
+        report.warnings.extend(unseen);
+        if !is_whole {
+            let way = (&engine, &face);
+            speak_into(&self.out, way, sound, &request, &mut report, progress)?;
+            return self.surface.tell(&report, console);
+        }
+        let waveform = sound.whole(progress)?;
         let performance = timed(&mut report, "motion", || {
             engine.perform(&waveform, &request, progress)
         })?;
-        report
-            .warnings
-            .extend(performance.unseen_events(&engine, &face, progress)?);
         if self.surface.is_asked() {
             let moved = (&performance.motion, performance.articulation());
             self.surface
@@ -131,10 +145,11 @@ impl Animate {
         } = *layered;
         let motion = &performance.motion;
         let (fps, articulation) = (motion.fps(), performance.articulation());
-        let made = timed(report, "deform", || {
+        let mut made = Frames::default();
+        made.add(timed(report, "deform", || {
             redo.animate(engine, face, performance, &self.out, progress)
-        })?;
-        note_result(report, &self.out, face, fps, articulation, &made);
+        })?);
+        note_result(report, &self.out, face, fps, articulation, made);
         Ok(())
     }
 

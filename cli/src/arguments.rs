@@ -13,6 +13,7 @@ use anyface::{
     audio::{SoundFile, Waveform},
     conditions::Event,
     face::{DEFAULT_PROXY, FaceOptions},
+    job::ProgressFn,
     mesh::{Axis, FixedLandmark, LandmarkSource, ObjectNames, PartChoices, PartRole, PartSelector},
     motion::{Life, Pose, check_fps},
     output::{read_landmark_motion, read_life},
@@ -105,8 +106,8 @@ pub struct SoundArgs {
 }
 
 impl SoundArgs {
-    pub fn read(&self, path: &Path) -> Result<SoundFile> {
-        SoundFile::read(path, self.any_damage).map_err(|error| match error {
+    pub fn read(&self, path: &Path, progress: ProgressFn<'_>) -> Result<SoundFile> {
+        SoundFile::read(path, self.any_damage, progress).map_err(|error| match error {
             Error::Audio(message) if message.contains("expected at least") => {
                 Error::Audio(format!("{message}; --any-damage uses the rest"))
             }

@@ -73,6 +73,11 @@ impl LayerArgs {
             .collect()
     }
 
+    /// Whether anything is asked that needs the performance whole.
+    pub fn are_asked(&self) -> bool {
+        self.parts() || self.mask_out.is_some()
+    }
+
     /// Frames that lie in memory at once: two blocks, and the mask, whose shares are a third of a vertex's motion.
     pub fn kept(&self, frames: usize, mesh: &Mesh) -> usize {
         let mask = match self.mask_out {

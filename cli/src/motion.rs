@@ -1,10 +1,11 @@
 //! `anyface motion`: speech to motion of landmarks or weights, before any mesh is known.
 
 use anyface::{
-    Result,
-    job::write_json,
-    motion,
-    output::{check_motion_path, write_motion},
+    Engine, Part, Result,
+    job::{ProgressFn, write_json},
+    motion::{self, Extent, Life, MotionKind},
+    output::{MotionFile, check_motion_path},
+    speech::frames_of,
 };
 use clap::Args;
 
@@ -13,7 +14,7 @@ use crate::{
     console::Console,
     paths::{InputPath, OutputPath},
     redo::RedoArgs,
-    stages::{new_report, read_sound, summary, timed},
+    stages::{new_report, note_memory, read_sound, summary, timed},
 };
 
 /// Turn speech into the motion of 68 landmarks, in metres on a human head, or into weights of ARKit's shapes
@@ -48,32 +49,55 @@ impl Motion {
         let request = self.motion.request(shared)?;
         let redo = self.redo.asked()?;
         let mut report = new_report();
-        let waveform = read_sound(&mut report, &self.audio, &self.sound)?;
+        let progress = &|p| console.progress(p);
+        let sound = read_sound(&mut report, &self.audio, &self.sound, progress)?;
         let engine = timed(&mut report, "load", || shared.engine())?;
-        let made = timed(&mut report, "motion", || {
-            let progress = |p| console.progress(p);
-            if self.causal {
-                let motion = engine.causal_motion(&waveform, &request, &progress)?;
-                return Ok((motion::Motion::Landmarks(motion), None, 1.0));
+        let duration_s = sound.levels.duration_s();
+        let is_whole = self.causal || redo.is_some();
+        let heard_s = if is_whole {
+            duration_s
+        } else {
+            Engine::longest_stretch_s(duration_s)
+        };
+        note_memory(&mut report, &engine, 0, 0, heard_s)?;
+        let is_weights = engine.system().motion == MotionKind::Weights;
+        let frames = frames_of(duration_s, request.fps);
+        let mut file = MotionFile::new(&self.out, is_weights, frames, request.fps)?;
+        let mut extent = Extent::default();
+        let mut write = |motion: &motion::Motion, life: Option<&Life>| {
+            let landmarks = engine.landmarks_of(motion)?;
+            extent = extent.with(Extent::of(None, landmarks.displacements.view()));
+            file.add(motion, &landmarks, life)
+        };
+        timed(&mut report, "motion", || {
+            if !is_whole {
+                let mut take =
+                    |part: Part, _: ProgressFn<'_>| write(&part.motion, Some(&part.life));
+                return engine.perform_in_parts(sound, &request, &mut take, progress);
             }
-            let performance = engine.perform(&waveform, &request, &progress)?;
-            let articulation = performance.articulation();
-            if let Some(redo) = &redo {
-                let (motion, life) = redo.motion(&performance)?;
-                return Ok((motion, Some(life), articulation));
+            let waveform = sound.whole(progress)?;
+            match &redo {
+                Some(redo) => {
+                    let (motion, life) =
+                        redo.motion(&engine.perform(&waveform, &request, progress)?)?;
+                    write(&motion, Some(&life))
+                }
+                None => {
+                    let motion = engine.causal_motion(&waveform, &request, progress)?;
+                    write(&motion::Motion::Landmarks(motion), None)
+                }
             }
-            Ok((performance.motion, Some(performance.life), articulation))
-        });
-        let (made, life, articulation) = made?;
-        check_motion_path(&self.out, matches!(made, motion::Motion::Weights(_)))?;
-        let motion = engine.landmarks_of(&made)?;
-        report.note_motion(None, motion.displacements.view(), 1.0, articulation);
-        report.frames = motion.displacements.dim().0;
-        report.fps = motion.fps;
-        report.out = Some(shown(&self.out));
-        timed(&mut report, "write", || {
-            write_motion(&self.out, &made, &motion, life.as_ref())
         })?;
+        let articulation = if self.causal {
+            1.0
+        } else {
+            request.articulation()
+        };
+        report.note_motion(&extent, 1.0, articulation);
+        report.frames = frames;
+        report.fps = request.fps;
+        report.out = Some(shown(&self.out));
+        timed(&mut report, "write", || file.finish())?;
         if let Some(path) = &self.report {
             write_json(path, &report)?;
         }

@@ -54,8 +54,10 @@ impl Sounds {
             (None, path) => {
                 let path = path.as_deref().unwrap_or(&self.out);
                 let text = self.spoken()?;
-                let waveform = read_sound(&mut report, path, &self.sound)?;
+                let progress = &|p| console.progress(p);
+                let sound = read_sound(&mut report, path, &self.sound, progress)?;
                 let engine = shared.engine()?;
+                let waveform = sound.whole(progress)?;
                 match self.asks_for_phones() {
                     true => engine.listen_to_phones(&waveform, text.as_deref())?,
                     false => engine.listen(&waveform)?,

@@ -6,14 +6,15 @@ use std::{
 };
 
 use anyface::{
-    Engine, Face, Result,
-    audio::{SoundFile, Waveform},
-    mesh::{Mesh, Mouth, ibug::REGIONS},
-    motion::Life,
+    Engine, Face, MotionRequest, Part, Result,
+    audio::SoundFile,
+    job::ProgressFn,
+    mesh::{Mouth, ibug::REGIONS},
+    motion::{Extent, Life},
     output::{ClipFile, Report, warnings_of_sound},
-    spread::{ClipStart, FrameSink, LandmarkTrack, SpreadReport},
+    speech::frames_of,
+    spread::{ClipStart, FrameBlock, FrameSink, SpreadReport},
 };
-use ndarray::Array3;
 
 use crate::arguments::SoundArgs;
 
@@ -41,23 +42,34 @@ fn note(report: &mut Report, stage: &str, spent: Duration) {
 }
 
 /// Decodes the sound and notes what is odd about it.
-pub fn read_sound(report: &mut Report, path: &Path, how: &SoundArgs) -> Result<Waveform> {
-    let SoundFile { waveform, damage } = timed(report, "read", || how.read(path))?;
-    report.audio_s = Some(waveform.duration_s());
-    report.missing_audio_s = damage.map(|damage| damage.missing_s);
-    report
-        .warnings
-        .extend(damage.map(|damage| damage.sentence()));
-    report.warnings.extend(warnings_of_sound(&waveform));
-    Ok(waveform)
+pub fn read_sound(
+    report: &mut Report,
+    path: &Path,
+    how: &SoundArgs,
+    progress: ProgressFn<'_>,
+) -> Result<SoundFile> {
+    let file = timed(report, "read", || how.read(path, progress))?;
+    report.audio_s = Some(file.levels.duration_s());
+    report.missing_audio_s = file.damage.map(|damage| damage.missing_s);
+    let damage = file.damage.map(|damage| damage.sentence());
+    report.warnings.extend(damage);
+    report.warnings.extend(warnings_of_sound(&file.levels));
+    Ok(file)
 }
 
-/// Notes what a job on a mesh takes of memory before it starts; `kept`: frames that lie in memory at once.
+/// Notes what a job takes of memory before it starts: on a mesh of so many vertices, with `kept` frames that lie in memory
+/// at once, where `sound_s` seconds of sound are performed at once.
 ///
 /// # Errors
 /// `OutOfMemory` where it does not fit.
-pub fn note_memory(report: &mut Report, engine: &Engine, mesh: &Mesh, kept: usize) -> Result<()> {
-    let need = engine.memory_need(mesh.positions.len(), kept);
+pub fn note_memory(
+    report: &mut Report,
+    engine: &Engine,
+    vertices: usize,
+    kept: usize,
+    sound_s: f64,
+) -> Result<()> {
+    let need = engine.memory_need(vertices, kept, sound_s);
     report.memory_mb = Some(need.bytes() >> 20);
     report.warnings.extend(need.check()?);
     Ok(())
@@ -127,12 +139,12 @@ impl<S: FrameSink> FrameSink for TimedSink<S> {
         self.inner.frames_at_once(start)
     }
 
-    fn take(&mut self, block: Array3<f32>) -> Result<()> {
+    fn take(&mut self, block: FrameBlock) -> Result<()> {
         self.timed(|sink| sink.take(block))
     }
 
-    fn finish(&mut self, landmarks: &LandmarkTrack<'_>) -> Result<()> {
-        self.timed(|sink| sink.finish(landmarks))
+    fn finish(&mut self) -> Result<()> {
+        self.timed(|sink| sink.finish())
     }
 }
 
@@ -148,7 +160,8 @@ pub fn spread_into(
     spread: impl FnOnce(&mut dyn FrameSink) -> Result<SpreadReport>,
 ) -> Result<()> {
     let started = Instant::now();
-    let mut sink = TimedSink::new(ClipFile::new(path)?.with_life(life));
+    let mut sink = TimedSink::new(ClipFile::new(path)?);
+    life.into_iter().for_each(|life| sink.inner.add_life(life));
     let made = spread(&mut sink)?;
     note(report, "write", sink.spent);
     note(
@@ -156,8 +169,64 @@ pub fn spread_into(
         "deform",
         started.elapsed().saturating_sub(sink.spent),
     );
-    note_result(report, path, face, fps, articulation, &made);
+    let mut result = Frames::default();
+    result.add(made);
+    note_result(report, path, face, fps, articulation, result);
     Ok(())
+}
+
+/// Speech on a face into the file at `path`, a stretch of a long sound at a time.
+pub fn speak_into(
+    path: &Path,
+    (engine, face): (&Engine, &Face),
+    sound: SoundFile,
+    request: &MotionRequest,
+    report: &mut Report,
+    progress: ProgressFn<'_>,
+) -> Result<()> {
+    let started = Instant::now();
+    let mut sink = TimedSink::new(ClipFile::new(path)?);
+    let (mut result, mut on_face) = (Frames::default(), Duration::ZERO);
+    sink.begin(&ClipStart {
+        mesh: &face.mesh,
+        landmarks: &face.landmarks.positions,
+        frames: frames_of(sound.levels.duration_s(), request.fps),
+        fps: request.fps,
+    })?;
+    let mut spread = |part: Part, progress: ProgressFn<'_>| {
+        let started = Instant::now();
+        result.add(engine.spread_part(face, &part, &mut sink, progress)?);
+        sink.inner.add_life(&part.life);
+        on_face += started.elapsed();
+        Ok(())
+    };
+    engine.perform_in_parts(sound, request, &mut spread, progress)?;
+    let motion = started.elapsed().saturating_sub(on_face);
+    note(report, "motion", motion);
+    note(report, "deform", on_face.saturating_sub(sink.spent));
+    sink.finish()?;
+    note(report, "write", sink.spent);
+    let articulation = request.articulation();
+    note_result(report, path, face, request.fps, articulation, result);
+    Ok(())
+}
+
+/// What was made of frames.
+#[derive(Default)]
+pub struct Frames {
+    count: usize,
+    extent: Extent,
+    notes: Vec<String>,
+}
+
+impl Frames {
+    /// Counts those that follow.
+    pub fn add(&mut self, made: SpreadReport) {
+        let landmarks = made.landmarks.view();
+        self.count += made.landmarks.dim().0;
+        self.extent = self.extent.with(Extent::of(Some(made.largest), landmarks));
+        self.notes = made.notes;
+    }
 }
 
 /// Notes what was written to `path`.
@@ -167,18 +236,12 @@ pub fn note_result(
     face: &Face,
     fps: f64,
     articulation: f32,
-    made: &SpreadReport,
+    made: Frames,
 ) {
-    let landmarks = made.landmarks.view();
-    report.note_motion(
-        Some(made.largest),
-        landmarks,
-        face.metres_per_unit(),
-        articulation,
-    );
-    report.warnings.extend(made.notes.iter().cloned());
+    report.note_motion(&made.extent, face.metres_per_unit(), articulation);
+    report.warnings.extend(made.notes);
     report.out = Some(path.display().to_string());
-    report.frames = made.landmarks.dim().0;
+    report.frames = made.count;
     report.fps = fps;
     report.vertices = Some(face.mesh.positions.len());
 }

@@ -7,7 +7,7 @@ use anyface::{
     Engine, Error, Face, Result,
     head::check_surface_cells,
     job::{ProgressFn, write_json},
-    motion::{CodeClip, Motion},
+    motion::{CodeClip, Extent, Motion},
     output::{Format, Report, check_new_folder, write_surface_frames},
     systems::Ability,
 };
@@ -90,12 +90,9 @@ impl SurfaceArgs {
         })?;
         report.warnings.extend(note);
         let landmarks = engine.landmarks_of(motion)?.displacements;
-        report.note_motion(
-            Some(largest),
-            face.own_motion(landmarks.view()).view(),
-            face.metres_per_unit(),
-            articulation,
-        );
+        let landmarks = face.own_motion(landmarks.view());
+        let extent = Extent::of(Some(largest), landmarks.view());
+        report.note_motion(&extent, face.metres_per_unit(), articulation);
         report.out = Some(shown(out));
         report.frames = motion.frames();
         report.fps = motion.fps();

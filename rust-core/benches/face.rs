@@ -55,7 +55,9 @@ fn speech(c: &mut Criterion) {
     let encoder = speech::compact(None).expect("built in");
     let mut group = c.benchmark_group("speech 5 s");
     group.sample_size(10);
-    group.bench_function("encoder", |b| b.iter(|| encoder.encode(black_box(&sound))));
+    group.bench_function("encoder", |b| {
+        b.iter(|| encoder.encode(black_box(&sound), SILENT))
+    });
     let request = MotionRequest::default();
     group.bench_function("encoder and denoiser", |b| {
         b.iter(|| engine.perform(black_box(&sound), &request, SILENT))

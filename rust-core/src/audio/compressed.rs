@@ -23,9 +23,9 @@ use symphonia::{
 };
 
 use super::{
-    damage::{SoundDamage, SoundFile},
+    damage::SoundDamage,
     edit_list::{self, Edit},
-    intake::Intake,
+    intake::{Intake, Take},
     opus::{self, OpusDecoder},
     source::Source,
     wav::LENGTH_UNKNOWN,
@@ -54,8 +54,8 @@ static CODECS: LazyLock<CodecRegistry> = LazyLock::new(|| {
     codecs
 });
 
-/// Decodes the first audio track of the file.
-pub(super) fn decode(path: &Path, source: &Source) -> Result<SoundFile> {
+/// Decodes the first audio track of the file into `out`, and says what is lost of it.
+pub(super) fn decode(path: &Path, source: &Source, out: Take<'_>) -> Result<Option<SoundDamage>> {
     let mut format = open(path, source)?;
     let (track, mut decoder) = open_track(path, format.as_ref())?;
     let track_id = track.id;
@@ -64,7 +64,7 @@ pub(super) fn decode(path: &Path, source: &Source) -> Result<SoundFile> {
     let mut sound = Sound {
         edit: edit_list::read(source.read()?),
         before: before(track, decoder.codec_params()),
-        ..Sound::default()
+        ..Sound::into(out)
     };
     let mut damaged = 0;
     loop {
@@ -102,10 +102,10 @@ pub(super) fn decode(path: &Path, source: &Source) -> Result<SoundFile> {
     }
     let damage = loss.damage(sound.seconds());
     match sound.intake {
-        Some(intake) => Ok(SoundFile {
-            waveform: intake.finish()?,
-            damage,
-        }),
+        Some(intake) => {
+            intake.finish()?;
+            Ok(damage)
+        }
         None => Err(Error::Audio(format!(
             "{}: expected sound, got no samples",
             path.display()
@@ -256,19 +256,32 @@ fn open_track<'a>(
 }
 
 /// Decoded samples on their way to the intake, which opens with the first packet's layout.
-#[derive(Default)]
-struct Sound {
+struct Sound<'a> {
+    /// Where the intake will deliver.
+    out: Option<Take<'a>>,
     edit: Option<Edit>,
     /// Frames before the sound where there is no edit.
     before: usize,
-    intake: Option<Intake>,
+    intake: Option<Intake<'a>>,
     layout: (usize, u32),
     interleaved: Vec<f32>,
     /// Frames that were decoded.
     frames: u64,
 }
 
-impl Sound {
+impl<'a> Sound<'a> {
+    fn into(out: Take<'a>) -> Self {
+        Sound {
+            out: Some(out),
+            edit: None,
+            before: 0,
+            intake: None,
+            layout: (0, 0),
+            interleaved: Vec::new(),
+            frames: 0,
+        }
+    }
+
     /// Length of all that was decoded.
     fn seconds(&self) -> f64 {
         self.frames as f64 / f64::from(self.layout.1.max(1))
@@ -280,8 +293,8 @@ impl Sound {
         }
         self.frames += decoded.frames() as u64;
         let layout = (decoded.num_planes(), decoded.spec().rate());
-        if self.intake.is_none() {
-            let mut intake = Intake::new(layout.0, layout.1)?;
+        if let Some(out) = self.out.take() {
+            let mut intake = Intake::new(layout.0, layout.1, out)?;
             let frames = |seconds: f64| (seconds * f64::from(layout.1)).round() as usize;
             match self.edit {
                 Some(edit) => intake.keep(

@@ -1,7 +1,5 @@
 //! What of a sound is lost where its file is damaged.
 
-use super::Waveform;
-
 /// A loss below which nothing is said: less than a syllable, and less than this share.
 const UNHEARD_S: f64 = 0.05;
 const UNHEARD_SHARE: f64 = 0.01;
@@ -37,13 +35,4 @@ impl SoundDamage {
             self.missing_s, self.expected_s
         )
     }
-}
-
-/// A sound, and what is lost of it.
-#[derive(Debug, Clone, PartialEq)]
-pub struct SoundFile {
-    /// What could be read.
-    pub waveform: Waveform,
-    /// What could not.
-    pub damage: Option<SoundDamage>,
 }

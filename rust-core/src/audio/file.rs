@@ -1,12 +1,55 @@
-//! A sound from a file.
+//! A sound from a file, whole or a stretch at a time.
 
-use std::path::Path;
+use std::{
+    ops::Range,
+    path::{Path, PathBuf},
+    sync::mpsc::sync_channel,
+    thread,
+};
 
-use super::{Waveform, compressed, damage::SoundFile, long_wav, source::Source, wav};
-use crate::{Error, Result, job::outside::guarded};
+use super::{
+    SoundDamage, Waveform, compressed,
+    intake::Take,
+    long_wav,
+    pitch::HOP,
+    source::Source,
+    wav,
+    waveform::{Levels, SAMPLE_RATE_HZ},
+};
+use crate::{
+    Error, Result,
+    job::{ProgressFn, SILENT, outside::guarded, report},
+};
 
 /// Share of a sound whose loss makes the rest useless, unless the caller knows.
 pub const LARGEST_LOSS: f64 = 0.2;
+/// A sound up to so many seconds lies in memory whole.
+pub const WHOLE_S: f64 = 600.0;
+/// Pieces that are decoded ahead of who takes them.
+const AHEAD: usize = 8;
+
+/// A sound in a file that was decoded once, from its beginning to its end.
+///
+/// ```
+/// use anyface::{audio::SoundFile, job::SILENT};
+///
+/// let voice = std::path::Path::new(env!("CARGO_MANIFEST_DIR")).join("tests/fixtures/voice.ogg");
+/// let file = SoundFile::read(&voice, false, SILENT)?;
+/// assert_eq!(file.whole(SILENT)?.duration_s(), file.levels.duration_s());
+/// # Ok::<(), anyface::Error>(())
+/// ```
+pub struct SoundFile {
+    path: PathBuf,
+    source: Source,
+    /// How long and how loud it is.
+    pub levels: Levels,
+    /// What could not be read.
+    pub damage: Option<SoundDamage>,
+    /// Sum of squares of each hop of 10 ms.
+    energies: Vec<f32>,
+    /// All of a sound of [`WHOLE_S`] or less.
+    kept: Option<Waveform>,
+}
 
 impl SoundFile {
     /// Decodes a file, as [`Waveform::from_file`] does, and tells what is missing: samples that a header
@@ -15,30 +58,176 @@ impl SoundFile {
     /// `any_damage`: whether a sound of which more than a fifth is missing is wanted all the same.
     ///
     /// # Errors
-    /// Those of [`Waveform::from_file`].
-    pub fn read(path: &Path, any_damage: bool) -> Result<SoundFile> {
-        let source = Source::open(path)?;
-        let file = guarded(Error::Audio, || {
-            let source = long_wav::as_wav(source)?;
-            match wav::decode(path, &source)? {
-                wav::Decoded::Sound(file) => Ok(file),
-                wav::Decoded::NotForUs => compressed::decode(path, &source),
+    /// Those of [`Waveform::from_file`]; `Cancelled`.
+    pub fn read(path: &Path, any_damage: bool, progress: ProgressFn<'_>) -> Result<SoundFile> {
+        let source = guarded(Error::Audio, || long_wav::as_wav(Source::open(path)?));
+        let mut file = SoundFile {
+            path: path.to_owned(),
+            source: source.map_err(|error| named(path, error))?,
+            levels: Levels::default(),
+            damage: None,
+            energies: Vec::new(),
+            kept: None,
+        };
+        let most = (WHOLE_S * f64::from(SAMPLE_RATE_HZ)) as usize;
+        let (mut levels, mut energies) = (Levels::default(), Energies::default());
+        let mut kept = Some(Vec::new());
+        file.damage = file.decode(&mut |piece| {
+            report(progress, "speech", 0.0)?;
+            levels.add(piece);
+            energies.add(piece);
+            kept = kept.take().filter(|_| levels.samples <= most);
+            if let Some(samples) = &mut kept {
+                samples.extend_from_slice(piece);
             }
-        });
-        let file = file.map_err(|error| named(path, error))?;
+            Ok(())
+        })?;
         match file.damage {
             Some(damage) if damage.share() > LARGEST_LOSS && !any_damage => {
-                Err(Error::Audio(format!(
+                return Err(Error::Audio(format!(
                     "{}: expected at least {:.0} % of the sound, got a file of which {:.2} s of {:.2} s are \
                      missing",
                     path.display(),
                     100.0 * (1.0 - LARGEST_LOSS),
                     damage.missing_s,
                     damage.expected_s
-                )))
+                )));
             }
-            _ => Ok(file),
+            _ => {}
         }
+        file.levels = levels;
+        file.energies = energies.of_hops;
+        file.kept = kept.map(|samples| Waveform { samples });
+        Ok(file)
+    }
+
+    /// Sum of squares of each hop of 10 ms, `[S / 160]`; the last may be cut off.
+    pub(crate) fn energies(&self) -> &[f32] {
+        &self.energies
+    }
+
+    /// All of it, however long.
+    ///
+    /// # Errors
+    /// Those of [`SoundFile::read`], where the file has changed since.
+    pub fn whole(self, progress: ProgressFn<'_>) -> Result<Waveform> {
+        if let Some(waveform) = self.kept {
+            return Ok(waveform);
+        }
+        let mut samples = Vec::with_capacity(self.levels.samples);
+        self.decode(&mut |piece| {
+            report(progress, "speech", 0.0)?;
+            samples.extend_from_slice(piece);
+            Ok(())
+        })?;
+        Ok(Waveform { samples })
+    }
+
+    /// Hands stretches of its samples to `take`, in rising order of their starts; they may overlap. Only one at a time
+    /// lies in memory.
+    ///
+    /// # Errors
+    /// Those of [`SoundFile::read`], where the file has changed since, and those of `take`.
+    pub(crate) fn stretches(
+        self,
+        stretches: &[Range<usize>],
+        take: &mut dyn FnMut(Waveform) -> Result<()>,
+    ) -> Result<()> {
+        let mut cut = Cut {
+            stretches,
+            samples: Vec::new(),
+            first: 0,
+        };
+        if let Some(waveform) = self.kept {
+            return match stretches {
+                [whole] if *whole == (0..waveform.samples.len()) => take(waveform),
+                _ => cut.add(&waveform.samples, take),
+            };
+        }
+        // The decoder stands on a thread of its own, so that a fault in what takes the sound is not called one of the file.
+        thread::scope(|scope| {
+            let (give, pieces) = sync_channel::<Vec<f32>>(AHEAD);
+            let file = &self;
+            let decoder = scope.spawn(move || {
+                file.decode(&mut |piece| give.send(piece.to_vec()).map_err(|_| Error::Cancelled))
+            });
+            // Who leaves early drops `pieces`, and so ends the decoder.
+            let taken = pieces
+                .into_iter()
+                .try_for_each(|piece| cut.add(&piece, take));
+            let decoded = decoder.join().unwrap_or(Err(Error::Cancelled));
+            taken.and(decoded.map(drop))
+        })?;
+        match cut.stretches.is_empty() {
+            true => Ok(()),
+            false => Err(Error::Audio(format!(
+                "{}: expected {} samples as before, got fewer: the file has changed",
+                self.path.display(),
+                self.levels.samples
+            ))),
+        }
+    }
+
+    fn decode(&self, out: Take<'_>) -> Result<Option<SoundDamage>> {
+        let (path, source) = (&self.path, &self.source);
+        let decoded = guarded(Error::Audio, || match wav::decode(path, source, out)? {
+            wav::Decoded::Sound(damage) => Ok(damage),
+            wav::Decoded::NotForUs => compressed::decode(path, source, out),
+        });
+        decoded.map_err(|error| named(path, error))
+    }
+}
+
+/// Sums of squares, hop by hop.
+#[derive(Default)]
+struct Energies {
+    of_hops: Vec<f32>,
+    /// Samples of the last hop.
+    samples: usize,
+}
+
+impl Energies {
+    fn add(&mut self, piece: &[f32]) {
+        for x in piece {
+            if self.samples.is_multiple_of(HOP) {
+                self.of_hops.push(0.0);
+                self.samples = 0;
+            }
+            self.samples += 1;
+            if let Some(sum) = self.of_hops.last_mut() {
+                *sum += x * x;
+            }
+        }
+    }
+}
+
+/// Cuts stretches out of pieces that follow each other.
+struct Cut<'a> {
+    /// Those that are still to come.
+    stretches: &'a [Range<usize>],
+    samples: Vec<f32>,
+    /// Number of the first sample that is still there.
+    first: usize,
+}
+
+impl Cut<'_> {
+    fn add(&mut self, piece: &[f32], take: &mut dyn FnMut(Waveform) -> Result<()>) -> Result<()> {
+        self.samples.extend_from_slice(piece);
+        while let [next, rest @ ..] = self.stretches {
+            if self.first + self.samples.len() < next.end {
+                break;
+            }
+            let samples = &self.samples[next.start - self.first..next.end - self.first];
+            take(Waveform {
+                samples: samples.to_vec(),
+            })?;
+            self.stretches = rest;
+            let start = rest.first().map_or(usize::MAX, |next| next.start);
+            let past = (start - self.first).min(self.samples.len());
+            self.samples.drain(..past);
+            self.first += past;
+        }
+        Ok(())
     }
 }
 
@@ -61,9 +250,9 @@ impl Waveform {
     ///
     /// # Errors
     /// `Io` if the file cannot be read; `Audio` if it cannot be decoded, holds no sample, holds samples
-    /// that are not finite or beyond ±[`LOUDEST`], or is damaged so that more than a fifth is missing
+    /// that are not finite or beyond ±[`LOUDEST`](super::LOUDEST), or is damaged so that more than a fifth is missing
     /// ([`SoundFile::read`] tells how much).
     pub fn from_file(path: &Path) -> Result<Self> {
-        SoundFile::read(path, false).map(|file| file.waveform)
+        SoundFile::read(path, false, SILENT)?.whole(SILENT)
     }
 }

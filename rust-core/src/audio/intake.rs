@@ -6,8 +6,12 @@ use super::{
 };
 use crate::{Error, Result, job::outside::guarded};
 
-/// Takes interleaved samples in any number of pieces and gives one [`Waveform`].
-pub(super) struct Intake {
+/// Takes mono samples at [`super::SAMPLE_RATE_HZ`] piece by piece as they are decoded; an error ends the decoding.
+pub(super) type Take<'a> = &'a mut dyn FnMut(&[f32]) -> Result<()>;
+
+/// Takes interleaved samples in any number of pieces and hands them on as speech is heard: mono, at one rate.
+pub(super) struct Intake<'a> {
+    out: Take<'a>,
     channels: usize,
     resampler: ToSpeechRate,
     /// Reused mono buffer.
@@ -22,8 +26,8 @@ pub(super) struct Intake {
     wanted: usize,
 }
 
-impl Intake {
-    pub(super) fn new(channels: usize, rate_hz: u32) -> Result<Self> {
+impl<'a> Intake<'a> {
+    pub(super) fn new(channels: usize, rate_hz: u32, out: Take<'a>) -> Result<Self> {
         if channels == 0 {
             return Err(Error::Audio("expected at least 1 channel, got 0".into()));
         }
@@ -35,6 +39,7 @@ impl Intake {
             )));
         }
         Ok(Intake {
+            out,
             channels,
             resampler: ToSpeechRate::new(rate_hz)?,
             mono: Vec::new(),
@@ -74,12 +79,12 @@ impl Intake {
         self.frames += self.mono.len() as u64;
         // Once broken, the sound is refused in the end; only the count goes on.
         match self.not_finite.first.or(self.too_large.first) {
-            None => self.resampler.push(&self.mono),
+            None => self.resampler.push(&self.mono, self.out),
             Some(_) => Ok(()),
         }
     }
 
-    pub(super) fn finish(self) -> Result<Waveform> {
+    pub(super) fn finish(self) -> Result<()> {
         if let Count {
             count,
             first: Some(first),
@@ -104,9 +109,7 @@ impl Intake {
         if self.frames == 0 {
             return Err(Error::Audio("expected sound, got no samples".into()));
         }
-        Ok(Waveform {
-            samples: self.resampler.finish()?,
-        })
+        self.resampler.finish(self.out)
     }
 }
 
@@ -141,9 +144,15 @@ impl Waveform {
             )));
         }
         guarded(Error::Audio, || {
-            let mut intake = Intake::new(channels, rate_hz)?;
+            let mut mono = Vec::new();
+            let mut keep = |piece: &[f32]| {
+                mono.extend_from_slice(piece);
+                Ok(())
+            };
+            let mut intake = Intake::new(channels, rate_hz, &mut keep)?;
             intake.push(samples)?;
-            intake.finish()
+            intake.finish()?;
+            Ok(Waveform { samples: mono })
         })
     }
 }

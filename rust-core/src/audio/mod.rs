@@ -1,7 +1,7 @@
 //! Sound in any common format becomes mono 16 kHz samples.
 //!
-//! Decoding, mixing and resampling run chunk by chunk, so an hour of stereo at 192 kHz needs no
-//! more memory than its 16 kHz result (230 MB an hour).
+//! Decoding, mixing and resampling run chunk by chunk; of a sound beyond ten minutes only the stretch that is asked
+//! for lies in memory.
 
 mod compressed;
 mod damage;
@@ -17,11 +17,11 @@ mod source;
 mod wav;
 mod waveform;
 
-pub use damage::{SoundDamage, SoundFile};
-pub use file::LARGEST_LOSS;
+pub use damage::SoundDamage;
+pub use file::{LARGEST_LOSS, SoundFile, WHOLE_S};
 pub use pitch::PROSODY_FPS;
 pub use prosody::Prosody;
-pub use waveform::{ACCEPTED_RATES_HZ, LOUDEST, SAMPLE_RATE_HZ, SILENCE_PEAK, Waveform};
+pub use waveform::{ACCEPTED_RATES_HZ, LOUDEST, Levels, SAMPLE_RATE_HZ, SILENCE_PEAK, Waveform};
 
 #[cfg(test)]
 mod tests;

@@ -3,11 +3,13 @@
 //! The ratio is exact (both rates are integers), the filter's delay is removed, and nothing that
 //! would fold below 8 kHz survives: the squared Blackman-Harris window stops more than 100 dB.
 
+use std::ops::Range;
+
 use rubato::{
     Fft, FixedSync, Resampler, WindowFunction, audioadapter_buffers::direct::InterleavedSlice,
 };
 
-use super::SAMPLE_RATE_HZ;
+use super::{SAMPLE_RATE_HZ, intake::Take};
 use crate::{Error, Result};
 
 /// Smallest block on either side. Longer blocks mean a steeper filter: with 1024 samples the
@@ -17,9 +19,7 @@ const SMALLEST_BLOCK: usize = 1024;
 /// Streams mono samples of one rate into 16 kHz.
 pub(super) enum ToSpeechRate {
     /// The sound is at 16 kHz already.
-    Same {
-        out: Vec<f32>,
-    },
+    Same,
     Convert(Box<Converter>),
 }
 
@@ -32,32 +32,30 @@ pub(super) struct Converter {
     /// Output samples of the filter's delay that are still to be dropped.
     to_drop: usize,
     taken: u64,
-    out: Vec<f32>,
+    /// Samples that went out.
+    gone: u64,
 }
 
 impl ToSpeechRate {
     pub(super) fn new(rate_hz: u32) -> Result<Self> {
         if rate_hz == SAMPLE_RATE_HZ {
-            return Ok(Self::Same { out: Vec::new() });
+            return Ok(Self::Same);
         }
         Converter::new(rate_hz).map(|converter| Self::Convert(Box::new(converter)))
     }
 
-    pub(super) fn push(&mut self, mono: &[f32]) -> Result<()> {
+    pub(super) fn push(&mut self, mono: &[f32], out: Take<'_>) -> Result<()> {
         match self {
-            Self::Same { out } => {
-                out.extend_from_slice(mono);
-                Ok(())
-            }
-            Self::Convert(converter) => converter.push(mono),
+            Self::Same => out(mono),
+            Self::Convert(converter) => converter.push(mono, out),
         }
     }
 
-    /// All output, exactly `round(S · 16000 / rate)` samples (at least one if there was input).
-    pub(super) fn finish(self) -> Result<Vec<f32>> {
+    /// The rest of the output, which is exactly `round(S · 16000 / rate)` samples (at least one if there was input).
+    pub(super) fn finish(self, out: Take<'_>) -> Result<()> {
         match self {
-            Self::Same { out } => Ok(out),
-            Self::Convert(converter) => converter.finish(),
+            Self::Same => Ok(()),
+            Self::Convert(converter) => converter.finish(out),
         }
     }
 }
@@ -88,11 +86,11 @@ impl Converter {
             fft,
             rate_hz,
             taken: 0,
-            out: Vec::new(),
+            gone: 0,
         })
     }
 
-    fn push(&mut self, mut mono: &[f32]) -> Result<()> {
+    fn push(&mut self, mut mono: &[f32], out: Take<'_>) -> Result<()> {
         self.taken += mono.len() as u64;
         let block = self.fft.input_frames_next();
         while !mono.is_empty() {
@@ -100,13 +98,16 @@ impl Converter {
             self.pending.extend_from_slice(&mono[..take]);
             mono = &mono[take..];
             if self.pending.len() == block {
-                self.convert_block()?;
+                let converted = self.convert_block()?;
+                self.gone += converted.len() as u64;
+                out(&self.block_out[converted])?;
             }
         }
         Ok(())
     }
 
-    fn convert_block(&mut self) -> Result<()> {
+    /// Converts what is pending; where the new samples lie in `block_out`.
+    fn convert_block(&mut self) -> Result<Range<usize>> {
         let frames_out = self.block_out.len();
         let failed = |e: &dyn std::fmt::Display| Error::Audio(format!("resampling failed: {e}"));
         let from = InterleavedSlice::new(&self.pending[..], 1, self.pending.len())
@@ -119,29 +120,31 @@ impl Converter {
             .map_err(|e| failed(&e))?;
         let dropped = self.to_drop.min(written);
         self.to_drop -= dropped;
-        self.out
-            .extend_from_slice(&self.block_out[dropped..written]);
         self.pending.clear();
-        Ok(())
+        Ok(dropped..written)
     }
 
-    fn finish(mut self) -> Result<Vec<f32>> {
+    fn finish(mut self, out: Take<'_>) -> Result<()> {
         let wanted = output_length(self.taken, self.rate_hz);
         let block = self.fft.input_frames_next();
-        while self.out.len() < wanted {
+        while self.gone < wanted {
             self.pending.resize(block, 0.0);
-            self.convert_block()?;
+            let converted = self.convert_block()?;
+            let left = usize::try_from(wanted - self.gone).unwrap_or(usize::MAX);
+            let converted =
+                converted.start..converted.end.min(converted.start.saturating_add(left));
+            self.gone += converted.len() as u64;
+            out(&self.block_out[converted])?;
         }
-        self.out.truncate(wanted);
-        Ok(self.out)
+        Ok(())
     }
 }
 
 /// `round(S · 16000 / rate)`, at least one if there is any input.
-fn output_length(taken: u64, rate_hz: u32) -> usize {
+fn output_length(taken: u64, rate_hz: u32) -> u64 {
     let rate = u64::from(rate_hz);
     let rounded = (taken * u64::from(SAMPLE_RATE_HZ) + rate / 2) / rate;
-    rounded.max(u64::from(taken > 0)) as usize
+    rounded.max(u64::from(taken > 0))
 }
 
 fn greatest_common_divisor(mut a: usize, mut b: usize) -> usize {

@@ -4,7 +4,7 @@ use std::{
 };
 
 use super::{intake::Intake, *};
-use crate::{Error, Result};
+use crate::{Error, Result, job::SILENT};
 
 const TONE_HZ: f64 = 440.0;
 
@@ -107,11 +107,53 @@ fn speech_up_to_7600_hz_passes() {
 fn pieces_give_the_same_as_the_whole() {
     let samples = tone(TONE_HZ, 0.5, 44_100, 0.3);
     let whole = Waveform::from_interleaved(&samples, 1, 44_100).unwrap();
-    let mut intake = Intake::new(1, 44_100).unwrap();
+    let mut mono = Vec::new();
+    let mut keep = |piece: &[f32]| {
+        mono.extend_from_slice(piece);
+        Ok(())
+    };
+    let mut intake = Intake::new(1, 44_100, &mut keep).unwrap();
     for piece in samples.chunks(777) {
         intake.push(piece).unwrap();
     }
-    assert_eq!(intake.finish().unwrap(), whole);
+    intake.finish().unwrap();
+    assert_eq!(mono, whole.samples);
+}
+
+#[test]
+fn stretches_of_a_long_file_are_those_of_the_whole() {
+    let folder = tempfile::tempdir().unwrap();
+    let path = folder.path().join("long.wav");
+    let spec = hound::WavSpec {
+        channels: 1,
+        sample_rate: 8_000,
+        bits_per_sample: 8,
+        sample_format: hound::SampleFormat::Int,
+    };
+    let mut file = hound::WavWriter::create(&path, spec).unwrap();
+    for i in 0..(8_000.0 * (WHOLE_S + 1.0)) as u32 {
+        file.write_sample((i.wrapping_mul(2_654_435_761) >> 24) as i8)
+            .unwrap();
+    }
+    file.finalize().unwrap();
+    let read = || SoundFile::read(&path, false, SILENT).unwrap();
+    let whole = read().whole(SILENT).unwrap();
+    assert_eq!(whole.samples.len(), read().levels.samples);
+    let stretches = [0..70_000, 60_000..4_000_000, 3_990_000..whole.samples.len()];
+    let mut next = stretches.iter();
+    let mut take = |part: Waveform| {
+        let stretch = next.next().unwrap().clone();
+        assert!(part.samples == whole.samples[stretch]);
+        Ok(())
+    };
+    read().stretches(&stretches, &mut take).unwrap();
+    assert_eq!(next.len(), 0);
+    let refused = read().stretches(&stretches, &mut |_| Err(Error::Cancelled));
+    assert!(matches!(refused, Err(Error::Cancelled)));
+    let before = read();
+    std::fs::write(&path, &std::fs::read(&path).unwrap()[..1_000_000]).unwrap();
+    let changed = before.stretches(&stretches[2..], &mut |_| Ok(()));
+    assert!(message(changed.map(|()| whole)).contains("the file"));
 }
 
 #[test]
@@ -127,7 +169,7 @@ fn clipping_passes_as_it_is() {
         .map(|x| x.clamp(-1.0, 1.0))
         .collect();
     let waveform = Waveform::from_interleaved(&samples, 1, 16_000).unwrap();
-    assert_eq!(waveform.peak(), 1.0);
+    assert_eq!(waveform.levels().peak, 1.0);
 }
 
 #[test]
@@ -284,14 +326,15 @@ fn no_container_makes_a_sound_late() {
         ("sweep_plain16.mp3", 1_152, 0.998),
         ("sweep_alac.caf", 0, 0.999),
     ] {
-        let file = SoundFile::read(&fixture(name), false).unwrap();
-        let samples = file.waveform.samples;
+        let file = SoundFile::read(&fixture(name), false, SILENT).unwrap();
+        let damage = file.damage;
+        let samples = file.whole(SILENT).unwrap().samples;
         let (lag, alike) = behind(&samples, &wanted);
         assert!(
             lag.abs() <= 1 && alike > least,
             "{name}: {lag} samples late, {alike} alike"
         );
-        assert_eq!(file.damage, None, "{name}");
+        assert_eq!(damage, None, "{name}");
         let longer = samples.len() as i64 - wanted.len() as i64;
         assert!(
             (0..=padding).contains(&longer),
@@ -362,16 +405,16 @@ fn a_wav_that_was_cut_off_says_what_is_missing() {
     let path = folder.path().join("cut.wav");
     write_wav(&path, hound::SampleFormat::Int, 16, 2);
     let bytes = std::fs::read(&path).unwrap();
-    assert_eq!(SoundFile::read(&path, false).unwrap().damage, None);
+    assert_eq!(SoundFile::read(&path, false, SILENT).unwrap().damage, None);
     std::fs::write(&path, &bytes[..bytes.len() * 5 / 8]).unwrap();
     assert!(message(Waveform::from_file(&path)).contains("s of 0.20 s are missing"));
-    let file = SoundFile::read(&path, true).unwrap();
-    assert!(file.waveform.samples.len().abs_diff(2000) < 20);
+    let file = SoundFile::read(&path, true, SILENT).unwrap();
+    assert!(file.levels.samples.abs_diff(2000) < 20);
     let damage = file.damage.unwrap();
     assert!((damage.share() - 0.375).abs() < 0.01, "{damage:?}");
     std::fs::write(&path, &bytes[..bytes.len() * 17 / 20]).unwrap();
     // 30 ms are too few to be told of.
-    assert_eq!(SoundFile::read(&path, false).unwrap().damage, None);
+    assert_eq!(SoundFile::read(&path, false, SILENT).unwrap().damage, None);
     let told = SoundDamage::of(0.06, 0.4).unwrap().sentence();
     assert!(told.contains("0.06 s of 0.40 s are missing"), "{told}");
     // A program that writes to a pipe does not know the length.
@@ -379,8 +422,8 @@ fn a_wav_that_was_cut_off_says_what_is_missing() {
     endless[4..8].copy_from_slice(&[255; 4]);
     endless[40..44].copy_from_slice(&[255; 4]);
     std::fs::write(&path, endless).unwrap();
-    let file = SoundFile::read(&path, false).unwrap();
-    assert_eq!((file.waveform.samples.len(), file.damage), (3200, None));
+    let file = SoundFile::read(&path, false, SILENT).unwrap();
+    assert_eq!((file.levels.samples, file.damage), (3200, None));
 }
 
 /// Bytes of a fixture in which a stretch is replaced by zeros.
@@ -395,11 +438,11 @@ fn with_hole(name: &str, from: f64, to: f64) -> Vec<u8> {
 fn half_a_sound_is_not_taken_for_a_whole_one() {
     let folder = tempfile::tempdir().unwrap();
     for (name, from) in [("tone.ogg", 0.85), ("tone.mp3", 0.5), ("tone.flac", 0.5)] {
-        let whole = SoundFile::read(&fixture(name), false).unwrap();
+        let whole = SoundFile::read(&fixture(name), false, SILENT).unwrap();
         assert_eq!(whole.damage, None, "{name}");
         let path = folder.path().join(name);
         std::fs::write(&path, with_hole(name, from, 0.95)).unwrap();
-        match SoundFile::read(&path, true) {
+        match SoundFile::read(&path, true, SILENT) {
             Ok(file) => {
                 let damage = file
                     .damage
@@ -414,8 +457,8 @@ fn half_a_sound_is_not_taken_for_a_whole_one() {
     let path = folder.path().join("half.mp3");
     std::fs::write(&path, &bytes[..bytes.len() / 2]).unwrap();
     assert!(message(Waveform::from_file(&path)).contains("are missing"));
-    let file = SoundFile::read(&path, true).unwrap();
-    assert!(file.damage.unwrap().share() > 0.2 && file.waveform.samples.len() > 1000);
+    let file = SoundFile::read(&path, true, SILENT).unwrap();
+    assert!(file.damage.unwrap().share() > 0.2 && file.levels.samples > 1000);
 }
 
 #[test]

@@ -10,8 +10,8 @@ use std::{
 use hound::{SampleFormat, WavReader};
 
 use super::{
-    damage::{SoundDamage, SoundFile},
-    intake::Intake,
+    damage::SoundDamage,
+    intake::{Intake, Take},
     source::{Reading, Source},
 };
 use crate::{Error, Result};
@@ -22,13 +22,14 @@ const CHUNK_FRAMES: usize = 8192;
 pub(super) const LENGTH_UNKNOWN: u64 = 0x7fff_0000;
 
 pub(super) enum Decoded {
-    Sound(SoundFile),
+    /// What is lost of it.
+    Sound(Option<SoundDamage>),
     /// Not a WAV, or a kind that hound does not read.
     NotForUs,
 }
 
-/// Decodes the file if it is a WAV of a kind that hound reads.
-pub(super) fn decode(path: &Path, source: &Source) -> Result<Decoded> {
+/// Decodes the file into `out` if it is a WAV of a kind that hound reads.
+pub(super) fn decode(path: &Path, source: &Source, out: Take<'_>) -> Result<Decoded> {
     let mut file = source.read()?;
     let mut magic = [0; 4];
     match file.read_exact(&mut magic) {
@@ -44,10 +45,10 @@ pub(super) fn decode(path: &Path, source: &Source) -> Result<Decoded> {
     };
     let spec = reader.spec();
     match (spec.sample_format, spec.bits_per_sample) {
-        (SampleFormat::Float, 32) => read_all(path, reader, |x: f32| x),
+        (SampleFormat::Float, 32) => read_all(path, reader, |x: f32| x, out),
         (SampleFormat::Int, bits @ (8 | 16 | 24 | 32)) => {
             let scale = 1.0 / (1u64 << (bits - 1)) as f32;
-            read_all(path, reader, move |x: i32| x as f32 * scale)
+            read_all(path, reader, move |x: i32| x as f32 * scale, out)
         }
         _ => Ok(Decoded::NotForUs),
     }
@@ -57,12 +58,13 @@ fn read_all<S: hound::Sample>(
     path: &Path,
     mut reader: WavReader<BufReader<Reading>>,
     to_float: impl Fn(S) -> f32,
+    out: Take<'_>,
 ) -> Result<Decoded> {
     let spec = reader.spec();
     let channels = usize::from(spec.channels);
     let (promised, mut got) = (u64::from(reader.len()), 0u64);
     let promised_bytes = promised * u64::from(spec.bits_per_sample.div_ceil(8));
-    let mut intake = Intake::new(channels, spec.sample_rate)?;
+    let mut intake = Intake::new(channels, spec.sample_rate, out)?;
     let mut chunk = Vec::with_capacity(CHUNK_FRAMES * channels);
     for sample in reader.samples::<S>() {
         match sample {
@@ -82,13 +84,11 @@ fn read_all<S: hound::Sample>(
         }
     }
     intake.push(&chunk)?;
+    intake.finish()?;
     let seconds = |samples: u64| samples as f64 / f64::from(spec.sample_rate) / channels as f64;
-    Ok(Decoded::Sound(SoundFile {
-        waveform: intake.finish()?,
-        damage: match promised_bytes < LENGTH_UNKNOWN {
-            true => SoundDamage::of(seconds(promised.saturating_sub(got)), seconds(promised)),
-            false => None,
-        },
+    Ok(Decoded::Sound(match promised_bytes < LENGTH_UNKNOWN {
+        true => SoundDamage::of(seconds(promised.saturating_sub(got)), seconds(promised)),
+        false => None,
     }))
 }
 

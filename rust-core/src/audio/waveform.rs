@@ -12,6 +12,9 @@ pub const LOUDEST: f32 = 1e4;
 /// Peak below which a sound counts as silence: −60 dB of full scale.
 pub const SILENCE_PEAK: f32 = 1e-3;
 
+/// Magnitude from which a sample is at full scale: what clips ends there.
+const FULL_SCALE: f32 = 0.999;
+
 /// Mono sound at [`SAMPLE_RATE_HZ`].
 ///
 /// ```
@@ -34,13 +37,47 @@ impl Waveform {
         self.samples.len() as f64 / f64::from(SAMPLE_RATE_HZ)
     }
 
-    /// Largest magnitude of any sample.
-    pub fn peak(&self) -> f32 {
-        self.samples.iter().fold(0.0, |peak, x| peak.max(x.abs()))
+    /// How loud it is.
+    pub fn levels(&self) -> Levels {
+        let mut levels = Levels::default();
+        levels.add(&self.samples);
+        levels
     }
 
     /// Whether nothing rises above [`SILENCE_PEAK`].
     pub fn is_silent(&self) -> bool {
-        self.peak() < SILENCE_PEAK
+        self.levels().is_silent()
+    }
+}
+
+/// How long and how loud a sound is.
+#[derive(Debug, Clone, Copy, PartialEq, Default)]
+pub struct Levels {
+    /// Number of samples.
+    pub samples: usize,
+    /// Largest magnitude of any sample.
+    pub peak: f32,
+    /// Number of samples at full scale.
+    pub clipped: usize,
+}
+
+impl Levels {
+    /// Counts samples that follow.
+    pub(super) fn add(&mut self, samples: &[f32]) {
+        self.samples += samples.len();
+        for x in samples {
+            self.peak = self.peak.max(x.abs());
+            self.clipped += usize::from(x.abs() >= FULL_SCALE);
+        }
+    }
+
+    /// Length in seconds.
+    pub fn duration_s(&self) -> f64 {
+        self.samples as f64 / f64::from(SAMPLE_RATE_HZ)
+    }
+
+    /// Whether nothing rises above [`SILENCE_PEAK`].
+    pub fn is_silent(&self) -> bool {
+        self.peak < SILENCE_PEAK
     }
 }

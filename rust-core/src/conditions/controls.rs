@@ -166,6 +166,17 @@ impl Controls {
         controls
     }
 
+    /// The same from `start_s` on: keys are so much earlier.
+    #[must_use]
+    pub(crate) fn after_second(&self, start_s: f64) -> Controls {
+        let mut controls = self.clone();
+        let curves = controls.0.values_mut();
+        for (time_s, _) in curves.flat_map(|curve| &mut curve.keys) {
+            *time_s -= start_s;
+        }
+        controls
+    }
+
     /// Those of `known` alone.
     #[must_use]
     pub fn among<'a>(&self, known: impl IntoIterator<Item = &'a Control>) -> Controls {

@@ -165,6 +165,19 @@ impl Default for EmotionCurve {
 }
 
 impl EmotionCurve {
+    /// The same from `start_s` on: keys are so much earlier.
+    #[must_use]
+    pub(crate) fn after_second(&self, start_s: f64) -> EmotionCurve {
+        match self {
+            Self::Keys(keys) => Self::Keys(
+                keys.iter()
+                    .map(|(time_s, emotion)| (time_s - start_s, *emotion))
+                    .collect(),
+            ),
+            other => other.clone(),
+        }
+    }
+
     /// Reads `off`, `auto`, `auto-arousal`, or an emotion as [`Emotion::parse`] does.
     ///
     /// # Errors

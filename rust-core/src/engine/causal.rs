@@ -5,7 +5,7 @@ use crate::{
     Error, Result,
     audio::Waveform,
     conditions::{ControlStage, EmotionCurve},
-    job::{self, ProgressFn},
+    job::ProgressFn,
     motion::{LandmarkClip, MotionRequest, MotionStream, check_fps, stream_whole},
     nn::finite::check_result,
     speech::frames_of,
@@ -42,10 +42,9 @@ impl Engine {
         check_fps(request.fps)?;
         self.check_causal(request)?;
         let mut stream = self.stream()?;
-        job::report(progress, "motion", 0.0)?;
-        let clip = stream_whole(stream.as_mut(), &waveform.samples, &request.emotion)?;
+        let samples = &waveform.samples;
+        let clip = stream_whole(stream.as_mut(), samples, &request.emotion, progress)?;
         check_result("motion", clip.displacements.view().into_dyn())?;
-        job::report(progress, "motion", 1.0)?;
         Ok(clip.at_rate(request.fps, frames_of(waveform.duration_s(), request.fps)))
     }
 

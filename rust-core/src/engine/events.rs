@@ -10,8 +10,7 @@ use crate::{
 };
 
 impl Performance {
-    /// A sentence for every event that lies behind the end of the sound, and for every unit that this face cannot
-    /// show: no brows, lips that are one surface, an eye that is not there.
+    /// What of its events cannot be seen; see [`Engine::unseen_events`].
     ///
     /// # Errors
     /// Those of [`Engine::rig`].
@@ -21,12 +20,27 @@ impl Performance {
         face: &Face,
         progress: ProgressFn<'_>,
     ) -> Result<Vec<String>> {
-        let events = &self.request.events;
+        engine.unseen_events(face, &self.request.events, self.heard.duration_s, progress)
+    }
+}
+
+impl Engine {
+    /// A sentence for every event that lies behind the end of the sound at `end_s`, and for every unit that this face
+    /// cannot show: no brows, lips that are one surface, an eye that is not there.
+    ///
+    /// # Errors
+    /// Those of [`Engine::rig`].
+    pub fn unseen_events(
+        &self,
+        face: &Face,
+        events: &[Event],
+        end_s: f64,
+        progress: ProgressFn<'_>,
+    ) -> Result<Vec<String>> {
         if events.is_empty() {
             return Ok(Vec::new());
         }
-        let rig = engine.rig(face, ShapeSource::Network, progress)?;
-        let end_s = self.heard.duration_s;
+        let rig = self.rig(face, ShapeSource::Network, progress)?;
         let told = events.iter().enumerate().map(|(n, event)| {
             let [start, end] = event.slot_s;
             let name = format!("event {} ({start} to {end} s)", n + 1);

@@ -7,6 +7,7 @@ use crate::{
     Result,
     annotation::{Annotation, Symbols, Tier},
     audio::Waveform,
+    job::{ProgressFn, SILENT},
     speech::Heard,
 };
 
@@ -16,7 +17,7 @@ impl Engine {
     /// # Errors
     /// `Audio` for a sound too short to use.
     pub fn listen(&self, waveform: &Waveform) -> Result<Annotation> {
-        self.threads(|| Ok(closures_of(&self.hear(waveform)?)))
+        self.threads(|| Ok(closures_of(&self.hear(waveform, SILENT)?)))
     }
 
     /// The same, with tiers of phones and, where a text is given, of its words. The tier of closures is
@@ -26,7 +27,7 @@ impl Engine {
     /// `Audio` for a sound too short to use; those of [`crate::speech::PhoneModel::said`].
     pub fn listen_to_phones(&self, waveform: &Waveform, text: Option<&str>) -> Result<Annotation> {
         self.threads(|| {
-            let heard = self.hear(waveform)?;
+            let heard = self.hear(waveform, SILENT)?;
             let said = self.phone_model.said(heard.sound(), text)?;
             let mut found = closures_of(&heard);
             for tier in &mut found.tiers {
@@ -42,8 +43,8 @@ impl Engine {
     }
 
     /// Listens to a sound, with what hears phones in it.
-    pub(super) fn hear(&self, waveform: &Waveform) -> Result<Heard> {
-        let mut heard = Heard::of(waveform, &self.encoder)?;
+    pub(super) fn hear(&self, waveform: &Waveform, progress: ProgressFn<'_>) -> Result<Heard> {
+        let mut heard = Heard::of(waveform, &self.encoder, progress)?;
         heard.phones = Some(Arc::clone(&self.phone_model));
         Ok(heard)
     }

@@ -5,6 +5,7 @@ mod events;
 mod listen;
 mod perform;
 mod sliders;
+mod stretches;
 
 use std::{
     path::{Path, PathBuf},
@@ -33,6 +34,7 @@ use crate::{
 };
 pub use perform::Performance;
 pub use sliders::SliderChange;
+pub use stretches::Part;
 
 const MAX_THREADS: usize = 256;
 /// The control by which a system chooses a decoder of its own instead of the first.
@@ -195,8 +197,9 @@ impl Engine {
         self.system.description()
     }
 
-    /// What motion on a mesh of so many `vertices` takes of memory, of which so many `frames` are kept at once.
-    pub fn memory_need(&self, vertices: usize, frames: usize) -> MemoryNeed {
+    /// What motion on a mesh of so many `vertices` takes of memory, of which so many `frames` are kept at once, where so
+    /// many seconds of sound are performed at once ([`Engine::longest_stretch_s`]).
+    pub fn memory_need(&self, vertices: usize, frames: usize, sound_s: f64) -> MemoryNeed {
         let (shapes, copies) = match self.registration.motion {
             MotionKind::Landmarks => (0, 1),
             MotionKind::Weights => (rig::SHAPES, 1),
@@ -207,6 +210,7 @@ impl Engine {
             vertices,
             shapes,
             frames: frames.saturating_mul(copies),
+            speech: (sound_s * self.registration.second_bytes as f64) as u64,
         }
     }
 
@@ -223,7 +227,7 @@ impl Engine {
     ) -> Result<Face> {
         let known = self.registration.controls();
         options.controls.check(known, ControlStage::Face)?;
-        self.memory_need(mesh.positions.len(), 0).check()?;
+        self.memory_need(mesh.positions.len(), 0, 0.0).check()?;
         let mut options = options.clone();
         if self.system.decoder(&options.controls).is_some() {
             options.proxy = None;
@@ -373,6 +377,24 @@ impl Engine {
         self.threads(|| {
             let spread = self.on_its_way(face, movement, progress)?;
             spread.into_sink(sink, progress)
+        })
+    }
+
+    /// [`Engine::spread`] of a part of a longer movement into a sink that has begun: hands over its frames alone.
+    ///
+    /// # Errors
+    /// Those of [`Engine::spread`].
+    pub fn spread_part<'a>(
+        &self,
+        face: &Face,
+        movement: impl Into<Movement<'a>>,
+        sink: &mut dyn FrameSink,
+        progress: ProgressFn<'_>,
+    ) -> Result<SpreadReport> {
+        let movement = movement.into();
+        self.threads(|| {
+            let spread = self.on_its_way(face, movement, progress)?;
+            spread.part_into_sink(sink, progress)
         })
     }
 

@@ -66,14 +66,9 @@ pub struct Performance {
 }
 
 impl Performance {
-    /// What the lips were asked for, the mean over all keys where that changes; 1 is normal.
+    /// What the lips were asked for; see [`MotionRequest::articulation`].
     pub fn articulation(&self) -> f32 {
-        let controls = &self.request.controls;
-        let Some(curve) = controls.animated(ARTICULATION) else {
-            return controls.get(ARTICULATION).unwrap_or(1.0);
-        };
-        let sum: f64 = curve.keys.iter().map(|(_, value)| value).sum();
-        (sum / curve.keys.len() as f64) as f32
+        self.request.articulation()
     }
 
     /// The same speech with other controls, another emotion, or seed of blinks and accents; nothing is
@@ -172,13 +167,12 @@ impl Engine {
     ) -> Result<Performance> {
         self.check(request)?;
         self.threads(|| {
-            report(progress, "speech", 0.0)?;
-            let mut heard = self.hear(waveform)?;
+            let mut heard = self.hear(waveform, progress)?;
             if self.system.description().keeps_sound {
                 heard.voice = heard.voice.with_sound(waveform);
             }
             if let Some(model) = &self.emotion_model {
-                heard.emotion = Some(model.emotion(waveform)?);
+                heard.emotion = Some(model.emotion(waveform, progress)?);
             }
             report(progress, "speech", 1.0)?;
             let request = self.resolved(request, &heard);
@@ -187,7 +181,7 @@ impl Engine {
         })
     }
 
-    fn check(&self, request: &MotionRequest) -> Result<()> {
+    pub(super) fn check(&self, request: &MotionRequest) -> Result<()> {
         check_fps(request.fps)?;
         check_closures(request.closures.as_deref().unwrap_or_default())?;
         request.events.iter().try_for_each(Event::check)?;

@@ -5,7 +5,9 @@ use std::{fs, path::Path};
 use crate::{Error, Result};
 
 /// What the code and the models take, bytes.
-const BASE: u64 = 110 << 20;
+const BASE: u64 = 70 << 20;
+/// What finding a face and moving it takes beside them on the smallest of meshes.
+const OF_ANY_MESH: u64 = 25 << 20;
 /// What a vertex takes while its face is found and prepared, at most: the mesh twice, edges, trees, the skin.
 const PREPARED: u64 = 800;
 /// What stays of a vertex while frames are made.
@@ -26,18 +28,26 @@ pub struct MemoryNeed {
     pub shapes: usize,
     /// Arrays of all displacements of a frame that lie in memory at once.
     pub frames: usize,
+    /// What hearing the sound and performing to it take, bytes.
+    pub speech: u64,
 }
 
 impl MemoryNeed {
-    /// Most memory of a process that does this job and nothing else, bytes: within 40 % of what was measured from 8,839 to
-    /// 2.3 million vertices.
+    /// Most memory of a process that does this job and nothing else, bytes: within a quarter of what was measured from
+    /// 468 to 13,380 vertices and from ten seconds to two hours of speech, within 40 % up to 2.3 million vertices.
     pub fn bytes(&self) -> u64 {
         let [vertices, shapes, frames] =
             [self.vertices, self.shapes, self.frames].map(|count| count as u64);
-        let while_made = frames.saturating_mul(FRAME).saturating_add(KEPT);
-        let shapes = shapes.saturating_mul(SHAPE);
-        let of_vertex = while_made.max(PREPARED).saturating_add(shapes);
-        of_vertex.saturating_mul(vertices).saturating_add(BASE)
+        let of_all = |bytes: u64| bytes.saturating_mul(vertices);
+        // Frames come when most of what speech took has gone.
+        let moved = of_all(frames.saturating_mul(FRAME));
+        let (more, less) = (moved.max(self.speech), moved.min(self.speech));
+        let while_made = of_all(KEPT).saturating_add(more).saturating_add(less / 2);
+        let any = if vertices > 0 { OF_ANY_MESH } else { 0 };
+        while_made
+            .max(of_all(PREPARED))
+            .saturating_add(of_all(shapes.saturating_mul(SHAPE)))
+            .saturating_add(BASE + any)
     }
 
     /// Says where that is more than there is.
@@ -214,6 +224,7 @@ mod tests {
                         vertices: 1_000 + vertices * size.min(1 << 50),
                         shapes: shapes * size,
                         frames: frames * size,
+                        speech: 0,
                     };
                     need.bytes()
                 };

@@ -5,8 +5,11 @@ use ndarray::Array3;
 use super::LandmarkClip;
 use crate::{
     Result,
+    audio::SAMPLE_RATE_HZ,
     conditions::{Emotion, EmotionCurve},
+    job::{ProgressFn, report},
     mesh::ibug::LANDMARKS,
+    speech::frames_of,
 };
 
 /// All that a stream makes of a whole sound: `samples` `[S]`, mono, 16 kHz.
@@ -14,17 +17,21 @@ use crate::{
 /// There is one frame for every started `1 / fps` seconds; the emotion is that of each frame's instant.
 ///
 /// # Errors
-/// Those of [`MotionStream::push`] and [`MotionStream::set_emotion`].
+/// Those of [`MotionStream::push`] and [`MotionStream::set_emotion`]; `Cancelled`.
 pub fn stream_whole(
     stream: &mut dyn MotionStream,
     samples: &[f32],
     emotion: &EmotionCurve,
+    progress: ProgressFn<'_>,
 ) -> Result<LandmarkClip> {
     stream.push(samples)?;
     stream.finish()?;
     let fps = stream.fps();
     let mut values = Vec::new();
+    let frames = frames_of(samples.len() as f64 / f64::from(SAMPLE_RATE_HZ), fps);
     loop {
+        let share = stream.next_frame() as f32 / frames as f32;
+        report(progress, "motion", share)?;
         stream.set_emotion(&emotion.at(stream.next_frame() as f64 / fps))?;
         match stream.pull() {
             Some(frame) => values.extend_from_slice(frame.displacements.as_flattened()),

@@ -56,7 +56,7 @@ pub use redo::Stretch;
 pub use request::{FPS, MotionRequest, check_closures, check_fps, style_number};
 pub(crate) use resample::at_rate;
 pub use template::{Template, TemplateMask};
-pub use visibility::{SPOKEN_MM, VISIBLE_MM, Visibility, lip_travel};
+pub use visibility::{Extent, SPOKEN_MM, VISIBLE_MM, Visibility, lip_travel};
 pub use weights::{LipGaps, LowerLip, WeightCues};
 
 /// What a system gives: motion of one of the kinds that [`crate::spread`] can put on a mesh.

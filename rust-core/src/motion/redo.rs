@@ -4,7 +4,7 @@ use std::ops::Range;
 
 use ndarray::{Array, ArrayD, ArrayView, ArrayViewD, Axis, Dimension, Slice, aview1};
 
-use super::{Life, Motion};
+use super::{Life, Motion, WeightClip};
 use crate::{Error, Result};
 
 /// Longest time in which the old motion becomes the new one at either end, seconds: a phone.
@@ -31,6 +31,7 @@ const BLEND_PART: f64 = 0.25;
 pub struct Stretch {
     start_s: f64,
     end_s: f64,
+    blend_s: f64,
 }
 
 impl Stretch {
@@ -40,10 +41,23 @@ impl Stretch {
     /// `InvalidInput` for a time that is not finite or below 0, or an end that is not after the start.
     pub fn new(start_s: f64, end_s: f64) -> Result<Stretch> {
         match start_s >= 0.0 && end_s > start_s && end_s.is_finite() {
-            true => Ok(Stretch { start_s, end_s }),
+            true => Ok(Stretch {
+                start_s,
+                end_s,
+                blend_s: BLEND_S,
+            }),
             false => Err(Error::InvalidInput(format!(
                 "redo: expected seconds of at least 0, the end after the start, got {start_s} to {end_s}"
             ))),
+        }
+    }
+
+    /// All from `start_s` on, to which the motion before goes over within `blend_s`.
+    pub(crate) fn after(start_s: f64, blend_s: f64) -> Stretch {
+        Stretch {
+            start_s,
+            end_s: f64::INFINITY,
+            blend_s,
         }
     }
 
@@ -83,7 +97,7 @@ impl Stretch {
     /// How far frame `t` goes to the new motion, 0 to 1.
     fn share(&self, t: usize, frames: usize, fps: f64) -> f32 {
         let time_s = t as f64 / fps;
-        let blend_s = BLEND_S.min(BLEND_PART * (self.end_s - self.start_s));
+        let blend_s = self.blend_s.min(BLEND_PART * (self.end_s - self.start_s));
         let rise = |inside_s: f64, is_end: bool| match is_end {
             true => 1.0,
             false => (inside_s / blend_s).clamp(0.0, 1.0),
@@ -207,6 +221,23 @@ impl Life {
             gaze: self.gaze.slice_axis(Axis(0), slice).to_owned(),
             tongue: self.tongue.slice_axis(Axis(0), slice).to_owned(),
         }
+    }
+
+    /// Adds the frames that follow.
+    pub(crate) fn append(&mut self, next: &Life) {
+        const FITS: &str = "a frame has the shape of every frame";
+        self.head.append(Axis(0), next.head.view()).expect(FITS);
+        self.gaze.append(Axis(0), next.gaze.view()).expect(FITS);
+        self.tongue.append(Axis(0), next.tongue.view()).expect(FITS);
+    }
+}
+
+impl WeightClip {
+    /// Adds the frames that follow, of the same shapes.
+    pub(crate) fn append(&mut self, next: &WeightClip) {
+        let rows = self.weights.append(Axis(0), next.weights.view());
+        rows.expect("both clips have the shapes of one model");
+        self.together.extend(&next.together);
     }
 }
 

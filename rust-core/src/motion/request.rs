@@ -10,6 +10,9 @@ use crate::{
 
 use super::Pose;
 
+/// The control that says how far lips open and close.
+const ARTICULATION: &str = "articulation";
+
 /// Frames per second that a result may have.
 pub const FPS: RangeInclusive<f64> = 1.0..=240.0;
 
@@ -60,6 +63,41 @@ impl Default for MotionRequest {
             events: Vec::new(),
             felt_as: None,
             starts_from: None,
+        }
+    }
+}
+
+impl MotionRequest {
+    /// What the lips are asked for, the mean over all keys where that changes; 1 is normal.
+    pub fn articulation(&self) -> f32 {
+        let Some(curve) = self.controls.animated(ARTICULATION) else {
+            return self.controls.get(ARTICULATION).unwrap_or(1.0);
+        };
+        let sum: f64 = curve.keys.iter().map(|(_, value)| value).sum();
+        (sum / curve.keys.len() as f64) as f32
+    }
+
+    /// The same for the sound from `start_s` on: whatever has a time is so much earlier, and what lies before is gone.
+    #[must_use]
+    pub(crate) fn after_second(&self, start_s: f64) -> MotionRequest {
+        let earlier = |[start, end]: [f64; 2]| {
+            let slot = [(start - start_s).max(0.0), end - start_s];
+            (slot[1] > 0.0).then_some(slot)
+        };
+        let closures = self.closures.as_ref();
+        let events = self.events.iter().filter_map(|event| {
+            let slot_s = earlier(event.slot_s)?;
+            Some(Event {
+                slot_s,
+                ..event.clone()
+            })
+        });
+        MotionRequest {
+            emotion: self.emotion.after_second(start_s),
+            controls: self.controls.after_second(start_s),
+            closures: closures.map(|all| all.iter().copied().filter_map(earlier).collect()),
+            events: events.collect(),
+            ..self.clone()
         }
     }
 }

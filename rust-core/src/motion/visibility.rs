@@ -39,6 +39,40 @@ impl Visibility {
     }
 }
 
+/// How far things get over all frames of a motion, in its own unit.
+#[derive(Debug, Clone, Copy, PartialEq, Default)]
+pub struct Extent {
+    /// Any vertex, where there is a mesh.
+    pub largest: Option<f32>,
+    /// Any landmark.
+    pub landmarks: f32,
+    /// Lips from where they mostly are: [`lip_travel`].
+    pub lips: f32,
+}
+
+impl Extent {
+    /// `largest`: of any vertex, where there is a mesh; `landmarks`: `[T, 68, 3]`.
+    pub fn of(largest: Option<f32>, landmarks: ArrayView3<'_, f32>) -> Extent {
+        let rows = landmarks.rows().into_iter();
+        Extent {
+            largest,
+            landmarks: rows.map(|d| d.dot(&d)).fold(0.0, f32::max).sqrt(),
+            lips: lip_travel(landmarks),
+        }
+    }
+
+    /// Of this and another part of one motion.
+    #[must_use]
+    pub fn with(self, other: Extent) -> Extent {
+        let largest = self.largest.into_iter().chain(other.largest);
+        Extent {
+            largest: largest.reduce(f32::max),
+            landmarks: self.landmarks.max(other.landmarks),
+            lips: self.lips.max(other.lips),
+        }
+    }
+}
+
 /// How far any lip landmark gets from where it mostly is, in the unit of `landmarks` `[T, 68, 3]`.
 ///
 /// Blinks, brows and a lasting expression do not count.
@@ -78,6 +112,17 @@ mod tests {
         motion[[4, 66, 1]] = -4.0;
         assert_eq!(lip_travel(motion.view()), 4.0);
         assert_eq!(lip_travel(Array3::zeros((0, 68, 3)).view()), 0.0);
+    }
+
+    #[test]
+    fn the_extent_of_parts_is_that_of_the_whole() {
+        let mut motion = Array3::zeros((9, 68, 3));
+        motion[[7, 66, 1]] = -4.0;
+        motion[[2, 20, 2]] = 5.0;
+        let part = |rows, largest| Extent::of(Some(largest), motion.slice(s![rows, .., ..]));
+        let parts = part(0..4, 6.0).with(part(4..9, 1.0));
+        assert_eq!(parts, Extent::of(Some(6.0), motion.view()));
+        assert_eq!((parts.landmarks, parts.lips), (5.0, 4.0));
     }
 
     #[test]

@@ -6,14 +6,15 @@ use std::{
     path::{Path, PathBuf},
 };
 
-use ndarray::{Array3, ArrayView3};
+use ndarray::ArrayView3;
 
-use super::{Format, cache::write_positions, mdd, npz::Archive, pc2};
+use super::{Format, cache::write_positions, mdd, npz::Archive, pc2, rows::Rows};
 use crate::{
     Error, Result,
     job::Unfinished,
+    mesh::ibug::LANDMARKS,
     motion::Life,
-    spread::{ClipStart, FrameSink, LandmarkTrack},
+    spread::{ClipStart, FrameBlock, FrameSink},
 };
 
 /// A file that takes the frames of a clip; it is there when the last one was taken, and never half.
@@ -28,7 +29,15 @@ pub struct ClipFile {
     path: PathBuf,
     format: Format,
     life: Option<Life>,
-    open: Option<(Unfinished, Writer<BufWriter<File>>)>,
+    open: Option<Open>,
+}
+
+/// A clip file whose frames come.
+struct Open {
+    unfinished: Unfinished,
+    writer: Writer<BufWriter<File>>,
+    /// Landmarks, which stand behind all frames.
+    landmarks: Rows,
 }
 
 impl ClipFile {
@@ -45,22 +54,28 @@ impl ClipFile {
         })
     }
 
-    /// The same with head and gaze, for formats that hold them.
-    #[must_use]
-    pub fn with_life(mut self, life: Option<&Life>) -> Self {
-        self.life = life.cloned();
-        self
+    /// Head, eyes and tongue of the next frames, for formats that hold them; of all frames or of none.
+    pub fn add_life(&mut self, life: &Life) {
+        match &mut self.life {
+            Some(before) => before.append(life),
+            None => self.life = Some(life.clone()),
+        }
     }
 
     /// [`FrameSink::take`] of frames that stay with the caller.
-    pub(super) fn write(&mut self, block: ArrayView3<'_, f32>) -> Result<()> {
-        match &mut self.open {
-            Some((_, writer)) => writer.write(&self.path, block),
-            None => Err(Error::InvalidInput(format!(
+    pub(super) fn write(
+        &mut self,
+        block: ArrayView3<'_, f32>,
+        landmarks: ArrayView3<'_, f32>,
+    ) -> Result<()> {
+        let Some(open) = &mut self.open else {
+            return Err(Error::InvalidInput(format!(
                 "{}: expected the clip's start before its frames",
                 self.path.display()
-            ))),
-        }
+            )));
+        };
+        open.writer.write(&self.path, block)?;
+        open.landmarks.add(landmarks.into_dyn())
     }
 }
 
@@ -68,26 +83,32 @@ impl FrameSink for ClipFile {
     fn begin(&mut self, start: &ClipStart<'_>) -> Result<()> {
         let (unfinished, file) = Unfinished::create(&self.path)?;
         let writer = Writer::begin(&self.path, file, self.format, start)?;
-        self.open = Some((unfinished, writer));
+        self.open = Some(Open {
+            unfinished,
+            writer,
+            landmarks: Rows::beside(&self.path)?,
+        });
         Ok(())
     }
 
-    fn take(&mut self, block: Array3<f32>) -> Result<()> {
-        self.write(block.view())
+    fn take(&mut self, block: FrameBlock) -> Result<()> {
+        self.write(block.displacements.view(), block.landmarks.view())
     }
 
-    fn finish(&mut self, landmarks: &LandmarkTrack<'_>) -> Result<()> {
-        let Some((unfinished, writer)) = self.open.take() else {
+    fn finish(&mut self) -> Result<()> {
+        let Some(open) = self.open.take() else {
             return Ok(());
         };
-        writer.finish(&self.path, landmarks, self.life.as_ref())?;
-        unfinished.finish()
+        open.writer
+            .finish(&self.path, open.landmarks, self.life.as_ref())?;
+        open.unfinished.finish()
     }
 }
 
 /// What is written, into any file: tests have full disks.
 pub(super) struct Writer<W: Write + Seek> {
     body: Body<W>,
+    landmarks: [[f32; 3]; LANDMARKS],
     frames: usize,
     vertices: usize,
     fps: f64,
@@ -130,6 +151,7 @@ impl<W: Write + Seek> Writer<W> {
         };
         Ok(Writer {
             body,
+            landmarks: *start.landmarks,
             frames: start.frames,
             vertices,
             fps: start.fps,
@@ -151,19 +173,14 @@ impl<W: Write + Seek> Writer<W> {
         .map_err(Error::io(path))
     }
 
-    pub(super) fn finish(
-        self,
-        path: &Path,
-        landmarks: &LandmarkTrack<'_>,
-        life: Option<&Life>,
-    ) -> Result<()> {
+    pub(super) fn finish(self, path: &Path, landmarks: Rows, life: Option<&Life>) -> Result<()> {
         if self.taken != self.frames {
             return Err(self.mismatch(self.vertices));
         }
         let end = match self.body {
             Body::Npz(mut archive) => archive
-                .neutral(landmarks.neutral)
-                .and_then(|()| archive.landmarks(landmarks.displacements))
+                .neutral(&self.landmarks)
+                .and_then(|()| archive.rows("landmark_displacements", landmarks))
                 .and_then(|()| life.map_or(Ok(()), |life| archive.life(life)))
                 .and_then(|()| archive.number("fps", self.fps))
                 .and_then(|()| archive.finish()),

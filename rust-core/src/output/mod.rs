@@ -10,12 +10,14 @@ mod clip_file;
 mod format;
 mod landmark_motion;
 mod mdd;
+mod motion_file;
 mod npz;
 mod numpy;
 mod opened_obj;
 mod pc2;
 mod report;
 mod rig;
+mod rows;
 mod surface_frames;
 mod vertex_motion;
 
@@ -25,6 +27,7 @@ pub use blend_weights::write_blend_weights;
 pub use clip_file::ClipFile;
 pub use format::Format;
 pub use landmark_motion::{LandmarkMotion, read_landmark_motion, read_life, read_weights};
+pub use motion_file::{MotionFile, check_motion_path};
 pub use opened_obj::write_opened_obj;
 pub use report::{Report, warnings_of_sound};
 pub use rig::{read_rig, write_rig, write_rig_folder};
@@ -37,9 +40,8 @@ use crate::{
     Error, Result,
     job::write_atomically,
     mesh::Mesh,
-    motion::{LandmarkClip, Life, Motion},
-    rig::SolvedWeights,
-    spread::{Animation, ClipStart, FrameSink, LandmarkTrack},
+    motion::{LandmarkClip, Life, Motion, MotionKind},
+    spread::{Animation, ClipStart, FrameSink},
 };
 
 /// Writes an animation in the format that the extension of `path` names; see [`ClipFile`].
@@ -53,76 +55,32 @@ pub fn write_animation(
     mesh: &Mesh,
 ) -> Result<()> {
     let moved = &animation.vertices.displacements;
-    let mut file = ClipFile::new(path)?.with_life(life);
+    let mut file = ClipFile::new(path)?;
+    life.into_iter().for_each(|life| file.add_life(life));
     file.begin(&ClipStart {
         mesh,
+        landmarks: &animation.landmarks_neutral,
         frames: moved.dim().0,
         fps: animation.vertices.fps,
     })?;
-    file.write(moved.view())?;
-    file.finish(&LandmarkTrack {
-        neutral: &animation.landmarks_neutral,
-        displacements: animation.landmark_displacements.view(),
-    })
+    file.write(moved.view(), animation.landmark_displacements.view())?;
+    file.finish()
 }
 
-/// Writes motion as npz: `landmark_displacements` `[T, 68, 3]` in canonical metres, which `landmarks` has
-/// ([`Motion::on_mean_face`]), `fps`, and `head`, `gaze` and `tongue` as [`Life`] has them. Motion of weights has its `weights`
-/// `[T, S]`, their `names` `[S]` and `together` `[T]` too, how far lips have to meet on whatever head shows it; it may go
-/// to a .csv or .json as well, as [`write_blend_weights`] writes them, alone.
+/// Writes motion that is whole into a [`MotionFile`]; `landmarks`: on the mean face ([`Motion::on_mean_face`]).
 ///
 /// # Errors
-/// `InvalidInput` for another extension; `Io` if the file cannot be written.
+/// Those of [`MotionFile`]; then nothing is left.
 pub fn write_motion(
     path: &Path,
     motion: &Motion,
     landmarks: &LandmarkClip,
     life: Option<&Life>,
 ) -> Result<()> {
-    let weights = match motion {
-        Motion::Weights(clip) => Some(clip),
-        Motion::Landmarks(_) | Motion::Codes(_) => None,
-    };
-    check_motion_path(path, weights.is_some())?;
-    match weights {
-        Some(clip) if !is_npz(path) => {
-            let weights = SolvedWeights {
-                names: clip.names.clone(),
-                weights: clip.weights.clone(),
-                residual: vec![0.0; clip.weights.nrows()],
-                motion: vec![0.0; clip.weights.nrows()],
-            };
-            write_blend_weights(path, &weights, clip.fps)
-        }
-        _ => write_atomically(path, |file| {
-            npz::write_motion(file, landmarks, weights, life)
-        }),
-    }
-}
-
-/// Checks that motion can be written under this name: .npz, and where it `is_weights` .csv and .json.
-///
-/// # Errors
-/// `InvalidInput` for another extension.
-pub fn check_motion_path(path: &Path, is_weights: bool) -> Result<()> {
-    let ending = path.extension().and_then(|e| e.to_str()).unwrap_or("");
-    let expected = match is_weights {
-        true => &["npz", "csv", "json"][..],
-        false => &["npz"],
-    };
-    match expected.contains(&ending.to_ascii_lowercase().as_str()) {
-        true => Ok(()),
-        false => Err(Error::InvalidInput(format!(
-            "{}: expected a name that ends in .{} for motion of {}",
-            path.display(),
-            expected.join(", ."),
-            if is_weights { "weights" } else { "landmarks" }
-        ))),
-    }
-}
-
-fn is_npz(path: &Path) -> bool {
-    matches!(Format::from_path(path), Ok(Format::Npz))
+    let is_weights = motion.kind() == MotionKind::Weights;
+    let mut file = MotionFile::new(path, is_weights, motion.frames(), motion.fps())?;
+    file.add(motion, landmarks, life)?;
+    file.finish()
 }
 
 /// Writes by which share each vertex attends to each landmark as npz: `attention` `[V, 68]`.

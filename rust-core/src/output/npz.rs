@@ -2,42 +2,14 @@
 
 use std::io::{self, Seek, SeekFrom, Write};
 
-use ndarray::{ArrayView2, ArrayView3, Axis, aview1};
+use ndarray::{ArrayView2, ArrayView3, Axis};
 use zip::{CompressionMethod, ZipWriter, result::ZipError, write::SimpleFileOptions};
 
-use crate::{
-    mesh::ibug::LANDMARKS,
-    motion::{LandmarkClip, Life, WeightClip},
-};
+use super::rows::{Rows, write_values};
+use crate::{mesh::ibug::LANDMARKS, motion::Life};
 
 /// Bytes of one array from which its entry needs 64-bit sizes.
 const LARGE_BYTES: u64 = u32::MAX as u64 - 4096;
-/// Values that are turned into bytes at a time.
-const BATCH: usize = 1 << 16;
-
-pub(super) fn write_motion(
-    file: impl Write + Seek,
-    motion: &LandmarkClip,
-    weights: Option<&WeightClip>,
-    life: Option<&Life>,
-) -> io::Result<()> {
-    let mut archive = Archive::new(file);
-    archive.landmarks(motion.displacements.view())?;
-    if let Some(clip) = weights {
-        archive.names(&clip.names)?;
-        archive.start("weights", "<f4", clip.weights.shape())?;
-        archive.values(clip.weights.view().insert_axis(Axis(0)))?;
-        archive.start("together", "<f4", &[clip.together.len()])?;
-        archive.values(
-            aview1(&clip.together)
-                .insert_axis(Axis(0))
-                .insert_axis(Axis(0)),
-        )?;
-    }
-    life.map_or(Ok(()), |life| archive.life(life))?;
-    archive.number("fps", motion.fps)?;
-    archive.finish()
-}
 
 /// `attention`, `[V, 68]`.
 pub(super) fn write_attention(
@@ -74,10 +46,10 @@ impl<W: Write + Seek> Archive<W> {
         }
     }
 
-    /// `landmark_displacements`, `[T, 68, 3]`.
-    pub(super) fn landmarks(&mut self, displacements: ArrayView3<'_, f32>) -> io::Result<()> {
-        self.start("landmark_displacements", "<f4", displacements.shape())?;
-        self.values(displacements)
+    /// An array whose rows have waited.
+    pub(super) fn rows(&mut self, name: &str, rows: Rows) -> io::Result<()> {
+        self.start(name, "<f4", rows.shape())?;
+        rows.copy_to(&mut self.zip)
     }
 
     /// `landmarks_neutral`, `[68, 3]`.
@@ -131,16 +103,7 @@ impl<W: Write + Seek> Archive<W> {
 
     /// Appends values to the array that was started last.
     pub(super) fn values(&mut self, values: ArrayView3<'_, f32>) -> io::Result<()> {
-        let values = values.as_standard_layout();
-        let mut batch = vec![0; BATCH * 4];
-        for values in values.as_slice().expect("standard layout").chunks(BATCH) {
-            let batch = &mut batch[..4 * values.len()];
-            let (items, _) = batch.as_chunks_mut();
-            let pairs = items.iter_mut().zip(values);
-            pairs.for_each(|(item, value)| *item = value.to_le_bytes());
-            self.bytes(batch)?;
-        }
-        Ok(())
+        write_values(&mut self.zip, values.into_dyn())
     }
 
     fn bytes(&mut self, bytes: &[u8]) -> io::Result<()> {

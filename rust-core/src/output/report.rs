@@ -2,12 +2,11 @@
 
 use std::collections::BTreeMap;
 
-use ndarray::ArrayView3;
 use serde::Serialize;
 
 use crate::{
-    audio::Waveform,
-    motion::{VISIBLE_MM, Visibility, lip_travel},
+    audio::Levels,
+    motion::{Extent, VISIBLE_MM, Visibility},
 };
 
 /// Share of samples at full scale from which a sound counts as clipped.
@@ -59,25 +58,25 @@ pub struct Report {
 }
 
 /// What is wrong with a sound that can still be used.
-pub fn warnings_of_sound(waveform: &Waveform) -> Vec<String> {
+pub fn warnings_of_sound(levels: &Levels) -> Vec<String> {
     let mut warnings = Vec::new();
-    if waveform.is_silent() {
+    if levels.is_silent() {
         warnings.push(format!(
             "the sound is silent (its peak is {:.5} of full scale), so the mouth stays at rest",
-            waveform.peak()
+            levels.peak
         ));
     }
-    let clipped = waveform.samples.iter().filter(|x| x.abs() >= 0.999).count();
-    if clipped as f64 > CLIPPED_SHARE * waveform.samples.len() as f64 {
+    let clipped = levels.clipped as f64 / levels.samples as f64;
+    if clipped > CLIPPED_SHARE {
         warnings.push(format!(
             "{:.1} % of the sound is clipped, which may open the mouth too far",
-            100.0 * clipped as f64 / waveform.samples.len() as f64
+            100.0 * clipped
         ));
     }
-    if waveform.duration_s() < 0.1 {
+    if levels.duration_s() < 0.1 {
         warnings.push(format!(
             "the sound is only {:.0} ms long, too short for a word",
-            waveform.duration_s() * 1000.0
+            levels.duration_s() * 1000.0
         ));
     }
     warnings
@@ -86,22 +85,15 @@ pub fn warnings_of_sound(waveform: &Waveform) -> Vec<String> {
 impl Report {
     /// Notes how far things move, and warns where nobody sees a face speak.
     ///
-    /// `largest`: of any vertex, mesh units, where there is a mesh. `landmarks`: `[T, 68, 3]`, mesh units;
-    /// `metres_per_unit` goes with them. `articulation`: what the lips were asked for.
-    pub fn note_motion(
-        &mut self,
-        largest: Option<f32>,
-        landmarks: ArrayView3<'_, f32>,
-        metres_per_unit: f64,
-        articulation: f32,
-    ) {
+    /// `extent`: mesh units, with which `metres_per_unit` goes. `articulation`: what the lips were asked for.
+    pub fn note_motion(&mut self, extent: &Extent, metres_per_unit: f64, articulation: f32) {
         let to_mm = 1000.0 * metres_per_unit as f32;
-        let moved_mm = to_mm * longest(landmarks);
-        self.largest_displacement = largest;
-        self.largest_displacement_mm = largest.map(|units| units * to_mm);
+        let moved_mm = to_mm * extent.landmarks;
+        self.largest_displacement = extent.largest;
+        self.largest_displacement_mm = extent.largest.map(|units| units * to_mm);
         self.largest_landmark_displacement_mm = Some(moved_mm);
         let seen_mm = self.largest_displacement_mm.unwrap_or(moved_mm);
-        let lips_mm = to_mm * lip_travel(landmarks);
+        let lips_mm = to_mm * extent.lips;
         self.warnings.extend(match Visibility::of(seen_mm, lips_mm, articulation) {
             Visibility::Speaks => None,
             Visibility::Nothing if moved_mm >= VISIBLE_MM => Some(format!(
@@ -120,50 +112,54 @@ impl Report {
     }
 }
 
-/// Length of the longest displacement of `[T, N, 3]`.
-fn longest(displacements: ArrayView3<'_, f32>) -> f32 {
-    let rows = displacements.rows().into_iter();
-    rows.map(|d| d.dot(&d)).fold(0.0, f32::max).sqrt()
-}
-
 #[cfg(test)]
 mod tests {
     use super::*;
+    use crate::audio::Waveform;
     use ndarray::Array3;
 
     #[test]
     fn speech_that_moves_needs_no_warning() {
         let samples = (0..16_000).map(|i| (i as f32 * 0.1).sin() * 0.5).collect();
-        assert!(warnings_of_sound(&Waveform { samples }).is_empty());
+        assert!(warnings_of_sound(&Waveform { samples }.levels()).is_empty());
         let mut displacements = Array3::zeros((3, 68, 3));
         displacements[[1, 66, 1]] = -0.01;
         let mut report = Report::default();
-        report.note_motion(Some(0.01), displacements.view(), 1.0, 1.0);
+        report.note_motion(&Extent::of(Some(0.01), displacements.view()), 1.0, 1.0);
         assert_eq!(report.warnings, Vec::<String>::new());
         assert!((report.largest_landmark_displacement_mm.unwrap() - 10.0).abs() < 1e-4);
-        report.note_motion(Some(0.0), displacements.view(), 1.0, 1.0);
+        report.note_motion(&Extent::of(Some(0.0), displacements.view()), 1.0, 1.0);
         assert!(report.warnings[0].contains("are the landmarks on the face"));
     }
 
     #[test]
     fn silence_clipping_brevity_and_stillness_are_named() {
-        let silent = warnings_of_sound(&Waveform {
-            samples: vec![0.0; 16_000],
-        });
+        let silent = warnings_of_sound(
+            &Waveform {
+                samples: vec![0.0; 16_000],
+            }
+            .levels(),
+        );
         assert!(silent[0].contains("silent"), "{silent:?}");
-        let clipped = warnings_of_sound(&Waveform {
-            samples: vec![1.0; 16_000],
-        });
+        let clipped = warnings_of_sound(
+            &Waveform {
+                samples: vec![1.0; 16_000],
+            }
+            .levels(),
+        );
         assert!(clipped[0].contains("clipped"), "{clipped:?}");
-        let short = warnings_of_sound(&Waveform {
-            samples: vec![0.3; 320],
-        });
+        let short = warnings_of_sound(
+            &Waveform {
+                samples: vec![0.3; 320],
+            }
+            .levels(),
+        );
         assert!(short[0].contains("20 ms"), "{short:?}");
         let mut report = Report::default();
         let mut still = Array3::zeros((3, 68, 3));
-        report.note_motion(None, still.view(), 1.0, 1.0);
+        report.note_motion(&Extent::of(None, still.view()), 1.0, 1.0);
         still[[1, 43, 1]] = -0.008;
-        report.note_motion(Some(0.008), still.view(), 1.0, 1.0);
+        report.note_motion(&Extent::of(Some(0.008), still.view()), 1.0, 1.0);
         assert!(report.warnings[0].contains("nothing moves visibly:"));
         assert!(report.warnings[1].contains("but lids and brows"));
     }

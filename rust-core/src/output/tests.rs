@@ -3,38 +3,49 @@ use std::io::{self, Cursor, Seek, SeekFrom, Write};
 use ndarray::Array3;
 use ndarray_npy::NpzReader;
 
-use super::clip_file::Writer;
 use super::*;
+use super::{clip_file::Writer, rows::Rows};
 
 use crate::{
     deform::VertexClip,
     mesh::ibug::LANDMARKS,
     motion::{FaceModes, WeightClip},
+    spread::FrameBlock,
 };
 
 /// Writes the sample clip into any file.
 fn write_sample(file: impl Write + Seek, format: Format) -> Result<()> {
     let (animation, mesh) = sample();
     let path = Path::new("clip");
-    let mut writer = Writer::begin(path, file, format, &start(&mesh))?;
+    let mut writer = Writer::begin(path, file, format, &start(&mesh, &animation))?;
     let all = animation.vertices.displacements.view();
     writer.write(path, all.slice_axis(ndarray::Axis(0), (..1).into()))?;
     writer.write(path, all.slice_axis(ndarray::Axis(0), (1..).into()))?;
-    writer.finish(path, &landmarks(&animation), None)
+    writer.finish(path, landmarks(&animation), None)
 }
 
-fn start(mesh: &Mesh) -> ClipStart<'_> {
+fn start<'a>(mesh: &'a Mesh, animation: &'a Animation) -> ClipStart<'a> {
     ClipStart {
         mesh,
+        landmarks: &animation.landmarks_neutral,
         frames: 4,
         fps: 24.0,
     }
 }
 
-fn landmarks(animation: &Animation) -> LandmarkTrack<'_> {
-    LandmarkTrack {
-        neutral: &animation.landmarks_neutral,
-        displacements: animation.landmark_displacements.view(),
+fn landmarks(animation: &Animation) -> Rows {
+    let mut rows = Rows::beside(&std::env::temp_dir().join("clip")).unwrap();
+    let displacements = animation.landmark_displacements.view();
+    rows.add(displacements.into_dyn()).unwrap();
+    rows
+}
+
+/// Frames whose landmarks rest.
+fn block(displacements: Array3<f32>) -> FrameBlock {
+    let landmarks = Array3::zeros((displacements.dim().0, LANDMARKS, 3));
+    FrameBlock {
+        displacements,
+        landmarks,
     }
 }
 
@@ -233,13 +244,11 @@ fn frames_are_held_to_the_announced_shape_and_failures_leave_nothing() {
     let all = animation.vertices.displacements.view();
     let write = |frames: usize| {
         let mut file = ClipFile::new(&path)?;
-        file.begin(&start(&mesh))?;
-        file.take(
-            all.slice_axis(ndarray::Axis(0), (..frames).into())
-                .to_owned(),
-        )?;
-        file.take(Array3::zeros((1, 5, 3)))?;
-        file.finish(&landmarks(&animation))
+        file.begin(&start(&mesh, &animation))?;
+        let first = all.slice_axis(ndarray::Axis(0), (..frames).into());
+        file.take(block(first.to_owned()))?;
+        file.take(block(Array3::zeros((1, 5, 3))))?;
+        file.finish()
     };
     for frames in [2, 4] {
         assert!(matches!(write(frames), Err(Error::ShapeMismatch { .. })));
@@ -248,8 +257,8 @@ fn frames_are_held_to_the_announced_shape_and_failures_leave_nothing() {
     write(3).unwrap();
     std::fs::remove_file(&path).unwrap();
     let mut abandoned = ClipFile::new(&path).unwrap();
-    abandoned.begin(&start(&mesh)).unwrap();
-    abandoned.take(all.to_owned()).unwrap();
+    abandoned.begin(&start(&mesh, &animation)).unwrap();
+    abandoned.take(block(all.to_owned())).unwrap();
     drop(abandoned);
     assert_eq!(std::fs::read_dir(folder.path()).unwrap().count(), 0);
 }

@@ -14,6 +14,7 @@ use super::{
 use crate::{
     Error, Result,
     audio::Waveform,
+    job::{ProgressFn, report},
     models::Weights,
     nn::{
         conv::Conv1d,
@@ -98,11 +99,19 @@ impl CompactEncoder {
     /// Features of a normalised log-mel.
     ///
     /// `mel`: `[T, 64]` from [`normalise`]. Returns `[⌈⌈T/2⌉/2⌉, C]`.
-    pub fn forward(&self, mel: ArrayView2<'_, f32>) -> Array2<f32> {
+    ///
+    /// # Errors
+    /// `Cancelled`.
+    pub fn forward(
+        &self,
+        mel: ArrayView2<'_, f32>,
+        progress: ProgressFn<'_>,
+    ) -> Result<Array2<f32>> {
         let frames = mel.nrows().div_ceil(STRIDE);
         let context = self.context();
         let mut out = Array2::zeros((frames, self.config.channels));
         for start in (0..frames).step_by(SPAN) {
+            report(progress, "speech", start as f32 / frames as f32)?;
             let end = (start + SPAN).min(frames);
             let first = start.saturating_sub(context);
             let last = ((end + context) * STRIDE).min(mel.nrows());
@@ -111,7 +120,7 @@ impl CompactEncoder {
             out.slice_axis_mut(Axis(0), rows(start, end))
                 .assign(&features.slice_axis(Axis(0), rows(start - first, end - first)));
         }
-        out
+        Ok(out)
     }
 
     /// Output frames on either side that one output frame depends on.
@@ -150,13 +159,13 @@ impl SpeechEncoder for CompactEncoder {
         Some(logits.into_iter().map(sigmoid).collect())
     }
 
-    fn encode(&self, waveform: &Waveform) -> Result<FeatureTrack> {
+    fn encode(&self, waveform: &Waveform, progress: ProgressFn<'_>) -> Result<FeatureTrack> {
         if waveform.samples.is_empty() {
             return Err(Error::Audio("expected sound, got no samples".into()));
         }
         let mel = normalise(log_mel(&waveform.samples));
         Ok(FeatureTrack {
-            features: self.forward(mel.view()),
+            features: self.forward(mel.view(), progress)?,
             rate_hz: self.config.rate_hz,
             first_s: 0.0,
         })
@@ -244,7 +253,7 @@ fn same_length(
 #[cfg(test)]
 mod tests {
     use super::*;
-    use crate::audio::SAMPLE_RATE_HZ;
+    use crate::{audio::SAMPLE_RATE_HZ, job::SILENT};
     use safetensors::{SafeTensors, tensor::TensorView};
     use std::collections::HashMap;
 
@@ -306,7 +315,7 @@ mod tests {
         let (encoder, bytes) = debug_encoder();
         let file = SafeTensors::deserialize(&bytes).unwrap();
         let mel = normalise(array(&file, "input"));
-        let features = encoder.forward(mel.view());
+        let features = encoder.forward(mel.view(), SILENT).unwrap();
         assert!(largest_difference(&features, &array(&file, "output")) < 1e-4);
         let closed = encoder.closed_lips(features.view()).unwrap();
         let known = floats(&file.tensor("closed").unwrap());
@@ -321,7 +330,7 @@ mod tests {
             ((t * 7 + b * 13) % 101) as f32 / 50.0 - 1.0
         });
         let whole = encoder.forward_span(&mel);
-        let spans = encoder.forward(mel.view());
+        let spans = encoder.forward(mel.view(), SILENT).unwrap();
         assert!(largest_difference(&whole, &spans) < 1e-5);
     }
 
@@ -329,7 +338,7 @@ mod tests {
     fn one_sample_and_silence_give_finite_features() {
         let (encoder, _) = debug_encoder();
         for samples in [vec![0.3; 1], vec![0.0; SAMPLE_RATE_HZ as usize / 50]] {
-            let track = encoder.encode(&Waveform { samples }).unwrap();
+            let track = encoder.encode(&Waveform { samples }, SILENT).unwrap();
             assert_eq!(track.features.dim(), (1, encoder.channels()));
             assert!(track.features.iter().all(|x| x.is_finite()));
         }

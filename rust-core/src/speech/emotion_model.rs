@@ -11,6 +11,7 @@ use crate::{
     Error, Result,
     audio::Waveform,
     conditions::{EMOTIONS, Emotion, EmotionCurve},
+    job::ProgressFn,
     models::{Weights, checkpoint},
     nn::{
         elementwise::{softmax, tanh},
@@ -124,12 +125,13 @@ impl EmotionModel {
     /// after each instant. Categories are shown as those of the built-in encoder are.
     ///
     /// # Errors
-    /// `Audio` for a sound too short for the encoder; `Numerics` where the weights make numbers that are none.
-    pub fn emotion(&self, waveform: &Waveform) -> Result<EmotionCurve> {
+    /// `Audio` for a sound too short for the encoder; `Numerics` where the weights make numbers that are none;
+    /// `Cancelled`.
+    pub fn emotion(&self, waveform: &Waveform, progress: ProgressFn<'_>) -> Result<EmotionCurve> {
         if waveform.duration_s() < LEAST_S {
             return Ok(EmotionCurve::default());
         }
-        let track = self.encoder.encode(waveform)?;
+        let track = self.encoder.encode(waveform, progress)?;
         let frames = track.features.nrows();
         let frame = |time_s: f64| ((time_s - track.first_s) * track.rate_hz).round().max(0.0);
         let pooled = |from: f64, to: f64| {
@@ -285,7 +287,10 @@ fn head(
 #[cfg(test)]
 mod tests {
     use super::*;
-    use crate::nn::golden::{Golden, damage, distance, seeds};
+    use crate::{
+        job::SILENT,
+        nn::golden::{Golden, damage, distance, seeds},
+    };
 
     /// One of the golden's models as a Hugging Face folder.
     fn folder(golden: &Golden, name: &str) -> tempfile::TempDir {
@@ -308,7 +313,7 @@ mod tests {
         let golden = Golden::open("emotion_model_debug");
         for name in ["wav2vec2", "hubert", "regression"] {
             let model = EmotionModel::load_folder(folder(&golden, name).path()).unwrap();
-            let track = model.encoder.encode(&sound(&golden)).unwrap();
+            let track = model.encoder.encode(&sound(&golden), SILENT).unwrap();
             let pooled = track.features.mean_axis(Axis(0)).unwrap();
             let expected = golden.values(&format!("{name}.logits"));
             assert!(distance(&model.logits(&pooled), &expected) < 1e-4, "{name}");
@@ -320,7 +325,7 @@ mod tests {
         let golden = Golden::open("emotion_model_debug");
         let model = EmotionModel::load_folder(folder(&golden, "hubert").path()).unwrap();
         let sound = sound(&golden);
-        let EmotionCurve::Keys(keys) = model.emotion(&sound).unwrap() else {
+        let EmotionCurve::Keys(keys) = model.emotion(&sound, SILENT).unwrap() else {
             panic!("expected keys")
         };
         assert_eq!(keys[0].0, 0.0);
@@ -328,7 +333,10 @@ mod tests {
         let short = Waveform {
             samples: sound.samples[..12_000].to_vec(),
         };
-        assert_eq!(model.emotion(&short).unwrap(), EmotionCurve::default());
+        assert_eq!(
+            model.emotion(&short, SILENT).unwrap(),
+            EmotionCurve::default()
+        );
     }
 
     #[test]
@@ -340,7 +348,7 @@ mod tests {
                     let folder = folder(&golden, name);
                     damage(&folder.path().join(file), seed);
                     let model = EmotionModel::load_folder(folder.path());
-                    let heard = model.and_then(|model| model.emotion(&sound(&golden)));
+                    let heard = model.and_then(|model| model.emotion(&sound(&golden), SILENT));
                     if let Ok(EmotionCurve::Keys(keys)) = heard {
                         let mut told = keys.iter().flat_map(|(_, emotion)| {
                             emotion.mixture.into_iter().chain([emotion.intensity])

@@ -3,7 +3,7 @@
 use ndarray::{Array2, ArrayView2};
 use serde::{Deserialize, Serialize};
 
-use crate::{Result, audio::Waveform, models::BuiltIn};
+use crate::{Result, audio::Waveform, job::ProgressFn, models::BuiltIn};
 
 /// Features of a stretch of speech at a constant rate.
 #[derive(Debug, Clone, PartialEq)]
@@ -40,8 +40,8 @@ pub trait SpeechEncoder: Send + Sync {
     /// Encodes a waveform at the encoder's own rate.
     ///
     /// # Errors
-    /// [`crate::Error::Audio`] if the sound is too short to encode.
-    fn encode(&self, waveform: &Waveform) -> Result<FeatureTrack>;
+    /// [`crate::Error::Audio`] if the sound is too short to encode; `Cancelled`.
+    fn encode(&self, waveform: &Waveform, progress: ProgressFn<'_>) -> Result<FeatureTrack>;
 
     /// Probability at each row of `features` `[T, C]` that the lips are together for p, b or m,
     /// `[T]`; `None` where the encoder was not trained to say so.

@@ -17,6 +17,7 @@ use crate::{
     Error, Result,
     audio::{SAMPLE_RATE_HZ, Waveform},
     conditions::EMOTIONS,
+    job::{self, ProgressFn, report},
     models::{BuiltIn, Weights},
 };
 
@@ -85,9 +86,20 @@ pub struct FeelingEncoder {
     bias: Array1<f64>,
 }
 
+/// Frames after which progress is told, ten seconds of sound.
+const REPORTED: usize = 1000;
+
 impl FeltVoice {
     /// Of a sound.
     pub fn of(waveform: &Waveform) -> FeltVoice {
+        FeltVoice::hear(waveform, job::SILENT).expect("nobody cancels it")
+    }
+
+    /// The same of a sound that may be long.
+    ///
+    /// # Errors
+    /// `Cancelled`.
+    pub fn hear(waveform: &Waveform, progress: ProgressFn<'_>) -> Result<FeltVoice> {
         let samples = &waveform.samples;
         let peak = samples.iter().fold(0.0f32, |peak, x| peak.max(x.abs()));
         let gain = if peak > SILENT { PEAK / peak } else { 1.0 };
@@ -101,6 +113,9 @@ impl FeltVoice {
             sound: None,
         };
         for t in 0..frames {
+            if t % REPORTED == 0 {
+                report(progress, "speech", t as f32 / frames as f32)?;
+            }
             cut_frame(&scaled, t, &mut stretch);
             let heard = ear.hear(&stretch);
             for (to, from) in voice.mel.row_mut(t).iter_mut().zip(heard.mel) {
@@ -109,7 +124,7 @@ impl FeltVoice {
             voice.octave.push(heard.octave);
             voice.periodic.push(heard.periodic);
         }
-        voice
+        Ok(voice)
     }
 
     /// The same, with the sound kept for encoders that hear it themselves.

@@ -11,7 +11,11 @@ use crate::{
     Result,
     audio::{Prosody, Waveform},
     conditions::EmotionCurve,
+    job::{Progress, ProgressFn},
 };
+
+/// Share of the time that the encoder takes.
+const ENCODED: f32 = 0.7;
 
 /// A sound as systems hear it: speech features, how it was said, and how long it is.
 ///
@@ -21,7 +25,7 @@ use crate::{
 ///
 /// let encoder: Arc<dyn SpeechEncoder> = Arc::new(speech::compact(None)?);
 /// let sound = Waveform { samples: (0..16_000).map(|i| (i as f32 * 0.08).sin()).collect() };
-/// let heard = Heard::of(&sound, &encoder)?;
+/// let heard = Heard::of(&sound, &encoder, anyface::job::SILENT)?;
 /// assert_eq!(heard.features(30.0).dim(), (heard.frames(30.0), encoder.channels()));
 /// # Ok::<(), anyface::Error>(())
 /// ```
@@ -46,12 +50,22 @@ impl Heard {
     /// Listens to a sound.
     ///
     /// # Errors
-    /// Those of [`SpeechEncoder::encode`].
-    pub fn of(waveform: &Waveform, encoder: &Arc<dyn SpeechEncoder>) -> Result<Heard> {
+    /// Those of [`SpeechEncoder::encode`]; `Cancelled`.
+    pub fn of(
+        waveform: &Waveform,
+        encoder: &Arc<dyn SpeechEncoder>,
+        progress: ProgressFn<'_>,
+    ) -> Result<Heard> {
+        let share = |from: f32, to: f32| {
+            move |p: Progress| {
+                let fraction = from + (to - from) * p.fraction;
+                progress(Progress { fraction, ..p })
+            }
+        };
         Ok(Heard {
-            track: encoder.encode(waveform)?,
+            track: encoder.encode(waveform, &share(0.0, ENCODED))?,
             prosody: Prosody::of(waveform),
-            voice: FeltVoice::of(waveform),
+            voice: FeltVoice::hear(waveform, &share(ENCODED, 1.0))?,
             emotion: None,
             phones: None,
             duration_s: waveform.duration_s(),

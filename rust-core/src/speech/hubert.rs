@@ -3,7 +3,7 @@
 use std::path::Path;
 
 use super::{FeatureTrack, HiddenStates, SpeechEncoder, transformer_encoder::TransformerEncoder};
-use crate::{Result, audio::Waveform};
+use crate::{Result, audio::Waveform, job::ProgressFn};
 
 /// A HuBERT encoder; base (post-norm) and large (pre-norm).
 pub struct Hubert {
@@ -51,7 +51,7 @@ impl SpeechEncoder for Hubert {
         self.encoder.channels()
     }
 
-    fn encode(&self, waveform: &Waveform) -> Result<FeatureTrack> {
-        self.encoder.encode(waveform)
+    fn encode(&self, waveform: &Waveform, progress: ProgressFn<'_>) -> Result<FeatureTrack> {
+        self.encoder.encode(waveform, progress)
     }
 }

@@ -18,6 +18,7 @@ use super::{
 use crate::{
     Error, Result,
     audio::{SAMPLE_RATE_HZ, Waveform},
+    job::{ProgressFn, report},
     models::{Weights, checkpoint},
     nn::{
         attention::SelfAttention,
@@ -173,7 +174,7 @@ impl TransformerEncoder {
     /// Long sounds are encoded in spans of 30 s with 2 s of context on either side, so that cost
     /// grows with their length and not with its square. Where the first convolution normalises over
     /// time, it does so over the span.
-    pub fn encode(&self, waveform: &Waveform) -> Result<FeatureTrack> {
+    pub fn encode(&self, waveform: &Waveform, progress: ProgressFn<'_>) -> Result<FeatureTrack> {
         let samples = match self.normalise {
             true => unit_variance(&waveform.samples),
             false => waveform.samples.clone(),
@@ -190,6 +191,7 @@ impl TransformerEncoder {
         };
         let mut features = Array2::zeros((frames, self.channels()));
         for start in (0..frames).step_by(SPAN) {
+            report(progress, "speech", start as f32 / frames as f32)?;
             let end = (start + SPAN).min(frames);
             let first = start.saturating_sub(CONTEXT);
             let last = (end + CONTEXT).min(frames);

@@ -3,7 +3,7 @@
 use std::path::Path;
 
 use super::{FeatureTrack, HiddenStates, SpeechEncoder, transformer_encoder::TransformerEncoder};
-use crate::{Result, audio::Waveform};
+use crate::{Result, audio::Waveform, job::ProgressFn};
 
 /// A wav2vec 2.0 encoder; base (post-norm) and the "stable layer norm" variant (pre-norm).
 pub struct Wav2Vec2 {
@@ -51,7 +51,7 @@ impl SpeechEncoder for Wav2Vec2 {
         self.encoder.channels()
     }
 
-    fn encode(&self, waveform: &Waveform) -> Result<FeatureTrack> {
-        self.encoder.encode(waveform)
+    fn encode(&self, waveform: &Waveform, progress: ProgressFn<'_>) -> Result<FeatureTrack> {
+        self.encoder.encode(waveform, progress)
     }
 }

@@ -27,7 +27,7 @@ use crate::{
 pub use on_face::on_face;
 pub use pose::pose_on;
 pub use sink::{
-    Animation, ClipStart, Collector, FrameSink, LandmarkTrack, SpreadReport, frames_at_once,
+    Animation, ClipStart, Collector, FrameBlock, FrameSink, SpreadReport, frames_at_once,
 };
 pub use template_on_face::TemplateOnFace;
 pub(crate) use tongue::FaceTongue;
@@ -319,43 +319,53 @@ impl<'a> Spread<'a> {
         sink: &mut dyn FrameSink,
         progress: ProgressFn<'_>,
     ) -> Result<SpreadReport> {
-        let start = ClipStart {
-            mesh: &self.face.mesh,
-            frames: self.frames,
-            fps: self.fps,
-        };
-        sink.begin(&start)?;
-        let size = sink.frames_at_once(&start).max(1);
+        sink.begin(&self.start())?;
+        let made = self.part_into_sink(sink, progress)?;
+        sink.finish()?;
+        Ok(made)
+    }
+
+    /// Makes all frames and hands them to a sink that has begun and expects more than these.
+    ///
+    /// # Errors
+    /// Those of [`Spread::frames`] and of the sink.
+    pub fn part_into_sink(
+        self,
+        sink: &mut dyn FrameSink,
+        progress: ProgressFn<'_>,
+    ) -> Result<SpreadReport> {
+        let size = sink.frames_at_once(&self.start()).max(1);
         let mut stretches = (0..self.frames)
             .step_by(size)
             .map(|first| first..(first + size).min(self.frames));
         let make = |stretch: Range<usize>| Block::make(&self, stretch, progress);
-        let is_read_off = self.landmarks().is_none();
-        let nothing = || Array3::zeros((self.frames, LANDMARKS, 3));
-        let mut landmarks = self.landmarks().cloned().unwrap_or_else(nothing);
+        let mut landmarks = Array3::zeros((self.frames, LANDMARKS, 3));
         let mut largest = 0.0f32;
         let mut made = stretches.next().map(make);
         while let Some(block) = made {
             let block = block?;
             largest = largest.max(block.largest);
-            if is_read_off {
-                let mut target = landmarks.slice_axis_mut(Axis(0), Slice::from(block.stretch));
-                target.assign(&at_landmarks(self.face, &block.moved));
-            }
+            let mut target = landmarks.slice_axis_mut(Axis(0), Slice::from(block.stretch));
+            target.assign(&block.frames.landmarks);
             let following = stretches.next();
-            let (taken, next) = rayon::join(|| sink.take(block.moved), || following.map(make));
+            let (taken, next) = rayon::join(|| sink.take(block.frames), || following.map(make));
             taken?;
             made = next;
         }
-        sink.finish(&LandmarkTrack {
-            neutral: &self.face.landmarks.positions,
-            displacements: landmarks.view(),
-        })?;
         Ok(SpreadReport {
             largest,
             landmarks,
             notes: self.notes,
         })
+    }
+
+    fn start(&self) -> ClipStart<'a> {
+        ClipStart {
+            mesh: &self.face.mesh,
+            landmarks: &self.face.landmarks.positions,
+            frames: self.frames,
+            fps: self.fps,
+        }
     }
 }
 
@@ -425,8 +435,7 @@ pub(crate) fn closed_on<'a>(face: &Face, rig: &Rig, clip: &'a WeightClip) -> Cow
 /// Some frames of a clip.
 struct Block {
     stretch: Range<usize>,
-    /// `[t, V, 3]`.
-    moved: Array3<f32>,
+    frames: FrameBlock,
     largest: f32,
 }
 
@@ -444,9 +453,18 @@ impl Block {
             most.is_finite().then_some(most).ok_or(t)
         });
         let most = most.try_reduce(|| 0.0, |a, b| Ok(a.max(b))).map_err(lost)?;
+        let landmarks = match spread.landmarks() {
+            Some(landmarks) => landmarks
+                .slice_axis(Axis(0), Slice::from(stretch.clone()))
+                .to_owned(),
+            None => at_landmarks(spread.face, &moved),
+        };
         Ok(Block {
             stretch,
-            moved,
+            frames: FrameBlock {
+                displacements: moved,
+                landmarks,
+            },
             largest: most,
         })
     }

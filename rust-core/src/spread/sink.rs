@@ -1,6 +1,6 @@
 //! Where frames go as they are made.
 
-use ndarray::{Array3, ArrayView3, Axis, concatenate};
+use ndarray::{Array3, Axis, concatenate};
 
 use crate::{
     Error, Result,
@@ -10,7 +10,7 @@ use crate::{
 };
 
 /// Bytes of displacements that are made at a time where a sink says nothing else.
-const BLOCK_BYTES: usize = 192 << 20;
+const BLOCK_BYTES: usize = 64 << 20;
 
 /// Frames of a block where a sink says nothing else.
 pub fn frames_at_once(mesh: &Mesh) -> usize {
@@ -22,19 +22,21 @@ pub fn frames_at_once(mesh: &Mesh) -> usize {
 pub struct ClipStart<'a> {
     /// The mesh whose vertices move.
     pub mesh: &'a Mesh,
+    /// Its landmarks at rest, `[68][3]`, mesh units.
+    pub landmarks: &'a [[f32; 3]; LANDMARKS],
     /// Number of frames `T`.
     pub frames: usize,
     /// Frames per second.
     pub fps: f64,
 }
 
-/// The landmarks' part of a clip, mesh units.
-#[derive(Debug, Clone, Copy)]
-pub struct LandmarkTrack<'a> {
-    /// `[68][3]`.
-    pub neutral: &'a [[f32; 3]; LANDMARKS],
-    /// `[T, 68, 3]`.
-    pub displacements: ArrayView3<'a, f32>,
+/// Frames that follow each other, mesh units.
+#[derive(Debug, Clone, PartialEq)]
+pub struct FrameBlock {
+    /// Of all vertices, `[t, V, 3]`.
+    pub displacements: Array3<f32>,
+    /// Of the landmarks, `[t, 68, 3]`: what moved the mesh, or what is read off it where that was no motion of landmarks.
+    pub landmarks: Array3<f32>,
 }
 
 /// Takes the frames of a clip in order: [`FrameSink::begin`], any number of blocks, then
@@ -46,22 +48,22 @@ pub trait FrameSink: Send {
     /// Whatever hinders the sink.
     fn begin(&mut self, start: &ClipStart<'_>) -> Result<()>;
 
-    /// How many frames it wants to get at a time: 192 MiB of them unless it says something else.
+    /// How many frames it wants to get at a time: 64 MiB of them unless it says something else.
     fn frames_at_once(&self, start: &ClipStart<'_>) -> usize {
         frames_at_once(start.mesh)
     }
 
-    /// Takes the next frames, `[t, V, 3]` displacements in mesh units.
+    /// Takes the next frames.
     ///
     /// # Errors
     /// Whatever hinders the sink.
-    fn take(&mut self, block: Array3<f32>) -> Result<()>;
+    fn take(&mut self, block: FrameBlock) -> Result<()>;
 
-    /// Takes the landmarks of all frames, when all frames were taken.
+    /// Hears that all frames were taken.
     ///
     /// # Errors
     /// Whatever hinders the sink.
-    fn finish(&mut self, landmarks: &LandmarkTrack<'_>) -> Result<()>;
+    fn finish(&mut self) -> Result<()>;
 }
 
 /// A finished performance on one mesh.
@@ -94,12 +96,24 @@ fn room_for(frames: usize, vertices: usize) -> Result<()> {
 }
 
 /// Keeps all frames in memory.
-#[derive(Default)]
 pub struct Collector {
     fps: f64,
-    blocks: Vec<Array3<f32>>,
     vertices: usize,
-    landmarks: Option<([[f32; 3]; LANDMARKS], Array3<f32>)>,
+    neutral: [[f32; 3]; LANDMARKS],
+    displacements: Vec<Array3<f32>>,
+    landmarks: Vec<Array3<f32>>,
+}
+
+impl Default for Collector {
+    fn default() -> Self {
+        Collector {
+            fps: 0.0,
+            vertices: 0,
+            neutral: [[0.0; 3]; LANDMARKS],
+            displacements: Vec::new(),
+            landmarks: Vec::new(),
+        }
+    }
 }
 
 impl Collector {
@@ -116,24 +130,26 @@ impl Collector {
     }
 
     /// The clip that was collected; one of no frames where the run did not end.
-    pub fn into_animation(mut self) -> Animation {
-        let displacements = match self.blocks.len() {
-            1 => self.blocks.remove(0),
-            0 => Array3::zeros((0, self.vertices, 3)),
-            _ => {
-                let views: Vec<_> = self.blocks.iter().map(|block| block.view()).collect();
-                concatenate(Axis(0), &views).expect("blocks of one mesh")
-            }
-        };
-        let nothing = || ([[0.0; 3]; LANDMARKS], Array3::zeros((0, LANDMARKS, 3)));
-        let (landmarks_neutral, landmark_displacements) = self.landmarks.unwrap_or_else(nothing);
+    pub fn into_animation(self) -> Animation {
         Animation {
             vertices: VertexClip {
-                displacements,
+                displacements: in_one_piece(self.displacements, self.vertices),
                 fps: self.fps,
             },
-            landmarks_neutral,
-            landmark_displacements,
+            landmarks_neutral: self.neutral,
+            landmark_displacements: in_one_piece(self.landmarks, LANDMARKS),
+        }
+    }
+}
+
+/// Blocks `[t, N, 3]` behind each other.
+fn in_one_piece(mut blocks: Vec<Array3<f32>>, points: usize) -> Array3<f32> {
+    match blocks.len() {
+        1 => blocks.remove(0),
+        0 => Array3::zeros((0, points, 3)),
+        _ => {
+            let views: Vec<_> = blocks.iter().map(|block| block.view()).collect();
+            concatenate(Axis(0), &views).expect("blocks of one mesh")
         }
     }
 }
@@ -145,7 +161,9 @@ impl FrameSink for Collector {
         *self = Collector {
             fps: start.fps,
             vertices: start.mesh.positions.len(),
-            ..Collector::default()
+            neutral: *start.landmarks,
+            displacements: Vec::new(),
+            landmarks: Vec::new(),
         };
         Ok(())
     }
@@ -154,13 +172,13 @@ impl FrameSink for Collector {
         start.frames
     }
 
-    fn take(&mut self, block: Array3<f32>) -> Result<()> {
-        self.blocks.push(block);
+    fn take(&mut self, block: FrameBlock) -> Result<()> {
+        self.displacements.push(block.displacements);
+        self.landmarks.push(block.landmarks);
         Ok(())
     }
 
-    fn finish(&mut self, landmarks: &LandmarkTrack<'_>) -> Result<()> {
-        self.landmarks = Some((*landmarks.neutral, landmarks.displacements.to_owned()));
+    fn finish(&mut self) -> Result<()> {
         Ok(())
     }
 }

@@ -45,6 +45,8 @@ pub struct Registration {
     pub abilities: &'static [Ability],
     /// What of a finished take may still be scaled without a new run.
     pub sliders: &'static [Slider],
+    /// What a second of sound takes of memory while it is performed, bytes, measured at 30 frames a second.
+    pub second_bytes: u64,
     /// Loads the built-in models, or those of a folder.
     pub open: fn(Option<&Path>) -> Result<Box<dyn System>>,
 }

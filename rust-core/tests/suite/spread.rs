@@ -6,7 +6,7 @@ use anyface::{
     mesh::PartChoices,
     motion::{LandmarkClip, Motion, WeightClip},
     rig::ShapeSource,
-    spread::{ClipStart, Collector, FrameSink, LandmarkTrack},
+    spread::{ClipStart, Collector, FrameBlock, FrameSink},
 };
 use ndarray::{Array2, Array3, Axis, Slice, array};
 
@@ -81,15 +81,15 @@ impl FrameSink for Small {
         5
     }
 
-    fn take(&mut self, block: Array3<f32>) -> Result<()> {
+    fn take(&mut self, block: FrameBlock) -> Result<()> {
         if self.blocks.len() == self.room {
             return Err(Error::Cancelled);
         }
-        self.blocks.push(block);
+        self.blocks.push(block.displacements);
         Ok(())
     }
 
-    fn finish(&mut self, _landmarks: &LandmarkTrack<'_>) -> Result<()> {
+    fn finish(&mut self) -> Result<()> {
         self.finished = true;
         Ok(())
     }

@@ -3,7 +3,7 @@ use std::{collections::HashMap, sync::Arc};
 use safetensors::{SafeTensors, tensor::TensorView};
 
 use super::{super::Heard, *};
-use crate::{audio::Waveform, speech::SpeechEncoder};
+use crate::{audio::Waveform, job::SILENT, speech::SpeechEncoder};
 
 fn floats(view: &TensorView<'_>) -> Vec<f32> {
     let bytes = view.data().chunks_exact(4);
@@ -78,6 +78,7 @@ fn heard() -> Heard {
             samples: samples.collect(),
         },
         &encoder,
+        SILENT,
     )
     .unwrap()
 }
@@ -144,7 +145,7 @@ fn hiss_brings_no_lip_to_the_teeth() {
     let sound = Waveform {
         samples: samples.collect(),
     };
-    let features = encoder.encode(&sound).unwrap().features;
+    let features = encoder.encode(&sound, SILENT).unwrap().features;
     let model = PhoneModel::open(None).unwrap();
     let posteriors = model.log_posteriors(features.view());
     let most = |values: &[f32]| values.iter().copied().fold(0.0, f32::max);

@@ -2,6 +2,7 @@
 
 use super::*;
 use crate::{
+    job::SILENT,
     nn::golden::{Golden, Named, damage, distance, path_of, seeds},
     speech::{SpeechEncoder, from_folder, hubert::Hubert},
 };
@@ -51,7 +52,7 @@ fn chosen_layer_is_that_hidden_state_at_50_hz() {
         (Some(2), "hidden.2"),
         (None, "output"),
     ] {
-        let track = encoder(&golden, layer).encode(&waveform).unwrap();
+        let track = encoder(&golden, layer).encode(&waveform, SILENT).unwrap();
         assert_eq!((track.rate_hz, track.features.dim()), (50.0, (50, 32)));
         assert_eq!(track.first_s, 0.0125);
         assert!(
@@ -84,7 +85,7 @@ fn folder_with_a_head_and_old_names_gives_the_same_numbers() {
     let waveform = Waveform {
         samples: golden.values("input"),
     };
-    let track = encoder.encode(&waveform).unwrap();
+    let track = encoder.encode(&waveform, SILENT).unwrap();
     assert!(distance(&track.features, &golden.values("output")) < 1e-4);
 }
 
@@ -100,7 +101,7 @@ fn folder_of_pytorch_gives_the_same_numbers() {
     std::fs::copy(path_of("hubert_tiny.bin"), pytorch).unwrap();
     let encoder = from_folder(folder.path(), None, None).unwrap();
     let samples = golden.values("input");
-    let track = encoder.encode(&Waveform { samples }).unwrap();
+    let track = encoder.encode(&Waveform { samples }, SILENT).unwrap();
     assert!(distance(&track.features, &golden.values("output")) < 1e-2);
 }
 
@@ -114,7 +115,7 @@ fn input_is_normalised_where_nothing_says_otherwise() {
         .iter()
         .map(|x| 0.3 + 0.1 * x)
         .collect();
-    let track = hubert.encode(&Waveform { samples: quiet }).unwrap();
+    let track = hubert.encode(&Waveform { samples: quiet }, SILENT).unwrap();
     let input = unit_variance(&golden.values("input"));
     let expected = self::encoder(&golden, None)
         .hidden_states(&input)
@@ -161,7 +162,7 @@ fn missing_folder_is_an_io_error_and_short_sound_an_audio_error() {
     let short = Waveform {
         samples: vec![0.1; 320],
     };
-    let error = encoder(&golden, None).encode(&short).unwrap_err();
+    let error = encoder(&golden, None).encode(&short, SILENT).unwrap_err();
     assert_eq!(
         error.to_string(),
         "audio: expected at least 400 samples at 16 kHz, got 320"
@@ -179,7 +180,7 @@ fn long_sound_is_encoded_in_spans_of_bounded_length() {
         .unwrap()
         .hidden
         .swap_remove(0);
-    let track = encoder.encode(&Waveform { samples }).unwrap();
+    let track = encoder.encode(&Waveform { samples }, SILENT).unwrap();
     // The state before the first layer depends on near frames alone, so spans change nothing.
     assert_eq!(track.features.dim(), whole.dim());
     assert!(distance(&track.features, &whole) < 1e-4);
@@ -198,7 +199,7 @@ fn damaged_folders_are_refused_or_encode() {
             let encoder = from_folder(folder.path(), None, None);
             let samples = golden.values("input");
             // What it says of the sound is looked through where the motion is.
-            let _ = encoder.map(|encoder| encoder.encode(&Waveform { samples }));
+            let _ = encoder.map(|encoder| encoder.encode(&Waveform { samples }, SILENT));
         }
     }
 }
@@ -211,7 +212,7 @@ fn the_rate_may_be_changed_before_the_transformer() {
         let golden = Golden::open(name);
         let encoder = encoder(&golden, None).resampled(Some(fps));
         let samples = golden.values("input");
-        let track = encoder.encode(&Waveform { samples }).unwrap();
+        let track = encoder.encode(&Waveform { samples }, SILENT).unwrap();
         assert_eq!((track.rate_hz, track.first_s), (fps, 0.0));
         let error = distance(&track.features, &resampled.values(name));
         assert!(error < 1e-4, "{name}: {error}");
@@ -235,7 +236,7 @@ fn long_sound_at_another_rate_is_encoded_in_spans_too() {
     let brought = at_motion_frames(&track, 70 * 25, 25.0);
     heard.run(brought, 0, &mut |state| expected = state.to_owned());
     let encoder = heard.resampled(Some(25.0));
-    let track = encoder.encode(&Waveform { samples }).unwrap();
+    let track = encoder.encode(&Waveform { samples }, SILENT).unwrap();
     assert_eq!(track.features.dim(), (70 * 25, 32));
     assert!(distance(&track.features, &expected) < 1e-4);
 }

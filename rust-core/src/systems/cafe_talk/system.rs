@@ -77,6 +77,7 @@ pub static REGISTRATION: Registration = Registration {
     motion: MotionKind::Weights,
     abilities: &[Ability::Events, Ability::Words],
     sliders: &Slider::ALL,
+    second_bytes: 233_000,
     open: |folder| Ok(Box::new(CafeTalk::open(folder)?)),
 };
 

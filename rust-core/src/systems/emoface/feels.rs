@@ -8,6 +8,7 @@ use super::EmoFaceConfig;
 use crate::{
     Error, Result,
     audio::Waveform,
+    job::ProgressFn,
     speech::{self, FeelingEncoder, FeltVoice, SpeechEncoder, at_motion_frames},
 };
 
@@ -42,11 +43,17 @@ impl Feels {
     ///
     /// # Errors
     /// `InvalidInput` where a checkpoint is to hear a voice that kept no sound; `Audio` for a sound too short for it.
-    pub fn at_frames(&self, voice: &FeltVoice, frames: usize, fps: f64) -> Result<Array2<f32>> {
+    pub fn at_frames(
+        &self,
+        voice: &FeltVoice,
+        frames: usize,
+        fps: f64,
+        progress: ProgressFn<'_>,
+    ) -> Result<Array2<f32>> {
         match self {
             Feels::BuiltIn(encoder) => Ok(encoder.at_frames(voice, frames, fps)),
             Feels::Checkpoint(encoder) => {
-                let track = encoder.encode(kept(voice)?)?;
+                let track = encoder.encode(kept(voice)?, progress)?;
                 Ok(at_motion_frames(&track, frames, fps))
             }
         }
@@ -56,13 +63,22 @@ impl Feels {
     ///
     /// # Errors
     /// Those of [`Feels::at_frames`].
-    pub fn over(&self, voice: &FeltVoice, frames: usize) -> Result<Array2<f32>> {
+    pub fn over(
+        &self,
+        voice: &FeltVoice,
+        frames: usize,
+        progress: ProgressFn<'_>,
+    ) -> Result<Array2<f32>> {
         match self {
             Feels::BuiltIn(encoder) => Ok(encoder.over(voice, frames)),
             Feels::Checkpoint(encoder) => {
                 let sound = kept(voice)?;
                 let pace = frames.saturating_sub(1).max(1) as f64 / sound.duration_s();
-                Ok(at_motion_frames(&encoder.encode(sound)?, frames, pace))
+                Ok(at_motion_frames(
+                    &encoder.encode(sound, progress)?,
+                    frames,
+                    pace,
+                ))
             }
         }
     }
@@ -79,6 +95,7 @@ fn kept(voice: &FeltVoice) -> Result<&Waveform> {
 mod tests {
     use super::*;
     use crate::{
+        job::SILENT,
         nn::golden::{Golden, distance},
         speech::{SpeechInput, from_folder},
     };
@@ -113,21 +130,21 @@ mod tests {
         let feels = Feels::open(Some(models.path()), &config).unwrap();
         let voice = FeltVoice::of(&sound).with_sound(&sound);
         let frames = speech::frames_of(sound.duration_s(), FPS);
-        let heard = feels.at_frames(&voice, frames, FPS).unwrap();
+        let heard = feels.at_frames(&voice, frames, FPS, SILENT).unwrap();
         let folder = models.path().join("feeling_wav2vec2");
         let encoder = from_folder(&folder, None, Some(FPS)).unwrap();
-        let whole = encoder.encode(&sound).unwrap().features;
+        let whole = encoder.encode(&sound, SILENT).unwrap().features;
         assert_eq!(heard, whole);
 
         // Twice as many frames, the first and the last of which hear the first and the last of the voice.
-        let long = feels.over(&voice, 2 * frames).unwrap();
+        let long = feels.over(&voice, 2 * frames, SILENT).unwrap();
         assert!(distance(long.row(0), whole.row(0)) < 1e-6);
         assert!(distance(long.row(2 * frames - 1), whole.row(frames - 1)) < 1e-6);
         assert!(
             distance(long.row(frames), whole.row(frames / 2))
                 < distance(long.row(frames), whole.row(0))
         );
-        assert_eq!(feels.over(&voice, 1).unwrap().nrows(), 1);
+        assert_eq!(feels.over(&voice, 1, SILENT).unwrap().nrows(), 1);
     }
 
     #[test]
@@ -155,7 +172,9 @@ mod tests {
         let sound = Waveform {
             samples: golden.values("input"),
         };
-        let mute = feels.at_frames(&FeltVoice::of(&sound), 5, FPS).unwrap_err();
+        let mute = feels
+            .at_frames(&FeltVoice::of(&sound), 5, FPS, SILENT)
+            .unwrap_err();
         assert!(mute.to_string().contains("got one without"), "{mute}");
     }
 

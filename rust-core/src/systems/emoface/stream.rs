@@ -162,8 +162,9 @@ mod tests {
     use ndarray::Array3;
 
     use super::*;
-    use crate::conditions::EmotionCurve;
     use crate::{
+        conditions::EmotionCurve,
+        job::SILENT,
         motion::stream_whole,
         systems::{System, emoface::EmoFace},
     };
@@ -184,7 +185,7 @@ mod tests {
     }
 
     fn whole(samples: &[f32], emotion: &EmotionCurve) -> Array3<f32> {
-        stream_whole(stream().as_mut(), samples, emotion)
+        stream_whole(stream().as_mut(), samples, emotion, SILENT)
             .unwrap()
             .displacements
     }

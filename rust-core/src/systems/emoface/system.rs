@@ -178,6 +178,7 @@ pub static REGISTRATION: Registration = Registration {
     motion: MotionKind::Codes,
     abilities: &[Ability::Feeling, Ability::FirstPose],
     sliders: &Slider::ALL,
+    second_bytes: 373_000,
     open: |folder| Ok(Box::new(EmoFace::open(folder)?)),
 };
 
@@ -228,14 +229,15 @@ impl EmoFace {
         heard: &Heard,
         request: &MotionRequest,
         frames: usize,
+        progress: ProgressFn<'_>,
     ) -> Result<(Array2<f32>, Vec<f32>)> {
         let fps = self.config().fps;
         let level = LEVEL.value(&request.controls);
         let from = FEELING_FROM.value(&request.controls) as usize;
         if from == VOICE {
             let rows = match &request.felt_as {
-                Some(other) => self.feels.over(other, frames)?,
-                None => self.feels.at_frames(&heard.voice, frames, fps)?,
+                Some(other) => self.feels.over(other, frames, progress)?,
+                None => self.feels.at_frames(&heard.voice, frames, fps, progress)?,
             };
             return Ok((rows, vec![level; frames]));
         }
@@ -276,7 +278,7 @@ impl System for EmoFace {
         let fps = self.config().fps;
         let content = heard.features(fps);
         let frames = content.nrows();
-        let (feeling, levels) = self.feeling(heard, request, frames)?;
+        let (feeling, levels) = self.feeling(heard, request, frames, progress)?;
         let config = self.config();
         let asked = request.style.as_deref();
         let style = style_number(asked, &config.styles, &config.default_style)?;

@@ -89,6 +89,7 @@ pub static REGISTRATION: Registration = Registration {
     motion: MotionKind::Codes,
     abilities: &[Ability::Head],
     sliders: &Slider::ALL,
+    second_bytes: 615_000,
     open: |folder| Ok(Box::new(FaceTalk::open(folder)?)),
 };
 

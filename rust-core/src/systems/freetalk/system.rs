@@ -57,6 +57,7 @@ pub static REGISTRATION: Registration = Registration {
     motion: MotionKind::Landmarks,
     abilities: &[],
     sliders: &Slider::ALL,
+    second_bytes: 274_000,
     open: |folder| Ok(Box::new(FreeTalk::open(folder)?)),
 };
 

@@ -7,6 +7,7 @@ use super::*;
 use crate::{
     audio::Waveform,
     conditions::EmotionCurve,
+    job::SILENT,
     motion::{Expressions, FaceModes, stream_whole},
     systems::freetalk::STREAM_MODEL,
 };
@@ -108,7 +109,7 @@ fn offline_motion_follows_the_emotion_curve_bit_for_bit() {
     let angry = Emotion::parse("angry:1").unwrap();
     let curve = EmotionCurve::Keys(vec![(0.1, Emotion::default()), (0.4, angry)]);
     let mut whole = of(&model);
-    let clip = stream_whole(&mut whole, &waveform.samples, &curve).unwrap();
+    let clip = stream_whole(&mut whole, &waveform.samples, &curve, SILENT).unwrap();
     let mut stream = of(&model);
     let mut frames = Vec::new();
     for chunk in waveform.samples.chunks(160) {

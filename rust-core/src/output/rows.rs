@@ -1,0 +1,108 @@
+//! Numbers that wait in a file until they can be written behind others.
+
+use std::{
+    fs::File,
+    io::{self, BufWriter, Seek, SeekFrom, Write},
+    path::{Path, PathBuf},
+};
+
+use ndarray::ArrayViewD;
+
+use crate::{Error, Result};
+
+/// Values that are turned into bytes at a time.
+const BATCH: usize = 1 << 16;
+
+/// Rows of an array, which grows. They lie in a file that has no name and goes with the process.
+pub(super) struct Rows {
+    /// Where they are to be written, for errors.
+    path: PathBuf,
+    file: BufWriter<File>,
+    shape: Vec<usize>,
+}
+
+impl Rows {
+    /// None yet, in the folder of `path`, which has room for what is written there.
+    ///
+    /// # Errors
+    /// `Io` if the folder cannot be written to.
+    pub(super) fn beside(path: &Path) -> Result<Rows> {
+        let folder = path
+            .parent()
+            .filter(|folder| !folder.as_os_str().is_empty());
+        let file =
+            tempfile::tempfile_in(folder.unwrap_or(Path::new("."))).map_err(Error::io(path))?;
+        Ok(Rows {
+            path: path.to_owned(),
+            file: BufWriter::new(file),
+            shape: vec![0],
+        })
+    }
+
+    /// Adds rows `[t, …]`, each of one shape.
+    ///
+    /// # Errors
+    /// `Io` if they cannot be written.
+    pub(super) fn add(&mut self, rows: ArrayViewD<'_, f32>) -> Result<()> {
+        let before = self.shape[0];
+        self.shape = rows.shape().to_vec();
+        self.shape[0] += before;
+        write_values(&mut self.file, rows).map_err(Error::io(&self.path))
+    }
+
+    /// `[T, …]`.
+    pub(super) fn shape(&self) -> &[usize] {
+        &self.shape
+    }
+
+    /// Copies all rows.
+    ///
+    /// # Errors
+    /// Of either file.
+    pub(super) fn copy_to(self, to: &mut impl Write) -> io::Result<()> {
+        let mut file = self.file.into_inner()?;
+        file.seek(SeekFrom::Start(0))?;
+        io::copy(&mut file, to).map(drop)
+    }
+}
+
+/// Writes values as `<f4`, the last axis fastest.
+pub(super) fn write_values(to: &mut impl Write, values: ArrayViewD<'_, f32>) -> io::Result<()> {
+    let values = values.as_standard_layout();
+    let mut batch = vec![0; BATCH * 4];
+    for values in values.as_slice().expect("standard layout").chunks(BATCH) {
+        let batch = &mut batch[..4 * values.len()];
+        let (items, _) = batch.as_chunks_mut();
+        let pairs = items.iter_mut().zip(values);
+        pairs.for_each(|(item, value)| *item = value.to_le_bytes());
+        to.write_all(batch)?;
+    }
+    Ok(())
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+    use ndarray::Array3;
+
+    #[test]
+    fn rows_come_back_in_their_order() {
+        let folder = tempfile::tempdir().unwrap();
+        let all = Array3::from_shape_fn((5, 2, 3), |(t, n, i)| (6 * t + 3 * n + i) as f32);
+        let mut rows = Rows::beside(&folder.path().join("clip.npz")).unwrap();
+        for (from, to) in [(0, 2), (2, 2), (2, 5)] {
+            rows.add(all.slice(ndarray::s![from..to, .., ..]).into_dyn())
+                .unwrap();
+        }
+        assert_eq!(rows.shape(), [5, 2, 3]);
+        let mut bytes = Vec::new();
+        rows.copy_to(&mut bytes).unwrap();
+        let (items, rest) = bytes.as_chunks::<4>();
+        let values: Vec<f32> = items.iter().map(|item| f32::from_le_bytes(*item)).collect();
+        assert_eq!(
+            (values, rest.len()),
+            ((0..30u8).map(f32::from).collect(), 0)
+        );
+        assert_eq!(std::fs::read_dir(folder.path()).unwrap().count(), 0);
+    }
+}
