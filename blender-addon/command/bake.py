@@ -24,7 +24,12 @@ def run(options: argparse.Namespace) -> dict:
     engine = running.engine(settings.system, models)
     snapshot = bake.read(ob, scene, settings, engine)
     take = telling.work(snapshot, quiet=getattr(options, "quiet", True))
-    text = bake.write(ob, snapshot, take)
+    try:
+        text = bake.write(ob, snapshot, take)
+    except BaseException:
+        bake.discard(take)
+        raise
+    bake.settle(take)
     if ob.library is None:
         ob.anyface.report, ob.anyface.report_is_error = text, False
     return {"message": text, **_numbers(take)}

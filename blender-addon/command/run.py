@@ -6,7 +6,7 @@ import time
 from collections.abc import Callable
 
 from ..core import json_file
-from ..core.errors import AnyfaceError
+from ..core.errors import AnyfaceError, plain, readable, say
 from . import bake, disk, landmarks, rig
 
 # What each task does to the open file; it returns what goes into the report.
@@ -27,7 +27,7 @@ def main(options: argparse.Namespace) -> int:
     try:
         json_file.write(options.report, outcome)
     except AnyfaceError as error:
-        print(f"anyface: {error}", file=sys.stderr, flush=True)
+        say(f"anyface: {error}", sys.stderr)
         return outcome["exit_code"] or error.exit_code
     return outcome["exit_code"]
 
@@ -42,15 +42,16 @@ def _do(options) -> dict:
 
 
 def measured(work: Callable[[], dict]) -> dict:
-    """What `work` returned or why it failed, with exit code and seconds."""
+    """What `work` returned or why it failed, whatever it was, with exit code and seconds."""
     began = time.monotonic()
     try:
         outcome = {"ok": True, **work(), "exit_code": 0}
-    except AnyfaceError as error:
+    except BaseException as raised:
+        error = plain(raised)
         outcome = {
             "ok": False,
             "kind": error.kind,
-            "message": str(error),
+            "message": readable(error),
             "exit_code": error.exit_code,
         }
     outcome["seconds"] = round(time.monotonic() - began, 3)
@@ -60,4 +61,4 @@ def measured(work: Callable[[], dict]) -> dict:
 def tell(outcome: dict) -> None:
     """One line for whoever reads along."""
     stream = sys.stdout if outcome["ok"] else sys.stderr
-    print(f"anyface: {outcome['message']}", file=stream, flush=True)
+    say(f"anyface: {outcome['message']}", stream)

@@ -2,6 +2,7 @@
 
 import sys
 
+from ..core.errors import say
 from ..core.job import Job
 
 # Seconds between two looks, and the share of a stage after which it is told again.
@@ -14,7 +15,7 @@ def work(snapshot, quiet: bool):
     try:
         while not job.wait(_LOOK_S):
             told = _tell(snapshot.object_name, job.progress.at, told, quiet)
-    except KeyboardInterrupt:
+    except BaseException:
         job.cancel(wait_s=None)
         raise
     _tell(snapshot.object_name, job.progress.at, ("", 0.0), quiet)
@@ -26,5 +27,5 @@ def _tell(name: str, now: tuple[str, float], told: tuple[str, float], quiet: boo
     stage, share = now
     if quiet or not stage or (stage == told[0] and share < told[1] + _SHARE):
         return told
-    print(f"anyface: {name}: {stage} {share:.0%}", file=sys.stderr, flush=True)
+    say(f"anyface: {name}: {stage} {share:.0%}", sys.stderr)
     return now

@@ -1,5 +1,9 @@
 """Errors in plain words, each kind with its exit code."""
 
+import errno
+import sys
+import traceback
+
 # Exit code of each kind, the same as those of the `anyface` command;
 # nothing_moved and shots are our own.
 EXIT_CODES = {
@@ -38,3 +42,83 @@ class Cancelled(AnyfaceError):
 
     def __init__(self):
         super().__init__("cancelled", "cancelled")
+
+
+_NO_ROOM = (errno.ENOSPC, getattr(errno, "EDQUOT", errno.ENOSPC))
+_LONGEST = 400
+
+
+def plain(error: BaseException) -> AnyfaceError:
+    """Any exception as an error that says what happened and what to do next.
+
+    The traceback of a fault goes to the console, for whoever is asked about it.
+    """
+    if isinstance(error, AnyfaceError):
+        return error
+    found = _known(error)
+    if found is None:
+        _show(error)
+        text = f"{type(error).__name__}: {readable(error)}"
+        found = AnyfaceError(
+            "internal",
+            f"{text}: a fault of Anyface; try it again, and if it comes back report it with what "
+            "the console says",
+        )
+    found.__cause__ = error
+    return found
+
+
+def readable(value) -> str:
+    """`value` as text that can be shown and written anywhere, however it is broken."""
+    try:
+        text = str(value)
+    except Exception:
+        text = f"a {type(value).__name__} without a text"
+    text = text.replace("\0", " ").encode("utf-8", "backslashreplace").decode("utf-8").strip()
+    return text if len(text) <= _LONGEST else f"{text[:_LONGEST]}…"
+
+
+def say(line: str, stream) -> None:
+    """Prints a line for whoever reads along, in letters that the stream knows; nobody need."""
+    try:
+        encoding = getattr(stream, "encoding", None) or "utf-8"
+        text = line.encode(encoding, "backslashreplace").decode(encoding)
+        print(text, file=stream, flush=True)
+    except (OSError, ValueError):
+        return
+
+
+def _known(error: BaseException) -> AnyfaceError | None:
+    """What is no fault of the program, in words of its own."""
+    if isinstance(error, MemoryError):
+        text = "the memory is full: close other programs, or take a shorter sound or a lighter mesh"
+        return AnyfaceError("memory", text)
+    if isinstance(error, KeyboardInterrupt):
+        return AnyfaceError("cancelled", "interrupted: start it again when you like")
+    if isinstance(error, SystemExit):
+        return AnyfaceError("internal", f"the work ended itself ({error.code}): try it again")
+    if isinstance(error, ReferenceError):
+        text = "something that was needed was deleted or undone meanwhile: start again"
+        return AnyfaceError("mesh", text)
+    if isinstance(error, UnicodeError):
+        text = f"a text holds letters that cannot be read or written ({readable(error)}): rename it"
+        return AnyfaceError("input", text)
+    return _of_file(error) if isinstance(error, OSError) else None
+
+
+def _of_file(error: OSError) -> AnyfaceError:
+    where = f"{readable(error.filename)}: " if error.filename is not None else ""
+    what = readable(error.strerror or error)
+    if error.errno in _NO_ROOM:
+        return AnyfaceError("file", f"{where}{what}: make room on the disk, then try again")
+    remedy = "see that it is there, and that it may be read and written"
+    return AnyfaceError("file", f"{where}{what}: {remedy}")
+
+
+def _show(error: BaseException) -> None:
+    try:
+        traceback.print_exception(error)
+        sys.stderr.flush()
+    except Exception:
+        # A program without a console has nowhere to show it.
+        return

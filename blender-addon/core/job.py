@@ -4,7 +4,7 @@ import threading
 from collections.abc import Callable
 from dataclasses import dataclass
 
-from .errors import AnyfaceError, Cancelled
+from .errors import AnyfaceError, Cancelled, plain
 
 
 class Progress:
@@ -81,14 +81,28 @@ class Work:
     about: object = None
 
 
-class Job:
-    """Runs `work(progress)` in a thread; the result or the error is fetched with `result`."""
+def _keep(_outcome) -> None:
+    """Nothing of most results lies elsewhere than in memory."""
 
-    def __init__(self, work: Callable[[Progress], object]):
+
+class Job:
+    """Runs `work(progress)` in a thread; the result or the error is fetched with `result`.
+
+    `discard` takes back what a result that nobody fetches has left on disk.
+    """
+
+    def __init__(
+        self, work: Callable[[Progress], object], discard: Callable[[object], None] = _keep
+    ):
         self.progress = Progress()
-        self._work = work
+        self._work, self._discard = work, discard
         self._outcome: object = None
-        self._error: AnyfaceError | None = None
+        self._ended = self._unwanted = False
+        self._lock = threading.Lock()
+        # Whatever ends the thread before it has a result is an error.
+        self._error: AnyfaceError | None = AnyfaceError(
+            "internal", "the work ended without a result: start it again"
+        )
         self._thread = threading.Thread(target=self._run, name="anyface", daemon=True)
 
     def start(self) -> "Job":
@@ -118,12 +132,23 @@ class Job:
             raise self._error
         return self._outcome
 
+    def discard(self) -> None:
+        """Nobody wants the result: what it leaves on disk is taken back as soon as it is there."""
+        with self._lock:
+            self._unwanted = True
+            ended = self._ended
+        if ended and self._error is None:
+            self._discard(self._outcome)
+
     def _run(self) -> None:
         try:
             self._outcome = self._work(self.progress)
-        except AnyfaceError as error:
-            self._error = error
-        except Exception as error:
-            # A defect must reach the artist as a message; a thread would swallow it.
-            self._error = AnyfaceError("internal", f"{type(error).__name__}: {error}")
-            self._error.__cause__ = error
+            self._error = None
+        except BaseException as error:
+            # A thread would swallow it, and the artist would wait for ever.
+            self._error = plain(error)
+        with self._lock:
+            self._ended = True
+            unwanted = self._unwanted
+        if unwanted and self._error is None:
+            self._discard(self._outcome)

@@ -4,6 +4,7 @@ import json
 import math
 import os
 import socket
+from contextlib import suppress
 from dataclasses import fields
 from pathlib import Path
 
@@ -86,11 +87,14 @@ def write(path, content) -> None:
     beside = path.with_name(f".{path.name}.{socket.gethostname()}.{os.getpid()}")
     try:
         path.parent.mkdir(parents=True, exist_ok=True)
-        with open(beside, "w", encoding="utf-8") as file:
+        # Half a character, as names of files may have it, stands there as its number.
+        with open(beside, "w", encoding="utf-8", errors="backslashreplace") as file:
             file.write(json.dumps(content, indent=1, ensure_ascii=False) + "\n")
             file.flush()
             os.fsync(file.fileno())
         os.replace(beside, path)
     except OSError as error:
-        beside.unlink(missing_ok=True)
         raise AnyfaceError("file", f"{path}: {error.strerror or error}") from error
+    finally:
+        with suppress(OSError):
+            beside.unlink(missing_ok=True)

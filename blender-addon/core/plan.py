@@ -3,6 +3,8 @@
 Runs after `core.perform`, without Blender.
 """
 
+import uuid
+from contextlib import contextmanager
 from dataclasses import dataclass, replace
 from pathlib import Path
 
@@ -57,13 +59,52 @@ class WriteCaches(Plan):
 
     def finish(self, face, take, engine, progress):
         files = []
-        for name, path in self.paths.items():
-            rest, moved = of_piece(face, take.motion.displacements, name)
-            if files and not moved.any():
-                continue
-            pc2.write(Path(path), rest, moved, self.ease, progress)
-            files.append(WrittenFile(name, path, len(moved), len(rest), self.ease))
+        with all_or_none(files):
+            for name, path in self.paths.items():
+                rest, moved = of_piece(face, take.motion.displacements, name)
+                if files and not moved.any():
+                    continue
+                pc2.write(Path(path), rest, moved, self.ease, progress)
+                files.append(WrittenFile(name, path, len(moved), len(rest), self.ease))
         return replace(take, motion=Files(files))
+
+
+@contextmanager
+def all_or_none(files: list[WrittenFile]):
+    """Where one of the files of a take cannot be written, those before it go."""
+    try:
+        yield
+    except BaseException:
+        take_back(files)
+        raise
+
+
+def put(file: WrittenFile) -> None:
+    """Puts a file that waits in its place; what lay there waits from now on."""
+    path = Path(file.path)
+    if path.exists():
+        earlier = path.with_name(f".{path.stem}.{uuid.uuid4().hex[:8]}.before{path.suffix}")
+        path.replace(earlier)
+        file.earlier = str(earlier)
+    Path(file.waits).replace(path)
+    file.waits = ""
+
+
+def take_back(files: list[WrittenFile]) -> None:
+    """The files of a take that nobody wants go; what lay in their places lies there again."""
+    for file in files:
+        Path(file.waits or file.path).unlink(missing_ok=True)
+        if file.earlier:
+            Path(file.earlier).replace(file.path)
+            file.earlier = ""
+
+
+def settle(files: list[WrittenFile]) -> None:
+    """The files of a take are in use: what lay in their places goes."""
+    for file in files:
+        if file.earlier:
+            Path(file.earlier).unlink(missing_ok=True)
+            file.earlier = ""
 
 
 @dataclass
@@ -145,23 +186,31 @@ class MakeKeys(Plan):
 
 @dataclass
 class WriteTable(Plan):
-    """Weights of the ARKit shapes as a table at `path`, for the object `name`."""
+    """Weights of the ARKit shapes as a table for the object `name`, which waits beside `path`."""
 
     name: str
     path: str
     keeps_clip = True
 
     def finish(self, face, take, engine, progress):
-        Path(self.path).parent.mkdir(parents=True, exist_ok=True)
+        path = Path(self.path)
+        path.parent.mkdir(parents=True, exist_ok=True)
+        waits = str(path.with_name(f".{path.stem}.{uuid.uuid4().hex[:8]}.part.csv"))
+        try:
+            return replace(take, motion=Files([self._write(waits, face, take, engine, progress)]))
+        except BaseException:
+            Path(waits).unlink(missing_ok=True)
+            raise
+
+    def _write(self, waits: str, face, take, engine, progress) -> WrittenFile:
         made = take.shape_weights
         if made is not None:
-            engine.write_weights(made.names, made.weights, self.path, take.fps)
-            file = WrittenFile(self.name, self.path, len(made.weights))
-            return replace(take, motion=Files([file]))
+            engine.write_weights(made.names, made.weights, waits, take.fps)
+            return WrittenFile(self.name, self.path, len(made.weights), waits=waits)
         arkit, _ = _arkit(face, engine, progress)
-        solved = _solved(take, engine, arkit.names, arkit.vectors, progress, self.path)
-        file = WrittenFile(self.name, self.path, take.frame_count, left_out=solved.left_out)
-        return replace(take, motion=Files([file]))
+        solved = _solved(take, engine, arkit.names, arkit.vectors, progress, waits)
+        left_out = solved.left_out
+        return WrittenFile(self.name, self.path, take.frame_count, left_out=left_out, waits=waits)
 
 
 def _arkit(face, engine, progress) -> tuple[Rig, Rig]:

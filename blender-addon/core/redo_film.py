@@ -5,6 +5,7 @@ anew. Runs in the worker thread, without Blender.
 """
 
 import shutil
+from contextlib import contextmanager
 from dataclasses import dataclass, replace
 from pathlib import Path
 
@@ -13,7 +14,7 @@ import numpy as np
 from . import pc2
 from .errors import AnyfaceError
 from .job import Progress
-from .plan import Plan, WriteTable, of_piece
+from .plan import Plan, WriteTable, all_or_none, of_piece, take_back
 from .take import Files, Take, WrittenFile
 
 
@@ -50,15 +51,16 @@ class PatchCaches(Plan):
 
     def finish(self, face, take, engine, progress):
         files = []
-        for name, (old, new) in self.paths.items():
-            rest, moved = of_piece(face, take.motion.displacements, name)
-            with _FreshCopy(Path(old), Path(new)) as partial_path:
-                frames = pc2.patched(partial_path, len(rest), self.ease)
-                progress.check("write")
-                self._patch(frames, rest, moved)
-                count = len(frames) - 2 * self.ease
-                del frames
-            files.append(WrittenFile(name, new, count, len(rest), self.ease))
+        with all_or_none(files):
+            for name, (old, new) in self.paths.items():
+                rest, moved = of_piece(face, take.motion.displacements, name)
+                with _fresh_copy(Path(old), Path(new)) as partial_path:
+                    frames = pc2.patched(partial_path, len(rest), self.ease)
+                    progress.check("write")
+                    self._patch(frames, rest, moved)
+                    count = len(frames) - 2 * self.ease
+                    del frames
+                files.append(WrittenFile(name, new, count, len(rest), self.ease))
         return replace(take, motion=Files(files))
 
     def _patch(self, frames: np.ndarray, rest: np.ndarray, moved: np.ndarray) -> None:
@@ -78,27 +80,21 @@ class PatchCaches(Plan):
                 frames[len(frames) - 1 - number] = rest + strength * (frames[last] - rest)
 
 
-class _FreshCopy:
+@contextmanager
+def _fresh_copy(old: Path, new: Path):
     """A copy beside `new` that becomes it at the end; nothing is left where that fails."""
-
-    def __init__(self, old: Path, new: Path):
-        self.old, self.new = old, new
-        self.partial = new.with_name(new.name + ".part")
-
-    def __enter__(self) -> Path:
+    part = new.with_name(new.name + ".part")
+    try:
         try:
-            self.new.parent.mkdir(parents=True, exist_ok=True)
-            shutil.copyfile(self.old, self.partial)
+            new.parent.mkdir(parents=True, exist_ok=True)
+            shutil.copyfile(old, part)
         except OSError as error:
-            self.partial.unlink(missing_ok=True)
-            text = f"{self.old}: {error.strerror or error}: generate again"
+            text = f"{old}: {error.strerror or error}: generate again"
             raise AnyfaceError("file", text) from error
-        return self.partial
-
-    def __exit__(self, kind, *_):
-        if kind is None:
-            self.partial.replace(self.new)
-        self.partial.unlink(missing_ok=True)
+        yield part
+        part.replace(new)
+    finally:
+        part.unlink(missing_ok=True)
 
 
 @dataclass
@@ -112,24 +108,31 @@ class PatchTable(Plan):
     shares: np.ndarray
 
     def finish(self, face, take, engine, progress):
-        new = Path(self.table.path)
-        before = Path(self.old).read_text(encoding="utf-8").splitlines(keepends=True)
-        stretch = new.with_name(f"{new.stem}.part.csv")
-        try:
-            made = replace(self.table, path=str(stretch)).finish(face, take, engine, progress)
-            rows = stretch.read_text(encoding="utf-8").splitlines()[1:]
-        finally:
-            stretch.unlink(missing_ok=True)
-        for number in np.flatnonzero(self.shares[: len(rows)] > 0.0):
-            place = 1 + self.first + number
-            if place < len(before):
-                before[place] = mixed(before[place], rows[number], float(self.shares[number]))
-        partial_path = new.with_name(new.name + ".part")
-        partial_path.write_text("".join(before), encoding="utf-8", newline="")
-        partial_path.replace(new)
+        before = _text(self.old).splitlines(keepends=True)
+        made = self.table.finish(face, take, engine, progress)
         (file,) = made.motion.files
-        file.path, file.frames = str(new), len(before) - 1
+        try:
+            rows = _text(file.waits).splitlines()[1:]
+            for number in np.flatnonzero(self.shares[: len(rows)] > 0.0):
+                place = 1 + self.first + number
+                if place < len(before):
+                    share = float(self.shares[number])
+                    before[place] = mixed(before[place], rows[number], share)
+            Path(file.waits).write_text("".join(before), encoding="utf-8", newline="")
+        except BaseException:
+            take_back([file])
+            raise
+        file.frames = len(before) - 1
         return made
+
+
+def _text(path: str) -> str:
+    """A table; raises `AnyfaceError("file")`."""
+    try:
+        return Path(path).read_text(encoding="utf-8")
+    except (OSError, UnicodeError) as error:
+        text = f"{path}: no table that can be read ({error}): generate again"
+        raise AnyfaceError("file", text) from error
 
 
 def mixed(old: str, new: str, share: float) -> str:

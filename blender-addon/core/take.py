@@ -472,7 +472,9 @@ class ControlMotion(Motion):
 class WrittenFile:
     """A take of one object as a file of `frames` frames: a point cache of `vertices`, or weights.
 
-    `ease` frames lead from rest and back to it beside these. `left_out` as in `Solved`.
+    `ease` frames lead from rest and back to it beside these. `left_out` as in `Solved`. It lies at
+    `waits` until it is put at `path`; what lay there before waits at `earlier` until all is
+    written. Both are empty where there is no such file.
     """
 
     object_name: str
@@ -481,6 +483,8 @@ class WrittenFile:
     vertices: int = 0
     ease: int = 0
     left_out: float = 0.0
+    waits: str = ""
+    earlier: str = ""
 
 
 @dataclass

@@ -11,7 +11,7 @@ from functools import partial
 import bpy
 import numpy as np
 
-from ..core import measure, perform, systems
+from ..core import measure, perform, plan, systems
 from ..core.errors import AnyfaceError
 from ..core.job import BEGUN, Progress, at_once
 from ..core.plan import Plan
@@ -132,9 +132,13 @@ class Snapshot:
         """The take; raises `AnyfaceError`."""
         take = self.perform(progress)
         take = self.plan.finish(self.face, take, self.engine, progress)
-        output = outputs.of_take(take)
-        if len(self.face.pieces) > 1 and output.moves_parts and not output.in_files:
-            take.largest_of = measure.largest(take, self.face.pieces, progress)
+        try:
+            output = outputs.of_take(take)
+            if len(self.face.pieces) > 1 and output.moves_parts and not output.in_files:
+                take.largest_of = measure.largest(take, self.face.pieces, progress)
+        except BaseException:
+            discard(take)
+            raise
         return take
 
 
@@ -265,6 +269,25 @@ def landing(ob, snapshot: Snapshot, take: Take):
     text = " ".join([describe(take), *(f"({note})" for note in [*turned, *notes])])
     panel_settings.note(ob, snapshot.asked, text)
     return text
+
+
+def discard(made) -> None:
+    """Takes back the files of a take that was not written, or of those of a list; needs no Blender.
+
+    What is no take has left nothing.
+    """
+    for take in _takes(made):
+        plan.take_back(take.motion.files)
+
+
+def settle(made) -> None:
+    """The take, or those of a list, stands: what its files have replaced goes."""
+    for take in _takes(made):
+        plan.settle(take.motion.files)
+
+
+def _takes(made) -> list[Take]:
+    return [take for take in (made if isinstance(made, list) else [made]) if isinstance(take, Take)]
 
 
 def describe(take: Take) -> str:

@@ -12,11 +12,12 @@ from bpy.app.handlers import persistent
 
 from ..core import space
 from ..core.emotion import strengths
-from ..core.errors import AnyfaceError
+from ..core.errors import AnyfaceError, plain
 from ..core.take import Piece
 from . import identity
 from .face import mesh, pieces
 from .shape_keys import guard
+from .way_back import unharmed
 
 KEY = "Anyface Live"
 
@@ -58,16 +59,17 @@ def begin(ob, snapshot, face) -> None:
         guard.check_editable(one)
         guard.check_size(one, piece.count)
     end(ob)
-    parts = []
-    for one, piece in found:
-        rested = mesh.read_basis(one.data)
-        with guard.object_mode(one), guard.selection_kept(one):
-            _add_key(one, rested)
-        parts.append((identity.number(one), one.name, piece, rested))
-    way = snapshot.face.space
-    _followers.append(
-        Follower(identity.number(ob), ob.name, parts, face, way, snapshot.source.start_frame)
-    )
+    parts, way, start = [], snapshot.face.space, snapshot.source.start_frame
+    try:
+        for one, piece in found:
+            rested = mesh.read_basis(one.data)
+            with guard.object_mode(one), guard.selection_kept(one):
+                _add_key(one, rested)
+            parts.append((identity.number(one), one.name, piece, rested))
+        _followers.append(Follower(identity.number(ob), ob.name, parts, face, way, start))
+    except BaseException:
+        _sweep()
+        raise
     show(bpy.context.scene)
 
 
@@ -97,7 +99,8 @@ def end_all(*_) -> None:
 
 def _forget(follower: Follower) -> None:
     _followers.remove(follower)
-    follower.face.close()
+    with unharmed():
+        follower.face.close()
 
 
 def _sweep() -> None:
@@ -127,13 +130,15 @@ def _drop_key(ob) -> None:
 def show(scene) -> None:
     """Moves every face that follows to where it is in the current frame."""
     for follower in list(_followers):
-        ob = identity.with_number(follower.number, follower.name)
+        ob = None
         try:
+            ob = identity.with_number(follower.number, follower.name)
             if ob is None:
                 raise AnyfaceError("mesh", f"{follower.name} is gone")
             _show(ob, scene, follower)
-        except (AnyfaceError, ReferenceError) as error:
-            _say(ob, str(error))
+        except BaseException as error:
+            # Blender calls this for every frame: whatever fails once would fail again.
+            _say(ob, str(plain(error)))
             end_all()
             return
 

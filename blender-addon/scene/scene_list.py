@@ -2,9 +2,10 @@
 
 from dataclasses import dataclass
 
-from ..core.errors import AnyfaceError, Cancelled
+from ..core.errors import AnyfaceError, Cancelled, plain
 from ..core.job import Progress
 from . import bake, identity
+from .way_back import WayBack, unharmed
 
 
 @dataclass
@@ -38,8 +39,8 @@ def read(scene, rows) -> SceneSnapshot:
         part = Part(ob.name, identity.number(ob))
         try:
             part.snapshot = bake.read(ob, scene, settings, engine)
-        except AnyfaceError as error:
-            part.error = error
+        except BaseException as error:
+            part.error = plain(error)
         parts.append(part)
     return SceneSnapshot(parts)
 
@@ -63,20 +64,36 @@ def _work(part: Part, progress: Progress):
         return part.snapshot.work(progress)
     except Cancelled:
         raise
-    except AnyfaceError as error:
-        return error
+    except BaseException as error:
+        return plain(error)
 
 
 def _write(part: Part, take) -> tuple[str, bool, str]:
-    ob = identity.with_number(part.number, part.object_name)
+    way_back, ok = None, False
     try:
         if isinstance(take, AnyfaceError):
             raise take
+        ob = identity.with_number(part.number, part.object_name)
         if ob is None:
             raise AnyfaceError("mesh", f"{part.object_name} is gone")
+        way_back = WayBack(ob, part.object_name)
         text, ok = bake.write(ob, part.snapshot, take), True
-    except AnyfaceError as error:
-        text, ok = str(error), False
-    if ob is not None and ob.library is None:
-        ob.anyface.report, ob.anyface.report_is_error = text, not ok
+        way_back.close()
+    except BaseException as raised:
+        error = plain(raised)
+        with unharmed():
+            if not ok:
+                bake.discard(take)
+        with unharmed():
+            if way_back is not None and not ok:
+                error = way_back.go(error, isinstance(raised, AnyfaceError))
+        text = str(error)
+    with unharmed():
+        if ok:
+            bake.settle(take)
+    with unharmed():
+        # The way back has made other objects of them.
+        ob = identity.with_number(part.number, part.object_name)
+        if ob is not None and ob.library is None:
+            ob.anyface.report, ob.anyface.report_is_error = text, not ok
     return part.object_name, ok, text

@@ -2,7 +2,7 @@
 
 from bpy.types import Operator
 
-from ..core.errors import AnyfaceError
+from ..core.errors import plain
 from ..scene import cache_files
 
 
@@ -15,7 +15,10 @@ class ANYFACE_OT_remove_unused_caches(Operator):
 
     def invoke(self, context, event):
         """Says how many there are, and asks."""
-        found = cache_files.unused()
+        try:
+            found = cache_files.unused()
+        except BaseException as error:
+            return self._fail(plain(error))
         if not found.files:
             return self.execute(context)
         self._words = f"Delete {len(found.files)} files ({found.megabytes:,.0f} MB)?"
@@ -28,14 +31,17 @@ class ANYFACE_OT_remove_unused_caches(Operator):
 
     def execute(self, context):
         """Deletes them."""
-        found = cache_files.unused()
         try:
+            found = cache_files.unused()
             cache_files.delete(found.files)
-        except AnyfaceError as error:
-            self.report({"ERROR"}, f"Anyface: {error}")
-            return {"CANCELLED"}
+        except BaseException as error:
+            return self._fail(plain(error))
         if found.unread:
             text = f"{found.unread[0].name} cannot be read here: caches beside it stay"
             self.report({"WARNING"}, f"Anyface: {text}")
         self.report({"INFO"}, f"Anyface: {len(found.files)} unused caches deleted")
         return {"FINISHED"}
+
+    def _fail(self, error):
+        self.report({"ERROR"}, f"Anyface: {error}")
+        return {"CANCELLED"}

@@ -9,11 +9,12 @@ from bpy.types import Operator, SpaceView3D
 from bpy_extras import view3d_utils
 from mathutils import Vector
 
-from ..core.errors import AnyfaceError
+from ..core.errors import AnyfaceError, plain
 from ..core.job import Job, Progress
 from ..scene import bake
 from ..scene.face import landmarks
 from ..scene.shape_keys import guard
+from ..scene.way_back import unharmed
 from . import character, running
 from .operators import Acting, Alone, InThread, redraw
 from .settings import from_object
@@ -108,6 +109,7 @@ class ANYFACE_OT_edit_landmarks(Alone, Operator):
     bl_label = "Edit Face Points"
     # Every drag is an undo step of its own; ending the operator is none.
     bl_options = {"REGISTER", "BLOCKING"}
+    _job = _timer = None
 
     def execute(self, context):
         """Without a window there is nothing to drag with."""
@@ -117,19 +119,31 @@ class ANYFACE_OT_edit_landmarks(Alone, Operator):
         """Shows the landmarks and waits for the pointer."""
         if bpy.app.background or context.region_data is None:
             return self.execute(context)
-        self._name, self._job = target(context).name, None
+        self._name = target(context).name
         try:
             self._drag = landmarks.Drag(target(context))
-        except AnyfaceError as error:
-            return self.fail(error)
-        context.window_manager.anyface_show_landmarks = True
-        context.workspace.status_text_set("Drag the points of the face; Return or Esc ends")
-        self._timer = context.window_manager.event_timer_add(0.05, window=context.window)
-        context.window_manager.modal_handler_add(self)
-        return {"RUNNING_MODAL"}
+            context.window_manager.anyface_show_landmarks = True
+            context.workspace.status_text_set("Drag the points of the face; Return or Esc ends")
+            self._timer = context.window_manager.event_timer_add(0.05, window=context.window)
+            context.window_manager.modal_handler_add(self)
+            return {"RUNNING_MODAL"}
+        except BaseException as error:
+            return self._break(context, error)
 
     def modal(self, context, event):
         """One drag is one undo step."""
+        try:
+            return self._modal(context, event)
+        except BaseException as error:
+            return self._break(context, error)
+
+    def _break(self, context, raised: BaseException):
+        """Ends the dragging whatever was raised, and tells the artist; points that were let go
+        stay where they are."""
+        self._end(context)
+        return self.fail(plain(raised))
+
+    def _modal(self, context, event):
         redraw(context)
         ob = bpy.data.objects.get(self._name)
         ends = event.type in {"ESC", "RET", "NUMPAD_ENTER"} and event.value == "PRESS"
@@ -194,17 +208,24 @@ class ANYFACE_OT_edit_landmarks(Alone, Operator):
 
     def _end(self, context):
         self.cancel(context)
-        context.workspace.status_text_set(None)
-        redraw(context)
+        with unharmed():
+            redraw(context)
         return {"FINISHED"}
 
     def cancel(self, context):
         """Blender closes or loads another file, or the artist ends it."""
         shown.clear()
-        if self._job is not None:
-            self._job.cancel()
+        job, timer = self._job, self._timer
+        self._job = self._timer = None
+        if job is not None:
             running.finish()
-        context.window_manager.event_timer_remove(self._timer)
+            with unharmed():
+                job.cancel()
+        with unharmed():
+            context.workspace.status_text_set(None)
+        with unharmed():
+            if timer is not None:
+                context.window_manager.event_timer_remove(timer)
 
 
 # Positions `[68, 3]` by object name that are drawn instead of the stored ones, during a drag.

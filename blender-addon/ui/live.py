@@ -30,19 +30,8 @@ meanwhile. Again ends it; so does saving, rendering and undo. Nothing of it stay
         plays = "The face plays a take: remove it first" if outputs.has_take(ob) else ""
         return super().why_not(context) or plays
 
-    def execute(self, context):
-        """On or off."""
-        if self._off(context):
-            return {"FINISHED"}
-        return super().execute(context)
-
-    def invoke(self, context, event):
-        """The same, with the work in a thread."""
-        if self._off(context):
-            return {"FINISHED"}
-        return super().invoke(context, event)
-
-    def _off(self, context) -> bool:
+    def instead(self, context):
+        """Off, where it is on."""
         return live.end(target(context))
 
     def read(self, context, ob):

@@ -4,7 +4,7 @@ import bpy
 from bpy.props import FloatProperty, FloatVectorProperty, IntProperty
 from bpy.types import Operator
 
-from ..core.errors import AnyfaceError
+from ..core.errors import plain
 from ..core.native_head import FARTHEST, Heads, Recipe
 from ..scene.face import made_head, mesh
 from . import running
@@ -70,11 +70,11 @@ class ANYFACE_OT_add_head(AddHead, Operator):
         recipe = Recipe(self.seed, self.other, self.share, tuple(self.changes))
         try:
             made = heads().make(recipe, self.resolution)
-        except AnyfaceError as error:
-            self.report({"ERROR"}, str(error))
+            ob = self.add(context, made_head.mesh(made, self.height))
+            made_head.keep_landmarks(ob, made)
+        except BaseException as error:
+            self.report({"ERROR"}, f"Anyface: {plain(error)}")
             return {"CANCELLED"}
-        ob = self.add(context, made_head.mesh(made, self.height))
-        made_head.keep_landmarks(ob, made)
         return {"FINISHED"}
 
     def draw(self, _context):

@@ -6,9 +6,10 @@ from pathlib import Path
 import bpy
 from bpy.props import StringProperty
 
-from ..core.errors import AnyfaceError
+from ..core.errors import AnyfaceError, plain, readable
 from ..core.job import BEGUN, Job, Progress
-from ..scene import copies, identity
+from ..scene import bake, copies, identity
+from ..scene.way_back import WayBack, unharmed
 from . import running
 from .target import OfFace, target
 
@@ -28,11 +29,11 @@ class Acting(OfFace):
 
     def execute(self, context):
         """Does it, or says why not."""
-        copies.settle()
         try:
+            copies.settle()
             return self.tell(self.act(target(context)))
-        except AnyfaceError as error:
-            return self.fail(error)
+        except BaseException as error:
+            return self.fail(plain(error))
 
     def tell(self, text):
         """Says what was done, where there is something to say."""
@@ -42,7 +43,8 @@ class Acting(OfFace):
 
     def fail(self, error, _ob=None):
         """Shows the error where the artist looks."""
-        self.report({"WARNING" if isinstance(error, Notice) else "ERROR"}, f"Anyface: {error}")
+        text = readable(f"Anyface: {error}")
+        self.report({"WARNING" if isinstance(error, Notice) else "ERROR"}, text)
         return {"CANCELLED"}
 
 
@@ -97,43 +99,70 @@ class InThread(Alone):
     `finish(ob, read, worked)` writes what that has returned, and may return what to tell the
     artist. Where this takes long, `land` of the same arguments does it in steps: a generator that
     has changed nothing until it yields `BEGUN`.
+
+    Whatever is raised in any of them, the job is over, the artist is told, the scene is as it was
+    before it was written to, and the next job can start.
     """
 
     cancelled = "cancelled"
-    _landing = None
+    # Where what it writes goes in one piece; an operator that writes several has a way for each.
+    goes_back = True
+    _landing = _job = _timer = _way_back = None
+    _name, _number = "", 0
     # The result is being written: only an undo, or another file, ends that.
     _begun = False
+    # The result stands in the scene, files of it are played.
+    _written = False
 
     def face(self, context):
         """The character; None for an operator that has no single one."""
         return target(context)
 
+    def instead(self, context) -> bool:
+        """Whether something else was done, and there is no job."""
+        return False
+
     def execute(self, context):
         """Everything at once: for scripts and for Blender without a window."""
-        ob = self.face(context)
+        worked = None
         try:
-            snapshot = self.read(context, ob)
-            return self.tell(self.finish(ob, snapshot, snapshot.work(Progress())))
-        except AnyfaceError as error:
-            return self.fail(error, ob)
+            if self.instead(context):
+                return {"FINISHED"}
+            self._remember(self.face(context))
+            snapshot = self.read(context, self._here())
+            worked = snapshot.work(Progress())
+            self._open_way_back()
+            told = self.finish(self._here(), snapshot, worked)
+            self._close_way_back(worked)
+            return self.tell(told)
+        except BaseException as error:
+            return self._break(context, error, worked)
 
     def invoke(self, context, event):
         """Reads now, works in a thread, writes when that is done."""
         if bpy.app.background:
             return self.execute(context)
-        ob = self.face(context)
         try:
-            self._snapshot = self.read(context, ob)
-        except AnyfaceError as error:
-            return self.fail(error, ob)
-        self._name, self._number = (ob.name, identity.number(ob)) if ob is not None else ("", 0)
-        self._job = running.start(Job(self._snapshot.work), self._name or "Scene")
-        self._timer = context.window_manager.event_timer_add(0.1, window=context.window)
-        context.window_manager.modal_handler_add(self)
-        return {"RUNNING_MODAL"}
+            if self.instead(context):
+                return {"FINISHED"}
+            self._remember(self.face(context))
+            self._snapshot = self.read(context, self._here())
+            job = Job(self._snapshot.work, bake.discard)
+            self._job = running.start(job, self._name or "Scene")
+            self._timer = context.window_manager.event_timer_add(0.1, window=context.window)
+            context.window_manager.modal_handler_add(self)
+            return {"RUNNING_MODAL"}
+        except BaseException as error:
+            return self._break(context, error)
 
     def modal(self, context, event):
         """Polls the thread; ESC cancels."""
+        try:
+            return self._modal(context, event)
+        except BaseException as error:
+            return self._break(context, error)
+
+    def _modal(self, context, event):
         redraw_sidebar(context)
         if event.type == "ESC" and event.value == "PRESS" and not self._begun:
             self._job.cancel()
@@ -145,17 +174,13 @@ class InThread(Alone):
             return {"CANCELLED"}
         if event.type != "TIMER" or not self._job.done:
             return {"PASS_THROUGH"}
-        ob = identity.with_number(self._number, self._name)
-        try:
-            if self._name and ob is None:
-                raise AnyfaceError("mesh", f"{self._name} is gone")
-            if self._landing is None:
-                self._landing = self.land(ob, self._snapshot, self._job.result())
-                self._hurry(context)
-            return self._slice(context)
-        except AnyfaceError as error:
-            self._end(context)
-            return self.fail(error, ob)
+        ob = self._here()
+        if self._landing is None:
+            self._worked = self._job.result()
+            self._open_way_back()
+            self._landing = self.land(ob, self._snapshot, self._worked)
+            self._hurry(context)
+        return self._slice(context)
 
     def land(self, ob, read, worked):
         """Everything at once, in one step."""
@@ -172,6 +197,7 @@ class InThread(Alone):
                     self._begun = True
                     break
         except StopIteration as ended:
+            self._close_way_back(self._worked)
             self._end(context)
             return self.tell(ended.value)
         return {"PASS_THROUGH"}
@@ -179,19 +205,83 @@ class InThread(Alone):
     def _hurry(self, context):
         """From now on Blender asks more often."""
         context.window_manager.event_timer_remove(self._timer)
+        self._timer = None
         self._timer = context.window_manager.event_timer_add(SLICE_S, window=context.window)
 
     def cancel(self, context):
         """Blender closes or loads another file."""
-        self._job.cancel()
+        with unharmed():
+            self._job.cancel()
         self._end(context)
 
+    def _remember(self, ob) -> None:
+        self._name, self._number = (ob.name, identity.number(ob)) if ob is not None else ("", 0)
+
+    def _here(self):
+        """The character as it is called now; raises `AnyfaceError("mesh")` where it is gone."""
+        ob = identity.with_number(self._number, self._name) if self._name else None
+        if self._name and ob is None:
+            raise AnyfaceError("mesh", f"{self._name} is gone")
+        return ob
+
+    def _open_way_back(self) -> None:
+        if self.goes_back:
+            self._way_back = WayBack(self._here(), self.bl_label)
+
+    def _close_way_back(self, worked) -> None:
+        """The result stands; what it replaced goes."""
+        self._written = True
+        if self._way_back is not None:
+            self._way_back.close()
+        bake.settle(worked)
+
+    def _break(self, context, raised: BaseException, worked=None):
+        """Whatever was raised: ends the job, brings the scene back, tells the artist."""
+        error, way_back = plain(raised), self._way_back
+        self._way_back = None
+        with unharmed():
+            if self._job is not None and not self._job.done:
+                self._job.cancel()
+        self._end(context)
+        if self._written:
+            # What broke came behind it: the result stands, and undo takes it back.
+            with unharmed():
+                self.report({"WARNING"}, readable(f"Anyface: written, but then: {error}"))
+            return {"FINISHED"}
+        with unharmed():
+            bake.discard(worked)
+        with unharmed():
+            if way_back is not None:
+                error = way_back.go(error, isinstance(raised, AnyfaceError))
+        ob = None
+        with unharmed():
+            ob = identity.with_number(self._number, self._name) if self._name else None
+        try:
+            return self.fail(error, ob)
+        except BaseException as again:
+            plain(again)
+            return Acting.fail(self, error)
+
     def _end(self, context):
-        context.window_manager.event_timer_remove(self._timer)
-        if self._landing is not None:
-            self._landing.close()
-        running.finish()
-        redraw(context)
+        """The next job may start; nothing is left of this one but what stands in the scene."""
+        job, landing, timer, way_back = self._job, self._landing, self._timer, self._way_back
+        self._landing = self._timer = None
+        if job is not None:
+            running.finish()
+        with unharmed():
+            if landing is not None:
+                landing.close()
+        with unharmed():
+            if job is not None and not self._written:
+                job.discard()
+        with unharmed():
+            if way_back is not None:
+                way_back.close()
+        with unharmed():
+            if timer is not None:
+                context.window_manager.event_timer_remove(timer)
+        with unharmed():
+            redraw(context)
 
 
 def redraw(context) -> None:

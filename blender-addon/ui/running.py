@@ -40,11 +40,13 @@ def engine(system: str, folder: str | Path | None = None) -> LazyEngine:
 
 
 def start(job: Job, object_name: str) -> Job:
-    """Makes `job` the current one and starts it."""
+    """Starts `job` and makes it the current one."""
     global current, current_name
+    # The system may refuse another thread: nothing runs then.
+    job.start()
     current, current_name = job, object_name
     _started.add(job)
-    return job.start()
+    return job
 
 
 def is_running() -> bool:

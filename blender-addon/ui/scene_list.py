@@ -119,6 +119,9 @@ class ANYFACE_OT_generate_scene(InThread, Operator):
     bl_idname = "anyface.generate_scene"
     bl_label = "Generate All"
 
+    # The list goes back for each of its rows.
+    goes_back = False
+
     @classmethod
     def why_not(cls, context):
         if running.is_running():
@@ -149,8 +152,9 @@ class ANYFACE_OT_generate_scene(InThread, Operator):
     def finish(self, _ob, snapshot, takes):
         """Writes the takes."""
         outcomes = scene_list.write(snapshot, takes)
+        self._written = any(ok for _, ok, _ in outcomes)
         text = scene_list.in_one_line(outcomes)
-        if not any(ok for _, ok, _ in outcomes):
+        if not self._written:
             raise AnyfaceError("mesh", text)
         if all(ok for _, ok, _ in outcomes):
             return text

@@ -350,19 +350,20 @@ def link_from_library(name, folder):
     return ob
 
 
-def window():
-    """What an operator sees of a window, with a head in it; its manager counts its timers."""
+def window(ob=None):
+    """What an operator sees of a window with `ob`, or a new head; its manager counts its timers."""
     manager = SimpleNamespace(windows=[], timers=0, modal_handler_add=lambda _operator: None)
 
     def add(_seconds, window):
         manager.timers += 1
+        return object()
 
     def remove(_timer):
         manager.timers -= 1
 
     manager.event_timer_add, manager.event_timer_remove = add, remove
     return SimpleNamespace(
-        window_manager=manager, window=None, scene=bpy.context.scene, object=grid()
+        window_manager=manager, window=None, scene=bpy.context.scene, object=ob or grid()
     )
 
 

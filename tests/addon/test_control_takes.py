@@ -47,6 +47,11 @@ def stage(addon):
 
 @pytest.fixture
 def face(stage, tmp_path):
+    """A face on a rig."""
+    return rigged(tmp_path)
+
+
+def rigged(tmp_path):
     """A grid on a rig of four bones on a root, one of them locked, with a tone to speak."""
     ob = grid()
     points = np.array([vertex.co for vertex in ob.data.vertices])

@@ -199,6 +199,8 @@ def operator_on(addon, monkeypatch):
     monkeypatch.setattr(operators, "bpy", window)
 
     class Operator(operators.InThread):
+        bl_label = "Test"
+
         def __init__(self):
             self.steps, self.closed, self.yields = 0, False, None
 

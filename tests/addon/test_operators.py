@@ -33,6 +33,8 @@ def operator(addon, monkeypatch):
     monkeypatch.setattr(operators, "bpy", window)
 
     class Operator(operators.InThread):
+        bl_label = "Test"
+
         def __init__(self):
             self.told, self.wrote, self.works = [], [], Work()
 

@@ -136,6 +136,44 @@ def test_a_slider_is_dragged_and_undone_in_one_step(screen, photographs):
     screen.wait("not keys()")
 
 
+BREAK = """
+import importlib
+keys_module = importlib.import_module("bl_ext.user_default.anyface.scene.takes.keys")
+whole = keys_module.play
+def broken(ob, taken):
+    yield from whole(ob, taken)
+    raise MemoryError
+keys_module.play, keys_module.whole = broken, whole
+"""
+MEND = """
+import importlib
+keys_module = importlib.import_module("bl_ext.user_default.anyface.scene.takes.keys")
+keys_module.play = keys_module.whole
+"""
+PRINT = """
+keys_of = bpy.data.objects["Head"].data.shape_keys
+curves_of = keys_of.animation_data.action
+answer = [len(keys_of.key_blocks), keys_of["anyface"], curves_of.name, list(curves_of.frame_range)]
+answer += [sorted(bpy.context.scene.keys()), len(bpy.data.actions), len(bpy.data.meshes)]
+"""
+
+
+def test_a_take_that_breaks_while_it_is_written_leaves_the_earlier_one(screen):
+    screen.press("anyface.generate")
+    screen.wait("keys() and not running()")
+    before = screen.ask(PRINT)
+    screen.ask(BREAK)
+    screen.press("anyface.generate")
+    screen.wait("'memory is full' in bpy.data.objects['Head'].anyface.report and not running()")
+    assert screen.ask(PRINT) == before
+    screen.ask(MEND)
+    screen.press("anyface.generate")
+    screen.wait("'memory' not in bpy.data.objects['Head'].anyface.report and not running()")
+    assert screen.ask(PRINT)[1] != before[1]
+    screen.press("anyface.remove")
+    screen.wait("not keys()")
+
+
 def test_escape_stops_a_running_job_and_leaves_nothing(screen, photographs, voice):  # noqa: F811
     # Ten minutes of sound, long enough to be stopped.
     _, samples, rate = voice

@@ -6,7 +6,7 @@ from pathlib import Path
 
 import bpy
 
-from ...core import wording
+from ...core import plan, wording
 from ...core.errors import AnyfaceError
 from ...core.estimate import RIG_S, SOLVE_S, Cost
 from ...core.job import BEGUN
@@ -56,9 +56,11 @@ class Csv(Output):
         return f"ARKit table {bpy.path.basename(file.path)}, {shown}"
 
     def write_files(self, ob, take, start_frame, scene_fps):
+        (file,) = take.motion.files
+        path = _path_of(ob, file.path)
+        plan.put(file)
         # A linked object cannot remember it.
         if ob.library is None:
-            path = _path_of(ob, take.motion.files[0].path)
             noted = {"path": str(path), "digest": _digest(path), "owner": identity.of(ob)}
             ob[PROPERTY] = json.dumps(noted | {"blend": _blend()})
 

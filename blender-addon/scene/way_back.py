@@ -1,0 +1,137 @@
+"""The way back to the scene as it was before a result is written, by Blender's own undo.
+
+Writing goes through meshes, keys, actions and rigs. Whatever breaks it half-way, undo knows all
+that was there before.
+"""
+
+import contextlib
+import sys
+import traceback
+import uuid
+
+import bpy
+
+from ..core.errors import AnyfaceError
+from . import identity
+from .shape_keys import guard, record
+
+# On the scene while a result is written: the step before does not have it.
+_MARK = "anyface_writing_"
+# Blender keeps no more steps.
+_MOST_STEPS = 256
+NO_UNDO = (
+    "Global Undo is off in the preferences, so what was written until then stays: press Remove"
+)
+
+
+class WayBack:
+    """Made before a result of `ob` (None for several) is written; `close` or `go` ends it."""
+
+    def __init__(self, ob, label: str):
+        self._name, self._number = (ob.name, identity.number(ob)) if ob is not None else ("", 0)
+        self._open, self._mark = False, _MARK + uuid.uuid4().hex[:12]
+        self._was = _looks()
+        if not bpy.context.preferences.edit.use_global_undo or not _can_mark():
+            return
+        with _object_mode(ob):
+            bpy.ops.ed.undo_push(message=f"Before {label}")
+        bpy.context.scene[self._mark] = True
+        self._open = True
+
+    def close(self) -> None:
+        """The result is written, or nothing of it: there is no way back any more."""
+        if self._open:
+            self._rub_out()
+        self._open = False
+
+    def go(self, error: AnyfaceError, said: bool = False) -> AnyfaceError:
+        """Back to the scene as it was; returns the error, with what else the artist should know.
+
+        Where somebody has `said` the error in words before anything was changed, no way back is
+        needed. Objects that somebody holds are no longer valid behind one.
+        """
+        if said and _looks() == self._was:
+            self.close()
+            return error
+        ob = identity.with_number(self._number, self._name) if self._name else None
+        if not self._open:
+            return AnyfaceError(error.kind, f"{error} ({NO_UNDO})", error.mends)
+        self._open = False
+        with _object_mode(ob):
+            bpy.ops.ed.undo_push(message="Failed")
+        modes = _modes()
+        _leave_modes()
+        for _ in range(_MOST_STEPS):
+            if self._mark not in bpy.context.scene or bpy.ops.ed.undo() != {"FINISHED"}:
+                break
+        _enter_modes(modes)
+        if self._rub_out():
+            return AnyfaceError(error.kind, f"{error} (undo it to go back)", error.mends)
+        return error
+
+    def _rub_out(self) -> bool:
+        """Takes the mark away; False where there is none."""
+        marked = self._mark in bpy.context.scene
+        if marked:
+            del bpy.context.scene[self._mark]
+        return marked
+
+
+def _can_mark() -> bool:
+    scene = bpy.context.scene
+    return scene is not None and scene.library is None
+
+
+def _looks() -> tuple:
+    """What changes with the first step of writing, whichever it is."""
+    kinds = ("objects", "meshes", "shape_keys", "actions", "materials", "texts")
+    counts = [len(getattr(bpy.data, kind)) for kind in kinds]
+    return counts, [_look_of(ob) for ob in bpy.data.objects if ob.type == "MESH" and ob.data]
+
+
+def _look_of(ob) -> tuple:
+    keys = ob.data.shape_keys
+    own = (len(keys.key_blocks), keys.get(record.PROPERTY)) if keys is not None else None
+    caches = [(m.name, getattr(m, "filepath", "")) for m in ob.modifiers]
+    return ob.name, ob.data.name, len(ob.data.vertices), own, caches, sorted(ob.keys())
+
+
+@contextlib.contextmanager
+def _object_mode(ob):
+    """Only there Blender notes the whole scene, and not one mesh."""
+    with contextlib.ExitStack() as stack:
+        for one in {bpy.context.view_layer.objects.active, ob} - {None}:
+            stack.enter_context(guard.object_mode(one))
+        yield
+
+
+def _modes() -> list[tuple[int, str, str]]:
+    found = {bpy.context.view_layer.objects.active} - {None}
+    return [(identity.number(ob), ob.name, ob.mode) for ob in found if ob.mode != "OBJECT"]
+
+
+def _leave_modes() -> None:
+    for number, name, _ in _modes():
+        _set_mode(identity.with_number(number, name), "OBJECT")
+
+
+def _enter_modes(modes: list[tuple[int, str, str]]) -> None:
+    for number, name, mode in modes:
+        _set_mode(identity.with_number(number, name), mode)
+
+
+def _set_mode(ob, mode: str) -> None:
+    if ob is not None and ob.mode != mode:
+        with bpy.context.temp_override(active_object=ob, object=ob):
+            bpy.ops.object.mode_set(mode=mode)
+
+
+@contextlib.contextmanager
+def unharmed():
+    """What fails here is shown on the console and keeps nothing else from being done."""
+    try:
+        yield
+    except BaseException:
+        with contextlib.suppress(Exception):
+            traceback.print_exc()
+            sys.stderr.flush()

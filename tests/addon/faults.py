@@ -1,0 +1,208 @@
+"""Raises an exception at any step of a job: wherever a function of the extension is called."""
+
+import errno
+import importlib
+import sys
+import threading
+import time
+import types
+from collections import Counter
+from concurrent.futures.process import BrokenProcessPool
+from types import SimpleNamespace
+
+import bpy
+import numpy as np
+
+import figures
+from figures import Stage
+
+TIMER = SimpleNamespace(type="TIMER", value="NOTHING")
+# Where a job hangs, its test fails instead.
+LIMIT_S = 20.0
+ERRORS = (
+    lambda: MemoryError(),
+    lambda: RecursionError("maximum recursion depth exceeded"),
+    lambda: KeyboardInterrupt(),
+    lambda: BrokenProcessPool("a child process terminated abruptly"),
+    lambda: SystemExit(3),
+    lambda: ReferenceError("StructRNA of type Object has been removed"),
+    lambda: FileNotFoundError(errno.ENOENT, "No such file or directory", "/gone/voice.wav"),
+    lambda: OSError(errno.ENOSPC, "No space left on device", "/full/head.pc2"),
+    lambda: UnicodeDecodeError("utf-8", b"\xff", 0, 1, "invalid start byte"),
+    lambda: RuntimeError("Error: \udcff half a letter"),
+    lambda: ZeroDivisionError("division by zero"),
+    lambda: KeyError("co"),
+)
+# What catches exceptions cannot itself raise them, nor what Blender calls before a job is there.
+_NET = {
+    "errors.py": None,
+    "way_back.py": None,
+    "running.py": {"finish", "is_running", "_on_undo", "_on_load"},
+    "job.py": {"__init__", "start", "done", "_run", "discard", "result", "cancelled", "cancel"},
+    "operators.py": {"modal", "invoke", "execute", "_break", "_end", "fail", "cancel"},
+    "landmarks.py": {"invoke", "modal", "_break", "_end", "cancel"},
+    "target.py": None,
+}
+_HANDLERS = {"_on_frame", "_on_end", "_on_save", "_on_load", "end_all"}
+
+
+class Fault:
+    """Raises `error` at the call of that number of one function; without one it counts calls."""
+
+    def __init__(self, folder, code=None, number=1, error=None):
+        self.calls = Counter()
+        self._folder, self._code, self._left, self._error = str(folder), code, number, error
+
+    def __enter__(self):
+        threading.setprofile(self)
+        sys.setprofile(self)
+        return self
+
+    def __exit__(self, *_):
+        sys.setprofile(None)
+        threading.setprofile(None)
+
+    def __call__(self, frame, event, _argument):
+        """What Python calls at each call."""
+        if event != "call":
+            return
+        code = frame.f_code
+        if self._code is None:
+            if code.co_filename.startswith(self._folder):
+                self.calls[code] += 1
+        elif code is self._code:
+            self._left -= 1
+            if self._left == 0:
+                raise self._error
+
+
+def steps_of(calls: Counter, folder) -> list:
+    """The functions that a job has called in which something may break, and how often."""
+    return [(code, n) for code, n in calls.items() if _is_step(code)]
+
+
+def _is_step(code) -> bool:
+    name = code.co_filename.replace("\\", "/").rpartition("/")[2]
+    if name in _NET and (_NET[name] is None or code.co_name in _NET[name]):
+        return False
+    return code.co_name not in _HANDLERS and not code.co_name.startswith("<")
+
+
+def without_blender(cls, **options):
+    """An operator as a plain object that notes in `told` what it says: Blender makes real ones."""
+    namespace = {name: value for name, value in vars(cls).items() if name not in _SLOTS}
+    bases = tuple(base for base in cls.__bases__ if base is not bpy.types.Operator)
+    own = type(cls.__name__, bases, namespace)
+    for name, value in namespace.items():
+        function = value.__func__ if isinstance(value, classmethod) else value
+        if isinstance(function, types.FunctionType):
+            made = _bound_to(function, own)
+            setattr(own, name, classmethod(made) if isinstance(value, classmethod) else made)
+    made = own()
+    made.told = []
+    made.report = lambda kinds, text: made.told.append((*kinds, _checked(text)))
+    for name, value in options.items():
+        setattr(made, name, value)
+    return made
+
+
+_SLOTS = {"__dict__", "__weakref__", "__slots__", "bl_rna", "__annotations__"}
+
+
+def _bound_to(function, cls):
+    """The same function, whose `super()` is that of another class."""
+    names = function.__code__.co_freevars
+    cells = [
+        types.CellType(cls) if name == "__class__" else cell
+        for name, cell in zip(names, function.__closure__ or (), strict=True)
+    ]
+    given = function.__code__, function.__globals__, function.__name__, function.__defaults__
+    made = types.FunctionType(*given, tuple(cells))
+    made.__kwdefaults__ = function.__kwdefaults__
+    return made
+
+
+def _checked(text: str) -> str:
+    # As Blender does.
+    text.encode("utf-8")
+    return text
+
+
+def press(operator, ob) -> tuple[str, object]:
+    """Runs an operator as under a window until it has ended; returns how, and the window."""
+    context = figures.window(ob)
+    bpy.context.view_layer.objects.active = ob
+    result, ends = operator.invoke(context, TIMER), time.monotonic() + LIMIT_S
+    while result in ({"RUNNING_MODAL"}, {"PASS_THROUGH"}):
+        assert time.monotonic() < ends, "the job never ends"
+        time.sleep(0.001)
+        result = operator.modal(context, TIMER)
+    # One that was cancelled takes its files back when it has seen it.
+    for thread in threading.enumerate():
+        if thread.name == "anyface":
+            thread.join(LIMIT_S)
+    (word,) = result
+    return word, context.window_manager
+
+
+class LiveFace:
+    """Stands for a face that follows its sound."""
+
+    def __init__(self, count):
+        self._count = count
+
+    def feel(self, strengths):
+        """Feels nothing."""
+
+    def at(self, seconds):
+        """All vertices moved alike."""
+        return np.full((self._count, 3), 0.001, dtype=np.float32)
+
+    def close(self):
+        """Nothing is held."""
+
+
+class WholeStage(Stage):
+    """A stage that does all that the panel asks for."""
+
+    def live(self, positions, *_):
+        """A face that follows."""
+        return LiveFace(len(positions))
+
+    def open_mouth(self, positions, triangles, *_):
+        """The mesh as it was: its lips part already."""
+        package = self.take_module
+        vertices, faces = np.arange(len(positions)), np.arange(len(triangles))
+        corners = np.tile(np.eye(3), (len(faces), 1, 1))
+        return package.OpenedMouth(
+            positions=np.array(positions),
+            triangles=np.array(triangles),
+            landmarks=np.array(positions[:68], dtype=np.float64),
+            landmark_vertices=np.arange(68),
+            vertex_sources=np.tile(vertices[:, None], (1, 3)),
+            vertex_shares=np.tile([1.0, 0.0, 0.0], (len(vertices), 1)),
+            triangle_sources=faces,
+            corner_shares=corners,
+            first_inside_triangle=len(faces),
+        )
+
+    def head_like(self, positions, triangles, *_):
+        """The face itself."""
+        module = importlib.import_module(f"{self.take_module.__package__}.native_head")
+        made = module.MadeHead(
+            np.array(positions)[:, [0, 2, 1]], np.array(triangles), np.arange(68), len(positions)
+        )
+        return made, 0.5, 1.0
+
+    def mask(self, positions, *_):
+        """Feeling is believed by half."""
+        return np.full(len(positions), 0.5, dtype=np.float32)
+
+    def animate(self, *given):
+        """The motion of a stage, with a head that nods."""
+        animation = super().animate(*given)
+        frames = int(np.ceil(given[4].duration_s * given[5].fps))
+        way = np.array([[1, 0, 0, 0], [0, 0, 1, 0], [0, -1, 0, 0]], dtype=np.float32)
+        head = np.tile([0.05, 0.03, 0.02], (frames, 1))
+        animation.life = self.take_module.Life(head, np.zeros((frames, 2, 2)), way)
+        return animation

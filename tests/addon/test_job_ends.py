@@ -1,0 +1,342 @@
+"""Every job ends with a message, whatever is raised wherever: the generated test.
+
+Each job runs once while the functions that it calls are noted. Then it runs again for each of them,
+which raises. `ANYFACE_EVERY_STEP=1` tries all of them for every job; without it a function is tried
+for the first job that calls it.
+"""
+
+import os
+import shutil
+from pathlib import Path
+from types import SimpleNamespace
+
+import bpy
+import numpy as np
+import pytest
+from mathutils import Vector
+
+import figures
+from faults import ERRORS, TIMER, Fault, WholeStage, press, steps_of, without_blender
+from figures import animation_rows, everything, grid, motion, own_keys, stand_in, tone
+from test_control_takes import Waves, rigged
+
+START = 5
+EVERY = bool(os.environ.get("ANYFACE_EVERY_STEP"))
+# Functions that an earlier job has tried.
+tried = set()
+# Name: module and class of the operator, and how it is set.
+JOBS = {
+    "basis": ("ui.generate", "ANYFACE_OT_generate", "basis"),
+    "frames": ("ui.generate", "ANYFACE_OT_generate", "frames"),
+    "cache": ("ui.generate", "ANYFACE_OT_generate", "cache"),
+    "keys": ("ui.generate", "ANYFACE_OT_generate", "keys"),
+    "arkit": ("ui.generate", "ANYFACE_OT_generate", "arkit"),
+    "csv": ("ui.generate", "ANYFACE_OT_generate", "csv"),
+    "scene": ("ui.scene_list", "ANYFACE_OT_generate_scene", "basis"),
+    "redo basis": ("ui.sounds", "ANYFACE_OT_redo", "basis"),
+    "redo frames": ("ui.sounds", "ANYFACE_OT_redo", "frames"),
+    "redo cache": ("ui.sounds", "ANYFACE_OT_redo", "cache"),
+    "redo csv": ("ui.sounds", "ANYFACE_OT_redo", "csv"),
+    "find face": ("ui.landmarks", "ANYFACE_OT_find_face", "basis"),
+    "expression keys": ("ui.expression_keys", "ANYFACE_OT_expression_keys", "basis"),
+    "heat": ("ui.heat", "ANYFACE_OT_heat_map", "basis"),
+    "live": ("ui.live", "ANYFACE_OT_live", "basis"),
+    "sounds": ("ui.sounds", "ANYFACE_OT_sounds_show", "basis"),
+    "open mouth": ("ui.mouth", "ANYFACE_OT_open_mouth", "basis"),
+    "controls": ("ui.generate", "ANYFACE_OT_generate", "controls"),
+    "redo controls": ("ui.sounds", "ANYFACE_OT_redo", "controls"),
+    "find controls": ("ui.find_controls", "ANYFACE_OT_controls_find", "controls"),
+}
+OPTIONS = {"expression keys": {"by": "NETWORK"}}
+NO_TAKE = ("find face", "expression keys", "live", "heat", "open mouth")
+
+
+class Set:
+    """A face that is set up for a job, and the same for the next one after a job that failed."""
+
+    def __init__(self, addon, monkeypatch, tmp_path, name):
+        self.addon, self.name, self.folder = addon, name, tmp_path
+        module, self.operator, self.mode = JOBS[name]
+        self.module = addon(module)
+        monkeypatch.setattr(addon("ui.operators"), "bpy", _Through())
+        is_rigged = self.mode == "controls"
+        stand_in(addon, (WavingStage if is_rigged else WholeStage)(addon("core.take")))
+        bpy.context.scene.render.fps = 24
+        ob = rigged(tmp_path) if is_rigged else grid()
+        teeth = grid("Teeth_low", 5, 0.05)
+        ob.anyface.source, ob.anyface.start_frame = "FILE", START
+        ob.anyface.sound_file = tone(tmp_path / "tone.wav", 1.0)
+        if not is_rigged:
+            part = ob.anyface_face.parts.add()
+            part.object, part.name, part.role = teeth, teeth.name, "jaw"
+        if self.mode == "keys":
+            _spread(own_keys(ob, "jawOpen", "mouthFunnel"), len(teeth.data.vertices))
+        elif self.mode not in ("frames", "csv", "controls"):
+            own_keys(ob, "Smile")
+        ob.anyface.mode = self.mode
+        empty = bpy.data.objects.new("Turns", None)
+        bpy.context.scene.collection.objects.link(empty)
+        ob.anyface_life_settings.head, ob.anyface_life_settings.head_object = "OBJECT", empty
+        bpy.context.view_layer.objects.active = ob
+        bpy.ops.wm.save_as_mainfile(filepath=str(tmp_path / "shot.blend"))
+        scene = bpy.context.scene
+        if name not in NO_TAKE and name != "find controls":
+            assert bpy.ops.anyface.generate() == {"FINISHED"}, "an earlier take is there"
+        if name == "scene":
+            row = scene.anyface_list.add()
+            row.character = self.ob
+        scene.use_preview_range = True
+        scene.frame_preview_start, scene.frame_preview_end = START + 5, START + 15
+        bpy.context.scene.frame_set(1)
+
+    @property
+    def ob(self):
+        """The face, whatever undo has done."""
+        return bpy.data.objects["Head"]
+
+    def press(self):
+        """Runs the job; how it ended, what was told, how many timers still tick."""
+        operator = getattr(self.module, self.operator)
+        made = without_blender(operator, **OPTIONS.get(self.name, {}))
+        word, manager = press(made, self.ob)
+        return word, made.told, manager.timers
+
+    def state(self):
+        """All of the scene, the settings that a job writes, and the files."""
+        files = sorted(
+            (str(path.relative_to(self.folder)), path.read_bytes())
+            for path in Path(self.folder).rglob("*")
+            if path.is_file() and path.suffix != ".blend" and "cache" not in path.parts[-3:-1]
+        )
+        turns = [str(block.items()) for block in (bpy.data.objects["Turns"],)]
+        delta = tuple(bpy.data.objects["Turns"].delta_rotation_euler)
+        modifiers = [(m.type, m.name) for ob in bpy.data.objects for m in ob.modifiers]
+        live = self.addon("scene.live")._followers
+        scenes = [sorted(scene.keys()) for scene in bpy.data.scenes]
+        moved = [row for ob in bpy.data.objects for row in _motion_of(ob)]
+        return everything(), files, turns, delta, modifiers, len(live), scenes, moved
+
+
+def _motion_of(ob) -> list:
+    """What an object plays, and how its bones stand."""
+    bones = ob.pose.bones if ob.type == "ARMATURE" else ()
+    poses = [str([round(x, 5) for row in bone.matrix_basis for x in row]) for bone in bones]
+    return [ob.name, *animation_rows(ob.animation_data), *poses]
+
+
+class WavingStage(Waves, WholeStage):
+    """A stage whose motion bones can follow."""
+
+
+def _spread(shape_keys, others: int) -> None:
+    """Lets the keys show two frames of the motion of a stage."""
+    rest, *blocks = shape_keys.key_blocks
+    count = len(rest.points)
+    moved = motion(24, count + others)[:, :count]
+    for number, block in enumerate(blocks):
+        for vertex, by in enumerate(moved[8 * number + 4]):
+            block.points[vertex].co = rest.points[vertex].co + Vector(by)
+
+
+class _Through:
+    """Blender with a window."""
+
+    app = SimpleNamespace(background=False)
+
+    def __getattr__(self, name):
+        return getattr(bpy, name)
+
+
+@pytest.mark.parametrize("name", JOBS)
+def test_every_job_ends_with_a_message(addon, installed, monkeypatch, tmp_path, name):
+    folder = tmp_path / "shots"
+
+    def fresh():
+        shutil.rmtree(folder, ignore_errors=True)
+        folder.mkdir()
+        bpy.ops.wm.read_homefile(use_empty=True, use_factory_startup=True)
+        return Set(addon, monkeypatch, folder, name)
+
+    made = fresh()
+    with Fault(installed) as seen:
+        word, told, timers = made.press()
+    assert (word, timers) == ("FINISHED", 0), told
+    steps = steps_of(seen.calls, installed)
+    steps = [step for step in steps if EVERY or step[0] not in tried]
+    tried.update(code for code, _ in steps)
+    made, failures = fresh(), []
+    before = made.state()
+    for number, (code, calls) in enumerate(steps):
+        error = ERRORS[number % len(ERRORS)]()
+        at = calls if number % 2 else 1
+        where = f"{Path(code.co_filename).name}:{code.co_name} {at}/{calls} {type(error).__name__}"
+        print(where)
+        try:
+            with Fault(installed, code, at, error):
+                word, told, timers = made.press()
+        except BaseException as raised:
+            failures.append(f"{where}: raised {type(raised).__name__}: {raised}")
+            word, told, timers = "RAISED", [], 0
+        if addon("ui.running").is_running() or timers:
+            failures.append(f"{where}: still runs")
+            addon("ui.running").finish()
+        after = made.state()
+        if word == "CANCELLED" and (not told or not told[-1][1].strip() or "Trace" in told[-1][1]):
+            failures.append(f"{where}: told {told}")
+        if word == "CANCELLED" and after != before:
+            failures.append(f"{where}: {_difference(before, after)}")
+        if word != "CANCELLED" or after != before:
+            # What broke could be done without, or came behind the result.
+            made = fresh()
+            before = made.state()
+    word, told, timers = made.press()
+    if (word, timers) != ("FINISHED", 0):
+        failures.append(f"the next job: {word}, {told}")
+    print(f"{name}: {len(steps)} steps")
+    assert not failures, "\n".join(failures)
+
+
+def _difference(before, after) -> str:
+    found = []
+    for was, is_now in zip(before, after, strict=True):
+        if was != is_now and isinstance(was, list):
+            found.append(f"gone {[x for x in was if x not in is_now][:4]}")
+            found.append(f"new {[x for x in is_now if x not in was][:4]}")
+        elif was != is_now:
+            found.append(f"{was} → {is_now}")
+    return "; ".join(str(text)[:300] for text in found)
+
+
+@pytest.fixture
+def ready(addon, monkeypatch, tmp_path):
+    """A face with an earlier take, about to get another."""
+    return Set(addon, monkeypatch, tmp_path, "basis")
+
+
+def break_writing(addon, monkeypatch, error=MemoryError):
+    """Lets the curves of a take fail, when its keys are there already."""
+    play = addon("scene.takes.keys").play
+
+    def broken(ob, taken):
+        yield from play(ob, taken)
+        raise error()
+
+    monkeypatch.setattr(addon("scene.takes.keys"), "play", broken)
+
+
+@pytest.mark.parametrize("mode", ["EDIT", "SCULPT"])
+def test_a_face_in_another_mode_is_as_it_was_and_in_that_mode(addon, monkeypatch, ready, mode):
+    before = ready.state()
+    with bpy.context.temp_override(active_object=ready.ob, object=ready.ob):
+        bpy.ops.object.mode_set(mode=mode)
+    break_writing(addon, monkeypatch)
+    word, told, _ = ready.press()
+    assert word == "CANCELLED" and "memory is full" in told[-1][1]
+    assert ready.ob.mode == mode
+    with bpy.context.temp_override(active_object=ready.ob, object=ready.ob):
+        bpy.ops.object.mode_set(mode="OBJECT")
+    assert ready.state() == before
+
+
+def test_what_the_artist_did_while_it_was_written_is_no_way_out(addon, monkeypatch, ready):
+    before = ready.state()
+    play = addon("scene.takes.keys").play
+
+    def broken(ob, taken):
+        yield from play(ob, taken)
+        bpy.data.objects["Turns"].location.x = 1.0
+        bpy.ops.ed.undo_push(message="Move")
+        raise ValueError("late")
+
+    monkeypatch.setattr(addon("scene.takes.keys"), "play", broken)
+    assert ready.press()[0] == "CANCELLED"
+    assert ready.state() == before
+
+
+def test_without_undo_the_artist_is_told_what_stays(addon, monkeypatch, ready):
+    edit = bpy.context.preferences.edit
+    monkeypatch.setattr(edit, "use_global_undo", False)
+    break_writing(addon, monkeypatch)
+    word, told, _ = ready.press()
+    assert word == "CANCELLED" and "Global Undo is off" in told[-1][1]
+    assert not addon("ui.running").is_running()
+
+
+def test_a_face_that_is_deleted_while_it_is_written(addon, monkeypatch, ready):
+    play = addon("scene.takes.keys").play
+
+    def broken(ob, taken):
+        bpy.data.objects.remove(ob)
+        yield from play(ob, taken)
+
+    monkeypatch.setattr(addon("scene.takes.keys"), "play", broken)
+    word, told, _ = ready.press()
+    assert word == "CANCELLED" and "deleted or undone meanwhile" in told[-1][1]
+    assert not addon("ui.running").is_running()
+
+
+def test_a_system_that_gives_no_thread(addon, monkeypatch, ready):
+    before = ready.state()
+
+    def refuse(_thread):
+        raise RuntimeError("can't start new thread")
+
+    with monkeypatch.context() as broken:
+        broken.setattr(addon("core.job").threading.Thread, "start", refuse)
+        word, told, timers = ready.press()
+    assert (word, timers) == ("CANCELLED", 0) and "can't start new thread" in told[-1][1]
+    assert not addon("ui.running").is_running() and ready.state() == before
+    assert ready.press()[0] == "FINISHED"
+
+
+def test_a_script_is_told_and_finds_the_scene_as_it_was(addon, monkeypatch, ready):
+    before = ready.state()
+    with monkeypatch.context() as broken:
+        break_writing(addon, broken, SystemExit)
+        with pytest.raises(RuntimeError, match="ended itself"):
+            bpy.ops.anyface.generate()
+    assert ready.state() == before
+    assert bpy.ops.anyface.generate() == {"FINISHED"}
+
+
+def test_dragging_points_ends_whatever_is_raised(addon, installed, monkeypatch, tmp_path):
+    made = Set(addon, monkeypatch, tmp_path, "find face")
+    assert made.press()[0] == "FINISHED"
+    module = addon("ui.landmarks")
+    monkeypatch.setattr(module, "bpy", _Through())
+    before, failures = made.state(), []
+    view = (None, None, (0.0, 0.0))
+    monkeypatch.setattr(module, "_view_under", lambda context, event: view)
+    monkeypatch.setattr(module, "on_screen", lambda *_: np.zeros((68, 2)))
+
+    def drag():
+        """Presses on a point, lets it go, and waits for the others."""
+        operator = without_blender(module.ANYFACE_OT_edit_landmarks)
+        context = figures.window(made.ob)
+        context.region_data = object()
+        context.workspace = type("Workspace", (), {"status_text_set": lambda self, text: None})()
+        result = operator.invoke(context, TIMER)
+        for kind, value in (("LEFTMOUSE", "PRESS"), ("LEFTMOUSE", "RELEASE")):
+            if result == {"RUNNING_MODAL"}:
+                result = operator.modal(context, SimpleNamespace(type=kind, value=value))
+        for _ in range(2000):
+            if result != {"RUNNING_MODAL"} or not addon("ui.running").is_running():
+                break
+            result = operator.modal(context, TIMER)
+        if result == {"RUNNING_MODAL"}:
+            result = operator.modal(context, SimpleNamespace(type="RET", value="PRESS"))
+        return result, operator.told, context.window_manager.timers
+
+    with Fault(installed) as seen:
+        result, told, timers = drag()
+    assert (result, told, timers) == ({"FINISHED"}, [], 0)
+    for number, (code, _) in enumerate(steps_of(seen.calls, installed)):
+        error = ERRORS[number % len(ERRORS)]()
+        where = f"{code.co_name} {type(error).__name__}"
+        with Fault(installed, code, 1, error):
+            result, told, timers = drag()
+        still = timers or addon("ui.running").is_running()
+        if still or (result != {"FINISHED"} and not told):
+            failures.append(f"{where}: {result} {told} {timers}")
+    assert drag()[0] == {"FINISHED"} and not failures, failures
+    assert made.state()[0] == before[0]
