@@ -4,10 +4,12 @@ Exit codes are those of `core.errors`; 2 is wrong usage, 0 a written file.
 """
 
 import argparse
+import sys
 
 import bpy
 
 from ..core import options as words
+from ..core.errors import plain, say
 from ..farm import batch
 from ..scene import outputs
 from . import run, shot
@@ -18,10 +20,16 @@ _HANDLE = None
 def main(arguments: list[str]) -> int:
     """Runs the command on the open file, or on the one that it names; returns its exit code."""
     try:
-        options = words.parser("anyface", outputs.WORDS).parse_args(arguments)
-    except SystemExit as error:
-        return error.code if isinstance(error.code, int) else 2
-    return start(options)
+        parser = words.parser("anyface", outputs.WORDS)
+        try:
+            options = parser.parse_args(arguments)
+        except SystemExit as error:
+            return error.code if isinstance(error.code, int) else 2
+        return start(options)
+    except BaseException as raised:
+        error = plain(raised)
+        say(f"anyface: {error}", sys.stderr)
+        return error.exit_code
 
 
 def start(options: argparse.Namespace) -> int:

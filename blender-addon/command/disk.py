@@ -1,47 +1,53 @@
 """Opens and saves .blend files; a file is there whole or not at all."""
 
-import glob
+import contextlib
 import os
-import socket
 
 import bpy
 
-from ..core.errors import AnyfaceError
+from ..core import beside
+from ..core.errors import AnyfaceError, readable
 
 
 def open_file(path: str) -> None:
     """Opens a .blend; raises `AnyfaceError("file")`."""
     full = os.path.abspath(path)
     if not os.path.isfile(full):
-        raise AnyfaceError("file", f"no file at {full}")
+        raise AnyfaceError("file", f"no file at {full}: check the path, or write that file first")
     try:
         bpy.ops.wm.open_mainfile(filepath=full, load_ui=False)
     except RuntimeError as error:
-        raise AnyfaceError("file", f"{path}: {str(error).strip()}") from error
+        # Blender repeats the path.
+        text = readable(error).removeprefix("Error: ").strip()
+        remedy = "take a .blend that this Blender opens, or a backup of it"
+        raise AnyfaceError("file", f"{path}: {text}: {remedy}") from error
+
+
+def make_folder(path: str) -> None:
+    """Makes a folder and those around it; raises `AnyfaceError("file")`."""
+    try:
+        os.makedirs(path, exist_ok=True)
+    except (FileExistsError, NotADirectoryError) as error:
+        text = f"{path}: expected a folder to save in, got a file: choose another"
+        raise AnyfaceError("file", text) from error
 
 
 def save(path: str) -> str:
     """Writes the open file beside `path` and renames it; returns the whole path."""
     full = os.path.abspath(path)
-    beside = _beside(full, f"{socket.gethostname()}-{os.getpid()}")
+    half = beside.name(full)
     try:
-        bpy.ops.wm.save_as_mainfile(filepath=beside, check_existing=False, copy=True)
-        with open(beside, "rb+") as file:
+        bpy.ops.wm.save_as_mainfile(filepath=half, check_existing=False, copy=True)
+        with open(half, "rb+") as file:
             os.fsync(file.fileno())
-        os.replace(beside, full)
+        os.replace(half, full)
     except (RuntimeError, OSError) as error:
-        raise AnyfaceError("file", f"{path}: {str(error).strip()}") from error
+        text = readable(error).removeprefix("Error: ").strip()
+        remedy = "see that the folder is there, may be written and has room"
+        raise AnyfaceError("file", f"{path}: {text}: {remedy}") from error
+    finally:
+        # Where all went well it is `path` by now; Blender writes with an @ at the end first.
+        for left in (half, f"{half}@"):
+            with contextlib.suppress(OSError):
+                os.remove(left)
     return full
-
-
-def remove_leftovers(path: str) -> None:
-    """Takes away what processes that were killed while saving `path` have left."""
-    folder, name = os.path.split(_beside(os.path.abspath(path), "*"))
-    # Blender itself writes to a name with an @ at its end first.
-    for found in glob.glob(os.path.join(glob.escape(folder), f"{name}*")):
-        os.remove(found)
-
-
-def _beside(full: str, mark: str) -> str:
-    folder, name = os.path.split(full)
-    return os.path.join(folder, f".{os.path.splitext(name)[0]}.anyface-{mark}.blend")

@@ -9,6 +9,7 @@ import os
 import sys
 import threading
 
+from ..core import beside
 from ..core import options as words
 from ..core.errors import AnyfaceError
 from ..farm import ledger
@@ -36,11 +37,11 @@ def _watch() -> None:
 
 
 def _do(shot: dict) -> dict:
-    disk.remove_leftovers(shot["save"])
+    beside.remove_all(shot["save"])
     disk.open_file(shot["file"])
     faces = [_step(step) for step in shot["steps"]]
     message = "; ".join(face["message"] for face in faces)
-    os.makedirs(os.path.dirname(shot["save"]), exist_ok=True)
+    disk.make_folder(os.path.dirname(shot["save"]))
     return {"message": message, "file": disk.save(shot["save"]), "faces": faces}
 
 

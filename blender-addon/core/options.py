@@ -25,11 +25,22 @@ def parser(program: str, modes: str = "") -> argparse.ArgumentParser:
 
 
 def step_parser(task: str) -> argparse.ArgumentParser:
-    """The options of one task as a row of a jobs file gives them: no file, nothing to save."""
-    step = argparse.ArgumentParser(prog=task, exit_on_error=False, add_help=False)
+    """The options of one task as a row of a jobs file gives them: no file, nothing to save.
+
+    A wrong one raises `argparse.ArgumentError`.
+    """
+    step = _Step(prog=task, exit_on_error=False, add_help=False)
     _TASKS[task][1](step, "")
     step.set_defaults(task=task)
     return step
+
+
+class _Step(argparse.ArgumentParser):
+    """A parser that ends nothing."""
+
+    def error(self, message):
+        """Raises what is wrong."""
+        raise argparse.ArgumentError(None, message)
 
 
 def _add_bake(task: argparse.ArgumentParser, modes: str) -> None:

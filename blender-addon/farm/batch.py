@@ -1,6 +1,7 @@
 """`anyface batch jobs.json`: what is left to do, where it is done, what came of it."""
 
 import argparse
+import contextlib
 import shutil
 import sys
 import time
@@ -8,9 +9,10 @@ from dataclasses import asdict
 from pathlib import Path
 
 from ..core import json_file
-from ..core.errors import EXIT_CODES, AnyfaceError
+from ..core.errors import EXIT_CODES, AnyfaceError, plain, say
 from . import cluster, jobs, ledger, local
 
+_GO_ON = "what is finished stays, run the batch again to go on"
 _ENTRY = Path(__file__).resolve().parents[1] / "anyface_batch.py"
 
 
@@ -21,8 +23,10 @@ def run(options: argparse.Namespace, blender: str = "") -> int:
     """
     try:
         reports = _run(options, options.blender or blender)
-    except AnyfaceError as error:
-        print(f"anyface: {error}", file=sys.stderr, flush=True)
+    except BaseException as raised:
+        error = plain(raised)
+        more = "" if isinstance(raised, AnyfaceError) else f": {_GO_ON}"
+        say(f"anyface: {error}{more}", sys.stderr)
         return error.exit_code
     return 0 if all(report["ok"] for report in reports) else EXIT_CODES["shots"]
 
@@ -31,7 +35,9 @@ def _run(options, blender: str) -> list[dict]:
     began = time.monotonic()
     path = Path(options.jobs)
     folder = Path(options.reports or path.with_suffix(".reports")).resolve()
-    shots = [asdict(shot) for shot in jobs.read(path, folder)]
+    listed = jobs.read(path, folder)
+    shots = [asdict(shot) for shot in listed.shots]
+    total = len(shots) + len(listed.broken)
     if options.workers < 1:
         raise AnyfaceError("input", f"--workers: expected 1 or more, got {options.workers}")
     if options.again:
@@ -41,20 +47,24 @@ def _run(options, blender: str) -> list[dict]:
     kept = {report["name"] for report in reports}
     left = [shot for shot in shots if shot["name"] not in kept]
     if reports:
-        print(f"anyface: {len(reports)} of {len(shots)} shots were finished before", flush=True)
+        say(f"anyface: {len(reports)} of {total} shots were finished before", sys.stdout)
+    for row in listed.broken:
+        reports.append(ledger.close(asdict(row.shot), row.outcome))
+        _tell(reports[-1], len(reports), total)
     limits = {"retries": options.retries, "timeout_s": options.timeout}
-    for report in _start(options, command(blender), left, limits):
-        reports.append(report)
-        _tell(report, len(reports), len(shots))
+    with contextlib.closing(_start(options, command(blender), left, limits)) as ended:
+        for report in ended:
+            reports.append(report)
+            _tell(report, len(reports), total)
     summary = _summary(reports, time.monotonic() - began)
+    say(f"anyface: {summary['ok']} of {total} shots are finished, reports in {folder}", sys.stdout)
     json_file.write(folder / f"{jobs.SUMMARY}.json", summary)
-    print(f"anyface: {summary['ok']} of {len(shots)} shots are finished, reports in {folder}")
     return reports
 
 
 def _start(options, words: list[str], shots: list[dict], limits: dict):
     if not shots:
-        return ()
+        return (nothing for nothing in ())
     if options.scheduler:
         return cluster.run(words, shots, options.scheduler, options.connect, **limits)
     return local.run(words, shots, options.workers, **limits)
@@ -69,8 +79,7 @@ def command(blender: str) -> list[str]:
 
 def _tell(report: dict, number: int, total: int) -> None:
     stream = sys.stdout if report["ok"] else sys.stderr
-    line = f"anyface: {number}/{total} {report['name']}: {report['message']}"
-    print(line, file=stream, flush=True)
+    say(f"anyface: {number}/{total} {report['name']}: {report['message']}", stream)
 
 
 def _summary(reports: list[dict], seconds: float) -> dict:

@@ -6,8 +6,8 @@ Only the Python that runs the batch and those of the workers need Dask; Blender'
 import sys
 from collections.abc import Iterator
 
-from ..core import errors, json_file
-from ..core.errors import AnyfaceError
+from ..core import beside, errors, json_file
+from ..core.errors import AnyfaceError, plain
 from . import attempt, ledger
 
 
@@ -16,13 +16,14 @@ def run(
 ) -> Iterator[dict]:
     """Reports of all shots as they end; a shot whose worker is lost goes to another one."""
     distributed, cloudpickle = _dask()
-    for module in (attempt, ledger, json_file, errors):
+    for module in (attempt, ledger, json_file, errors, beside):
         # Workers need not have the extension in their own Python.
         cloudpickle.register_pickle_by_value(module)
     try:
         client = distributed.Client(scheduler, timeout=connect_s)
-    except (OSError, TimeoutError) as error:
-        raise AnyfaceError("input", f"no Dask scheduler at {scheduler}: {error}") from error
+    except (OSError, TimeoutError, ValueError) as error:
+        text = f"no Dask scheduler at {scheduler}: {error}: start one, or check the address"
+        raise AnyfaceError("input", text) from error
     work = attempt.run_shot
 
     def one(shot: dict) -> dict:
@@ -39,11 +40,19 @@ def run(
 
 
 def _report(future, shot: dict) -> dict:
-    if future.status == "finished":
-        return future.result()
-    error = future.exception() if future.status == "error" else future.status
-    outcome = {"ok": False, "kind": "internal", "exit_code": 10}
-    return ledger.close(shot, {**outcome, "message": f"{type(error).__name__}: {error}"})
+    """The report of a shot, or one that says why its worker has sent none."""
+    try:
+        if future.status == "finished":
+            return future.result()
+        if future.status == "error":
+            error = plain(future.exception())
+            text = f"its worker failed: {error}"
+        else:
+            text = f"the scheduler has dropped it ({future.status})"
+    except BaseException as raised:
+        text = f"its result did not arrive: {plain(raised)}"
+    text = f"{text}: see that scheduler and workers run, then run the batch again"
+    return ledger.close(shot, {"ok": False, "kind": "internal", "exit_code": 10, "message": text})
 
 
 def _dask():

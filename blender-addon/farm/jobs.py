@@ -12,12 +12,14 @@ from argparse import ArgumentError
 from dataclasses import asdict, dataclass
 from pathlib import Path
 
-from ..core import json_file, model_card, options, schema
+from ..core import json_file, model_card, options, schema, wording
 from ..core.errors import AnyfaceError
 
 _PATHS = ("audio", "events", "feeling", "landmarks", "out", "weights")
+_READ = ("--audio", "--events", "--feeling", "--landmarks")
 _OWN = ("name", "file", "save", "faces")
 _NAME = re.compile(r"[\w.-]+")
+_LONGEST = 200
 # The stem of the file beside the reports that tells of all of them.
 SUMMARY = "batch"
 
@@ -38,18 +40,72 @@ class Shot:
     digest: str = ""
 
 
-def read(path: Path, reports: Path) -> list[Shot]:
-    """All shots of the file; raises `AnyfaceError("input")` that names the row."""
+@dataclass(frozen=True)
+class Broken:
+    """A row that cannot be right: what its report says, under the name of `shot`."""
+
+    shot: Shot
+    outcome: dict
+
+
+@dataclass(frozen=True)
+class Listed:
+    """The rows of a jobs file that can be done, and those that cannot be right."""
+
+    shots: list[Shot]
+    broken: list[Broken]
+
+
+def read(path: Path, reports: Path) -> Listed:
+    """All rows of the file; one that cannot be right keeps no other from being done.
+
+    Raises `AnyfaceError("input")` where the file as a whole, or what its rows share, is wrong.
+    """
     content = schema.check(str(path), json_file.read(path), schema.OBJECT)
     rows = schema.check(f"{path}: shots", content.get("shots"), schema.LIST)
     defaults = _row(f"{path.name}, defaults", content.get("defaults", {}))
-    shots = []
+    shots, wrong = {}, {}
     for number, row in enumerate(rows, start=1):
         where = f"{path.name}, shot {number}"
-        row = {**defaults, **_row(where, row)}
-        shots.append(_shot(where, row, path.parent.resolve(), reports))
-    _check_apart(path, shots)
-    return shots
+        try:
+            row = {**defaults, **_row(where, row)}
+            shots[number] = _shot(where, row, path.parent.resolve(), reports)
+        except AnyfaceError as error:
+            wrong[number] = error
+    wrong |= _clashes(path, shots)
+    good = {number: shot for number, shot in shots.items() if number not in wrong}
+    taken = {SUMMARY, *(shot.name.casefold() for shot in good.values())}
+    broken = []
+    for number, error in sorted(wrong.items()):
+        name = _name_of(number, rows[number - 1], taken)
+        taken.add(name.casefold())
+        broken.append(_broken(name, reports, error))
+    return Listed(list(good.values()), broken)
+
+
+def _broken(name: str, reports: Path, error: AnyfaceError) -> Broken:
+    outcome = {"ok": False, "kind": error.kind, "message": f"{error}: mend the row, then run again"}
+    shot = Shot(name, "", "", str(reports / f"{name}.json"), ())
+    return Broken(shot, {**outcome, "exit_code": error.exit_code, "seconds": 0.0})
+
+
+def _name_of(number: int, row, taken: set[str]) -> str:
+    """The name of a row that cannot be right, or its number where it has none for itself."""
+    name = row.get("name") if isinstance(row, dict) else None
+    if name is None and isinstance(row, dict) and isinstance(row.get("save"), str):
+        name = Path(row["save"]).stem
+    if _is_name(name) and name.casefold() not in taken:
+        return name
+    name = f"row-{number}"
+    while name in taken:
+        name += "-"
+    return name
+
+
+def _is_name(name) -> bool:
+    is_text = isinstance(name, str) and _NAME.fullmatch(name) is not None
+    # Longer ones are no names of files, with the endings of reports.
+    return is_text and len(name.encode()) <= _LONGEST
 
 
 def _row(where: str, row) -> dict:
@@ -66,9 +122,11 @@ def _shot(where: str, row: dict, folder: Path, reports: Path) -> Shot:
         if not row.get(field) or "\0" in row[field]:
             raise AnyfaceError("input", f"{where}: expected a path in {field!r}")
     name = row.get("name", Path(row["save"]).stem)
-    if not _NAME.fullmatch(name):
+    if not _is_name(name):
         raise AnyfaceError(
-            "input", f"{where}: name: expected letters, digits, '.', '-' and '_', got {name!r}"
+            "input",
+            f"{where}: name: expected up to {_LONGEST} letters, digits, '.', '-' and '_', got "
+            f"{name[:60]!r}",
         )
     if name.casefold() == SUMMARY:
         raise AnyfaceError(
@@ -99,12 +157,14 @@ def _step(where: str, row: dict, folder: Path) -> tuple[str, ...]:
     for field, value in row.items():
         if value is None:
             continue
+        if "\0" in field or "\0" in str(value):
+            raise AnyfaceError("input", f"{where}: {field}: expected text without a null")
         if field in _PATHS:
             value = folder / str(value)
         words.append(f"--{field}={value}")
     try:
         unknown = options.step_parser(task).parse_known_args(words)[1]
-    except (ArgumentError, SystemExit) as error:
+    except ArgumentError as error:
         raise AnyfaceError("input", f"{where}: {error}") from None
     if unknown:
         raise AnyfaceError("input", f"{where}: {task} does not know {' '.join(unknown)}")
@@ -114,29 +174,51 @@ def _step(where: str, row: dict, folder: Path) -> tuple[str, ...]:
 def _digest(shot: Shot) -> str:
     """Of the row, and of size and time of the files and models that it names."""
     digest = hashlib.blake2b(json.dumps(asdict(shot)).encode(), digest_size=12)
-    words = [word.partition("=") for step in shot.steps for word in step[1:]]
-    files = ("--audio", "--events", "--feeling", "--landmarks")
-    read = [value for option, _, value in words if option in files]
-    for path in (shot.file, *read):
+    for path in (shot.file, *_values(shot, *_READ)):
         if os.path.isfile(path):
             state = os.stat(path)
             digest.update(f"{path} {state.st_size} {state.st_mtime_ns}".encode())
-    for models in (value for option, _, value in words if option == "--weights"):
+    for models in _values(shot, "--weights"):
         digest.update(f"{models} {model_card.changed_ns(Path(models))}".encode())
     return digest.hexdigest()
 
 
-def _check_apart(path: Path, shots: list[Shot]) -> None:
-    """Shots run in any order and at once: no name, no written file may be met twice."""
-    for field in ("name", "save"):
-        seen = set()
-        for shot in shots:
-            value = getattr(shot, field)
-            # Some file systems tell no small letters from large ones.
-            if value.casefold() in seen:
-                raise AnyfaceError("input", f"{path}: two shots have the {field} {value}")
-            seen.add(value.casefold())
-    files = {shot.file for shot in shots}
-    for shot in shots:
-        if shot.save in files:
-            raise AnyfaceError("input", f"{path}: {shot.save} is read and written: save elsewhere")
+def _clashes(path: Path, shots: dict[int, Shot]) -> dict[int, AnyfaceError]:
+    """Rows that would meet others: they run in any order and at once, so that no name, and no file
+    that is written, may be another's too. By their numbers."""
+    found = {}
+    for what, of in (("name", lambda shot: {shot.name.casefold()}), ("output", _written)):
+        owners = {}
+        for number, shot in shots.items():
+            for key in of(shot):
+                owners.setdefault(key, []).append(number)
+        for key, numbers in owners.items():
+            for number in numbers if len(numbers) > 1 else ():
+                others = wording.listed([str(n) for n in numbers if n != number][:3])
+                where = f"{path.name}, shot {number}"
+                text = f"{where}: shots {others} have the {what} {key} too"
+                found[number] = AnyfaceError("input", text)
+    files = {key for shot in shots.values() for key in _files_read(shot)}
+    for number, shot in shots.items():
+        for key in _written(shot) & files:
+            text = f"{path.name}, shot {number}: {key} is read and written: save elsewhere"
+            found[number] = AnyfaceError("input", text)
+    return found
+
+
+def _written(shot: Shot) -> set[str]:
+    return {_key(shot.save), *map(_key, _values(shot, "--out"))}
+
+
+def _files_read(shot: Shot) -> set[str]:
+    return {_key(shot.file), *map(_key, _values(shot, *_READ))}
+
+
+def _key(path: str) -> str:
+    # Some file systems tell no small letters from large ones.
+    return os.path.realpath(path).casefold()
+
+
+def _values(shot: Shot, *options: str) -> list[str]:
+    words = [word.partition("=") for step in shot.steps for word in step[1:]]
+    return [value for option, _, value in words if option in options]

@@ -16,7 +16,8 @@ def read(report: str) -> dict | None:
         content = read_json(report)
     except AnyfaceError:
         return None
-    return content if isinstance(content, dict) else None
+    is_ours = isinstance(content, dict) and {"name", "ok", "message"} <= content.keys()
+    return content if is_ours else None
 
 
 def finished(shot: dict) -> dict | None:
@@ -28,18 +29,24 @@ def finished(shot: dict) -> dict | None:
 
 
 def forget(shot: dict) -> None:
-    """Takes an old report away."""
+    """Takes an old report away; raises `OSError`."""
     if os.path.exists(shot["report"]):
         os.remove(shot["report"])
 
 
 def close(shot: dict, outcome: dict) -> dict:
-    """Writes the report of a shot and its line in the history; returns the report."""
+    """Writes the report of a shot and its line in the history; returns the report.
+
+    Where it cannot be written, its message says so too.
+    """
     where = {"host": socket.gethostname(), "pid": os.getpid()}
     report = {"name": shot["name"], **outcome, "digest": shot["digest"], **where}
-    write_json(shot["report"], report)
-    line = json.dumps({"at": round(time.time(), 3), **report}, ensure_ascii=False)
-    history = os.path.join(os.path.dirname(shot["report"]), "history.jsonl")
-    with open(history, "a", encoding="utf-8") as file:
-        file.write(line + "\n")
+    try:
+        write_json(shot["report"], report)
+        line = json.dumps({"at": round(time.time(), 3), **report})
+        history = os.path.join(os.path.dirname(shot["report"]), "history.jsonl")
+        with open(history, "a", encoding="utf-8") as file:
+            file.write(line + "\n")
+    except (AnyfaceError, OSError, ValueError) as error:
+        report["message"] = f"{report['message']} (its report could not be written: {error})"
     return report

@@ -1,10 +1,12 @@
 """Stands in for `blender -b --command anyface shot`: the real bpy and extension, a stage for the
 library. Each face that is begun leaves a file in `ANYFACE_TEST_MARKS`, takes `ANYFACE_TEST_S`
-seconds, and ends in a crash where the file `crash` lies there (once).
+seconds, and ends in a crash where the file `crash` lies there (once). Sounds are decoded by the
+library. A request of the seed `ANYFACE_TEST_KILL` kills the process.
 """
 
 import importlib
 import os
+import signal
 import sys
 import time
 import uuid
@@ -28,8 +30,18 @@ class SlowStage(Stage):
         if (MARKS / "crash").exists():
             (MARKS / "crash").unlink()
             os.abort()
+        if str(arguments[5].seed) == os.environ.get("ANYFACE_TEST_KILL"):
+            os.kill(os.getpid(), signal.SIGKILL)
         time.sleep(float(os.environ.get("ANYFACE_TEST_S", "0")))
         return super().animate(*arguments)
+
+    def decode(self, path):
+        """As an engine does, without its models."""
+        native = addon("core.native")
+        reader = native.Engine.__new__(native.Engine)
+        reader._library = addon("core.library").load(addon("core.library").library_path())
+        reader._handle = None
+        return reader.decode(path)
 
 
 name = anyface_batch.load_extension().__name__

@@ -77,6 +77,19 @@ def test_a_batch_that_was_killed_is_resumed(floor):
     assert floor.ended() == {f"sh{n:02d}": 1 for n in range(4)}
 
 
+def test_an_interrupt_ends_the_batch_with_a_word_and_the_next_run_goes_on(floor):
+    floor.write(3)
+    process = floor.start("--workers", 2, seconds=20.0)
+    floor.wait_begun(2)
+    process.send_signal(signal.SIGINT)
+    text = process.communicate(timeout=60)[0]
+    assert process.returncode == 9 and "run the batch again to go on" in text, text
+    for _, child in floor.begun():
+        wait_gone(child)
+    assert "stopped" in floor.report("sh00")["message"]
+    assert floor.run("--workers", 2)[0] == 0
+
+
 def test_a_crash_is_tried_again(floor):
     floor.write(1)
     (floor.marks / "crash").touch()
@@ -96,22 +109,40 @@ def test_a_shot_that_takes_too_long_is_stopped(floor):
         wait_gone(child)
 
 
-def test_a_jobs_file_that_cannot_be_right_is_refused(floor):
-    good = {"file": "shot.blend", "object": "Head", "save": "a.blend"}
-    for rows, words in [
-        ([{**good, "strp": "Voice"}], "--strp=Voice"),
-        ([good, good], "two shots have the name a"),
-        ([good, {**good, "name": "b"}], "two shots have the save"),
-        ([{**good, "save": "shot.blend"}], "read and written"),
-        ([{"object": "Head", "save": "a.blend"}], "'file'"),
-        ([{**good, "seed": "many"}], "many"),
-        ([{"file": "shot.blend", "save": "a.blend"}], "--object"),
-        ([{**good, "name": "../a"}], "name"),
-    ]:
-        floor.jobs.write_text(json.dumps({"shots": rows}))
-        code, text = floor.run()
-        assert code == 3 and words in text, (rows, text)
-    floor.jobs.write_text("[")
-    assert floor.run()[0] == 3
-    floor.jobs.unlink()
-    assert floor.run()[0] == 8
+def test_a_row_that_cannot_be_right_has_a_report_and_the_others_are_done(floor):
+    good = {"file": "shot.blend", "object": "Head", "save": "a.blend", "audio": "voice.wav"}
+    rows = [good]
+    said = {}
+    for row, words in (
+        ({**good, "strp": "Voice"}, "--strp=Voice"),
+        ({**good, "name": "x1", "save": "b.blend"}, "have the output"),
+        ({**good, "name": "x2", "save": "../{0}/b.blend"}, "have the output"),
+        ({**good, "name": "x3", "save": "shot.blend"}, "read and written"),
+        ({**good, "name": "x4", "save": "voice.wav"}, "read and written"),
+        ({"object": "Head", "save": "x5.blend"}, "'file'"),
+        ({**good, "name": "x6", "save": "x6.blend", "seed": "many"}, "many"),
+        ({"file": "shot.blend", "save": "x7.blend"}, "--object"),
+        ({**good, "name": "../a", "save": "x8.blend"}, "name"),
+        ("sh010", "expected an object"),
+        ({**good, "name": "x10", "save": "c.blend", "object": "He\0ad"}, "without a null"),
+    ):
+        if isinstance(row, dict):
+            row["save"] = row["save"].format(floor.folder.name)
+        rows.append(row)
+        said[len(rows)] = words
+    floor.jobs.write_text(json.dumps({"shots": rows}))
+    code, text = floor.run()
+    assert code == 12 and "1 of 12 shots are finished" in text, text
+    assert floor.report("a")["ok"] and (floor.folder / "a.blend").exists()
+    failed = json.loads((floor.reports / "batch.json").read_text())["failed"]
+    messages = [floor.report(name)["message"] for name in failed]
+    for number, words in said.items():
+        (message,) = [message for message in messages if f"shot {number}" in message.split(":")[0]]
+        assert words in message and "mend the row" in message and message in text
+    assert sorted(path.name for path in floor.folder.glob("*.blend")) == ["a.blend", "shot.blend"]
+
+
+def test_a_jobs_file_that_is_none_is_refused(floor):
+    for text, code in (("[", 3), ('{"defaults": [], "shots": []}', 3), (None, 8)):
+        floor.jobs.write_text(text) if text else floor.jobs.unlink()
+        assert floor.run()[0] == code

@@ -160,5 +160,5 @@ def test_what_a_process_that_was_killed_while_saving_has_left_goes(addon, tmp_pa
     others = [tmp_path / name for name in ("a.blend", ".b.anyface-vm-7.blend", "a.anyface.blend")]
     for path in (*left, *others):
         path.write_bytes(b"")
-    addon("command.disk").remove_leftovers(str(tmp_path / "a.blend"))
+    addon("core.beside").remove_all(str(tmp_path / "a.blend"))
     assert sorted(tmp_path.iterdir()) == sorted(others)

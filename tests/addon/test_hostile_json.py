@@ -29,17 +29,24 @@ JOBS = {
 def test_jobs_name_the_row_and_the_field(addon, tmp_path, text):
     path = tmp_path / "jobs.json"
     path.write_text(text)
-    with pytest.raises(addon("core.errors").AnyfaceError) as caught:
-        addon("farm.jobs").read(path, tmp_path / "reports")
-    assert caught.value.kind == "input" and JOBS[text] in str(caught.value), caught.value
+    error = addon("core.errors").AnyfaceError
+    try:
+        (broken,) = addon("farm.jobs").read(path, tmp_path / "reports").broken
+        kind, message = broken.outcome["kind"], broken.outcome["message"]
+    except error as whole:
+        kind, message = whole.kind, str(whole)
+    assert kind == "input" and JOBS[text] in message, message
 
 
 def test_names_that_differ_in_case_alone_are_refused(addon, tmp_path):
     rows = [{"file": "a.blend", "save": f"{name}.blend", "object": "H"} for name in ("Sh", "sh")]
     path = tmp_path / "jobs.json"
     path.write_text(json.dumps({"shots": rows}))
-    with pytest.raises(addon("core.errors").AnyfaceError, match="two shots have the name sh"):
-        addon("farm.jobs").read(path, tmp_path / "reports")
+    listed = addon("farm.jobs").read(path, tmp_path / "reports")
+    assert not listed.shots
+    for row, other in zip(listed.broken, (2, 1), strict=True):
+        assert f"shots {other} have the" in row.outcome["message"]
+    assert len({row.shot.report.casefold() for row in listed.broken}) == 2
 
 
 def test_one_bad_preset_leaves_the_others_in_the_list(addon, tmp_path):

@@ -28,7 +28,8 @@ def decode_with_aud(path: str) -> tuple[np.ndarray, float]:
     """Blender's decoder (FFmpeg), which also reads the sound of films.
 
     The channels are averaged; `rechannel(1)` would sum them and clip. Some builds of Blender as
-    a Python module have no `aud`: `ImportError`. `OSError` for what it cannot read.
+    a Python module have no `aud`: `ImportError`. `OSError` for what it cannot read, or where
+    nothing is to be heard.
     """
     import aud
 
@@ -38,4 +39,6 @@ def decode_with_aud(path: str) -> tuple[np.ndarray, float]:
         samples = np.asarray(sound.data(), dtype=np.float32)
     except aud.error as error:
         raise OSError(f"{path}: {error}") from None
+    if len(samples) == 0 or not rate_hz > 0.0:
+        raise OSError(f"{path}: {len(samples)} samples at {rate_hz:g} Hz")
     return samples.reshape(len(samples), -1).mean(axis=1, dtype=np.float32), rate_hz

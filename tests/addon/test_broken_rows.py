@@ -1,0 +1,162 @@
+"""A batch in which some rows cannot be done, each for another reason: all others are.
+
+`ANYFACE_BATCH=500,50` says how many rows there are, and how many of them are broken.
+"""
+
+import json
+import os
+import re
+import shutil
+import time
+from pathlib import Path
+
+import bpy
+import pytest
+
+import floor as floors
+from figures import tone, write_wav
+from floor import Floor
+
+ROWS, BROKEN = map(int, os.environ.get("ANYFACE_BATCH", "36,26").split(","))
+HOSTILE = Path(os.environ.get("ANYFACE_SHARED", "../shared")) / "hostile"
+KILLED = 666
+
+
+@pytest.fixture
+def floor(tmp_path, installed, monkeypatch):
+    """A place to run batches in, with a camera in the scene."""
+    monkeypatch.setattr(floors, "LIMIT_S", 10.0 * ROWS)
+    made = Floor(tmp_path, installed)
+    camera = bpy.data.objects.new("Camera", bpy.data.cameras.new("Camera"))
+    bpy.context.scene.collection.objects.link(camera)
+    bpy.ops.wm.save_as_mainfile(filepath=str(tmp_path / "shot.blend"))
+    tone(tmp_path / "voice.wav", seconds=0.25)
+    return made
+
+
+def hostile(kind: str, number: int, floor) -> str:
+    """A damaged file of that kind; a short one where the files of others are not here."""
+    found = sorted((HOSTILE / kind).glob(*{"audio": ["*.wav"], "mesh": ["*"], "json": ["*"]}[kind]))
+    found = [path for path in found if path.name not in HARMLESS]
+    if found:
+        return str(found[number % len(found)].resolve())
+    path = floor.folder / f"damaged.{kind}"
+    path.write_bytes(b'RIFF\xff\xff\xff\xffWAVE{"shots": [')
+    return str(path)
+
+
+# Odd, but sounds.
+HARMLESS = (
+    "ok.wav", "bits24_al4.wav", "bits8_f.wav", "len_max.wav", "oddlen.wav", "rate768k.wav",
+    "align0.wav", "align_odd.wav", "ch65535.wav", "ch65535b.wav", "f32_3e38.wav", "len0_stream.wav",
+    "bits12.wav", "bits64.wav", "tiny1.wav", "rate8.wav",
+)  # fmt: skip
+
+
+def kinds(floor) -> list[tuple[str, object]]:
+    """What breaks a row, by the number of its turn, and the words that its report has."""
+    folder = floor.folder
+    write_wav(folder / "empty.wav", [], 16000)
+    (folder / "cut.blend").write_bytes((folder / "shot.blend").read_bytes()[:4000])
+    (folder / "folder.wav").mkdir()
+    return [
+        (r"gone\.wav", lambda n: {"audio": "gone.wav"}),
+        (r"no file at .*gone\.blend", lambda n: {"file": "gone.blend"}),
+        (r"'Hed'", lambda n: {"object": "Hed"}),
+        (r"\.wav|damaged", lambda n: {"audio": hostile("audio", n, floor)}),
+        (r"mesh|damaged", lambda n: {"file": hostile("mesh", n, floor)}),
+        (r"json|damaged", lambda n: {"landmarks": hostile("json", n, floor)}),
+        (r"cut\.blend", lambda n: {"file": "cut.blend"}),
+        (r"seed: expected text or a number", lambda n: {"seed": [n]}),
+        (r"expected an object, got 'sh", lambda n: "sh010"),
+        (r"many", lambda n: {"seed": "many"}),
+        (r"--system|system", lambda n: {"system": "talkie"}),
+        (r"--strp", lambda n: {"strp": "Voice"}),
+        (r"happyy", lambda n: {"emotion": "happyy:1"}),
+        (r"have the output", lambda n: {"save": "out/twice.blend"}),
+        (r"have the output", lambda n: {"save": "out/../out/TWICE.blend"}),
+        (r"read and written", lambda n: {"save": "shot.blend"}),
+        (r"empty\.wav|sound|silent", lambda n: {"audio": "empty.wav"}),
+        (r"name: expected", lambda n: {"name": "sh/0 💥"}),
+        (r"killed|ended early", lambda n: {"seed": KILLED}),
+        (r"without a null", lambda n: {"object": "He\0ad"}),
+        (r"voice\.wav", lambda n: {"save": f"voice.wav/{n}.blend"}),
+        (r"Camera", lambda n: {"object": "Camera"}),
+        (r"folder\.wav", lambda n: {"audio": "folder.wav"}),
+        (r"mode: expected", lambda n: {"mode": "films"}),
+        (r"events|gone\.json", lambda n: {"events": "gone.json"}),
+        (r"fps", lambda n: {"fps": "nan"}),
+    ]
+
+
+def rows(floor) -> tuple[list, dict[int, str]]:
+    """The rows, and by number (from 1) the words of what is wrong with the broken ones."""
+    ways, made, wrong, turn = kinds(floor), [], {}, 0
+    for number in range(1, ROWS + 1):
+        row = {"name": f"sh{number:03d}", "save": f"out/Szene ä{number:03d}.blend", "seed": number}
+        # Spread out; the last ones are broken where there is no room.
+        if turn < BROKEN and (number * BROKEN // ROWS > turn or ROWS - number < BROKEN - turn):
+            words, change = ways[turn % len(ways)]
+            change = change(turn // len(ways))
+            row = {**row, **change} if isinstance(change, dict) else change
+            wrong[number] = words
+            turn += 1
+        made.append(row)
+    return made, wrong
+
+
+def files_in(folder: Path) -> list[str]:
+    return sorted(str(path.relative_to(folder)) for path in folder.rglob("*") if path.is_file())
+
+
+def test_every_good_row_is_done_and_every_broken_one_says_why(floor):
+    made, wrong = rows(floor)
+    defaults = {"file": "shot.blend", "object": "Head", "audio": "voice.wav"}
+    floor.jobs.write_text(json.dumps({"defaults": defaults, "shots": made}))
+    good = [n for n in range(1, ROWS + 1) if n not in wrong]
+    assert len(wrong) == BROKEN
+    before, began = set(files_in(floor.folder)), time.monotonic()
+    code, text = floor.run("--workers", 2, "--retries", 0, more={"ANYFACE_TEST_KILL": str(KILLED)})
+    print(f"{ROWS} rows, {BROKEN} broken: {time.monotonic() - began:.0f} s")
+    assert code == 12 and f"{len(good)} of {ROWS} shots are finished" in text, text
+    summary = json.loads((floor.reports / "batch.json").read_text())
+    assert len(summary["shots"]) == ROWS and len(summary["failed"]) == BROKEN
+    for number in good:
+        assert floor.report(f"sh{number:03d}")["ok"]
+    failed = [floor.report(name) for name in summary["failed"]]
+    for report in failed:
+        print(report["name"], report["exit_code"], report["message"].replace(str(floor.folder), ""))
+    for number, words in wrong.items():
+        row = made[number - 1]
+        named = row.get("name") if isinstance(row, dict) else None
+        of_row = [r for r in failed if r["name"] in (named, f"row-{number}")]
+        assert len(of_row) == 1, (number, row)
+        (report,) = of_row
+        assert re.search(words, report["message"]), (row, report)
+        assert "Traceback" not in report["message"] and report["exit_code"] not in (0, 2)
+        assert f"{report['name']}: {report['message'][:40]}" in text
+        # A killed process alone cannot say what went wrong.
+        assert report["kind"] != "internal" or "kill" in words, report
+    fresh = {path for path in files_in(floor.folder) if path not in before}
+    fresh = {path for path in fresh if not path.startswith(("jobs.reports/", "marks/"))}
+    assert fresh == {f"out/Szene ä{number:03d}.blend" for number in good}, "nothing is half written"
+    kept = files_in(floor.reports)
+    assert [path for path in kept if not path.endswith((".json", ".log", ".jsonl"))] == []
+    _mended(floor, made, wrong, defaults)
+
+
+def _mended(floor, made: list, wrong: dict, defaults: dict) -> None:
+    """A second run does those rows alone that were mended, and tries again what is broken."""
+    mended = [number for number in wrong if isinstance(made[number - 1], dict)][:2]
+    for number in mended:
+        keys = {"name": f"sh{number:03d}", "save": f"out/Szene ä{number:03d}.blend", "seed": number}
+        made[number - 1] = keys
+    others = [row for number, row in enumerate(made, 1) if number not in wrong or number in mended]
+    floor.jobs.write_text(json.dumps({"defaults": defaults, "shots": others}))
+    shutil.rmtree(floor.marks)
+    floor.marks.mkdir()
+    code, text = floor.run("--workers", 2)
+    assert code == 0 and f"{ROWS - BROKEN} of {len(others)} shots were finished before" in text
+    assert len(floor.begun()) == len(mended)
+    ended = floor.ended()
+    assert all(ended[f"sh{n:03d}"] == 1 for n in range(1, ROWS + 1) if n not in wrong)
