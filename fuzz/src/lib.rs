@@ -1,15 +1,16 @@
 //! What every target does with its bytes, for the fuzzers and for the tests, which replay the corpus.
 
-use std::{io::Write, path::Path};
+use std::{io::Write, path::Path, sync::OnceLock};
 
 use anyface::{
     CachePolicy, Engine, EngineOptions, MotionRequest,
     annotation::Annotation,
     audio::{LOUDEST, SoundFile, Waveform},
     conditions::EmotionCurve,
-    head::{self, Head, HeadOptions},
+    head::{self, COEFFICIENTS, Head, HeadOptions, ScanOptions},
     job::SILENT,
-    mesh::{FixedLandmark, LandmarkSource, Mesh, ObjectNames},
+    mesh::{FixedLandmark, LandmarkSource, Landmarks, Mesh, ObjectNames},
+    motion::{LandmarkClip, Life, Motion, Stretch, WeightClip},
     output::{read_landmark_motion, read_life, read_rig, read_vertex_motion, read_weights},
     systems::{Registration, SYSTEMS, built_in_models},
     text::{self, TextUnits},
@@ -156,7 +157,7 @@ fn beside_the_engine(model: &str, folder: &Path) {
         && let Ok(one) = head.one(vec![0.1; head.config().identity_code()])
     {
         let options = HeadOptions {
-            resolution: 24,
+            resolution: 32,
             parts: false,
         };
         if let Ok(made) = one.mesh(&options, SILENT) {
@@ -164,4 +165,203 @@ fn beside_the_engine(model: &str, folder: &Path) {
             assert!(numbers.copied().all(f32::is_finite));
         }
     }
+}
+
+/// A stretch of a motion made again: the earlier one comes from a file, or from any numbers; the result has its shape, the
+/// frames outside stay to the bit, and what is finite stays so.
+///
+/// The first byte chooses the kind, the next sixteen are start and end of the stretch, or its text.
+pub fn redo(bytes: &[u8]) {
+    let Some((&kind, bytes)) = bytes.split_first() else {
+        return;
+    };
+    let Some((ends, rest)) = bytes.split_at_checked(16) else {
+        return;
+    };
+    let number = |bytes: &[u8]| f64::from_le_bytes(bytes.try_into().unwrap());
+    let stretch = match kind % 2 {
+        0 => Stretch::new(number(&ends[..8]), number(&ends[8..])),
+        _ => Stretch::parse(String::from_utf8_lossy(ends).trim_end_matches('\0')),
+    };
+    let Ok(stretch) = stretch else {
+        return;
+    };
+    match kind / 2 % 2 {
+        0 => redo_of_file(rest, &stretch),
+        _ => redo_of_numbers(kind, rest, &stretch),
+    }
+}
+
+fn redo_of_file(bytes: &[u8], stretch: &Stretch) {
+    let file = tempfile::Builder::new().suffix(".npz").tempfile().unwrap();
+    std::fs::write(file.path(), bytes).unwrap();
+    if let Ok(was) = read_landmark_motion(file.path()) {
+        let fps = was.fps.unwrap_or(30.0);
+        let frames = was.displacements.dim().0;
+        let was = Motion::Landmarks(LandmarkClip {
+            displacements: was.displacements,
+            fps,
+        });
+        redo_as_still(&was, stretch);
+        if let Ok(Some(life)) = read_life(file.path()) {
+            let _ = life.redone(&Life::still(frames), stretch, fps);
+        }
+    }
+    if let Ok(Some(was)) = read_weights(file.path()) {
+        redo_as_still(&Motion::Weights(was), stretch);
+    }
+}
+
+fn redo_of_numbers(kind: u8, bytes: &[u8], stretch: &Stretch) {
+    let Some((fps, values)) = bytes.split_at_checked(8) else {
+        return;
+    };
+    let fps = f64::from_le_bytes(fps.try_into().unwrap());
+    let values: Vec<f32> = values
+        .chunks_exact(4)
+        .map(|value| f32::from_le_bytes(value.try_into().unwrap()))
+        .collect();
+    let was = match kind / 4 % 2 {
+        0 => {
+            let frames = values.len();
+            let values = values.into_iter().flat_map(|value| [value; 204]);
+            let shape = (frames, 68, 3);
+            let displacements = ndarray::Array3::from_shape_vec(shape, values.collect()).unwrap();
+            Motion::Landmarks(LandmarkClip { displacements, fps })
+        }
+        _ => Motion::Weights(WeightClip {
+            names: vec!["jawOpen".to_owned()],
+            together: values.clone(),
+            weights: ndarray::Array2::from_shape_vec((values.len(), 1), values).unwrap(),
+            fps,
+        }),
+    };
+    redo_as_still(&was, stretch);
+}
+
+/// Makes a stretch of a motion again as one that rests.
+fn redo_as_still(was: &Motion, stretch: &Stretch) {
+    let still = ndarray::ArrayD::zeros(was.values().raw_dim());
+    let again = match was {
+        Motion::Landmarks(clip) => Motion::Landmarks(LandmarkClip {
+            displacements: still.into_dimensionality().unwrap(),
+            fps: clip.fps,
+        }),
+        Motion::Weights(clip) => Motion::Weights(WeightClip {
+            weights: still.into_dimensionality().unwrap(),
+            ..clip.clone()
+        }),
+        _ => return,
+    };
+    let Ok(made) = was.redone(&again, stretch) else {
+        return;
+    };
+    assert_eq!(made.values().shape(), was.values().shape());
+    let rows = stretch.frames(was.frames(), was.fps()).unwrap();
+    for (t, (made, was)) in made
+        .values()
+        .outer_iter()
+        .zip(was.values().outer_iter())
+        .enumerate()
+    {
+        let same = |(a, b): (&f32, &f32)| a.to_bits() == b.to_bits();
+        assert!(rows.contains(&t) || made.iter().zip(&was).all(same));
+        let finite = |x: &f32| x.is_finite();
+        assert!(!was.iter().all(finite) || made.iter().all(finite));
+    }
+    let _ = made.frames_of(rows);
+}
+
+/// Options and files of the parametric head: what is refused says why, and what is made is a mesh.
+///
+/// The first byte chooses coefficients of a file, numbers (seeds, a mixture, a slider) or a scan; the second a resolution.
+pub fn heads(bytes: &[u8]) {
+    static HEAD: OnceLock<Head> = OnceLock::new();
+    const RESOLUTIONS: [usize; 12] = [
+        32,
+        24,
+        0,
+        31,
+        40,
+        33,
+        23,
+        1 << 20,
+        1 << 40,
+        usize::MAX,
+        1,
+        4097,
+    ];
+    let [kind, resolution, rest @ ..] = bytes else {
+        return;
+    };
+    let head = HEAD.get_or_init(|| Head::open(None).unwrap());
+    let options = HeadOptions {
+        resolution: RESOLUTIONS[usize::from(*resolution) % RESOLUTIONS.len()],
+        parts: resolution % 2 == 1,
+    };
+    let made = match kind % 3 {
+        0 => {
+            let read = serde_json::from_slice::<Vec<f32>>(rest);
+            read.ok()
+                .and_then(|code| Head::checked(code, kind / 3 % 2 == 1).ok())
+        }
+        1 => head_of_numbers(head, rest),
+        _ => head_like(head, kind / 3, rest),
+    };
+    let Some(coefficients) = made else {
+        return;
+    };
+    assert!(coefficients.len() == COEFFICIENTS && coefficients.iter().all(|x| x.is_finite()));
+    let code = head.identity_code(&coefficients).unwrap();
+    let one = head.one(code).unwrap();
+    if let Ok(made) = one.mesh(&options, SILENT) {
+        made.mesh.check().unwrap();
+        assert!(
+            made.mesh
+                .positions
+                .as_flattened()
+                .iter()
+                .all(|x| x.is_finite())
+        );
+        assert!(!made.to_obj().is_empty() && !made.landmarks.to_json().is_empty());
+    }
+}
+
+fn head_of_numbers(head: &Head, bytes: &[u8]) -> Option<Vec<f32>> {
+    let (numbers, name) = bytes.split_at_checked(24)?;
+    let seed = |at: usize| u64::from_le_bytes(numbers[at..at + 8].try_into().unwrap());
+    let real = |at: usize| f32::from_le_bytes(numbers[at..at + 4].try_into().unwrap());
+    let [first, other] = [seed(0), seed(8)].map(Head::random);
+    let mut code = Head::mixture(&first, &other, real(16)).ok()?;
+    let named = head.direction(&String::from_utf8_lossy(name)).ok();
+    let direction = named.or_else(|| name.first().map(|byte| usize::from(*byte)));
+    head.set_along(&mut code, direction?, real(20)).ok()?;
+    head.along(&code).unwrap();
+    Some(code)
+}
+
+/// A head like the mesh of a file; its landmarks are those of any of its vertices.
+fn head_like(head: &Head, choice: u8, bytes: &[u8]) -> Option<Vec<f32>> {
+    let (numbers, file) = bytes.split_at_checked(68)?;
+    let scan = Mesh::parse(file).ok()?;
+    let count = scan.positions.len();
+    // A mesh that is read has vertices; more would only take longer.
+    if count == 0 || count > 5_000 {
+        return None;
+    }
+    let vertices = std::array::from_fn(|n| (usize::from(numbers[n]) * count / 256) as u32);
+    let landmarks = Landmarks {
+        positions: vertices.map(|vertex| scan.positions[vertex as usize]),
+        vertices,
+        confidence: [1.0; 68],
+    };
+    let options = ScanOptions {
+        steps: usize::from(choice % 3),
+        points: 30,
+        seed: choice.into(),
+    };
+    let fit = head
+        .fit_scan(&scan.positions, &landmarks, &options, SILENT)
+        .ok()?;
+    Some(fit.coefficients)
 }

@@ -2,6 +2,7 @@
 
 mod command;
 mod hostile;
+mod options;
 mod performance;
 mod runs;
 #[path = "../../../rust-core/tests/suite/voice.rs"]

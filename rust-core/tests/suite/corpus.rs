@@ -1,6 +1,6 @@
 //! Files that were fed to the fuzzers or found by them, through what the fuzzers do with them.
 
-use std::{fs, path::Path};
+use std::{fs, ops::Range, path::Path};
 
 #[path = "../../../fuzz/src/lib.rs"]
 mod targets;
@@ -28,6 +28,8 @@ fn the_corpus_of_the_fuzzers_breaks_nothing() {
         ("sound", targets::sound, 10),
         ("arrays", targets::arrays, 15),
         ("text", targets::text, 10),
+        ("redo", targets::redo, 20),
+        ("heads", targets::heads, 20),
     ];
     for (name, target, least) in corpus {
         let replayed = replay(&format!("../fuzz/corpus/{name}"), target);
@@ -50,14 +52,64 @@ fn noise(seed: u64, length: usize) -> Vec<u8> {
 }
 
 /// `ANYFACE_MUTATIONS` says how many, from `ANYFACE_MUTATIONS_FROM` on.
-#[test]
-fn damaged_models_are_refused_or_perform_finite_motion() {
+fn mutations(usual: u64) -> Range<u64> {
     let number = |name: &str, usual: u64| {
         let set = std::env::var(name).ok();
         set.map_or(usual, |text| text.parse().expect(name))
     };
     let from = number("ANYFACE_MUTATIONS_FROM", 0);
-    for seed in from..from + number("ANYFACE_MUTATIONS", 12) {
+    from..from + number("ANYFACE_MUTATIONS", usual)
+}
+
+/// Files of the corpus with one to eight bytes changed, cut short or repeated.
+#[test]
+fn damaged_files_of_every_kind_break_nothing() {
+    let targets = [
+        ("mesh", targets::mesh as fn(&[u8])),
+        ("sound", targets::sound),
+        ("arrays", targets::arrays),
+        ("text", targets::text),
+        ("redo", targets::redo),
+        ("heads", targets::heads),
+    ];
+    for (name, target) in targets {
+        let folder = Path::new(env!("CARGO_MANIFEST_DIR"))
+            .join("../fuzz/corpus")
+            .join(name);
+        let mut paths: Vec<_> = fs::read_dir(folder)
+            .unwrap()
+            .map(|e| e.unwrap().path())
+            .collect();
+        paths.sort();
+        for seed in mutations(20) {
+            let path = &paths[seed as usize % paths.len()];
+            println!("{name} {seed} {}", path.display());
+            target(&damaged(fs::read(path).unwrap(), seed));
+        }
+    }
+}
+
+fn damaged(mut bytes: Vec<u8>, seed: u64) -> Vec<u8> {
+    let noise = noise(seed, 64);
+    for change in noise[8..8 + 8 * (1 + usize::from(noise[0] % 6))].chunks_exact(8) {
+        if bytes.is_empty() {
+            break;
+        }
+        let at = u32::from_le_bytes([change[0], change[1], change[2], 0]) as usize % bytes.len();
+        match change[4] % 8 {
+            0 => bytes.truncate(at),
+            1 => bytes.extend_from_within(at..bytes.len().min(at + 64)),
+            2 => bytes[at] = [0, 0x7f, 0x80, 0xff][usize::from(change[5] % 4)],
+            3 => bytes[at] = bytes[at].wrapping_add(1),
+            _ => bytes[at] = change[5],
+        }
+    }
+    bytes
+}
+
+#[test]
+fn damaged_models_are_refused_or_perform_finite_motion() {
+    for seed in mutations(12) {
         println!("{seed}");
         // Model, part, and four bytes for each of one to eight places.
         targets::models(&noise(seed, 2 + 4 * (1 + seed as usize % 8)));

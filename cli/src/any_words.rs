@@ -1,0 +1,233 @@
+//! A command line from any bytes, for fuzzers and tests: every option with any value, over files that are there.
+
+use std::{
+    any::TypeId,
+    ffi::OsString,
+    fs,
+    path::{Path, PathBuf},
+};
+
+use anyface::job::all_or_none;
+use clap::{Arg, ArgAction, Command, CommandFactory, FromArgMatches};
+
+use crate::{
+    Arguments,
+    console::Console,
+    paths::{CachePath, InputPath, OutputPath},
+};
+
+/// So many options are tried at once.
+const MOST_OPTIONS: usize = 16;
+/// Below this a byte chooses one of the values that mean something to some option.
+const KNOWN: u8 = 192;
+const LONGEST: usize = 48;
+const VALUES: [&str; 44] = [
+    "",
+    "0",
+    "1",
+    "-1",
+    "2",
+    "0.5",
+    "1.5",
+    "-0",
+    "30",
+    "24",
+    "1e39",
+    "-1e39",
+    "nan",
+    "inf",
+    "-inf",
+    "18446744073709551615",
+    "18446744073709551616",
+    "999999999",
+    "1e-300",
+    "off",
+    "auto",
+    "happy:0.7",
+    "sad:1,angry:nan",
+    "0:sad:1",
+    "0:sad:1;0:happy:1",
+    "1.2-2.0",
+    "0-0.05",
+    "2-1",
+    "7,12,0.3",
+    "7,12,nan",
+    "face-width=1.5",
+    "face-width=nan",
+    "3=jaw",
+    "4294967296=jaw",
+    "low=skull",
+    "=",
+    "1.2-2.0:12,6:0.8",
+    "2.4-2.8:left wink",
+    "smile",
+    "x",
+    "-z",
+    "freetalk",
+    "cafe-talk",
+    "emoface",
+];
+
+/// Runs the command that `bytes` describe, with a folder of models that cannot be loaded: it goes through all checks and
+/// reads its files, and stops before what takes long. Returns the message of its error, none where it is done.
+///
+/// The first byte chooses the subcommand. Two or more stand for each option: which, which value, and for other values
+/// their length and their bytes. `folder` holds `in`, whose files are read, `out` for results, and `models`.
+pub fn run(bytes: &[u8], folder: &Path) -> Option<String> {
+    let words = words(bytes, folder);
+    let matches = match Arguments::command().try_get_matches_from(words) {
+        Ok(matches) => matches,
+        Err(error) => return Some(error.render().to_string()),
+    };
+    let arguments = match Arguments::from_arg_matches(&matches) {
+        Ok(arguments) => arguments,
+        Err(error) => return Some(error.render().to_string()),
+    };
+    let console = Console::new(arguments.shared.json);
+    let files = arguments.files(&matches);
+    let run = || {
+        files.check()?;
+        arguments.run(&console)
+    };
+    let error = all_or_none(files.inputs(), run).err()?;
+    assert!(error.exit_code() > 2, "{error}");
+    Some(error.to_string())
+}
+
+/// The words that `bytes` describe.
+#[must_use]
+pub fn words(bytes: &[u8], folder: &Path) -> Vec<OsString> {
+    let mut bytes = bytes.iter().copied();
+    let mut command = Arguments::command();
+    command.build();
+    let has_options = |command: &&Command| command.get_name() != "help";
+    let subcommands: Vec<&Command> = command.get_subcommands().filter(has_options).collect();
+    let choice = usize::from(bytes.next().unwrap_or_default());
+    let subcommand = subcommands[choice % subcommands.len()];
+    let places = Places::of(folder);
+    let mut words: Vec<OsString> = vec!["anyface".into(), subcommand.get_name().into()];
+    // Models are those of the folder, whatever is asked for; help and version print and end.
+    let of_ours = |arg: &&Arg| !["weights", "help", "version"].contains(&arg.get_id().as_str());
+    let options: Vec<&Arg> = subcommand.get_arguments().filter(of_ours).collect();
+    let mut seen = Vec::new();
+    while let Some(choice) = bytes.next().filter(|_| seen.len() < MOST_OPTIONS) {
+        let option = options[usize::from(choice) % options.len()];
+        words.push(word(option, &mut bytes, &places));
+        seen.push(option.get_id());
+    }
+    // Without these the rest would never be looked at.
+    for option in options.iter().filter(|option| option.is_required_set()) {
+        if !seen.contains(&option.get_id()) {
+            words.push(word(option, &mut [0, 0].into_iter(), &places));
+        }
+    }
+    words.push(joined("weights", folder.join("models").into()));
+    words
+}
+
+fn word(option: &Arg, bytes: &mut impl Iterator<Item = u8>, places: &Places) -> OsString {
+    let takes_value = matches!(option.get_action(), ArgAction::Set | ArgAction::Append);
+    let value = takes_value.then(|| value(option, bytes, places));
+    match (option.get_long(), value) {
+        (Some(name), Some(value)) => joined(name, value),
+        (Some(name), None) => format!("--{name}").into(),
+        (None, value) => value.unwrap_or_default(),
+    }
+}
+
+fn joined(name: &str, value: OsString) -> OsString {
+    let mut word: OsString = format!("--{name}=").into();
+    word.push(value);
+    word
+}
+
+fn value(option: &Arg, bytes: &mut impl Iterator<Item = u8>, places: &Places) -> OsString {
+    let choice = bytes.next().unwrap_or_default();
+    let kind = option.get_value_parser().type_id();
+    if kind == TypeId::of::<InputPath>() {
+        return places.input(option.get_id().as_str(), choice);
+    }
+    if kind == TypeId::of::<OutputPath>() {
+        return places.output(choice);
+    }
+    if kind == TypeId::of::<CachePath>() {
+        return places.folder.join("cache").into();
+    }
+    if choice >= KNOWN {
+        let length = usize::from(bytes.next().unwrap_or_default()) % LONGEST;
+        return text(bytes.take(length).filter(|byte| *byte != 0).collect());
+    }
+    let own = option.get_possible_values();
+    let own = own.iter().map(|value| value.get_name().to_owned());
+    let known: Vec<String> = own.chain(VALUES.map(str::to_owned)).collect();
+    known[usize::from(choice) % known.len()].clone().into()
+}
+
+#[cfg(unix)]
+fn text(bytes: Vec<u8>) -> OsString {
+    use std::os::unix::ffi::OsStringExt;
+
+    // It need not be text.
+    OsString::from_vec(bytes)
+}
+
+#[cfg(not(unix))]
+fn text(bytes: Vec<u8>) -> OsString {
+    String::from_utf8_lossy(&bytes).into_owned().into()
+}
+
+/// Files that options may name: none lies outside of the folder.
+struct Places {
+    folder: PathBuf,
+    inputs: Vec<PathBuf>,
+}
+
+impl Places {
+    fn of(folder: &Path) -> Places {
+        let entries = fs::read_dir(folder.join("in"))
+            .into_iter()
+            .flatten()
+            .flatten();
+        let mut inputs: Vec<PathBuf> = entries.map(|entry| entry.path()).collect();
+        inputs.sort();
+        inputs.push(folder.join("gone.npz"));
+        inputs.push(folder.join("in"));
+        Places {
+            folder: folder.to_owned(),
+            inputs,
+        }
+    }
+
+    /// The file that is named like the option where `choice` is even and there is one, else any.
+    fn input(&self, option: &str, choice: u8) -> OsString {
+        let is_meant = |path: &&PathBuf| path.file_stem().is_some_and(|stem| stem == option);
+        let meant = self
+            .inputs
+            .iter()
+            .find(is_meant)
+            .filter(|_| choice.is_multiple_of(2));
+        let any = &self.inputs[usize::from(choice / 2) % self.inputs.len()];
+        meant.unwrap_or(any).into()
+    }
+
+    fn output(&self, choice: u8) -> OsString {
+        const ENDINGS: [&str; 12] = [
+            "npz", "pc2", "mdd", "csv", "json", "obj", "TextGrid", "tsv", "pgo", "dat", "txt",
+            "odd",
+        ];
+        let out = self.folder.join("out");
+        match choice {
+            240..=255 => self.input("out", choice),
+            230..240 => out.join("new").into(),
+            220..230 => out.join("gone").join("deep.npz").into(),
+            _ => {
+                let ending = ENDINGS[usize::from(choice) % ENDINGS.len()];
+                out.join(format!(
+                    "o{}.{ending}",
+                    usize::from(choice) / ENDINGS.len() % 3
+                ))
+                .into()
+            }
+        }
+    }
+}

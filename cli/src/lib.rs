@@ -1,0 +1,172 @@
+//! The `anyface` command, one file per subcommand.
+//!
+//! Exit codes: 0 done, 2 usage, otherwise [`anyface::Error::exit_code`]. Results go to standard output,
+//! warnings, progress and errors to standard error; with `--json` both are JSON.
+
+mod animate;
+pub mod any_words;
+mod arguments;
+mod console;
+mod controls;
+mod deform;
+mod head;
+mod info;
+mod landmarks;
+mod layers;
+mod memory;
+mod motion;
+mod open_mouth;
+mod parts;
+mod paths;
+mod redo;
+mod rig;
+mod signals;
+mod solve;
+mod sounds;
+mod stages;
+mod surface;
+mod units;
+
+use std::{path::PathBuf, process::ExitCode};
+
+use anyface::{Result, job::all_or_none};
+use clap::{ArgMatches, CommandFactory, FromArgMatches, Parser, Subcommand};
+
+use arguments::SharedArgs;
+use console::Console;
+use paths::Files;
+
+/// Makes any face mesh talk: speech in, facial animation with emotion out, on a plain CPU.
+#[derive(Parser)]
+#[command(name = "anyface", version)]
+struct Arguments {
+    #[command(subcommand)]
+    command: Command,
+    #[command(flatten)]
+    shared: SharedArgs,
+}
+
+#[derive(Subcommand)]
+enum Command {
+    Animate(Box<animate::Animate>),
+    Motion(motion::Motion),
+    Deform(deform::Deform),
+    Landmarks(landmarks::FindLandmarks),
+    OpenMouth(open_mouth::OpenMouth),
+    Head(head::MakeHead),
+    Rig(rig::MakeRig),
+    Solve(solve::Solve),
+    Sounds(sounds::Sounds),
+    Parts(parts::ListParts),
+    Units(units::Units),
+    Info(info::Info),
+}
+
+/// Reads the command line, runs it and says how it went.
+#[must_use]
+pub fn main() -> ExitCode {
+    let matches = Arguments::command().get_matches();
+    let arguments = Arguments::from_arg_matches(&matches).unwrap_or_else(|error| error.exit());
+    let console = Console::new(arguments.shared.json);
+    console.listen();
+    signals::listen();
+    memory::guard(arguments.shared.json);
+    let files = arguments.files(&matches);
+    let run = || {
+        files.check()?;
+        arguments.run(&console)
+    };
+    match all_or_none(files.inputs(), run) {
+        Ok(()) => ExitCode::SUCCESS,
+        Err(error) => {
+            console.error(&error);
+            ExitCode::from(error.exit_code())
+        }
+    }
+}
+
+impl Arguments {
+    /// What is read and written.
+    fn files(&self, matches: &ArgMatches) -> Files {
+        let mut command = Arguments::command();
+        command.build();
+        Files::new(&command, matches, self.outputs_beside())
+    }
+
+    /// Results whose names come from those of other results.
+    fn outputs_beside(&self) -> Vec<PathBuf> {
+        match &self.command {
+            Command::Animate(command) => command.outputs_beside(),
+            Command::Head(command) => command.outputs_beside(),
+            Command::Rig(command) => command.outputs_beside(),
+            _ => Vec::new(),
+        }
+    }
+
+    fn run(&self, console: &Console) -> Result<()> {
+        self.shared.check()?;
+        match &self.command {
+            Command::Animate(command) => command.run(&self.shared, console),
+            Command::Motion(command) => command.run(&self.shared, console),
+            Command::Deform(command) => command.run(&self.shared, console),
+            Command::Landmarks(command) => command.run(&self.shared, console),
+            Command::OpenMouth(command) => command.run(&self.shared, console),
+            Command::Head(command) => command.run(&self.shared, console),
+            Command::Rig(command) => command.run(&self.shared, console),
+            Command::Solve(command) => command.run(&self.shared, console),
+            Command::Sounds(command) => command.run(&self.shared, console),
+            Command::Parts(command) => command.run(&self.shared, console),
+            Command::Units(command) => command.run(&self.shared, console),
+            Command::Info(command) => command.run(&self.shared, console),
+        }
+    }
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+    use clap::CommandFactory;
+
+    #[test]
+    fn the_command_line_is_consistent() {
+        Arguments::command().debug_assert();
+    }
+
+    #[test]
+    fn the_stable_command_line_is_accepted() {
+        for line in [
+            "anyface animate --mesh M.obj --audio A.wav --out O.npz --landmarks L.json \
+             --emotion happy:0.7 --fps 30 --seed 0 --steps 4 --threads 2 --report R.json",
+            "anyface motion --audio A.wav --out O.npz --emotion sad:1 --fps 25 --seed 3",
+            "anyface motion --audio A.wav --out O.npz --emotion-keys 0:sad:1 --articulation 1.2 \
+             --jaw 0.5 --rounding 1.2 --width 0.8 --tongue 0.7 --smoothing 0.02 --upper-face 0.5 --blinks 20 \
+             --brow-accents 0 --asymmetry -1",
+            "anyface motion --audio A.wav --out O.npz --emotion sad:1 --causal",
+            "anyface deform --mesh M.obj --motion L.npz --out O.npz",
+            "anyface landmarks --mesh M.obj --out L.json --forward -y --up z",
+            "anyface open-mouth --mesh M.obj --out O.obj --landmarks L.json",
+            "anyface animate --mesh M.obj --audio A.wav --out O.npz --open-mouth",
+            "anyface rig --mesh M.obj --out R.npz --report R.json --landmarks L.json",
+            "anyface rig --mesh M.obj --out keys/ --by field --in-betweens",
+            "anyface solve --mesh M.obj --animation A.mdd --rig R.npz --out W.csv --fps 60",
+            "anyface deform --mesh M.obj --motion L.npz --out O.npz --part 3=jaw --part low=skull",
+            "anyface parts --mesh M.obj --landmarks L.json --part 3=jaw --json",
+            "anyface sounds --audio A.wav --out A.TextGrid",
+            "anyface sounds --sounds A.TextGrid --out A.dat --fps 25",
+            "anyface animate --mesh M.obj --audio A.wav --out O.npz --sounds A.TextGrid",
+            "anyface animate --mesh M.obj --audio A.wav --out O.npz --redo 1.2-2.0 --from T.npz --seed 2",
+            "anyface motion --audio A.wav --out O.npz --redo 1.2-2.0 --from T.npz --emotion sad:1",
+            "anyface head --seed 7 --out H.obj --resolution 192 --direction face-width=-1.5",
+            "anyface head --mix 7,12,0.3 --out H.obj --skin-only --code-out C.json",
+            "anyface head --like S.ply --like-landmarks L.json --out H.obj",
+            "anyface animate --mesh M.obj --audio A.wav --system facetalk --surface 256 --out frames/",
+            "anyface units smile --json",
+            "anyface info --json",
+        ] {
+            let words = line.split_whitespace();
+            if let Err(error) = Arguments::try_parse_from(words) {
+                panic!("{line}: {error}");
+            }
+        }
+    }
+}

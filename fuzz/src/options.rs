@@ -1,0 +1,110 @@
+//! What the target `options` does with its bytes, for the fuzzer and for the tests of the command.
+
+use std::{
+    fs,
+    path::{Path, PathBuf},
+    sync::{Mutex, OnceLock},
+};
+
+use anyface::systems::built_in_models;
+
+/// Options of every subcommand: each is refused with a message, which leaves no file, or done.
+pub fn options(bytes: &[u8]) {
+    // Results lie in one folder.
+    static ONE_AT_A_TIME: Mutex<()> = Mutex::new(());
+    let _alone = ONE_AT_A_TIME.lock();
+    let folder = folder();
+    let out = folder.join("out");
+    let _ = fs::remove_dir_all(&out);
+    fs::create_dir(&out).unwrap();
+    let before = sizes(&folder.join("in"));
+    if let Some(message) = anyface_cli::any_words::run(bytes, folder) {
+        assert!(!message.trim().is_empty());
+        let left: Vec<_> = sizes(&out);
+        assert!(left.is_empty(), "{message} left {left:?}");
+    }
+    assert!(
+        before == sizes(&folder.join("in")),
+        "a file that is read was changed"
+    );
+}
+
+/// Names and sizes of the files of a folder, in folders too.
+fn sizes(folder: &Path) -> Vec<(PathBuf, u64)> {
+    let mut found = Vec::new();
+    for entry in fs::read_dir(folder).unwrap().flatten() {
+        match entry.metadata().unwrap() {
+            kind if kind.is_dir() => found.extend(sizes(&entry.path())),
+            kind => found.push((entry.path(), kind.len())),
+        }
+    }
+    found.sort();
+    found
+}
+
+/// A folder with small files for all options that read one, and models that cannot be loaded; made once.
+fn folder() -> &'static Path {
+    static FOLDER: OnceLock<tempfile::TempDir> = OnceLock::new();
+    FOLDER.get_or_init(made).path()
+}
+
+fn made() -> tempfile::TempDir {
+    let folder = tempfile::tempdir().unwrap();
+    let inputs = folder.path().join("in");
+    fs::create_dir(&inputs).unwrap();
+    let write = |name: &str, bytes: &[u8]| fs::write(inputs.join(name), bytes).unwrap();
+    let mesh = b"o face\nv 0 0 0\nv 1 0 0\nv 0 1 0\nv 0 0 1\nf 1 2 3\nf 1 3 4\nf 1 4 2\nf 2 4 3\n";
+    write("mesh.obj", mesh);
+    write("like.obj", mesh);
+    write("audio.wav", &wav());
+    write("feeling.wav", &wav());
+    write("landmarks.json", br#"{"landmarks": []}"#);
+    write("fix.json", br#"[{"index": 30, "position": [0, 0, 0]}]"#);
+    write(
+        "events.json",
+        br#"[{"start_s": 0.1, "end_s": 0.2, "units": ["12", "45L"]}]"#,
+    );
+    write("sounds.txt", b"0.1 0.2 p\n0.3 0.4 m\n");
+    write("text_file.txt", "Who is it? \u{1F642}".as_bytes());
+    write(
+        "code.json",
+        format!("[{}0.1]", "0.1,".repeat(99)).as_bytes(),
+    );
+    for name in [
+        "animation.npz",
+        "from.npz",
+        "motion.npz",
+        "rig.npz",
+        "starts_from.npz",
+    ] {
+        write(
+            name,
+            include_bytes!("../corpus/arrays/ok.npz")
+                .split_first()
+                .unwrap()
+                .1,
+        );
+    }
+    for model in built_in_models() {
+        let own = folder.path().join("models").join(model.name);
+        fs::create_dir_all(&own).unwrap();
+        fs::write(own.join("config.json"), "{").unwrap();
+        fs::write(own.join("model.safetensors"), "").unwrap();
+    }
+    folder
+}
+
+/// A tenth of a second at 8 kHz.
+fn wav() -> Vec<u8> {
+    let samples: Vec<u8> = (0..800)
+        .flat_map(|i| ((i % 40) as i16 * 500).to_le_bytes())
+        .collect();
+    let mut bytes =
+        b"RIFF\0\0\0\0WAVEfmt \x10\0\0\0\x01\0\x01\0\x40\x1f\0\0\x80\x3e\0\0\x02\0\x10\0data"
+            .to_vec();
+    bytes.extend((samples.len() as u32).to_le_bytes());
+    bytes.extend(&samples);
+    let size = bytes.len() as u32 - 8;
+    bytes[4..8].copy_from_slice(&size.to_le_bytes());
+    bytes
+}
