@@ -3,6 +3,7 @@ and of the rows of a jobs file.
 """
 
 import argparse
+import math
 
 from . import systems
 
@@ -22,6 +23,17 @@ def parser(program: str, modes: str = "") -> argparse.ArgumentParser:
     add_batch(batch)
     tasks.add_parser("shot", help="one shot of a batch, read from standard input")
     return top
+
+
+def real(text: str) -> float:
+    """A finite number; raises `argparse.ArgumentTypeError`."""
+    try:
+        value = float(text)
+    except ValueError:
+        value = math.nan
+    if not math.isfinite(value):
+        raise argparse.ArgumentTypeError(f"expected a finite number, got {text[:40]!r}")
+    return value
 
 
 def step_parser(task: str) -> argparse.ArgumentParser:
@@ -55,8 +67,8 @@ def _add_bake(task: argparse.ArgumentParser, modes: str) -> None:
         "--emotion", metavar="NAME:X[,…]", help="such as happy:0.7; auto; auto-arousal; off"
     )
     task.add_argument("--mode", help=modes)
-    task.add_argument("--error", type=float, metavar="MM", help="largest error of basis keys")
-    task.add_argument("--fps", type=float, help="default: the scene's")
+    task.add_argument("--error", type=real, metavar="MM", help="largest error of basis keys")
+    task.add_argument("--fps", type=real, help="default: the scene's")
     task.add_argument("--seed", type=int)
     task.add_argument("--style", help="speaking style")
     task.add_argument(
@@ -71,7 +83,7 @@ def _add_bake(task: argparse.ArgumentParser, modes: str) -> None:
 def _add_controls(task: argparse.ArgumentParser) -> None:
     """What turns speech into motion, and its controls as the library tells of them."""
     task.add_argument("--system", choices=[system.name for system in systems.known()] or None)
-    kinds = {systems.REAL: {"type": float}, systems.WHOLE: {"type": int}}
+    kinds = {systems.REAL: {"type": real}, systems.WHOLE: {"type": int}}
     for control in systems.controls():
         kind = kinds.get(control.values, {"choices": control.choices})
         help = control.help.replace("%", "%%")
@@ -116,11 +128,11 @@ def add_batch(task: argparse.ArgumentParser) -> None:
     task.add_argument("jobs", help="the JSON file that lists the shots")
     task.add_argument("--workers", type=int, default=1, help="processes on this machine")
     task.add_argument("--scheduler", metavar="tcp://…", help="a Dask scheduler: its workers do it")
-    task.add_argument("--connect", type=float, default=30.0, metavar="S", help="wait for it")
+    task.add_argument("--connect", type=real, default=30.0, metavar="S", help="wait for it")
     task.add_argument("--reports", metavar="FOLDER", help="default: beside the jobs file")
     task.add_argument("--blender", metavar="FILE", help="the Blender that does the shots")
     task.add_argument("--retries", type=int, default=1, help="new tries after a crash")
-    task.add_argument("--timeout", type=float, metavar="S", help="seconds that a shot may take")
+    task.add_argument("--timeout", type=real, metavar="S", help="seconds that a shot may take")
     task.add_argument("--again", action="store_true", help="finished shots too")
 
 

@@ -85,7 +85,7 @@ def kinds(floor) -> list[tuple[str, object]]:
         (r"folder\.wav", lambda n: {"audio": "folder.wav"}),
         (r"mode: expected", lambda n: {"mode": "films"}),
         (r"events|gone\.json", lambda n: {"events": "gone.json"}),
-        (r"fps", lambda n: {"fps": "nan"}),
+        (r"--fps: expected a finite number", lambda n: {"fps": "nan"}),
     ]
 
 
