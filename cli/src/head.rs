@@ -8,7 +8,7 @@ use std::{
 use anyface::{
     Error, Result,
     head::{COEFFICIENTS, Head, HeadOptions, MadeHead, ScanFit, ScanOptions},
-    job::write_atomically,
+    job::{InputKind, read_text, write_atomically},
     mesh::{LandmarkSource, Mesh},
     output::Report,
 };
@@ -207,7 +207,7 @@ impl MakeHead {
 }
 
 fn read_code(path: &Path) -> Result<Vec<f32>> {
-    let text = std::fs::read_to_string(path).map_err(Error::io(path))?;
+    let text = read_text(path, InputKind::Text)?;
     serde_json::from_str(&text).map_err(|error| {
         let place = path.display();
         Error::InvalidInput(format!(

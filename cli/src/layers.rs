@@ -4,7 +4,7 @@ use std::path::{Path, PathBuf};
 
 use anyface::{
     Engine, Error, Face, Performance, Result,
-    job::ProgressFn,
+    job::{InputKind, ProgressFn, read_text},
     mesh::Mesh,
     output::{Format, Report, write_mask},
     spread::{self, FrameSink, Movement},
@@ -198,7 +198,7 @@ fn beside(out: &Path, layer: Layer) -> PathBuf {
 /// The shares of a mask.
 fn read_mask(path: &Path, vertices: usize) -> Result<Vec<f32>> {
     let wrong = |told: String| Error::InvalidInput(format!("{}: {told}", path.display()));
-    let text = std::fs::read_to_string(path).map_err(Error::io(path))?;
+    let text = read_text(path, InputKind::Numbers)?;
     let mask: Vec<f32> = serde_json::from_str(&text)
         .map_err(|error| wrong(format!("mask: expected a list of numbers: {error}")))?;
     if mask.len() != vertices {

@@ -76,7 +76,7 @@ pub fn main() -> ExitCode {
         files.check()?;
         arguments.run(&console)
     };
-    match all_or_none(files.inputs(), run) {
+    match all_or_none(files.inputs(), signals::are_to_end, run) {
         Ok(()) => ExitCode::SUCCESS,
         Err(error) => {
             console.error(&error);

@@ -5,6 +5,7 @@ use std::path::{Path, PathBuf};
 use anyface::{
     Error, Face, Result,
     face::{FaceOptions, OpenedMouth, open_mouth},
+    job::{InputKind, read_file},
     mesh::{LandmarkSource, Mesh},
     output::write_opened_obj,
 };
@@ -76,7 +77,7 @@ fn check_name(path: &Path) -> Result<()> {
 
 /// Writes an opened mesh; `source`: the file that the old one was read from.
 pub fn write(out: &Path, source: &Path, old: &Mesh, opened: &OpenedMouth) -> Result<()> {
-    let bytes = std::fs::read(source).map_err(Error::io(source))?;
+    let bytes = read_file(source, InputKind::Mesh)?;
     let is_obj = !bytes.starts_with(b"ply") && !bytes.starts_with(b"glTF");
     write_opened_obj(out, is_obj.then_some(bytes.as_slice()), old, opened)
 }

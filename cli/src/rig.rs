@@ -5,7 +5,7 @@ use std::{ffi::OsStr, path::PathBuf};
 use anyface::{
     Error, Result,
     face::ShapeReport,
-    job::write_json,
+    job::{InputKind, read_file, write_json},
     mesh::Mesh,
     output::{Report, write_rig, write_rig_folder},
     rig::{ARKIT, ShapeSource, VISEMES},
@@ -129,7 +129,7 @@ impl MakeRig {
 
     /// The bytes of the mesh, if it is an OBJ.
     fn source(&self) -> Result<Option<Vec<u8>>> {
-        let bytes = std::fs::read(&self.mesh).map_err(Error::io(&*self.mesh))?;
+        let bytes = read_file(&self.mesh, InputKind::Mesh)?;
         Ok((!bytes.starts_with(b"ply")).then_some(bytes))
     }
 }

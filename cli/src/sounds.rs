@@ -1,8 +1,9 @@
 //! `anyface sounds`: what is heard, as a file that can be mended, or one such file as another.
 
 use anyface::{
-    Error, Result,
+    Result,
     annotation::{Annotation, AnnotationFormat, Symbols},
+    job::{InputKind, read_text},
     motion::check_fps,
 };
 use clap::Args;
@@ -97,13 +98,7 @@ impl Sounds {
         let Some(path) = &self.text_file else {
             return Ok(self.text.clone());
         };
-        let bytes = std::fs::read(path).map_err(Error::io(&**path))?;
-        let text = String::from_utf8(bytes).map_err(|_| {
-            let shown = path.display();
-            Error::InvalidInput(format!(
-                "{shown}: expected text in UTF-8, got another encoding"
-            ))
-        })?;
+        let text = read_text(path, InputKind::Text)?;
         Ok(Some(text.trim_start_matches('\u{FEFF}').to_owned()))
     }
 }

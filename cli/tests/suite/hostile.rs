@@ -216,6 +216,170 @@ fn every_hostile_file_is_read_or_refused() {
     );
 }
 
+/// A device that has no end, for every option of a file.
+#[cfg(target_os = "linux")]
+#[test]
+fn no_file_is_read_without_end() {
+    let folder = stage();
+    sound(folder.path(), 1);
+    let zero = "/dev/zero";
+    std::os::unix::fs::symlink(zero, folder.path().join("zero.npz")).unwrap();
+    std::os::unix::fs::symlink(zero, folder.path().join("zero.mdd")).unwrap();
+    std::os::unix::fs::symlink(zero, folder.path().join("zero.TextGrid")).unwrap();
+    for kind in ["weights/compact_speech", "speech"] {
+        let model = folder.path().join(kind);
+        fs::create_dir_all(&model).unwrap();
+        fs::write(model.join("config.json"), r#"{"model_type": "hubert"}"#).unwrap();
+        std::os::unix::fs::symlink(zero, model.join("model.safetensors")).unwrap();
+    }
+    let mesh = ["--mesh", "grid.obj"];
+    let marks = ["--landmarks", "marks.json"];
+    let voice = ["--audio", "a.wav", "--out", "o.npz"];
+    for (code, arguments) in [
+        (5, &["parts", "--mesh", zero][..]),
+        (3, &["parts", "--mesh", "grid.obj", "--landmarks", zero]),
+        (
+            3,
+            &[
+                "landmarks",
+                "--mesh",
+                "grid.obj",
+                "--out",
+                "l.json",
+                "--fix",
+                zero,
+            ],
+        ),
+        (3, &["head", "--code", zero, "--out", "h.obj"]),
+        (5, &["head", "--like", zero, "--out", "h.obj"]),
+        (
+            3,
+            &[
+                "sounds",
+                "--audio",
+                "a.wav",
+                "--text-file",
+                zero,
+                "--out",
+                "o.TextGrid",
+            ],
+        ),
+        (
+            3,
+            &["sounds", "--sounds", "zero.TextGrid", "--out", "o.dat"],
+        ),
+        (4, &["motion", "--audio", zero, "--out", "o.npz"]),
+        (3, &[&["motion", "--events", zero][..], &voice].concat()),
+        (
+            3,
+            &[&["motion", "--sounds", "zero.TextGrid"][..], &voice].concat(),
+        ),
+        (
+            7,
+            &[&["motion", "--weights", "weights"][..], &voice].concat(),
+        ),
+        (7, &[&["motion", "--speech", "speech"][..], &voice].concat()),
+        (
+            3,
+            &[
+                &["deform", "--motion", "zero.npz", "--out", "d.npz"][..],
+                &mesh,
+                &marks,
+            ]
+            .concat(),
+        ),
+        (
+            3,
+            &[
+                &[
+                    "solve",
+                    "--animation",
+                    "zero.mdd",
+                    "--rig",
+                    "rig.npz",
+                    "--out",
+                    "w.csv",
+                ][..],
+                &mesh,
+            ]
+            .concat(),
+        ),
+        (
+            3,
+            &[
+                &[
+                    "solve",
+                    "--animation",
+                    "zero.npz",
+                    "--rig",
+                    "rig.npz",
+                    "--out",
+                    "w.csv",
+                ][..],
+                &mesh,
+            ]
+            .concat(),
+        ),
+    ] {
+        let ended = run(folder.path(), &[arguments, &["--json"]].concat());
+        let code_of = ended.status.and_then(|status| status.code());
+        assert_eq!(code_of, Some(code), "{arguments:?}: {}", ended.errors);
+        assert!(
+            ended.errors.contains("got more"),
+            "{arguments:?}: {}",
+            ended.errors
+        );
+    }
+}
+
+/// Nobody writes to the pipe.
+#[cfg(target_os = "linux")]
+#[test]
+fn a_signal_ends_the_wait_for_a_pipe() {
+    let folder = stage();
+    let made = Command::new("mkfifo")
+        .arg(folder.path().join("pipe"))
+        .status();
+    assert!(made.unwrap().success());
+    for arguments in [
+        &["parts", "--mesh", "pipe"][..],
+        &["parts", "--mesh", "grid.obj", "--landmarks", "pipe"],
+        &["motion", "--audio", "pipe", "--out", "o.npz"],
+    ] {
+        let mut child = start(folder.path(), arguments);
+        // The wait has begun when the thread for it is there.
+        let waits = || {
+            let tasks = fs::read_dir(format!("/proc/{}/task", child.id()));
+            let names = tasks
+                .into_iter()
+                .flatten()
+                .flatten()
+                .map(|task| task.path().join("comm"));
+            names
+                .into_iter()
+                .any(|name| fs::read_to_string(name).is_ok_and(|name| name.trim() == "pipe"))
+        };
+        let began = Instant::now();
+        while !waits() {
+            assert!(began.elapsed() < LONGEST, "{arguments:?} does not wait");
+            std::thread::sleep(Duration::from_millis(5));
+        }
+        let sent = Command::new("kill")
+            .args(["-TERM", &child.id().to_string()])
+            .status();
+        assert!(sent.unwrap().success());
+        let asked = Instant::now();
+        while child.try_wait().unwrap().is_none() {
+            if asked.elapsed() > LONGEST {
+                child.kill().unwrap();
+                panic!("{arguments:?} waits on");
+            }
+            std::thread::sleep(Duration::from_millis(5));
+        }
+        assert_eq!(child.wait().unwrap().code(), Some(9), "{arguments:?}");
+    }
+}
+
 #[test]
 fn a_result_never_replaces_what_it_is_made_from() {
     let folder = stage();

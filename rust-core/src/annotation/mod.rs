@@ -11,7 +11,10 @@ mod tiers;
 
 use std::path::Path;
 
-use crate::{Error, Result, job::write_atomically};
+use crate::{
+    Error, Result,
+    job::{InputKind, read_file, write_atomically},
+};
 
 pub use symbols::Symbols;
 pub use tiers::{Annotation, CLOSED, Interval, Tier};
@@ -64,7 +67,7 @@ impl Annotation {
     /// `Io`; `InvalidInput` for another extension, or with file and line for what cannot be read.
     pub fn read(path: &Path, fps: f64) -> Result<Annotation> {
         let format = AnnotationFormat::from_path(path)?;
-        let bytes = std::fs::read(path).map_err(Error::io(path))?;
+        let bytes = read_file(path, InputKind::Text)?;
         let named = |message: String| Error::InvalidInput(format!("{}:{message}", path.display()));
         let text = decode(&bytes).map_err(&named)?;
         parse(&text, format, fps).map_err(named)

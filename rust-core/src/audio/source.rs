@@ -1,7 +1,6 @@
 //! The bytes of a sound: a file, or what came through a pipe.
 
 use std::{
-    fs::File,
     io::{self, Cursor, Read, Seek, SeekFrom},
     path::Path,
     sync::Arc,
@@ -9,10 +8,10 @@ use std::{
 
 use symphonia::core::io::MediaSource;
 
-use crate::{Error, Result};
-
-/// Most bytes that are taken from a pipe or a device: an hour and a half of stereo WAV at 48 kHz.
-const LARGEST_PIPE: u64 = 1 << 30;
+use crate::{
+    Error, Result,
+    job::{Input, InputKind},
+};
 
 /// Can be read several times from its start.
 #[derive(Clone)]
@@ -30,7 +29,7 @@ pub(super) enum Source {
 
 /// One reading.
 pub(super) enum Reading {
-    File(File),
+    File(Input),
     Memory(Cursor<Arc<[u8]>>),
     Behind {
         header: Arc<[u8]>,
@@ -45,31 +44,17 @@ impl Source {
     /// A pipe can be read but once, so that its bytes are kept.
     ///
     /// # Errors
-    /// `Io` if it cannot be read, `Audio` if it is empty or a pipe without an end.
+    /// Those of [`Input::open`]; `Audio` if it is empty.
     pub(super) fn open(path: &Path) -> Result<Source> {
-        let file = File::open(path).map_err(Error::io(path))?;
-        let known = file.metadata().map_err(Error::io(path))?;
-        if known.is_dir() {
-            return Err(Error::io(path)(io::ErrorKind::IsADirectory.into()));
+        let input = Input::open(path, InputKind::Sound)?;
+        if input.length().map_err(Error::io(path))? == 0 {
+            let path = path.display();
+            return Err(Error::Audio(format!("{path}: the file is empty")));
         }
-        let (source, length) = match known.is_file() {
-            true => (Source::File(path.into()), known.len()),
-            false => {
-                let mut bytes = Vec::new();
-                let read = file.take(LARGEST_PIPE + 1).read_to_end(&mut bytes);
-                read.map_err(Error::io(path))?;
-                let length = bytes.len() as u64;
-                (Source::Memory(bytes.into()), length)
-            }
-        };
-        let refuse = |what: &str| Error::Audio(format!("{}: {what}", path.display()));
-        match (length, &source) {
-            (0, _) => Err(refuse("the file is empty")),
-            (LARGEST_PIPE.., Source::Memory(_)) => Err(refuse(&format!(
-                "expected at most {LARGEST_PIPE} bytes through a pipe, got more"
-            ))),
-            _ => Ok(source),
-        }
+        Ok(match input {
+            Input::File(_) => Source::File(path.into()),
+            Input::Bytes(bytes) => Source::Memory(bytes.into_inner().into()),
+        })
     }
 
     /// Reads it from the start.
@@ -78,7 +63,7 @@ impl Source {
     /// `Io` if the file is no longer there.
     pub(super) fn read(&self) -> Result<Reading> {
         Ok(match self {
-            Source::File(path) => Reading::File(File::open(path).map_err(Error::io(&**path))?),
+            Source::File(path) => Reading::File(Input::open(path, InputKind::Sound)?),
             Source::Memory(bytes) => Reading::Memory(Cursor::new(Arc::clone(bytes))),
             Source::Behind {
                 header,
@@ -160,7 +145,7 @@ impl MediaSource for Reading {
 
     fn byte_len(&self) -> Option<u64> {
         match self {
-            Reading::File(file) => file.metadata().ok().map(|known| known.len()),
+            Reading::File(file) => file.length().ok(),
             Reading::Memory(bytes) => Some(bytes.get_ref().len() as u64),
             Reading::Behind { header, length, .. } => Some(header.len() as u64 + length),
         }

@@ -17,7 +17,10 @@ mod arrays;
 
 pub use arrays::{Arrays, Values};
 
-use crate::Result;
+use crate::{
+    Error, Result,
+    job::{InputKind, read_file},
+};
 
 /// First bytes of every entry; the digit is the version of the layout.
 const MAGIC: &[u8; 8] = b"anyface2";
@@ -261,10 +264,11 @@ fn write_whole(
 
 /// A sound entry of this very key, or `None`. Marks it as used.
 fn read(path: &Path, key: &CacheKey) -> Option<Arrays> {
-    let bytes = match fs::read(path) {
+    let bytes = match read_file(path, InputKind::Arrays) {
         Ok(bytes) => bytes,
         Err(error) => {
-            if error.kind() != io::ErrorKind::NotFound {
+            let is_missing = |source: &io::Error| source.kind() == io::ErrorKind::NotFound;
+            if !matches!(&error, Error::Io { source, .. } if is_missing(source)) {
                 tracing::warn!(path = %path.display(), %error, "cache not read");
             }
             return None;
@@ -287,7 +291,6 @@ fn read(path: &Path, key: &CacheKey) -> Option<Arrays> {
 #[cfg(test)]
 mod tests {
     use super::*;
-    use crate::Error;
 
     fn arrays(value: f64) -> Arrays {
         let mut arrays = Arrays::default();

@@ -30,6 +30,7 @@ static JOB: Mutex<Option<Job>> = Mutex::new(None);
 /// A job of [`all_or_none`].
 #[derive(Default)]
 struct Job {
+    is_cancelled: Option<fn() -> bool>,
     inputs: Vec<(Place, PathBuf)>,
     outputs: Vec<(Place, PathBuf)>,
     /// Files that are whole and wait for the others.
@@ -83,17 +84,22 @@ pub fn remove_unfinished() {
 /// Runs a job whose files get their names when it has succeeded, all together, and leave nothing where it has not.
 ///
 /// For a process that does one job at a time, such as the command: files of all its threads wait. The job writes none of
-/// `inputs`, the files that it reads, and no file twice.
+/// `inputs`, the files that it reads, and no file twice. While it waits for a pipe it ends where `is_cancelled` says so.
 ///
 /// # Errors
 /// Those of `job`; `Io` if a file cannot get its name; `InvalidInput` for a file that the job reads or writes already.
-pub fn all_or_none<T>(inputs: Vec<PathBuf>, job: impl FnOnce() -> Result<T>) -> Result<T> {
+pub fn all_or_none<T>(
+    inputs: Vec<PathBuf>,
+    is_cancelled: fn() -> bool,
+    job: impl FnOnce() -> Result<T>,
+) -> Result<T> {
     let swap = |next| {
         let mut job = JOB.lock().unwrap_or_else(PoisonError::into_inner);
         std::mem::replace(&mut *job, next)
     };
     let inputs = inputs.into_iter().map(|path| (Place::of(&path), path));
     swap(Some(Job {
+        is_cancelled: Some(is_cancelled),
         inputs: inputs.collect(),
         ..Job::default()
     }));
@@ -104,6 +110,13 @@ pub fn all_or_none<T>(inputs: Vec<PathBuf>, job: impl FnOnce() -> Result<T>) -> 
         file.place()?;
     }
     Ok(result)
+}
+
+/// Whether somebody has cancelled the job of [`all_or_none`].
+pub(super) fn is_cancelled() -> bool {
+    let job = JOB.lock().unwrap_or_else(PoisonError::into_inner);
+    let asks = job.as_ref().and_then(|job| job.is_cancelled);
+    asks.is_some_and(|is_cancelled| is_cancelled())
 }
 
 /// Removes what was in the making; it may have got its name, or somebody else may remove it, at the same time.

@@ -1,7 +1,8 @@
-//! What a long job needs: progress and cancelling, an estimate of its memory, files that appear whole or not at all,
-//! and decoders of others whose panics are errors.
+//! What a long job needs: progress and cancelling, an estimate of its memory, files that are read within limits and
+//! appear whole or not at all, and decoders of others whose panics are errors.
 
 mod atomic;
+mod input;
 pub mod memory;
 pub(crate) mod outside;
 mod place;
@@ -9,5 +10,7 @@ mod progress;
 
 pub(crate) use atomic::{Unfinished, UnfinishedFolder};
 pub use atomic::{all_or_none, remove_unfinished, write_atomically, write_json};
+pub(crate) use input::Input;
+pub use input::{InputKind, read_file, read_text};
 pub use place::Place;
 pub use progress::{Progress, ProgressFn, SILENT, report};

@@ -13,7 +13,10 @@ use serde::{Deserialize, Serialize};
 use super::{
     FixedLandmark, KnownLandmark, LandmarkPlace, LandmarkSource, Landmarks, Mouth, ibug::LANDMARKS,
 };
-use crate::{Error, Result};
+use crate::{
+    Error, Result,
+    job::{InputKind, read_text},
+};
 
 /// The format's version, raised when a reader of the old one would misread the new one.
 const VERSION: u32 = 1;
@@ -81,7 +84,7 @@ impl LandmarkSource {
     /// # Errors
     /// `Io` if it cannot be read, otherwise as [`LandmarkSource::from_json`].
     pub fn read(path: &Path) -> Result<Self> {
-        let text = std::fs::read_to_string(path).map_err(Error::io(path))?;
+        let text = read_text(path, InputKind::Text)?;
         Self::from_json(&text).map_err(|error| match error {
             Error::InvalidInput(message) => {
                 Error::InvalidInput(format!("{}: {message}", path.display()))
@@ -204,7 +207,7 @@ impl FixedLandmark {
     /// # Errors
     /// `Io` if it cannot be read, else as [`FixedLandmark::from_json`].
     pub fn read(path: &Path) -> Result<Vec<Self>> {
-        let text = std::fs::read_to_string(path).map_err(Error::io(path))?;
+        let text = read_text(path, InputKind::Text)?;
         Self::from_json(&text).map_err(|error| match error {
             Error::InvalidInput(message) => {
                 Error::InvalidInput(format!("{}: {message}", path.display()))

@@ -1,14 +1,12 @@
 //! Meshes from files and from a host's arrays.
 
-use std::{io::Read, path::Path};
+use std::path::Path;
 
 use super::{Mesh, gltf::parse_glb, obj::parse_obj, ply::parse_ply, polygons::triangulate};
-use crate::{Error, Result, job::outside::guarded};
-
-/// Largest mesh file that is read: some thirty million vertices as text.
-const LARGEST_FILE: u64 = 4 << 30;
-/// The same of a pipe or a device, which may have no end.
-const LARGEST_PIPE: u64 = 1 << 28;
+use crate::{
+    Error, Result,
+    job::{InputKind, outside::guarded, read_file},
+};
 
 impl Mesh {
     /// Reads an OBJ, PLY (ascii or binary) or binary glTF file, told apart by content.
@@ -22,7 +20,7 @@ impl Mesh {
     /// [`Mesh::check`].
     pub fn read(path: impl AsRef<Path>) -> Result<Mesh> {
         let path = path.as_ref();
-        let bytes = read_file(path)?;
+        let bytes = read_file(path, InputKind::Mesh)?;
         Mesh::parse(&bytes).map_err(|error| match error {
             Error::Mesh(message) => Error::Mesh(format!("{}: {message}", path.display())),
             other => other,
@@ -104,22 +102,6 @@ impl Mesh {
         }
         triangulate(&self.positions, polygon, &mut self.triangles);
         Ok(())
-    }
-}
-
-/// All bytes of a file, which may be a pipe but not a device that has no end.
-fn read_file(path: &Path) -> Result<Vec<u8>> {
-    let mut bytes = Vec::new();
-    let file = std::fs::File::open(path).map_err(Error::io(path))?;
-    let is_file = file.metadata().is_ok_and(|known| known.is_file());
-    let most = if is_file { LARGEST_FILE } else { LARGEST_PIPE };
-    let read = file.take(most + 1).read_to_end(&mut bytes);
-    read.map_err(Error::io(path))?;
-    match bytes.len() as u64 <= most {
-        true => Ok(bytes),
-        false => Err(Error::Mesh(format!(
-            "expected a file of up to {most} bytes, got more"
-        ))),
     }
 }
 

@@ -10,7 +10,10 @@ use std::{
 use serde::{Deserialize, Serialize};
 
 use super::{Parts, parts::NO_PART};
-use crate::{Error, Result};
+use crate::{
+    Error, Result,
+    job::{InputKind, read_file},
+};
 
 /// How a part behaves when the face moves.
 #[derive(Debug, Clone, Copy, PartialEq, Eq, Hash, Serialize, Deserialize)]
@@ -139,7 +142,7 @@ impl ObjectNames {
     /// `Io` if the file cannot be read.
     pub fn read(path: impl AsRef<Path>) -> Result<ObjectNames> {
         let path = path.as_ref();
-        let bytes = std::fs::read(path).map_err(Error::io(path))?;
+        let bytes = read_file(path, InputKind::Mesh)?;
         Ok(match bytes.starts_with(b"ply") || bytes.contains(&0) {
             true => ObjectNames::default(),
             false => ObjectNames::of_obj(&super::obj_text(&bytes)),

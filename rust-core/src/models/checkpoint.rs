@@ -51,9 +51,12 @@ pub(crate) fn read(folder: &Path) -> Result<Weights> {
 #[cfg(feature = "checkpoints")]
 fn read_pytorch(path: &Path) -> Result<Weights> {
     use super::pickle::read_tensors;
-    use crate::Error;
+    use crate::{
+        Error,
+        job::{Input, InputKind},
+    };
 
-    let file = std::fs::File::open(path).map_err(Error::io(path))?;
+    let file = Input::open(path, InputKind::Weights)?;
     let arrays = read_tensors(file).map_err(|e| {
         Error::Weights(format!(
             "{}: expected a whole checkpoint of PyTorch 1.6 or later: {e}",

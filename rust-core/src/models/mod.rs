@@ -16,7 +16,11 @@ use anyface_weights_shared::Model;
 use flate2::read::GzDecoder;
 use serde_json::Value;
 
-use crate::{Error, Result, cache::CacheKey};
+use crate::{
+    Error, Result,
+    cache::CacheKey,
+    job::{InputKind, read_file, read_text},
+};
 pub use weights::Weights;
 
 /// Weights as training writes them, and as they are shipped: the same bytes, see [`unpack`].
@@ -235,9 +239,7 @@ impl ModelFiles {
         let config = folder.join("config.json");
         let files = ModelFiles {
             weights: read_weights(folder)?,
-            config: fs::read_to_string(&config)
-                .map_err(Error::io(config))?
-                .into(),
+            config: read_text(&config, InputKind::Text)?.into(),
         };
         let name = folder.file_name().unwrap_or_default().to_string_lossy();
         let named = |message: String| Error::Weights(format!("{name}: {message}"));
@@ -253,9 +255,9 @@ impl ModelFiles {
 fn read_weights(folder: &Path) -> Result<Vec<u8>> {
     let (plain, packed) = (folder.join(PLAIN), folder.join(PACKED));
     if plain.is_file() || !packed.is_file() {
-        return fs::read(&plain).map_err(Error::io(plain));
+        return read_file(&plain, InputKind::Weights);
     }
-    let bytes = fs::read(&packed).map_err(Error::io(&packed))?;
+    let bytes = read_file(&packed, InputKind::Weights)?;
     let damaged = |e| {
         Error::Weights(format!(
             "{}: expected a whole gzip file: {e}",

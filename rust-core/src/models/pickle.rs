@@ -6,12 +6,13 @@
 
 use std::{
     collections::HashMap,
-    fs::File,
     io::{BufReader, Read},
 };
 
 use candle_core::{DType, Device, Tensor};
 use zip::{CompressionMethod, ZipArchive};
+
+use crate::job::Input;
 
 /// Bytes of a pickle: a tensor takes 112 of them and 31 instructions in the golden `hubert_tiny.bin`.
 const LARGEST_PICKLE: u64 = 16 << 20;
@@ -27,8 +28,8 @@ type Arrays = Vec<(String, (Vec<usize>, Vec<f32>))>;
 ///
 /// # Errors
 /// Says what was expected and what the file has instead.
-pub(super) fn read_tensors(file: File) -> Result<Arrays, String> {
-    let bytes = file.metadata().map_err(|error| error.to_string())?.len();
+pub(super) fn read_tensors(file: Input) -> Result<Arrays, String> {
+    let bytes = file.length().map_err(|error| error.to_string())?;
     let zip = ZipArchive::new(BufReader::new(file)).map_err(|error| error.to_string())?;
     let mut archive = Archive {
         zip,
@@ -59,7 +60,7 @@ pub(super) fn read_tensors(file: File) -> Result<Arrays, String> {
 
 /// The zip archive around a pickle.
 struct Archive {
-    zip: ZipArchive<BufReader<File>>,
+    zip: ZipArchive<BufReader<Input>>,
     /// Bytes of storages that may still be read: as many as the file has.
     budget: u64,
     storages: HashMap<String, Vec<f32>>,

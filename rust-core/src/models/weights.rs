@@ -6,7 +6,10 @@ use ndarray::{Array1, Array2};
 use safetensors::{Dtype, SafeTensors, tensor::TensorView};
 use std::collections::HashMap;
 
-use crate::{Error, Result};
+use crate::{
+    Error, Result,
+    job::{InputKind, read_file},
+};
 
 /// Largest magnitude of a weight in a file.
 const LARGEST: f32 = 1e6;
@@ -91,7 +94,7 @@ impl Weights {
     /// # Errors
     /// `Io` if it cannot be read, else those of [`Weights::from_bytes`].
     pub fn from_file(path: &Path) -> Result<Self> {
-        let bytes = std::fs::read(path).map_err(Error::io(path))?;
+        let bytes = read_file(path, InputKind::Weights)?;
         Self::from_bytes(&bytes).map_err(|error| match error {
             Error::Weights(message) => Error::Weights(format!("{}: {message}", path.display())),
             other => other,

@@ -6,7 +6,6 @@
 
 use std::{
     fmt::Display,
-    fs::File,
     io::{BufReader, Read},
     path::{Path, PathBuf},
 };
@@ -14,7 +13,10 @@ use std::{
 use ndarray::{Array, Dimension, IxDyn, ShapeBuilder};
 use zip::ZipArchive;
 
-use crate::{Error, Result};
+use crate::{
+    Error, Result,
+    job::{Input, InputKind},
+};
 
 /// Longest header that is read; numpy's own limit is 10,000 letters.
 const LONGEST_HEADER: usize = 1 << 16;
@@ -24,7 +26,7 @@ const INFLATED: u64 = 1100;
 /// An archive that is open for reading.
 pub(super) struct NumpyArchive {
     path: PathBuf,
-    zip: ZipArchive<BufReader<File>>,
+    zip: ZipArchive<BufReader<Input>>,
 }
 
 /// An array as it lies in the file.
@@ -40,7 +42,7 @@ impl NumpyArchive {
     /// # Errors
     /// `Io` if the file cannot be read, `InvalidInput` if it is no archive.
     pub(super) fn open(path: &Path) -> Result<NumpyArchive> {
-        let file = File::open(path).map_err(Error::io(path))?;
+        let file = Input::open(path, InputKind::Arrays)?;
         let zip = ZipArchive::new(BufReader::new(file)).map_err(|e| {
             let path = path.display();
             Error::InvalidInput(format!("{path}: expected an npz archive ({e})"))
@@ -118,7 +120,7 @@ impl NumpyArchive {
 }
 
 /// The whole entry, if its claim of a size can be true.
-fn read_entry(zip: &mut ZipArchive<BufReader<File>>, name: &str) -> Result<Vec<u8>, String> {
+fn read_entry(zip: &mut ZipArchive<BufReader<Input>>, name: &str) -> Result<Vec<u8>, String> {
     let entry = zip.by_name(&format!("{name}.npy"));
     let mut entry = entry.map_err(|e| e.to_string())?;
     let size = entry.size();
@@ -254,6 +256,8 @@ fn texts(stored: &Stored) -> Option<Vec<String>> {
 
 #[cfg(test)]
 mod tests {
+    use std::fs::File;
+
     use super::*;
     use ndarray::{Array2, Ix2, array};
 

@@ -1,11 +1,17 @@
 //! Motion of vertices back from files, ours or of other tools.
 
-use std::{fs, path::Path};
+use std::path::Path;
 
 use ndarray::Array3;
 
 use super::{Format, numpy::NumpyArchive};
-use crate::{Error, Result, mesh::Mesh, motion::check_fps, nn::finite::check_finite};
+use crate::{
+    Error, Result,
+    job::{InputKind, read_file},
+    mesh::Mesh,
+    motion::check_fps,
+    nn::finite::check_finite,
+};
 
 /// Bytes of a point cache 2's header.
 const PC2_HEADER: usize = 32;
@@ -26,7 +32,7 @@ pub struct VertexMotion {
 /// are not finite,
 /// `ShapeMismatch` if its vertices are not the mesh's in number.
 pub fn read_vertex_motion(path: &Path, mesh: &Mesh) -> Result<VertexMotion> {
-    let bytes = || fs::read(path).map_err(Error::io(path));
+    let bytes = || read_file(path, InputKind::Arrays);
     let motion = match Format::from_path(path)? {
         Format::Npz => read_npz(path, mesh.positions.len())?,
         Format::Pc2 => pc2(&bytes()?, mesh).map_err(|e| named(path, e))?,
@@ -144,6 +150,8 @@ fn moved(
 
 #[cfg(test)]
 mod tests {
+    use std::fs;
+
     use super::*;
     use crate::{deform::VertexClip, output::write_animation, spread::Animation};
 

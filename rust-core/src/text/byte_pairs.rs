@@ -5,7 +5,10 @@
 
 use std::{collections::HashMap, path::Path};
 
-use crate::{Error, Result};
+use crate::{
+    Error, Result,
+    job::{InputKind, read_text},
+};
 
 /// Closes a word's last symbol.
 const END_OF_WORD: &str = "</w>";
@@ -29,10 +32,7 @@ impl BytePairs {
     /// # Errors
     /// `Io` if one cannot be read, `Weights` if one is damaged or names a symbol beyond `size`.
     pub(super) fn load_folder(folder: &Path, size: usize) -> Result<Self> {
-        let read = |name: &str| {
-            let path = folder.join(name);
-            std::fs::read_to_string(&path).map_err(Error::io(&path))
-        };
+        let read = |name: &str| read_text(&folder.join(name), InputKind::Text);
         let bad = |file: &str, what: String| {
             Error::Weights(format!("{}: {what}", folder.join(file).display()))
         };

@@ -10,6 +10,7 @@ use serde_json::Value;
 use super::byte_pairs::BytePairs;
 use crate::{
     Error, Result,
+    job::{InputKind, read_text},
     models::{Weights, checkpoint},
     nn::{
         attention::{Reach, SelfAttention},
@@ -90,7 +91,7 @@ impl ClipText {
     /// another model.
     pub(super) fn load_folder(folder: &Path) -> Result<Self> {
         let path = folder.join("config.json");
-        let text = std::fs::read_to_string(&path).map_err(Error::io(&path))?;
+        let text = read_text(&path, InputKind::Text)?;
         let config = Config::read(&text)
             .map_err(|what| Error::Weights(format!("{}: {what}", path.display())))?;
         let tokens = BytePairs::load_folder(folder, config.vocab_size)?;

@@ -11,6 +11,7 @@ use super::{TextUnits, check_length};
 use crate::{
     Error, Result,
     conditions::{Event, Expression, MAX_EVENT_STRENGTH},
+    job::{InputKind, read_text},
 };
 
 /// Reads expressions and events; the model of texts is loaded at the first text that needs it.
@@ -123,7 +124,7 @@ impl Reader {
     /// # Errors
     /// `Io`, and those of [`Reader::events_of_json`].
     pub fn events_of_file(&self, path: &Path) -> Result<Vec<Event>> {
-        let text = std::fs::read_to_string(path).map_err(Error::io(path))?;
+        let text = read_text(path, InputKind::Text)?;
         self.events_of_json(&text)
     }
 }

@@ -85,3 +85,43 @@ fn library_never_prints() {
         }
     }
 }
+
+/// Where files are read: in one place, which knows limits and how to stop waiting.
+#[test]
+fn files_are_read_in_one_place() {
+    let others = [
+        "job/input.rs",
+        // The system's own small files.
+        "job/memory.rs",
+        // What only tests read.
+        "nn/golden.rs",
+        "operators/fixtures.rs",
+        // Configs of encoders, still to go through `job`.
+        "speech/mod.rs",
+        "speech/emotion_model.rs",
+        "speech/transformer_encoder.rs",
+    ];
+    let ways = [
+        "fs::read(",
+        "fs::read_to_string(",
+        "File::open(",
+        ".read(true)",
+    ];
+    for folder in [
+        src(),
+        src().join("../../cli/src"),
+        src().join("../../capi/src"),
+    ] {
+        for (name, text) in sources(&folder) {
+            if others.iter().any(|other| name.ends_with(other)) || name.ends_with("tests.rs") {
+                continue;
+            }
+            let code = text
+                .split("#[cfg(test)]\nmod tests")
+                .next()
+                .unwrap_or_default();
+            let way = ways.iter().find(|way| code.contains(**way));
+            assert_eq!(way, None, "{name}: expected job::read_file or job::Input");
+        }
+    }
+}

@@ -1,4 +1,7 @@
-use std::{fs, io::Write};
+use std::{
+    fs,
+    io::{Cursor, Write},
+};
 
 use rand::{Rng, SeedableRng};
 use rand_chacha::ChaCha8Rng;
@@ -14,8 +17,8 @@ fn text(words: &str) -> Vec<u8> {
 }
 
 /// A checkpoint with a pickle and one storage of sixteen numbers.
-fn checkpoint(pickle: &[u8]) -> File {
-    let mut file = tempfile::tempfile().unwrap();
+fn checkpoint(pickle: &[u8]) -> Input {
+    let mut file = Cursor::new(Vec::new());
     let mut zip = zip::ZipWriter::new(&mut file);
     let plain =
         zip::write::SimpleFileOptions::default().compression_method(CompressionMethod::Stored);
@@ -25,7 +28,7 @@ fn checkpoint(pickle: &[u8]) -> File {
     let numbers: Vec<u8> = (0..16).flat_map(|n| (n as f32).to_le_bytes()).collect();
     zip.write_all(&numbers).unwrap();
     zip.finish().unwrap();
-    file
+    Input::Bytes(file)
 }
 
 /// A dictionary of one tensor, as `torch.save` writes it.
