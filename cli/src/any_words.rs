@@ -89,7 +89,7 @@ pub fn run(bytes: &[u8], folder: &Path) -> Option<String> {
         files.check()?;
         arguments.run(&console)
     };
-    let error = all_or_none(files.inputs(), run).err()?;
+    let error = all_or_none(files.inputs(), || false, run).err()?;
     assert!(error.exit_code() > 2, "{error}");
     Some(error.to_string())
 }
