@@ -1,6 +1,6 @@
 //! Everything but plain WAV, through symphonia: MP3, FLAC, Ogg, WebM, M4A, CAF, AIFF and odd WAVs.
 
-use std::{io::Read, path::Path, sync::LazyLock};
+use std::{borrow::Cow, io::Read, path::Path, sync::LazyLock};
 
 use symphonia::{
     core::{
@@ -8,7 +8,10 @@ use symphonia::{
         codecs::{
             audio::{
                 AudioCodecParameters, AudioDecoder, AudioDecoderOptions,
-                well_known::{CODEC_ID_AAC, CODEC_ID_MP3, CODEC_ID_OPUS},
+                well_known::{
+                    CODEC_ID_AAC, CODEC_ID_MP3, CODEC_ID_OPUS, CODEC_ID_PCM_ALAW,
+                    CODEC_ID_PCM_MULAW,
+                },
             },
             registry::CodecRegistry,
         },
@@ -245,14 +248,28 @@ fn open_track<'a>(
         .as_ref()
         .and_then(|p| p.audio())
         .ok_or_else(|| lacks("the audio track does not say how it is coded"))?;
+    let parameters = expanded(parameters);
     let decoder = CODECS
-        .make_audio_decoder(parameters, &AudioDecoderOptions::default())
+        .make_audio_decoder(&parameters, &AudioDecoderOptions::default())
         .map_err(|e| {
             lacks(&format!(
                 "the codec is not supported ({e}); expected {FORMATS}"
             ))
         })?;
     Ok((track, decoder))
+}
+
+/// What a decoder of A-law or µ-law accepts: CAF says that a sample has 8 bits, as it is coded, and the decoder asks for
+/// the 16 that come out.
+fn expanded(parameters: &AudioCodecParameters) -> Cow<'_, AudioCodecParameters> {
+    match parameters.codec {
+        CODEC_ID_PCM_ALAW | CODEC_ID_PCM_MULAW => Cow::Owned(AudioCodecParameters {
+            bits_per_sample: None,
+            bits_per_coded_sample: None,
+            ..parameters.clone()
+        }),
+        _ => Cow::Borrowed(parameters),
+    }
 }
 
 /// Decoded samples on their way to the intake, which opens with the first packet's layout.

@@ -546,3 +546,37 @@ fn nan_in_a_float_wav_is_refused() {
     writer.finalize().unwrap();
     assert!(message(Waveform::from_file(&path)).contains("first at 15000"));
 }
+
+/// CAF around the samples of a WAV: the same sound.
+#[test]
+fn laws_of_telephones_are_decoded_from_caf() {
+    let folder = tempfile::tempdir().unwrap();
+    for (name, format) in [("tone_alaw.wav", b"alaw"), ("tone_mulaw.wav", b"ulaw")] {
+        let wav = fixture(name);
+        let bytes = std::fs::read(&wav).unwrap();
+        let find = |word: &[u8]| bytes.windows(4).position(|found| found == word).unwrap();
+        let four = |at: usize| u32::from_le_bytes(bytes[at..at + 4].try_into().unwrap());
+        let (form, data) = (find(b"fmt "), find(b"data"));
+        let channels = u32::from(u16::from_le_bytes(
+            bytes[form + 10..form + 12].try_into().unwrap(),
+        ));
+        let samples = &bytes[data + 8..][..four(data + 4) as usize];
+        let mut caf = b"caff\0\x01\0\0desc".to_vec();
+        caf.extend(32u64.to_be_bytes());
+        caf.extend(f64::from(four(form + 12)).to_be_bytes());
+        caf.extend(format);
+        for number in [0, channels, 1, channels, 8] {
+            caf.extend(number.to_be_bytes());
+        }
+        caf.extend(b"data");
+        caf.extend((samples.len() as u64 + 4).to_be_bytes());
+        caf.extend([0; 4]);
+        caf.extend(samples);
+        let path = folder.path().join("tone.caf");
+        std::fs::write(&path, caf).unwrap();
+        assert_eq!(
+            Waveform::from_file(&path).unwrap(),
+            Waveform::from_file(&wav).unwrap()
+        );
+    }
+}
