@@ -1202,7 +1202,7 @@ AnyfaceStatus anyface_motion_new_frames(const AnyfaceMotion *motion,
 ///
 /// `displacements`: `[frame_count, 68, 3]` from the neutral face, canonical metres.
 /// `fps`: frames per second, 1 to 240. Free with `anyface_motion_free()`.
-/// Fails with `ANYFACE_STATUS_INVALID_INPUT` for no frames, values that are not finite, or a frame
+/// Fails with `ANYFACE_STATUS_INVALID_INPUT` for no frames, values that are not finite or beyond 10 metres, or a frame
 /// rate out of range.
 AnyfaceStatus anyface_motion_new_displacements(const float *displacements,
                                                size_t frame_count,

@@ -7,7 +7,7 @@ use anyface::{
     conditions::{Emotion, EmotionCurve, Event},
     job::ProgressFn,
     mesh::ibug::LANDMARKS,
-    motion::{LandmarkClip, Life, Motion, Pose, Stretch, check_fps},
+    motion::{LandmarkClip, Life, Motion, Pose, Stretch, bounds::DISPLACEMENT, check_fps},
     speech::FeltVoice,
     spread::pose_on,
 };
@@ -481,7 +481,7 @@ pub unsafe extern "C" fn anyface_motion_new_frames(
 ///
 /// `displacements`: `[frame_count, 68, 3]` from the neutral face, canonical metres.
 /// `fps`: frames per second, 1 to 240. Free with `anyface_motion_free()`.
-/// Fails with `ANYFACE_STATUS_INVALID_INPUT` for no frames, values that are not finite, or a frame
+/// Fails with `ANYFACE_STATUS_INVALID_INPUT` for no frames, values that are not finite or beyond 10 metres, or a frame
 /// rate out of range.
 #[unsafe(no_mangle)]
 pub unsafe extern "C" fn anyface_motion_new_displacements(
@@ -551,6 +551,7 @@ fn motion_from(values: &[f32], frames: usize, fps: f64) -> Result<Motion, Failur
         return Err(Failure::invalid(message));
     }
     check_fps(fps)?;
+    DISPLACEMENT.check(values)?;
     let shape = (frames, LANDMARKS, 3);
     let displacements = ArrayView3::from_shape(shape, values)
         .map_err(|error| Failure::invalid(format!("displacements: {error}")))?
@@ -608,7 +609,7 @@ mod tests {
 
     #[test]
     fn frames_of_a_motion_have_their_head_and_eyes() {
-        let values: Vec<f32> = (0..5 * LANDMARKS * 3).map(|i| i as f32).collect();
+        let values: Vec<f32> = (0..5 * LANDMARKS * 3).map(|i| i as f32 / 1024.0).collect();
         let life = Life {
             head: ndarray::Array2::from_shape_fn((5, 3), |(t, _)| t as f32),
             gaze: ndarray::Array3::zeros((5, 2, 2)),
@@ -624,7 +625,10 @@ mod tests {
         let part = unsafe { Box::from_raw(part) };
         let clip = part.motion().landmarks().unwrap();
         assert_eq!(clip.displacements.dim(), (3, LANDMARKS, 3));
-        assert_eq!(clip.displacements[[0, 0, 0]], (LANDMARKS * 3) as f32);
+        assert_eq!(
+            clip.displacements[[0, 0, 0]],
+            (LANDMARKS * 3) as f32 / 1024.0
+        );
         assert_eq!(part.life().head.column(0).to_vec(), [1.0, 2.0, 3.0]);
         for (first, count) in [(3, 3), (0, 0), (usize::MAX, 2)] {
             let mut none = std::ptr::null_mut();

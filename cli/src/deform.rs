@@ -6,7 +6,10 @@ use anyface::{
     Engine, Error, Face, Result,
     conditions::Controls,
     mesh::{LandmarkSource, Mesh, ibug::LANDMARKS},
-    motion::{LandmarkClip, Life, Motion},
+    motion::{
+        LandmarkClip, Life, Motion,
+        bounds::{WEIGHT, check_life},
+    },
     output::{
         LandmarkMotion, Report, read_landmark_motion, read_life, read_weights, write_attention,
     },
@@ -82,6 +85,10 @@ impl Deform {
         let weights = read_weights(&self.motion)?;
         let frames = motion.displacements.len_of(Axis(0));
         let life = read_life(&self.motion)?.unwrap_or_else(|| Life::still(frames));
+        report.warnings.extend(check_life(&life)?);
+        if let Some(clip) = &weights {
+            report.warnings.extend(WEIGHT.check(&clip.weights)?);
+        }
         let fps = motion.fps.unwrap_or(DEFAULT_FPS);
         let (progress, displacements) = (&|p| console.progress(p), motion.displacements);
         // Nothing is known of the speech, so lips may rest.

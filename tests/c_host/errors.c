@@ -224,6 +224,9 @@ static void motions(void) {
     moved[300] = NAN;
     CHECK_FAILS(anyface_motion_new_displacements(moved, 2, 25.0, &motion, &error),
                 ANYFACE_STATUS_INVALID_INPUT, "frame 1, landmark 32");
+    moved[300] = 2000.0f;
+    CHECK_FAILS(anyface_motion_new_displacements(moved, 2, 25.0, &motion, &error),
+                ANYFACE_STATUS_INVALID_INPUT, "at most 10 m");
     moved[300] = 0.0f;
     CHECK(motion == MARK(AnyfaceMotion));
     CHECK_OK(anyface_motion_new_displacements(moved, 2, 25.0, &motion, &error));

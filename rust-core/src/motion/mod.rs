@@ -5,6 +5,7 @@
 
 mod articulation;
 mod blinks;
+pub mod bounds;
 mod breath;
 mod brow_accents;
 mod chance;

@@ -8,7 +8,11 @@ use super::numpy::NumpyArchive;
 use crate::{
     Error, Result,
     mesh::ibug::LANDMARKS,
-    motion::{Life, WeightClip, check_fps},
+    motion::{
+        Life, WeightClip,
+        bounds::{DISPLACEMENT, WEIGHT, check_life},
+        check_fps,
+    },
     speech::TONGUE_PLACES,
 };
 
@@ -29,7 +33,7 @@ pub struct LandmarkMotion {
 ///
 /// # Errors
 /// `Io` if the file cannot be read, `InvalidInput` if it is no npz, lacks the displacements or
-/// holds numbers that are not finite, `ShapeMismatch` for wrong shapes.
+/// holds numbers that are not finite or beyond [`DISPLACEMENT`], `ShapeMismatch` for wrong shapes.
 pub fn read_landmark_motion(path: &Path) -> Result<LandmarkMotion> {
     let mut npz = NumpyArchive::open(path)?;
     let bad = |e: &dyn std::fmt::Display| Error::InvalidInput(format!("{}: {e}", path.display()));
@@ -51,6 +55,10 @@ pub fn read_landmark_motion(path: &Path) -> Result<LandmarkMotion> {
         false => None,
     };
     check_finite(displacements.view().into_dyn(), fps).map_err(|e| bad(&e))?;
+    if neutral.is_none() {
+        // Those in units of a mesh are looked at where its size is known.
+        DISPLACEMENT.check(&displacements).map_err(|e| bad(&e))?;
+    }
     Ok(LandmarkMotion {
         neutral,
         displacements,
@@ -96,7 +104,9 @@ pub fn read_life(path: &Path) -> Result<Option<Life>> {
             path.display()
         )));
     }
-    Ok(Some(Life { head, gaze, tongue }))
+    let life = Life { head, gaze, tongue };
+    check_life(&life).map_err(|e| Error::InvalidInput(format!("{}: {e}", path.display())))?;
+    Ok(Some(life))
 }
 
 /// Reads `weights` `[T, S]`, `names` `[S]`, `fps` and `together` `[T]` (or nothing), as motion of weights is
@@ -135,6 +145,7 @@ pub fn read_weights(path: &Path) -> Result<Option<WeightClip>> {
         ));
     }
     check_fps(fps).map_err(|e| bad(&e))?;
+    WEIGHT.check(&weights).map_err(|e| bad(&e))?;
     Ok(Some(WeightClip {
         names,
         weights,

@@ -6,7 +6,7 @@ use serde::Serialize;
 
 use crate::{
     audio::Levels,
-    motion::{Extent, VISIBLE_MM, Visibility},
+    motion::{Extent, VISIBLE_MM, Visibility, bounds::DISPLACEMENT},
 };
 
 /// Share of samples at full scale from which a sound counts as clipped.
@@ -94,6 +94,14 @@ impl Report {
         self.largest_landmark_displacement_mm = Some(moved_mm);
         let seen_mm = self.largest_displacement_mm.unwrap_or(moved_mm);
         let lips_mm = to_mm * extent.lips;
+        let face_mm = 1000.0 * DISPLACEMENT.face;
+        if seen_mm.max(moved_mm) > face_mm {
+            let farthest = seen_mm.max(moved_mm);
+            self.warnings.push(format!(
+                "something moves by {farthest:.0} mm on a human head, which no face does (up to {face_mm:.0}); is the \
+                 motion in another unit, or the face smaller than it was found?"
+            ));
+        }
         self.warnings.extend(match Visibility::of(seen_mm, lips_mm, articulation) {
             Visibility::Speaks => None,
             Visibility::Nothing if moved_mm >= VISIBLE_MM => Some(format!(
@@ -127,6 +135,9 @@ mod tests {
         let mut report = Report::default();
         report.note_motion(&Extent::of(Some(0.01), displacements.view()), 1.0, 1.0);
         assert_eq!(report.warnings, Vec::<String>::new());
+        report.note_motion(&Extent::of(Some(0.3), displacements.view()), 1.0, 1.0);
+        assert!(report.warnings.pop().unwrap().contains("no face does"));
+        report.note_motion(&Extent::of(Some(0.01), displacements.view()), 1.0, 1.0);
         assert!((report.largest_landmark_displacement_mm.unwrap() - 10.0).abs() < 1e-4);
         report.note_motion(&Extent::of(Some(0.0), displacements.view()), 1.0, 1.0);
         assert!(report.warnings[0].contains("are the landmarks on the face"));

@@ -16,6 +16,9 @@ use crate::{
 /// Bytes of a point cache 2's header.
 const PC2_HEADER: usize = 32;
 
+/// How many times the size of its mesh a vertex may move.
+const FARTHEST: f32 = 50.0;
+
 /// Motion of a mesh as a file holds it.
 #[derive(Debug, Clone, PartialEq)]
 pub struct VertexMotion {
@@ -40,7 +43,28 @@ pub fn read_vertex_motion(path: &Path, mesh: &Mesh) -> Result<VertexMotion> {
     };
     check_finite("animation", motion.displacements.view().into_dyn())
         .map_err(|e| named(path, e))?;
+    check_far(&motion.displacements, mesh).map_err(|e| named(path, e))?;
     Ok(motion)
+}
+
+/// Refuses motion that goes many times as far as the mesh is large: it belongs to another, or has another unit.
+fn check_far(displacements: &Array3<f32>, mesh: &Mesh) -> Result<()> {
+    let mut size = 0.0f32;
+    for axis in 0..3 {
+        let places = mesh.positions.iter().map(|p| p[axis]);
+        let low = places.clone().fold(f32::INFINITY, f32::min);
+        size = size.max(places.fold(f32::NEG_INFINITY, f32::max) - low);
+    }
+    let got = displacements
+        .iter()
+        .fold(0.0, |most: f32, x| most.max(x.abs()));
+    match got <= FARTHEST * size {
+        true => Ok(()),
+        false => Err(Error::InvalidInput(format!(
+            "animation: expected displacements up to {FARTHEST} times the size of the mesh, which is {size}, got {got}; \
+             is it of another mesh or in another unit?"
+        ))),
+    }
 }
 
 fn named(path: &Path, error: Error) -> Error {
@@ -173,6 +197,20 @@ mod tests {
             landmarks_neutral: [[0.0; 3]; 68],
             landmark_displacements: Array3::zeros((4, 68, 3)),
         }
+    }
+
+    #[test]
+    fn motion_that_goes_far_beyond_its_mesh_is_refused() {
+        let mut displacements = Array3::zeros((2, 1, 3));
+        let line = Mesh {
+            positions: vec![[0.0; 3], [0.1, 0.0, 0.0]],
+            ..Mesh::default()
+        };
+        displacements[[1, 0, 2]] = 4.0;
+        assert!(check_far(&displacements, &line).is_ok());
+        displacements[[1, 0, 2]] = 1e6;
+        let error = check_far(&displacements, &line).unwrap_err();
+        assert!(error.to_string().contains("another unit"), "{error}");
     }
 
     #[test]

@@ -21,7 +21,7 @@ use crate::{
     face::{CodeField, Deformer, Face, Field, Rig},
     job::{Progress, ProgressFn, report},
     mesh::{Mouth, ibug::LANDMARKS},
-    motion::{CodeClip, Life, LipGaps, Motion, WeightClip},
+    motion::{CodeClip, Life, LipGaps, Motion, WeightClip, bounds::DISPLACEMENT},
     speech::TONGUE_PLACES,
 };
 pub use on_face::on_face;
@@ -459,6 +459,8 @@ impl Block {
                 .to_owned(),
             None => at_landmarks(spread.face, &moved),
         };
+        // What a face cannot do is a warning of the report; this is far beyond.
+        DISPLACEMENT.check(&[most * spread.face.metres_per_unit() as f32])?;
         Ok(Block {
             stretch,
             frames: FrameBlock {
