@@ -22,6 +22,9 @@ const WIDE: usize = 8;
 /// The share of a triangle's length by which its edges are uncertain in single precision.
 const SLACK: f32 = 1e-4;
 
+/// Places that one picture looks at, at most: five hundred surfaces behind each other. What comes after is not drawn.
+pub(super) const MOST_PLACES: u64 = 1 << 25;
+
 /// The square of the view's plane that is looked at: `centre ± half_size`.
 #[derive(Debug, Clone, Copy, PartialEq)]
 pub(super) struct Window {
@@ -43,6 +46,8 @@ impl Window {
 pub(super) struct DepthBuffer {
     z: Vec<f32>,
     half_size: f32,
+    /// Places that were looked at: a pixel counts once for each triangle that may cover it.
+    pub places: u64,
 }
 
 impl DepthBuffer {
@@ -51,6 +56,7 @@ impl DepthBuffer {
         let mut buffer = DepthBuffer {
             z: vec![NOTHING; BUFFER * BUFFER],
             half_size: window.half_size,
+            places: 0,
         };
         let size = BUFFER as f32;
         let scale = (0.5 * f64::from(size) / f64::from(window.half_size)) as f32;
@@ -64,6 +70,9 @@ impl DepthBuffer {
         let points: Vec<[f32; 3]> = points.iter().map(|p| pixel(*p)).collect();
         let between: Vec<u32> = points.iter().map(|p| between_middles(*p)).collect();
         for t in triangles {
+            if buffer.places > MOST_PLACES {
+                break;
+            }
             if !misses_middles(t.map(|v| between[v as usize])) {
                 buffer.draw_triangle(t.map(|v| points[v as usize]));
             }
@@ -100,6 +109,7 @@ impl DepthBuffer {
                 ),
                 false => columns.clone(),
             };
+            self.places += columns.len() as u64;
             for column in columns {
                 let x = column as f32 + 0.5;
                 let wa = ((b[0] - x) * (c[1] - y) - (b[1] - y) * (c[0] - x)) * part;
@@ -137,6 +147,7 @@ impl DepthBuffer {
                 })
                 .collect(),
             half_size: self.half_size,
+            places: self.places,
         }
     }
 
@@ -342,6 +353,7 @@ mod tests {
                 let mut buffer = DepthBuffer {
                     z: vec![NOTHING; BUFFER * BUFFER],
                     half_size: 1.0,
+                    places: 0,
                 };
                 buffer.draw_triangle(corners);
                 assert!(buffer.z.iter().all(|z| *z == NOTHING), "{corners:?}");
@@ -377,6 +389,7 @@ mod tests {
             let mut buffer = DepthBuffer {
                 z: vec![NOTHING; BUFFER * BUFFER],
                 half_size: 1.0,
+                places: 0,
             };
             buffer.draw_triangle(corners);
             let [a, b, c] = corners;
@@ -407,6 +420,7 @@ mod tests {
         let stairs = DepthBuffer {
             z: slope.z.iter().map(|z| steps(*z)).collect(),
             half_size: slope.half_size,
+            places: 0,
         };
         let rough = |b: &DepthBuffer| (b.at(128, 64) - 2.0 * b.at(128, 56) + b.at(128, 48)).abs();
         assert!(rough(&stairs) > 0.06 && rough(&stairs.softened(6.0)) < 0.02);

@@ -229,14 +229,15 @@ impl LandmarkFinder {
         progress: ProgressFn<'_>,
     ) -> Result<Landmarks> {
         mesh.check()?;
-        let looks = Looks::new(progress);
         let frame = stated_frame(mesh, forward, up)?;
+        let looks = Looks::new(progress, &frame);
         let places = places_of(mesh, fixed)?;
         let in_frame = moved(&places, &frame.from_mesh);
         let settled = match self.pose_of_fixed(&frame, &in_frame, &looks)? {
             Some(settled) => settled,
             None => self.best(&frame, &in_frame, &looks)?,
         };
+        looks.check()?;
         let to_canonical = settled.to_canonical.compose(&frame.from_mesh);
         self.shaped(mesh, &to_canonical, &settled.agreed, &places)
     }
@@ -444,6 +445,30 @@ mod tests {
                 presence,
             },
         }
+    }
+
+    /// Stars whose edges cross each other: every one of a thousand triangles covers most of it.
+    #[test]
+    fn triangles_over_each_other_end_the_search() {
+        let corners = 1_023;
+        let mut mesh = Mesh::default();
+        for star in 0..8 {
+            let first = mesh.positions.len() as u32;
+            let angle =
+                |i: usize| (i * 511 % corners) as f32 / corners as f32 * std::f32::consts::TAU;
+            let corner = |i: usize| [angle(i).cos(), angle(i).sin(), 0.1 * star as f32];
+            mesh.positions.extend((0..corners).map(corner));
+            let triangle = |i: u32| [first, first + i, first + i + 1];
+            mesh.triangles.extend((1..corners as u32 - 1).map(triangle));
+        }
+        let finder = LandmarkFinder::embedded().unwrap();
+        let error = finder
+            .find(&mesh, Axis::PosZ, Axis::PosY, &[], crate::job::SILENT)
+            .unwrap_err();
+        assert!(
+            matches!(&error, Error::FaceNotFound(m) if m.contains("over each other")),
+            "{error}"
+        );
     }
 
     #[test]

@@ -1,6 +1,9 @@
 //! Where on a mesh a face may be, and how it is turned, seen from all around.
 
-use std::sync::atomic::{AtomicUsize, Ordering};
+use std::sync::{
+    Arc,
+    atomic::{AtomicU64, AtomicUsize, Ordering},
+};
 
 use glam::DVec3;
 use rayon::prelude::*;
@@ -11,10 +14,10 @@ use super::{
     network::LandmarkNetwork,
     pose_network::{PoseNetwork, Sighting},
     symmetry::{Plane, symmetry},
-    view::{Frame, HALF_SIZE_M, middle, on_face, turned},
+    view::{Frame, HALF_SIZE_M, MOST_PLACES, middle, on_face, turned},
 };
 use crate::{
-    Result,
+    Error, Result,
     job::{Progress, ProgressFn, report},
     mesh::{Similarity, direction::unit},
     nn::conv2d::Picture,
@@ -58,12 +61,15 @@ const STAGE: &str = "landmarks";
 pub(super) struct Looks<'a> {
     progress: ProgressFn<'a>,
     taken: AtomicUsize,
+    /// Those of [`Frame`].
+    places: Arc<AtomicU64>,
 }
 
 impl<'a> Looks<'a> {
-    pub fn new(progress: ProgressFn<'a>) -> Self {
+    pub fn new(progress: ProgressFn<'a>, frame: &Frame<'_>) -> Self {
         Looks {
             progress,
+            places: Arc::clone(&frame.places),
             taken: AtomicUsize::new(0),
         }
     }
@@ -71,15 +77,27 @@ impl<'a> Looks<'a> {
     /// Whether another look is wanted.
     pub fn take(&self) -> bool {
         self.taken.fetch_add(1, Ordering::Relaxed);
-        (self.progress)(Progress {
+        let goes_on = (self.progress)(Progress {
             stage: STAGE,
             fraction: self.fraction(),
-        })
+        });
+        goes_on && !self.are_too_many()
+    }
+
+    fn are_too_many(&self) -> bool {
+        self.places.load(Ordering::Relaxed) >= MOST_PLACES
     }
 
     /// # Errors
-    /// `Cancelled` once no more looks are wanted.
+    /// `Cancelled` once no more looks are wanted; `FaceNotFound` once they have cost too much.
     pub fn check(&self) -> Result<()> {
+        if self.are_too_many() {
+            return Err(Error::FaceNotFound(format!(
+                "the mesh has so many large triangles over each other that pictures of it take too long (expected \
+                 {MOST_PLACES} pixels of triangles at most, got more). Remove the triangles that lie over each other, \
+                 or give all 68 landmarks"
+            )));
+        }
         report(self.progress, STAGE, self.fraction())
     }
 
