@@ -2,6 +2,8 @@
 
 #[cfg(unix)]
 use std::process::exit;
+#[cfg(unix)]
+use std::sync::Arc;
 use std::sync::atomic::{AtomicBool, Ordering};
 
 #[cfg(unix)]
@@ -20,12 +22,18 @@ pub fn are_to_end() -> bool {
 
 /// Listens for SIGINT, SIGTERM and SIGHUP from now on. The first makes the next report of progress cancel the
 /// job, which removes what it has half written; the second does not wait for that.
+///
+/// SIGXFSZ, which ends a process whose file grows beyond `ulimit -f`, is nothing but noted: the write fails then, like
+/// any other.
 #[cfg(unix)]
 pub fn listen() {
     use signal_hook::{
-        consts::{SIGHUP, SIGINT, SIGTERM},
+        consts::{SIGHUP, SIGINT, SIGTERM, SIGXFSZ},
+        flag,
         iterator::Signals,
     };
+    // Without it such a write ends the command, and leaves files.
+    let _ = flag::register(SIGXFSZ, Arc::default());
     let Ok(mut signals) = Signals::new([SIGINT, SIGTERM, SIGHUP]) else {
         return;
     };

@@ -380,6 +380,94 @@ fn a_signal_ends_the_wait_for_a_pipe() {
     }
 }
 
+/// `ulimit -f` ends a process by a signal, where nobody minds it.
+#[cfg(target_os = "linux")]
+#[test]
+fn a_file_beyond_the_limit_of_its_size_is_an_error_that_leaves_nothing() {
+    let folder = crate::folder_with_sound(&crate::voice::babble(1.0, 16_000), 16_000);
+    let head = crate::model("default_head");
+    let before = fs::read_dir(folder.path()).unwrap().count();
+    for out in ["o.npz", "o.pc2", "o.mdd"] {
+        let line = format!(
+            "ulimit -f 100; exec {} animate --mesh {} --landmarks {} --audio a.wav --out {out} --no-cache",
+            env!("CARGO_BIN_EXE_anyface"),
+            head.join("head.obj").display(),
+            head.join("landmarks.json").display(),
+        );
+        let mut shell = Command::new("bash");
+        let ended = shell
+            .current_dir(folder.path())
+            .args(["-c", &line])
+            .output()
+            .unwrap();
+        let said = String::from_utf8_lossy(&ended.stderr);
+        assert_eq!(ended.status.code(), Some(8), "{out}: {said}");
+        assert!(said.contains(out), "{said}");
+        assert_eq!(
+            fs::read_dir(folder.path()).unwrap().count(),
+            before,
+            "{out}"
+        );
+    }
+}
+
+#[cfg(unix)]
+#[test]
+fn a_folder_that_failed_to_fill_goes_again() {
+    let folder = stage();
+    let before = files(folder.path());
+    let head = crate::model("default_head");
+    let [mesh, marks] =
+        ["head.obj", "landmarks.json"].map(|name| head.join(name).display().to_string());
+    let rig = [
+        "rig",
+        "--mesh",
+        &mesh,
+        "--landmarks",
+        &marks,
+        "--no-cache",
+        "--out",
+        "new/rig/",
+    ];
+    // The report lies where a folder is, which shows at the end.
+    fs::create_dir(folder.path().join("report.json")).unwrap();
+    let ended = run(
+        folder.path(),
+        &[&rig[..], &["--report", "report.json"]].concat(),
+    );
+    assert_eq!(ended.status.unwrap().code(), Some(8), "{}", ended.errors);
+    fs::remove_dir(folder.path().join("report.json")).unwrap();
+    assert_eq!(files(folder.path()), before);
+    // What was there stays.
+    fs::create_dir_all(folder.path().join("new")).unwrap();
+    fs::create_dir(folder.path().join("report.json")).unwrap();
+    run(
+        folder.path(),
+        &[&rig[..], &["--report", "report.json"]].concat(),
+    );
+    assert!(folder.path().join("new").is_dir() && !folder.path().join("new/rig").exists());
+}
+
+/// What decoders log is for nobody who runs the command.
+#[test]
+fn logs_of_decoders_do_not_reach_standard_error() {
+    let folder = tempfile::tempdir().unwrap();
+    let fixtures = PathBuf::from(env!("CARGO_MANIFEST_DIR")).join("../rust-core/tests/fixtures");
+    let mp3 = fs::read(fixtures.join("sweep_plain.mp3")).unwrap();
+    // Bytes between the packets are what the decoder logs.
+    let damaged = [&mp3[..mp3.len() / 2], &[7; 3_000], &mp3[mp3.len() / 2..]].concat();
+    fs::write(folder.path().join("a.mp3"), damaged).unwrap();
+    let mut command = Command::new(env!("CARGO_BIN_EXE_anyface"));
+    let sounds = ["sounds", "--audio", "a.mp3", "--out", "a.TextGrid"];
+    let ended = command
+        .current_dir(folder.path())
+        .env("ANYFACE_LOG", "trace")
+        .args(sounds)
+        .output();
+    let said = String::from_utf8_lossy(&ended.unwrap().stderr).into_owned();
+    assert!(!said.contains("symphonia"), "{said}");
+}
+
 #[test]
 fn a_result_never_replaces_what_it_is_made_from() {
     let folder = stage();

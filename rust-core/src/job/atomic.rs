@@ -33,6 +33,8 @@ struct Job {
     is_cancelled: Option<fn() -> bool>,
     inputs: Vec<(Place, PathBuf)>,
     outputs: Vec<(Place, PathBuf)>,
+    /// Folders that were made for results, the outer ones first.
+    folders: Vec<PathBuf>,
     /// Files that are whole and wait for the others.
     waiting: Vec<Unfinished>,
 }
@@ -75,6 +77,15 @@ pub fn remove_unfinished() {
             for path in paths.drain(..) {
                 remove(&path);
             }
+            drop(paths);
+            let job = match JOB.try_lock() {
+                Ok(job) => job,
+                Err(TryLockError::Poisoned(error)) => error.into_inner(),
+                Err(TryLockError::WouldBlock) => return,
+            };
+            if let Some(job) = &*job {
+                remove_empty(&job.folders);
+            }
             return;
         }
         std::thread::sleep(Duration::from_millis(1));
@@ -105,11 +116,41 @@ pub fn all_or_none<T>(
     }));
     let result = job();
     let ended = swap(None).unwrap_or_default();
-    let result = result?;
-    for file in ended.waiting {
-        file.place()?;
+    let result = result.and_then(|result| {
+        ended.waiting.into_iter().try_for_each(Unfinished::place)?;
+        Ok(result)
+    });
+    if result.is_err() {
+        remove_empty(&ended.folders);
     }
-    Ok(result)
+    result
+}
+
+/// Removes folders in which nothing is left, the inner ones first.
+fn remove_empty(folders: &[PathBuf]) {
+    for folder in folders.iter().rev() {
+        // It stays where somebody has put something into it.
+        let _ = fs::remove_dir(folder);
+    }
+}
+
+/// Makes a folder for results, and those around it. A job of [`all_or_none`] that fails removes what it made of them.
+///
+/// # Errors
+/// `Io` if one cannot be made.
+pub(crate) fn create_folder(folder: &Path) -> Result<()> {
+    let around = folder
+        .ancestors()
+        .filter(|path| !path.as_os_str().is_empty());
+    let mut missing: Vec<PathBuf> = around
+        .take_while(|path| !path.exists())
+        .map(Path::to_owned)
+        .collect();
+    missing.reverse();
+    if let Some(job) = &mut *JOB.lock().unwrap_or_else(PoisonError::into_inner) {
+        job.folders.extend(missing);
+    }
+    fs::create_dir_all(folder).map_err(Error::io(folder))
 }
 
 /// Whether somebody has cancelled the job of [`all_or_none`].

@@ -8,7 +8,7 @@ pub(crate) mod outside;
 mod place;
 mod progress;
 
-pub(crate) use atomic::{Unfinished, UnfinishedFolder};
+pub(crate) use atomic::{Unfinished, UnfinishedFolder, create_folder};
 pub use atomic::{all_or_none, remove_unfinished, write_atomically, write_json};
 pub(crate) use input::Input;
 pub use input::{InputKind, read_file, read_text};

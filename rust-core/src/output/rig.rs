@@ -1,7 +1,7 @@
 //! Rigs as numpy archives, and as a folder with one OBJ a shape.
 
 use std::{
-    fs,
+    fs::File,
     io::{self, BufWriter, Write},
     path::Path,
 };
@@ -12,7 +12,7 @@ use super::{npz::Archive, numpy::NumpyArchive};
 use crate::{
     Error, Result,
     face::Rig,
-    job::write_atomically,
+    job::{create_folder, write_atomically},
     mesh::{Mesh, obj_text},
 };
 
@@ -80,7 +80,7 @@ pub fn write_rig_folder(
     source: Option<&[u8]>,
 ) -> Result<()> {
     check(rig, mesh)?;
-    fs::create_dir_all(folder).map_err(Error::io(folder))?;
+    create_folder(folder)?;
     let text = source.map(obj_text);
     let write = |name: &str, delta: Option<ArrayView2<'_, f32>>| {
         let moved = |v: usize| -> [f32; 3] {
@@ -112,7 +112,7 @@ fn check(rig: &Rig, mesh: &Mesh) -> Result<()> {
 
 /// The source with other positions; material libraries are left out, they lie elsewhere.
 fn rewrite(
-    file: &mut BufWriter<fs::File>,
+    file: &mut BufWriter<File>,
     source: &str,
     position: impl Fn(usize) -> [f32; 3],
 ) -> io::Result<()> {
@@ -133,7 +133,7 @@ fn rewrite(
 }
 
 fn plain(
-    file: &mut BufWriter<fs::File>,
+    file: &mut BufWriter<File>,
     mesh: &Mesh,
     position: impl Fn(usize) -> [f32; 3],
 ) -> io::Result<()> {
@@ -150,6 +150,8 @@ fn plain(
 
 #[cfg(test)]
 mod tests {
+    use std::fs;
+
     use super::*;
 
     const SOURCE: &str = "mtllib a.mtl\nv 0 0 0\nv 1 0 0\nv 1 1 0\nv 0 1 0\nv 2 0 0\nv 2 1 0\n\
