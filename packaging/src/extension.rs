@@ -64,7 +64,11 @@ pub fn zip_name(platform: Platform) -> String {
 pub fn build_library(steps: &mut Steps, release: bool) -> Result<PathBuf> {
     let profile = if release { "release" } else { "dev" };
     steps.run(BUILD, &mut library_build(profile))?;
-    library_of(profile)
+    let library = library_of(profile)?;
+    if release {
+        machine::check_names_no_folder(&library)?;
+    }
+    Ok(library)
 }
 
 /// The name of the step that builds the library.
@@ -79,6 +83,9 @@ pub fn library_build(profile: &str) -> Command {
     build.args(["build", "--profile", profile]);
     match profile {
         "dev" => build.args(["--workspace", "--lib", "--bins", "--tests"]),
+        "release" => build
+            .args(["-p", "anyface-capi"])
+            .env("CARGO_ENCODED_RUSTFLAGS", machine::release_flags()),
         _ => build.args(["-p", "anyface-capi"]),
     };
     build.current_dir(machine::root());

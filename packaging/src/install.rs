@@ -55,6 +55,7 @@ impl Install {
 fn build() -> Result<PathBuf> {
     let status = Command::new(std::env::var_os("CARGO").unwrap_or("cargo".into()))
         .args(["build", "--release", "--package", "anyface-capi"])
+        .env("CARGO_ENCODED_RUSTFLAGS", machine::release_flags())
         .current_dir(machine::root())
         .status()
         .context("starting cargo")?;

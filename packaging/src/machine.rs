@@ -72,6 +72,65 @@ pub fn target() -> PathBuf {
     std::env::var_os("CARGO_TARGET_DIR").map_or(root().join("target"), PathBuf::from)
 }
 
+/// Flags of rustc for what is handed out: the crates of others and the sources stand in messages by short names, not by
+/// where they lie on this machine.
+pub fn release_flags() -> String {
+    let [crates, rust] = ["CARGO_HOME", "RUSTUP_HOME"].map(std::env::var_os);
+    let home = std::env::home_dir().unwrap_or_default();
+    let crates = crates.map_or(home.join(".cargo"), PathBuf::from);
+    let rust = rust.map_or(home.join(".rustup"), PathBuf::from);
+    let own = root().canonicalize().unwrap_or(root());
+    let target = std::path::absolute(target()).unwrap_or(target());
+    // rustc takes the last one that fits, so that a folder stands behind those around it.
+    let names = [
+        (home, "home"),
+        (crates, "crates"),
+        (rust, "rust"),
+        (own, "anyface"),
+        (target, "target"),
+    ];
+    let flags = names.map(|(path, name)| format!("--remap-path-prefix={}={name}", path.display()));
+    // Cargo divides these by the unit separator, so that paths may hold spaces.
+    let given = std::env::var("CARGO_ENCODED_RUSTFLAGS").ok();
+    let plain = || {
+        std::env::var("RUSTFLAGS")
+            .ok()
+            .map(|flags| flags.replace(' ', "\x1f"))
+    };
+    let given = given.or_else(plain).filter(|flags| !flags.is_empty());
+    given
+        .into_iter()
+        .chain(flags)
+        .collect::<Vec<_>>()
+        .join("\x1f")
+}
+
+/// Says which folder of this machine a file names, if any.
+pub fn named_folder(file: &Path) -> Result<Option<PathBuf>> {
+    let bytes = fs::read(file).with_context(|| format!("reading {}", file.display()))?;
+    let crates = std::env::var_os("CARGO_HOME").map(PathBuf::from);
+    let folders = [std::env::home_dir(), crates, root().canonicalize().ok()];
+    let mut folders = folders.into_iter().flatten();
+    Ok(folders.find(|folder| {
+        // Short ones such as `/` stand in every file.
+        let name = folder.as_os_str().as_encoded_bytes();
+        let name = [name, b"/"].concat();
+        name.len() > 3 && bytes.windows(name.len()).any(|found| found == name)
+    }))
+}
+
+/// Fails where a file names a folder of this machine.
+pub fn check_names_no_folder(file: &Path) -> Result<()> {
+    match named_folder(file)? {
+        None => Ok(()),
+        Some(folder) => bail!(
+            "{}: expected no path of this machine, got {}",
+            file.display(),
+            folder.display()
+        ),
+    }
+}
+
 /// Third-party data for the tests that need it; not part of a clone.
 pub fn shared() -> Option<PathBuf> {
     let folder = std::env::var_os("ANYFACE_SHARED").map_or(root().join("../shared"), PathBuf::from);
@@ -106,4 +165,48 @@ pub fn is_root() -> bool {
         .arg("-u")
         .output()
         .is_ok_and(|out| out.stdout == b"0\n")
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    /// What a compiler builds under the flags names no folder; without them it does.
+    #[test]
+    fn what_is_handed_out_names_no_folder_of_this_machine() {
+        let own = root().canonicalize().unwrap();
+        let folder = target().join(format!("paths-{}", std::process::id()));
+        fs::create_dir_all(&folder).unwrap();
+        let source = own
+            .join("target")
+            .join(format!("paths-{}.rs", std::process::id()));
+        fs::write(
+            &source,
+            "fn main() { println!(\"{}\", std::panic::Location::caller().file()) }",
+        )
+        .unwrap();
+        let build = |flags: &str, name: &str| {
+            let built = folder.join(name);
+            let mut rustc = Command::new("rustc");
+            rustc.args(
+                flags
+                    .split('\x1f')
+                    .filter(|flag| flag.starts_with("--remap")),
+            );
+            let status = rustc
+                .args(["-C", "strip=symbols", "--edition=2024"])
+                .arg(&source)
+                .arg("-o")
+                .arg(&built);
+            assert!(status.status().unwrap().success());
+            built
+        };
+        let plain = build("", "plain");
+        assert!(named_folder(&plain).unwrap().is_some());
+        assert!(check_names_no_folder(&plain).is_err());
+        let mapped = build(&release_flags(), "mapped");
+        assert_eq!(named_folder(&mapped).unwrap(), None);
+        fs::remove_file(source).unwrap();
+        fs::remove_dir_all(folder).unwrap();
+    }
 }

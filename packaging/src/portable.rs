@@ -25,8 +25,11 @@ pub fn build(steps: &mut Steps) -> Result<PathBuf> {
     if Platform::here()? != Platform::LinuxX64 {
         let mut build = cargo();
         build.args(["build", "--release", "-p", "anyface-capi"]);
+        build.env("CARGO_ENCODED_RUSTFLAGS", machine::release_flags());
         steps.run("build the native library", &mut build)?;
-        return Ok(machine::target().join("release"));
+        let built = machine::target().join("release");
+        machine::check_names_no_folder(&built.join(Platform::here()?.shared_library()))?;
+        return Ok(built);
     }
     let python = Venv::Packaging.ensure(steps)?;
     let tools = python.parent().context("venv path")?;
@@ -46,10 +49,13 @@ pub fn build(steps: &mut Steps) -> Result<PathBuf> {
     ]);
     steps.run(
         "build the native library for old systems",
-        build.env("PATH", path),
+        build
+            .env("PATH", path)
+            .env("CARGO_ENCODED_RUSTFLAGS", machine::release_flags()),
     )?;
     let built = machine::target().join(TARGET).join("release");
     check_glibc(&built.join("libanyface.so"))?;
+    machine::check_names_no_folder(&built.join("libanyface.so"))?;
     Ok(built)
 }
 
