@@ -1,6 +1,6 @@
 //! What a motion holds: its frames, head and eyes, as numbers and as a file.
 
-use anyface::motion::FaceModes;
+use anyface::{motion::FaceModes, systems::Ability};
 use libc::c_char;
 
 use crate::{
@@ -63,6 +63,8 @@ pub unsafe extern "C" fn anyface_motion_copy_mask(
     let values = || {
         let (motion, engine, face) = handles!(motion, engine, face);
         let frames = frame..frame.saturating_add(1);
+        // A mask of another system's motion would be the answer of an engine that has none.
+        engine.0.system().require(Ability::Feeling, "mask")?;
         let mask = motion.spoken()?.feeling_mask(&engine.0, &face.0, frames)?;
         Ok(mask.iter().copied().collect::<Vec<f32>>())
     };

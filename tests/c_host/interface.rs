@@ -45,6 +45,14 @@ fn jobs_on_one_engine_do_not_disturb_each_other() {
 }
 
 #[test]
+fn threads_with_little_stack_do_the_whole_way() {
+    run_both_ways("tests/c_host/small_stack.c", |folder| {
+        let scene = scene(folder);
+        vec![text(&scene.head), text(&scene.voice)]
+    });
+}
+
+#[test]
 fn sliders_of_a_take_say_what_they_change() {
     run_both_ways("tests/c_host/sliders.c", |folder| {
         let scene = scene(folder);

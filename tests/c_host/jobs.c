@@ -389,6 +389,43 @@ static void said(const AnyfaceEngine *engine, const AnyfaceAudio *audio) {
     anyface_sounds_free(heard);
 }
 
+/* Of a mask there is nothing in motion that was not spoken, or that another system spoke. */
+static void masks(const AnyfaceEngine *engine, const AnyfaceFace *face, const AnyfaceAudio *audio) {
+    AnyfaceEngineOptions options;
+    anyface_engine_options_init(&options, sizeof options);
+    options.system = "emoface";
+    AnyfaceEngine *feeling = NULL;
+    CHECK_OK(anyface_engine_new(&options, &feeling, &error));
+    size_t count = anyface_face_vertex_count(face);
+    float *mask = malloc(count * sizeof *mask);
+    CHECK(mask != NULL);
+    AnyfaceMotion *motion = NULL;
+    CHECK_OK(anyface_motion_new(engine, audio, NULL, NULL, &motion, &error));
+    CHECK_FAILS(anyface_motion_copy_mask(motion, engine, face, 0, mask, count, &error),
+                ANYFACE_STATUS_INVALID_INPUT, "mask: freetalk");
+    CHECK_FAILS(anyface_motion_copy_mask(motion, feeling, face, 0, mask, count, &error),
+                ANYFACE_STATUS_INVALID_INPUT, "another system");
+    anyface_motion_free(motion);
+    static float moved[3 * ANYFACE_LANDMARK_COUNT];
+    CHECK_OK(anyface_motion_new_displacements(moved, 1, 24.0, &motion, &error));
+    CHECK_FAILS(anyface_motion_copy_mask(motion, feeling, face, 0, mask, count, &error),
+                ANYFACE_STATUS_INVALID_INPUT, "spoken");
+    anyface_motion_free(motion);
+    // Silence is a sound like any other, of which the mask can be asked.
+    static float nothing[16000];
+    AnyfaceAudio *silence = NULL;
+    CHECK_OK(anyface_audio_new(nothing, 16000, 1, 16000, &silence, &error));
+    CHECK(anyface_audio_peak(silence) == 0.0f);
+    CHECK_OK(anyface_motion_new(feeling, silence, NULL, NULL, &motion, &error));
+    CHECK_OK(anyface_motion_copy_mask(motion, feeling, face, 0, mask, count, &error));
+    CHECK_FAILS(anyface_motion_copy_mask(motion, engine, face, 0, mask, count, &error),
+                ANYFACE_STATUS_INVALID_INPUT, "mask: freetalk");
+    anyface_motion_free(motion);
+    anyface_audio_free(silence);
+    free(mask);
+    anyface_engine_free(feeling);
+}
+
 int main(int argc, char **argv) {
     CHECK(argc == 4);
     AnyfaceEngine *engine = NULL;
@@ -411,6 +448,7 @@ int main(int argc, char **argv) {
     performed_again(engine, audio);
     mended(engine, audio);
     said(engine, audio);
+    masks(engine, face, audio);
     two_at_once(engine, face, audio);
     any_number_of_threads(mesh, &options, audio);
     cancelling(engine, face, audio);
