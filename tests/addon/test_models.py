@@ -103,12 +103,12 @@ def test_a_shot_is_done_again_when_its_models_change(addon, folder, tmp_path):
     path = tmp_path / "jobs.json"
     path.write_text(json.dumps({"shots": [row]}))
     read = addon("farm.jobs").read
-    first = read(path, tmp_path)[0]
+    first = read(path, tmp_path).shots[0]
     assert f"--weights={folder}" in first.steps[0]
-    assert read(path, tmp_path)[0].digest == first.digest
+    assert read(path, tmp_path).shots[0].digest == first.digest
     file = folder / "ats_compact" / "model.planes.gz"
     os.utime(file, ns=(0, file.stat().st_mtime_ns + 1_000_000_000))
-    assert read(path, tmp_path)[0].digest != first.digest
+    assert read(path, tmp_path).shots[0].digest != first.digest
 
 
 def test_the_panel_shows_the_cards(addon, folder):
