@@ -3,6 +3,7 @@
 import collections
 import json
 import os
+import signal
 import stat
 import subprocess
 import sys
@@ -56,6 +57,8 @@ class Floor:
             stdout=subprocess.PIPE,
             stderr=subprocess.STDOUT,
             text=True,
+            # A shell that runs the tests in the background lets them ignore it.
+            preexec_fn=lambda: signal.signal(signal.SIGINT, signal.SIG_DFL),
         )
 
     def run(self, *words, **more) -> tuple[int, str]:
