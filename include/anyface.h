@@ -1244,7 +1244,8 @@ AnyfaceStatus anyface_motion_copy_displacements(const AnyfaceMotion *motion,
 ///
 /// `frame`: below `T`. `buffer`: `[V]`, 0 to 1, 0 where nothing of the face is followed; `float_count` must be `V`.
 /// Fails with `ANYFACE_STATUS_INVALID_INPUT` for another `float_count`, a frame out of range, a motion that was
-/// not spoken, or a system that does not tell both apart: see `anyface_system_hears_feeling()`.
+/// not spoken, or where the system of the engine or of the motion does not tell both apart: see
+/// `anyface_system_hears_feeling()`.
 AnyfaceStatus anyface_motion_copy_mask(const AnyfaceMotion *motion,
                                        const AnyfaceEngine *engine,
                                        const AnyfaceFace *face,

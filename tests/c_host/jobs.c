@@ -402,7 +402,7 @@ static void masks(const AnyfaceEngine *engine, const AnyfaceFace *face, const An
     AnyfaceMotion *motion = NULL;
     CHECK_OK(anyface_motion_new(engine, audio, NULL, NULL, &motion, &error));
     CHECK_FAILS(anyface_motion_copy_mask(motion, engine, face, 0, mask, count, &error),
-                ANYFACE_STATUS_INVALID_INPUT, "mask: freetalk");
+                ANYFACE_STATUS_INVALID_INPUT, "got freetalk");
     CHECK_FAILS(anyface_motion_copy_mask(motion, feeling, face, 0, mask, count, &error),
                 ANYFACE_STATUS_INVALID_INPUT, "another system");
     anyface_motion_free(motion);
@@ -419,7 +419,7 @@ static void masks(const AnyfaceEngine *engine, const AnyfaceFace *face, const An
     CHECK_OK(anyface_motion_new(feeling, silence, NULL, NULL, &motion, &error));
     CHECK_OK(anyface_motion_copy_mask(motion, feeling, face, 0, mask, count, &error));
     CHECK_FAILS(anyface_motion_copy_mask(motion, engine, face, 0, mask, count, &error),
-                ANYFACE_STATUS_INVALID_INPUT, "mask: freetalk");
+                ANYFACE_STATUS_INVALID_INPUT, "got freetalk");
     anyface_motion_free(motion);
     anyface_audio_free(silence);
     free(mask);

@@ -1,5 +1,5 @@
 /*
- * The whole way on threads of a host that have little stack: 128 KB, as some audio threads and fibers have.
+ * The whole way on threads of a host that have little stack: 256 KB, as some audio threads and fibers have.
  *
  *     small_stack HEAD.obj VOICE.wav
  */
@@ -7,7 +7,7 @@
 
 #include <pthread.h>
 
-enum { STACK_BYTES = 128 << 10 };
+enum { STACK_BYTES = 256 << 10 };
 
 typedef struct {
     const char *system, *mesh, *voice;

@@ -42,6 +42,7 @@ pub static REGISTRATION: Registration = Registration {
     motion: MotionKind::Landmarks,
     abilities: &[],
     sliders: &[],
+    second_bytes: 200_000,
     open: |_folder: Option<&Path>| Ok(Box::new(Toy)),
 };
 

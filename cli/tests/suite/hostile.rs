@@ -527,35 +527,41 @@ fn under_any_limit_of_memory_the_command_ends_well_and_leaves_nothing() {
     let mesh = crate::model("default_head").join("head.obj");
     let (command, mesh) = (env!("CARGO_BIN_EXE_anyface"), mesh.display());
     let before = fs::read_dir(folder.path()).unwrap().count();
-    let mut codes = Vec::new();
-    for megabytes in [80, 100, 150, 250, 280, 350, 450, 550, 2_000] {
-        let line = format!(
-            "ulimit -v {}; exec {command} animate --mesh {mesh} --audio a.wav --out o.npz --no-cache --threads 2",
-            megabytes * 1000
-        );
-        let mut shell = Command::new("sh");
-        let ended = shell
-            .current_dir(folder.path())
-            .args(["-c", &line])
-            .output()
-            .unwrap();
-        let said = String::from_utf8_lossy(&ended.stderr);
-        let code = ended.status.code();
-        match code {
-            Some(0) => fs::remove_file(folder.path().join("o.npz")).unwrap(),
-            _ => assert!(
-                code == Some(13) && said.contains("out of memory"),
-                "{megabytes} MB, {code:?}: {said}"
-            ),
+    let animate = format!("animate --mesh {mesh}");
+    // Steps of 47 MB from 100 to 1,000, and a limit far beyond.
+    let limits = (0..20).map(|step| 100 + step * 900 / 19).chain([2_000]);
+    for work in [animate.as_str(), "motion"] {
+        let mut codes = Vec::new();
+        for megabytes in limits.clone() {
+            let line = format!(
+                "ulimit -v {}; exec {command} {work} --audio a.wav --out o.npz --no-cache --threads 2",
+                megabytes * 1000
+            );
+            let mut shell = Command::new("sh");
+            let ended = shell
+                .current_dir(folder.path())
+                .args(["-c", &line])
+                .output()
+                .unwrap();
+            let said = String::from_utf8_lossy(&ended.stderr);
+            let code = ended.status.code();
+            match code {
+                Some(0) => fs::remove_file(folder.path().join("o.npz")).unwrap(),
+                _ => assert!(
+                    code == Some(13) && said.contains("out of memory"),
+                    "{work} {megabytes} MB, {code:?}: {said}"
+                ),
+            }
+            let left = fs::read_dir(folder.path()).unwrap().count();
+            assert_eq!(left, before, "{work} {megabytes} MB");
+            codes.push(code);
         }
         assert_eq!(
-            fs::read_dir(folder.path()).unwrap().count(),
-            before,
-            "{megabytes} MB"
+            (codes[0], codes[codes.len() - 1]),
+            (Some(13), Some(0)),
+            "{work}"
         );
-        codes.push(code);
     }
-    assert_eq!((codes[0], codes[codes.len() - 1]), (Some(13), Some(0)));
 }
 
 #[cfg(target_os = "linux")]

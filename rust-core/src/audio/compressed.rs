@@ -28,8 +28,9 @@ use symphonia::{
 use super::{
     damage::SoundDamage,
     edit_list::{self, Edit},
-    intake::{Intake, Take},
+    intake::Intake,
     opus::{self, OpusDecoder},
+    resample::Take,
     source::Source,
     wav::LENGTH_UNKNOWN,
 };

@@ -8,10 +8,9 @@ use std::{
 };
 
 use super::{
-    SoundDamage, Waveform, compressed,
-    intake::Take,
-    long_wav,
+    SoundDamage, Waveform, compressed, long_wav,
     pitch::HOP,
+    resample::Take,
     source::Source,
     wav,
     waveform::{Levels, SAMPLE_RATE_HZ},
@@ -33,9 +32,10 @@ const AHEAD: usize = 8;
 /// ```
 /// use anyface::{audio::SoundFile, job::SILENT};
 ///
-/// let voice = std::path::Path::new(env!("CARGO_MANIFEST_DIR")).join("tests/fixtures/voice.ogg");
-/// let file = SoundFile::read(&voice, false, SILENT)?;
-/// assert_eq!(file.whole(SILENT)?.duration_s(), file.levels.duration_s());
+/// let tone = std::path::Path::new(env!("CARGO_MANIFEST_DIR")).join("tests/fixtures/tone.ogg");
+/// let file = SoundFile::read(&tone, false, SILENT)?;
+/// let (duration_s, damage) = (file.levels.duration_s(), file.damage);
+/// assert_eq!((file.whole(SILENT)?.duration_s(), damage), (duration_s, None));
 /// # Ok::<(), anyface::Error>(())
 /// ```
 pub struct SoundFile {

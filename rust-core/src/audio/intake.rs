@@ -1,13 +1,10 @@
 //! Where decoders deliver: mixes to mono, checks every sample, resamples.
 
 use super::{
-    resample::ToSpeechRate,
+    resample::{Take, ToSpeechRate},
     waveform::{ACCEPTED_RATES_HZ, LOUDEST, Waveform},
 };
 use crate::{Error, Result, job::outside::guarded};
-
-/// Takes mono samples at [`super::SAMPLE_RATE_HZ`] piece by piece as they are decoded; an error ends the decoding.
-pub(super) type Take<'a> = &'a mut dyn FnMut(&[f32]) -> Result<()>;
 
 /// Takes interleaved samples in any number of pieces and hands them on as speech is heard: mono, at one rate.
 pub(super) struct Intake<'a> {

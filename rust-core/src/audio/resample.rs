@@ -9,12 +9,15 @@ use rubato::{
     Fft, FixedSync, Resampler, WindowFunction, audioadapter_buffers::direct::InterleavedSlice,
 };
 
-use super::{SAMPLE_RATE_HZ, intake::Take};
+use super::SAMPLE_RATE_HZ;
 use crate::{Error, Result};
 
 /// Smallest block on either side. Longer blocks mean a steeper filter: with 1024 samples the
 /// passband ends within 3 % of 8 kHz.
 const SMALLEST_BLOCK: usize = 1024;
+
+/// Takes mono samples at [`SAMPLE_RATE_HZ`] piece by piece as they are decoded; an error ends the decoding.
+pub(super) type Take<'a> = &'a mut dyn FnMut(&[f32]) -> Result<()>;
 
 /// Streams mono samples of one rate into 16 kHz.
 pub(super) enum ToSpeechRate {

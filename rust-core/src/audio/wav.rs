@@ -11,7 +11,8 @@ use hound::{SampleFormat, WavReader};
 
 use super::{
     damage::SoundDamage,
-    intake::{Intake, Take},
+    intake::Intake,
+    resample::Take,
     source::{Reading, Source},
 };
 use crate::{Error, Result};

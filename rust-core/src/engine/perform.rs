@@ -13,6 +13,7 @@ use crate::{
     job::{ProgressFn, report},
     motion::{
         Life, LifeStrengths, Motion, MotionRequest, Stretch, begin_in, begin_tongue_in,
+        bounds::{check_life, check_motion},
         check_closures, check_fps,
     },
     nn::finite::check_result,
@@ -230,6 +231,8 @@ impl Engine {
         let (motion, life) =
             self.controlled(&sampled.motion, &heard, &request, &request.emotion)?;
         check_result("motion", motion.values())?;
+        check_motion(&motion)?;
+        check_life(&life)?;
         check_result("head", life.head.view().into_dyn())?;
         check_result("gaze", life.gaze.view().into_dyn())?;
         check_result("tongue", life.tongue.view().into_dyn())?;

@@ -6,10 +6,13 @@ use std::{
     path::{Path, PathBuf},
 };
 
+use ndarray::aview1;
+
 use super::{Format, blend_weights::write_blend_weights, npz::Archive, rows::Rows};
 use crate::{
     Error, Result,
     job::Unfinished,
+    mesh::ibug::LANDMARKS,
     motion::{LandmarkClip, Life, Motion, WeightClip},
     rig::SolvedWeights,
 };
@@ -57,7 +60,7 @@ impl MotionFile {
             Ok(Format::Npz) => {
                 let (unfinished, file) = Unfinished::create(path)?;
                 let mut archive = Archive::new(file);
-                let sizes = [frames, crate::mesh::ibug::LANDMARKS, 3];
+                let sizes = [frames, LANDMARKS, 3];
                 archive
                     .start("landmark_displacements", "<f4", &sizes)
                     .map_err(Error::io(path))?;
@@ -109,7 +112,7 @@ impl MotionFile {
                     }
                     if let Some(waiting) = &mut open.weights {
                         waiting.weights.add(clip.weights.view().into_dyn())?;
-                        let together = ndarray::aview1(&clip.together);
+                        let together = aview1(&clip.together);
                         waiting.together.add(together.into_dyn())?;
                     }
                 }

@@ -11,7 +11,7 @@ use crate::{
     Error, Result,
     audio::Waveform,
     conditions::{EMOTIONS, Emotion, EmotionCurve},
-    job::ProgressFn,
+    job::{InputKind, ProgressFn, read_text},
     models::{Weights, checkpoint},
     nn::{
         elementwise::{softmax, tanh},
@@ -93,7 +93,7 @@ impl EmotionModel {
     /// `Io` if a file cannot be read; `Weights` if one is damaged, they do not fit each other, or no label is known.
     pub fn load_folder(folder: &Path) -> Result<Self> {
         let path = folder.join("config.json");
-        let text = std::fs::read_to_string(&path).map_err(Error::io(&path))?;
+        let text = read_text(&path, InputKind::Text)?;
         let bad = |what: String| Error::Weights(format!("{}: {what}", path.display()));
         let config: Config = serde_json::from_str(&text).map_err(|e| bad(e.to_string()))?;
         if !["hubert", "wav2vec2"].contains(&config.model_type.as_str()) {

@@ -39,7 +39,10 @@ pub use transformer_encoder::HiddenStates;
 
 use std::path::Path;
 
-use crate::{Error, Result};
+use crate::{
+    Error, Result,
+    job::{InputKind, read_text},
+};
 
 /// The compact encoder with its built-in weights, or those of `folder`.
 ///
@@ -145,7 +148,7 @@ pub fn from_folder(
         model_type: String,
     }
     let path = folder.join("config.json");
-    let text = std::fs::read_to_string(&path).map_err(Error::io(&path))?;
+    let text = read_text(&path, InputKind::Text)?;
     let kind: Kind =
         serde_json::from_str(&text).map_err(|e| Error::Weights(format!("config.json: {e}")))?;
     match kind.model_type.as_str() {

@@ -18,7 +18,7 @@ use super::{
 use crate::{
     Error, Result,
     audio::{SAMPLE_RATE_HZ, Waveform},
-    job::{ProgressFn, report},
+    job::{InputKind, ProgressFn, read_text, report},
     models::{Weights, checkpoint},
     nn::{
         attention::SelfAttention,
@@ -82,7 +82,8 @@ impl TransformerEncoder {
         layer: Option<usize>,
         weights: &Weights,
     ) -> Result<Self> {
-        let config = EncoderConfig::from_json(&read_text(&folder.join("config.json"))?)?;
+        let config =
+            EncoderConfig::from_json(&read_text(&folder.join("config.json"), InputKind::Text)?)?;
         if config.model_type != model_type {
             return Err(Error::Weights(format!(
                 "config.json: model_type: expected {model_type}, got {}",
@@ -91,7 +92,7 @@ impl TransformerEncoder {
         }
         let preprocessor = folder.join("preprocessor_config.json");
         let normalise = match preprocessor.exists() {
-            true => read_preprocessor(&read_text(&preprocessor)?)?,
+            true => read_preprocessor(&read_text(&preprocessor, InputKind::Text)?)?,
             // The default of Hugging Face's feature extractor.
             false => true,
         };
@@ -465,10 +466,6 @@ fn unit_variance(samples: &[f32]) -> Vec<f32> {
         .iter()
         .map(|x| ((x - mean) * scale) as f32)
         .collect()
-}
-
-fn read_text(path: &Path) -> Result<String> {
-    std::fs::read_to_string(path).map_err(Error::io(path))
 }
 
 #[cfg(test)]

@@ -96,10 +96,6 @@ fn files_are_read_in_one_place() {
         // What only tests read.
         "nn/golden.rs",
         "operators/fixtures.rs",
-        // Configs of encoders, still to go through `job`.
-        "speech/mod.rs",
-        "speech/emotion_model.rs",
-        "speech/transformer_encoder.rs",
     ];
     let ways = [
         "fs::read(",
