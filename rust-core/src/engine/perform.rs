@@ -231,11 +231,11 @@ impl Engine {
         let (motion, life) =
             self.controlled(&sampled.motion, &heard, &request, &request.emotion)?;
         check_result("motion", motion.values())?;
-        check_motion(&motion)?;
-        check_life(&life)?;
         check_result("head", life.head.view().into_dyn())?;
         check_result("gaze", life.gaze.view().into_dyn())?;
         check_result("tongue", life.tongue.view().into_dyn())?;
+        check_motion(&motion)?;
+        check_life(&life)?;
         Ok(Performance {
             motion,
             life,
