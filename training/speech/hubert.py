@@ -15,7 +15,7 @@ from torch import Tensor, nn
 
 SAMPLE_HZ = 16000
 FPS = 25.0
-"""Motion frames a second of every clip that is trained on."""
+"""Motion frames a second of clips that are trained on, unless a trainer says otherwise."""
 MODELS = ("hubert", "wav2vec2")
 
 
@@ -23,10 +23,10 @@ class HubertFeatures:
     """The output of the encoder, brought to the motion's frames.
 
     With `transformer_fps` what the convolutions hear is brought to that rate instead, before projection and
-    transformer, as FaceFormer does (Fan et al. 2022, section 3.2).
+    transformer, as FaceFormer does (Fan et al. 2022, section 3.2). Motion has `fps` frames a second.
     """
 
-    def __init__(self, folder: Path | None, transformer_fps: float | None = None):
+    def __init__(self, folder: Path | None, transformer_fps: float | None = None, fps: float = FPS):
         if folder is None:
             raise ValueError("--hubert: expected a folder with a HuBERT or wav2vec2 checkpoint, got nothing")
         self.config = json.loads((folder / "config.json").read_text())
@@ -38,25 +38,34 @@ class HubertFeatures:
         self.normalise = about.get("do_normalize", True)
         self.model = transformer(self.config, read_checkpoint(folder, self.kind))
         self.channels = self.config["hidden_size"]
-        self.transformer_fps = transformer_fps
+        self.transformer_fps, self.fps = transformer_fps, fps
 
     @torch.no_grad()
     def __call__(self, samples: Tensor, frames: int) -> Tensor:
-        """`samples` [S] at 16 kHz → [frames, C], linear between neighbours; frame i is second i / 25."""
+        """`samples` [S] at 16 kHz → [frames, C], linear between neighbours; frame i is second i / `fps`."""
+        return self.heard(samples, frames)
+
+    def heard(self, samples: Tensor, frames: int) -> Tensor:
+        """The same with gradients."""
         if self.normalise:
             samples = (samples - samples.mean()) / (samples.var(correction=0) + 1e-7).sqrt()
         if self.transformer_fps is None:
-            heard = encode(self.model, self.config, samples)
-            return at_motion_frames(heard, *instants(self.config), frames, FPS)
+            heard = encoded(self.model, self.config, samples, None, self.fps)
+            return at_motion_frames(heard, *instants(self.config), frames, self.fps)
         count = max(math.ceil(len(samples) / SAMPLE_HZ * self.transformer_fps - 1e-6), 1)
-        heard = encode(self.model, self.config, samples, count, self.transformer_fps)
-        return at_motion_frames(heard, self.transformer_fps, 0.0, frames, FPS)
+        heard = encoded(self.model, self.config, samples, count, self.transformer_fps)
+        return at_motion_frames(heard, self.transformer_fps, 0.0, frames, self.fps)
 
 
 @torch.no_grad()
 def encode(
     model: nn.Module, config: dict, samples: Tensor, frames: int | None = None, fps: float = FPS
 ) -> Tensor:
+    """`encoded` without gradients."""
+    return encoded(model, config, samples, frames, fps)
+
+
+def encoded(model: nn.Module, config: dict, samples: Tensor, frames: int | None, fps: float) -> Tensor:
     """What a model of a config.json makes of `samples` [S] as they are, [T, C] at its own rate.
 
     With `frames` what the convolutions hear is brought to so many at `fps` first.

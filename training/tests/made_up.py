@@ -4,6 +4,8 @@ from pathlib import Path
 
 import numpy as np
 
+from scipy.signal import lfilter
+
 from training.align import canonical_landmarks
 from training.corpus.folder_clips import arkit_modes
 from training.corpus.writer import CorpusWriter
@@ -53,11 +55,44 @@ def made_up(path: Path, seconds: float = 6.0, kind: str = "landmarks") -> Path:
             writer.sound(clip, spoken(seconds, seed), RATE_HZ)
             _write_motion(writer, clip, kind, seconds, seed)
     if kind == "vertices":
-        vertices, triangles = face_mesh()
-        writer.mesh("neutral", vertices, triangles)
-        table = writer.place("topologies/ball", "landmarks.json")
-        table.write_text('{"vertices": ' + str(list(range(68))) + "}")
+        _write_ball(writer)
     return writer.close()
+
+
+FELT = {"happy": (1.0, -0.9, {"mouthSmileLeft": 1.0, "mouthSmileRight": 1.0, "browInnerUp": 1.0}),
+        "angry": (1.3, 0.9, {"mouthFrownLeft": 1.0, "mouthFrownRight": 1.0,
+                             "browDownLeft": 1.0, "browDownRight": 1.0})}  # fmt: skip
+"""Of two feelings how much slower they speak, how dull the voice is (−1 to 1), and what the face wears."""
+
+
+def felt_pairs(path: Path, sentences: int = 4, seconds: float = 2.4, intensity: float = 1.0) -> Path:
+    """Vertex sequences of one speaker who says every sentence twice, in the feelings of `FELT`; the last two
+    sentences are held out."""
+    writer = CorpusWriter(path, "pairs", "m", topology="ball", fps={"vertices": FPS})
+    for number in range(sentences):
+        split = "test" if number >= sentences - 2 else "train"
+        for take, (feeling, (slower, dull, face)) in enumerate(FELT.items()):
+            clip = f"{number}_{feeling}"
+            writer.clip(clip, "ann", split, feeling, intensity, text=f"Sentence {number}{'.!'[take]}")
+            base = np.arange(int(seconds * RATE_HZ)) / RATE_HZ
+            open_ = opening(base, 100 + number)
+            times = np.arange(int(slower * seconds * RATE_HZ)) / RATE_HZ
+            noise = lfilter([1.0], [1.0, -dull], np.random.default_rng(take).standard_normal(len(times)))
+            loud = 0.01 + np.interp(times / slower, base, open_)
+            writer.sound(clip, (0.08 * loud * noise / noise.std()).astype(np.float32), RATE_HZ)
+            at = np.arange(int(slower * seconds * FPS)) / FPS / slower
+            moved = sum(weight * arkit_modes()[name] for name, weight in face.items())
+            jaw = 0.6 * np.interp(at, base, open_)[:, None, None] * arkit_modes()["jawOpen"]
+            writer.vertices(clip, follow(canonical_landmarks() + jaw + moved))
+    _write_ball(writer)
+    return writer.close()
+
+
+def _write_ball(writer: CorpusWriter) -> None:
+    vertices, triangles = face_mesh()
+    writer.mesh("neutral", vertices, triangles)
+    table = writer.place("topologies/ball", "landmarks.json")
+    table.write_text('{"vertices": ' + str(list(range(68))) + "}")
 
 
 def _write_motion(writer: CorpusWriter, clip: str, kind: str, seconds: float, seed: int) -> None:

@@ -1,7 +1,6 @@
 """The clips that EmoFace trains on, heard by both encoders; kept in the cache."""
 
 import hashlib
-from functools import partial
 from pathlib import Path
 
 import numpy as np
@@ -11,6 +10,7 @@ from torch import Tensor
 from training.corpus import arkit, bank
 from training.corpus.cache import cached
 from training.corpus.clip import FPS, MEL_PER_FRAME, fit_frames
+from training.corpus.conditions import EMOTIONS
 from training.corpus.facegood import read_facegood
 from training.corpus.faces import load_ict
 from training.corpus.feelings import SOURCE as EMODB
@@ -20,13 +20,23 @@ from training.corpus.grid import read_grid
 from training.corpus.teacher import Teacher
 from training.nn.checkpoint import read_bytes, read_model
 from training.speech.compact import SHIPPED_ENCODER, load_encoder, normalise
-from training.speech.hubert import HubertFeatures
 from training.speech.log_mel import log_mel
 from training.systems.emoface import folder_clips
+from training.systems.emoface.encoders import (
+    Checkpoint,
+    CheckpointFeeling,
+    CompactSpeech,
+    Encoders,
+    FeelingNumbers,
+)
 from training.systems.emoface.feeling import FeelingConfig, FeelingEncoder
-from training.systems.emoface.model import ANY_STYLE, EmoFaceConfig, SpeechInput, Template
-from training.systems.emoface.rows import Spoken
+from training.systems.emoface.model import ANY_STYLE, EmoFaceConfig, Template
+from training.systems.emoface.rows import NEUTRAL, Spoken
 from training.systems.emoface.template import ict_template
+
+
+TEMPLATE = EmoFaceConfig.template
+"""That of the project's own clips."""
 
 
 def template_of(data: Path, vertices: int) -> tuple[Template, np.ndarray]:
@@ -43,47 +53,60 @@ def load_feeling(folder: Path) -> FeelingEncoder:
 
 
 def load_clips(arguments, config: EmoFaceConfig) -> list[Spoken]:
-    """All clips; the project's own from the cache where they were heard before by the same encoders."""
-    if arguments.corpus:
-        return of_corpus(arguments, config)
-    if arguments.hubert is not None or arguments.feeling_hubert is not None:
+    """The project's own clips; from the cache where they were heard before by the same encoders."""
+    for_folders = {
+        "--hubert": arguments.hubert, "--feeling-hubert": arguments.feeling_hubert,
+        "--tune-encoders": arguments.tune_encoders, "--recipe paper": arguments.recipe == "paper",
+        "--speech": arguments.speech != SHIPPED_ENCODER,
+    }  # fmt: skip
+    wrong = [flag for flag, is_there in for_folders.items() if is_there]
+    if wrong:
         raise ValueError(
-            "--hubert, --feeling-hubert: expected --corpus with them, got the project's own clips"
+            f"{', '.join(wrong)}: expected --corpus with that, got the project's own clips; "
+            "name a corpus folder with vertices (docs/training.md)"
+        )
+    if config.template != TEMPLATE:
+        raise ValueError(
+            f"--config {config.name}: expected --corpus, since template, encoders and its {config.fps:g} fps are "
+            f"those of a folder with vertices, got the project's own clips of {FPS:g} fps; name a corpus folder, "
+            "or take --config compact"
         )
     weights = read_bytes(arguments.feeling)
     key = hashlib.sha256(weights + repr((arguments.voices, arguments.limit)).encode()).hexdigest()[:12]
     path = arguments.cache / f"emoface-{key}.pt"
-    return cached(path, Spoken, lambda: [*recorded(arguments), *felt(arguments)])
-
-
-@torch.no_grad()
-def of_corpus(arguments, config: EmoFaceConfig) -> list[Spoken]:
-    """Clips of a corpus folder; tells `config` their speakers and how they are heard."""
-    transformer_fps = config.speech.transformer_fps
-    if arguments.feeling_hubert is not None:
-        config.feeling, feels = _checkpoint(arguments.feeling_hubert, transformer_fps)
-        config.feeling_channels = config.feeling.channels
-    else:
-        feeling = load_feeling(arguments.feeling)
-        config.feeling_channels = feeling.config.coordinates + len(feeling.config.feelings)
-        feels = partial(_felt_as, feeling)
-    if arguments.hubert is not None:
-        config.speech, hears = _checkpoint(arguments.hubert, transformer_fps)
-    else:
-        encoder = load_encoder(SHIPPED_ENCODER).eval()
-        config.speech = SpeechInput("compact_speech", encoder.config.channels)
-        hears = partial(_said, encoder)
-    clips = folder_clips.spoken(CorpusFolder(arguments.corpus), hears, feels)
-    config.fps = FPS
-    config.styles = [*sorted({c.source for c in clips}), ANY_STYLE]
+    clips = cached(path, Spoken, lambda: [*recorded(arguments), *felt(arguments)])
+    config.speech.channels, config.feeling_channels = (
+        x.shape[1] for x in (clips[0].content[0], clips[0].feeling)
+    )
     return clips
 
 
-def _checkpoint(folder: Path, transformer_fps: float | None) -> tuple[SpeechInput, folder_clips.Hears]:
-    """A user's encoder, in FaceFormer's order of steps where the size asks for it, at our frame rate."""
-    features = HubertFeatures(folder, FPS if transformer_fps else None)
-    about = SpeechInput(features.kind, features.channels, features.transformer_fps)
-    return about, lambda samples, frames: features(torch.from_numpy(samples), frames)
+def of_corpus(arguments, config: EmoFaceConfig) -> tuple[list[Spoken], Encoders]:
+    """Clips of a corpus folder and what hears them; tells `config` both, and its speakers and feelings."""
+    folder = CorpusFolder(arguments.corpus)
+    present = {row.emotion for row in folder.rows if not row.held_out}
+    config.feelings = [f for f in EMOTIONS if f == NEUTRAL or f in present]
+    encoders = encoders_of(arguments, config, config.speech.transformer_fps is not None)
+    config.speech, config.feeling = encoders.speech.about, encoders.feeling.about
+    config.feeling_channels = encoders.feeling_channels
+    clips = folder_clips.spoken(folder, encoders, config.fps)
+    config.styles = [*sorted({c.source for c in clips}), ANY_STYLE]
+    return clips, encoders
+
+
+def encoders_of(arguments, config: EmoFaceConfig, before_transformer: bool) -> Encoders:
+    """Those of the command line at the frame rate of a model; where its size asks for it (or it was trained
+    so) a checkpoint's steps have FaceFormer's order."""
+    if arguments.hubert is not None:
+        speech = Checkpoint(arguments.hubert, config.fps, before_transformer)
+    else:
+        speech = CompactSpeech(arguments.speech, config.fps)
+    if arguments.feeling_hubert is not None:
+        folder = arguments.feeling_hubert
+        feeling = CheckpointFeeling(folder, config.fps, before_transformer, config.feelings)
+    else:
+        feeling = FeelingNumbers(arguments.feeling, config.fps)
+    return Encoders(speech, feeling, arguments.tune_encoders)
 
 
 def _said(encoder, samples: np.ndarray, frames: int) -> Tensor:

@@ -7,6 +7,11 @@ own voice; truth is the teacher's face under the label (faces of these recording
 sentence is felt through another recording. Errors are on the template: √LVE over the vertices about the lips,
 √EVE over those above the middle of the nose, mm (metrics as in `docs/measuring.md`). There is nothing random
 in it. `--run` may be given several times, so that runs stand beside one another.
+
+    python -m training.systems.emoface.evaluate --corpus DIR --run runs/emoface/emoface.pt
+
+scores held-out clips of a corpus folder instead, against their own vertices (`folder_scores`). Encoders are
+those of the command line as in training, or where they learned those that the run left in `models`.
 """
 
 import argparse
@@ -20,16 +25,16 @@ from torch import Tensor
 from training.corpus.feelings import SOURCE as EMODB
 from training.corpus.felt import with_emotion
 from training.losses import lip_gap
-from training.nn.checkpoint import restored
 from training.systems.cafe_talk.train import lips_met
+from training.systems.emoface import folder_scores
 from training.systems.emoface.clips import load_clips, template_of
 from training.systems.emoface.feeling import FEELINGS
-from training.systems.emoface.model import CONFIGS, EmoFace, EmoFaceConfig, Made
+from training.systems.emoface.folder_scores import face_of, regions
+from training.systems.emoface.model import CONFIGS, EmoFace, Made
 from training.systems.emoface.rows import Spoken, mixture
 from training.systems.emoface.train import parser as training_parser
 from training.systems.emoface.train import performed, together
 
-LIP_REACH_M = 8e-3
 TAUGHT = 8
 """Sentences on which taught feelings are told."""
 CROSSED = 3
@@ -60,16 +65,10 @@ class Judged:
 
 def opened(run: Path, data: Path) -> Judged:
     """A run as `training.systems.emoface.train` saved it."""
-    saved = torch.load(run, map_location="cpu")
-    config = EmoFaceConfig.from_json(saved["config"])
-    model = restored(EmoFace(config, saved["spirals"].numpy()), saved["state"])
-    template, modes = template_of(data, config.vertices)
-    points = template.vertices
-    lips = points[template.landmarks[48:]]
-    near = np.linalg.norm(points[:, None] - lips, axis=-1).min(axis=1) < LIP_REACH_M
-    upper = points[:, 1] > points[template.landmarks[29], 1]
+    model, _ = face_of(run)
+    template, modes = template_of(data, model.config.vertices)
     return Judged(
-        model, torch.from_numpy(modes).float().flatten(1), np.flatnonzero(near), np.flatnonzero(upper)
+        model, torch.from_numpy(modes).float().flatten(1), *regions(template.vertices, template.landmarks)
     )
 
 
@@ -211,6 +210,12 @@ def main() -> None:
     """Command line."""
     arguments = parser().parse_args()
     torch.set_num_threads(arguments.threads)
+    if arguments.corpus:
+        for run in arguments.run:
+            print(run)
+            for line in folder_scores.lines(run, arguments):
+                print(f"  {line}")
+        return
     held_out = [c for c in load_clips(arguments, CONFIGS[arguments.config]()) if c.held_out]
     felt = [c for c in held_out if c.source == EMODB]
     felt = felt[:: max(1, len(felt) // arguments.clips)][: arguments.clips]

@@ -28,6 +28,8 @@ class Spoken:
     """A clip: `content` [voices][T, C], `feeling` [T, E] as its encoder hears it, `weights` [T, 51] of
     neutral speech. `label` is how it was felt, `share` how far listeners agreed, 0 to 1. Where the felt face
     itself `is_recorded`, `weights` [T, 3 V] are its displacements in metres and `share` is its intensity.
+    `text` is what it says, empty where that or how it was felt is unknown; `sound` and `voice` are what
+    encoders that learn start from.
     """
 
     name: str
@@ -39,6 +41,9 @@ class Spoken:
     label: str = NEUTRAL
     share: float = 1.0
     is_recorded: bool = False
+    text: str = ""
+    sound: Tensor | None = None
+    voice: Tensor | None = None
 
     def __len__(self) -> int:
         return len(self.weights)
@@ -46,11 +51,18 @@ class Spoken:
 
 @dataclass
 class Batch:
-    """`given` as the model takes it; `weights` [B, T, 51] felt, `before` [B, T, 51] the frame before each."""
+    """`inputs` as the model takes them; `weights` [B, T, 51] felt, `before` [B, T, 51] the frame before each.
+
+    Of recorded faces both are [B, T, 3 V]; `crossed` [B] says which rows have the feeling of another recording.
+    `logits` [N, K] are what encoders that learn tell of the recordings in the batch, `labels` [N] their classes.
+    """
 
     inputs: Inputs
     weights: Tensor
     before: Tensor
+    crossed: Tensor | None = None
+    logits: Tensor | None = None
+    labels: Tensor | None = None
 
 
 class Rows:
@@ -87,32 +99,34 @@ class Rows:
     def _row(self, frames: int):
         source = self.sources[int(self.random.choice(len(self.sources), p=self.shares))]
         clip = self._long_enough(self.clips[source], frames)
+        start, at = self._stretch(clip, frames)
+        content = interpolate(clip.content[int(self.random.integers(len(clip.content)))].float(), at[1:])
+        spoken = interpolate(clip.weights, at.clamp_min(0.0))
+        if start == 0.0:
+            spoken[0] = 0.0
+        feeling, emotion, share = self._feeling(clip, at, frames)
+        level = float(self.random.uniform(0.0, HIGHEST_LEVEL))
+        level = 1.0 if self.random.random() < LEVEL_ONE_SHARE else level
+        met = self.met(spoken)
+        felt = with_emotion(spoken, emotion, level * share, met)
+        worn = self._worn(spoken, met) if self.random.random() < self.worn_share else felt.clone()
+        if start == 0.0:
+            worn[0] = 0.0
+        named = self._style(clip)
+        return content, feeling, torch.tensor(named), torch.full((frames,), level), felt[1:], worn[:-1]
+
+    def _style(self, clip: Spoken) -> int:
+        unnamed = self.random.random() < UNNAMED_STYLE_SHARE
+        return self.config.styles.index(ANY_STYLE if unnamed else clip.source)
+
+    def _stretch(self, clip: Spoken, frames: int) -> tuple[float, Tensor]:
+        """Where a stretch starts, and the places of its frames in the clip with the one before, [T + 1]."""
         tempo = 2.0 ** self.random.uniform(-TEMPO_OCTAVES, TEMPO_OCTAVES)
         tempo = min(tempo, (len(clip) - 2) / frames)
         start = self.random.uniform(0.0, max(len(clip) - 1 - frames * tempo, 0.0))
         if self.random.random() < 0.3:
             start = 0.0
-        at = start + torch.arange(-1, frames) * tempo
-        content = interpolate(clip.content[int(self.random.integers(len(clip.content)))].float(), at[1:])
-        spoken = interpolate(clip.weights, at.clamp_min(0.0))
-        if start == 0.0:
-            spoken[0] = 0.0
-        if clip.is_recorded:
-            feeling, level, felt = interpolate(clip.feeling, at[1:]), clip.share, spoken
-            worn = felt.clone()
-        else:
-            feeling, emotion, share = self._feeling(clip, at, frames)
-            level = float(self.random.uniform(0.0, HIGHEST_LEVEL))
-            level = 1.0 if self.random.random() < LEVEL_ONE_SHARE else level
-            met = self.met(spoken)
-            felt = with_emotion(spoken, emotion, level * share, met)
-            worn = self._worn(spoken, met) if self.random.random() < self.worn_share else felt.clone()
-        if start == 0.0:
-            worn[0] = 0.0
-        named = self.config.styles.index(
-            ANY_STYLE if self.random.random() < UNNAMED_STYLE_SHARE else clip.source
-        )
-        return content, feeling, torch.tensor(named), torch.full((frames,), level), felt[1:], worn[:-1]
+        return start, start + torch.arange(-1, frames) * tempo
 
     def _worn(self, spoken: Tensor, met: Tensor) -> Tensor:
         """The face of another feeling, or of none, from which this one's has to be reached."""

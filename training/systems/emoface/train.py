@@ -4,8 +4,10 @@
 
 Reads the recorded motion of grid_s1 and facegood_zh and the felt speech of emodb_de, whose faces are made
 from its phones and labels; `--corpus` reads vertex sequences of a corpus folder instead, as the paper does.
-The emotion encoder is that of `training.systems.emoface.train_feeling` and stays as it is, or with
-`--feeling-hubert` a second checkpoint, as in the paper.
+There a speaker's recordings of one sentence in two feelings are crossed (`pairs`), at the frame rate of
+`--config`. The emotion encoder is that of `training.systems.emoface.train_feeling`, or with
+`--feeling-hubert` a second checkpoint, as in the paper; both encoders stay as they are unless
+`--tune-encoders` trains them too, under eq. 10. `--recipe paper` is eq. 11 as printed.
 Seeded; resumes from `--out/last.pt` with the same bits.
 """
 
@@ -14,7 +16,8 @@ import math
 from pathlib import Path
 
 import torch
-from torch import Tensor
+import torch.nn.functional as F
+from torch import Tensor, nn
 
 from training import shipped
 from training.corpus.folder import CorpusFolder
@@ -22,35 +25,64 @@ from training.losses import feature_concordance, feature_scores
 from training.nn.checkpoint import save
 from training.nn.spiral_conv import spirals
 from training.run import begin, descend, seeded, trainer_parser
+from training.speech.compact import SHIPPED_ENCODER
 from training.systems.cafe_talk.train import lips_met
-from training.systems.emoface import folder_clips
-from training.systems.emoface.clips import load_clips, template_of
+from training.systems.emoface import folder_clips, recipes
+from training.systems.emoface.clips import load_clips, of_corpus, template_of
+from training.systems.emoface.encoders import UNTAUGHT, Encoders
 from training.systems.emoface.model import CONFIGS, EmoFace, EmoFaceConfig, Inputs, Made
+from training.systems.emoface.recorded_rows import RecordedRows
 from training.systems.emoface.rows import Batch, Rows, Spoken, prototypes
 
 SHARES = {"grid_s1": 0.35, "facegood_zh": 0.25, "emodb_de": 0.4}
-RECONSTRUCTION, VELOCITY = 1000.0, 500.0
-"""λ1 = λ2 and λ3 of eq. 11, for metres; crossed rows stand beside the others in every batch."""
-CONCORDANCE = 0.5
-"""Of what a viewer sees of the mouth; ours."""
 GUIDED_SHARE = 0.2
 """θ of eq. 6 over N."""
 LENGTHS = (36, 48, 60)
+PROTOTYPE_CLIPS = 8
+"""Of each feeling, heard again by encoders that have learned."""
+MODELS = "models"
+"""Folder of a run with encoders that have learned."""
+
+
+class Learned(nn.Module):
+    """All that a training changes: the model, and encoders where they learn."""
+
+    def __init__(self, face: EmoFace, encoders: Encoders | None):
+        super().__init__()
+        self.face = face
+        self.encoders = encoders if encoders is not None and encoders.learn else None
+
+    def groups(self, recipe: recipes.Recipe) -> list[dict]:
+        """Parameters with their rates."""
+        found = [{"params": list(self.face.parameters()), "lr": recipe.rate}]
+        if self.encoders is not None:
+            rate = recipe.encoder_share * recipe.rate
+            found.append({"params": list(self.encoders.parameters()), "lr": rate})
+        return found
 
 
 class EmoFaceTrainer:
     """Data, model and one optimisation step."""
 
-    def __init__(self, arguments, config: EmoFaceConfig, clips: list[Spoken]):
+    def __init__(
+        self, arguments, config: EmoFaceConfig, clips: list[Spoken], encoders: Encoders | None = None
+    ):
         template, modes = _template(arguments, config)
         config.vertices = len(template.vertices)
         config.landmarks = template.landmarks.tolist()
-        self.config, self.steps = config, arguments.steps
+        self.config, self.recipe = config, recipes.chosen(arguments)
         self.grows = not arguments.guided
         self.random = torch.Generator().manual_seed(arguments.seed)
         present = {c.source for c in clips if not c.held_out}
-        shares = {s: x for s, x in SHARES.items() if s in present} or {s: 1.0 for s in sorted(present)}
-        self.rows = Rows(clips, config, shares, arguments.seed, lips_met, arguments.worn)
+        if not present:
+            raise ValueError("expected training clips, got none; mark some as train in clips.tsv")
+        self.steps = arguments.steps or self.recipe.steps_of(sum(not c.held_out for c in clips))
+        self.tokens = arguments.tokens
+        if encoders is not None:
+            self.rows = RecordedRows(clips, config, encoders, arguments.seed, arguments.worn)
+        else:
+            shares = {s: x for s, x in SHARES.items() if s in present}
+            self.rows = Rows(clips, config, shares, arguments.seed, lips_met, arguments.worn)
         self.modes = None if modes is None else torch.from_numpy(modes).float().flatten(1)
         around = spirals(template.vertices, template.triangles, config.kernel, config.dilation)
         self.model = EmoFace(config, around)
@@ -58,6 +90,14 @@ class EmoFaceTrainer:
         if arguments.base is not None:
             self.model.load_state_dict(torch.load(arguments.base, map_location="cpu")["state"])
         self.template = template
+        self.learned = Learned(self.model, encoders)
+
+    def draw(self, step: int) -> Batch:
+        """The batch of a step."""
+        if self.recipe.whole:
+            return self.rows.whole(step)
+        frames = LENGTHS[int(torch.randint(0, len(LENGTHS), (1,), generator=self.random))]
+        return self.rows.batch(max(1, self.tokens // frames), frames)
 
     def motion(self, weights: Tensor) -> Tensor:
         """Weights of a clip → displacements of the template [..., D] in units of `scale_m`."""
@@ -65,7 +105,8 @@ class EmoFaceTrainer:
         return moved / self.config.scale_m
 
     def loss(self, batch: Batch, step: int) -> tuple[Tensor, dict[str, float]]:
-        """Eq. 7 to 9 on the second pass of the self-growing scheme, with the concordance of the mouth."""
+        """Eq. 7 to 10 on the second pass of the self-growing scheme: eq. 11, or in our recipe one mean of all
+        rows with the concordance of the mouth."""
         truth = self.motion(batch.weights)
         before = self.motion(batch.before)
         own = self.own_share(step)
@@ -77,16 +118,29 @@ class EmoFaceTrainer:
             before = torch.where(taken[..., None], found.roll(1, dims=1), before)
         made = self.model(before, batch.inputs)
         metres = self.config.scale_m
-        parts = {
-            name: (getattr(made, name) - truth).abs().mean() * metres
-            for name in ("motion", "content", "feeling")
-        }
-        velocity = (made.motion.diff(dim=1) - truth.diff(dim=1)).abs().mean() * metres
-        shown, true = (self.landmarks(x) * metres * 1e3 for x in (made.motion, truth))
-        agreement, features = feature_concordance(shown, true)
-        total = RECONSTRUCTION * sum(parts.values()) + VELOCITY * velocity + CONCORDANCE * agreement
-        report = {name: 1e3 * value.item() for name, value in parts.items()}
-        return total, report | features | {"mask": made.mask.mean().item()}
+        errors = {name: (getattr(made, name) - truth).abs() for name in ("motion", "content", "feeling")}
+        quickness = (made.motion.diff(dim=1) - truth.diff(dim=1)).abs()
+        recipe, report = self.recipe, {}
+        if recipe.plain:
+            rows = [x for x in (~batch.crossed, batch.crossed) if x.any()]
+            apart = sum(error[x].mean() for error in errors.values() for x in rows) * metres
+            velocity = sum(quickness[x].mean() for x in rows) * metres
+            total = recipe.reconstruction * apart + recipe.velocity * velocity
+        else:
+            apart = sum(error.mean() * metres for error in errors.values())
+            velocity = quickness.mean() * metres
+            shown, true = (self.landmarks(x) * metres * 1e3 for x in (made.motion, truth))
+            agreement, features = feature_concordance(shown, true)
+            total = recipe.reconstruction * apart + recipe.velocity * velocity + recipe.concordance * agreement
+            report |= features
+        if batch.logits is not None:
+            told = {"reduction": "sum", "ignore_index": UNTAUGHT}
+            total = total + recipe.classification * F.cross_entropy(batch.logits, batch.labels, **told)
+            report["class right"] = (batch.logits.argmax(dim=1) == batch.labels).float().mean().item()
+        if batch.crossed is not None and batch.crossed.any():
+            report["crossed"] = 1e3 * metres * errors["motion"][batch.crossed].mean().item()
+        sizes = {name: 1e3 * metres * error.mean().item() for name, error in errors.items()}
+        return total, sizes | report | {"mask": made.mask.mean().item()}
 
     def own_share(self, step: int) -> float:
         """How many of the frames before are the model's own, eq. 6: 0 until θ, 1 from (N + θ)/2 on."""
@@ -133,9 +187,10 @@ def together(clips: list[Spoken], config: EmoFaceConfig, frames: int) -> Inputs:
         return torch.cat([x.float(), x[-1:].float().expand(frames - len(x), -1)])
 
     style = torch.full((len(clips),), config.styles.index(config.default_style))
+    level = torch.tensor([c.share if c.is_recorded else 1.0 for c in clips])[:, None]
     content = torch.stack([padded(c.content[0]) for c in clips])
     feeling = torch.stack([padded(c.feeling) for c in clips])
-    return Inputs(content, feeling, style, torch.ones(len(clips), frames))
+    return Inputs(content, feeling, style, level.expand(-1, frames))
 
 
 def train(arguments) -> Path:
@@ -149,40 +204,70 @@ def train(arguments) -> Path:
         arguments.delta or config.delta,
     )
     config.fusion = arguments.fusion
-    clips = load_clips(arguments, config)
-    trainer = EmoFaceTrainer(arguments, config, clips)
+    if arguments.corpus:
+        clips, encoders = of_corpus(arguments, config)
+    else:
+        clips, encoders = load_clips(arguments, config), None
+    trainer = EmoFaceTrainer(arguments, config, clips, encoders)
+    recipe, learned = trainer.recipe, trainer.learned
+    if encoders is not None:
+        rows = trainer.rows
+        print(f"crossed: {rows.paired} of {len(rows.training)} training clips have a partner (the same speaker "
+              "and text, another emotion)", flush=True)  # fmt: skip
     generators = {"trainer": trainer.random, "rows": trainer.rows.random}
-    run = begin(arguments, trainer.model, generators, average=0.99)
+    run = begin(
+        arguments, learned, generators, groups=learned.groups(recipe), steps=trainer.steps,
+        decay=recipe.weight_decay, factor=None if recipe.annealed else lambda _: 1.0, average=recipe.average,
+    )  # fmt: skip
     held_out = [c for c in clips if c.held_out]
     chosen = [c for s in sorted({c.source for c in held_out})
               for c in [c for c in held_out if c.source == s][: arguments.validation_clips]]  # fmt: skip
 
     def loss(step: int) -> tuple[Tensor, dict[str, float]]:
-        frames = LENGTHS[int(torch.randint(0, len(LENGTHS), (1,), generator=trainer.random))]
-        return trainer.loss(trainer.rows.batch(max(1, arguments.tokens // frames), frames), step)
+        return trainer.loss(trainer.draw(step), step)
 
     template = trainer.template
     kept = {"vertices": torch.from_numpy(template.vertices).float(),
-            "triangles": torch.from_numpy(template.triangles)}  # fmt: skip
+            "triangles": torch.from_numpy(template.triangles), "recipe": recipe.record(),
+            "tuned": learned.encoders is not None}  # fmt: skip
 
-    def judge(averaged: EmoFace) -> dict[str, float]:
-        scores = validate(trainer, averaged, chosen)
-        save(run.out / "emoface.pt", averaged, **kept, spirals=averaged.mesh_attention.conv.spirals)
+    def judge(averaged: Learned) -> dict[str, float]:
+        face, heard = averaged.face, chosen
+        if averaged.encoders is not None:
+            heard = averaged.encoders.heard(chosen)
+            face.prototypes.copy_(prototypes(averaged.encoders.heard(few_of_each(clips)), config))
+            averaged.encoders.write(run.out / MODELS)
+        scores = validate(trainer, face, heard)
+        save(run.out / "emoface.pt", face, **kept, spirals=face.mesh_attention.conv.spirals)
         return scores
 
-    descend(arguments, run, loss, judge)
+    descend(arguments, run, loss, judge, clip=recipe.clip)
     return arguments.out / "emoface.pt"
 
 
-def performed(model: EmoFace, clip: Spoken, layer: str = "motion") -> Made:
-    """A held-out clip with its own feeling, from rest."""
-    return model.perform(together([clip], model.config, len(clip)), layer=layer)
+def few_of_each(clips: list[Spoken]) -> list[Spoken]:
+    """Training clips, so many of each feeling that prototypes may be told from them."""
+    labels = sorted({c.label for c in clips})
+    groups = ([c for c in clips if c.label == label and not c.held_out] for label in labels)
+    return [c for group in groups for c in group[:: max(1, len(group) // PROTOTYPE_CLIPS)][:PROTOTYPE_CLIPS]]
+
+
+def performed(
+    model: EmoFace, clip: Spoken, layer: str = "motion", first: Tensor | None = None
+) -> Made:
+    """A held-out clip with its own feeling, from rest or a first pose."""
+    return model.perform(together([clip], model.config, len(clip)), first, layer)
 
 
 def parser() -> argparse.ArgumentParser:
     """Command line."""
-    parser = trainer_parser(__doc__, "runs/emoface", 6000, 1e-3, log_every=300, save_every=100, corpus=False)
+    parser = trainer_parser(__doc__, "runs/emoface", None, None, log_every=300, save_every=100, corpus=False)
+    recipes.add_arguments(parser)
     parser.add_argument("--corpus", type=Path, help="corpus folder with vertex sequences")
+    parser.add_argument(
+        "--tune-encoders", action="store_true", help="train both encoders too, on a corpus folder"
+    )
+    parser.add_argument("--speech", type=Path, default=SHIPPED_ENCODER, help="compact speech encoder")
     parser.add_argument("--hubert", type=Path, help="folder of a HuBERT or wav2vec2 checkpoint")
     parser.add_argument(
         "--feeling-hubert", type=Path, help="the same for the feeling, of a model on a corpus folder"

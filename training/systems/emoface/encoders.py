@@ -1,0 +1,172 @@
+"""Both encoders of EmoFace as networks: E_c hears what is said and E_e how, frozen or trained (§3.3.2).
+
+Each makes of a sound what it starts from (`prepared`), which a clip keeps where the encoder learns; and of
+that what is heard at motion frames, [T, C]. E_e also tells classes for eq. 10. `write` leaves a folder as the
+engine reads it.
+"""
+
+import json
+import math
+from dataclasses import replace
+from pathlib import Path
+
+import torch
+from torch import Tensor, nn
+
+from training.corpus.clip import FPS, MEL_PER_FRAME, fit_frames
+from training.corpus.windows import interpolate
+from training.nn.checkpoint import read_model, write_model
+from training.nn.config import SpeechInput
+from training.speech.compact import load_encoder, normalise
+from training.speech.hubert import HubertFeatures, at_motion_frames
+from training.speech.log_mel import log_mel
+from training.systems.emoface.feeling import LEAST, STEP, FeelingConfig, numbers, voice_of
+from training.systems.emoface.rows import Spoken
+
+MEL_HZ = MEL_PER_FRAME * FPS
+UNTAUGHT = -1
+"""Number of a label that is no class of an encoder."""
+
+
+class CompactSpeech(nn.Module):
+    """E_c: the compact speech encoder of a model folder; starts from normalised log-mel."""
+
+    name = "compact_speech"
+
+    def __init__(self, folder: Path, fps: float):
+        super().__init__()
+        self.encoder, self.fps = load_encoder(folder).eval(), fps
+        self.about = SpeechInput(self.name, self.encoder.config.channels)
+
+    def prepared(self, samples: Tensor, frames: int) -> Tensor:
+        """Samples [S] at 16 kHz → [4 N, 64], N frames of 25 a second."""
+        count = math.ceil(frames * FPS / self.fps - 1e-6)
+        return normalise(fit_frames(log_mel(samples), MEL_PER_FRAME * count))
+
+    def forward(self, mel: Tensor, frames: int) -> Tensor:
+        """[frames, C]."""
+        heard = self.encoder(mel[None])[0]
+        return heard[:frames] if self.fps == FPS else at_motion_frames(heard, FPS, 0.0, frames, self.fps)
+
+    def write(self, folder: Path) -> None:
+        """As a model folder."""
+        write_model(folder / self.name, self.encoder.state_dict(), self.encoder.config.to_json(), ("",))
+
+
+class Checkpoint(nn.Module):
+    """A user's HuBERT or wav2vec2; starts from samples. `role` is a prefix of its folder's name."""
+
+    def __init__(self, folder: Path, fps: float, before_transformer: bool, role: str = ""):
+        super().__init__()
+        self.features = HubertFeatures(folder, fps if before_transformer else None, fps)
+        self.model = self.features.model
+        self.name = role + self.features.kind
+        self.about = SpeechInput(
+            self.features.kind, self.features.channels, self.features.transformer_fps
+        )
+
+    def prepared(self, samples: Tensor, frames: int) -> Tensor:
+        """As they are."""
+        return samples
+
+    def forward(self, samples: Tensor, frames: int) -> Tensor:
+        """[frames, C]."""
+        return self.features.heard(samples, frames)
+
+    def write(self, folder: Path) -> None:
+        """As a folder of Hugging Face's."""
+        at = write_model(folder / self.name, self.model.state_dict(), self.features.config, ("",))
+        about = {"do_normalize": self.features.normalise}
+        (at / "preprocessor_config.json").write_text(json.dumps(about) + "\n")
+
+
+class CheckpointFeeling(Checkpoint):
+    """E_e as in the paper; a linear layer upon the mean over the recording tells `classes`."""
+
+    def __init__(self, folder: Path, fps: float, before_transformer: bool, classes: list[str]):
+        super().__init__(folder, fps, before_transformer, "feeling_")
+        self.classes = classes
+        self.classifier = nn.Linear(self.about.channels, len(classes))
+
+    def classified(self, samples: Tensor, frames: int) -> tuple[Tensor, Tensor]:
+        """[frames, C] and logits of the classes."""
+        heard = self(samples, frames)
+        return heard, self.classifier(heard.mean(dim=0))
+
+
+class FeelingNumbers(nn.Module):
+    """E_e: the shipped `FeelingEncoder`; starts from the 118 numbers of each instant, [I, 118]."""
+
+    name, about = "feeling", None
+
+    def __init__(self, folder: Path, fps: float):
+        super().__init__()
+        config, state = read_model(folder)
+        self.config, self.fps = FeelingConfig(**config), fps
+        self.classes = self.config.feelings
+        self.channels = self.config.coordinates + len(self.classes)
+        for name in ("mean", "scale"):
+            self.register_buffer(name, state[name])
+        self.coordinates, self.weight, self.bias = (
+            nn.Parameter(state[name]) for name in ("coordinates", "weight", "bias")
+        )
+
+    def prepared(self, samples: Tensor, frames: int) -> Tensor:
+        """Samples [S] at 16 kHz → [I, 118]; the taught mean where the sound is too short for an instant."""
+        measured = torch.from_numpy(numbers(voice_of(samples.numpy()))).float()
+        return measured if len(measured) else self.mean[None].clone()
+
+    def classified(self, measured: Tensor, frames: int) -> tuple[Tensor, Tensor]:
+        """F_e [frames, 13] as `FeelingEncoder.track`, and logits of the classes, mean over instants."""
+        x = (measured - self.mean) / self.scale
+        logits = x @ self.weight + self.bias
+        heard = torch.cat([x @ self.coordinates, logits.softmax(dim=1)], dim=1)
+        at = (torch.arange(frames) * (MEL_HZ / self.fps) - LEAST) / STEP
+        return interpolate(heard, at), logits.mean(dim=0)
+
+    def forward(self, measured: Tensor, frames: int) -> Tensor:
+        """F_e at motion frames, [frames, 13]."""
+        return self.classified(measured, frames)[0]
+
+    def write(self, folder: Path) -> None:
+        """As a model folder."""
+        write_model(folder / self.name, self.state_dict(), self.config.to_json(), ("",))
+
+
+class Encoders(nn.Module):
+    """E_c and E_e of one model; `learn` says whether they are trained with it."""
+
+    def __init__(self, speech: CompactSpeech | Checkpoint, feeling: FeelingNumbers | CheckpointFeeling,
+                 learn: bool = False):  # fmt: skip
+        super().__init__()
+        self.speech, self.feeling, self.learn = speech, feeling, learn
+
+    @property
+    def feeling_channels(self) -> int:
+        """Of F_e."""
+        return self.feeling.about.channels if self.feeling.about else self.feeling.channels
+
+    def content(self, clip: Spoken) -> Tensor:
+        """F_c of a clip, [T, C]."""
+        return self.speech(clip.sound, len(clip)) if self.learn else clip.content[0].float()
+
+    def felt(self, clip: Spoken) -> tuple[Tensor, Tensor | None]:
+        """F_e of a clip, [T, E], and the logits of its class where the encoders learn."""
+        return self.feeling.classified(clip.voice, len(clip)) if self.learn else (clip.feeling, None)
+
+    def label(self, clip: Spoken) -> int:
+        """The class of a clip."""
+        classes = self.feeling.classes
+        return classes.index(clip.label) if clip.label in classes else UNTAUGHT
+
+    @torch.no_grad()
+    def heard(self, clips: list[Spoken]) -> list[Spoken]:
+        """The clips as these encoders hear them now."""
+        if not self.learn:
+            return clips
+        return [replace(c, content=[self.content(c)], feeling=self.felt(c)[0]) for c in clips]
+
+    def write(self, folder: Path) -> None:
+        """Both as folders in a folder of models."""
+        for part in (self.speech, self.feeling):
+            part.write(folder)

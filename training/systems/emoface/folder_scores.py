@@ -1,0 +1,135 @@
+"""What a model is worth on held-out clips of a corpus folder, against vertices that were recorded.
+
+LVE and EVE are those of `training.paper.metrics`, mm²: over vertices within 8 mm of the lips' landmarks, and
+over those above the middle of the nose; means over clips. Clips start from rest, or after the paper's recipe
+from their own first frame. Recordings with a partner are also crossed: the content of one under the feeling of
+the other, against the other's motion at its times; `nearer` says how often that lies nearer, in the mean over
+vertices and frames, than the motion of the feeling that was taken away.
+"""
+
+from collections.abc import Iterator
+from dataclasses import dataclass
+from pathlib import Path
+
+import numpy as np
+import torch
+from torch import Tensor
+
+from training.corpus.folder import CorpusFolder
+from training.nn.checkpoint import restored
+from training.paper.metrics import worst_point
+from training.systems.emoface import folder_clips
+from training.systems.emoface.clips import encoders_of
+from training.systems.emoface.encoders import Encoders
+from training.systems.emoface.model import EmoFace, EmoFaceConfig
+from training.systems.emoface.pairs import Pairs
+from training.systems.emoface.rows import Spoken
+from training.systems.emoface.train import MODELS, performed
+
+LIP_REACH_M = 8e-3
+
+
+@dataclass
+class Scores:
+    """Of one kind of performance; `nearer` where the feeling was another's."""
+
+    name: str
+    clips: int
+    lve_mm2: float
+    eve_mm2: float
+    nearer: float | None = None
+
+    def __str__(self) -> str:
+        more = "" if self.nearer is None else f", nearer to that feeling {100 * self.nearer:.0f} %"
+        return f"{self.name:12s} {self.clips} clips, LVE {self.lve_mm2:.3f} mm², EVE {self.eve_mm2:.3f} mm²{more}"
+
+
+def face_of(run: Path) -> tuple[EmoFace, dict]:
+    """The model of an emoface.pt, and all that was saved with it."""
+    saved = torch.load(run, map_location="cpu")
+    config = EmoFaceConfig.from_json(saved["config"])
+    return restored(EmoFace(config, saved["spirals"].numpy()), saved["state"]), saved
+
+
+def regions(points: np.ndarray, landmarks: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
+    """Numbers of the vertices about the lips, and of those above the middle of the nose."""
+    lips = points[landmarks[48:]]
+    near = np.linalg.norm(points[:, None] - lips, axis=-1).min(axis=1) < LIP_REACH_M
+    return np.flatnonzero(near), np.flatnonzero(points[:, 1] > points[landmarks[29], 1])
+
+
+def lines(run: Path, arguments) -> Iterator[Scores]:
+    """Scores of no motion, of own feelings, and of crossed ones where the folder has pairs."""
+    model, saved = face_of(run)
+    clips = held_out(run, model.config, saved, arguments)
+    about = regions(saved["vertices"].numpy(), np.array(model.config.landmarks))
+    starts = bool(saved.get("recipe", {}).get("whole"))
+    yield score("no motion", [(c.weights, torch.zeros_like(c.weights)) for c in clips], about)
+    yield score("own feeling", [(c.weights, moved(model, c, starts)) for c in clips], about)
+    pairs = Pairs(clips)
+    crossed = [(c, pairs.crossed(c, other)) for c in clips for other in pairs.of(c)]
+    if crossed:
+        made = [moved(model, felt, starts) for _, felt in crossed]
+        found = score("crossed", [(c.weights, x) for (_, c), x in zip(crossed, made, strict=True)], about)
+        apart = [[_mean_apart(x, c.weights) for c in pair] for pair, x in zip(crossed, made, strict=True)]
+        found.nearer = float(np.mean([there < here for here, there in apart]))
+        yield found
+
+
+def held_out(run: Path, config: EmoFaceConfig, saved: dict, arguments) -> list[Spoken]:
+    """Clips of the folder that training did not see, as the run's encoders hear them."""
+    encoders = encoders_of_run(run, config, saved, arguments)
+    folder = CorpusFolder(arguments.corpus)
+    folder.rows = [row for row in folder.rows if row.held_out]
+    if not folder.rows:
+        raise ValueError(f"{folder.path}/clips.tsv: expected clips of split val or test, got none")
+    clips = folder_clips.spoken(folder, encoders, config.fps)
+    size = clips[0].weights.shape[1] // 3
+    if size != config.vertices:
+        raise ValueError(
+            f"{folder.path}: expected the {config.vertices} vertices of {run}, got {size}; name the folder that "
+            "the run was trained on, or one of its topology"
+        )
+    return clips
+
+
+def encoders_of_run(run: Path, config: EmoFaceConfig, saved: dict, arguments) -> Encoders:
+    """Of the command line, or those that learned with the run; they must be of the kinds it was trained with."""
+    if saved.get("tuned"):
+        models, hears, feels = run.parent / MODELS, config.speech.encoder, config.feeling
+        names = {"speech": None, "hubert": None, "feeling": None, "feeling_hubert": None}
+        names["speech" if hears == "compact_speech" else "hubert"] = models / hears
+        names["feeling_hubert" if feels else "feeling"] = (
+            models / f"feeling_{feels.encoder}" if feels else models / "feeling"
+        )
+        for name, folder in names.items():
+            setattr(arguments, name, folder)
+    inputs = [x.transformer_fps for x in (config.speech, config.feeling) if x is not None]
+    arguments.tune_encoders = False
+    encoders = encoders_of(arguments, config, any(x is not None for x in inputs))
+    for flag, wanted, got in (
+        ("--speech or --hubert", config.speech, encoders.speech.about),
+        ("--feeling or --feeling-hubert", config.feeling, encoders.feeling.about),
+    ):
+        if (wanted and wanted.encoder, wanted and wanted.channels) != (got and got.encoder, got and got.channels):
+            raise ValueError(f"{flag}: expected {wanted or 'feeling'} as in training, got {got or 'feeling'}")
+    return encoders
+
+
+def moved(model: EmoFace, clip: Spoken, starts: bool) -> Tensor:
+    """What the model makes of a clip, [T, 3 V] metres; it `starts` from the clip's first frame or from rest."""
+    scale = model.config.scale_m
+    return performed(model, clip, first=clip.weights[:1] / scale if starts else None).motion[0] * scale
+
+
+def score(name: str, pairs: list[tuple[Tensor, Tensor]], about: tuple[np.ndarray, np.ndarray]) -> Scores:
+    """Of truths and motions [T, 3 V] metres."""
+    errors = []
+    for truth, found in pairs:
+        g, p = (1e3 * x.unflatten(1, (-1, 3)).double().numpy() for x in (truth, found))
+        errors.append([worst_point(p[:, among], g[:, among]) for among in about])
+    return Scores(name, len(pairs), *np.mean(errors, axis=0).tolist())
+
+
+def _mean_apart(x: Tensor, y: Tensor) -> float:
+    return float((x - y).unflatten(1, (-1, 3)).norm(dim=-1).mean())

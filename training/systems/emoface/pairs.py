@@ -1,0 +1,73 @@
+"""Pairs of a corpus folder: one speaker says one sentence in two feelings (EmoFace §3.3.2).
+
+The two recordings differ in tempo. What one shows at a time of the other is found by dynamic time warping on
+what the speech encoder hears in both, so that content of one and feeling of the other have a true motion.
+"""
+
+import re
+from dataclasses import replace
+
+import numpy as np
+import torch
+from scipy.ndimage import uniform_filter1d
+from scipy.spatial.distance import cdist
+from torch import Tensor
+
+from training.corpus.windows import interpolate
+from training.paper.metrics import best_path, path_costs
+from training.systems.emoface.rows import Spoken
+
+SMOOTH_FRAMES = 5
+"""Steps of a path are whole frames; their mean over so many makes its pace even."""
+
+
+def sentence(text: str) -> str:
+    """Words of a text without case and punctuation; two recordings with the same say the same."""
+    return " ".join(re.findall(r"\w+", text.casefold()))
+
+
+class Pairs:
+    """Which clips are partners, and where a moment of one lies in the other."""
+
+    def __init__(self, clips: list[Spoken]):
+        groups: dict[tuple[str, str], list[Spoken]] = {}
+        for clip in clips:
+            if clip.text:
+                groups.setdefault((clip.source, clip.text), []).append(clip)
+        self.partners = {
+            c.name: [other for other in groups.get((c.source, c.text), []) if other.label != c.label]
+            for c in clips
+        }
+        self.paths: dict[tuple[str, str], Tensor] = {}
+
+    def of(self, clip: Spoken) -> list[Spoken]:
+        """Recordings of the same sentence by the same speaker in other feelings."""
+        return self.partners[clip.name]
+
+    def path(self, clip: Spoken, other: Spoken) -> Tensor:
+        """For every frame of a clip the place in the other, in its frames, [T]."""
+        key = clip.name, other.name
+        if key not in self.paths:
+            self.paths[key] = torch.from_numpy(aligned(*(_standard(c.content[0]) for c in (clip, other))))
+        return self.paths[key]
+
+    def crossed(self, clip: Spoken, other: Spoken) -> Spoken:
+        """A clip with the feeling of the other, whose motion at the clip's times is the truth."""
+        at = self.path(clip, other)
+        feeling, weights = (interpolate(x, at) for x in (other.feeling, other.weights))
+        label = {"label": other.label, "share": other.share}
+        return replace(clip, feeling=feeling, weights=weights, sound=None, voice=None, **label)
+
+
+def aligned(x: np.ndarray, y: np.ndarray) -> np.ndarray:
+    """Rows of `x` [T, C] → places among rows of `y` [S, C] that sound alike, never backwards, [T] f32."""
+    found = np.array(best_path(path_costs(cdist(x, y), np.add)))
+    sums = np.bincount(found[:, 0], weights=found[:, 1], minlength=len(x))
+    places = sums / np.bincount(found[:, 0], minlength=len(x))
+    return uniform_filter1d(places, SMOOTH_FRAMES, mode="nearest").astype(np.float32)
+
+
+def _standard(features: Tensor) -> np.ndarray:
+    """Every channel at mean 0 and deviation 1 over the clip: what lasts, such as a voice's colour, is gone."""
+    x = features.double().numpy()
+    return (x - x.mean(axis=0)) / np.maximum(x.std(axis=0), 1e-6)

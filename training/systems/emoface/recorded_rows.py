@@ -1,0 +1,78 @@
+"""What EmoFace trains on where felt faces were recorded: each recording and its crossed pair (eq. 7 and 8)."""
+
+import numpy as np
+import torch
+from torch import Tensor
+
+from training.corpus.windows import interpolate
+from training.systems.emoface.encoders import Encoders
+from training.systems.emoface.model import EmoFaceConfig, Inputs
+from training.systems.emoface.pairs import Pairs
+from training.systems.emoface.rows import Batch, Rows, Spoken
+
+
+class RecordedRows(Rows):
+    """Draws batches. A recording with a partner gives two rows: its content with its own feeling and its own
+    motion, and its content with the partner's feeling and the partner's motion at its own times."""
+
+    def __init__(self, clips: list[Spoken], config: EmoFaceConfig, encoders: Encoders, seed: int,
+                 worn_share: float = 0.0):  # fmt: skip
+        """In `worn_share` of the rows of a pair the frames before are those of the other row."""
+        training = [c for c in clips if not c.held_out]
+        super().__init__(clips, config, {c.source: 1.0 for c in training}, seed, None, worn_share)
+        self.seed, self.encoders, self.training = seed, encoders, training
+        self.pairs = Pairs(training)
+
+    @property
+    def paired(self) -> int:
+        """Training clips that have a partner."""
+        return sum(bool(self.pairs.of(c)) for c in self.training)
+
+    def batch(self, count: int, frames: int) -> Batch:
+        """`count` rows of `frames` frames, or one more where the last is of a pair."""
+        rows, told = [], []
+        while len(rows) < count:
+            source = self.sources[int(self.random.choice(len(self.sources), p=self.shares))]
+            clip = self._long_enough(self.clips[source], frames)
+            start, at = self._stretch(clip, frames)
+            self._add(rows, told, clip, at, start == 0.0)
+        return _batch(rows, told)
+
+    def whole(self, step: int) -> Batch:
+        """One recording from end to end, each once in as many steps; its first frame stands before itself."""
+        epoch, place = divmod(step, len(self.training))
+        order = np.random.default_rng([self.seed, epoch]).permutation(len(self.training))
+        clip = self.training[order[place]]
+        rows, told = [], []
+        self._add(rows, told, clip, torch.arange(-1, len(clip)).float(), False)
+        return _batch(rows, told)
+
+    def _add(self, rows: list, told: list, clip: Spoken, at: Tensor, from_rest: bool) -> None:
+        partners = self.pairs.of(clip)
+        content = interpolate(self.encoders.content(clip), at[1:])
+        style = torch.tensor(self._style(clip))
+        found = [self._felt(told, clip, at, from_rest)]
+        if partners:
+            other = partners[int(self.random.integers(len(partners)))]
+            there = interpolate(self.pairs.path(clip, other)[:, None], at)[:, 0]
+            found.append(self._felt(told, other, there, from_rest))
+        for k, (feeling, level, motion) in enumerate(found):
+            is_worn = len(found) > 1 and self.random.random() < self.worn_share
+            before = found[1 - k if is_worn else k][2][:-1]
+            rows.append((content, feeling, style, level, motion[1:], before, torch.tensor(k == 1)))
+
+    def _felt(self, told: list, clip: Spoken, at: Tensor, from_rest: bool) -> tuple[Tensor, Tensor, Tensor]:
+        """F_e [T, E], level [T] and displacements with the frame before [T + 1, 3 V] at places in a clip."""
+        feeling, logits = self.encoders.felt(clip)
+        if logits is not None:
+            told.append((logits, torch.tensor(self.encoders.label(clip))))
+        motion = interpolate(clip.weights, at)
+        if from_rest:
+            motion[0] = 0.0
+        return interpolate(feeling, at[1:]), torch.full((len(at) - 1,), clip.share), motion
+
+
+def _batch(rows: list, told: list) -> Batch:
+    content, feeling, style, level, motion, before, crossed = (torch.stack(x) for x in zip(*rows, strict=True))
+    logits, labels = (torch.stack(x) for x in zip(*told, strict=True)) if told else (None, None)
+    return Batch(Inputs(content, feeling, style, level), motion, before, crossed, logits, labels)
