@@ -43,17 +43,17 @@ class HubertFeatures:
     @torch.no_grad()
     def __call__(self, samples: Tensor, frames: int) -> Tensor:
         """`samples` [S] at 16 kHz → [frames, C], linear between neighbours; frame i is second i / `fps`."""
-        return self.heard(samples, frames)
+        return self.hear(samples, frames)
 
-    def heard(self, samples: Tensor, frames: int) -> Tensor:
+    def hear(self, samples: Tensor, frames: int) -> Tensor:
         """The same with gradients."""
         if self.normalise:
             samples = (samples - samples.mean()) / (samples.var(correction=0) + 1e-7).sqrt()
         if self.transformer_fps is None:
-            heard = encoded(self.model, self.config, samples, None, self.fps)
+            heard = run_encoder(self.model, self.config, samples, None, self.fps)
             return at_motion_frames(heard, *instants(self.config), frames, self.fps)
         count = max(math.ceil(len(samples) / SAMPLE_HZ * self.transformer_fps - 1e-6), 1)
-        heard = encoded(self.model, self.config, samples, count, self.transformer_fps)
+        heard = run_encoder(self.model, self.config, samples, count, self.transformer_fps)
         return at_motion_frames(heard, self.transformer_fps, 0.0, frames, self.fps)
 
 
@@ -61,11 +61,11 @@ class HubertFeatures:
 def encode(
     model: nn.Module, config: dict, samples: Tensor, frames: int | None = None, fps: float = FPS
 ) -> Tensor:
-    """`encoded` without gradients."""
-    return encoded(model, config, samples, frames, fps)
+    """`run_encoder` without gradients."""
+    return run_encoder(model, config, samples, frames, fps)
 
 
-def encoded(model: nn.Module, config: dict, samples: Tensor, frames: int | None, fps: float) -> Tensor:
+def run_encoder(model: nn.Module, config: dict, samples: Tensor, frames: int | None, fps: float) -> Tensor:
     """What a model of a config.json makes of `samples` [S] as they are, [T, C] at its own rate.
 
     With `frames` what the convolutions hear is brought to so many at `fps` first.

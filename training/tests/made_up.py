@@ -3,7 +3,6 @@
 from pathlib import Path
 
 import numpy as np
-
 from scipy.signal import lfilter
 
 from training.align import canonical_landmarks

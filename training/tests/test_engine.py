@@ -103,24 +103,33 @@ def test_cafe_talk_of_every_size_and_encoder_moves_a_mesh(faces, built_in, tmp_p
 
 
 @pytest.mark.parametrize(
-    "name,features", [*((name, "compact") for name in EMOFACE), ("paper", "hubert"), ("paper", "wav2vec2")]
+    "name,features",
+    [
+        *((name, "compact") for name in EMOFACE),
+        ("paper", "hubert"),
+        ("paper", "wav2vec2"),
+        ("debug", "tuned"),
+    ],
 )
 def test_emoface_of_every_size_and_encoder_moves_a_mesh(faces, built_in, tmp_path, name, features):
     flags, told = ["--corpus", str(faces), "--config", name, "--out", str(tmp_path / "run")], []
     flags += ["--tokens", "96", "--validation-clips", "1", "--steps", "20", "--log-every", "20"]
-    if features != "compact":
+    models = tmp_path / "models"
+    if features == "tuned":
+        flags, models = [*flags, "--tune-encoders"], tmp_path / "run/models"
+    elif features != "compact":
         written(CHECKPOINTS[features], tmp_path / "checkpoint")
         flags += ["--hubert", str(tmp_path / "checkpoint")]
         told = ["--speech", str(tmp_path / "checkpoint")]
     if features == "wav2vec2":
         # The paper's two encoders; the second stands beside the model.
-        (tmp_path / "models").mkdir()
-        second = tmp_path / "models/feeling_hubert"
+        models.mkdir()
+        second = models / "feeling_hubert"
         written(CHECKPOINTS["hubert"], second)
         flags += ["--feeling-hubert", str(second)]
     trained = train_emoface.train(train_emoface.parser().parse_args(flags))
-    export("emoface", tmp_path / "models", run=trained)
-    told += ["--weights", str(tmp_path / "models"), "--system", "emoface"]
+    export("emoface", models, run=trained)
+    told += ["--weights", str(models), "--system", "emoface"]
     moves(animate(faces, tmp_path, *told), built_in)
 
 

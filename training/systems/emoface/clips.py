@@ -34,7 +34,6 @@ from training.systems.emoface.model import ANY_STYLE, EmoFaceConfig, Template
 from training.systems.emoface.rows import NEUTRAL, Spoken
 from training.systems.emoface.template import ict_template
 
-
 TEMPLATE = EmoFaceConfig.template
 """That of the project's own clips."""
 
@@ -67,9 +66,9 @@ def load_clips(arguments, config: EmoFaceConfig) -> list[Spoken]:
         )
     if config.template != TEMPLATE:
         raise ValueError(
-            f"--config {config.name}: expected --corpus, since template, encoders and its {config.fps:g} fps are "
-            f"those of a folder with vertices, got the project's own clips of {FPS:g} fps; name a corpus folder, "
-            "or take --config compact"
+            f"--config {config.name}: expected --corpus, since template, encoders and its {config.fps:g} fps "
+            f"are those of a folder with vertices, got the project's own clips of {FPS:g} fps; name a corpus "
+            "folder, or take --config compact"
         )
     weights = read_bytes(arguments.feeling)
     key = hashlib.sha256(weights + repr((arguments.voices, arguments.limit)).encode()).hexdigest()[:12]

@@ -1,6 +1,6 @@
 """Both encoders of EmoFace as networks: E_c hears what is said and E_e how, frozen or trained (§3.3.2).
 
-Each makes of a sound what it starts from (`prepared`), which a clip keeps where the encoder learns; and of
+Each makes of a sound what it starts from (`prepare`), which a clip keeps where the encoder learns; and of
 that what is heard at motion frames, [T, C]. E_e also tells classes for eq. 10. `write` leaves a folder as the
 engine reads it.
 """
@@ -38,7 +38,7 @@ class CompactSpeech(nn.Module):
         self.encoder, self.fps = load_encoder(folder).eval(), fps
         self.about = SpeechInput(self.name, self.encoder.config.channels)
 
-    def prepared(self, samples: Tensor, frames: int) -> Tensor:
+    def prepare(self, samples: Tensor, frames: int) -> Tensor:
         """Samples [S] at 16 kHz → [4 N, 64], N frames of 25 a second."""
         count = math.ceil(frames * FPS / self.fps - 1e-6)
         return normalise(fit_frames(log_mel(samples), MEL_PER_FRAME * count))
@@ -61,17 +61,15 @@ class Checkpoint(nn.Module):
         self.features = HubertFeatures(folder, fps if before_transformer else None, fps)
         self.model = self.features.model
         self.name = role + self.features.kind
-        self.about = SpeechInput(
-            self.features.kind, self.features.channels, self.features.transformer_fps
-        )
+        self.about = SpeechInput(self.features.kind, self.features.channels, self.features.transformer_fps)
 
-    def prepared(self, samples: Tensor, frames: int) -> Tensor:
+    def prepare(self, samples: Tensor, frames: int) -> Tensor:
         """As they are."""
         return samples
 
     def forward(self, samples: Tensor, frames: int) -> Tensor:
         """[frames, C]."""
-        return self.features.heard(samples, frames)
+        return self.features.hear(samples, frames)
 
     def write(self, folder: Path) -> None:
         """As a folder of Hugging Face's."""
@@ -88,7 +86,7 @@ class CheckpointFeeling(Checkpoint):
         self.classes = classes
         self.classifier = nn.Linear(self.about.channels, len(classes))
 
-    def classified(self, samples: Tensor, frames: int) -> tuple[Tensor, Tensor]:
+    def classify(self, samples: Tensor, frames: int) -> tuple[Tensor, Tensor]:
         """[frames, C] and logits of the classes."""
         heard = self(samples, frames)
         return heard, self.classifier(heard.mean(dim=0))
@@ -111,12 +109,12 @@ class FeelingNumbers(nn.Module):
             nn.Parameter(state[name]) for name in ("coordinates", "weight", "bias")
         )
 
-    def prepared(self, samples: Tensor, frames: int) -> Tensor:
+    def prepare(self, samples: Tensor, frames: int) -> Tensor:
         """Samples [S] at 16 kHz → [I, 118]; the taught mean where the sound is too short for an instant."""
         measured = torch.from_numpy(numbers(voice_of(samples.numpy()))).float()
         return measured if len(measured) else self.mean[None].clone()
 
-    def classified(self, measured: Tensor, frames: int) -> tuple[Tensor, Tensor]:
+    def classify(self, measured: Tensor, frames: int) -> tuple[Tensor, Tensor]:
         """F_e [frames, 13] as `FeelingEncoder.track`, and logits of the classes, mean over instants."""
         x = (measured - self.mean) / self.scale
         logits = x @ self.weight + self.bias
@@ -126,7 +124,7 @@ class FeelingNumbers(nn.Module):
 
     def forward(self, measured: Tensor, frames: int) -> Tensor:
         """F_e at motion frames, [frames, 13]."""
-        return self.classified(measured, frames)[0]
+        return self.classify(measured, frames)[0]
 
     def write(self, folder: Path) -> None:
         """As a model folder."""
@@ -150,9 +148,9 @@ class Encoders(nn.Module):
         """F_c of a clip, [T, C]."""
         return self.speech(clip.sound, len(clip)) if self.learn else clip.content[0].float()
 
-    def felt(self, clip: Spoken) -> tuple[Tensor, Tensor | None]:
+    def feel(self, clip: Spoken) -> tuple[Tensor, Tensor | None]:
         """F_e of a clip, [T, E], and the logits of its class where the encoders learn."""
-        return self.feeling.classified(clip.voice, len(clip)) if self.learn else (clip.feeling, None)
+        return self.feeling.classify(clip.voice, len(clip)) if self.learn else (clip.feeling, None)
 
     def label(self, clip: Spoken) -> int:
         """The class of a clip."""
@@ -160,11 +158,11 @@ class Encoders(nn.Module):
         return classes.index(clip.label) if clip.label in classes else UNTAUGHT
 
     @torch.no_grad()
-    def heard(self, clips: list[Spoken]) -> list[Spoken]:
+    def hear(self, clips: list[Spoken]) -> list[Spoken]:
         """The clips as these encoders hear them now."""
         if not self.learn:
             return clips
-        return [replace(c, content=[self.content(c)], feeling=self.felt(c)[0]) for c in clips]
+        return [replace(c, content=[self.content(c)], feeling=self.feel(c)[0]) for c in clips]
 
     def write(self, folder: Path) -> None:
         """Both as folders in a folder of models."""

@@ -1,7 +1,8 @@
 """Vertex sequences of corpus folders as EmoFace trains on them: the paper's own setting (§4).
 
-Motion has the frame rate of the model. The template is the neutral mesh of the folder's topology in canonical axes; motion is the displacement of
-each speaker's vertices from his own neutral mesh. A style is a speaker, a level the intensity of `clips.tsv`.
+The template is the neutral mesh of the folder's topology in canonical axes; motion is the displacement of
+each speaker's vertices from his own neutral mesh, at the frame rate of the model. A style is a speaker, a
+level the intensity of `clips.tsv`.
 """
 
 import numpy as np
@@ -44,7 +45,7 @@ def spoken(folder: CorpusFolder, encoders: Encoders, fps: float) -> list[Spoken]
             continue
         samples = torch.from_numpy(folder.sound(row))
         frames = min(len(motion), int(len(samples) / 16000 * fps))
-        sound, voice = (part.prepared(samples, frames) for part in (encoders.speech, encoders.feeling))
+        sound, voice = (part.prepare(samples, frames) for part in (encoders.speech, encoders.feeling))
         clip = Spoken(
             row.clip, row.speaker, row.held_out, [encoders.speech(sound, frames).half()],
             encoders.feeling(voice, frames), motion[:frames],

@@ -2,11 +2,12 @@
 
 LVE and EVE are those of `training.paper.metrics`, mm²: over vertices within 8 mm of the lips' landmarks, and
 over those above the middle of the nose; means over clips. Clips start from rest, or after the paper's recipe
-from their own first frame. Recordings with a partner are also crossed: the content of one under the feeling of
-the other, against the other's motion at its times; `nearer` says how often that lies nearer, in the mean over
-vertices and frames, than the motion of the feeling that was taken away.
+from their own first frame. Recordings with a partner are also crossed: the content of one under the feeling
+of the other, against the other's motion at its times; `nearer` says how often that lies nearer, in the mean
+over vertices and frames, than the motion of the feeling that was taken away.
 """
 
+from argparse import Namespace
 from collections.abc import Iterator
 from dataclasses import dataclass
 from pathlib import Path
@@ -41,7 +42,8 @@ class Scores:
 
     def __str__(self) -> str:
         more = "" if self.nearer is None else f", nearer to that feeling {100 * self.nearer:.0f} %"
-        return f"{self.name:12s} {self.clips} clips, LVE {self.lve_mm2:.3f} mm², EVE {self.eve_mm2:.3f} mm²{more}"
+        errors = f"LVE {self.lve_mm2:.3f} mm², EVE {self.eve_mm2:.3f} mm²"
+        return f"{self.name:12s} {self.clips} clips, {errors}{more}"
 
 
 def face_of(run: Path) -> tuple[EmoFace, dict]:
@@ -61,22 +63,22 @@ def regions(points: np.ndarray, landmarks: np.ndarray) -> tuple[np.ndarray, np.n
 def lines(run: Path, arguments) -> Iterator[Scores]:
     """Scores of no motion, of own feelings, and of crossed ones where the folder has pairs."""
     model, saved = face_of(run)
-    clips = held_out(run, model.config, saved, arguments)
+    clips = read_held_out(run, model.config, saved, arguments)
     about = regions(saved["vertices"].numpy(), np.array(model.config.landmarks))
     starts = bool(saved.get("recipe", {}).get("whole"))
     yield score("no motion", [(c.weights, torch.zeros_like(c.weights)) for c in clips], about)
-    yield score("own feeling", [(c.weights, moved(model, c, starts)) for c in clips], about)
+    yield score("own feeling", [(c.weights, perform_clip(model, c, starts)) for c in clips], about)
     pairs = Pairs(clips)
-    crossed = [(c, pairs.crossed(c, other)) for c in clips for other in pairs.of(c)]
+    crossed = [(c, pairs.cross(c, other)) for c in clips for other in pairs.of(c)]
     if crossed:
-        made = [moved(model, felt, starts) for _, felt in crossed]
+        made = [perform_clip(model, felt, starts) for _, felt in crossed]
         found = score("crossed", [(c.weights, x) for (_, c), x in zip(crossed, made, strict=True)], about)
         apart = [[_mean_apart(x, c.weights) for c in pair] for pair, x in zip(crossed, made, strict=True)]
         found.nearer = float(np.mean([there < here for here, there in apart]))
         yield found
 
 
-def held_out(run: Path, config: EmoFaceConfig, saved: dict, arguments) -> list[Spoken]:
+def read_held_out(run: Path, config: EmoFaceConfig, saved: dict, arguments) -> list[Spoken]:
     """Clips of the folder that training did not see, as the run's encoders hear them."""
     encoders = encoders_of_run(run, config, saved, arguments)
     folder = CorpusFolder(arguments.corpus)
@@ -87,14 +89,15 @@ def held_out(run: Path, config: EmoFaceConfig, saved: dict, arguments) -> list[S
     size = clips[0].weights.shape[1] // 3
     if size != config.vertices:
         raise ValueError(
-            f"{folder.path}: expected the {config.vertices} vertices of {run}, got {size}; name the folder that "
-            "the run was trained on, or one of its topology"
+            f"{folder.path}: expected the {config.vertices} vertices of {run}, got {size}; name the folder "
+            "that the run was trained on, or one of its topology"
         )
     return clips
 
 
 def encoders_of_run(run: Path, config: EmoFaceConfig, saved: dict, arguments) -> Encoders:
-    """Of the command line, or those that learned with the run; they must be of the kinds it was trained with."""
+    """Of the command line, or those that learned with the run; of the kinds that it was trained with."""
+    arguments = Namespace(**vars(arguments))
     if saved.get("tuned"):
         models, hears, feels = run.parent / MODELS, config.speech.encoder, config.feeling
         names = {"speech": None, "hubert": None, "feeling": None, "feeling_hubert": None}
@@ -111,13 +114,14 @@ def encoders_of_run(run: Path, config: EmoFaceConfig, saved: dict, arguments) ->
         ("--speech or --hubert", config.speech, encoders.speech.about),
         ("--feeling or --feeling-hubert", config.feeling, encoders.feeling.about),
     ):
-        if (wanted and wanted.encoder, wanted and wanted.channels) != (got and got.encoder, got and got.channels):
-            raise ValueError(f"{flag}: expected {wanted or 'feeling'} as in training, got {got or 'feeling'}")
+        one, two = (f"{x.encoder} of {x.channels} channels" if x else "feeling" for x in (wanted, got))
+        if one != two:
+            raise ValueError(f"{flag}: expected {one} as in training, got {two}; name that encoder")
     return encoders
 
 
-def moved(model: EmoFace, clip: Spoken, starts: bool) -> Tensor:
-    """What the model makes of a clip, [T, 3 V] metres; it `starts` from the clip's first frame or from rest."""
+def perform_clip(model: EmoFace, clip: Spoken, starts: bool) -> Tensor:
+    """What the model makes of a clip, [T, 3 V] metres; it `starts` from the clip's first frame, or rest."""
     scale = model.config.scale_m
     return performed(model, clip, first=clip.weights[:1] / scale if starts else None).motion[0] * scale
 

@@ -48,10 +48,10 @@ class Pairs:
         """For every frame of a clip the place in the other, in its frames, [T]."""
         key = clip.name, other.name
         if key not in self.paths:
-            self.paths[key] = torch.from_numpy(aligned(*(_standard(c.content[0]) for c in (clip, other))))
+            self.paths[key] = torch.from_numpy(align(*map(_standard, (clip, other))))
         return self.paths[key]
 
-    def crossed(self, clip: Spoken, other: Spoken) -> Spoken:
+    def cross(self, clip: Spoken, other: Spoken) -> Spoken:
         """A clip with the feeling of the other, whose motion at the clip's times is the truth."""
         at = self.path(clip, other)
         feeling, weights = (interpolate(x, at) for x in (other.feeling, other.weights))
@@ -59,7 +59,7 @@ class Pairs:
         return replace(clip, feeling=feeling, weights=weights, sound=None, voice=None, **label)
 
 
-def aligned(x: np.ndarray, y: np.ndarray) -> np.ndarray:
+def align(x: np.ndarray, y: np.ndarray) -> np.ndarray:
     """Rows of `x` [T, C] → places among rows of `y` [S, C] that sound alike, never backwards, [T] f32."""
     found = np.array(best_path(path_costs(cdist(x, y), np.add)))
     sums = np.bincount(found[:, 0], weights=found[:, 1], minlength=len(x))
@@ -67,7 +67,7 @@ def aligned(x: np.ndarray, y: np.ndarray) -> np.ndarray:
     return uniform_filter1d(places, SMOOTH_FRAMES, mode="nearest").astype(np.float32)
 
 
-def _standard(features: Tensor) -> np.ndarray:
-    """Every channel at mean 0 and deviation 1 over the clip: what lasts, such as a voice's colour, is gone."""
-    x = features.double().numpy()
+def _standard(clip: Spoken) -> np.ndarray:
+    """F_c, every channel at mean 0 and deviation 1: what lasts, such as a voice's colour, is gone."""
+    x = clip.content[0].double().numpy()
     return (x - x.mean(axis=0)) / np.maximum(x.std(axis=0), 1e-6)

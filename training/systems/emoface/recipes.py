@@ -1,8 +1,9 @@
 """How EmoFace is trained: as we do, and as its paper prints it (eq. 7 to 11, appendix A.1).
 
-`--recipe paper` takes eq. 11 with its printed weights, Adam at a rate of 1e-4 that stays, a batch of one pair
-of whole recordings, 200 epochs, and the first frame of a recording for the frame before it. An epoch shows
-every training clip once. Where the paper is silent (averaged weights, bound of gradients, decay) there is none.
+`--recipe paper` takes eq. 11 with its printed weights, Adam at a rate of 1e-4 that stays, a batch of one
+recording from end to end with its crossed pair, 200 epochs, and the first frame of a recording for the frame
+before it. An epoch shows every training clip once. Where the paper is silent (averaged weights, bound of
+gradients, decay) there is none; its norms are means here.
 """
 
 import argparse
@@ -68,7 +69,7 @@ def add_arguments(parser: argparse.ArgumentParser) -> None:
     parser.add_argument("--rate", type=float, help="of learning, in place of the recipe's")
 
 
-def chosen(arguments: argparse.Namespace) -> Recipe:
+def choose(arguments: argparse.Namespace) -> Recipe:
     """The recipe of the command line."""
     recipe = RECIPES[arguments.recipe]
     return recipe if arguments.rate is None else replace(recipe, rate=arguments.rate)

@@ -1,4 +1,4 @@
-"""What EmoFace trains on where felt faces were recorded: each recording and its crossed pair (eq. 7 and 8)."""
+"""What EmoFace trains on where faces were recorded with feeling: recordings and crossed pairs (eq. 7, 8)."""
 
 import numpy as np
 import torch
@@ -24,55 +24,59 @@ class RecordedRows(Rows):
         self.pairs = Pairs(training)
 
     @property
-    def paired(self) -> int:
+    def pair_count(self) -> int:
         """Training clips that have a partner."""
         return sum(bool(self.pairs.of(c)) for c in self.training)
 
     def batch(self, count: int, frames: int) -> Batch:
         """`count` rows of `frames` frames, or one more where the last is of a pair."""
-        rows, told = [], []
+        rows, recordings = [], []
         while len(rows) < count:
             source = self.sources[int(self.random.choice(len(self.sources), p=self.shares))]
             clip = self._long_enough(self.clips[source], frames)
             start, at = self._stretch(clip, frames)
-            self._add(rows, told, clip, at, start == 0.0)
-        return _batch(rows, told)
+            self._add(rows, recordings, clip, at, start == 0.0)
+        return _batch(rows, recordings)
 
     def whole(self, step: int) -> Batch:
         """One recording from end to end, each once in as many steps; its first frame stands before itself."""
         epoch, place = divmod(step, len(self.training))
         order = np.random.default_rng([self.seed, epoch]).permutation(len(self.training))
         clip = self.training[order[place]]
-        rows, told = [], []
-        self._add(rows, told, clip, torch.arange(-1, len(clip)).float(), False)
-        return _batch(rows, told)
+        rows, recordings = [], []
+        self._add(rows, recordings, clip, torch.arange(-1, len(clip)).float(), False)
+        return _batch(rows, recordings)
 
-    def _add(self, rows: list, told: list, clip: Spoken, at: Tensor, from_rest: bool) -> None:
+    def _add(self, rows: list, recordings: list, clip: Spoken, at: Tensor, from_rest: bool) -> None:
         partners = self.pairs.of(clip)
         content = interpolate(self.encoders.content(clip), at[1:])
         style = torch.tensor(self._style(clip))
-        found = [self._felt(told, clip, at, from_rest)]
+        sides = [self._feel(recordings, clip, at, from_rest)]
         if partners:
             other = partners[int(self.random.integers(len(partners)))]
             there = interpolate(self.pairs.path(clip, other)[:, None], at)[:, 0]
-            found.append(self._felt(told, other, there, from_rest))
-        for k, (feeling, level, motion) in enumerate(found):
-            is_worn = len(found) > 1 and self.random.random() < self.worn_share
-            before = found[1 - k if is_worn else k][2][:-1]
+            sides.append(self._feel(recordings, other, there, from_rest))
+        for k, (feeling, level, motion) in enumerate(sides):
+            wears_other = len(sides) > 1 and self.random.random() < self.worn_share
+            before = sides[1 - k if wears_other else k][2][:-1]
             rows.append((content, feeling, style, level, motion[1:], before, torch.tensor(k == 1)))
 
-    def _felt(self, told: list, clip: Spoken, at: Tensor, from_rest: bool) -> tuple[Tensor, Tensor, Tensor]:
+    def _feel(
+        self, recordings: list, clip: Spoken, at: Tensor, from_rest: bool
+    ) -> tuple[Tensor, Tensor, Tensor]:
         """F_e [T, E], level [T] and displacements with the frame before [T + 1, 3 V] at places in a clip."""
-        feeling, logits = self.encoders.felt(clip)
+        feeling, logits = self.encoders.feel(clip)
         if logits is not None:
-            told.append((logits, torch.tensor(self.encoders.label(clip))))
+            recordings.append((logits, torch.tensor(self.encoders.label(clip))))
         motion = interpolate(clip.weights, at)
         if from_rest:
             motion[0] = 0.0
         return interpolate(feeling, at[1:]), torch.full((len(at) - 1,), clip.share), motion
 
 
-def _batch(rows: list, told: list) -> Batch:
-    content, feeling, style, level, motion, before, crossed = (torch.stack(x) for x in zip(*rows, strict=True))
-    logits, labels = (torch.stack(x) for x in zip(*told, strict=True)) if told else (None, None)
+def _batch(rows: list, recordings: list) -> Batch:
+    content, feeling, style, level, motion, before, crossed = (
+        torch.stack(x) for x in zip(*rows, strict=True)
+    )
+    logits, labels = (torch.stack(x) for x in zip(*recordings, strict=True)) if recordings else (None, None)
     return Batch(Inputs(content, feeling, style, level), motion, before, crossed, logits, labels)

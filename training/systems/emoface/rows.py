@@ -53,8 +53,9 @@ class Spoken:
 class Batch:
     """`inputs` as the model takes them; `weights` [B, T, 51] felt, `before` [B, T, 51] the frame before each.
 
-    Of recorded faces both are [B, T, 3 V]; `crossed` [B] says which rows have the feeling of another recording.
-    `logits` [N, K] are what encoders that learn tell of the recordings in the batch, `labels` [N] their classes.
+    Of recorded faces both are [B, T, 3 V]; `crossed` [B] says which rows have the feeling of another
+    recording. `logits` [N, K] are what encoders that learn tell of the recordings in the batch, `labels` [N]
+    their classes.
     """
 
     inputs: Inputs

@@ -39,12 +39,12 @@ GUIDED_SHARE = 0.2
 """θ of eq. 6 over N."""
 LENGTHS = (36, 48, 60)
 PROTOTYPE_CLIPS = 8
-"""Of each feeling, heard again by encoders that have learned."""
+"""Of each feeling, heard again by encoders that learn."""
 MODELS = "models"
-"""Folder of a run with encoders that have learned."""
+"""Folder of a run with encoders that learn."""
 
 
-class Learned(nn.Module):
+class Learner(nn.Module):
     """All that a training changes: the model, and encoders where they learn."""
 
     def __init__(self, face: EmoFace, encoders: Encoders | None):
@@ -70,7 +70,7 @@ class EmoFaceTrainer:
         template, modes = _template(arguments, config)
         config.vertices = len(template.vertices)
         config.landmarks = template.landmarks.tolist()
-        self.config, self.recipe = config, recipes.chosen(arguments)
+        self.config, self.recipe = config, recipes.choose(arguments)
         self.grows = not arguments.guided
         self.random = torch.Generator().manual_seed(arguments.seed)
         present = {c.source for c in clips if not c.held_out}
@@ -90,7 +90,7 @@ class EmoFaceTrainer:
         if arguments.base is not None:
             self.model.load_state_dict(torch.load(arguments.base, map_location="cpu")["state"])
         self.template = template
-        self.learned = Learned(self.model, encoders)
+        self.learner = Learner(self.model, encoders)
 
     def draw(self, step: int) -> Batch:
         """The batch of a step."""
@@ -131,7 +131,9 @@ class EmoFaceTrainer:
             velocity = quickness.mean() * metres
             shown, true = (self.landmarks(x) * metres * 1e3 for x in (made.motion, truth))
             agreement, features = feature_concordance(shown, true)
-            total = recipe.reconstruction * apart + recipe.velocity * velocity + recipe.concordance * agreement
+            total = (
+                recipe.reconstruction * apart + recipe.velocity * velocity + recipe.concordance * agreement
+            )
             report |= features
         if batch.logits is not None:
             told = {"reduction": "sum", "ignore_index": UNTAUGHT}
@@ -209,14 +211,14 @@ def train(arguments) -> Path:
     else:
         clips, encoders = load_clips(arguments, config), None
     trainer = EmoFaceTrainer(arguments, config, clips, encoders)
-    recipe, learned = trainer.recipe, trainer.learned
+    recipe, learner = trainer.recipe, trainer.learner
     if encoders is not None:
         rows = trainer.rows
-        print(f"crossed: {rows.paired} of {len(rows.training)} training clips have a partner (the same speaker "
-              "and text, another emotion)", flush=True)  # fmt: skip
+        print(f"crossed: {rows.pair_count} of {len(rows.training)} training clips have a partner "
+              "(the same speaker and text, another emotion)", flush=True)  # fmt: skip
     generators = {"trainer": trainer.random, "rows": trainer.rows.random}
     run = begin(
-        arguments, learned, generators, groups=learned.groups(recipe), steps=trainer.steps,
+        arguments, learner, generators, groups=learner.groups(recipe), steps=trainer.steps,
         decay=recipe.weight_decay, factor=None if recipe.annealed else lambda _: 1.0, average=recipe.average,
     )  # fmt: skip
     held_out = [c for c in clips if c.held_out]
@@ -229,13 +231,13 @@ def train(arguments) -> Path:
     template = trainer.template
     kept = {"vertices": torch.from_numpy(template.vertices).float(),
             "triangles": torch.from_numpy(template.triangles), "recipe": recipe.record(),
-            "tuned": learned.encoders is not None}  # fmt: skip
+            "tuned": learner.encoders is not None}  # fmt: skip
 
-    def judge(averaged: Learned) -> dict[str, float]:
+    def judge(averaged: Learner) -> dict[str, float]:
         face, heard = averaged.face, chosen
         if averaged.encoders is not None:
-            heard = averaged.encoders.heard(chosen)
-            face.prototypes.copy_(prototypes(averaged.encoders.heard(few_of_each(clips)), config))
+            heard = averaged.encoders.hear(chosen)
+            face.prototypes.copy_(prototypes(averaged.encoders.hear(few_of_each(clips)), config))
             averaged.encoders.write(run.out / MODELS)
         scores = validate(trainer, face, heard)
         save(run.out / "emoface.pt", face, **kept, spirals=face.mesh_attention.conv.spirals)
@@ -252,9 +254,7 @@ def few_of_each(clips: list[Spoken]) -> list[Spoken]:
     return [c for group in groups for c in group[:: max(1, len(group) // PROTOTYPE_CLIPS)][:PROTOTYPE_CLIPS]]
 
 
-def performed(
-    model: EmoFace, clip: Spoken, layer: str = "motion", first: Tensor | None = None
-) -> Made:
+def performed(model: EmoFace, clip: Spoken, layer: str = "motion", first: Tensor | None = None) -> Made:
     """A held-out clip with its own feeling, from rest or a first pose."""
     return model.perform(together([clip], model.config, len(clip)), first, layer)
 
