@@ -5,13 +5,15 @@
 //! long in training, so that a sound of any length is sampled at once; the model is told the augmentation r of
 //! eq. 8, which then is a control.
 
+use std::cell::Cell;
+
 use ndarray::{Array1, Array2, ArrayRef2, ArrayView2};
 
 use super::config::{MotionConfig, Sampling};
 use crate::{
     Error, Result,
     diffusion::{Ddim, guided},
-    job::ProgressFn,
+    job::{ProgressFn, report},
     models::Weights,
     nn::{
         elementwise::{add_all, gelu_all, silu_all},
@@ -125,26 +127,31 @@ impl Denoiser {
         }
     }
 
-    /// One pass in standardised space: noisy `[T, X]` to clean, with vividness `r`.
-    pub fn denoise(
+    /// One pass in standardised space: noisy `[T, X]` to clean, with vividness `r`; `after_block` may end it.
+    ///
+    /// # Errors
+    /// Those of `after_block`.
+    fn denoise(
         &self,
         noisy: &ArrayRef2<f32>,
         timestep: usize,
         memory: &Memory,
         r: f32,
-    ) -> Array2<f32> {
+        after_block: impl Fn() -> Result<()>,
+    ) -> Result<Array2<f32>> {
         let films = self.film.forward(&self.condition(timestep, r));
         let mut x = self.x_proj.forward(noisy);
         let places = films.as_chunks::<PLACES>().0;
         for ((block, memory), films) in self.blocks.iter().zip(&memory.blocks).zip(places) {
             block.forward(&mut x, memory, films, &self.config);
+            after_block()?;
         }
         self.norm.forward_in_place(&mut x);
         let mut clean = self.head.forward(&x);
         if let Some(direct) = &memory.direct {
             clean += direct;
         }
-        clean
+        Ok(clean)
     }
 
     /// What modulates, `[d]`: an MLP of three layers behind the timestep's sinusoids, and r.
@@ -197,14 +204,21 @@ impl Denoiser {
         } = *sampling;
         let heard = self.heard(speech);
         let unheard = (guidance != 1.0).then(|| self.unheard(frames));
+        let passes = sampling.steps * (1 + usize::from(unheard.is_some()));
+        let (blocks, done) = (passes * self.blocks.len(), Cell::new(0));
+        // A pass sees the whole sound: whoever cancels does not wait for all of its blocks.
+        let after_block = || {
+            done.set(done.get() + 1);
+            report(progress, "motion", done.get() as f32 / blocks as f32)
+        };
+        let pass = |x: &ArrayRef2<f32>, timestep, memory| {
+            self.denoise(x, timestep, memory, vividness, after_block)
+        };
         let predict = |x: &ArrayRef2<f32>, timestep: usize| {
-            let given = self.denoise(x, timestep, &heard, vividness);
+            let clean = pass(x, timestep, &heard)?;
             Ok(match &unheard {
-                Some(unheard) => {
-                    let none = self.denoise(x, timestep, unheard, vividness);
-                    guided(&none, &given, guidance)
-                }
-                None => given,
+                Some(unheard) => guided(&pass(x, timestep, unheard)?, &clean, guidance),
+                None => clean,
             })
         };
         let start = noise * sampling.temperature;
@@ -282,7 +296,9 @@ mod tests {
             ("clean", denoiser.heard(speech.view())),
             ("clean_null", denoiser.unheard(noisy.nrows())),
         ] {
-            let got = denoiser.denoise(&noisy, timestep, &memory, r);
+            let got = denoiser
+                .denoise(&noisy, timestep, &memory, r, || Ok(()))
+                .unwrap();
             let error = distance(&got, &golden.matrix(name));
             assert!(error < 1e-4, "{name} {error}");
         }

@@ -13,7 +13,7 @@ use crate::{
     diffusion::frame_noise,
     face::{CodeField, Face, Field},
     head::{self, COEFFICIENTS, Head, HeadConfig, HeadOnMesh, Reach},
-    job::ProgressFn,
+    job::{ProgressFn, report},
     mesh::ibug::LANDMARKS,
     models::Weights,
     motion::{
@@ -23,6 +23,9 @@ use crate::{
     speech::{Heard, frames_of},
     systems::{Ability, Description, Registration, Sampled, Slider, System},
 };
+
+/// Frames that are made before a job looks whether it is cancelled.
+const FRAMES_AT_A_TIME: usize = 256;
 
 /// r of eq. 8.
 static VIVIDNESS: Control = Control {
@@ -186,13 +189,25 @@ impl FaceTalk {
     }
 
     /// How landmarks of the mean head move from rest under codes `[T, X]`, `[T, 68, 3]` metres.
-    fn landmarks(&self, codes: ArrayView2<'_, f32>) -> Result<Array3<f32>> {
+    fn landmarks(
+        &self,
+        codes: ArrayView2<'_, f32>,
+        progress: ProgressFn<'_>,
+    ) -> Result<Array3<f32>> {
         let head = &self.space.head;
         let one = head.one(head.identity_code(&[0.0; COEFFICIENTS])?)?;
         let places = one.mover(one.landmarks());
         let rest = places.at(&head.rest_code())?;
         let mut out = Array3::zeros((codes.nrows(), LANDMARKS, 3));
-        for (code, mut frame) in codes.rows().into_iter().zip(out.outer_iter_mut()) {
+        for (t, (code, mut frame)) in codes
+            .rows()
+            .into_iter()
+            .zip(out.outer_iter_mut())
+            .enumerate()
+        {
+            if t % FRAMES_AT_A_TIME == 0 {
+                report(progress, "motion", 1.0)?;
+            }
             let moved = places.at(&code.to_vec())?;
             for (mut row, (to, from)) in frame.rows_mut().into_iter().zip(moved.iter().zip(&rest)) {
                 for axis in 0..3 {
@@ -246,10 +261,10 @@ impl System for FaceTalk {
         }
         let fps = self.config().fps;
         let mut codes = self.codes(heard.features(fps).view(), request, progress)?;
-        let mut displacements = self.landmarks(codes.view())?;
+        let mut displacements = self.landmarks(codes.view(), progress)?;
         let rest = self.space.head.rest_code();
         let moved = bound_opening(&mut codes, &rest, displacements.view());
-        let again = self.landmarks(codes.select(Axis(0), &moved).view())?;
+        let again = self.landmarks(codes.select(Axis(0), &moved).view(), progress)?;
         for (t, frame) in moved.into_iter().zip(again.outer_iter()) {
             displacements.index_axis_mut(Axis(0), t).assign(&frame);
         }
