@@ -165,6 +165,18 @@ impl Default for EmotionCurve {
 }
 
 impl EmotionCurve {
+    /// Whether an emotion other than neutral is asked for by name; what is heard in a voice is not.
+    pub(crate) fn names_emotion(&self) -> bool {
+        let shows = |emotion: &Emotion| {
+            emotion.intensity > 0.0 && emotion.mixture[1..].iter().any(|share| *share > 0.0)
+        };
+        match self {
+            Self::Constant(emotion) => shows(emotion),
+            Self::Keys(keys) => keys.iter().any(|(_, emotion)| shows(emotion)),
+            Self::Auto | Self::Arousal | Self::Off => false,
+        }
+    }
+
     /// The same from `start_s` on: keys are so much earlier.
     #[must_use]
     pub(crate) fn after_second(&self, start_s: f64) -> EmotionCurve {

@@ -34,6 +34,11 @@ const HEAD: &str = "head_motion";
 const GAZE: &str = "gaze";
 const TONGUE: &str = "tongue";
 const BREATH: &str = "breath";
+/// The control by which a system that hears feeling is told where from, and its values for the voice and for the emotion
+/// that is asked for.
+const FEELING_FROM: &str = "feeling_from";
+const FROM_VOICE: f32 = 0.0;
+const FROM_EMOTION: f32 = 1.0;
 /// The control by which a system that hears feeling shows one of its layers, and its value for what is said alone.
 const LAYER: &str = "layer";
 const CONTENT: f32 = 1.0;
@@ -206,7 +211,8 @@ impl Engine {
         request.controls.check(known, ControlStage::Motion)
     }
 
-    /// The request with the emotion that is heard in the voice.
+    /// The request with the emotion that is heard in the voice. An emotion that is asked for by name is what a system
+    /// that hears feeling shows, unless another recording says how it is felt.
     fn resolved(&self, request: &MotionRequest, heard: &Heard) -> MotionRequest {
         let emotion = match &request.emotion {
             EmotionCurve::Auto => match &heard.emotion {
@@ -216,8 +222,15 @@ impl Engine {
             EmotionCurve::Arousal => emotion_from_voice(&heard.prosody),
             given => given.clone(),
         };
+        let mut controls = request.controls.clone();
+        let by_name = request.emotion.names_emotion() && request.felt_as.is_none();
+        if by_name && self.knows(FEELING_FROM) && self.control(request, FEELING_FROM) == FROM_VOICE
+        {
+            controls.set(FEELING_FROM, FROM_EMOTION);
+        }
         MotionRequest {
             emotion,
+            controls,
             ..request.clone()
         }
     }

@@ -97,6 +97,33 @@ fn more_of_a_feeling_moves_the_face_further_from_rest() {
 }
 
 #[test]
+fn an_emotion_that_is_asked_for_by_name_is_what_is_felt() {
+    let by_name = |emotion: &str| MotionRequest {
+        emotion: EmotionCurve::parse(emotion).unwrap(),
+        ..asked(&[])
+    };
+    let [heard, happy] =
+        ["neutral:1", "happy:1"].map(|emotion| performed(&by_name(emotion)).unwrap());
+    assert!(apart_mm(&heard, &happy) > 0.5);
+    assert_eq!(happy, performed(&felt(&[], "happy:1")).unwrap());
+}
+
+#[test]
+fn an_emotion_that_the_branch_was_not_taught_is_put_on_what_is_said() {
+    let of = |emotion: &str| performed(&felt(&[], emotion)).unwrap();
+    let (still, half, whole) = (of("neutral"), of("surprised:0.5"), of("surprised:1"));
+    let brows = |moved: &Array3<f32>| {
+        let heights = moved.slice(ndarray::s![.., 17..27, 1]);
+        1e3 * heights.mean().unwrap()
+    };
+    let [still, half, whole] = [&still, &half, &whole].map(brows);
+    assert!(
+        half > still + 1.0 && whole > half + 1.0,
+        "{still} {half} {whole}"
+    );
+}
+
+#[test]
 fn another_recording_gives_the_feeling() {
     let own = performed(&asked(&[])).unwrap();
     let raised = Waveform {
@@ -200,7 +227,6 @@ fn what_cannot_be_felt_is_told() {
         assert!(matches!(error, Error::InvalidInput(_)), "{error:?}");
         assert!(error.to_string().contains(words), "{error}");
     };
-    refused(&felt(&[], "suspicious"), "neutral, angry, happy");
     let style = MotionRequest {
         style: Some("nobody".into()),
         ..asked(&[])

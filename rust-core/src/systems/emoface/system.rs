@@ -13,7 +13,7 @@ use super::{
 use crate::{
     Error, Result,
     cache::Cache,
-    conditions::{Control, ControlStage, ControlValues, Controls, EMOTIONS, EmotionCurve},
+    conditions::{Control, ControlStage, ControlValues, Controls, EMOTIONS, Emotion, EmotionCurve},
     deform::{CodeSpace, LEARNED},
     face::{CodeField, Face, Field},
     job::{ProgressFn, report},
@@ -41,8 +41,9 @@ const EMOTION: usize = 1;
 static FEELING_FROM: Control = Control {
     name: "feeling_from",
     label: "Feeling From",
-    help: "What the emotion branch hears: this voice, or the recording given beside it (voice); the emotion \
-           that is asked for (emotion); or a voice that feels nothing (off).",
+    help: "What the emotion branch hears: the emotion that is asked for by name, else this voice or the recording \
+           beside it (voice); the emotion that is asked for, also where that is none (emotion); or a voice that \
+           feels nothing (off).",
     values: ControlValues::Choice(&["voice", "emotion", "off"]),
     high: 2.0,
     default: 0.0,
@@ -223,6 +224,30 @@ impl EmoFace {
         self.model().config()
     }
 
+    /// Whether the emotion branch was taught all that is asked for.
+    fn branch_knows(&self, curve: &EmotionCurve) -> bool {
+        let feelings = &self.config().feelings;
+        let is_known = |emotion: &Emotion| {
+            let mut named = EMOTIONS.iter().zip(&emotion.mixture);
+            named.all(|(name, share)| *share == 0.0 || feelings.iter().any(|known| known == name))
+        };
+        match curve {
+            EmotionCurve::Constant(emotion) => is_known(emotion),
+            EmotionCurve::Keys(keys) => keys.iter().all(|(_, emotion)| is_known(emotion)),
+            EmotionCurve::Auto | EmotionCurve::Arousal | EmotionCurve::Off => true,
+        }
+    }
+
+    /// Whether the branch shows the emotion, or it is put on what is said as in FreeTalk, because the branch was not
+    /// taught all of it.
+    fn emotion_origin(&self, request: &MotionRequest) -> EmotionOrigin {
+        let is_asked = FEELING_FROM.value(&request.controls) as usize == EMOTION;
+        match is_asked && !self.branch_knows(&request.emotion) {
+            true => EmotionOrigin::Added,
+            false => EmotionOrigin::Learned,
+        }
+    }
+
     /// What the emotion branch hears in each frame, `[T, E]`, and the level there, `[T]`.
     fn feeling(
         &self,
@@ -242,7 +267,7 @@ impl EmoFace {
             return Ok((rows, vec![level; frames]));
         }
         let curve = match from {
-            EMOTION => &request.emotion,
+            EMOTION if self.branch_knows(&request.emotion) => &request.emotion,
             _ => &EmotionCurve::Off,
         };
         let affect = curve.sample(frames, fps);
@@ -337,7 +362,7 @@ impl System for EmoFace {
         let performer = Performer {
             modes: &self.modes,
             expressions: &self.expressions,
-            emotion_origin: EmotionOrigin::Learned,
+            emotion_origin: self.emotion_origin(request),
             prosody: &heard.prosody,
         };
         performer.perform(sampled, request, emotion, blink_emotion)
@@ -364,10 +389,32 @@ fn live_parts(
     }
     let files = CAUSAL_MODEL.open(folder)?;
     let content = CausalModel::load(&files.weights, &files.config, input.channels)?;
+    if content.config().fps != model.config().fps {
+        return Ok(None);
+    }
     Ok(Some(LiveParts {
         content: Arc::new(content),
         encoder: speech::compact(folder)?,
         feeling: Arc::clone(feeling),
         model: Arc::clone(model),
     }))
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    #[test]
+    fn a_model_of_another_rate_than_the_live_encoder_has_no_stream() {
+        let files = MODEL.open(None).unwrap();
+        let weights = Weights::from_bytes(&files.weights).unwrap();
+        let has_stream = |fps: f64| {
+            let config = EmoFaceConfig::from_json(&files.config).unwrap();
+            let config = EmoFaceConfig { fps, ..config };
+            let feels = Feels::open(None, &config).unwrap();
+            let model = Arc::new(Model::new(config, &weights).unwrap());
+            live_parts(None, &model, &feels).unwrap().is_some()
+        };
+        assert!(has_stream(25.0) && !has_stream(30.0));
+    }
 }
