@@ -291,7 +291,7 @@ def weights_source(arguments, config: CafeTalkConfig) -> CompactSpeech | HubertS
     """The encoder and all clips as weights; the solved ones are kept in the cache."""
     source = speech_source(arguments, config)
     if arguments.corpus:
-        source.entries = arkit.as_weights(source.entries)
+        source.entries = arkit.as_weights(source.entries, folders=arguments.corpus)
     elif arguments.hubert is not None:
         source.entries = arkit.as_weights(source.entries, arguments.data)
     else:
