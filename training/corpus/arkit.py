@@ -14,6 +14,7 @@ import numpy as np
 import torch
 from torch import Tensor
 
+from training.corpus import bank
 from training.corpus.bank import Entry
 from training.corpus.clip import FPS
 from training.corpus.facegood import CAPTURE_FPS, arkit_takes, channel_rows, resample
@@ -111,6 +112,11 @@ def _fista(goal: Tensor, gram: Tensor, step: Tensor) -> Tensor:
 def landmarks_of(weights: Tensor) -> Tensor:
     """Motion of ICT's landmarks [..., 204] metres under weights [..., 51]."""
     return weights @ modes().to(weights)
+
+
+def of_folders(folders: list[Path], voices: int, seed: int = 0) -> list[Entry]:
+    """Clips of corpus folders with weights [T, 51] for motion."""
+    return as_weights(bank.of_folders(folders, voices, seed), folders=folders)
 
 
 def as_weights(entries: list[Entry], data: Path | None = None, folders: Sequence[Path] = ()) -> list[Entry]:

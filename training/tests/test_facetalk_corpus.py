@@ -50,7 +50,7 @@ def test_what_a_corpus_shows_is_what_a_model_learns(tmp_path, kind):
     assert all(torch.equal(value, again[name]) for name, value in first.items())
     model = load_motion(tmp_path / "first/motion.pt")
     codes = train_motion.Codes(train_motion.head_of(shipped("facetalk_compact")))
-    entries = [e for e in train_motion.corpus_entries([corpus], 1, 0) if not e.held_out]
+    entries = [e for e in arkit.of_folders([corpus], 1) if not e.held_out]
     seen = torch.cat([e.motion for e in entries])
     assert codes.weights(model.mean)[JAW] == pytest.approx(seen[:, JAW].mean().item(), abs=0.1)
     assert seen[:, JAW].std() > 0.1

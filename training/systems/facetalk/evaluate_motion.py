@@ -18,7 +18,7 @@ import torch
 from torch import Tensor
 
 from training import shipped
-from training.corpus.arkit import landmarks_of
+from training.corpus.arkit import landmarks_of, of_folders
 from training.corpus.bank import Entry
 from training.corpus.clip import MEL_PER_FRAME
 from training.corpus.faces import CHANNELS, load_ict
@@ -27,7 +27,7 @@ from training.losses import feature_scores, lip_gap
 from training.speech.compact import normalise
 from training.systems.facetalk.motion import CM, Denoiser, Sampling, sample
 from training.systems.facetalk.stored import load_folder, load_head, load_motion
-from training.systems.facetalk.train_motion import Codes, corpus_entries, entries_of
+from training.systems.facetalk.train_motion import Codes, entries_of
 from training.systems.freetalk.ats import neutral_affect
 from training.systems.freetalk.sampling import sample_motion
 from training.systems.freetalk.stored import load_models
@@ -191,7 +191,7 @@ def from_landmarks(model: Denoiser, codes: Codes, clips, data: Path) -> dict[str
 
 def held_out(arguments) -> dict[str, list[Entry]]:
     """Held-out clips of the corpus folders, else of the project's own sources."""
-    entries = corpus_entries(arguments.corpus, 1, 0) if arguments.corpus else entries_of(arguments)
+    entries = of_folders(arguments.corpus, 1) if arguments.corpus else entries_of(arguments)
     clips = by_source(entries, arguments.clips, arguments.skip)
     if not clips:
         folders = " ".join(str(path) for path in arguments.corpus)

@@ -21,7 +21,7 @@ from torch import Tensor
 
 from training import shipped
 from training.corpus import bank
-from training.corpus.arkit import as_weights, landmarks_of
+from training.corpus.arkit import as_weights, landmarks_of, of_folders
 from training.corpus.poses import LIDS, UPPER, felt
 from training.corpus.shares import lasting
 from training.diffusion.schedule import add_noise
@@ -86,15 +86,10 @@ class Codes:
         self.matrix, self.at_rest, self.back = (x.to(device) for x in (self.matrix, self.at_rest, self.back))
 
 
-def corpus_entries(folders: list[Path], voices: int, seed: int) -> list[bank.Entry]:
-    """Clips of corpus folders with weights for motion."""
-    return as_weights(bank.of_folders(folders, voices, seed), folders=folders)
-
-
 def entries_of(arguments) -> list[bank.Entry]:
     """All clips with weights for motion: of the corpus folders, else of the project's own sources."""
     if arguments.corpus:
-        return corpus_entries(arguments.corpus, arguments.voices, arguments.seed)
+        return of_folders(arguments.corpus, arguments.voices, arguments.seed)
     return solved(bank.load(arguments.data, arguments.cache, arguments.voices), arguments)
 
 
