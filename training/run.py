@@ -115,11 +115,13 @@ class Run:
 def begin(arguments, model: nn.Module, generators: dict[str, torch.Generator | np.random.Generator], *,
           groups: list[dict] | None = None, steps: int | None = None, decay: float = 0.01, warm: float = 0.1,
           factor: Callable[[int], float] | None = None, average: float | None = 0.995,
-          machine: Machine | None = None, name: str = "model", **cycle: float) -> Run:  # fmt: skip
+          machine: Machine | None = None, name: str = "model", kept: dict[str, Stateful] | None = None,
+          **cycle: float) -> Run:  # fmt: skip
     """A run with AdamW, a rate that rises in the share `warm` of its steps and falls to the end (or that is
     multiplied by the `factor` of each step) and averaged weights, as they were where it stopped.
 
-    `groups` of parameters have rates of their own, otherwise all learn at `arguments.rate`.
+    `groups` of parameters have rates of their own, otherwise all learn at `arguments.rate`. The checkpoint
+    has `kept` too: whatever else changes from step to step.
     """
     steps = steps or arguments.steps
     groups = groups or [{"params": list(model.parameters()), "lr": arguments.rate}]
@@ -134,7 +136,7 @@ def begin(arguments, model: nn.Module, generators: dict[str, torch.Generator | n
         mean = torch.optim.swa_utils.get_ema_multi_avg_fn(average)
         parts["average"] = torch.optim.swa_utils.AveragedModel(model, multi_avg_fn=mean)
     board = getattr(arguments, "tensorboard", False)
-    return Run(arguments.out, parts, steps, arguments.save_every, generators, machine, board)
+    return Run(arguments.out, parts | (kept or {}), steps, arguments.save_every, generators, machine, board)
 
 
 def descend(arguments, run: Run, loss: Callable[[int], tuple[Tensor, dict]],

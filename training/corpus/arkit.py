@@ -5,6 +5,7 @@ modes, so that the weights move ICT's landmarks as the recorded ones moved. An `
 instead of landmarks, everything else alike.
 """
 
+from collections.abc import Sequence
 from dataclasses import replace
 from functools import lru_cache
 from pathlib import Path
@@ -13,12 +14,15 @@ import numpy as np
 import torch
 from torch import Tensor
 
+from training.corpus import bank
 from training.corpus.bank import Entry
 from training.corpus.clip import FPS
 from training.corpus.facegood import CAPTURE_FPS, arkit_takes, channel_rows, resample
 from training.corpus.facegood import SOURCE as FACEGOOD
 from training.corpus.faces import CHANNELS
-from training.corpus.folder_clips import arkit_modes
+from training.corpus.folder import CorpusFolder
+from training.corpus.folder_clips import arkit_modes, blend_weights
+from training.corpus.tracks import Track
 from training.losses import landmark_weights, lip_gap, mouth_width
 
 HIGHEST = 1.0
@@ -110,10 +114,24 @@ def landmarks_of(weights: Tensor) -> Tensor:
     return weights @ modes().to(weights)
 
 
-def as_weights(entries: list[Entry], data: Path | None = None) -> list[Entry]:
-    """The same clips with weights [T, 51] for motion, and for `weight` what of them was observed."""
+def of_folders(folders: list[Path], voices: int, seed: int = 0) -> list[Entry]:
+    """Clips of corpus folders with weights [T, 51] for motion."""
+    return as_weights(bank.of_folders(folders, voices, seed), folders=folders)
+
+
+def as_weights(entries: list[Entry], data: Path | None = None, folders: Sequence[Path] = ()) -> list[Entry]:
+    """The same clips with weights [T, 51] for motion, and for `weight` what of them was observed; `data` and
+    corpus `folders` have those that were captured as weights."""
     captured = facegood_weights(data) if data is not None else {}
-    return [_captured(e, captured) if e.source == FACEGOOD and captured else _solved(e) for e in entries]
+    recorded = folder_weights(folders)
+    return [
+        _captured(e, captured)
+        if e.source == FACEGOOD and captured
+        else _recorded(e, *recorded[e.source, e.name])
+        if (e.source, e.name) in recorded
+        else _solved(e)
+        for e in entries
+    ]
 
 
 def _solved(entry: Entry) -> Entry:
@@ -136,6 +154,28 @@ def _captured(entry: Entry, captured: dict[str, tuple[Tensor, Tensor]]) -> Entry
     count = len(entry.motion)
     rows = weights[:count] if part == "start" else weights[len(weights) - count :]
     return replace(entry, motion=rows, weight=seen.expand(count, -1).clone())
+
+
+def _recorded(entry: Entry, track: Track, seen: Tensor) -> Entry:
+    """A clip of a corpus folder under its own weights, at 25 fps."""
+    times, values = np.arange(len(entry.motion)) / FPS, dict(zip(track.names, track.values.T, strict=True))
+    rows = [np.interp(times, track.seconds, values.get(c, np.zeros(len(track.seconds)))) for c in CHANNELS]
+    weights = torch.from_numpy(np.stack(rows, 1)).float().clamp(0.0, HIGHEST)
+    if entry.emotion == "neutral":
+        weights = 0.5 * (weights + weights[:, mirrored()])
+    return replace(entry, motion=weights, weight=seen.expand(len(weights), -1).clone())
+
+
+def folder_weights(folders: Sequence[Path]) -> dict[tuple[str, str], tuple[Track, Tensor]]:
+    """By folder's name and clip: weights of clips of which nothing else was captured, and which, [51]."""
+    found = {}
+    for folder in map(CorpusFolder, folders):
+        for row in folder.rows:
+            track = blend_weights(folder, row)
+            if track is not None:
+                seen = torch.tensor([float(c in track.names) for c in CHANNELS])
+                found[folder.name, row.clip] = track, seen
+    return found
 
 
 def facegood_weights(data: Path) -> dict[str, tuple[Tensor, Tensor]]:

@@ -48,8 +48,19 @@ def observed(folder: CorpusFolder, row: Row) -> Track | None:
         topology = folder.topology(row)
         return _of_vertices(track, topology, folder.unit_m)
     track = folder.weights(row)
-    if track is None:
-        return None
+    return None if track is None else _of_weights(track)
+
+
+def blend_weights(folder: CorpusFolder, row: Row) -> Track | None:
+    """ARKit weights of a clip that `observed` takes from weights, since it has nothing else."""
+    landmarks, vertices = (
+        folder.file("landmarks", row, (".npz",)),
+        folder.file("vertices", row, (".npy", ".npz", "")),
+    )
+    return folder.weights(row) if landmarks is None and vertices is None else None
+
+
+def _of_weights(track: Track) -> Track:
     modes, neutral = arkit_modes(), canonical_landmarks()
     moved = sum(w[:, None, None] * modes[n] for n, w in zip(track.names, track.values.T, strict=True))
     return Track(neutral + moved, track.seconds, track.found, neutral, track.names)

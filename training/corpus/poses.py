@@ -57,6 +57,13 @@ class Poses:
         self.captured, self.tracked = recorded(data, held_out)
         self.felt = felt()
 
+    @classmethod
+    def of(cls, recorded: Tensor) -> "Poses":
+        """The same with frames [N, 51] of one's own recordings in place of ours."""
+        poses = cls.__new__(cls)
+        poses.captured, poses.tracked, poses.felt = recorded, recorded, felt()
+        return poses
+
     def draw(self, count: int, random: torch.Generator) -> Tensor:
         """Weights [count, 51] in 0 … 1."""
 

@@ -204,11 +204,15 @@ def train(arguments) -> Path:
     return arguments.out / "speech.pt"
 
 
-def start(arguments, model: nn.Module, generators: dict, average: float) -> Run:
+def start(
+    arguments, model: nn.Module, generators: dict, average: float, machine: Machine | None = None
+) -> Run:
     """A run of the encoder or of a student as it was where it stopped; `debug` takes 20 steps."""
     steps = min(arguments.steps, 20) if arguments.config == "debug" else arguments.steps
     warm = max(steps // 20, 1) / steps
-    return begin(arguments, model, generators, steps=steps, decay=0.02, warm=warm, average=average)
+    return begin(
+        arguments, model, generators, steps=steps, decay=0.02, warm=warm, average=average, machine=machine
+    )
 
 
 def parser() -> argparse.ArgumentParser:

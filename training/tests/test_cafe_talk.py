@@ -237,3 +237,14 @@ def test_captures_of_weights_by_name_train(tmp_path):
     trained = state(run(tmp_path, "--out", tmp_path / "run", "--steps", 3))
     jaw = CHANNELS.index("jawOpen")
     assert torch.isfinite(trained["head.weight"]).all() and trained["mean"][jaw] > 0.02
+
+
+@pytest.mark.slow
+def test_the_recipe_of_the_paper_is_what_its_appendix_says(tmp_path):
+    path = run(tmp_path, "--out", tmp_path / "out", "--recipe", "paper", "--steps", "3")
+    said = torch.load(path)["recipe"]
+    assert (said["rate"], said["batch"], said["base"], said["adapter"]) == (1e-4, 16, 400_000, 300_000)
+    assert not said["annealed"] and said["plain"] and said["velocity"] == said["acceleration"] == 0.0
+    last = torch.load(tmp_path / "out/last.pt", weights_only=False)
+    assert last["optimiser"]["param_groups"][0]["lr"] == 1e-4
+    assert "features" not in (tmp_path / "out/log.csv").read_text().splitlines()[0]

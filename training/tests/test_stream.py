@@ -9,6 +9,7 @@ from training.corpus.bank import Entry
 from training.corpus.lesson_windows import LessonSampler
 from training.corpus.lessons import FullModel, Lesson
 from training.losses import landmark_weights
+from training.machine import Machine
 from training.speech.causal import (
     StreamConfig,
     StreamNet,
@@ -144,7 +145,8 @@ def test_the_student_learns_from_a_batch(lessons, model):
     losses = []
     for _ in range(12):
         optimiser.zero_grad()
-        loss, _ = loss_of(model, replace(batch, heard=sampler._heard(batch.mel)), landmark_weights())
+        heard = replace(batch, heard=sampler._heard(batch.mel))
+        loss, _ = loss_of(model, heard, landmark_weights(), Machine("cpu", "bfloat16"))
         loss.backward()
         optimiser.step()
         losses.append(loss.item())

@@ -3,8 +3,9 @@
     python -m training.systems.cafe_talk.train --data ../shared/data --out runs/cafe_base
     python -m training.systems.cafe_talk.train --base runs/cafe_base/cafe_talk.pt ... --out runs/cafe_fine
 
-`--corpus` trains on corpus folders and nothing else. Seeded; resumes from `--out/last.pt` with the same bits;
-`--device` and `--precision` say where it computes (`training/machine.py`).
+`--corpus` trains on corpus folders and nothing else. `--recipe paper` has the losses, rate, batch and steps
+of the paper (`training/systems/cafe_talk/recipes.py`). Seeded; resumes from `--out/last.pt` with the same
+bits; `--device` and `--precision` say where it computes (`training/machine.py`).
 """
 
 import argparse
@@ -30,13 +31,16 @@ from training.run import begin, descend, seeded, trainer_parser
 from training.speech.source import CompactSpeech, HubertSpeech
 from training.speech.train import SHARES
 from training.systems.cafe_talk.denoiser import ANY_STYLE, CONFIGS, CafeTalkConfig, Coarse, Denoiser
+from training.systems.cafe_talk.recipes import CAFE_TALK, Stages
 from training.systems.cafe_talk.sampling import Request, sample_weights
 from training.systems.cafe_talk.stored import ADAPTER
 from training.systems.cafe_talk.stored import load as load_stored
+from training.systems.freetalk import recipes
 from training.systems.freetalk.train import add_speech_flags, speech_source
 from training.text.emotions import SYNONYMS
 from training.text.words import Words
 
+TOKENS = 2000
 MASKED_SHARE = 0.2
 """Rows without speech, and independently rows without the coarse condition (§3.1.2)."""
 CONCORDANCE = 0.3
@@ -77,6 +81,7 @@ class CafeTalkTrainer:
         self.joint = arguments.one_stage
         self.fine = self.joint or arguments.base is not None
         self.swapped_share = arguments.swapped_share
+        self.recipe: Stages = recipes.chosen(CAFE_TALK, arguments)
         self.machine = Machine(arguments.device, arguments.precision)
         seed = self.machine.seed(arguments.seed)
         self.generator = np.random.default_rng(seed)
@@ -190,7 +195,8 @@ class CafeTalkTrainer:
     def loss(self, step: Step) -> tuple[torch.Tensor, dict[str, float]]:
         """Eq. 4, with the concordance of what a viewer sees; eq. 5 in rows whose label was swapped."""
         count, device = len(step.weights), self.machine.device
-        t, noise = noise_levels(step.weights.shape, len(self.alphas), PURE_NOISE_SHARE, self.random)
+        pure_noise = 0.0 if self.recipe.plain else PURE_NOISE_SHARE
+        t, noise = noise_levels(step.weights.shape, len(self.alphas), pure_noise, self.random)
         clean = self.model.standardise(step.weights)
         noisy = add_noise(clean, noise.to(device), self.alphas[t][:, None, None].to(device))
         speech_given = (torch.rand(count, generator=self.random) >= MASKED_SHARE).to(device)
@@ -198,14 +204,18 @@ class CafeTalkTrainer:
             speech = self.speech.windows(step.mel)
             events = step.events if self.fine else None
             found = self.model(noisy, t.to(device), speech, step.coarse, speech_given, events).float()
-        seen = torch.where(step.swapped[:, None, None], self._controlled(step.events), step.seen)
-        seen = seen * self.channel_weight.to(device)
-        error = found - clean
+        plain = torch.ones_like(step.seen) if self.recipe.plain else step.seen
+        seen = torch.where(step.swapped[:, None, None], self._controlled(step.events), plain)
+        if not self.recipe.plain:
+            seen = seen * self.channel_weight.to(device)
+        error, shares = found - clean, (self.recipe.velocity, self.recipe.acceleration)
         if self.fine:
             rows = zip(error.split(1), seen.split(1), strict=True)
-            simple = torch.stack([motion_loss(*row) for row in rows]).mean()
+            simple = torch.stack([motion_loss(*row, *shares) for row in rows]).mean()
         else:
-            simple = motion_loss(error, seen)
+            simple = motion_loss(error, seen, *shares)
+        if self.recipe.plain:
+            return simple, {"simple": simple.item()}
         as_it_is = speech_given & step.coarse.given & ~step.swapped
         shown = [arkit.landmarks_of(x[as_it_is]) * 1e3 for x in (self.model.to_weights(found), step.weights)]
         agreement, parts = feature_concordance(*shown)
@@ -268,30 +278,43 @@ def train(arguments) -> Path:
     config.coarse = arguments.coarse
     trainer = CafeTalkTrainer(arguments, config, speech)
     generators = {"trainer": trainer.random, "events": trainer.generator, "windows": trainer.sampler.random}
-    groups = [{"params": trainer.parameters(), "lr": arguments.rate}]
-    run = begin(arguments, trainer.model, generators, groups=groups, decay=0.02, machine=trainer.machine)
+    recipe = trainer.recipe
+    groups = [{"params": trainer.parameters(), "lr": recipe.rate}]
+    run = begin(
+        arguments, trainer.model, generators, groups=groups, decay=recipe.weight_decay,
+        steps=arguments.steps or (recipe.base if arguments.base is None else recipe.adapter),
+        factor=None if recipe.annealed else lambda _: 1.0, average=recipe.average, machine=trainer.machine,
+    )  # fmt: skip
     lengths = [n for n in (64, 96, 128, 192, 250) if n <= config.window_frames] or [24]
 
     def loss(_step: int) -> tuple[torch.Tensor, dict[str, float]]:
         frames = lengths[int(torch.randint(0, len(lengths), (1,), generator=trainer.random))]
-        return trainer.loss(trainer.draw(max(1, arguments.tokens // frames), frames))
+        return trainer.loss(trainer.draw(batch_of(arguments, recipe, frames), frames))
 
     emotions = torch.from_numpy(trainer.words.emotions())
 
     def judge(averaged: Denoiser) -> dict[str, float]:
         scores = validate(trainer, averaged, arguments.validation_clips)
-        save(run.out / "cafe_talk.pt", averaged, emotions=emotions, **trainer.speech.saved())
+        heard = trainer.speech.saved()
+        save(run.out / "cafe_talk.pt", averaged, emotions=emotions, recipe=recipe.record(), **heard)
         return scores
 
     descend(arguments, run, loss, judge)
     return arguments.out / "cafe_talk.pt"
 
 
+def batch_of(arguments, recipe: Stages, frames: int) -> int:
+    """Windows of `frames` in a batch."""
+    if arguments.tokens is None and recipe.batch is not None:
+        return recipe.batch
+    return max(1, (arguments.tokens or TOKENS) // frames)
+
+
 def weights_source(arguments, config: CafeTalkConfig) -> CompactSpeech | HubertSpeech:
     """The encoder and all clips as weights; the solved ones are kept in the cache."""
     source = speech_source(arguments, config)
     if arguments.corpus:
-        source.entries = arkit.as_weights(source.entries)
+        source.entries = arkit.as_weights(source.entries, folders=arguments.corpus)
     elif arguments.hubert is not None:
         source.entries = arkit.as_weights(source.entries, arguments.data)
     else:
@@ -320,7 +343,8 @@ def _constant_once(weight: torch.Tensor) -> torch.Tensor:
 
 def parser() -> argparse.ArgumentParser:
     """Command line."""
-    parser = trainer_parser(__doc__, "runs/cafe_base", 6000, 8e-4, log_every=300)
+    parser = trainer_parser(__doc__, "runs/cafe_base", None, None, log_every=300)
+    recipes.add_arguments(parser)
     parser.add_argument("--text", type=Path, default=Path("runs/text"), help="the text space")
     parser.add_argument(
         "--base", type=Path, help="cafe_talk.pt of stage 1, or a model folder: trains the adapter beside it"
@@ -330,7 +354,7 @@ def parser() -> argparse.ArgumentParser:
     add_speech_flags(parser, validation_clips=12)
     parser.add_argument("--coarse", choices=["ada_ln", "film"], default="ada_ln", help="table 2 of the paper")
     parser.add_argument("--swapped-share", type=float, default=SWAPPED_SHARE, help="rows with eq. 5")
-    parser.add_argument("--tokens", type=int, default=2000, help="frames in a batch")
+    parser.add_argument("--tokens", type=int, help=f"frames in a batch: {TOKENS}, or the batch of the recipe")
     return parser
 
 

@@ -1,7 +1,9 @@
 """Measures FaceTalk's speech model on held-out clips, FreeTalk and loudness beside it.
 
     python -m training.systems.facetalk.evaluate_motion --model weights/facetalk/facetalk_compact
+    python -m training.systems.facetalk.evaluate_motion --corpus DIR --motion runs/facetalk_motion/motion.pt
 
+`--corpus` takes the held-out clips of corpus folders in place of the project's own.
 Codes are read back as ARKit weights and shown on ICT's landmarks: nothing of the head's field is in here.
 `--runs NAME=motion.pt` adds rows for runs without a part (table 2).
 """
@@ -16,7 +18,7 @@ import torch
 from torch import Tensor
 
 from training import shipped
-from training.corpus.arkit import landmarks_of
+from training.corpus.arkit import landmarks_of, of_folders
 from training.corpus.bank import Entry
 from training.corpus.clip import MEL_PER_FRAME
 from training.corpus.faces import CHANNELS, load_ict
@@ -187,7 +189,19 @@ def from_landmarks(model: Denoiser, codes: Codes, clips, data: Path) -> dict[str
     }
 
 
-def main() -> None:
+def held_out(arguments) -> dict[str, list[Entry]]:
+    """Held-out clips of the corpus folders, else of the project's own sources."""
+    entries = of_folders(arguments.corpus, 1) if arguments.corpus else entries_of(arguments)
+    clips = by_source(entries, arguments.clips, arguments.skip)
+    if not clips:
+        folders = " ".join(str(path) for path in arguments.corpus)
+        raise ValueError(
+            f"--corpus {folders}: expected held-out clips (split val or test in clips.tsv), got none"
+        )
+    return clips
+
+
+def main(line: list[str] | None = None) -> None:
     """Entry of the command."""
     parser = argparse.ArgumentParser(description=__doc__.splitlines()[0])
     parser.add_argument("--model", type=Path, default=shipped("facetalk_compact"))
@@ -198,13 +212,13 @@ def main() -> None:
     parser.add_argument("--models", type=Path, help="folder of models; none: the embedded ones")
     parser.add_argument("--data", type=Path, default=Path("../shared/data"))
     parser.add_argument("--cache", type=Path, default=Path("runs/cache"))
-    parser.add_argument("--corpus", nargs="*", default=[], help=argparse.SUPPRESS)
+    parser.add_argument("--corpus", type=Path, nargs="*", default=[], help="corpus folders, not --data")
     parser.add_argument("--voices", type=int, default=4, help="as in training, whose bank is then found")
     parser.add_argument("--clips", type=int, default=30, help="held-out clips of each source")
     parser.add_argument("--skip", type=int, default=0, help="of these, the first ones")
     parser.add_argument("--temperature", type=float, help="of every model, for its own")
     parser.add_argument("--steps", type=int, nargs="*", default=[1, 2, 4, 10, 25])
-    arguments = parser.parse_args()
+    arguments = parser.parse_args(line)
     torch.set_num_threads(1)
     encoder = load_models(arguments.models)[0]
     head, motions = (load_head(arguments.head), {}) if arguments.head else load_folder(arguments.model)
@@ -217,14 +231,15 @@ def main() -> None:
         for one in (model, *others.values()):
             one.config.sampling.temperature = arguments.temperature
     speaker = Speaker(model, Codes(head), encoder)
-    clips = by_source(entries_of(arguments), arguments.clips, arguments.skip)
-    if by_landmarks is not None:
+    clips = held_out(arguments)
+    first = next(clips[source] for source in ("grid_s1", *clips) if source in clips)
+    if by_landmarks is not None and (arguments.landmark_motion or not arguments.corpus):
         for name, found in from_landmarks(by_landmarks, speaker.codes, clips, arguments.data).items():
             tell(name, found)
     tell("loudness", loudness(clips))
     tell("FreeTalk", freetalk(arguments.models, clips))
     usual = model.config.sampling
-    silent = torch.zeros_like(speaker.heard(clips["grid_s1"][0]))
+    silent = torch.zeros_like(speaker.heard(first[0]))
     quiet = lip_gap(landmarks_of(speaker.says(silent, 0, replace(usual, guidance=0.0))))
     print(f"no speech: lip gap's deviation {1e3 * quiet.std():.2f} mm")
     for w in GUIDANCES:
@@ -233,9 +248,9 @@ def main() -> None:
         tell(f"{steps} steps", agreement(speaker, clips, replace(usual, steps=steps)))
     for r in (0.7, 1.0, 1.3):
         tell(f"vividness {r}", agreement(speaker, clips, replace(usual, vividness=r)))
-    few = clips["grid_s1"][:10]
+    few = first[:10]
     tell("five seeds", seeds(speaker, few))
-    tell("a minute", at_once(speaker, clips["grid_s1"]))
+    tell("a minute", at_once(speaker, first))
     for name, run in others.items():
         other = Speaker(run, speaker.codes, encoder)
         found = agreement(other, clips) | seeds(other, few) | {"still mm/s": still(other, few)}

@@ -71,6 +71,7 @@ class ExpressionLoss:
         """`exact`: places on the mean head are those of the triangles, not those the identity field finds;
         `cycle`: the backward field starts from where the forward field brings points."""
         heads, scale = self.heads, head.config.scale_m
+        device = head.identity_code.weight.device
         chosen = pool.draw(count)
         weights = self.poses.draw(count, random)
         canonical, normals = pool.vertices[chosen], pool.normals[chosen]
@@ -82,18 +83,19 @@ class ExpressionLoss:
         pairs = [p[torch.randint(0, len(p), (MOST_PAIRS,), generator=random)] for p in (self.lips, self.lids)]
         ends = torch.cat(pairs).T.flatten()
         with torch.no_grad():
-            z = head.identity_code(pool.coefficients[chosen])
+            z = head.identity_code(pool.coefficients[chosen].to(device))
             anchors = head.identity.anchors(z)
         here = torch.cat([heads.at(canonical, normals, places), canonical[:, ends]], 1) / scale
         there = torch.cat([heads.at(posed, turned, places), posed[:, ends]], 1) / scale
+        here, there = here.to(device), there.to(device)
         if exact:
             on_mean = heads.at(heads.opened[None], heads.normals[None], places)
-            place = torch.cat([on_mean, heads.opened[None, ends]], 1) / scale
+            place = (torch.cat([on_mean, heads.opened[None, ends]], 1) / scale).to(device)
         else:
             with torch.no_grad():
                 place = head.place(here, z)
-        far = self._far(random) / scale
-        code = head.expression(weights)
+        far = (self._far(random) / scale).to(device)
+        code = head.expression(weights.to(device))
         joined = torch.cat([place, far.expand(len(place), -1, -1)], 1)
         moved = head.forward_field.move(joined, z, anchors, code)
         still = moved[:, place.shape[1] :]
@@ -102,7 +104,7 @@ class ExpressionLoss:
         length = error.norm(dim=-1)
         forward, gap = steep(length, scale), (upper - lower).norm(dim=-1).mean()
         kept = int(BACKWARD_POINTS * points)
-        close = (places.away.abs() <= BACKWARD_AWAY_M).nonzero()[:, 0][:kept]
+        close = (places.away.abs() <= BACKWARD_AWAY_M).nonzero()[:, 0][:kept].to(device)
         start = (here + moved[:, : place.shape[1]]).detach()[:, close] if cycle else there[:, close]
         with torch.no_grad():
             found = head.place(start, z)
@@ -116,7 +118,7 @@ class ExpressionLoss:
             + CODES * code.square().mean()
         )
         mm = 1e3 * scale
-        rest = (weights == 0.0).all(1)
+        rest = (weights == 0.0).all(1).to(device)
         lips, lids = (upper - lower).norm(dim=-1).split(MOST_PAIRS, 1)
         report = {
             "forward mm": mm * length[:, :points].mean().item(),

@@ -5,18 +5,23 @@
     python -m training.systems.facetalk.train expression --start runs/identity/head.pt --out runs/facetalk
 
 Heads are ICT identities from N(0, 1), a pool of them held in memory and changed bit by bit; coefficients of
-evaluation come from seeds of their own. Seeded; resumes from `--out/last.pt` with the same bits.
+evaluation come from seeds of their own. `expression --corpus DIR` takes poses of corpus folders in place of
+those of facegood_zh and grid_s1. Seeded; resumes from `--out/last.pt` with the same bits. `--device` is where
+the networks compute, `--precision` is theirs; where points lie is found on the processor, in float32.
 """
 
 import argparse
+from collections.abc import Callable
 from pathlib import Path
 
 import torch
 from torch import Tensor
 
+from training.corpus import arkit
 from training.corpus.faces import CHANNELS
 from training.corpus.heads import COEFFICIENTS, IctHeads, vertex_normals
 from training.corpus.poses import Poses
+from training.machine import Machine, add_arguments
 from training.nn.checkpoint import save
 from training.run import begin, descend, seeded, trainer_parser
 from training.systems.facetalk.codes import set_bounds, set_codes, set_directions
@@ -50,12 +55,25 @@ class Pool:
         vertices, scales = self.heads.canonical(coefficients)
         return vertices, vertex_normals(vertices, self.heads.triangles), scales
 
+    def state_dict(self) -> dict[str, Tensor]:
+        """For the checkpoint: all else follows from coefficients."""
+        return {"coefficients": self.coefficients}
+
+    def load_state_dict(self, state: dict[str, Tensor]) -> None:
+        """The heads that were at hand; those that gave way are made one by one, as they were: sums over
+        several at once differ in their last bits."""
+        for number in (state["coefficients"] != self.coefficients).any(1).nonzero()[:, 0]:
+            self._replace(number[None], state["coefficients"][number][None])
+
+    def _replace(self, old: Tensor, fresh: Tensor) -> None:
+        self.coefficients[old] = fresh
+        self.vertices[old], self.normals[old], self.scales[old] = self._made(fresh)
+
     def draw(self, count: int) -> Tensor:
         """Numbers of `count` heads; some heads of the pool give way to new ones first."""
         old = torch.randint(0, len(self.scales), (REFRESHED,), generator=self.random)
         fresh = torch.randn(REFRESHED, COEFFICIENTS, generator=self.random)
-        self.coefficients[old] = fresh
-        self.vertices[old], self.normals[old], self.scales[old] = self._made(fresh)
+        self._replace(old, fresh)
         return torch.randperm(len(self.scales), generator=self.random)[:count]
 
 
@@ -66,13 +84,13 @@ def drawn(count: int, among: int, random: torch.Generator) -> Tensor:
 
 def template_loss(head: Head, heads: IctHeads, points: int, step: int, random: torch.Generator):
     """Distances beside the surface and about it; sometimes that the gradient is 1 long."""
-    scale = head.config.scale_m
+    scale, device = head.config.scale_m, head.identity_code.weight.device
     places = heads.places[drawn(points, len(heads.places), random)]
-    near = heads.at(heads.opened[None], heads.normals[None], places)[0] / scale
+    near = (heads.at(heads.opened[None], heads.normals[None], places)[0] / scale).to(device)
     far = drawn(int(FAR_SHARE * points), len(heads.volume.points), random)
-    error = (head.identity.template(near) - places.away / scale).abs()
-    truth = heads.volume.distance[far] / scale
-    off = (head.identity.template(heads.volume.points[far] / scale) - truth).abs()
+    error = (head.identity.template(near) - (places.away / scale).to(device)).abs()
+    truth = (heads.volume.distance[far] / scale).to(device)
+    off = (head.identity.template((heads.volume.points[far] / scale).to(device)) - truth).abs()
     off = off / (1.0 + truth.abs() / 0.04)
     total = error.mean() + FAR_WEIGHT * off.mean()
     if step % EIKONAL_EVERY == 0:
@@ -91,10 +109,10 @@ def uneven(error: Tensor, normals: Tensor, scale: float) -> Tensor:
 
 def identity_loss(head: Head, heads: IctHeads, pool: Pool, count: int, points: int, random: torch.Generator):
     """The way to the mean head of places on, beside and about the surface."""
-    scale = head.config.scale_m
+    scale, device = head.config.scale_m, head.identity_code.weight.device
     chosen = pool.draw(count)
     vertices, normals = pool.vertices[chosen], pool.normals[chosen]
-    z = head.identity_code(pool.coefficients[chosen])
+    z = head.identity_code(pool.coefficients[chosen].to(device))
     places = heads.places[drawn(points, len(heads.places), random)]
     on = heads.normal(heads.normals[None], places)
     goal = (heads.on(heads.opened[None], places) + places.away[:, None] * on) / scale
@@ -104,11 +122,11 @@ def identity_loss(head: Head, heads: IctHeads, pool: Pool, count: int, points: i
     corners = heads.volume.carriers[rows]
     moves = vertices[:, corners] - heads.opened[corners]
     far = far_goal + (heads.volume.share[rows][..., None] * moves).sum(2) / scale
-    x = torch.cat([here, far], 1)
+    x, goal, far_goal, on = (t.to(device) for t in (torch.cat([here, far], 1), goal, far_goal, on))
     made = x + head.identity.to_mean(x, z)
     error, off = made[:, :points] - goal, made[:, points:] - far_goal
     near = uneven(error, on, scale).mean()
-    calm = 1.0 / (1.0 + heads.volume.distance[rows].abs() / 0.01)
+    calm = (1.0 / (1.0 + heads.volume.distance[rows].abs() / 0.01)).to(device)
     total = near + FAR_WEIGHT * (off.norm(dim=-1) * calm).mean()
     mm = 1e3 * scale
     return total, {
@@ -130,9 +148,42 @@ def by_rate(head: Head, learned: list[Tensor], rate: float) -> list[dict]:
     ]
 
 
+def compute_on(machine: Machine, head: Head) -> None:
+    """Moves a head, whose networks multiply in the machine's precision from here on."""
+    head.to(machine.device)
+    if machine.dtype is None:
+        return
+    fields = (head.identity.template, *head.identity.locals, head.backward_field, head.forward_field)
+    for field in fields:
+        field.forward = _rounded(machine, field.forward)
+
+
+def _rounded(machine: Machine, forward: Callable[..., Tensor]) -> Callable[..., Tensor]:
+    def rounded(*inputs: Tensor) -> Tensor:
+        with machine.autocast():
+            return forward(*inputs).float()
+
+    return rounded
+
+
+def poses_of(arguments) -> Poses:
+    """Poses of the corpus folders' training clips, else of the project's own recordings."""
+    if not arguments.corpus:
+        return Poses(arguments.data)
+    entries = arkit.of_folders(arguments.corpus, 1, arguments.seed)
+    rows = [entry.motion for entry in entries if not entry.held_out]
+    if not rows:
+        raise ValueError("--corpus: expected training clips with motion, got none")
+    return Poses.of(torch.cat(rows))
+
+
 def train(arguments) -> Path:
     """Runs the training; writes `head.pt` and returns its path."""
+    if arguments.corpus and arguments.part != "expression":
+        alone = "the part expression, which alone learns from recordings"
+        raise ValueError(f"--corpus: expected {alone}, got {arguments.part}")
     seeded(arguments)
+    machine = Machine(arguments.device, arguments.precision)
     if arguments.start is None:
         config = CONFIGS[arguments.config]()
         config.channels = list(CHANNELS)
@@ -142,7 +193,7 @@ def train(arguments) -> Path:
         head = load_head(arguments.start, arguments.octaves)
         config = head.config
     heads = IctHeads(arguments.data, arguments.cache, config.open_jaw)
-    random = torch.Generator().manual_seed(arguments.seed + 1)
+    random = torch.Generator().manual_seed(machine.seed(arguments.seed) + 1)
     if arguments.part == "template":
         set_bounds(head, heads)
         set_directions(head, heads)
@@ -154,13 +205,15 @@ def train(arguments) -> Path:
     else:
         learned = [*head.backward_field.parameters(), *head.forward_field.parameters()]
         learned += [] if arguments.keep_codes else list(head.expression_code.parameters())
-    expression = ExpressionLoss(heads, Poses(arguments.data)) if arguments.part == "expression" else None
+    expression = ExpressionLoss(heads, poses_of(arguments)) if arguments.part == "expression" else None
     pool = Pool(heads, arguments.pool, random) if arguments.part != "template" else None
+    compute_on(machine, head)
+    machine.place(head, arguments.seed)
     rate = arguments.rate or RATES[arguments.part]
     groups = by_rate(head, learned, rate)
     run = begin(
         arguments, head, {"random": random}, groups=groups, decay=0.0, warm=0.05, average=None, name="head",
-        final_div_factor=100.0,
+        machine=machine, kept={} if pool is None else {"pool": pool}, final_div_factor=100.0,
     )  # fmt: skip
 
     def loss(step: int) -> tuple[Tensor, dict[str, float]]:
@@ -183,6 +236,9 @@ def parser() -> argparse.ArgumentParser:
     """Command line."""
     parser = trainer_parser(__doc__, "runs/facetalk", 3000, None, log_every=100, save_every=500, corpus=False)
     parser.add_argument("part", choices=list(RATES))
+    parser.add_argument("--corpus", type=Path, nargs="*", default=[], help="corpus folders, expression alone")
+    add_arguments(parser, "float32")
+    parser.add_argument("--stop-at", type=int, help="stop after this step; the same command goes on")
     parser.add_argument("--start", type=Path, help="head.pt of the part before, or of this one to go on")
     parser.add_argument("--config", choices=list(CONFIGS), default="compact")
     parser.add_argument("--heads", type=int, default=24, help="in a batch")

@@ -1,11 +1,15 @@
 """Trains FaceTalk's speech model: from the compact encoder's features to expression codes (§4).
 
-    python -m training.systems.facetalk.train_motion --head runs/facetalk/head.pt --out runs/facetalk_motion
+    python -m training.systems.facetalk.train_motion --corpus DIR [DIR ...] --out runs/facetalk_motion
+    python -m training.systems.facetalk.train_motion --head runs/facetalk/head.pt --data ../shared/data
 
-Codes are those that the head's map gives the corpora's ARKit weights; each window is scaled about the face
-at rest by r ~ U(low, high) (eq. 8), which the model is told. `--without` leaves a part out, for table 2.
-`--memory landmarks` trains the small model that goes by the motion of landmarks instead, whatever moves them.
-Seeded; resumes from `--out/last.pt` with the same bits.
+`--corpus` trains on corpus folders (`training/corpus/folder.py`) and nothing else. Codes are those that the
+head's map gives to ARKit weights: captured ones as they are, landmarks and those of vertices by the weights
+that move ICT's landmarks alike. Each window is scaled about the face at rest by r ~ U(low, high) (eq. 8),
+which the model is told. `--without` leaves a part out, for table 2. `--memory landmarks` trains the small
+model that goes by the motion of landmarks instead, whatever moves them. `--recipe paper` has the paper's loss
+and rate. Seeded; resumes from `--out/last.pt` with the same bits; `--device` and `--precision` say where it
+computes (`training/machine.py`).
 """
 
 import argparse
@@ -17,10 +21,12 @@ from torch import Tensor
 
 from training import shipped
 from training.corpus import bank
-from training.corpus.arkit import landmarks_of
+from training.corpus.arkit import as_weights, landmarks_of, of_folders
 from training.corpus.poses import LIDS, UPPER, felt
+from training.corpus.shares import lasting
 from training.diffusion.schedule import add_noise
 from training.losses import feature_concordance, motion_loss
+from training.machine import Machine, add_arguments
 from training.nn.checkpoint import save
 from training.nn.config import SpeechInput
 from training.run import begin, descend, seeded, trainer_parser
@@ -28,8 +34,18 @@ from training.speech.compact import SHIPPED_ENCODER, load_encoder
 from training.speech.hubert import FPS, HubertFeatures
 from training.speech.source import CompactSpeech, HubertSpeech
 from training.systems.cafe_talk.train import solved
-from training.systems.facetalk.motion import CM, LANDMARKS, Denoiser, MotionConfig, landmark_config
+from training.systems.facetalk.head import Head
+from training.systems.facetalk.motion import (
+    CM,
+    LANDMARKS,
+    Denoiser,
+    MotionConfig,
+    debug_config,
+    landmark_config,
+)
+from training.systems.facetalk.recipes import MOTION
 from training.systems.facetalk.stored import load_folder, load_head
+from training.systems.freetalk import recipes
 
 SHARES = {"grid_s1": 0.6, "facegood_zh": 0.4}
 DROPPED_SHARE = 0.25
@@ -41,6 +57,7 @@ LANDMARK_SCALE_MM = 3.0
 LEAST_DEVIATION = 0.02
 PARTS = ["augmentation", "film", "alignment", "diffusion"]
 WIDE_BAND = 1000
+CONFIGS = {"compact": MotionConfig, "debug": debug_config}
 BESIDE_SHARE, BESIDE_FRAMES = 0.7, (6, 40)
 """Rows of landmark motion with an emotion, shut lids and moving brows besides, and how long these last."""
 UNEVEN_MM = 1.5
@@ -64,9 +81,15 @@ class Codes:
         """[..., X] → [..., 51]."""
         return (codes - self.at_rest) @ self.back.T
 
+    def to(self, device: torch.device) -> None:
+        """Moves all of it."""
+        self.matrix, self.at_rest, self.back = (x.to(device) for x in (self.matrix, self.at_rest, self.back))
+
 
 def entries_of(arguments) -> list[bank.Entry]:
-    """All clips with weights for motion."""
+    """All clips with weights for motion: of the corpus folders, else of the project's own sources."""
+    if arguments.corpus:
+        return of_folders(arguments.corpus, arguments.voices, arguments.seed)
     return solved(bank.load(arguments.data, arguments.cache, arguments.voices), arguments)
 
 
@@ -75,11 +98,16 @@ class Trainer:
 
     def __init__(self, arguments, speech: CompactSpeech | HubertSpeech, heard: SpeechInput, head):
         self.codes, self.speech = Codes(head), speech
-        self.random = torch.Generator().manual_seed(arguments.seed)
+        self.machine = Machine(arguments.device, arguments.precision)
+        self.recipe = recipes.chosen(MOTION, arguments)
+        seed = self.machine.seed(arguments.seed)
+        self.random = torch.Generator().manual_seed(seed)
         self.without = arguments.without
         self.by_landmarks = arguments.memory == LANDMARKS
         codes = head.config.expression_code
-        config = landmark_config(codes) if self.by_landmarks else MotionConfig(codes=codes, speech=heard)
+        config = replace(CONFIGS[arguments.config](), codes=codes, speech=heard)
+        if self.by_landmarks:
+            config = landmark_config(codes)
         self.felt = felt()
         config.film = "film" not in self.without
         if "alignment" in self.without:
@@ -88,7 +116,8 @@ class Trainer:
             config.sampling = replace(config.sampling, steps=1, temperature=0.0)
         still = self.by_landmarks or "augmentation" in self.without
         self.low, self.high = (1.0, 1.0) if still else arguments.augment
-        self.sampler = speech.sampler(list(SHARES), list(SHARES.values()), arguments.seed)
+        shares = lasting(speech.entries) if arguments.corpus else SHARES
+        self.sampler = speech.sampler(list(shares), list(shares.values()), seed)
         self.alphas = config.diffusion.alphas()
         self.model = Denoiser(config)
         rows = torch.cat([self.sampler.batch(16, 96).motion.float().flatten(0, 1) for _ in range(12)])
@@ -98,31 +127,33 @@ class Trainer:
         if self.by_landmarks:
             rows = torch.cat([self.beside(self.sampler.batch(32, 48).motion.float()) for _ in range(20)])
             self.model.begin_direct(self.memory(None, rows).flatten(0, 1), self.codes.of(rows).flatten(0, 1))
+        self.machine.place(self.model, arguments.seed)
+        self.speech.to(self.machine.device)
+        self.codes.to(self.machine.device)
 
     def loss(self, count: int, frames: int) -> tuple[Tensor, dict[str, float]]:
-        """Eq. 4, and the same on the landmarks that codes move."""
+        """Eq. 4, and in our recipe the same on the landmarks that codes move."""
+        device = self.machine.device
         batch = self.sampler.batch(count, frames)
         r = self.low + (self.high - self.low) * torch.rand(count, generator=self.random)
         weights = r[:, None, None] * batch.motion.float()
         if self.by_landmarks:
             weights = self.beside(weights)
+        t, noise = self._noise(count, frames)
+        given = torch.rand(count, generator=self.random) >= DROPPED_SHARE
+        with torch.no_grad(), self.machine.autocast():
+            memory = self.memory(batch, weights)
+        weights, given = weights.to(device), given.to(device)
         clean = self.model.standardise(self.codes.of(weights))
-        t = torch.randint(0, len(self.alphas), (count,), generator=self.random)
-        pure = torch.rand(count, generator=self.random) < PURE_NOISE_SHARE
-        if "diffusion" in self.without:
-            pure = torch.ones_like(pure)
-        t = torch.where(pure, len(self.alphas) - 1, t)
-        noise = torch.randn(clean.shape, generator=self.random)
-        if "diffusion" in self.without:
-            noise = torch.zeros_like(noise)
-        noisy = add_noise(clean, noise, self.alphas[t][:, None, None])
+        noisy = add_noise(clean, noise.to(device), self.alphas[t][:, None, None].to(device))
         if "diffusion" in self.without:
             noisy = torch.zeros_like(noisy)
-        given = torch.rand(count, generator=self.random) >= DROPPED_SHARE
-        with torch.no_grad():
-            memory = self.memory(batch, weights)
-        found = self.model(noisy, t, memory, given, r)
-        simple = motion_loss(found - clean, torch.ones_like(clean))
+        with self.machine.autocast():
+            found = self.model(noisy, t.to(device), memory, given, r.to(device)).float()
+        shares = (self.recipe.velocity, self.recipe.acceleration)
+        simple = motion_loss(found - clean, torch.ones_like(clean), *shares)
+        if self.recipe.plain:
+            return simple, {"simple": simple.item()}
         shown, truth = (
             1e3 * landmarks_of(w) for w in (self.codes.weights(self.model.to_codes(found)), weights)
         )
@@ -131,13 +162,25 @@ class Trainer:
         total = simple + LANDMARK_WEIGHT * near + CONCORDANCE * agreement
         return total, {"simple": simple.item(), "landmarks": near.item()} | parts
 
+    def _noise(self, count: int, frames: int) -> tuple[Tensor, Tensor]:
+        """Levels [B] and noise of codes [B, T, X]; ours is often all noise."""
+        t = torch.randint(0, len(self.alphas), (count,), generator=self.random)
+        if not self.recipe.plain:
+            pure = torch.rand(count, generator=self.random) < PURE_NOISE_SHARE
+            t = torch.where(pure, len(self.alphas) - 1, t)
+        if "diffusion" in self.without:
+            t = torch.full_like(t, len(self.alphas) - 1)
+        noise = torch.randn(count, frames, len(self.model.mean), generator=self.random)
+        return t, torch.zeros_like(noise) if "diffusion" in self.without else noise
+
     def memory(self, batch, weights: Tensor) -> Tensor:
         """What the model goes by, [B, T, C]: what is heard, or the landmarks that `weights` move."""
         if not self.by_landmarks:
-            return self.speech.windows(batch.mel)
+            return self.speech.windows(batch.mel.to(self.machine.device))
         moved = landmarks_of(weights)
         off = 1e-3 * UNEVEN_MM * torch.rand(len(moved), 1, 1, generator=self.random)
-        return CM * (moved + off * torch.randn(moved.shape, generator=self.random))
+        moved = moved + off * torch.randn(moved.shape, generator=self.random)
+        return (CM * moved).to(self.model.mean.device)
 
     def beside(self, weights: Tensor) -> Tensor:
         """Weights [B, T, 51] with what recordings of speech lack: emotions, brows, and lids that shut."""
@@ -167,25 +210,35 @@ def speech_of(arguments) -> tuple[CompactSpeech | HubertSpeech, SpeechInput]:
         heard = SpeechInput("compact_speech", encoder.config.channels)
         return CompactSpeech(encoder, entries_of(arguments)), heard
     features = HubertFeatures(arguments.hubert, FPS)
-    clips = [clip for read in bank.READERS.values() for clip in read(arguments.data)]
-    speech = HubertSpeech(features, clips)
-    speech.entries = solved(speech.entries, arguments)
+    if arguments.corpus:
+        speech = HubertSpeech(features, bank.clips_of_folders(arguments.corpus))
+        speech.entries = as_weights(speech.entries, folders=arguments.corpus)
+    else:
+        speech = HubertSpeech(features, [c for read in bank.READERS.values() for c in read(arguments.data)])
+        speech.entries = solved(speech.entries, arguments)
     return speech, SpeechInput(features.kind, features.channels, features.transformer_fps)
+
+
+def head_of(path: Path) -> Head:
+    """A head.pt, or that of a model folder."""
+    return load_folder(path)[0] if path.is_dir() else load_head(path)
 
 
 def train(arguments) -> Path:
     """Runs the training; writes `motion.pt` with the averaged weights and returns its path."""
     seeded(arguments)
-    if arguments.head.is_dir():
-        head = load_folder(arguments.head)[0]
-    else:
-        head = load_head(arguments.head)
-    trainer = Trainer(arguments, *speech_of(arguments), head)
+    trainer = Trainer(arguments, *speech_of(arguments), head_of(arguments.head))
+    recipe = trainer.recipe
     generators = {"trainer": trainer.random, "windows": trainer.sampler.random}
-    run = begin(arguments, trainer.model, generators, warm=0.05)
+    groups = [{"params": list(trainer.model.parameters()), "lr": recipe.rate}]
+    run = begin(
+        arguments, trainer.model, generators, groups=groups,
+        decay=recipe.weight_decay, warm=0.05, factor=None if recipe.annealed else lambda _: 1.0,
+        average=recipe.average, machine=trainer.machine,
+    )  # fmt: skip
 
     def judge(averaged: Denoiser) -> dict[str, float]:
-        save(run.out / "motion.pt", averaged)
+        save(run.out / "motion.pt", averaged, recipe=recipe.record())
         return {}
 
     descend(arguments, run, lambda _: trainer.loss(arguments.windows, arguments.frames), judge)
@@ -194,14 +247,15 @@ def train(arguments) -> Path:
 
 def parser() -> argparse.ArgumentParser:
     """Command line."""
-    parser = trainer_parser(
-        __doc__, "runs/facetalk_motion", 4000, 1e-3, log_every=200, save_every=500, corpus=False
-    )
+    parser = trainer_parser(__doc__, "runs/facetalk_motion", 4000, None, log_every=200, save_every=500)
     parser.add_argument("--head", type=Path, default=shipped("facetalk_compact"))
     parser.add_argument("--speech", type=Path, help="speech.pt of training.speech.train, or a model folder")
     parser.add_argument("--hubert", type=Path, help="folder of a wav2vec2 or HuBERT checkpoint instead")
     parser.add_argument("--memory", choices=["speech", LANDMARKS], default="speech", help="what it goes by")
-    parser.add_argument("--corpus", type=Path, nargs="*", default=[], help=argparse.SUPPRESS)
+    parser.add_argument("--config", choices=list(CONFIGS), default="compact")
+    recipes.add_arguments(parser)
+    add_arguments(parser, "float32")
+    parser.add_argument("--stop-at", type=int, help="stop after this step; the same command goes on")
     parser.add_argument("--voices", type=int, default=4)
     parser.add_argument("--without", nargs="*", choices=PARTS, default=[], help="table 2")
     parser.add_argument("--augment", type=float, nargs=2, default=[0.7, 1.3], metavar=("LOW", "HIGH"))

@@ -7,7 +7,8 @@ performs every clip once; that is kept under `--out`. `--speech DIR ...` adds
 folders of speech without motion, which the teacher alone judges: more voices than were captured;
 `--minutes` adds recorded and synthetic speech of many languages (`training/corpus/spoken.py`), `--corpus
 DIR [DIR ...]` takes corpus folders in place of the project's own. Seeded; resumes from `--out/last.pt` with
-the same bits; `--config debug` takes a minute.
+the same bits; `--device` and `--precision` say where it computes (`training/machine.py`); `--config debug`
+takes a minute.
 """
 
 import argparse
@@ -20,6 +21,7 @@ from training.corpus.lesson_windows import DIMS, LessonBatch, LessonSampler
 from training.corpus.lessons import FullModel, Lesson
 from training.corpus.shares import entries_of, lasting, measured_scales
 from training.losses import feature_concordance, feature_scores, landmark_weights, motion_loss
+from training.machine import Machine, add_arguments
 from training.nn.checkpoint import save
 from training.run import descend, seeded, trainer_parser
 from training.speech.causal import (
@@ -72,31 +74,35 @@ def shares_of(found: list[Lesson], speech_share: float, among: dict[str, float])
     return shares | {source: speech_share * s / total for source, s in seconds.items()}
 
 
-def loss_of(model: StreamNet, batch: LessonBatch, weight: torch.Tensor):
+def loss_of(model: StreamNet, batch: LessonBatch, weight: torch.Tensor, machine: Machine):
     """Motion loss against the captured and the taught motion, and concordance of what a viewer sees."""
     mel = normalise_running(batch.mel, model.config.normaliser, batch.heard)
-    with torch.autocast("cpu", torch.bfloat16):
-        prediction = model(mel).float()
-    captured = motion_loss((prediction - batch.captured) / batch.scale, batch.weight * weight)
-    everywhere = weight.expand_as(batch.taught)
-    taught = motion_loss((prediction - batch.taught) / batch.scale, everywhere)
-    motion = CAPTURED_SHARE * captured + (1.0 - CAPTURED_SHARE) * taught
-    agreement, parts = feature_concordance(prediction * 1e3, batch.captured * 1e3)
-    return motion + CONCORDANCE * agreement, {"captured": captured.item(), "taught": taught.item()} | parts
+    with machine.autocast():
+        prediction = model(mel.to(machine.device)).float()
+    seen, true, taught, scale = (
+        x.to(machine.device) for x in (batch.weight * weight, batch.captured, batch.taught, batch.scale)
+    )
+    everywhere = weight.to(machine.device).expand_as(taught)
+    by_capture = motion_loss((prediction - true) / scale, seen)
+    by_teacher = motion_loss((prediction - taught) / scale, everywhere)
+    motion = CAPTURED_SHARE * by_capture + (1.0 - CAPTURED_SHARE) * by_teacher
+    agreement, parts = feature_concordance(prediction * 1e3, true * 1e3)
+    report = {"captured": by_capture.item(), "taught": by_teacher.item()}
+    return motion + CONCORDANCE * agreement, report | parts
 
 
 @torch.no_grad()
 def validate(model: StreamNet, found: list[Lesson], captured: dict[str, float]) -> dict[str, float]:
     """r and slope of every feature on unseen clips: with the capture where there is one, else the teacher."""
-    model.eval()
-    report = {}
+    report, device = {}, model.mean.device
+    model.eval().cpu()
     for source in sorted({x.source for x in found if x.held_out}):
         chosen = [x for x in found if x.held_out and x.source == source][:HELD_OUT_CLIPS]
         made = [perform(model, x.mels[0].float(), len(x.motion)) for x in chosen]
         true = [x.motion if source in captured else x.taught.float() for x in chosen]
         scores = feature_scores(list(zip(made, true, strict=True)))
         report |= {f"{source} {key}": value for key, value in scores.items()}
-    model.train()
+    model.train().to(device)
     return report
 
 
@@ -133,21 +139,27 @@ def train(arguments) -> Path:
     captured = captured_shares(arguments, found)
     shares = shares_of(found, SPEECH_SHARE, captured)
     scales = measured_scales([*captured], found)
-    sampler = LessonSampler(found, shares, arguments.seed, model.config, scales)
-    run, weight = start(arguments, model, {"windows": sampler.random}, 0.99), landmark_weights()
+    machine = Machine(arguments.device, arguments.precision)
+    sampler = LessonSampler(found, shares, machine.seed(arguments.seed), model.config, scales)
+    machine.place(model, arguments.seed)
+    run, weight = start(arguments, model, {"windows": sampler.random}, 0.99, machine), landmark_weights()
     count, frames = (4, 32) if debug else (arguments.batch, arguments.frames)
+
+    def loss(_step: int) -> tuple[torch.Tensor, dict[str, float]]:
+        return loss_of(model, sampler.batch(count, frames), weight, machine)
 
     def judge(averaged: StreamNet) -> dict[str, float]:
         save(run.out / "stream.pt", averaged)
         return validate(averaged, found, captured)
 
-    descend(arguments, run, lambda _: loss_of(model, sampler.batch(count, frames), weight), judge)
+    descend(arguments, run, loss, judge)
     return run.out / "stream.pt"
 
 
 def parser() -> argparse.ArgumentParser:
     """Command line."""
     parser = trainer_parser(__doc__, "runs/stream", 1500, 2e-3)
+    add_arguments(parser, "bfloat16")
     parser.add_argument("--models", type=Path, help="folder of models; none: the embedded ones")
     parser.add_argument("--ats", type=Path, help="ats.pt of training.systems.freetalk.train, not --models")
     parser.add_argument("--speech", type=Path, nargs="*", default=[], help="folders of sound")
