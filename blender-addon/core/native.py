@@ -185,9 +185,7 @@ class Engine(
         sound_s = len(sound.samples) / sound.rate_hz
         frames = 2 * math.ceil(request.fps * sound_s)
         left = self._library.anyface_memory_left()
-        needed = self._library.anyface_engine_memory_needed(
-            self._handle, vertices, frames, sound_s
-        )
+        needed = self._library.anyface_engine_memory_needed(self._handle, vertices, frames, sound_s)
         if needed <= left:
             return []
         needed, left = needed >> 20, left >> 20
