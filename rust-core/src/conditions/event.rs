@@ -11,7 +11,7 @@ use super::{
 use crate::{Error, Result};
 
 /// Time in which the strength of an event rises before its slot and falls behind it, seconds.
-const EDGE_S: f64 = 0.12;
+pub const EDGE_S: f64 = 0.12;
 
 /// Units that are active for a while.
 #[derive(Debug, Clone, PartialEq)]
@@ -133,30 +133,36 @@ pub struct EventTrack {
 
 impl EventTrack {
     /// `frames` frames at `fps`; frame `t` stands at `t / fps` seconds. An event has one frame at least. Its
-    /// strength comes and goes within [`EDGE_S`] before and behind its slot, in which the model lets it rise
-    /// and fall.
+    /// strength comes and goes within `edge_s` before and behind its slot: [`EDGE_S`], in which the model lets it
+    /// rise and fall, or 0 for a mask that is the slot alone.
     ///
     /// `shapes` are the model's, names of ARKit.
-    pub fn of(events: &[Event], shapes: &[String], frames: usize, fps: f64) -> EventTrack {
+    pub fn of(
+        events: &[Event],
+        shapes: &[String],
+        frames: usize,
+        fps: f64,
+        edge_s: f64,
+    ) -> EventTrack {
         let mut track = EventTrack {
             active: Array2::zeros((frames, SIDES * ACTION_UNITS.len())),
             mask: Array2::zeros((frames, shapes.len())),
             over_speech: vec![false; frames],
         };
         for event in events {
-            track.add(event, shapes, fps);
+            track.add(event, shapes, fps, edge_s);
         }
         track
     }
 
-    fn add(&mut self, event: &Event, shapes: &[String], fps: f64) {
+    fn add(&mut self, event: &Event, shapes: &[String], fps: f64, edge_s: f64) {
         let frames = self.mask.nrows();
         let shown: Vec<usize> = (0..shapes.len())
             .filter(|&s| event.shows(&shapes[s]))
             .collect();
         let [first, last] = event.slot_s.map(|second| (second * fps).round() as usize);
         let end = last.max(first.saturating_add(1));
-        let edge = (EDGE_S * fps).round() as usize;
+        let edge = (edge_s * fps).round() as usize;
         for t in first.saturating_sub(edge)..end.saturating_add(edge).min(frames) {
             let beyond = first.saturating_sub(t).max((t + 1).saturating_sub(end));
             let share = 1.0 - beyond as f32 / (edge + 1) as f32;
@@ -208,21 +214,25 @@ mod tests {
             Event::parse("0.6-9:1").unwrap(),
         ];
         let shapes = ARKIT.map(str::to_owned);
-        let track = EventTrack::of(&events, &shapes, 25, 25.0);
+        let track = EventTrack::of(&events, &shapes, 25, 25.0, EDGE_S);
         let at = |name: &str| ARKIT.iter().position(|known| *known == name).unwrap();
         let wink = track.mask.column(at("eyeBlinkLeft")).to_vec();
         assert_eq!(wink[6..11], [0.0, 0.125, 0.25, 0.375, 0.5]);
+        let slot = EventTrack::of(&events, &shapes, 25, 25.0, 0.0).mask;
+        let wink = slot.column(at("eyeBlinkLeft")).to_vec();
+        assert_eq!(wink[8..12], [0.0, 0.0, 0.5, 0.5]);
+        assert_eq!(wink[18..22], [0.5, 0.5, 0.0, 0.0]);
         assert_eq!(track.mask.column(at("eyeBlinkRight")).sum(), 0.0);
         assert_eq!(track.mask[[24, at("browInnerUp")]], 1.0);
         assert_eq!((track.active[[20, 0]], track.active[[20, 16]]), (1.0, 1.0));
         assert_eq!(track.active.sum(), 2.0 * 10.0 + 2.0 * 10.0);
         for never in ["1e300-2e300:1", "1.2-2:1"] {
             let never = [Event::parse(never).unwrap()];
-            let track = EventTrack::of(&never, &shapes, 25, 25.0);
+            let track = EventTrack::of(&never, &shapes, 25, 25.0, EDGE_S);
             assert_eq!((track.active.sum(), track.mask.sum()), (0.0, 0.0));
         }
         let soon = [Event::parse("1.04-2:1").unwrap()];
-        let mask = EventTrack::of(&soon, &shapes, 25, 25.0).mask;
+        let mask = EventTrack::of(&soon, &shapes, 25, 25.0, EDGE_S).mask;
         let brow = mask.column(at("browInnerUp"));
         assert_eq!([brow[22], brow[23], brow[24]], [0.0, 0.25, 0.5]);
     }

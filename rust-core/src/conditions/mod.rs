@@ -12,7 +12,7 @@ use ndarray::Array2;
 
 pub use action_units::{ACTION_UNITS, ActionUnit, SIDES, Side};
 pub use controls::{Control, ControlCurve, ControlStage, ControlValues, Controls, STEPS};
-pub use event::{Event, EventTrack};
+pub use event::{EDGE_S, Event, EventTrack};
 pub use expression::{Expression, MAX_EVENT_STRENGTH, MENU, read_unit};
 pub use from_voice::{arousal, emotion_from_voice};
 

@@ -7,7 +7,7 @@ use ndarray::s;
 use super::{CafeTalkConfig, Denoiser, Guidance, Request, windows_kept::WindowsKept};
 use crate::{
     Result,
-    conditions::{Control, ControlValues, EmotionCurve, EventTrack, STEPS},
+    conditions::{Control, ControlValues, EDGE_S, EmotionCurve, EventTrack, STEPS},
     deform::LEARNED,
     job::ProgressFn,
     models::{BuiltIn, Weights},
@@ -39,8 +39,9 @@ static EVENTS: Control = Control {
 static GUIDANCE: Control = Control {
     name: "guidance",
     label: "Guidance",
-    help: "What events are told apart from: the same speech without them (speech), or nothing at all, as the \
-           paper prints it (printed), which moves the mouth more within an event.",
+    help: "What events are told apart from: the same speech without them, and they rise and fall about their slot \
+           (speech); or nothing at all, as the paper prints it, in the slot alone (printed), which moves the mouth more \
+           within an event.",
     values: ControlValues::Choice(&["speech", "printed"]),
     high: 1.0,
     ..STEPS
@@ -153,6 +154,7 @@ impl System for CafeTalk {
         let affect = request.emotion.sample(speech.nrows(), fps);
         let mixtures = affect.slice(s![.., ..affect.ncols() - 1]);
         let steps = STEPS.value(&request.controls) as usize;
+        let guidance = self.guidance(request);
         let weights = self.denoiser.sample(
             &Request {
                 speech: speech.view(),
@@ -164,6 +166,10 @@ impl System for CafeTalk {
                     &self.config().channels,
                     speech.nrows(),
                     fps,
+                    match guidance.is_printed {
+                        true => 0.0,
+                        false => EDGE_S,
+                    },
                 ),
                 seed: request.seed,
                 steps: if steps > 0 {
@@ -171,7 +177,7 @@ impl System for CafeTalk {
                 } else {
                     self.config().sampling.steps
                 },
-                guidance: self.guidance(request),
+                guidance,
                 kept: Some(&self.kept),
             },
             progress,
@@ -206,7 +212,8 @@ impl System for CafeTalk {
         };
         let controls = PerformanceControls::from(&request.controls);
         let contacts = heard.contacts(request.closures.as_deref());
-        let events = EventTrack::of(&request.events, &clip.names, clip.weights.nrows(), clip.fps);
+        let frames = clip.weights.nrows();
+        let events = EventTrack::of(&request.events, &clip.names, frames, clip.fps, EDGE_S);
         let over_speech = &events.over_speech;
         let mut rounded = clip.clone();
         rounded.round_lips(&contacts.rounding, &self.modes, over_speech)?;

@@ -17,7 +17,7 @@ use super::{
 use crate::metrics::{closures, control_leak, control_rate, pearson};
 use anyface::{
     Performance, Result,
-    conditions::{ACTION_UNITS, Event, EventTrack, Side},
+    conditions::{ACTION_UNITS, EDGE_S, Event, EventTrack, Side},
     motion::{Motion, WeightClip},
     systems::Ability,
 };
@@ -235,7 +235,13 @@ fn with_event(wish: &Wish, event: Event) -> Wish {
 fn added(speaker: &Speaker, clip: &Clip, plain: &Shown, unit: usize) -> Result<Shown> {
     let mut weights = plain.weights.clone();
     let (frames, fps) = (weights.weights.nrows(), weights.fps);
-    let track = EventTrack::of(&[event(unit, 1.0, false)], &weights.names, frames, fps);
+    let track = EventTrack::of(
+        &[event(unit, 1.0, false)],
+        &weights.names,
+        frames,
+        fps,
+        EDGE_S,
+    );
     weights.weights += &track.mask;
     of_weights(speaker, clip, weights)
 }
