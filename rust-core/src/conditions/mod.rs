@@ -165,15 +165,12 @@ impl Default for EmotionCurve {
 }
 
 impl EmotionCurve {
-    /// Whether an emotion other than neutral is asked for by name; what is heard in a voice is not.
-    pub(crate) fn names_emotion(&self) -> bool {
-        let shows = |emotion: &Emotion| {
-            emotion.intensity > 0.0 && emotion.mixture[1..].iter().any(|share| *share > 0.0)
-        };
+    /// The emotions that are asked for by name; what is heard in a voice is none of them.
+    pub(crate) fn named(&self) -> Vec<&Emotion> {
         match self {
-            Self::Constant(emotion) => shows(emotion),
-            Self::Keys(keys) => keys.iter().any(|(_, emotion)| shows(emotion)),
-            Self::Auto | Self::Arousal | Self::Off => false,
+            Self::Constant(emotion) => vec![emotion],
+            Self::Keys(keys) => keys.iter().map(|(_, emotion)| emotion).collect(),
+            Self::Auto | Self::Arousal | Self::Off => Vec::new(),
         }
     }
 
@@ -262,11 +259,7 @@ impl EmotionCurve {
             true => emotion.intensity,
             false => 0.0,
         };
-        match self {
-            Self::Constant(emotion) => felt(emotion),
-            Self::Keys(keys) => keys.iter().map(|(_, e)| felt(e)).fold(0.0, f32::max),
-            Self::Auto | Self::Arousal | Self::Off => 0.0,
-        }
+        self.named().into_iter().map(felt).fold(0.0, f32::max)
     }
 
     /// Per-frame conditions: mixture `[T, 15]` and intensity `[T, 1]` side by side, `[T, 16]`.

@@ -223,7 +223,7 @@ impl Engine {
             given => given.clone(),
         };
         let mut controls = request.controls.clone();
-        let by_name = request.emotion.names_emotion() && request.felt_as.is_none();
+        let by_name = request.emotion.strongest() > 0.0 && request.felt_as.is_none();
         if by_name && self.knows(FEELING_FROM) && self.control(request, FEELING_FROM) == FROM_VOICE
         {
             controls.set(FEELING_FROM, FROM_EMOTION);

@@ -231,11 +231,7 @@ impl EmoFace {
             let mut named = EMOTIONS.iter().zip(&emotion.mixture);
             named.all(|(name, share)| *share == 0.0 || feelings.iter().any(|known| known == name))
         };
-        match curve {
-            EmotionCurve::Constant(emotion) => is_known(emotion),
-            EmotionCurve::Keys(keys) => keys.iter().all(|(_, emotion)| is_known(emotion)),
-            EmotionCurve::Auto | EmotionCurve::Arousal | EmotionCurve::Off => true,
-        }
+        curve.named().into_iter().all(is_known)
     }
 
     /// Whether the branch shows the emotion, or it is put on what is said as in FreeTalk, because the branch was not
