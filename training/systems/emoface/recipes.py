@@ -6,70 +6,48 @@ before it. An epoch shows every training clip once. Where the paper is silent (a
 gradients, decay) there is none; its norms are means here.
 """
 
-import argparse
 import math
-from dataclasses import asdict, dataclass, replace
+from dataclasses import dataclass
+
+from training.systems.freetalk.recipes import Recipe
 
 
-@dataclass(frozen=True)
-class Recipe:
-    """Losses, learning rate and length of a training; lengths are metres."""
+@dataclass(frozen=True, kw_only=True)
+class EmoFaceRecipe(Recipe):
+    """A recipe whose lengths are metres and whose `velocity` is λ3 of eq. 11. It is `plain` where L_self and
+    L_cross are summed as printed; otherwise all rows have one mean."""
 
-    name: str
-    rate: float
-    weight_decay: float
-    annealed: bool
-    """Whether the rate rises at first and falls to zero at the end; otherwise it stays."""
-    steps: int | None
-    """None: of `epochs`."""
-    average: float | None
+    average: float | None = None
     """Decay of the averaged weights that are kept; none keeps the last ones."""
+    velocity: float = 500.0
+    acceleration: float = 0.0
+    length: int | None = None
+    """In steps; none: of `epochs`."""
     clip: float
     """Longest gradient."""
     concordance: float
     """Weight of what a viewer sees of the mouth; ours."""
     classification: float
     """λ4 of eq. 11."""
-    plain: bool
-    """Whether L_self and L_cross are summed as printed; otherwise all rows have one mean."""
     whole: bool
     """Whether a batch is one recording from end to end and one of its pairs; otherwise stretches of many."""
     encoder_share: float
     """Rate of encoders that learn too, over that of the model."""
     reconstruction: float = 1000.0
     """λ1 = λ2 of eq. 11."""
-    velocity: float = 500.0
-    """λ3 of eq. 11."""
-    epochs: int = 200
 
-    def steps_of(self, clips: int) -> int:
+    def steps(self, windows: int) -> int:
         """How many it takes with so many training clips."""
-        return self.steps or self.epochs * clips
-
-    def record(self) -> dict:
-        """For the checkpoint."""
-        return asdict(self)
+        return self.length or super().steps(windows)
 
 
-RECIPES = {
-    "ours": Recipe(
-        "ours", 1e-3, 0.01, annealed=True, steps=6000, average=0.99, clip=1.0, concordance=0.5,
-        classification=0.1, plain=False, whole=False, encoder_share=0.1,
+EMOFACE = {
+    "ours": EmoFaceRecipe(
+        name="ours", rate=1e-3, weight_decay=0.01, annealed=True, length=6000, average=0.99, clip=1.0,
+        concordance=0.5, classification=0.1, plain=False, whole=False, encoder_share=0.1,
     ),
-    "paper": Recipe(
-        "paper", 1e-4, 0.0, annealed=False, steps=None, average=None, clip=math.inf, concordance=0.0,
-        classification=1e-4, plain=True, whole=True, encoder_share=1.0,
+    "paper": EmoFaceRecipe(
+        name="paper", rate=1e-4, weight_decay=0.0, annealed=False, epochs=200, clip=math.inf,
+        concordance=0.0, classification=1e-4, plain=True, whole=True, encoder_share=1.0,
     ),
 }  # fmt: skip
-
-
-def add_arguments(parser: argparse.ArgumentParser) -> None:
-    """`--recipe`, and the rate that overrides its own."""
-    parser.add_argument("--recipe", choices=list(RECIPES), default="ours")
-    parser.add_argument("--rate", type=float, help="of learning, in place of the recipe's")
-
-
-def choose(arguments: argparse.Namespace) -> Recipe:
-    """The recipe of the command line."""
-    recipe = RECIPES[arguments.recipe]
-    return recipe if arguments.rate is None else replace(recipe, rate=arguments.rate)

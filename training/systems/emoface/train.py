@@ -27,12 +27,14 @@ from training.nn.spiral_conv import spirals
 from training.run import begin, descend, seeded, trainer_parser
 from training.speech.compact import SHIPPED_ENCODER
 from training.systems.cafe_talk.train import lips_met
-from training.systems.emoface import folder_clips, recipes
+from training.systems.emoface import folder_clips
 from training.systems.emoface.clips import load_clips, of_corpus, template_of
 from training.systems.emoface.encoders import UNTAUGHT, Encoders
 from training.systems.emoface.model import CONFIGS, EmoFace, EmoFaceConfig, Inputs, Made
+from training.systems.emoface.recipes import EMOFACE, EmoFaceRecipe
 from training.systems.emoface.recorded_rows import RecordedRows
 from training.systems.emoface.rows import Batch, Rows, Spoken, prototypes
+from training.systems.freetalk import recipes
 
 SHARES = {"grid_s1": 0.35, "facegood_zh": 0.25, "emodb_de": 0.4}
 GUIDED_SHARE = 0.2
@@ -52,7 +54,7 @@ class Learner(nn.Module):
         self.face = face
         self.encoders = encoders if encoders is not None and encoders.learn else None
 
-    def groups(self, recipe: recipes.Recipe) -> list[dict]:
+    def groups(self, recipe: EmoFaceRecipe) -> list[dict]:
         """Parameters with their rates."""
         found = [{"params": list(self.face.parameters()), "lr": recipe.rate}]
         if self.encoders is not None:
@@ -70,13 +72,14 @@ class EmoFaceTrainer:
         template, modes = _template(arguments, config)
         config.vertices = len(template.vertices)
         config.landmarks = template.landmarks.tolist()
-        self.config, self.recipe = config, recipes.choose(arguments)
+        self.config = config
+        self.recipe: EmoFaceRecipe = recipes.chosen(EMOFACE, arguments)
         self.grows = not arguments.guided
         self.random = torch.Generator().manual_seed(arguments.seed)
         present = {c.source for c in clips if not c.held_out}
         if not present:
             raise ValueError("expected training clips, got none; mark some as train in clips.tsv")
-        self.steps = arguments.steps or self.recipe.steps_of(sum(not c.held_out for c in clips))
+        self.steps = arguments.steps or self.recipe.steps(sum(not c.held_out for c in clips))
         self.tokens = arguments.tokens
         if encoders is not None:
             self.rows = RecordedRows(clips, config, encoders, arguments.seed, arguments.worn)
