@@ -5,12 +5,12 @@ from pathlib import Path
 import pytest
 import torch
 
-from training.run import Run
 from training.speech import train as train_speech
 from training.speech import train_closure
 from training.speech.compact import load_encoder
 from training.systems.freetalk import train as train_ats
 from training.systems.freetalk import train_stream
+from training.tests.killed import killed
 from training.tests.made_up import made_up
 
 pytestmark = pytest.mark.slow
@@ -47,19 +47,8 @@ def finished(corpus, tmp_path_factory) -> Path:
 def test_a_trainer_killed_goes_on_with_the_same_bits(corpus, finished, tmp_path, monkeypatch, trainer):
     more = ("--batch", "4", "--frames", "24") if trainer is train_speech else ("--ats", str(finished))
     whole = state(trainer, corpus, tmp_path / "whole", *more)
-    after = Run.after
-
-    def killed(run, step, loss):
-        after(run, step, loss)
-        if step == 9:
-            run.save(step + 1)
-        if step == 12:
-            raise KeyboardInterrupt
-
-    with monkeypatch.context() as patch:
-        patch.setattr(Run, "after", killed)
-        with pytest.raises(KeyboardInterrupt):
-            state(trainer, corpus, tmp_path / "parts", *more)
+    with killed(monkeypatch, 9, 12):
+        state(trainer, corpus, tmp_path / "parts", *more)
     again = state(trainer, corpus, tmp_path / "parts", *more)
     assert all(torch.equal(value, again[name]) for name, value in whole.items())
     assert "made_up gap r" in (tmp_path / "parts/log.csv").read_text().splitlines()[0]

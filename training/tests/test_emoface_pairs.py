@@ -8,7 +8,6 @@ import torch
 import torch.nn.functional as F
 
 from training.corpus.folder import CorpusFolder
-from training.run import Run
 from training.speech.hubert import HubertFeatures
 from training.systems.emoface import evaluate, folder_scores, train
 from training.systems.emoface.clips import load_feeling, of_corpus
@@ -17,6 +16,7 @@ from training.systems.emoface.model import CONFIGS
 from training.systems.emoface.pairs import Pairs, align
 from training.systems.emoface.rows import Spoken
 from training.systems.emoface.train import EmoFaceTrainer
+from training.tests.killed import killed
 from training.tests.made_up import FELT, felt_pairs
 from training.tests.test_speech import written
 
@@ -175,19 +175,8 @@ def test_encoders_that_learn_go_on_with_the_same_bits_and_are_written(folder, tm
             written(f"{name}_tiny", tmp_path / name)
         flags += ["--hubert", tmp_path / "wav2vec2", "--feeling-hubert", tmp_path / "hubert"]
     whole = torch.load(train.train(flags_of(folder, *flags, "--out", tmp_path / "whole")))["state"]
-    after = Run.after
-
-    def killed(run, step, loss):
-        after(run, step, loss)
-        if step == 7:
-            run.save(step + 1)
-        if step == 9:
-            raise KeyboardInterrupt
-
-    with monkeypatch.context() as patch:
-        patch.setattr(Run, "after", killed)
-        with pytest.raises(KeyboardInterrupt):
-            train.train(flags_of(folder, *flags, "--out", tmp_path / "parts"))
+    with killed(monkeypatch, 7, 9):
+        train.train(flags_of(folder, *flags, "--out", tmp_path / "parts"))
     run = train.train(flags_of(folder, *flags, "--out", tmp_path / "parts"))
     again = torch.load(run)["state"]
     assert all(torch.equal(value, again[name]) for name, value in whole.items())

@@ -12,11 +12,11 @@ from safetensors.torch import load_file
 from training.corpus.sequence_meshes import sequence_meshes
 from training.deform.static_weights import CONFIGS as STATIC
 from training.export import export, main
-from training.run import Run
 from training.systems.freetalk.ats import CONFIGS, AtsConfig, AtsDenoiser
 from training.systems.freetalk.stm import train as train_stm
 from training.systems.freetalk.stm.paper import CONFIGS as PAPER
 from training.systems.freetalk.train import parser, train
+from training.tests.killed import killed
 from training.tests.made_up import made_up
 from training.tests.test_speech import written
 
@@ -119,18 +119,8 @@ def test_every_decoder_trains_on_sequences_and_exports(sequences, tmp_path, mode
 @pytest.mark.parametrize("model", ["static", "paper"])
 def test_a_decoder_killed_in_training_goes_on_with_the_same_bits(sequences, tmp_path, model, monkeypatch):
     whole = train_decoder(sequences, tmp_path / "whole", model, "debug", 6)
-    after = Run.after
-
-    def killed(run, step, loss):
-        run.save_every = 2
-        after(run, step, loss)
-        if step == 4:
-            raise KeyboardInterrupt
-
-    with monkeypatch.context() as patch:
-        patch.setattr(Run, "after", killed)
-        with pytest.raises(KeyboardInterrupt):
-            train_decoder(sequences, tmp_path / "parts", model, "debug", 6)
+    with killed(monkeypatch, 3, 4):
+        train_decoder(sequences, tmp_path / "parts", model, "debug", 6)
     again = train_decoder(sequences, tmp_path / "parts", model, "debug", 6)
     assert all(torch.equal(value, again["state"][key]) for key, value in whole["state"].items())
 
