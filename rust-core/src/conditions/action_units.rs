@@ -16,6 +16,8 @@ pub struct ActionUnit {
     pub shapes: &'static [&'static str],
     /// Whether it moves the mouth, where speech has the first say.
     pub is_lower: bool,
+    /// Where both eyes look, yaw to the subject's left and pitch up, radians; 0 for a unit that turns no eye.
+    pub gaze: [f32; 2],
 }
 
 const fn upper(
@@ -28,6 +30,7 @@ const fn upper(
         label,
         shapes,
         is_lower: false,
+        gaze: [0.0; 2],
     }
 }
 
@@ -42,8 +45,22 @@ const fn lower(
     }
 }
 
-/// The sixteen units of Cafe-Talk, in the order of the weights.
-pub const ACTION_UNITS: [ActionUnit; 16] = [
+const fn eyes(name: &'static str, label: &'static str, gaze: [f32; 2]) -> ActionUnit {
+    ActionUnit {
+        gaze,
+        ..upper(name, label, &[])
+    }
+}
+
+/// How far eyes turn to a side, up or down, radians: as far as people look without turning the head.
+const ASIDE: f32 = 0.4;
+const UP: f32 = 0.3;
+
+/// How many of [`ACTION_UNITS`] a network knows: the first ones. The others are put on what it gives.
+pub const LEARNED_UNITS: usize = 16;
+
+/// The sixteen units of Cafe-Talk in the order of the weights, and behind them those that no network has learned.
+pub const ACTION_UNITS: [ActionUnit; 25] = [
     upper("1", "inner brow raiser", &["browInnerUp"]),
     upper("2", "outer brow raiser", &["browOuterUp"]),
     upper("4", "brow lowerer", &["browDown"]),
@@ -60,6 +77,15 @@ pub const ACTION_UNITS: [ActionUnit; 16] = [
     lower("26", "jaw drop", &["jawOpen"]),
     lower("28", "lip suck", &["mouthRollLower", "mouthRollUpper"]),
     upper("45", "blink", &["eyeBlink"]),
+    lower("18", "lip pucker", &["mouthPucker"]),
+    lower("22", "lip funneler", &["mouthFunnel"]),
+    lower("23", "lip tightener", &["mouthPress"]),
+    lower("25", "lips part", &["mouthLowerDown", "mouthUpperUp"]),
+    lower("34", "cheek puff", &["cheekPuff"]),
+    eyes("61", "eyes turn left", [ASIDE, 0.0]),
+    eyes("62", "eyes turn right", [-ASIDE, 0.0]),
+    eyes("63", "eyes up", [0.0, UP]),
+    eyes("64", "eyes down", [0.0, -UP]),
 ];
 
 /// On which side of the face, the subject's own.
@@ -89,7 +115,23 @@ impl Side {
 impl ActionUnit {
     /// Whether its shapes have sides; one that has none is on both.
     pub fn has_sides(&self) -> bool {
-        !matches!(self.name, "1" | "17" | "26" | "28")
+        !matches!(self.name, "1" | "17" | "18" | "22" | "26" | "28" | "34") && !self.turns_eyes()
+    }
+
+    /// Whether it turns the eyes.
+    pub fn turns_eyes(&self) -> bool {
+        self.gaze != [0.0; 2]
+    }
+
+    /// Whether it moves a shape of ARKit's where it is asked for on a side.
+    pub fn shows(&self, side: Side, shape: &str) -> bool {
+        let on_side = match (self.has_sides(), side) {
+            (true, Side::Left) => shape.ends_with("Left"),
+            (true, Side::Right) => shape.ends_with("Right"),
+            _ => true,
+        };
+        let turned = self.turns_eyes() && shape.starts_with("eyeLook");
+        turned || (on_side && self.shapes.iter().any(|stem| shape.starts_with(stem)))
     }
 
     /// The number in [`ACTION_UNITS`] of `12`, `AU12` or `au 12`.

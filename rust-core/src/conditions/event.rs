@@ -2,10 +2,10 @@
 //!
 //! Cafe-Talk (Chen et al. 2025), eq. 1: `F = {(F_d, F_s, F_e)}`. Side, strength and seconds are ours.
 
-use ndarray::Array2;
+use ndarray::{Array2, Array3, Axis};
 
 use super::{
-    action_units::{ACTION_UNITS, SIDES, Side},
+    action_units::{ACTION_UNITS, LEARNED_UNITS, SIDES, Side},
     expression::{Expression, MAX_EVENT_STRENGTH},
 };
 use crate::{Error, Result};
@@ -71,15 +71,29 @@ impl Event {
 
     /// Whether one of its units moves a shape of ARKit's.
     pub fn shows(&self, shape: &str) -> bool {
-        self.units.iter().any(|&(unit, side)| {
-            let unit = &ACTION_UNITS[unit];
-            let on_side = match (unit.has_sides(), side) {
-                (true, Side::Left) => shape.ends_with("Left"),
-                (true, Side::Right) => shape.ends_with("Right"),
-                _ => true,
-            };
-            on_side && unit.shapes.iter().any(|stem| shape.starts_with(stem))
+        self.shows_by(shape, |_| true)
+    }
+
+    fn shows_by(&self, shape: &str, counts: impl Fn(usize) -> bool) -> bool {
+        let mut units = self.units.iter().filter(|(unit, _)| counts(*unit));
+        units.any(|&(unit, side)| ACTION_UNITS[unit].shows(side, shape))
+    }
+
+    /// Frames about its slot with the share of its strength in each: it rises and falls within `edge_s`.
+    fn shares(&self, frames: usize, fps: f64, edge_s: f64) -> impl Iterator<Item = (usize, f32)> {
+        let [first, end] = self.slot(fps);
+        let edge = (edge_s * fps).round() as usize;
+        let all = first.saturating_sub(edge)..end.saturating_add(edge).min(frames);
+        all.map(move |t| {
+            let beyond = first.saturating_sub(t).max((t + 1).saturating_sub(end));
+            (t, 1.0 - beyond as f32 / (edge + 1) as f32)
         })
+    }
+
+    /// Its first frame, and the one behind its last.
+    fn slot(&self, fps: f64) -> [usize; 2] {
+        let [first, last] = self.slot_s.map(|second| (second * fps).round() as usize);
+        [first, last.max(first.saturating_add(1))]
     }
 
     /// Its units as [`Event::parse`] reads them: `12`, `6L`.
@@ -127,6 +141,8 @@ pub struct EventTrack {
     pub active: Array2<f32>,
     /// `[T, S]`, Z of eq. 6: the strongest event of each frame and shape; 0 away from all.
     pub mask: Array2<f32>,
+    /// `[T, S]`, least weight of each frame and shape under units that no network has learned; 0 away from them.
+    pub put_on: Array2<f32>,
     /// `[T]`, where an event is put over the speech.
     pub over_speech: Vec<bool>,
 }
@@ -145,8 +161,9 @@ impl EventTrack {
         edge_s: f64,
     ) -> EventTrack {
         let mut track = EventTrack {
-            active: Array2::zeros((frames, SIDES * ACTION_UNITS.len())),
+            active: Array2::zeros((frames, SIDES * LEARNED_UNITS)),
             mask: Array2::zeros((frames, shapes.len())),
+            put_on: Array2::zeros((frames, shapes.len())),
             over_speech: vec![false; frames],
         };
         for event in events {
@@ -157,34 +174,64 @@ impl EventTrack {
 
     fn add(&mut self, event: &Event, shapes: &[String], fps: f64, edge_s: f64) {
         let frames = self.mask.nrows();
-        let shown: Vec<usize> = (0..shapes.len())
-            .filter(|&s| event.shows(&shapes[s]))
-            .collect();
-        let [first, last] = event.slot_s.map(|second| (second * fps).round() as usize);
-        let end = last.max(first.saturating_add(1));
-        let edge = (edge_s * fps).round() as usize;
-        for t in first.saturating_sub(edge)..end.saturating_add(edge).min(frames) {
-            let beyond = first.saturating_sub(t).max((t + 1).saturating_sub(end));
-            let share = 1.0 - beyond as f32 / (edge + 1) as f32;
-            for &s in &shown {
-                self.mask[[t, s]] = self.mask[[t, s]].max(share * event.strength);
+        for (s, shape) in shapes.iter().enumerate() {
+            if event.shows_by(shape, |unit| unit < LEARNED_UNITS) {
+                for (t, share) in event.shares(frames, fps, edge_s) {
+                    self.mask[[t, s]] = self.mask[[t, s]].max(share * event.strength);
+                }
+            }
+            if event.shows_by(shape, |unit| unit >= LEARNED_UNITS) {
+                for (t, share) in event.shares(frames, fps, EDGE_S) {
+                    let weight = smooth(share) * event.strength;
+                    self.put_on[[t, s]] = self.put_on[[t, s]].max(weight);
+                }
             }
         }
+        let [first, end] = event.slot(fps);
         for t in first..end.min(frames) {
             self.over_speech[t] |= event.over_speech;
-            for &(unit, _) in &event.units {
+            let learned = event.units.iter().filter(|(unit, _)| *unit < LEARNED_UNITS);
+            for &(unit, _) in learned {
                 for side in 0..SIDES {
-                    self.active[[t, side * ACTION_UNITS.len() + unit]] = 1.0;
+                    self.active[[t, side * LEARNED_UNITS + unit]] = 1.0;
                 }
             }
         }
     }
 }
 
+/// Turns eyes as events ask: `gaze` `[T, 2, 2]` as that of [`crate::motion::Life`].
+pub(crate) fn turn_eyes(events: &[Event], gaze: &mut Array3<f32>, fps: f64) {
+    for event in events {
+        let asked = event.units.iter().map(|(unit, _)| ACTION_UNITS[*unit]);
+        let turns: Vec<[f32; 2]> = asked
+            .filter(|unit| unit.turns_eyes())
+            .map(|unit| unit.gaze)
+            .collect();
+        if turns.is_empty() {
+            continue;
+        }
+        for (t, share) in event.shares(gaze.dim().0, fps, EDGE_S) {
+            let share = smooth(share);
+            for mut angles in gaze.index_axis_mut(Axis(0), t).outer_iter_mut() {
+                for (axis, angle) in angles.iter_mut().enumerate() {
+                    let to: f32 = turns.iter().map(|turn| event.strength * turn[axis]).sum();
+                    *angle += share * (to - *angle);
+                }
+            }
+        }
+    }
+}
+
+/// From 0 to 1 without a corner at either end.
+fn smooth(share: f32) -> f32 {
+    share * share * (3.0 - 2.0 * share)
+}
+
 #[cfg(test)]
 mod tests {
     use super::*;
-    use crate::rig::ARKIT;
+    use crate::{conditions::ActionUnit, rig::ARKIT};
 
     #[test]
     fn events_are_read_with_sides_and_strength() {
@@ -235,5 +282,34 @@ mod tests {
         let mask = EventTrack::of(&soon, &shapes, 25, 25.0, EDGE_S).mask;
         let brow = mask.column(at("browInnerUp"));
         assert_eq!([brow[22], brow[23], brow[24]], [0.0, 0.25, 0.5]);
+    }
+
+    #[test]
+    fn units_that_no_network_has_learned_are_put_on_and_turn_eyes() {
+        let events = [
+            Event::parse("0.4-0.8:18,23L:0.5").unwrap(),
+            Event::parse("0.4-0.8:look up").unwrap(),
+        ];
+        let shapes = ARKIT.map(str::to_owned);
+        let at = |name: &str| ARKIT.iter().position(|known| *known == name).unwrap();
+        let track = EventTrack::of(&events, &shapes, 25, 25.0, EDGE_S);
+        assert_eq!((track.active.sum(), track.mask.sum()), (0.0, 0.0));
+        let least = |t: usize, name: &str| track.put_on[[t, at(name)]];
+        assert_eq!(
+            (least(12, "mouthPucker"), least(12, "mouthPressLeft")),
+            (0.5, 0.5)
+        );
+        assert_eq!(
+            (least(12, "mouthPressRight"), least(4, "mouthPucker")),
+            (0.0, 0.0)
+        );
+        assert!(least(8, "mouthPucker") > 0.2 && least(8, "mouthPucker") < 0.5);
+        let mut gaze = Array3::from_elem((25, 2, 2), 0.1);
+        turn_eyes(&events, &mut gaze, 25.0);
+        assert_eq!(
+            gaze[[12, 0, 1]],
+            ACTION_UNITS[ActionUnit::find("63").unwrap()].gaze[1]
+        );
+        assert_eq!((gaze[[12, 1, 0]], gaze[[2, 0, 1]]), (0.0, 0.1));
     }
 }

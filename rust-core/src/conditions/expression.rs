@@ -7,7 +7,7 @@ use super::action_units::{ACTION_UNITS, ActionUnit, Side};
 use crate::{Error, Result};
 
 /// Words whose units are laid down, whatever a model of texts makes of them: what animators call them, and the units.
-pub const MENU: [(&str, &str); 19] = [
+pub const MENU: [(&str, &str); 30] = [
     ("smile", "6,12"),
     ("smirk", "12L,14L"),
     ("wink", "6L,45L"),
@@ -27,6 +27,17 @@ pub const MENU: [(&str, &str); 19] = [
     ("sarcastic laugh", "6,12L,14L,26"),
     ("jaw drop", "26"),
     ("pressed lips", "28"),
+    ("lip press", "23"),
+    ("lips part", "25"),
+    ("pucker", "18"),
+    ("kiss", "18,22"),
+    ("puffed cheeks", "34"),
+    ("wince", "4,6,7,10"),
+    ("sneeze", "4,6,9,10,45"),
+    ("look left", "61"),
+    ("look right", "62"),
+    ("look up", "63"),
+    ("look down", "64"),
 ];
 
 /// Largest strength of an event; 1 is the model's own.
@@ -170,6 +181,10 @@ fn of_menu(text: &str) -> Result<Option<Vec<(usize, Side)>>> {
     let words = text
         .split(|c: char| !c.is_alphanumeric())
         .filter(|word| !word.is_empty());
+    let all = words.clone().collect::<Vec<_>>().join(" ");
+    if let Some((_, units)) = MENU.iter().find(|(known, _)| *known == all) {
+        return read_units(units);
+    }
     let (sides, names): (Vec<&str>, Vec<&str>) = words.partition(|word| side_of(word).is_some());
     let name = names.join(" ");
     let Some((_, units)) = MENU.iter().find(|(known, _)| *known == name) else {
@@ -211,6 +226,10 @@ mod tests {
             ("surprised  blink", "1,2,45"),
             ("right jaw drop", "26"),
             ("left right smile", "6,12"),
+            ("look left", "61"),
+            ("Look  up", "63"),
+            ("left lip press", "23L"),
+            ("61 right", "61"),
             ("winks with the right eye", ""),
             ("12 lips", ""),
             ("left", ""),

@@ -10,8 +10,9 @@ mod keys;
 use crate::{Error, Result};
 use ndarray::Array2;
 
-pub use action_units::{ACTION_UNITS, ActionUnit, SIDES, Side};
+pub use action_units::{ACTION_UNITS, ActionUnit, LEARNED_UNITS, SIDES, Side};
 pub use controls::{Control, ControlCurve, ControlStage, ControlValues, Controls, STEPS};
+pub(crate) use event::turn_eyes;
 pub use event::{EDGE_S, Event, EventTrack};
 pub use expression::{Expression, MAX_EVENT_STRENGTH, MENU, read_unit};
 pub use from_voice::{arousal, emotion_from_voice};

@@ -4,7 +4,7 @@ use super::{Engine, Performance};
 use crate::{
     Result,
     conditions::{ACTION_UNITS, ActionUnit, Event, Side},
-    face::{Face, Rig},
+    face::{Face, Rig, ShapeReport},
     job::ProgressFn,
     rig::ShapeSource,
 };
@@ -57,15 +57,8 @@ impl Engine {
 /// Names of the units of an event none of whose shapes moves anything.
 fn hidden_units<'a>(rig: &'a Rig, event: &'a Event) -> impl Iterator<Item = String> + 'a {
     let is_hidden = |unit: &ActionUnit, side: Side| {
-        let own = |name: &str| {
-            let on_side = match (unit.has_sides(), side) {
-                (true, Side::Left) => name.ends_with("Left"),
-                (true, Side::Right) => name.ends_with("Right"),
-                _ => true,
-            };
-            on_side && unit.shapes.iter().any(|stem| name.starts_with(stem))
-        };
-        let mut shapes = rig.reports.iter().filter(|report| own(&report.name));
+        let own = |report: &&ShapeReport| unit.shows(side, &report.name);
+        let mut shapes = rig.reports.iter().filter(own);
         shapes.all(|report| !report.present)
     };
     let named = event
@@ -80,7 +73,7 @@ fn hidden_units<'a>(rig: &'a Rig, event: &'a Event) -> impl Iterator<Item = Stri
 #[cfg(test)]
 mod tests {
     use super::*;
-    use crate::{face::ShapeReport, rig::ARKIT};
+    use crate::rig::ARKIT;
 
     #[test]
     fn units_are_hidden_where_none_of_their_shapes_moves() {

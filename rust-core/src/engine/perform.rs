@@ -8,7 +8,9 @@ use super::Engine;
 use crate::{
     Error, Result,
     audio::Waveform,
-    conditions::{Control, ControlCurve, ControlStage, EmotionCurve, Event, emotion_from_voice},
+    conditions::{
+        Control, ControlCurve, ControlStage, EmotionCurve, Event, emotion_from_voice, turn_eyes,
+    },
     face::Face,
     job::{ProgressFn, report},
     motion::{
@@ -367,6 +369,7 @@ impl Engine {
         }
         let mut moved = moved.into_owned();
         let mut life = self.life(&moved, heard, request, blink_emotion);
+        turn_eyes(&request.events, &mut life.gaze, moved.fps());
         match &mut moved {
             Motion::Landmarks(clip) => self
                 .face_modes

@@ -17,6 +17,7 @@ mod byte_pairs;
 mod clip;
 mod emotion;
 mod event;
+mod lexicon;
 mod sentence;
 mod space;
 #[cfg(test)]
@@ -30,7 +31,7 @@ use serde::Deserialize;
 
 use crate::{
     Error, Result,
-    conditions::{ACTION_UNITS, EMOTIONS, Side},
+    conditions::{ACTION_UNITS, EMOTIONS, LEARNED_UNITS, Side},
     models::{BuiltIn, Weights},
     nn::elementwise::sigmoid,
 };
@@ -114,7 +115,8 @@ impl TextUnits {
     pub fn load(weights: &Weights, config: &str, place: &Path) -> Result<Self> {
         let bad = |what: String| Error::Weights(format!("{}/config.json: {what}", MODEL.name));
         let config: Config = serde_json::from_str(config).map_err(|e| bad(e.to_string()))?;
-        let expected = ACTION_UNITS.map(|unit| unit.name);
+        let learned = ACTION_UNITS[..LEARNED_UNITS].iter();
+        let expected: Vec<&str> = learned.map(|unit| unit.name).collect();
         if config.units != expected {
             return Err(bad(format!(
                 "units: expected {expected:?}, got {:?}",
@@ -203,13 +205,31 @@ impl TextUnits {
     }
 
     fn units_of(&self, clause: &Clause) -> Vec<(usize, Side, f32, f32)> {
+        let mut rest = clause.clone();
+        let known = lexicon::take_units(&mut rest);
+        let side = side_of(rest.side).unwrap_or_default();
+        let [low, high] = self.strength;
+        let strength = clause.amount.clamp(low, high);
+        let known = known
+            .into_iter()
+            .map(|unit| match ACTION_UNITS[unit].has_sides() {
+                true => (unit, side, strength, 1.0),
+                false => (unit, Side::Both, strength, 1.0),
+            });
+        let mut units = self.learned_units_of(&rest);
+        units.retain(|unit| known.clone().all(|known| known.0 != unit.0));
+        units.extend(known);
+        units
+    }
+
+    fn learned_units_of(&self, clause: &Clause) -> Vec<(usize, Side, f32, f32)> {
         if clause.all_words().next().is_none() {
             return Vec::new();
         }
         let logits = self.tower.forward(clause, &self.space);
         let [low, high] = self.strength;
         let shares = logits.mapv(sigmoid);
-        let shown = (0..ACTION_UNITS.len()).filter(|unit| shares[[0, *unit]] > THRESHOLD);
+        let shown = (0..LEARNED_UNITS).filter(|unit| shares[[0, *unit]] > THRESHOLD);
         shown
             .map(|unit| {
                 let one_sided = shares[[1, unit]] > THRESHOLD;

@@ -48,6 +48,28 @@ fn the_sentences_of_table_13_are_understood() {
 }
 
 #[test]
+fn words_that_no_network_has_learned_are_understood() {
+    let words = TextUnits::open(None).unwrap();
+    for (text, expected) in [
+        ("kiss", &["18", "22"][..]),
+        ("looks up", &["63"]),
+        ("a woman looks down", &["64"]),
+        ("glances to the left", &["61"]),
+        ("looks right", &["62"]),
+        ("sneezes", &["4", "6", "9", "10", "45"]),
+        ("wince", &["4", "6", "7", "10"]),
+        ("puckers", &["18"]),
+        ("presses her lips", &["23"]),
+        ("the lips part", &["25"]),
+        ("smiles and looks up", &["12", "63"]),
+    ] {
+        assert_eq!(units(&words.understand(text).unwrap()), expected, "{text}");
+    }
+    let denied = words.understand("does not look up").unwrap();
+    assert!(!units(&denied).contains(&"63".to_owned()));
+}
+
+#[test]
 fn sides_and_amounts_are_those_that_are_said() {
     let words = TextUnits::open(None).unwrap();
     for (text, expected) in [

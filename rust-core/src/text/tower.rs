@@ -7,7 +7,7 @@ use ndarray::{Array1, Array2, Axis};
 use super::{clip::ClipText, sentence::Clause, space::Space};
 use crate::{
     Result,
-    conditions::ACTION_UNITS,
+    conditions::LEARNED_UNITS,
     models::Weights,
     nn::{elementwise::sigmoid, linear::Linear},
 };
@@ -63,7 +63,7 @@ impl Tower {
             heard,
             down: Linear::load(&weights.pp("down"), width, hidden)?,
             up: Linear::load(&weights.pp("up"), hidden, width)?,
-            head: Linear::load(&weights.pp("head"), width, ASKED * ACTION_UNITS.len())?,
+            head: Linear::load(&weights.pp("head"), width, ASKED * LEARNED_UNITS)?,
         })
     }
 
@@ -81,7 +81,7 @@ impl Tower {
         let hidden = self.down.forward(&features).mapv_into(|x| x.max(0.0));
         let adapted = features + self.up.forward(&hidden);
         let logits = self.head.forward(&adapted);
-        let shape = (ASKED, ACTION_UNITS.len());
+        let shape = (ASKED, LEARNED_UNITS);
         logits
             .into_shape_with_order(shape)
             .expect("three rows of units")

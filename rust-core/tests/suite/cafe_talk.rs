@@ -115,6 +115,19 @@ fn a_wink_shuts_the_eye_that_it_names_in_its_slot() {
 }
 
 #[test]
+fn units_that_no_network_has_learned_come_in_their_slots() {
+    let plain = performed(3.0, &asked(&[]));
+    let moved = performed(3.0, &asked(&["1.2-1.8:kiss!", "1.2-1.8:look left"]));
+    let pucker = |performance: &Performance, from_s, to_s| {
+        mean(&weights(performance), "mouthPucker", from_s, to_s)
+    };
+    assert!(pucker(&moved, 1.3, 1.7) > 0.9);
+    assert!((pucker(&moved, 0.0, 0.9) - pucker(&plain, 0.0, 0.9)).abs() < 1e-6);
+    let yaw = |second: f64| moved.life.gaze[[(second * FPS) as usize, 0, 0]];
+    assert!(yaw(1.5) > 0.35 && yaw(0.5).abs() < 0.01, "{}", yaw(1.5));
+}
+
+#[test]
 fn a_stronger_event_shows_more() {
     let smile = |strength: &str| {
         let clip = weights(&performed(

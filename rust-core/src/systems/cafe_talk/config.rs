@@ -4,7 +4,7 @@ use serde::{Deserialize, Serialize};
 
 use crate::{
     Error, Result,
-    conditions::{ACTION_UNITS, EMOTIONS},
+    conditions::{ACTION_UNITS, EMOTIONS, LEARNED_UNITS},
     diffusion::{Diffusion, Spacing},
     rig::ARKIT,
     speech::SpeechInput,
@@ -81,7 +81,7 @@ pub struct CafeTalkConfig {
     pub sampling: Sampling,
     /// Emotion categories; always those of [`EMOTIONS`].
     pub emotions: Vec<String>,
-    /// Action units; always those of [`ACTION_UNITS`].
+    /// Action units; always the first of [`ACTION_UNITS`].
     pub units: Vec<String>,
     /// Speaking styles by name.
     pub styles: Vec<String>,
@@ -106,7 +106,10 @@ impl CafeTalkConfig {
     }
 
     fn complaint(&self) -> Option<String> {
-        let units = ACTION_UNITS.map(|unit| unit.name);
+        let units: Vec<&str> = ACTION_UNITS[..LEARNED_UNITS]
+            .iter()
+            .map(|unit| unit.name)
+            .collect();
         let unknown = self
             .channels
             .iter()

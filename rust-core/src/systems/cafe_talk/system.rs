@@ -155,22 +155,19 @@ impl System for CafeTalk {
         let mixtures = affect.slice(s![.., ..affect.ncols() - 1]);
         let steps = STEPS.value(&request.controls) as usize;
         let guidance = self.guidance(request);
-        let weights = self.denoiser.sample(
+        let edge_s = match guidance.is_printed {
+            true => 0.0,
+            false => EDGE_S,
+        };
+        let shapes = &self.config().channels;
+        let events = EventTrack::of(&request.events, shapes, speech.nrows(), fps, edge_s);
+        let mut weights = self.denoiser.sample(
             &Request {
                 speech: speech.view(),
                 style: self.style(request.style.as_deref())?,
                 emotion: self.denoiser.places(mixtures).view(),
                 intensity: &affect.column(affect.ncols() - 1).to_vec(),
-                events: &EventTrack::of(
-                    &request.events,
-                    &self.config().channels,
-                    speech.nrows(),
-                    fps,
-                    match guidance.is_printed {
-                        true => 0.0,
-                        false => EDGE_S,
-                    },
-                ),
+                events: &events,
                 seed: request.seed,
                 steps: if steps > 0 {
                     steps
@@ -182,7 +179,9 @@ impl System for CafeTalk {
             },
             progress,
         )?;
-        let names = self.config().channels.clone();
+        // What no network has learned.
+        weights.zip_mut_with(&events.put_on, |weight, least| *weight = weight.max(*least));
+        let names = shapes.clone();
         let clip = WeightClip {
             names,
             weights,

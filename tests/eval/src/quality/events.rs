@@ -17,7 +17,7 @@ use super::{
 use crate::metrics::{closures, control_leak, control_rate, pearson};
 use anyface::{
     Performance, Result,
-    conditions::{ACTION_UNITS, EDGE_S, Event, EventTrack, Side},
+    conditions::{ACTION_UNITS, EDGE_S, Event, EventTrack, LEARNED_UNITS, Side},
     motion::{Motion, WeightClip},
     systems::Ability,
 };
@@ -122,7 +122,7 @@ pub(super) fn measure(
         return Ok(None);
     };
     let mut units = Vec::new();
-    for unit in 0..ACTION_UNITS.len() {
+    for unit in 0..LEARNED_UNITS {
         let mut closures = Closures::default();
         let mut rows = Vec::new();
         for (clip, plain) in clips.iter().zip(&plain) {
@@ -169,7 +169,7 @@ fn teeth_reached(
 ) -> Result<TeethReached> {
     let mut out = TeethReached::default();
     let mut frames: [Vec<Array2<f64>>; 4] = Default::default();
-    for unit in (0..ACTION_UNITS.len()).filter(|&unit| ACTION_UNITS[unit].is_lower) {
+    for unit in (0..LEARNED_UNITS).filter(|&unit| ACTION_UNITS[unit].is_lower) {
         let first = frames[1].len();
         for clip in clips {
             let Some(plain) = shown(speaker, wish, clip)? else {

@@ -1,0 +1,105 @@
+//! Words whose units no network has learned, and those that it reads wrongly.
+
+use super::sentence::{Clause, SaidSide};
+use crate::conditions::ActionUnit;
+
+/// Words of a clause that stand together, each in any of its forms (`|` between them), and the units that they ask for.
+/// A phrase with more words stands before those with fewer.
+const PHRASES: [(&str, &str); 12] = [
+    ("press|presses|pressed|pressing lip|lips", "23"),
+    ("lip|lips press|presses|pressed|pressing", "23"),
+    ("tighten|tightens|tightened|tightening lip|lips", "23"),
+    ("part|parts|parted|parting lip|lips", "25"),
+    ("lip|lips part|parts|parted|parting|apart", "25"),
+    ("puff|puffs|puffed|puffing cheek|cheeks", "34"),
+    ("kiss|kisses|kissed|kissing", "18 22"),
+    (
+        "pucker|puckers|puckered|puckering|purses|pursed|pursing",
+        "18",
+    ),
+    ("sneeze|sneezes|sneezed|sneezing", "4 6 9 10 45"),
+    (
+        "wince|winces|winced|wincing|flinch|flinches|flinched|flinching",
+        "4 6 7 10",
+    ),
+    ("funnel|funnels|funnelled|funneled", "22"),
+    ("eyes up|upwards|heavenwards", "63"),
+];
+/// Verbs of looking, with which a side or a height is where the eyes go.
+const LOOKS: &str = "look|looks|looked|looking|glance|glances|glanced|glancing|gaze|gazes|gazed|gazing|stares|stared|staring|peers|eyes|roll|rolls|rolled|rolling";
+const HEIGHTS: [(&str, &str); 2] = [
+    ("up|upward|upwards|above|skyward|skywards|ceiling", "63"),
+    ("down|downward|downwards|below|floor|ground", "64"),
+];
+const SIDES: [(SaidSide, &str); 2] = [(SaidSide::Left, "61"), (SaidSide::Right, "62")];
+
+/// The units that words of a clause ask for, as numbers of [`crate::conditions::ACTION_UNITS`], and takes these words out
+/// of it. A clause in which something is denied asks for none.
+pub(super) fn take_units(clause: &mut Clause) -> Vec<usize> {
+    let mut units = Vec::new();
+    if !clause.denied.is_empty() {
+        return units;
+    }
+    let mut words: Vec<String> = clause.said.split_whitespace().map(str::to_owned).collect();
+    if let Some(at) = words.iter().position(|word| is_form(word, LOOKS)) {
+        let height = HEIGHTS.iter().find_map(|(forms, unit)| {
+            let place = words.iter().position(|word| is_form(word, forms))?;
+            Some((place, *unit))
+        });
+        let side = SIDES.iter().find(|(side, _)| clause.side == Some(*side));
+        if let Some((_, unit)) = side {
+            units.extend(ActionUnit::find(unit));
+            clause.side = None;
+        }
+        if let Some((place, unit)) = height {
+            units.extend(ActionUnit::find(unit));
+            take(clause, &mut words, &[at, place]);
+        } else if side.is_some() {
+            take(clause, &mut words, &[at]);
+        }
+    }
+    for (phrase, asked) in PHRASES {
+        let forms: Vec<&str> = phrase.split(' ').collect();
+        let is_here = |at: &usize| {
+            let stand = words[*at..].iter().zip(&forms);
+            words.len() - at >= forms.len()
+                && stand.clone().all(|(word, forms)| is_form(word, forms))
+        };
+        let found = (0..words.len()).find(is_here);
+        // "Presses her lips": words without a meaning of their own may stand between.
+        let apart = || {
+            let first = words.iter().position(|word| is_form(word, forms[0]))?;
+            let last = words
+                .iter()
+                .skip(first)
+                .position(|word| is_form(word, forms[forms.len() - 1]))?;
+            (forms.len() == 2 && last <= 2 && last > 0).then_some([first, first + last])
+        };
+        let places: Vec<usize> = match (found, apart()) {
+            (Some(at), _) => (at..at + forms.len()).collect(),
+            (None, Some(places)) => places.to_vec(),
+            (None, None) => continue,
+        };
+        units.extend(asked.split(' ').filter_map(ActionUnit::find));
+        take(clause, &mut words, &places);
+    }
+    units.sort_unstable();
+    units.dedup();
+    units
+}
+
+fn is_form(word: &str, forms: &str) -> bool {
+    forms.split('|').any(|form| form == word)
+}
+
+/// Takes words out of a clause.
+fn take(clause: &mut Clause, words: &mut Vec<String>, places: &[usize]) {
+    let gone: Vec<String> = places.iter().map(|place| words[*place].clone()).collect();
+    let mut place = 0;
+    words.retain(|_| {
+        place += 1;
+        !places.contains(&(place - 1))
+    });
+    clause.said = words.join(" ");
+    clause.words.retain(|word| !gone.contains(word));
+}
