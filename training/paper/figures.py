@@ -35,12 +35,10 @@ def draw(folder: CorpusFolder, engine: Engine, place: Path, images: Path) -> lis
     first = images / "decoder_errors.png"
     _faces(first, shape, triangles, errors, "distance from the truth, mm", 3.0)
     shares = engine.attention(motion[frame], neutral, clip.mesh, clip.marks)
-    columns = {}
-    for n, name in SHOWN_LANDMARKS.items():
-        low, high = np.quantile(shares[:, n], (0.01, 0.99))
-        columns[f"{name}\n{low:.4f} to {high:.4f}"] = (shares[:, n] - low) / max(high - low, 1e-9)
+    columns = {name: shares[:, n] for n, name in SHOWN_LANDMARKS.items()}
+    highest = max(float(np.quantile(share, 0.999)) for share in columns.values())
     second = images / "attention.png"
-    _faces(second, shape, triangles, columns, "attention, least to most of this landmark", 1.0)
+    _faces(second, shape, triangles, columns, "share of a vertex's attention", highest)
     return [first, second]
 
 

@@ -6,6 +6,7 @@ import numpy as np
 import pytest
 import torch
 
+from training import shipped
 from training.corpus.action_units import (
     STEMS,
     active_units,
@@ -248,3 +249,8 @@ def test_the_recipe_of_the_paper_is_what_its_appendix_says(tmp_path):
     last = torch.load(tmp_path / "out/last.pt", weights_only=False)
     assert last["optimiser"]["param_groups"][0]["lr"] == 1e-4
     assert "features" not in (tmp_path / "out/log.csv").read_text().splitlines()[0]
+
+
+def test_the_shipped_model_is_loaded_with_the_shipped_encoder():
+    found = stored.load(shipped("cafe_talk_compact"))
+    assert found.encoder is not None and found.config.speech.encoder == "compact_speech"

@@ -92,6 +92,19 @@ pub static STEPS: Control = Control {
     is_animatable: false,
 };
 
+/// How far takes of different seeds begin from each other, beside what the model was measured with.
+pub static NOISE: Control = Control {
+    name: "noise",
+    label: "Noise",
+    help: "How far takes of different seeds begin from each other: 0 gives every seed the same motion, 1 is what was \
+           measured, more is livelier and less exact.",
+    values: ControlValues::Real,
+    high: 2.0,
+    default: 1.0,
+    neutral: 1.0,
+    ..STEPS
+};
+
 impl Control {
     /// The name without its unit, as the command's flags have it: `blinks_per_minute` is `blinks`.
     pub fn short_name(&self) -> &'static str {

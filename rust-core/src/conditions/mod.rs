@@ -11,7 +11,7 @@ use crate::{Error, Result};
 use ndarray::Array2;
 
 pub use action_units::{ACTION_UNITS, ActionUnit, LEARNED_UNITS, SIDES, Side};
-pub use controls::{Control, ControlCurve, ControlStage, ControlValues, Controls, STEPS};
+pub use controls::{Control, ControlCurve, ControlStage, ControlValues, Controls, NOISE, STEPS};
 pub(crate) use event::turn_eyes;
 pub use event::{EDGE_S, Event, EventTrack};
 pub use expression::{Expression, MAX_EVENT_STRENGTH, MENU, read_unit};

@@ -10,7 +10,7 @@ mod schedule;
 
 pub use ddim::{Ddim, Spacing};
 pub use guidance::{guided, mask_guided};
-pub use noise::frame_noise;
+pub use noise::{frame_noise, slow_noise};
 pub use schedule::Schedule;
 
 use serde::{Deserialize, Serialize};

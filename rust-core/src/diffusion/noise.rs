@@ -1,6 +1,6 @@
 //! Gaussian noise that is the same on every platform and for every number of threads.
 
-use ndarray::Array2;
+use ndarray::{Array2, s};
 use rand_chacha::{
     ChaCha8Rng,
     rand_core::{RngCore, SeedableRng},
@@ -23,6 +23,37 @@ pub fn frame_noise(seed: u64, first_frame: usize, frames: usize, channels: usize
         }
     }
     noise
+}
+
+/// Standard normal noise `[T, C]` whose frames resemble their neighbours: [`frame_noise`] smoothed over `sigma_frames`
+/// (standard deviation), with the variance that it had. It depends on seed and number of the frame alone, as that does;
+/// 0 smooths nothing.
+///
+/// White noise makes a network tremble: takes of different seeds then differ from frame to frame and not in how
+/// something is said.
+pub fn slow_noise(
+    seed: u64,
+    first_frame: usize,
+    frames: usize,
+    channels: usize,
+    sigma_frames: f64,
+) -> Array2<f32> {
+    // (1 − x²)³ on [−R, R] has the standard deviation R / 3 and needs no exponential, which systems round differently.
+    let reach = (3.0 * sigma_frames) as usize;
+    if reach == 0 {
+        return frame_noise(seed, first_frame, frames, channels);
+    }
+    let weight = |i: usize| {
+        let x = (i as f64 - reach as f64) / (reach + 1) as f64;
+        (1.0 - x * x).powi(3)
+    };
+    let weights: Vec<f64> = (0..=2 * reach).map(weight).collect();
+    let norm = weights.iter().map(|w| w * w).sum::<f64>().sqrt();
+    let white = frame_noise(seed, first_frame, frames + 2 * reach, channels);
+    Array2::from_shape_fn((frames, channels), |(t, c)| {
+        let near = weights.iter().zip(white.slice(s![t.., c]));
+        (near.map(|(w, x)| w * f64::from(*x)).sum::<f64>() / norm) as f32
+    })
 }
 
 /// Two independent standard normal numbers from 128 random bits, Box & Muller 1958.
@@ -100,10 +131,25 @@ mod tests {
     }
 
     #[test]
+    fn slow_noise_has_unit_variance_and_neighbours_that_resemble() {
+        let noise = slow_noise(1, 0, 4000, 60, 6.0);
+        let mean = |of: &dyn Fn(usize, usize) -> f32| {
+            let all = (0..3900).flat_map(|t| (0..60).map(move |c| (t, c)));
+            all.map(|(t, c)| f64::from(of(t, c))).sum::<f64>() / (3900.0 * 60.0)
+        };
+        assert!((mean(&|t, c| noise[[t, c]].powi(2)) - 1.0).abs() < 0.03);
+        assert!(mean(&|t, c| noise[[t, c]] * noise[[t + 1, c]]) > 0.95);
+        assert!(mean(&|t, c| noise[[t, c]] * noise[[t + 40, c]]).abs() < 0.03);
+        let part = slow_noise(1, 12, 3, 60, 6.0);
+        assert_eq!(noise.slice(s![12..15, ..]), part);
+        assert_eq!(slow_noise(1, 5, 2, 3, 0.0), frame_noise(1, 5, 2, 3));
+    }
+
+    #[test]
     fn a_frame_depends_on_seed_and_number_alone() {
         let whole = frame_noise(7, 0, 20, 9);
         let part = frame_noise(7, 12, 3, 9);
-        assert_eq!(whole.slice(ndarray::s![12..15, ..]), part);
+        assert_eq!(whole.slice(s![12..15, ..]), part);
         assert_ne!(frame_noise(8, 0, 20, 9), whole);
         assert_ne!(whole.row(0), whole.row(1));
     }

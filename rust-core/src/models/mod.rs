@@ -60,6 +60,7 @@ const RANGES: [(&str, f64, f64); 31] = [
     ("scale_m", 1e-6, 10.0),
     ("steps", 1.0, 1_000.0),
     ("temperature", 0.0, 10.0),
+    ("noise_s", 0.0, 10.0),
     ("train_steps", 1.0, 10_000.0),
     ("width", 1.0, 16_384.0),
     ("window_frames", 1.0, 10_000.0),

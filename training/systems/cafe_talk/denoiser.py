@@ -32,6 +32,7 @@ class Sampling:
     steps: int = 8
     spacing: str = "trailing"
     temperature: float = 0.0
+    noise_s: float = 0.0
     alpha: float = 1.0
     beta: float = 1.0
 

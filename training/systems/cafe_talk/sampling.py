@@ -9,6 +9,7 @@ from torch import Tensor
 from training.corpus.conditions import SIDES
 from training.diffusion.ddim import ddim_sample
 from training.diffusion.guidance import guided, mask_guided
+from training.diffusion.noise import slow_noise
 from training.systems.cafe_talk.denoiser import CafeTalkConfig, Coarse, Denoiser, Sampling
 from training.systems.cafe_talk.priority import yielding
 from training.systems.freetalk.sampling import _ramp, window_starts
@@ -54,7 +55,8 @@ def sample_weights(
 ) -> Tensor:
     """Weights [T, 51] of a clip of any length; `speech` [T, C] at the model's fps."""
     generator = torch.Generator().manual_seed(seed)
-    noise = torch.randn(len(speech), len(model.config.channels), generator=generator)
+    sampling, config = sampling or model.config.sampling, model.config
+    noise = slow_noise(len(speech), len(config.channels), sampling.noise_s * config.fps, generator)
     return sample_from(model, noise, speech, request, sampling)
 
 

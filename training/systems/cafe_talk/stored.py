@@ -6,6 +6,7 @@ from pathlib import Path
 import torch
 from torch import Tensor
 
+from training import shipped
 from training.nn.checkpoint import read_model, restored
 from training.speech.compact import CompactConfig, CompactEncoder, load_encoder
 from training.systems.cafe_talk.denoiser import CafeTalkConfig
@@ -33,7 +34,7 @@ class Stored:
 
 
 def load(path: Path) -> Stored:
-    """A `cafe_talk.pt`, or a model folder with its encoder beside it, as `training.export` writes them.
+    """A `cafe_talk.pt`, or a model folder as `training.export` writes it, with its encoder beside it or the shipped one.
 
     Weights of a folder have 16 bits; they come as f32.
     """
@@ -58,5 +59,6 @@ def _exported(folder: Path) -> Stored:
     config, emotions = CafeTalkConfig.from_json(written), state.pop(EMOTIONS)
     encoder = None
     if config.speech.encoder == "compact_speech":
-        encoder = load_encoder(folder.parent / config.speech.encoder)
+        beside = folder.parent / config.speech.encoder
+        encoder = load_encoder(beside if beside.exists() else shipped(config.speech.encoder))
     return Stored(config, state, emotions, encoder)

@@ -40,6 +40,7 @@ class Sampling:
     steps: int = 4
     spacing: str = "trailing"
     temperature: float = 0.0
+    noise_s: float = 0.0
 
 
 @dataclass

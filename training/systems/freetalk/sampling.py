@@ -4,6 +4,7 @@ import torch
 from torch import Tensor
 
 from training.diffusion.ddim import ddim_sample
+from training.diffusion.noise import slow_noise
 from training.systems.freetalk.ats import AtsDenoiser, Sampling
 
 
@@ -28,8 +29,9 @@ def sample_motion(
     `speech` [T, C] at the model's fps, `affect` [T, 16]. Returns [T, 3N].
     """
     generator = torch.Generator().manual_seed(seed)
-    noise = torch.randn(speech.shape[0], 3 * model.config.landmarks, generator=generator)
-    return sample_from(model, noise, speech, affect, style, sampling or model.config.sampling)
+    sampling, config = sampling or model.config.sampling, model.config
+    noise = slow_noise(len(speech), 3 * config.landmarks, sampling.noise_s * config.fps, generator)
+    return sample_from(model, noise, speech, affect, style, sampling)
 
 
 @torch.no_grad()

@@ -30,6 +30,9 @@ pub struct Sampling {
     pub spacing: Spacing,
     /// Scale of the starting noise; 0 gives the same motion for every seed.
     pub temperature: f32,
+    /// Over how many seconds that noise stays alike (standard deviation); 0 for noise of its own in every frame.
+    #[serde(default)]
+    pub noise_s: f64,
     /// Guidance of speech and coarse condition, eq. 6.
     pub alpha: f32,
     /// Guidance of events at strength 1, eq. 6.

@@ -15,7 +15,7 @@ use crate::{
     Result,
     cache::CacheKey,
     conditions::EventTrack,
-    diffusion::{Ddim, frame_noise, guided, mask_guided},
+    diffusion::{Ddim, guided, mask_guided, slow_noise},
     job::{self, ProgressFn},
 };
 
@@ -34,6 +34,8 @@ pub struct Request<'a> {
     pub events: &'a EventTrack,
     /// Same seed, same motion; without effect where the temperature is 0.
     pub seed: u64,
+    /// Scale of the starting noise.
+    pub temperature: f32,
     /// Denoising steps.
     pub steps: usize,
     /// Guidance of eq. 6.
@@ -62,9 +64,10 @@ impl Request<'_> {
             is_printed,
         } = self.guidance;
         let numbers = format!(
-            "{rows:?} {} {} {} {alpha} {beta} {is_printed} {:?}",
+            "{rows:?} {} {} {} {} {alpha} {beta} {is_printed} {:?}",
             self.style,
             self.seed,
+            self.temperature,
             self.steps,
             &self.events.over_speech[rows.clone()]
         );
@@ -85,8 +88,9 @@ impl Denoiser {
     /// `InvalidInput` for steps out of range, `Cancelled`.
     pub fn sample(&self, request: &Request<'_>, progress: ProgressFn<'_>) -> Result<Array2<f32>> {
         let channels = self.config().channels.len();
+        let sigma = self.config().sampling.noise_s * self.config().fps;
         let noise =
-            |rows: Range<usize>| frame_noise(request.seed, rows.start, rows.len(), channels);
+            |rows: Range<usize>| slow_noise(request.seed, rows.start, rows.len(), channels, sigma);
         self.sample_from(request, noise, progress)
     }
 
@@ -108,7 +112,7 @@ impl Denoiser {
         let make = |rows: Range<usize>, done: (f32, f32)| {
             let sample = || {
                 let window = Window::new(self, request, &rows);
-                let start = noise(rows.clone()) * config.sampling.temperature;
+                let start = noise(rows.clone()) * request.temperature;
                 ddim.sample(start, |x, t| Ok(window.predict(x, t)), progress, done)
             };
             match request.kept {

@@ -7,7 +7,7 @@ use ndarray::s;
 use super::{CafeTalkConfig, Denoiser, Guidance, Request, windows_kept::WindowsKept};
 use crate::{
     Result,
-    conditions::{Control, ControlValues, EDGE_S, EmotionCurve, EventTrack, STEPS},
+    conditions::{Control, ControlValues, EDGE_S, EmotionCurve, EventTrack, NOISE, STEPS},
     deform::LEARNED,
     job::ProgressFn,
     models::{BuiltIn, Weights},
@@ -47,6 +47,20 @@ static GUIDANCE: Control = Control {
     ..STEPS
 };
 
+/// α of eq. 6, times the model's own.
+static COARSE_GUIDANCE: Control = Control {
+    name: "coarse_guidance",
+    label: "Coarse Guidance",
+    help: "How much more speech and emotion count than chance; above 1 the mouth opens wider and follows the sound \
+           less closely.",
+    values: ControlValues::Real,
+    low: 1.0,
+    high: 3.0,
+    default: 1.0,
+    neutral: 1.0,
+    ..STEPS
+};
+
 /// What acts on weights of those controls that landmark motion has.
 static PERFORMANCE: &[Control] = &[
     control_named("articulation"),
@@ -65,7 +79,7 @@ static PERFORMANCE: &[Control] = &[
     control_named("variety"),
 ];
 
-static OWN_CONTROLS: &[Control] = &[EVENTS, GUIDANCE, STEPS, LEARNED];
+static OWN_CONTROLS: &[Control] = &[EVENTS, GUIDANCE, COARSE_GUIDANCE, STEPS, NOISE, LEARNED];
 
 /// How the registry knows Cafe-Talk.
 pub static REGISTRATION: Registration = Registration {
@@ -125,7 +139,7 @@ impl CafeTalk {
     fn guidance(&self, request: &MotionRequest) -> Guidance {
         let own = self.config().sampling;
         Guidance {
-            alpha: own.alpha,
+            alpha: own.alpha * COARSE_GUIDANCE.value(&request.controls),
             beta: own.beta * EVENTS.value(&request.controls),
             is_printed: GUIDANCE.value(&request.controls) != GUIDANCE.default,
         }
@@ -169,6 +183,7 @@ impl System for CafeTalk {
                 intensity: &affect.column(affect.ncols() - 1).to_vec(),
                 events: &events,
                 seed: request.seed,
+                temperature: NOISE.value(&request.controls) * self.config().sampling.temperature,
                 steps: if steps > 0 {
                     steps
                 } else {

@@ -41,6 +41,9 @@ pub struct Sampling {
     pub spacing: Spacing,
     /// Scale of the starting noise; 0 gives the same motion for every seed.
     pub temperature: f32,
+    /// Over how many seconds that noise stays alike (standard deviation); 0 for noise of its own in every frame.
+    #[serde(default)]
+    pub noise_s: f64,
 }
 
 /// Everything that inference has to know; `config.json` beside the weights.

@@ -11,7 +11,7 @@ use super::ats::{Ats, Sampling};
 use crate::{
     Error, Result,
     conditions::EMOTIONS,
-    diffusion::{Ddim, frame_noise},
+    diffusion::{Ddim, slow_noise},
     job::{self, ProgressFn},
     motion::style_number,
 };
@@ -46,8 +46,9 @@ impl Ats {
         progress: ProgressFn<'_>,
     ) -> Result<Array3<f32>> {
         let channels = self.config().motion_channels();
+        let sigma = self.config().sampling.noise_s * self.config().fps;
         let noise =
-            |rows: Range<usize>| frame_noise(request.seed, rows.start, rows.len(), channels);
+            |rows: Range<usize>| slow_noise(request.seed, rows.start, rows.len(), channels, sigma);
         let motion = self.sample_from(request, noise, progress)?;
         let shape = (motion.nrows(), self.config().landmarks, 3);
         Ok(motion
@@ -70,6 +71,7 @@ impl Ats {
             steps,
             spacing,
             temperature,
+            ..
         } = config.sampling;
         let (schedule, train_steps) = (config.diffusion.schedule, config.diffusion.train_steps);
         let ddim = Ddim::new(

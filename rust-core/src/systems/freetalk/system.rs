@@ -14,7 +14,7 @@ use super::{
 use crate::{
     Result,
     cache::Cache,
-    conditions::{Control, ControlStage, ControlValues, Controls, EmotionCurve, STEPS},
+    conditions::{Control, ControlStage, ControlValues, Controls, EmotionCurve, NOISE, STEPS},
     deform::{Decoder, LEARNED},
     face::{Deformer, Face},
     job::ProgressFn,
@@ -45,7 +45,7 @@ static DECODER: Control = Control {
     ..STEPS
 };
 
-static OWN_CONTROLS: &[Control] = &[STEPS, LEARNED, DECODER];
+static OWN_CONTROLS: &[Control] = &[STEPS, NOISE, LEARNED, DECODER];
 
 /// How the registry knows FreeTalk.
 pub static REGISTRATION: Registration = Registration {
@@ -134,7 +134,9 @@ impl System for FreeTalk {
                 style: request.style.as_deref(),
                 seed: request.seed,
                 steps: (steps > 0).then_some(steps),
-                temperature: None,
+                temperature: Some(
+                    NOISE.value(&request.controls) * self.ats.config().sampling.temperature,
+                ),
             },
             progress,
         )?;

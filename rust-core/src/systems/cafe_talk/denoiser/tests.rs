@@ -56,6 +56,7 @@ fn guided_runs_over_two_windows_match_pytorch() {
         let events = EventTrack {
             active: active.clone(),
             mask: strength.clone(),
+            put_on: strength.clone(),
             over_speech: vec![name == "over_speech"; strength.nrows()],
         };
         let sampling = denoiser.config().sampling;
@@ -66,6 +67,7 @@ fn guided_runs_over_two_windows_match_pytorch() {
             intensity: &intensity,
             events: &events,
             seed: 0,
+            temperature: sampling.temperature,
             steps: sampling.steps,
             guidance: Guidance {
                 alpha: sampling.alpha,
