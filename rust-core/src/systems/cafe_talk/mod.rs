@@ -1,5 +1,6 @@
 //! Cafe-Talk (Chen et al. 2025): speech to ARKit weights under coarse and fine control.
 
+mod calibration;
 mod config;
 mod denoiser;
 mod priority;

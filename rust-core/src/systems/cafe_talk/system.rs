@@ -4,12 +4,14 @@ use std::path::Path;
 
 use ndarray::s;
 
-use super::{CafeTalkConfig, Denoiser, Guidance, Request, windows_kept::WindowsKept};
+use super::{
+    CafeTalkConfig, Denoiser, Guidance, Request, calibration::calibrate, windows_kept::WindowsKept,
+};
 use crate::{
     Result,
     conditions::{Control, ControlValues, EDGE_S, EmotionCurve, EventTrack, NOISE, STEPS},
     deform::LEARNED,
-    job::ProgressFn,
+    job::{Progress, ProgressFn},
     models::{BuiltIn, Weights},
     motion::{
         FaceModes, LipGaps, LowerLip, Motion, MotionKind, MotionRequest, PerformanceControls,
@@ -175,25 +177,46 @@ impl System for CafeTalk {
         };
         let shapes = &self.config().channels;
         let events = EventTrack::of(&request.events, shapes, speech.nrows(), fps, edge_s);
-        let mut weights = self.denoiser.sample(
-            &Request {
-                speech: speech.view(),
-                style: self.style(request.style.as_deref())?,
-                emotion: self.denoiser.places(mixtures).view(),
-                intensity: &affect.column(affect.ncols() - 1).to_vec(),
-                events: &events,
-                seed: request.seed,
-                temperature: NOISE.value(&request.controls) * self.config().sampling.temperature,
-                steps: if steps > 0 {
-                    steps
-                } else {
-                    self.config().sampling.steps
+        let plain_events = EventTrack::of(&[], shapes, speech.nrows(), fps, edge_s);
+        let sample = |events: &EventTrack, progress: ProgressFn<'_>| {
+            self.denoiser.sample(
+                &Request {
+                    speech: speech.view(),
+                    style: self.style(request.style.as_deref())?,
+                    emotion: self.denoiser.places(mixtures).view(),
+                    intensity: &affect.column(affect.ncols() - 1).to_vec(),
+                    events,
+                    seed: request.seed,
+                    temperature: NOISE.value(&request.controls)
+                        * self.config().sampling.temperature,
+                    steps: if steps > 0 {
+                        steps
+                    } else {
+                        self.config().sampling.steps
+                    },
+                    guidance,
+                    kept: Some(&self.kept),
                 },
-                guidance,
-                kept: Some(&self.kept),
-            },
-            progress,
-        )?;
+                progress,
+            )
+        };
+        let half = |done: f32| {
+            move |now: Progress| {
+                let fraction = done + 0.5 * now.fraction;
+                progress(Progress { fraction, ..now })
+            }
+        };
+        let is_asked = events.mask.iter().any(|strength| *strength != 0.0);
+        let mut weights = match is_asked && !guidance.is_printed {
+            false => sample(&events, progress)?,
+            true => {
+                let plain = sample(&plain_events, &half(0.0))?;
+                let mut weights = sample(&events, &half(0.5))?;
+                let mask = EVENTS.value(&request.controls) * &events.mask;
+                calibrate(&mut weights, &plain, &mask);
+                weights
+            }
+        };
         // What no network has learned.
         weights.zip_mut_with(&events.put_on, |weight, least| *weight = weight.max(*least));
         let names = shapes.clone();
