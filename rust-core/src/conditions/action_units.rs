@@ -6,7 +6,7 @@
 /// Left and right.
 pub const SIDES: usize = 2;
 /// A unit and the ARKit shapes that show it, without `Left` and `Right`.
-#[derive(Debug, Clone, Copy, PartialEq, Eq)]
+#[derive(Debug, Clone, Copy, PartialEq)]
 pub struct ActionUnit {
     /// Its number.
     pub name: &'static str,

@@ -31,7 +31,7 @@ const MOST_BYTES: u64 = 2 << 30;
 /// Largest magnitude of a number in a config.
 const LARGEST_NUMBER: f64 = 1e5;
 /// Numbers in configs by their names, with the least and the largest that any model may have.
-const RANGES: [(&str, f64, f64); 31] = [
+const RANGES: [(&str, f64, f64); 32] = [
     ("adapter_inner", 1.0, 16_384.0),
     ("alpha", -100.0, 100.0),
     ("band", 0.0, 1_000.0),

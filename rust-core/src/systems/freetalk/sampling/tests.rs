@@ -87,6 +87,7 @@ fn warm_clip_with_leading_steps_matches_pytorch() {
         steps: 5,
         spacing: crate::diffusion::Spacing::Leading,
         temperature: 0.7,
+        noise_s: 0.0,
     };
     let model = Ats::new(config, &golden.weights()).unwrap();
     check_motion(&golden, &model, "long.motion_warm");
