@@ -5,7 +5,7 @@ from torch import Tensor
 
 
 def slow_noise(frames: int, channels: int, sigma_frames: float, generator: torch.Generator) -> Tensor:
-    """Standard normal noise [frames, channels], smoothed over `sigma_frames` (standard deviation) with unit variance.
+    """Normal noise [frames, channels] of unit variance, alike over `sigma_frames` (standard deviation).
 
     Weights as those of `slow_noise` in `rust-core/src/diffusion/noise.rs`; the numbers drawn are others.
     """

@@ -34,7 +34,7 @@ class Stored:
 
 
 def load(path: Path) -> Stored:
-    """A `cafe_talk.pt`, or a model folder as `training.export` writes it, with its encoder beside it or the shipped one.
+    """A `cafe_talk.pt`, or a folder as `training.export` writes it, with its encoder or the shipped one.
 
     Weights of a folder have 16 bits; they come as f32.
     """
