@@ -66,7 +66,19 @@ class Corpus:
     test: dict[str, list[PreparedMesh]]
 
 
-def build(data: Path, ict_meshes: int, makehuman_meshes: int, seed: int = 5) -> Corpus:
+@dataclass(frozen=True)
+class Counts:
+    """Meshes of each face, and between how many triangles each has."""
+
+    ict: int
+    makehuman: int
+    triangles: tuple[int, int]
+
+
+COUNTS = Counts(70, 45, (3000, 7000))
+
+
+def build(data: Path, counts: Counts, seed: int = 5) -> Corpus:
     """Draws identities, warps and triangulations; about a second a mesh."""
     rng, test_rng = np.random.default_rng(seed), np.random.default_rng(seed + 1000)
     faces, makehuman = load_ict(data, "face"), load_makehuman(data)
@@ -75,11 +87,11 @@ def build(data: Path, ict_meshes: int, makehuman_meshes: int, seed: int = 5) -> 
     def ict(rng: np.random.Generator, i: int) -> Face:
         model = skins if i % 10 < 3 else faces
         person = model.person(rng.standard_normal(100) * rng.uniform(0.5, 1.4))
-        return remesh(rng, stylise(rng, person, rng.uniform()), int(rng.integers(3000, 7000)))
+        return remesh(rng, stylise(rng, person, rng.uniform()), int(rng.integers(*counts.triangles)))
 
     def head(rng: np.random.Generator, i: int) -> Face:
         styled = stylise(rng, makehuman, rng.uniform(0.1, 1.0))
-        return remesh(rng, styled, int(rng.integers(3000, 7000)))
+        return remesh(rng, styled, int(rng.integers(*counts.triangles)))
 
     def unseen_ict(rng: np.random.Generator, i: int) -> Face:
         person = stylise(rng, faces.person(rng.standard_normal(100)), 0.5)
@@ -92,7 +104,7 @@ def build(data: Path, ict_meshes: int, makehuman_meshes: int, seed: int = 5) -> 
         return [prepare(source(rng, i)) for i in range(count)]
 
     return Corpus(
-        {"ict": draw(ict, rng, ict_meshes), "makehuman": draw(head, rng, makehuman_meshes)},
+        {"ict": draw(ict, rng, counts.ict), "makehuman": draw(head, rng, counts.makehuman)},
         {"ict": draw(unseen_ict, test_rng, 8), "makehuman": draw(as_it_is, test_rng, 3)},
     )
 
@@ -119,11 +131,11 @@ def _landmarks_alone(face: Face) -> Face:
     return replace(face, vertices=face.vertices[at], modes=face.modes[:, at], landmarks=np.arange(len(at)))
 
 
-def load_or_build(data: Path, cache: Path, ict_meshes: int, makehuman_meshes: int) -> Corpus:
+def load_or_build(data: Path, cache: Path, counts: Counts) -> Corpus:
     """The corpus from `cache`, a file that this function writes the first time."""
     if cache.exists():
         return pickle.loads(cache.read_bytes())
-    corpus = build(data, ict_meshes, makehuman_meshes)
+    corpus = build(data, counts)
     cache.parent.mkdir(parents=True, exist_ok=True)
     cache.write_bytes(pickle.dumps(corpus))
     return corpus

@@ -8,6 +8,7 @@ cross-attention, without the geometry of the mesh. These models stay in PyTorch:
 """
 
 import argparse
+import itertools
 import json
 from collections.abc import Callable
 from dataclasses import asdict, replace
@@ -26,9 +27,9 @@ from training.speech.source import CompactSpeech
 from training.systems.freetalk import train as train_ats
 from training.systems.freetalk.ats import ANY_STYLE, AtsConfig, AtsDenoiser
 from training.systems.freetalk.stm.paper import PaperConfig, PaperDecoder
-from training.systems.freetalk.stm.train_paper import Length, paper_mesh, predict, train_paper
+from training.systems.freetalk.stm.train_paper import paper_mesh, predict, train_paper
 
-STM_CONFIG = PaperConfig(32, 32, 2, 2, 3, 4, 16, 48, 6, False)
+STM_CONFIG = PaperConfig(32, 32, 2, 2, 3, 4, 16, 48)
 """Small enough for many trainings on a desk; position and normal go in, as in the paper."""
 ONE_FRAME_IN = 5
 
@@ -135,11 +136,13 @@ def stm_table(arguments) -> Table:
     unseen = sequence_meshes(arguments.vertices, held_out=True)
     prepared = {mesh.name: paper_mesh(mesh, STM_CONFIG) for mesh in unseen}
     rows: dict[str, list[dict[str, float]]] = {}
-    for name, kind in STM.items():
-        print(name, flush=True)
-        length, out = Length(steps=arguments.stm_steps), arguments.out / kind.__name__
-        model = train_paper(STM_CONFIG, None, length, arguments.seed, seen, out, decoder=kind)
-        rows[name] = [stm_scores(mesh, partial(predict, model, prepared[mesh.name])) for mesh in unseen]
+    seeds = range(arguments.seed, arguments.seed + arguments.stm_seeds)
+    for (name, kind), seed in itertools.product(STM.items(), seeds):
+        row = f"{name}, seed {seed}" if len(seeds) > 1 else name
+        print(row, flush=True)
+        steps, out = arguments.stm_steps, arguments.out / f"{kind.__name__}_{seed}"
+        model = train_paper(STM_CONFIG, None, steps, seed, seen, out, decoder=kind)
+        rows[row] = [stm_scores(mesh, partial(predict, model, prepared[mesh.name])) for mesh in unseen]
     what = f"true landmarks to mesh, {arguments.stm_steps} steps of width {STM_CONFIG.width}"
     return Table("Ablations", what, means(rows), len(unseen), len(unseen[0].lips))
 
@@ -163,6 +166,7 @@ def main() -> None:
     parser.add_argument("--steps", type=int, default=600)
     parser.add_argument("--tokens", type=int, default=1024, help="frames in a batch")
     parser.add_argument("--stm-steps", type=int, default=600)
+    parser.add_argument("--stm-seeds", type=int, default=1, help="trainings of each, from --seed on")
     parser.add_argument("--limit", type=int, help="training clips of each folder")
     parser.add_argument("--clips", type=int, default=20, help="held-out clips that are measured")
     parser.add_argument("--seed", type=int, default=0)

@@ -14,7 +14,7 @@ import numpy as np
 import torch
 
 from training.corpus.faces import CHANNELS
-from training.corpus.prepared import PreparedMesh, load_or_build
+from training.corpus.prepared import COUNTS, PreparedMesh, load_or_build
 from training.rig.network import CONFIGS, RigNetwork
 from training.rig.train import MOVING_DM, skin
 from training.rig.whole_heads import print_errors
@@ -56,7 +56,7 @@ def main() -> None:
     torch.set_num_threads(1)
     if args.anyface:
         print_errors(args.anyface, args.data)
-    corpus = load_or_build(args.data, args.corpus, 70, 45)
+    corpus = load_or_build(args.data, args.corpus, COUNTS)
     results = {}
     with torch.no_grad():
         for name in ("both", "ict", "makehuman"):

@@ -15,7 +15,7 @@ import numpy as np
 import torch
 
 from training.corpus.faces import load_ict, load_makehuman
-from training.corpus.prepared import Corpus, PreparedMesh, load_or_build
+from training.corpus.prepared import COUNTS, Corpus, PreparedMesh, load_or_build
 from training.deform.static_weights import FLIP
 from training.rig.network import CONFIGS, RigNetwork, SkinGeometry
 from training.rig.shapes import SHAPE_MIRROR, templates
@@ -106,7 +106,7 @@ def main() -> None:
     parser.add_argument("--init", type=Path, help="weights to go on from")
     args = parser.parse_args()
     torch.set_num_threads(1)
-    corpus = load_or_build(args.data, args.corpus, 70, 45)
+    corpus = load_or_build(args.data, args.corpus, COUNTS)
     known = {"ict": load_ict(args.data, "face").mean, "makehuman": load_makehuman(args.data)}
     args.runs.mkdir(parents=True, exist_ok=True)
     for name in args.faces:

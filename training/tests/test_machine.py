@@ -80,7 +80,7 @@ def equation_15(error: torch.Tensor, velocity: float, acceleration: float) -> fl
 def test_losses_of_the_paper_are_those_printed():
     error = torch.randn(7, 68, 3, dtype=torch.float64)
     stm, ats = recipes.STM["paper"], recipes.ATS["paper"]
-    found = motion_loss(error, torch.zeros(68, dtype=torch.bool), stm)
+    found = motion_loss(error, stm)
     assert float(found) == pytest.approx(100.0 * equation_15(error, 0.5, 0.2))
     flat, shares = error.flatten(1)[None], (ats.velocity, ats.acceleration)
     found = 3.0 * landmark_loss(flat, torch.ones_like(flat), *shares)

@@ -14,7 +14,10 @@ from training.deform.static_weights import CONFIGS as STATIC
 from training.export import export, main
 from training.systems.freetalk.ats import CONFIGS, AtsConfig, AtsDenoiser
 from training.systems.freetalk.stm import train as train_stm
+from training.systems.freetalk.stm.local_start import effective_landmarks
 from training.systems.freetalk.stm.paper import CONFIGS as PAPER
+from training.systems.freetalk.stm.paper import PaperDecoder
+from training.systems.freetalk.stm.train_paper import paper_mesh, prepare_weights
 from training.systems.freetalk.train import parser, train
 from training.tests.killed import killed
 from training.tests.made_up import made_up
@@ -123,6 +126,16 @@ def test_a_decoder_killed_in_training_goes_on_with_the_same_bits(sequences, tmp_
         train_decoder(sequences, tmp_path / "parts", model, "debug", 6)
     again = train_decoder(sequences, tmp_path / "parts", model, "debug", 6)
     assert all(torch.equal(value, again["state"][key]) for key, value in whole["state"].items())
+
+
+def test_attention_of_the_papers_decoder_starts_near_each_vertex(sequences):
+    mesh = paper_mesh(sequence_meshes([sequences], held_out=True)[0], PAPER["compact"])
+    torch.manual_seed(0)
+    model = PaperDecoder(PAPER["compact"])
+    seen = lambda: effective_landmarks(model, mesh.inputs, mesh.operators, torch.zeros(1, 68, 3))  # noqa: E731
+    assert seen().median() > 60
+    prepare_weights(model, [mesh])
+    assert seen().median() < 20
 
 
 def test_displacements_of_a_sequence_are_those_of_the_file(sequences):

@@ -240,6 +240,16 @@ fn attention_of_the_papers_decoder_is_written_and_other_decoders_have_none() {
             .all(|sum| (sum - 1.0).abs() < 1e-4 || *sum == 0.0)
     );
     assert!(sums.iter().filter(|sum| **sum > 0.5).count() > 4_000);
+    // Attention is local: e to the entropy of a vertex's shares; 68 where it looks at all landmarks alike.
+    let mut looked_at: Vec<f32> = shares
+        .rows()
+        .into_iter()
+        .filter(|row| row.sum() > 0.5)
+        .map(|row| row.mapv(|share| -share * (share + 1e-12).ln()).sum().exp())
+        .collect();
+    looked_at.sort_by(f32::total_cmp);
+    let median = looked_at[looked_at.len() / 2];
+    assert!(median < 15.0, "{median}");
 }
 
 #[test]

@@ -55,7 +55,7 @@ pub fn static_deformer(
         let solved = SolvedSkin::new(face, cache, progress)?;
         let strength = learned * solved.familiarity(weights);
         let correction = (strength > 0.0).then(|| solved.correction(weights, creases));
-        let decoder = solved.weights(true, correction.as_ref(), strength);
+        let decoder = solved.weights(correction.as_ref(), strength);
         report(progress, "weights", 1.0)?;
         Ok(solved.corrected(decoder))
     };
@@ -131,17 +131,11 @@ impl<'a> SolvedSkin<'a> {
         }
     }
 
-    /// Weights of every vertex, the mesh's own axes. `plate`: whether the skin follows the
-    /// training-free weights. `strength`: of the learned part.
-    pub fn weights(
-        &self,
-        plate: bool,
-        correction: Option<&Correction>,
-        strength: f32,
-    ) -> LandmarkWeights {
+    /// Weights of every vertex, the mesh's own axes. `strength`: of the learned part.
+    pub fn weights(&self, correction: Option<&Correction>, strength: f32) -> LandmarkWeights {
         let surface = self.surface;
-        let plate = plate.then_some(&self.plate);
-        let mut rows = RowWeights::new(surface.skin.operators.rows(), plate, correction, strength);
+        let count = surface.skin.operators.rows();
+        let mut rows = RowWeights::new(count, &self.plate, correction, strength);
         rows.turn(&self.face.to_canonical);
         let follows = (0..surface.follows.len()).map(|v| {
             let rows = surface.rows_followed(v);

@@ -24,19 +24,16 @@ pub(super) struct RowWeights {
 }
 
 impl RowWeights {
-    /// `plate`: the training-free weights, where the skin follows them. `strength`: of the
-    /// learned part.
+    /// `plate`: the training-free weights. `strength`: of the learned part.
     pub(super) fn new(
         rows: usize,
-        plate: Option<&PlateWeights>,
+        plate: &PlateWeights,
         correction: Option<&Correction>,
         strength: f32,
     ) -> RowWeights {
         let mut mix = Array2::zeros((rows, LANDMARKS));
-        if let Some(plate) = plate {
-            let weights = mix.as_slice_mut().expect("a new array is row-major");
-            weights.copy_from_slice(&plate.weights);
-        }
+        let weights = mix.as_slice_mut().expect("a new array is row-major");
+        weights.copy_from_slice(&plate.weights);
         let Some(correction) = correction else {
             let (cross, motion) = (Array2::zeros((rows, 0)), Array2::zeros((0, COORDINATES)));
             return RowWeights { mix, cross, motion };

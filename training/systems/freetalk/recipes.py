@@ -44,7 +44,7 @@ ATS = {
     "paper": Recipe("paper", 1e-4, 1e-2, False, 0.3, 0.1, True, epochs=100, batch=16),
 }
 STM = {
-    "ours": Recipe("ours", 2e-3, 1e-2, True, 0.5, 0.2, False),
+    "ours": Recipe("ours", 1.5e-3, 1e-2, True, 0.5, 0.2, False),
     "paper": Recipe("paper", 1e-4, 1e-2, False, 0.5, 0.2, True, epochs=30),
 }
 

@@ -21,10 +21,11 @@ from scipy.interpolate import RBFInterpolator
 from training import shipped
 from training.corpus.expressions import UPPER, evaluation_frames, load_speech
 from training.corpus.faces import CHANNELS
-from training.corpus.prepared import Corpus, PreparedMesh, load_or_build
+from training.corpus.prepared import COUNTS, Corpus, PreparedMesh, load_or_build
 from training.corpus.sequence_meshes import held_out_errors, sequence_meshes
 from training.deform.static_weights import StaticConfig, StaticWeights, deform
 from training.nn.checkpoint import load_model, restored
+from training.systems.freetalk.stm.local_start import effective_landmarks
 from training.systems.freetalk.stm.paper import PaperConfig, PaperDecoder
 from training.systems.freetalk.stm.train_paper import PaperMesh, paper_mesh, predict
 
@@ -91,18 +92,35 @@ def training_free(mesh: PreparedMesh, landmarks: torch.Tensor) -> torch.Tensor:
 
 def paper(path: Path) -> Method:
     """The paper's decoder with the weights of `path`; operators are computed once per mesh."""
-    saved = torch.load(path)
-    config = PaperConfig(**saved["config"])
-    model = restored(PaperDecoder(config), saved["state"])
+    model = paper_decoder(path)
     seen: dict[int, PaperMesh] = {}
 
     def method(mesh: PreparedMesh, landmarks: torch.Tensor) -> torch.Tensor:
         if id(mesh) not in seen:
-            seen[id(mesh)] = paper_mesh(mesh, config)
+            seen[id(mesh)] = paper_mesh(mesh, model.config)
         parts = [predict(model, seen[id(mesh)], part) for part in landmarks.split(5)]
         return torch.cat(parts)
 
     return method
+
+
+def paper_decoder(path: Path) -> PaperDecoder:
+    """The paper's decoder with the weights of `path`."""
+    saved = torch.load(path)
+    return restored(PaperDecoder(PaperConfig(**saved["config"])), saved["state"])
+
+
+def attention_line(path: Path, meshes: list[PreparedMesh], landmarks: Callable) -> str:
+    """How many landmarks the paper's decoder attends to; `landmarks` of a mesh: motion [T, N, 3] dm."""
+    model = paper_decoder(path)
+    found = []
+    for mesh in meshes:
+        seen = paper_mesh(mesh, model.config)
+        found.append(effective_landmarks(model, seen.inputs, seen.operators, landmarks(mesh)).flatten())
+    counts = torch.cat(found).quantile(torch.tensor([0.1, 0.5, 0.9]))
+    return "landmarks that a vertex attends to, of 68 (deciles 1, 5, 9): " + ", ".join(
+        f"{c:.1f}" for c in counts
+    )
 
 
 def rbf_linear(mesh: PreparedMesh, landmarks: torch.Tensor) -> torch.Tensor:
@@ -137,6 +155,10 @@ def print_corpus_table(folders: list[Path], runs: Path, frames: int) -> None:
         for name, method in corpus_rows(runs):
             mean, lips = held_out_errors(method, meshes, frames)
             print(f"{name:40}{mean:8.3f} /{lips:6.3f}", flush=True)
+        path = runs / "paper_corpus.pt"
+        if path.exists():
+            motion = lambda mesh: mesh.displacements(0, [len(mesh.sequences[0]) // 2])[:, mesh.landmarks]  # noqa: E731
+            print(attention_line(path, meshes, motion), flush=True)
 
 
 def rows(runs: Path) -> list[tuple[str, Method]]:
@@ -165,6 +187,12 @@ def print_table(corpus: Corpus, speech: np.ndarray, runs: Path) -> None:
             text = "".join(f"{mean:8.3f} /{lips:6.3f}" for mean, lips in cells)
             lids = "".join(f"{lid_error(method, corpus.test[f]):9.3f}" for f in faces)
             print(f"{name:40}{text}{lids}", flush=True)
+        path = runs / "paper_both.pt"
+        if path.exists():
+            meshes = [mesh for face in faces for mesh in corpus.test[face]]
+            weights = torch.from_numpy(speech[len(speech) // 2 :][:1]).float()
+            motion = lambda mesh: torch.einsum("tm,mvx->tvx", weights, mesh.modes[:, mesh.landmarks])  # noqa: E731
+            print(attention_line(path, meshes, motion), flush=True)
 
 
 def main() -> None:
@@ -179,7 +207,7 @@ def main() -> None:
     if args.corpus:
         print_corpus_table(args.corpus, args.runs, args.frames)
         return
-    corpus = load_or_build(args.data, args.runs / "corpus.pkl", 70, 45)
+    corpus = load_or_build(args.data, args.runs / "corpus.pkl", COUNTS)
     print_table(corpus, load_speech(args.data).test, args.runs)
 
 

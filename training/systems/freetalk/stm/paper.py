@@ -26,6 +26,8 @@ from training.nn.config import Config
 from training.nn.diffusion_net import DiffusionNet, SurfaceOperators
 
 LANDMARKS = 68
+INPUTS = 6
+"""Channels of a vertex: position and normal."""
 
 CHAINS = [
     (range(17), False),
@@ -60,17 +62,12 @@ class PaperConfig(Config):
     heads: int = 4
     index_encoding: int = 16
     eigenpairs: int = 128
-    inputs: int = 6
-    """Channels per vertex: 6 = position and normal as in the paper, 278 = these and for each
-    landmark the offset from it and the distance (a departure)."""
-    base: bool = False
-    """Whether the displacement adds to that of the training-free weights (a departure)."""
 
 
 CONFIGS = {
     "paper": PaperConfig(),
-    "compact": PaperConfig(48, 48, 2, 2, 3, 4, 16, 64, 278, True),
-    "debug": PaperConfig(8, 8, 1, 1, 3, 4, 4, 48, 6, False),
+    "compact": PaperConfig(64, 64, 3, 3, 3, 4, 64, 64),
+    "debug": PaperConfig(8, 8, 1, 1, 3, 2, 4, 48),
 }
 
 
@@ -132,12 +129,17 @@ class LandmarkToVertexAttention(nn.Module):
     def forward(self, vertices: Tensor, landmarks: Tensor) -> Tensor:
         """vertices: [V, C]; landmarks: [T, N, C]. Returns [T, V, C]."""
         frames, width = landmarks.shape[0], landmarks.shape[2]
-        per_head = width // self.heads
-        query = self.query(vertices).view(-1, self.heads, per_head).transpose(0, 1)
-        key = self.key(landmarks).view(frames, LANDMARKS, self.heads, per_head).transpose(1, 2)
-        value = self.value(landmarks).view(frames, LANDMARKS, self.heads, per_head).transpose(1, 2)
-        weights = torch.softmax(query @ key.transpose(-1, -2) / math.sqrt(per_head), dim=-1)
-        return (weights @ value).transpose(1, 2).reshape(frames, -1, width)
+        value = self._of_heads(self.value(landmarks))
+        return (self.shares(vertices, landmarks) @ value).transpose(1, 2).reshape(frames, -1, width)
+
+    def shares(self, vertices: Tensor, landmarks: Tensor) -> Tensor:
+        """Of the landmarks in what each vertex attends to; eq. 13. Returns [T, heads, V, N]."""
+        query = self.query(vertices).unflatten(-1, (self.heads, -1)).transpose(0, 1)
+        key = self._of_heads(self.key(landmarks))
+        return torch.softmax(query @ key.transpose(-1, -2) / math.sqrt(query.shape[-1]), dim=-1)
+
+    def _of_heads(self, nodes: Tensor) -> Tensor:
+        return nodes.unflatten(-1, (self.heads, -1)).transpose(1, 2)
 
 
 class PaperDecoder(nn.Module):
@@ -147,7 +149,7 @@ class PaperDecoder(nn.Module):
         super().__init__()
         self.config = config
         c = config
-        self.mesh_encoder = DiffusionNet(c.inputs, c.latent, c.width, c.encoder_blocks)
+        self.mesh_encoder = DiffusionNet(INPUTS, c.latent, c.width, c.encoder_blocks)
         self.landmark_encoder = LandmarkGraphNet(3, c.latent, c.graph_layers)
         self.landmark_projection = nn.Linear(c.latent + c.index_encoding, c.latent)
         self.attention = LandmarkToVertexAttention(c.latent, c.heads)
@@ -159,15 +161,18 @@ class PaperDecoder(nn.Module):
         """Features of the neutral mesh. vertex_inputs: [V, inputs]. Returns [V, latent]."""
         return self.mesh_encoder(vertex_inputs[None], ops)[0]
 
+    def nodes(self, landmarks: Tensor) -> Tensor:
+        """Features of the landmarks; eq. 12. landmarks: [T, N, 3] dm. Returns [T, N, latent]."""
+        index = self.index.expand(len(landmarks), -1, -1)
+        return self.landmark_projection(torch.cat([self.landmark_encoder(landmarks), index], dim=-1))
+
     def decode(self, features: Tensor, landmarks: Tensor, ops: SurfaceOperators) -> Tensor:
         """Displacement of each vertex, decimetres.
 
         features: [V, latent]; landmarks: [T, N, 3], displacements in decimetres. Returns [T, V, 3].
         """
         frames, vertices = landmarks.shape[0], features.shape[0]
-        index = self.index.expand(frames, -1, -1)
-        nodes = torch.cat([self.landmark_encoder(landmarks), index], dim=-1)
-        attended = self.attention(features, self.landmark_projection(nodes))
+        attended = self.attention(features, self.nodes(landmarks))
         motion = landmarks.reshape(frames, 1, -1).expand(-1, vertices, -1)
         fused = torch.cat([features.expand(frames, -1, -1), motion, attended], dim=-1)
         return self.decoder(fused, ops)

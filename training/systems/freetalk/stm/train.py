@@ -1,7 +1,7 @@
 """Trains the learned part of Sparse-To-Mesh.
 
     python -m training.systems.freetalk.stm.train static --data ../shared/data --runs runs/stm
-    python -m training.systems.freetalk.stm.train paper  --data ../shared/data --runs runs/stm
+    python -m training.systems.freetalk.stm.train paper  --data ../shared/data --runs runs/stm --faces both
     python -m training.systems.freetalk.stm.train paper  --corpus DIR [DIR ...] --config paper --steps 20000
 
 With `--corpus` a decoder trains on vertex sequences of corpus folders, is measured on their held-out
@@ -22,7 +22,7 @@ import numpy as np
 import torch
 
 from training.corpus.expressions import load_speech, training_frames
-from training.corpus.prepared import PreparedMesh, landmark_shapes, load_or_build
+from training.corpus.prepared import COUNTS, Counts, PreparedMesh, landmark_shapes, load_or_build
 from training.corpus.sequence_meshes import SequenceMesh, held_out_errors, neutral_shapes, sequence_meshes
 from training.deform.static_weights import (
     CONFIGS,
@@ -40,8 +40,6 @@ from training.systems.freetalk import recipes
 from training.systems.freetalk.stm.paper import CONFIGS as PAPER
 from training.systems.freetalk.stm.train_paper import (
     FRAMES,
-    Length,
-    PaperMesh,
     paper_mesh,
     predict,
     train_paper,
@@ -49,9 +47,12 @@ from training.systems.freetalk.stm.train_paper import (
 
 STEPS = 5000
 """Of the static decoder."""
+PAPER_STEPS = 36_000
+"""Of the paper's decoder, of which each costs 0.17 s of one core."""
 SAVE_EVERY = 500
-COARSEST = 14
-"""Meshes of each face for the paper's decoder."""
+COARSE = Counts(60, 40, (1600, 3600))
+"""Meshes for the paper's decoder, whose step costs as much as its vertices."""
+MOST_VERTICES = 2200
 SHAPES = 1500
 """Neutral faces of each kind by which a familiar one is told."""
 
@@ -146,14 +147,10 @@ def learn_shapes(model: StaticWeights, faces: tuple[str, ...], data: Path, seed:
         model.learn_shapes(kind, torch.from_numpy(shapes).float())
 
 
-def coarsest(meshes: list[PreparedMesh], count: int) -> list[PreparedMesh]:
-    """The `count` meshes with the fewest vertices: a step costs as much as its vertices."""
-    return sorted(meshes, key=lambda mesh: len(mesh.lips))[:count]
-
-
 def train_on_data(args) -> None:
     """On both faces of the project and on each alone."""
-    corpus = load_or_build(args.data, args.runs / "corpus.pkl", 70, 45)
+    counts, cache = (COUNTS, "corpus.pkl") if args.model == "static" else (COARSE, "coarse.pkl")
+    corpus = load_or_build(args.data, args.runs / cache, counts)
     speech = load_speech(args.data).train
     for name in args.faces:
         faces, out = FACES[name], args.runs / f"{args.model}_{name}"
@@ -165,9 +162,9 @@ def train_on_data(args) -> None:
             learn_shapes(model, faces, args.data, args.seed)
         else:
             config = PAPER[args.config or "compact"]
-            meshes = {f: coarsest(corpus.train[f], COARSEST) for f in faces}
-            seen = {f: [paper_mesh(m, config) for m in meshes[f]] for f in meshes}
-            model = train_paper(config, speech, *plan(args, seen), out, *how(args))
+            coarse = {f: [m for m in corpus.train[f] if len(m.lips) <= MOST_VERTICES] for f in faces}
+            seen = {f: [paper_mesh(m, config) for m in coarse[f]] for f in coarse}
+            model = train_paper(config, speech, args.steps or PAPER_STEPS, args.seed, seen, out, *how(args))
         save(args.runs / f"{args.model}_{name}.pt", model)
 
 
@@ -181,13 +178,12 @@ def how(args) -> tuple[recipes.Recipe, Machine]:
     return recipes.chosen(recipes.STM, args), machine_of(args)
 
 
-def plan(args, seen: dict[str, list[PaperMesh]]) -> tuple[Length, int, dict[str, list[PaperMesh]]]:
-    """How long, with which seed, on what: `--steps`, else the recipe's epochs, else `--seconds`."""
-    steps, recipe = args.steps, recipes.STM[args.recipe]
-    if steps is None and recipe.epochs is not None and args.corpus:
-        lengths = [len(s) for meshes in seen.values() for m in meshes for s in m.mesh.sequences]
-        steps = recipe.steps(sum(lengths) // FRAMES)
-    return Length(steps, args.seconds), args.seed, seen
+def paper_steps(args, meshes: list[SequenceMesh]) -> int:
+    """How long it trains on corpora: `--steps`, else the recipe's epochs, else as long as ours."""
+    recipe = recipes.STM[args.recipe]
+    if args.steps is not None or recipe.epochs is None:
+        return args.steps or PAPER_STEPS
+    return recipe.steps(sum(len(sequence) for mesh in meshes for sequence in mesh.sequences) // FRAMES)
 
 
 def train_on_corpora(args) -> Path:
@@ -206,7 +202,8 @@ def train_on_corpora(args) -> Path:
     else:
         config = PAPER[args.config or "compact"]
         seen = {"corpus": [paper_mesh(mesh, config) for mesh in meshes]}
-        model = train_paper(config, None, *plan(args, seen), out, *how(args))
+        steps = paper_steps(args, meshes)
+        model = train_paper(config, None, steps, args.seed, seen, out, *how(args))
         method = lambda mesh, landmarks: predict(model, paper_mesh(mesh, config), landmarks)  # noqa: E731
     save(path, model)
     held_out = sequence_meshes(args.corpus, held_out=True)
@@ -226,8 +223,7 @@ def parser() -> argparse.ArgumentParser:
     parser.add_argument("--runs", type=Path, default=Path("runs/stm"))
     parser.add_argument("--faces", nargs="*", choices=list(FACES), default=list(FACES))
     parser.add_argument("--config", choices=sorted({*CONFIGS, *PAPER}), help="size: see the model's CONFIGS")
-    parser.add_argument("--steps", type=int, help=f"{STEPS} for static; paper: in place of --seconds")
-    parser.add_argument("--seconds", type=float, default=180.0, help="processor time, paper")
+    parser.add_argument("--steps", type=int, help=f"{STEPS} for static, {PAPER_STEPS} for paper")
     parser.add_argument("--shapes", type=int, default=SHAPES, help="neutral faces by which one is told")
     recipes.add_arguments(parser)
     add_arguments(parser, "float32")

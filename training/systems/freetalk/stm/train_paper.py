@@ -1,11 +1,11 @@
 """Training of the `paper` decoder.
 
-Losses as in the paper (section 3.3): position, velocity and acceleration weighted 1, 0.5, 0.2. Ours are
-distances instead of squared distances, which is what is measured afterwards; `--recipe paper` has the
-printed ones.
+Losses as in the paper (section 3.3): squares of position, velocity and acceleration. Where the recipe is
+ours, attention starts near each vertex and learns at a tenth of the rate (`local_start`), faces are
+seen in the mirror half of the time, and the rate rises and falls.
 """
 
-import time
+import math
 from dataclasses import dataclass, replace
 from pathlib import Path
 
@@ -22,16 +22,21 @@ from training.machine import Machine
 from training.nn.diffusion_net import SurfaceOperators
 from training.run import Run
 from training.systems.freetalk.recipes import STM, Recipe
+from training.systems.freetalk.stm.local_start import attend_nearby
 from training.systems.freetalk.stm.paper import LANDMARKS, PaperConfig, PaperDecoder
 
 FRAMES = 4
 SAVE_EVERY = 200
 LANDMARK_GAIN = 20.0
+ATTENTION_RATE = 0.1
+"""Of the learning rate, for what decides where a vertex looks."""
+START_MESHES = 8
+"""Meshes of each face by which attention starts."""
 
 
 @dataclass
 class PaperMesh:
-    """A mesh as the decoder takes it: inputs [V, C], operators, and what `corpus.prepared` holds."""
+    """A mesh as the decoder takes it: inputs [V, 6], operators, and what `corpus.prepared` holds."""
 
     mesh: PreparedMesh
     inputs: Tensor
@@ -43,29 +48,15 @@ def paper_mesh(mesh: PreparedMesh, config: PaperConfig) -> PaperMesh:
     positions = mesh.geometry.positions.double().numpy()
     operators = surface_operators(positions, mesh.triangles, config.eigenpairs)
     normals = torch.from_numpy(vertex_normals(positions, mesh.triangles)).float()
-    g = mesh.geometry
-    return PaperMesh(mesh, vertex_inputs(g.positions, normals, g.landmarks, config.inputs), operators)
+    return PaperMesh(mesh, torch.cat([mesh.geometry.positions, normals], dim=1), operators)
 
 
-def vertex_inputs(positions: Tensor, normals: Tensor, landmarks: Tensor, inputs: int) -> Tensor:
-    """Position and normal, and with 278 inputs the offset from and distance to each landmark, dm."""
-    own = torch.cat([positions, normals], dim=1)
-    if inputs == own.shape[1]:
-        return own
-    offsets = positions[:, None] - landmarks
-    return torch.cat([own, offsets.flatten(1), offsets.norm(dim=-1)], dim=1)
-
-
-def mirrored(seen: PaperMesh, inputs: int) -> PaperMesh:
+def mirrored(seen: PaperMesh) -> PaperMesh:
     """The same seen in a mirror; the second tangent turns round, so that frames stay right-handed."""
-    g = seen.mesh.geometry.mirrored()
-    normals = seen.inputs[:, 3:6] * FLIP.to(seen.inputs.device)
+    flip = FLIP.to(seen.inputs.device)
     operators = replace(seen.operators, grad_y=-1.0 * seen.operators.grad_y)
-    return PaperMesh(
-        replace(seen.mesh, geometry=g),
-        vertex_inputs(g.positions, normals, g.landmarks, inputs),
-        operators,
-    )
+    mesh = replace(seen.mesh, geometry=seen.mesh.geometry.mirrored())
+    return PaperMesh(mesh, seen.inputs * flip.repeat(2), operators)
 
 
 def moved(seen: PaperMesh, device: torch.device) -> PaperMesh:
@@ -97,37 +88,34 @@ def motion_of(rng: np.random.Generator, mesh: PreparedMesh, speech: np.ndarray |
 
 def predict(model: PaperDecoder, seen: PaperMesh, landmarks: Tensor) -> Tensor:
     """Displacements of all vertices, dm. landmarks: [T, N, 3] dm. Returns [T, V, 3]."""
-    moved = model(seen.inputs, landmarks, seen.operators)
-    if model.config.base:
-        moved = moved + torch.einsum("vn,tnx->tvx", seen.mesh.geometry.base, landmarks)
-    return moved
-
-
-def distance(difference: Tensor) -> Tensor:
-    """Mean length in centimetres, smooth at zero."""
-    return (100.0 * difference.square().sum(-1) + 1e-5).sqrt().mean()
+    return model(seen.inputs, landmarks, seen.operators)
 
 
 @torch.no_grad()
-def prepare_weights(model: PaperDecoder) -> None:
-    """Starts at no motion; alone, the weights that read landmarks are scaled to their size of 0.05 dm."""
+def prepare_weights(model: PaperDecoder, faces: list[PaperMesh]) -> None:
+    """Starts at no motion, reads landmarks by their size of 0.05 dm, and attends to those nearby."""
     torch.nn.init.zeros_(model.decoder.last_lin.weight)
     torch.nn.init.zeros_(model.decoder.last_lin.bias)
-    if not model.config.base:
-        latent = model.config.latent
-        model.landmark_encoder.layer_0.weight.mul_(LANDMARK_GAIN)
-        model.decoder.first_lin.weight[:, latent : latent + 3 * LANDMARKS].mul_(LANDMARK_GAIN)
+    latent = model.config.latent
+    model.landmark_encoder.layer_0.weight.mul_(LANDMARK_GAIN)
+    model.decoder.first_lin.weight[:, latent : latent + 3 * LANDMARKS].mul_(LANDMARK_GAIN)
+    places = torch.stack([face.mesh.geometry.landmarks for face in faces]).mean(0)
+    attend_nearby(model, [(face.inputs, face.operators) for face in faces], places)
 
 
-def motion_loss(error: Tensor, lips: Tensor, recipe: Recipe) -> Tensor:
-    """Position, velocity and acceleration of an error [T, V, 3] dm, weighted as eq. 15.
+def attention_first(model: PaperDecoder, recipe: Recipe) -> list[dict]:
+    """Parameters for the optimiser in two groups: what decides where a vertex looks is slower in ours."""
+    deciding = [model.attention.query, model.attention.key, model.landmark_projection]
+    slow = [parameter for layer in deciding for parameter in layer.parameters()]
+    rest = [p for p in model.parameters() if all(p is not other for other in slow)]
+    share = 1.0 if recipe.plain else ATTENTION_RATE
+    return [{"params": slow, "share": share}, {"params": rest, "share": 1.0}]
 
-    `plain` means squares in cm²; ours are lengths in cm, and the lips [V] count a second time.
-    """
-    measure = squared if recipe.plain else distance
-    loss = measure(error) if recipe.plain else measure(error) + measure(error[:, lips])
-    loss = loss + recipe.velocity * measure(error.diff(dim=0))
-    return loss + recipe.acceleration * measure(error.diff(n=2, dim=0))
+
+def motion_loss(error: Tensor, recipe: Recipe) -> Tensor:
+    """Eq. 15: squared position, velocity and acceleration of an error [T, V, 3] dm, cm²."""
+    loss = squared(error) + recipe.velocity * squared(error.diff(dim=0))
+    return loss + recipe.acceleration * squared(error.diff(n=2, dim=0))
 
 
 def squared(difference: Tensor) -> Tensor:
@@ -135,18 +123,10 @@ def squared(difference: Tensor) -> Tensor:
     return 100.0 * difference.square().sum(-1).mean()
 
 
-@dataclass
-class Length:
-    """How long to train: steps, else seconds of processor time, which cannot be resumed."""
-
-    steps: int | None = None
-    seconds: float = 180.0
-
-
 def train_paper(
     config: PaperConfig,
     speech: np.ndarray | None,
-    length: Length,
+    steps: int,
     seed: int,
     prepared: dict[str, list[PaperMesh]],
     out: Path,
@@ -162,48 +142,30 @@ def train_paper(
     machine = machine or Machine("cpu")
     torch.manual_seed(seed)
     model = decoder(config)
-    if not recipe.plain or config.base:
-        prepare_weights(model)
+    if not recipe.plain:
+        prepare_weights(model, [seen for meshes in prepared.values() for seen in meshes[:START_MESHES]])
     machine.place(model, seed)
     draw = Draw(np.random.default_rng(machine.seed(seed)), prepared, speech, machine.device, recipe.plain)
-    optimiser = torch.optim.AdamW(model.parameters(), lr=recipe.rate, weight_decay=recipe.weight_decay)
-    parts = {"model": model, "optimiser": optimiser}
-    run = None
-    if length.steps is not None:
-        run = Run(out, parts, length.steps, SAVE_EVERY, {"draws": draw.random}, machine)
-    clock = Clock(length, 0 if run is None else run.first)
-    while (share := clock.share()) < 1.0:
+    groups = attention_first(model, recipe)
+    optimiser = torch.optim.AdamW(groups, lr=recipe.rate, weight_decay=recipe.weight_decay)
+    run = Run(
+        out, {"model": model, "optimiser": optimiser}, steps, SAVE_EVERY, {"draws": draw.random}, machine
+    )
+    for step in range(run.first, steps):
         for group in optimiser.param_groups:
-            group["lr"] = recipe.rate * (warm(clock.step, share) if recipe.annealed else 1.0)
-        seen, landmarks, motion = draw.next(clock.step)
+            group["lr"] = group["share"] * recipe.rate * (warm(step, steps) if recipe.annealed else 1.0)
+        seen, landmarks, motion = draw.next(step)
         with machine.autocast():
             predicted = predict(model, seen, landmarks)
-        loss = motion_loss(predicted.float() - motion, seen.mesh.lips, recipe)
+        loss = motion_loss(predicted.float() - motion, recipe)
         machine.step(loss, model, optimiser, 1.0)
-        if run is not None:
-            run.after(clock.step, loss.item())
-        elif clock.step % 50 == 0:
-            print(f"paper {[*prepared]} {clock.step}: {loss.item():.4f}", flush=True)
-        clock.step += 1
+        run.after(step, loss.item())
     return model.cpu().eval()
 
 
-def warm(step: int, share: float) -> float:
-    """The share of the learning rate: up in 100 steps, down to zero at the end."""
-    return min(1.0, (step + 1) / 100) * max(0.0, 1.0 - share)
-
-
-class Clock:
-    """Counts steps, and what share of the training is over."""
-
-    def __init__(self, length: Length, first: int):
-        self.length, self.step, self.started = length, first, time.process_time()
-
-    def share(self) -> float:
-        """0 at the start, 1 at the end."""
-        if self.length.steps is not None:
-            return self.step / self.length.steps
-        return (time.process_time() - self.started) / self.length.seconds
+def warm(step: int, steps: int) -> float:
+    """The share of the learning rate: up in 200 steps, along a cosine to zero at the end."""
+    return min(1.0, (step + 1) / 200) * 0.5 * (1.0 + math.cos(math.pi * step / steps))
 
 
 class Draw:
@@ -229,5 +191,5 @@ class Draw:
     def image(self, seen: PaperMesh) -> PaperMesh:
         """The mesh in the mirror, made once."""
         if id(seen) not in self.images:
-            self.images[id(seen)] = mirrored(seen, seen.inputs.shape[1])
+            self.images[id(seen)] = mirrored(seen)
         return self.images[id(seen)]

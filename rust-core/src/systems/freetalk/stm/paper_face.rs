@@ -4,11 +4,11 @@ use std::sync::Arc;
 
 use ndarray::{Array2, Array3, ArrayView3, Axis, s};
 
-use super::paper::{MeshFeatures, PaperDecoder};
+use super::paper::{INPUTS, MeshFeatures, PaperDecoder};
 use crate::{
     Error, Result,
     cache::Cache,
-    deform::{Corrected, LandmarkWeights, SolvedSkin},
+    deform::{Corrected, SolvedSkin},
     face::{Deformer, Face, FaceSurface, binding::Follows},
     job::{ProgressFn, report},
     mesh::{Similarity, ibug::LANDMARKS},
@@ -21,8 +21,6 @@ pub struct PaperFace {
     features: MeshFeatures,
     /// Of the skin, decimetres.
     surface: Surface,
-    /// What the decoder adds to: the plate where the config says so, else nothing.
-    base: LandmarkWeights,
     /// `[V]`, the rows of the skin that each vertex follows, and by which shares.
     follows: Vec<[(u32, f32); 3]>,
     to_canonical: Similarity,
@@ -33,8 +31,8 @@ pub struct PaperFace {
 /// on: the face has no proxy.
 ///
 /// # Errors
-/// `Mesh` if the landmarks lie on no usable face, `Numerics` if a solve fails, `Weights` if the
-/// decoder asks for unknown inputs, `Cancelled`.
+/// `Mesh` if the landmarks lie on no usable face, `Numerics` if a solve fails,
+/// `Cancelled`.
 pub fn prepare_paper(
     decoder: Arc<PaperDecoder>,
     face: &Face,
@@ -43,19 +41,16 @@ pub fn prepare_paper(
 ) -> Result<Corrected<PaperFace>> {
     let solved = SolvedSkin::new(face, cache, progress)?;
     let config = decoder.config();
-    let base = solved.weights(config.base, None, 0.0);
     let operators = &solved.surface.skin.operators;
     let surface = operators.surface(config.eigenpairs, 10.0, cache)?;
     report(progress, "weights", 0.9)?;
-    let inputs = vertex_inputs(solved.surface, config.inputs)?;
-    let features = decoder.encode(inputs, &surface);
+    let features = decoder.encode(vertex_inputs(solved.surface), &surface);
     report(progress, "weights", 1.0)?;
     let follows = rows_followed(solved.surface);
     Ok(solved.corrected(PaperFace {
         decoder,
         features,
         surface,
-        base,
         follows,
         to_canonical: face.to_canonical,
     }))
@@ -75,7 +70,7 @@ impl Deformer for PaperFace {
                 got: format!("[{frames}, {count}, {axes}]"),
             });
         }
-        let mut out = self.base.deform(landmarks, crate::job::SILENT)?;
+        let mut out = Array3::zeros((frames, self.follows.len(), 3));
         let batch = self.decoder.frames_at_once(self.surface.vertices());
         for first in (0..frames).step_by(batch) {
             report(progress, "deform", first as f32 / frames as f32)?;
@@ -137,31 +132,14 @@ impl PaperFace {
     }
 }
 
-/// Position, normal and, with 278 inputs, offset from and distance to each landmark. `[R, C]`.
-fn vertex_inputs(face: &FaceSurface, inputs: usize) -> Result<Array2<f32>> {
-    const RELATED: usize = 6 + 4 * LANDMARKS;
-    if inputs != 6 && inputs != RELATED {
-        return Err(Error::Weights(format!(
-            "stm_paper config.json: inputs: expected 6 or {RELATED}, got {inputs}"
-        )));
-    }
-    let (positions, landmarks) = face.decimetres();
+/// Position in decimetres and normal. `[R, 6]`.
+fn vertex_inputs(face: &FaceSurface) -> Array2<f32> {
+    let (positions, _) = face.decimetres();
     let frames = face.skin.operators.tangent_frames();
-    let mut out = Array2::zeros((positions.len(), inputs));
-    for (v, mut row) in out.rows_mut().into_iter().enumerate() {
-        for axis in 0..3 {
-            row[axis] = positions[v][axis];
-            row[3 + axis] = frames[v][2][axis] as f32;
-        }
-        for n in 0..(inputs - 6) / 4 {
-            let offset: [f32; 3] = std::array::from_fn(|i| positions[v][i] - landmarks[n][i]);
-            for axis in 0..3 {
-                row[6 + 3 * n + axis] = offset[axis];
-            }
-            row[6 + 3 * LANDMARKS + n] = offset.iter().map(|x| x * x).sum::<f32>().sqrt();
-        }
-    }
-    Ok(out)
+    Array2::from_shape_fn((positions.len(), INPUTS), |(v, channel)| match channel {
+        0..3 => positions[v][channel],
+        _ => frames[v][2][channel - 3] as f32,
+    })
 }
 
 /// `[V]`, the rows of the skin that each vertex follows, and by which shares. For a skin without

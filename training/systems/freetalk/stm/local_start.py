@@ -1,0 +1,69 @@
+"""Attention of the `paper` decoder that is local before training begins.
+
+From random weights every vertex attends to all landmarks alike, and the gradients of a softmax so flat are
+too small to change that within a day. So the first four channels of every head start where `query · key` of
+eq. 13 is `(2 x·l - l·l) / (2 σ²)`: up to a constant of the vertex that is `-|x - l|² / (2 σ²)`, a Gaussian
+over the landmarks around it. `x` and `l` are what a linear layer can say of a vertex by its feature and of a
+landmark by its index, fitted on the faces of the training.
+"""
+
+import numpy as np
+import torch
+from torch import Tensor
+
+from training.nn.diffusion_net import SurfaceOperators
+from training.systems.freetalk.stm.paper import PaperDecoder
+
+PLACE = 4
+"""Channels of a place: its coordinates and one more."""
+SIGMAS_DM = (0.15, 0.4)
+"""σ of the first and of the last head."""
+ONE_VERTEX_IN = 5
+
+
+@torch.no_grad()
+def attend_nearby(
+    model: PaperDecoder, faces: list[tuple[Tensor, SurfaceOperators]], landmarks: Tensor
+) -> None:
+    """Sets φ of eq. 12, queries and keys.
+
+    faces: vertex inputs [V, 6] dm, positions first, and operators. landmarks: mean places [N, 3] dm.
+    """
+    attention, latent = model.attention, model.config.latent
+    per_head = latent // attention.heads
+    features = torch.cat([model.encode(*face)[::ONE_VERTEX_IN] for face in faces])
+    positions = torch.cat([inputs[::ONE_VERTEX_IN, :3] for inputs, _ in faces])
+    centre = landmarks.mean(0)
+    ask = torch.cat([positions - centre, torch.ones(len(positions), 1)], dim=1)
+    of_vertex, offset = fit(features, ask, 1e-7)
+    answer = landmarks - centre
+    answer = torch.cat([answer, -0.5 * answer.square().sum(1, keepdim=True)], dim=1)
+    of_index, shift = fit(model.index, answer, 1e-6)
+    phi = model.landmark_projection
+    phi.weight[-PLACE:] = 0.0
+    phi.weight[-PLACE:, latent:] = of_index
+    phi.bias[-PLACE:] = shift
+    for head, sigma in enumerate(np.geomspace(*SIGMAS_DM, attention.heads)):
+        gain = per_head**0.25 / sigma
+        rows = slice(head * per_head, head * per_head + PLACE)
+        attention.query.weight[rows], attention.query.bias[rows] = gain * of_vertex, gain * offset
+        attention.key.weight[rows], attention.key.bias[rows] = 0.0, 0.0
+        attention.key.weight[rows, -PLACE:] = gain * torch.eye(PLACE)
+
+
+def fit(inputs: Tensor, targets: Tensor, ridge: float) -> tuple[Tensor, Tensor]:
+    """Weight [O, I] and bias [O] of a layer from inputs [R, I] to targets [R, O]; least squares."""
+    rows = torch.cat([inputs, torch.ones(len(inputs), 1)], dim=1).double()
+    penalty = ridge * torch.eye(rows.shape[1], dtype=torch.float64)
+    penalty[-1, -1] = 0.0
+    solved = torch.linalg.solve(rows.T @ rows / len(rows) + penalty, rows.T @ targets.double() / len(rows))
+    return solved[:-1].T.float(), solved[-1].float()
+
+
+@torch.no_grad()
+def effective_landmarks(
+    model: PaperDecoder, inputs: Tensor, operators: SurfaceOperators, landmarks: Tensor
+) -> Tensor:
+    """Landmarks that a vertex attends to: e to the entropy of the mean share of all heads. [T, V]."""
+    shares = model.attention.shares(model.encode(inputs, operators), model.nodes(landmarks)).mean(1)
+    return torch.exp(-(shares * (shares + 1e-12).log()).sum(-1))
