@@ -52,13 +52,14 @@ def ats(
     run: Run,
     steps: Annotated[int | None, "default number of denoising steps"] = None,
     spacing: Literal["leading", "trailing"] = "trailing",
-    temperature: float = 0.0,
+    temperature: Annotated[float, "scale of the starting noise"] = 0.0,
+    noise_s: Annotated[float, "over how many seconds that noise stays alike"] = 0.0,
     style: Annotated[str | None, "default speaking style"] = None,
 ) -> Iterator[Model]:
     """An ats.pt of training.systems.freetalk.train, and its encoder."""
     saved = torch.load(run, map_location="cpu")
     config = AtsConfig.from_json(saved["config"])
-    config.sampling = Sampling(steps, spacing, temperature) if steps else config.sampling
+    config.sampling = Sampling(steps, spacing, temperature, noise_s) if steps else config.sampling
     config.default_style = style or config.default_style
     yield Model(f"ats_{config.name}", saved["state"], config.to_json())
     if saved["encoder_config"] is not None:
@@ -85,12 +86,14 @@ def cafe_talk(
     steps: Annotated[int | None, "default number of denoising steps; none: as in training"] = None,
     alpha: Annotated[float | None, "guidance of speech and emotion"] = None,
     beta: Annotated[float | None, "guidance of events at strength 1"] = None,
+    temperature: Annotated[float | None, "scale of the starting noise"] = None,
+    noise_s: Annotated[float | None, "over how many seconds that noise stays alike"] = None,
     style: Annotated[str | None, "default speaking style"] = None,
 ) -> Iterator[Model]:
     """A cafe_talk.pt with the places of the emotions, and the random encoder of a debug run."""
     saved = torch.load(run, map_location="cpu")
     config = CafeTalkConfig.from_json(saved["config"])
-    changed = {"steps": steps, "alpha": alpha, "beta": beta}
+    changed = {"steps": steps, "alpha": alpha, "beta": beta, "temperature": temperature, "noise_s": noise_s}
     config.sampling = replace(config.sampling, **{k: v for k, v in changed.items() if v is not None})
     config.default_style = style or config.default_style
     if config.name == "debug" and saved["encoder_config"] is not None:
