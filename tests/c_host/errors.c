@@ -341,7 +341,7 @@ static void events(void) {
                 "weights");
     CHECK(value == 7.0f && weights == MARK(AnyfaceWeights));
     CHECK(strcmp(anyface_action_unit_label(8), "lip corner puller") == 0);
-    CHECK(anyface_action_unit_name(16) == NULL && anyface_event_notes_text(NULL, 0) == NULL);
+    CHECK(anyface_action_unit_name(25) == NULL && anyface_event_notes_text(NULL, 0) == NULL);
 }
 
 /* A megabyte of one word. */
