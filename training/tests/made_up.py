@@ -1,5 +1,6 @@
 """A small corpus folder made of noise that speaks, for tests."""
 
+import itertools
 from pathlib import Path
 
 import numpy as np
@@ -84,6 +85,19 @@ def felt_pairs(path: Path, sentences: int = 4, seconds: float = 2.4, intensity: 
             jaw = 0.6 * np.interp(at, base, open_)[:, None, None] * arkit_modes()["jawOpen"]
             writer.vertices(clip, follow(canonical_landmarks() + jaw + moved))
     _write_ball(writer)
+    return writer.close()
+
+
+def felt_grades(path: Path, intensities: tuple[float, ...] = (0.5, 1.0)) -> Path:
+    """Landmarks of a speaker who says three sentences of 2 s in the feelings of `FELT`, each in all strengths
+    and in one voice, so that only the label tells them apart; the third is held out."""
+    writer = CorpusWriter(path, "grades", "m")
+    for number, (feeling, (_, _, face)), intensity in itertools.product(range(3), FELT.items(), intensities):
+        clip, split = f"{number}_{feeling}_{intensity}", "test" if number == 2 else "train"
+        writer.clip(clip, "ann", split, feeling, intensity, text=f"Sentence {number}")
+        writer.sound(clip, spoken(2.0, number), RATE_HZ)
+        worn = sum(intensity * weight * arkit_modes()[name] for name, weight in face.items())
+        writer.landmarks(clip, talking(2.0, number) + worn, FPS, neutral=canonical_landmarks())
     return writer.close()
 
 

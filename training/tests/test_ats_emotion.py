@@ -1,0 +1,36 @@
+"""A denoiser that is conditioned as printed (eq. 5): the upper face follows emotion and intensity."""
+
+import pytest
+import torch
+
+from training.corpus.bank import Entry, of_folders
+from training.nn.checkpoint import restored
+from training.speech.compact import load_encoder
+from training.speech.source import CompactSpeech
+from training.systems.freetalk import train
+from training.systems.freetalk.ats import ANY_STYLE, AtsConfig, AtsDenoiser
+from training.tests.made_up import FELT, felt_grades
+
+
+@pytest.mark.slow
+def test_the_upper_face_follows_label_and_intensity(tmp_path):
+    folder = felt_grades(tmp_path / "grades")
+    flags = ["--corpus", str(folder), "--out", str(tmp_path / "run"), "--recipe", "paper", "--steps", "120",
+             "--rate", "1e-3", "--tokens", "256", "--voices", "1", "--log-every", "1000"]  # fmt: skip
+    saved = torch.load(train.train(train.parser().parse_args(flags)))
+    config = AtsConfig.from_json(saved["config"])
+    assert config.emotion == "learned"
+    model = restored(AtsDenoiser(config), saved["state"])
+    entries = [entry for entry in of_folders([folder], 1) if entry.held_out]
+    speech = CompactSpeech(load_encoder(train.SHIPPED_ENCODER), entries)
+    style = config.styles.index(ANY_STYLE)
+
+    def brows(entry: Entry) -> float:
+        """Mean height of the inner brows, mm."""
+        motion = train.clip_motion(speech, model, entry, style, config.sampling)
+        return 1000.0 * motion[:, [3 * 21 + 1, 3 * 22 + 1]].mean().item()
+
+    seen = {(entry.emotion, entry.intensity): brows(entry) for entry in entries}
+    assert seen["happy", 1.0] > seen["happy", 0.5] > 0.0 > seen["angry", 0.5] > seen["angry", 1.0]
+    for feeling in FELT:
+        assert 0.25 < seen[feeling, 0.5] / seen[feeling, 1.0] < 0.75
