@@ -1,6 +1,7 @@
 //! The `anyface` command from outside: exit codes, errors, and that failures leave no file.
 
 use std::{
+    collections::{BTreeMap, BTreeSet, HashSet},
     fs,
     path::{Path, PathBuf},
     process::{Command, Output},
@@ -250,6 +251,86 @@ fn attention_of_the_papers_decoder_is_written_and_other_decoders_have_none() {
     looked_at.sort_by(f32::total_cmp);
     let median = looked_at[looked_at.len() / 2];
     assert!(median < 15.0, "{median}");
+}
+
+/// The eigenfunctions of shoulders leave none for lips, unless the network works on the head alone.
+#[test]
+fn shoulders_do_not_silence_the_papers_decoder() {
+    let folder = folder_with_sound(&hum(0.4), 16_000);
+    let head = crate::model("default_head");
+    let marks = head.join("landmarks.json");
+    let obj = fs::read_to_string(head.join("head.obj")).unwrap();
+    fs::write(folder.path().join("bust.obj"), with_shoulders(&obj)).unwrap();
+    let moved = |mesh: &Path| {
+        let mesh = ["--mesh", mesh.to_str().unwrap()];
+        let marks = ["--landmarks", marks.to_str().unwrap(), "--no-cache"];
+        let made = ["animate", "--audio", "a.wav", "--out", "o.npz"];
+        let line = [&made[..], &mesh, &marks, &["--decoder", "paper"]].concat();
+        let ended = anyface(folder.path(), &line);
+        assert!(ended.status.success(), "{}", text(&ended.stderr));
+        let file = fs::File::open(folder.path().join("o.npz")).unwrap();
+        let mut npz = ndarray_npy::NpzReader::new(file).unwrap();
+        npz.by_name::<ndarray::OwnedRepr<f32>, ndarray::Ix3>("displacements")
+            .unwrap()
+    };
+    let alone = moved(&head.join("head.obj"));
+    let bust = moved(&folder.path().join("bust.obj"));
+    let vertices = alone.dim().1;
+    assert!(bust.dim().1 > vertices + 400);
+    let of_head = bust.slice(ndarray::s![.., ..vertices, ..]);
+    let size = |x: ndarray::Array3<f32>| x.mapv(f32::abs).mean().unwrap();
+    let (off, motion) = (size(&of_head - &alone), size(alone));
+    assert!(off < 0.15 * motion, "{off} of {motion}");
+    let shoulders = bust.slice(ndarray::s![.., vertices.., ..]);
+    assert!(size(shoulders.to_owned()) < 0.1 * motion);
+}
+
+/// The head of an OBJ with shoulders: the rim of its neck, drawn out in eight rings.
+fn with_shoulders(head: &str) -> String {
+    let rows = |kind: &'static str| head.lines().filter_map(move |line| line.strip_prefix(kind));
+    let numbers = |row: &str| -> Vec<f64> { row.split(' ').map(|x| x.parse().unwrap()).collect() };
+    let points: Vec<Vec<f64>> = rows("v ").map(numbers).collect();
+    let corner = |word: &str| word.split('/').next().unwrap().parse::<usize>().unwrap() - 1;
+    let mut edges = HashSet::new();
+    for face in rows("f ") {
+        let face: Vec<usize> = face.split_whitespace().map(corner).collect();
+        for (i, &a) in face.iter().enumerate() {
+            let b = face[(i + 1) % face.len()];
+            if !edges.remove(&(b, a)) {
+                edges.insert((a, b));
+            }
+        }
+    }
+    let heights = points.iter().map(|p| p[1]);
+    let (low, high) = heights.fold((f64::MAX, f64::MIN), |(l, h), y| (l.min(y), h.max(y)));
+    let size = high - low;
+    edges.retain(|(a, b)| [a, b].iter().all(|&&v| points[v][1] < low + 0.2 * size));
+    let rim: BTreeSet<usize> = edges.iter().flat_map(|(a, b)| [*a, *b]).collect();
+    let centre =
+        [0, 2].map(|axis| rim.iter().map(|&v| points[v][axis]).sum::<f64>() / rim.len() as f64);
+    let (mut bust, mut ring) = (
+        head.to_owned(),
+        BTreeMap::from_iter(rim.iter().map(|&v| (v, v))),
+    );
+    let mut count = points.len();
+    for k in 1..=8 {
+        let mut next = BTreeMap::new();
+        for &v in &rim {
+            let p = &points[v];
+            let out = [p[0] - centre[0], p[2] - centre[1]];
+            let far = 0.12 * size * f64::from(k) / out[0].hypot(out[1]);
+            let y = p[1] - 0.02 * size * f64::from(k);
+            bust += &format!("v {} {y} {}\n", p[0] + far * out[0], p[2] + far * out[1]);
+            next.insert(v, count);
+            count += 1;
+        }
+        for (a, b) in &edges {
+            let [a0, b0, a1, b1] = [ring[a] + 1, ring[b] + 1, next[a] + 1, next[b] + 1];
+            bust += &format!("f {b0} {a0} {a1}\nf {b0} {a1} {b1}\n");
+        }
+        ring = next;
+    }
+    bust
 }
 
 #[test]

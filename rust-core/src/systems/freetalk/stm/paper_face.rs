@@ -2,7 +2,9 @@
 
 use std::sync::Arc;
 
+use glam::DVec3;
 use ndarray::{Array2, Array3, ArrayView3, Axis, s};
+use rayon::prelude::*;
 
 use super::paper::{INPUTS, MeshFeatures, PaperDecoder};
 use crate::{
@@ -11,24 +13,33 @@ use crate::{
     deform::{Corrected, SolvedSkin},
     face::{Deformer, Face, FaceSurface, binding::Follows},
     job::{ProgressFn, report},
-    mesh::{Similarity, ibug::LANDMARKS},
+    mesh::{Mesh, Similarity, ibug::LANDMARKS},
     nn::surface::Surface,
+    operators::{NO_ROW, OperatorOptions, Operators},
 };
+
+/// How far from a landmark the network still works, canonical centimetres. It knows faces and heads: of a bust the first
+/// eigenfunctions tell shoulders apart and no lips, and the mouth opens half as wide.
+const REACH_CM: f64 = 9.0;
+/// Over so much of that motion fades.
+const FADE_CM: f64 = 3.0;
 
 /// FreeTalk's decoder on one mesh; runs the network for every frame.
 pub struct PaperFace {
     decoder: Arc<PaperDecoder>,
     features: MeshFeatures,
-    /// Of the skin, decimetres.
+    /// The skin within [`REACH_CM`], decimetres.
     surface: Surface,
-    /// `[V]`, the rows of the skin that each vertex follows, and by which shares.
+    /// `[R]`, of the motion that each row of that surface keeps: 1 but near its rim.
+    fade: Vec<f32>,
+    /// `[V]`, the rows of that surface that each vertex follows, and by which shares.
     follows: Vec<[(u32, f32); 3]>,
     to_canonical: Similarity,
 }
 
-/// Prepares the decoder for one face: operators and eigenbasis of the skin (kept in `cache`) and the
-/// features of the neutral mesh. Units and axes are the mesh's own. Every vertex of the skin is worked
-/// on: the face has no proxy.
+/// Prepares the decoder for one face: operators and eigenbasis of the skin around it (kept in `cache`) and the
+/// features of the neutral mesh. Units and axes are the mesh's own. Every vertex there is worked on: the face has no
+/// proxy.
 ///
 /// # Errors
 /// `Mesh` if the landmarks lie on no usable face, `Numerics` if a solve fails,
@@ -41,16 +52,17 @@ pub fn prepare_paper(
 ) -> Result<Corrected<PaperFace>> {
     let solved = SolvedSkin::new(face, cache, progress)?;
     let config = decoder.config();
-    let operators = &solved.surface.skin.operators;
-    let surface = operators.surface(config.eigenpairs, 10.0, cache)?;
+    let near = SkinNearby::of(solved.surface)?;
+    let surface = near.operators.surface(config.eigenpairs, 10.0, cache)?;
     report(progress, "weights", 0.9)?;
-    let features = decoder.encode(vertex_inputs(solved.surface), &surface);
+    let features = decoder.encode(near.vertex_inputs(), &surface);
     report(progress, "weights", 1.0)?;
-    let follows = rows_followed(solved.surface);
+    let follows = near.rows_followed(solved.surface);
     Ok(solved.corrected(PaperFace {
         decoder,
         features,
         surface,
+        fade: near.shares,
         follows,
         to_canonical: face.to_canonical,
     }))
@@ -85,8 +97,9 @@ impl Deformer for PaperFace {
             for (mut target, moved) in frames {
                 for (v, follows) in self.follows.iter().enumerate() {
                     for &(row, share) in follows.iter().filter(|(_, share)| *share != 0.0) {
+                        let row = row as usize;
                         for axis in 0..3 {
-                            target[[v, axis]] += share * moved[[row as usize, axis]];
+                            target[[v, axis]] += share * self.fade[row] * moved[[row, axis]];
                         }
                     }
                 }
@@ -132,28 +145,76 @@ impl PaperFace {
     }
 }
 
-/// Position in decimetres and normal. `[R, 6]`.
-fn vertex_inputs(face: &FaceSurface) -> Array2<f32> {
-    let (positions, _) = face.decimetres();
-    let frames = face.skin.operators.tangent_frames();
-    Array2::from_shape_fn((positions.len(), INPUTS), |(v, channel)| match channel {
-        0..3 => positions[v][channel],
-        _ => frames[v][2][channel - 3] as f32,
-    })
+/// The skin within [`REACH_CM`] of the landmarks.
+struct SkinNearby {
+    operators: Operators,
+    /// `[R]`, of the motion that each row keeps: 1 but near the rim.
+    shares: Vec<f32>,
 }
 
-/// `[V]`, the rows of the skin that each vertex follows, and by which shares. For a skin without
-/// a proxy.
-fn rows_followed(face: &FaceSurface) -> Vec<[(u32, f32); 3]> {
-    let row = |(skin, share): (u32, f32)| match face.skin.spread.row(skin).next() {
-        Some((row, _)) => (row, share),
-        None => (0, 0.0),
-    };
-    let follows = face.follows.iter();
-    follows
-        .map(|follows| match *follows {
-            Follows::Skin(corners) => corners.map(row),
-            _ => [(0, 0.0); 3],
+impl SkinNearby {
+    fn of(face: &FaceSurface) -> Result<Self> {
+        let skin = &face.skin.operators;
+        let distance = |p: &DVec3| {
+            let to = |l: &[f32; 3]| p.distance(DVec3::from(l.map(f64::from)));
+            face.landmarks.iter().map(to).fold(f64::INFINITY, f64::min)
+        };
+        let distances: Vec<f64> = skin.positions.par_iter().map(distance).collect();
+        let is_near = |t: &[u32; 3]| t.iter().all(|&row| distances[row as usize] < REACH_CM);
+        let faces: Vec<u32> = (0..skin.triangles.len() as u32)
+            .filter(|&f| is_near(&skin.triangles[f as usize]))
+            .collect();
+        let mesh = Mesh {
+            positions: skin
+                .positions
+                .iter()
+                .map(|p| p.as_vec3().to_array())
+                .collect(),
+            triangles: skin.triangles.clone(),
+        };
+        let options = OperatorOptions {
+            weld: false,
+            ..OperatorOptions::default()
+        };
+        let operators = Operators::of_faces(&mesh, &faces, &options)?;
+        let share =
+            |&row: &u32| ((REACH_CM - distances[row as usize]) / FADE_CM).clamp(0.0, 1.0) as f32;
+        let shares = operators.vertex_of_row.iter().map(share).collect();
+        Ok(SkinNearby { operators, shares })
+    }
+
+    /// Position in decimetres and normal. `[R, 6]`.
+    fn vertex_inputs(&self) -> Array2<f32> {
+        let frames = self.operators.tangent_frames();
+        let positions = &self.operators.positions;
+        Array2::from_shape_fn((positions.len(), INPUTS), |(v, channel)| match channel {
+            0..3 => 0.1 * positions[v][channel] as f32,
+            _ => frames[v][2][channel - 3] as f32,
         })
-        .collect()
+    }
+
+    /// `[V]`, the rows that each vertex of the mesh follows, and by which shares; none where one of them is beyond. For a
+    /// skin without a proxy.
+    fn rows_followed(&self, face: &FaceSurface) -> Vec<[(u32, f32); 3]> {
+        let last = self.shares.len() as u32 - 1;
+        let row = |(skin, share): (u32, f32)| match face.skin.spread.row(skin).next() {
+            Some((row, _)) => (self.operators.row_of_vertex[row as usize], share),
+            None => (NO_ROW, 0.0),
+        };
+        let none = [(0, 0.0); 3];
+        let follows = face.follows.iter();
+        follows
+            .map(|follows| match *follows {
+                Follows::Skin(corners) => {
+                    let rows = corners.map(row);
+                    let is_beyond = |&(row, share): &(u32, f32)| row == NO_ROW && share != 0.0;
+                    match rows.iter().any(is_beyond) {
+                        true => none,
+                        false => rows.map(|(row, share)| (row.min(last), share)),
+                    }
+                }
+                _ => none,
+            })
+            .collect()
+    }
 }
