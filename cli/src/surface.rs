@@ -7,7 +7,7 @@ use anyface::{
     Engine, Error, Face, Result,
     head::check_surface_cells,
     job::{ProgressFn, write_json},
-    motion::{CodeClip, Extent, Motion},
+    motion::{Extent, Motion},
     output::{Format, Report, check_new_folder, write_surface_frames},
     systems::Ability,
 };
@@ -77,7 +77,7 @@ impl SurfaceArgs {
         report: &mut Report,
         progress: ProgressFn<'_>,
     ) -> Result<()> {
-        let (Some(cells), Motion::Codes(CodeClip { codes, .. })) = (self.surface, motion) else {
+        let (Some(cells), Motion::Codes(clip)) = (self.surface, motion) else {
             return Err(Error::InvalidInput(
                 "surface: expected a model with landmark_motion, which goes by landmarks, got one without".into(),
             ));
@@ -85,6 +85,7 @@ impl SurfaceArgs {
         let (surface, note) = timed(report, "surface", || {
             engine.head_surface(face, cells, progress)
         })?;
+        let codes = timed(report, "codes", || engine.surface_codes(clip, progress))?;
         let largest = timed(report, "write", || {
             write_surface_frames(out, &surface, codes.view(), progress)
         })?;

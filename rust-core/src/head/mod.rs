@@ -9,6 +9,7 @@ mod code;
 mod config;
 mod fit;
 mod identity;
+mod led_codes;
 mod make;
 mod network;
 mod on_mesh;

@@ -13,7 +13,7 @@ use std::{
 use anyface::{
     CachePolicy, Engine, EngineOptions, Error, Face, MotionRequest, Result,
     audio::Waveform,
-    conditions::Controls,
+    conditions::{Controls, EmotionCurve},
     face::{CodeField, FaceOptions},
     head::{Head, HeadOnMesh, HeadOptions, HeadSurface, MadeHead, Reach, ScanFit},
     job::{Progress, SILENT},
@@ -395,6 +395,42 @@ fn a_head_comes_as_a_surface_for_every_frame() {
     }
     assert_ne!(frames[0].positions, frames[4].positions);
     assert_eq!(names(folder.path()), ["frames"]);
+}
+
+/// How landmarks of the mean head move under codes, `[T, 68, 3]`.
+fn landmarks_under(codes: &Array2<f32>) -> Array3<f32> {
+    let zero = vec![0.0; 100];
+    let mean = HEAD.one(HEAD.identity_code(&zero).unwrap()).unwrap();
+    let places = mean.mover(mean.landmarks());
+    let rest = places.at(&HEAD.rest_code()).unwrap();
+    let moved = codes.rows().into_iter().map(|code| places.at(&code.to_vec()).unwrap());
+    let moved: Vec<_> = moved.collect();
+    Array3::from_shape_fn((codes.nrows(), 68, 3), |(t, n, axis)| moved[t][n][axis] - rest[n][axis])
+}
+
+#[test]
+fn a_surface_shows_emotion_articulation_and_blinks() {
+    let happy = EmotionCurve::parse("happy:1").unwrap();
+    let wishes = [
+        ("emotion", MotionRequest { emotion: happy, ..asked(1, &[]) }),
+        ("articulation", asked(1, &[("articulation", 0.0)])),
+        ("blinks", asked(1, &[("blinks_per_minute", 60.0)])),
+    ];
+    let sound = Waveform { samples: voice() };
+    for (name, request) in wishes {
+        let performed = ENGINE.perform(&sound, &request, SILENT).unwrap();
+        let Motion::Codes(clip) = performed.motion else {
+            panic!("expected codes")
+        };
+        let wanted = &clip.landmarks.displacements;
+        let led = ENGINE.surface_codes(&clip, SILENT).unwrap();
+        let off = |codes: &Array2<f32>| {
+            1e3 * (&landmarks_under(codes) - wanted).mapv(|x| x * x).mean().unwrap().sqrt()
+        };
+        let (before, after) = (off(&clip.codes), off(&led));
+        println!("{name}: {before} {after} mm");
+        assert!(after < 0.5 * before, "{name}: {before} {after} mm");
+    }
 }
 
 #[test]
