@@ -48,7 +48,8 @@ impl Head {
                     f64::from(rest[n][axis] + landmarks[[t, n, axis]] - moved[n][axis])
                 });
                 let step = &pull * off;
-                row.indexed_iter_mut().for_each(|(x, value)| *value += step[(x, 0)] as f32);
+                row.indexed_iter_mut()
+                    .for_each(|(x, value)| *value += step[(x, 0)] as f32);
             }
         }
         Ok(led)
@@ -72,8 +73,8 @@ fn pull(places: &Mover<'_>, rest_code: &[f32], rest: &[[f32; 3]]) -> Result<Mat<
     for x in 0..columns.len() {
         normal[(x, x)] += DAMPING * mean;
     }
-    let factors = normal
-        .llt(Side::Lower)
-        .map_err(|_| Error::Numerics("codes that landmarks lead: expected a positive matrix, got none".into()))?;
+    let factors = normal.llt(Side::Lower).map_err(|_| {
+        Error::Numerics("codes that landmarks lead: expected a positive matrix, got none".into())
+    })?;
     Ok(factors.solve(jacobian.transpose()))
 }

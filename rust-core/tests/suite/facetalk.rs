@@ -403,16 +403,27 @@ fn landmarks_under(codes: &Array2<f32>) -> Array3<f32> {
     let mean = HEAD.one(HEAD.identity_code(&zero).unwrap()).unwrap();
     let places = mean.mover(mean.landmarks());
     let rest = places.at(&HEAD.rest_code()).unwrap();
-    let moved = codes.rows().into_iter().map(|code| places.at(&code.to_vec()).unwrap());
+    let moved = codes
+        .rows()
+        .into_iter()
+        .map(|code| places.at(&code.to_vec()).unwrap());
     let moved: Vec<_> = moved.collect();
-    Array3::from_shape_fn((codes.nrows(), 68, 3), |(t, n, axis)| moved[t][n][axis] - rest[n][axis])
+    Array3::from_shape_fn((codes.nrows(), 68, 3), |(t, n, axis)| {
+        moved[t][n][axis] - rest[n][axis]
+    })
 }
 
 #[test]
 fn a_surface_shows_emotion_articulation_and_blinks() {
     let happy = EmotionCurve::parse("happy:1").unwrap();
     let wishes = [
-        ("emotion", MotionRequest { emotion: happy, ..asked(1, &[]) }),
+        (
+            "emotion",
+            MotionRequest {
+                emotion: happy,
+                ..asked(1, &[])
+            },
+        ),
         ("articulation", asked(1, &[("articulation", 0.0)])),
         ("blinks", asked(1, &[("blinks_per_minute", 60.0)])),
     ];
@@ -425,7 +436,11 @@ fn a_surface_shows_emotion_articulation_and_blinks() {
         let wanted = &clip.landmarks.displacements;
         let led = ENGINE.surface_codes(&clip, SILENT).unwrap();
         let off = |codes: &Array2<f32>| {
-            1e3 * (&landmarks_under(codes) - wanted).mapv(|x| x * x).mean().unwrap().sqrt()
+            1e3 * (&landmarks_under(codes) - wanted)
+                .mapv(|x| x * x)
+                .mean()
+                .unwrap()
+                .sqrt()
         };
         let (before, after) = (off(&clip.codes), off(&led));
         println!("{name}: {before} {after} mm");
