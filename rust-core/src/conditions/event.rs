@@ -180,7 +180,8 @@ impl EventTrack {
                     self.mask[[t, s]] = self.mask[[t, s]].max(share * event.strength);
                 }
             }
-            if event.shows_by(shape, |unit| unit >= LEARNED_UNITS) {
+            let is_put_on = |unit: usize| unit >= LEARNED_UNITS && !ACTION_UNITS[unit].turns_eyes();
+            if event.shows_by(shape, is_put_on) {
                 for (t, share) in event.shares(frames, fps, EDGE_S) {
                     let weight = smooth(share) * event.strength;
                     self.put_on[[t, s]] = self.put_on[[t, s]].max(weight);
@@ -295,6 +296,11 @@ mod tests {
         let track = EventTrack::of(&events, &shapes, 25, 25.0, EDGE_S);
         assert_eq!((track.active.sum(), track.mask.sum()), (0.0, 0.0));
         let least = |t: usize, name: &str| track.put_on[[t, at(name)]];
+        // Eyes turn by their angles: shapes that look down as well would shut the lids.
+        assert_eq!(
+            (least(12, "eyeLookUpLeft"), least(12, "eyeLookDownLeft")),
+            (0.0, 0.0)
+        );
         assert_eq!(
             (least(12, "mouthPucker"), least(12, "mouthPressLeft")),
             (0.5, 0.5)
