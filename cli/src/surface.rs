@@ -85,7 +85,10 @@ impl SurfaceArgs {
         let (surface, note) = timed(report, "surface", || {
             engine.head_surface(face, cells, progress)
         })?;
-        let codes = timed(report, "codes", || engine.surface_codes(clip, progress))?;
+        let codes = timed(report, "codes", || {
+            let landmarks = clip.landmarks.displacements.view();
+            surface.led_codes(clip.codes.view(), landmarks, progress)
+        })?;
         let largest = timed(report, "write", || {
             write_surface_frames(out, &surface, codes.view(), progress)
         })?;

@@ -12,7 +12,7 @@ use std::{
     sync::{Arc, OnceLock},
 };
 
-use ndarray::{Array2, Array3, ArrayView3};
+use ndarray::{Array3, ArrayView3};
 
 use crate::{
     Error, Result,
@@ -25,7 +25,7 @@ use crate::{
     job::{ProgressFn, memory::MemoryNeed, outside::guarded},
     mesh::{self, LandmarkFinder, Mesh, Similarity},
     models,
-    motion::{CodeClip, FaceModes, LandmarkClip, Motion, MotionKind, MotionRequest, WeightClip},
+    motion::{FaceModes, LandmarkClip, Motion, MotionKind, MotionRequest, WeightClip},
     nn::finite::check_result,
     rig::{self, FieldOfFace, RigModel, ShapeSource},
     speech::{self, EmotionModel, FeelingEncoder, PhoneModel, SpeechEncoder},
@@ -466,17 +466,6 @@ impl Engine {
         progress: ProgressFn<'_>,
     ) -> Result<Motion> {
         self.threads(|| self.system.follow(landmarks, controls, progress))
-    }
-
-    /// Codes by which [`Engine::head_surface`] moves as the landmarks of a take do, `[T, X]`: emotion, articulation, blinks
-    /// and contacts with them.
-    ///
-    /// # Errors
-    /// `InvalidInput` for a system without a head of its own; `Cancelled`.
-    pub fn surface_codes(&self, clip: &CodeClip, progress: ProgressFn<'_>) -> Result<Array2<f32>> {
-        let landmarks = clip.landmarks.displacements.view();
-        let head = self.head()?;
-        self.threads(|| head.led_codes(clip.codes.view(), landmarks, progress))
     }
 
     /// The surface of the parametric head that is like a face, where the face is, for poses by codes; where none is

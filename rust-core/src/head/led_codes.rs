@@ -7,7 +7,7 @@
 use faer::{Mat, Side, linalg::solvers::Solve};
 use ndarray::{Array2, ArrayView2, ArrayView3};
 
-use super::{COEFFICIENTS, Head, Mover};
+use super::{Head, Mover};
 use crate::{
     Error, Result,
     job::{ProgressFn, report},
@@ -33,11 +33,8 @@ impl Head {
         landmarks: ArrayView3<'_, f32>,
         progress: ProgressFn<'_>,
     ) -> Result<Array2<f32>> {
-        let one = self.one(self.identity_code(&[0.0; COEFFICIENTS])?)?;
-        let places = one.mover(one.landmarks());
-        let rest_code = self.rest_code();
-        let rest = places.at(&rest_code)?;
-        let pull = pull(&places, &rest_code, &rest)?;
+        let (places, rest) = self.mean_landmarks()?;
+        let pull = pull(&places, &self.rest_code(), &rest)?;
         let (mut led, frames) = (codes.to_owned(), codes.nrows());
         for (t, mut row) in led.outer_iter_mut().enumerate() {
             report(progress, "surface", t as f32 / frames as f32)?;

@@ -195,6 +195,17 @@ impl Head {
             .collect()
     }
 
+    /// Landmarks of the mean head ready for many poses, and where they lie at rest, `[68]` canonical metres.
+    ///
+    /// # Errors
+    /// None for a head that could be opened.
+    pub fn mean_landmarks(&self) -> Result<(Mover<'_>, Vec<[f32; 3]>)> {
+        let mean = self.one(self.identity_code(&[0.0; COEFFICIENTS])?)?;
+        let landmarks = mean.mover(mean.landmarks());
+        let rest = landmarks.at(&self.rest_code())?;
+        Ok((landmarks, rest))
+    }
+
     /// The head of `z` `[Z]`.
     ///
     /// # Errors

@@ -3,6 +3,8 @@
 
 use std::{ops::RangeInclusive, sync::Arc};
 
+use ndarray::{Array2, ArrayView2, ArrayView3};
+
 use super::{Head, Trunks};
 use crate::{
     Error, Result,
@@ -90,6 +92,19 @@ impl HeadSurface {
         let mut posed = self.points.at(&self.head, code)?;
         posed.iter_mut().for_each(|p| *p = self.to_mesh.apply(*p));
         Ok(posed)
+    }
+
+    /// Codes `[T, X]` by which it moves as landmarks of a take do: [`Head::led_codes`] of its head.
+    ///
+    /// # Errors
+    /// As there.
+    pub fn led_codes(
+        &self,
+        codes: ArrayView2<'_, f32>,
+        landmarks: ArrayView3<'_, f32>,
+        progress: ProgressFn<'_>,
+    ) -> Result<Array2<f32>> {
+        self.head.led_codes(codes, landmarks, progress)
     }
 
     /// Vertices `[V]` of the face at rest.

@@ -12,7 +12,7 @@ use crate::{
     deform::{CodeSpace, LEARNED},
     diffusion::frame_noise,
     face::{CodeField, Face, Field},
-    head::{self, COEFFICIENTS, Head, HeadConfig, HeadOnMesh, Reach},
+    head::{self, Head, HeadConfig, HeadOnMesh, Reach},
     job::{ProgressFn, report},
     mesh::ibug::LANDMARKS,
     models::Weights,
@@ -194,10 +194,7 @@ impl FaceTalk {
         codes: ArrayView2<'_, f32>,
         progress: ProgressFn<'_>,
     ) -> Result<Array3<f32>> {
-        let head = &self.space.head;
-        let one = head.one(head.identity_code(&[0.0; COEFFICIENTS])?)?;
-        let places = one.mover(one.landmarks());
-        let rest = places.at(&head.rest_code())?;
+        let (places, rest) = self.space.head.mean_landmarks()?;
         let mut out = Array3::zeros((codes.nrows(), LANDMARKS, 3));
         for (t, (code, mut frame)) in codes
             .rows()

@@ -103,7 +103,7 @@ def prepare_weights(model: PaperDecoder, faces: list[PaperMesh]) -> None:
     attend_nearby(model, [(face.inputs, face.operators) for face in faces], places)
 
 
-def attention_first(model: PaperDecoder, recipe: Recipe) -> list[dict]:
+def parameter_groups(model: PaperDecoder, recipe: Recipe) -> list[dict]:
     """Parameters for the optimiser in two groups: what decides where a vertex looks is slower in ours."""
     deciding = [model.attention.query, model.attention.key, model.landmark_projection]
     slow = [parameter for layer in deciding for parameter in layer.parameters()]
@@ -146,7 +146,7 @@ def train_paper(
         prepare_weights(model, [seen for meshes in prepared.values() for seen in meshes[:START_MESHES]])
     machine.place(model, seed)
     draw = Draw(np.random.default_rng(machine.seed(seed)), prepared, speech, machine.device, recipe.plain)
-    groups = attention_first(model, recipe)
+    groups = parameter_groups(model, recipe)
     optimiser = torch.optim.AdamW(groups, lr=recipe.rate, weight_decay=recipe.weight_decay)
     run = Run(
         out, {"model": model, "optimiser": optimiser}, steps, SAVE_EVERY, {"draws": draw.random}, machine

@@ -11,7 +11,7 @@ use crate::{
     Error, Result,
     cache::Cache,
     deform::{Corrected, SolvedSkin},
-    face::{Deformer, Face, FaceSurface, binding::Follows},
+    face::{Deformer, Face, FaceSurface, proxy::Prolongation},
     job::{ProgressFn, report},
     mesh::{Mesh, Similarity, ibug::LANDMARKS},
     nn::surface::Surface,
@@ -32,8 +32,8 @@ pub struct PaperFace {
     surface: Surface,
     /// `[R]`, of the motion that each row of that surface keeps: 1 but near its rim.
     fade: Vec<f32>,
-    /// `[V]`, the rows of that surface that each vertex follows, and by which shares.
-    follows: Vec<[(u32, f32); 3]>,
+    /// `[V, R]`, the rows of that surface that each vertex follows, and by which shares.
+    follows: Prolongation,
     to_canonical: Similarity,
 }
 
@@ -42,8 +42,7 @@ pub struct PaperFace {
 /// proxy.
 ///
 /// # Errors
-/// `Mesh` if the landmarks lie on no usable face, `Numerics` if a solve fails,
-/// `Cancelled`.
+/// `Mesh` if the landmarks lie on no usable face, `Numerics` if a solve fails, `Cancelled`.
 pub fn prepare_paper(
     decoder: Arc<PaperDecoder>,
     face: &Face,
@@ -62,7 +61,7 @@ pub fn prepare_paper(
         decoder,
         features,
         surface,
-        fade: near.shares,
+        fade: near.fade,
         follows,
         to_canonical: face.to_canonical,
     }))
@@ -82,7 +81,7 @@ impl Deformer for PaperFace {
                 got: format!("[{frames}, {count}, {axes}]"),
             });
         }
-        let mut out = Array3::zeros((frames, self.follows.len(), 3));
+        let mut out = Array3::zeros((frames, self.follows.rows(), 3));
         let batch = self.decoder.frames_at_once(self.surface.vertices());
         for first in (0..frames).step_by(batch) {
             report(progress, "deform", first as f32 / frames as f32)?;
@@ -95,8 +94,8 @@ impl Deformer for PaperFace {
             let mut targets = out.slice_mut(range);
             let frames = targets.axis_iter_mut(Axis(0)).zip(moved.axis_iter(Axis(0)));
             for (mut target, moved) in frames {
-                for (v, follows) in self.follows.iter().enumerate() {
-                    for &(row, share) in follows.iter().filter(|(_, share)| *share != 0.0) {
+                for v in 0..self.follows.rows() {
+                    for (row, share) in self.follows.row(v as u32) {
                         let row = row as usize;
                         for axis in 0..3 {
                             target[[v, axis]] += share * self.fade[row] * moved[[row, axis]];
@@ -112,10 +111,10 @@ impl Deformer for PaperFace {
     fn attention(&self, landmarks: ArrayView3<'_, f32>) -> Option<Array3<f32>> {
         let decimetres = self.to_decimetres(landmarks);
         let of_skin = self.decoder.attention(&self.features, decimetres.view());
-        let mut out = Array3::zeros((of_skin.dim().0, self.follows.len(), LANDMARKS));
+        let mut out = Array3::zeros((of_skin.dim().0, self.follows.rows(), LANDMARKS));
         for (mut shares, skin) in out.outer_iter_mut().zip(of_skin.outer_iter()) {
-            for (mut row, follows) in shares.outer_iter_mut().zip(&self.follows) {
-                for &(from, share) in follows.iter().filter(|(_, share)| *share != 0.0) {
+            for (v, mut row) in shares.outer_iter_mut().enumerate() {
+                for (from, share) in self.follows.row(v as u32) {
                     row.scaled_add(share, &skin.row(from as usize));
                 }
             }
@@ -149,7 +148,7 @@ impl PaperFace {
 struct SkinNearby {
     operators: Operators,
     /// `[R]`, of the motion that each row keeps: 1 but near the rim.
-    shares: Vec<f32>,
+    fade: Vec<f32>,
 }
 
 impl SkinNearby {
@@ -179,8 +178,8 @@ impl SkinNearby {
         let operators = Operators::of_faces(&mesh, &faces, &options)?;
         let share =
             |&row: &u32| ((REACH_CM - distances[row as usize]) / FADE_CM).clamp(0.0, 1.0) as f32;
-        let shares = operators.vertex_of_row.iter().map(share).collect();
-        Ok(SkinNearby { operators, shares })
+        let fade = operators.vertex_of_row.iter().map(share).collect();
+        Ok(SkinNearby { operators, fade })
     }
 
     /// Position in decimetres and normal. `[R, 6]`.
@@ -193,28 +192,14 @@ impl SkinNearby {
         })
     }
 
-    /// `[V]`, the rows that each vertex of the mesh follows, and by which shares; none where one of them is beyond. For a
-    /// skin without a proxy.
-    fn rows_followed(&self, face: &FaceSurface) -> Vec<[(u32, f32); 3]> {
-        let last = self.shares.len() as u32 - 1;
-        let row = |(skin, share): (u32, f32)| match face.skin.spread.row(skin).next() {
-            Some((row, _)) => (self.operators.row_of_vertex[row as usize], share),
-            None => (NO_ROW, 0.0),
+    /// `[V, R]`, the rows that each vertex of the mesh follows, and by which shares; none where one of them is beyond.
+    fn rows_followed(&self, face: &FaceSurface) -> Prolongation {
+        let near = |(row, share): (usize, f32)| match self.operators.row_of_vertex[row] {
+            NO_ROW => None,
+            row => Some((row, share)),
         };
-        let none = [(0, 0.0); 3];
-        let follows = face.follows.iter();
-        follows
-            .map(|follows| match *follows {
-                Follows::Skin(corners) => {
-                    let rows = corners.map(row);
-                    let is_beyond = |&(row, share): &(u32, f32)| row == NO_ROW && share != 0.0;
-                    match rows.iter().any(is_beyond) {
-                        true => none,
-                        false => rows.map(|(row, share)| (row.min(last), share)),
-                    }
-                }
-                _ => none,
-            })
-            .collect()
+        let rows = |v| face.rows_followed(v).map(near).collect::<Option<Vec<_>>>();
+        let all = (0..face.follows.len()).map(|v| rows(v).unwrap_or_default());
+        Prolongation::from_rows(all)
     }
 }
