@@ -1,4 +1,4 @@
-"""Golden of the head of quads: the shipped model under numbers, to the right and to the left of each trait."""
+"""Golden of the head of quads: the shipped model under random numbers."""
 
 import json
 from pathlib import Path

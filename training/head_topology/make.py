@@ -55,7 +55,8 @@ DETAILS = (
 )
 """Sliders by name, how much of a target each is in full, and of which targets."""
 MATERIALS = (
-    "skin", "lips", "mouth", "sockets", "eye_white", "iris", "pupil", "teeth", "gums", "tongue", "lashes", "brows",
+    "skin", "lips", "mouth", "sockets", "eye_white", "iris", "pupil", "teeth", "gums", "tongue",
+    "lashes", "brows",
 )  # fmt: skip
 LIPS_REACH_CM = 2.5
 THICK_CM = 0.9
