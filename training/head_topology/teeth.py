@@ -18,6 +18,8 @@ LOWER_WIDTHS, LOWER_HEIGHTS = (
 )
 DEPTHS = [0.34, 0.34, 0.5, 0.72, 0.75, 0.95, 0.95]
 RING, LEVELS = 10, [0.0, 0.06, 0.22, 0.5, 0.8, 1.0]
+GUM_RING, GUM_INNER = 9, 4
+"""Points around the gum, and which of them lies deepest."""
 SQUARENESS = 0.55
 """The power that makes a circle a rounded square."""
 FULLNESS = [0.72, 0.9, 1.0, 0.98, 0.9, 0.8]
@@ -75,7 +77,7 @@ def row(name: str, measured: np.ndarray, upper: bool) -> Part:
     edge = float(np.percentile(measured[:, 1], 2 if upper else 98))
     widths, heights = (UPPER_WIDTHS, UPPER_HEIGHTS) if upper else (LOWER_WIDTHS, LOWER_HEIGHTS)
     shrink = (arch.length + 0.1) / sum(widths)
-    points, faces, far = [], [], 0.0
+    points, faces, roots, far = [], [], [], 0.0
     gum_far, gum_height = [], []
     for width, height, depth, number in zip(widths, heights, DEPTHS, range(7), strict=True):
         width *= shrink
@@ -90,13 +92,20 @@ def row(name: str, measured: np.ndarray, upper: bool) -> Part:
             first = sum(map(len, points))
             points.append(np.stack([place[:, 0], y, place[:, 1]], 1))
             faces.append((triangles if sign > 0 else triangles[:, ::-1]) + first)
+            roots.append((first + (len(LEVELS) - 1) * RING, side * (far + 0.5 * width)))
         for share in (0.02, 0.16, 0.33, 0.5, 0.67, 0.84, 0.98):
             gum_far.append(far + share * width)
             gum_height.append(height - 0.1 - 0.16 * (2 * share - 1) ** 2)
         far += width
     teeth = np.concatenate(points), np.concatenate(faces)
     gum, gum_faces = gums(arch, np.array(gum_far), np.array(gum_height), edge, sign)
-    return Part(name, np.concatenate([teeth[0], gum]), {"teeth": teeth[1], "gums": gum_faces + len(teeth[0])})
+    # A triangle within the gum holds each tooth, so that the row is one piece.
+    ends = np.r_[-np.array(gum_far)[::-1], gum_far]
+    rings = [min(int(np.abs(ends - place).argmin()), len(ends) - 2) for _, place in roots]
+    inner = [len(teeth[0]) + ring * GUM_RING + GUM_INNER for ring in rings]
+    held = [[tooth, at, at + GUM_RING] for (tooth, _), at in zip(roots, inner, strict=True)]
+    in_gum = np.concatenate([gum_faces + len(teeth[0]), held])
+    return Part(name, np.concatenate([teeth[0], gum]), {"teeth": teeth[1], "gums": in_gum})
 
 
 def gums(arch: Arch, far: np.ndarray, height: np.ndarray, edge: float, sign: float):
