@@ -276,8 +276,8 @@ typedef struct AnyfaceFace AnyfaceFace;
 /// One head of FaceTalk's parametric model. Never changes after it was made: any number of threads may use
 /// it at the same time.
 ///
-/// It is 100 coefficients, each from a normal distribution; all 0 is the mean head. Its frame is metres, +x to the
-/// subject's left, +y up, +z out of the face.
+/// It is `N` numbers: 100 coefficients, each from a normal distribution, then how far each of its traits goes (age, sex,
+/// weight …), -4 to 4; all 0 is the mean head. Its frame is metres, +x to the subject's left, +y up, +z out of the face.
 typedef struct AnyfaceHead AnyfaceHead;
 
 /// A triangle mesh in the caller's own units, axes and vertex order. Never changes after it was
@@ -1677,10 +1677,11 @@ AnyfaceStatus anyface_weights_write(const AnyfaceWeights *weights,
 /// Frees weights that no running call uses; nothing happens for NULL.
 void anyface_weights_free(AnyfaceWeights *weights);
 
-/// A head from coefficients, or the random one of a seed.
+/// A head from its numbers, or the random one of a seed.
 ///
-/// `weights_dir`: UTF-8, a folder of models instead of the built-in ones, or NULL. `coefficients`:
-/// `[coefficient_count]`, which must be 100, or NULL with 0 for those of `seed`. Free with `anyface_head_free()`.
+/// `weights_dir`: UTF-8, a folder of models instead of the built-in ones, or NULL. `coefficients`: `[coefficient_count]`,
+/// which must be 100, for traits of 0, or `N` as of `anyface_head_coefficient_count()`, or NULL with 0 for the numbers of
+/// `seed`. Free with `anyface_head_free()`.
 /// Fails with `ANYFACE_STATUS_INVALID_INPUT` for another count, numbers that are not finite, and heads far outside what
 /// was learned; `ANYFACE_STATUS_WEIGHTS` or `ANYFACE_STATUS_IO` for a folder that cannot be used.
 AnyfaceStatus anyface_head_new(const char *weights_dir,
@@ -1724,35 +1725,42 @@ AnyfaceStatus anyface_head_fit(const char *weights_dir,
 /// heads that were not fitted.
 float anyface_head_fit_mm(const AnyfaceHead *head);
 
-/// Copies the coefficients. `buffer`: `[100]`; `count` must be 100.
+/// How many numbers a head is, `N`: 100 coefficients and its traits; 0 for NULL.
+size_t anyface_head_coefficient_count(const AnyfaceHead *head);
+
+/// Copies the numbers. `buffer`: `[count]`; `count` must be `N`, or 100 for the coefficients alone.
 /// Fails with `ANYFACE_STATUS_INVALID_INPUT` for another `count`.
 AnyfaceStatus anyface_head_copy_coefficients(const AnyfaceHead *head,
                                              float *buffer,
                                              size_t count,
                                              AnyfaceError **error);
 
-/// Number `D` of directions in which heads differ, the one that moves the surface furthest first; 0 for NULL.
+/// Number `D` of sliders: traits such as age, then directions in which heads differ, the one that moves the surface
+/// furthest first; 0 for NULL.
 size_t anyface_head_direction_count(const AnyfaceHead *head);
 
-/// What a direction changes most, such as "face width"; lives until the head is freed. NULL for NULL or a number
+/// What a slider changes most, such as "age" or "face width"; lives until the head is freed. NULL for NULL or a number
 /// that is not below the count.
 const char *anyface_head_direction_name(const AnyfaceHead *head,
                                         size_t direction);
 
-/// Copies how far the head lies along each direction. `buffer`: `[D]`; `count` must be `D`.
+/// Copies where each slider stands. `buffer`: `[D]`; `count` must be `D`.
 /// Fails with `ANYFACE_STATUS_INVALID_INPUT` for another `count`.
 AnyfaceStatus anyface_head_copy_directions(const AnyfaceHead *head,
                                            float *buffer,
                                            size_t count,
                                            AnyfaceError **error);
 
-/// The head as a mesh at rest, metres. Long: accepts a progress handle, which may be NULL. Free with
-/// `anyface_mesh_free()`.
+/// The head as a mesh at rest, metres. Long where a `resolution` is asked for: accepts a progress handle, which may be
+/// NULL. Free with `anyface_mesh_free()`.
 ///
-/// `resolution`: cells along the longest side of the grid, such as 128. `parts`: not 0 for eyes, teeth and tongue
-/// beside the skin, whose vertices and triangles come first. `skin_vertices`: may be NULL; how many of the vertices
-/// are skin. `landmark_vertices`: `[68]`, may be NULL; the vertices on which the landmarks lie.
-/// Fails with `ANYFACE_STATUS_INVALID_INPUT` for a resolution that would take more than 1 GiB.
+/// `resolution`: 0 for clean quads, each as two triangles (`anyface_head_copy_faces()` has them whole); else the surface
+/// of the field, which knows no traits, with as many cells along the longest side of the grid, such as 128. `parts`: not
+/// 0 for eyes, teeth, tongue, lashes and brows beside the skin, whose vertices and triangles come first; the field has
+/// none. `skin_vertices`: may be NULL; how many of the vertices are skin. `landmark_vertices`: `[68]`, may be NULL; the
+/// vertices on which the landmarks lie.
+/// Fails with `ANYFACE_STATUS_INVALID_INPUT` for a resolution that would take more than 1 GiB, and for one that is not 0
+/// with parts.
 AnyfaceStatus anyface_head_mesh(const AnyfaceHead *head,
                                 size_t resolution,
                                 int32_t parts,
@@ -1761,6 +1769,41 @@ AnyfaceStatus anyface_head_mesh(const AnyfaceHead *head,
                                 size_t *skin_vertices,
                                 uint32_t *landmark_vertices,
                                 AnyfaceError **error);
+
+/// Number `F` of faces of the clean quads with their parts, those of the skin first; 0 for NULL.
+size_t anyface_head_face_count(const AnyfaceHead *head);
+
+/// Number `S` of faces of the skin; 0 for NULL.
+size_t anyface_head_skin_face_count(const AnyfaceHead *head);
+
+/// Copies the faces, four vertices each; the last of a triangle comes twice. `buffer`: `[F, 4]`; `count` must be `4 F`.
+/// Fails with `ANYFACE_STATUS_INVALID_INPUT` for another `count`.
+AnyfaceStatus anyface_head_copy_faces(const AnyfaceHead *head,
+                                      uint32_t *buffer,
+                                      size_t count,
+                                      AnyfaceError **error);
+
+/// Copies the texture places of the corners of the skin's faces, (0, 0) to (1, 1) from the lower left. `buffer`:
+/// `[S, 4, 2]`; `count` must be `8 S`. Fails with `ANYFACE_STATUS_INVALID_INPUT` for another `count`.
+AnyfaceStatus anyface_head_copy_uv(const AnyfaceHead *head,
+                                   float *buffer,
+                                   size_t count,
+                                   AnyfaceError **error);
+
+/// Copies the number of each face's material. `buffer`: `[F]`; `count` must be `F`.
+/// Fails with `ANYFACE_STATUS_INVALID_INPUT` for another `count`.
+AnyfaceStatus anyface_head_copy_face_materials(const AnyfaceHead *head,
+                                               uint32_t *buffer,
+                                               size_t count,
+                                               AnyfaceError **error);
+
+/// Number `M` of materials; 0 for NULL.
+size_t anyface_head_material_count(const AnyfaceHead *head);
+
+/// What a material is, such as "skin" or "lips"; lives until the head is freed. NULL for NULL or a number that is not
+/// below the count.
+const char *anyface_head_material_name(const AnyfaceHead *head,
+                                       size_t material);
 
 /// Frees a head that no running call uses, with everything it lent; nothing happens for NULL.
 void anyface_head_free(AnyfaceHead *head);

@@ -28,6 +28,7 @@ GOLDENS = {
     "feeling": "training.systems.emoface.golden_feeling",
     "facetalk_head": "training.systems.facetalk.golden",
     "facetalk_motion": "training.systems.facetalk.golden_motion",
+    "head_topology": "training.head_topology.golden",
     "static_weights": "training.deform.golden_static_weights",
     "creases": "training.deform.golden_creases",
     "landmarks": "training.landmarks.golden",

@@ -1,7 +1,7 @@
 """Heads made from numbers: the library's parametric head."""
 
 from contextlib import ExitStack
-from ctypes import POINTER, byref, c_float, c_size_t, c_uint32, c_void_p
+from ctypes import POINTER, byref, c_float, c_uint32, c_void_p
 from dataclasses import dataclass
 from functools import cache
 
@@ -29,20 +29,23 @@ class Recipe:
 
 @dataclass
 class MadeHead:
-    """`positions` `[V, 3]` metres (+x subject's left, +y up, +z forward), `triangles` `[F, 3]`,
-    skin first; `landmark_vertices` `[68]`; the first `skin_vertices` are skin."""
+    """`positions` `[V, 3]` metres (+x subject's left, +y up, +z forward), `faces` `[F, 4]`, skin
+    first, the last corner of a triangle twice; `uv` `[S, 4, 2]` of the skin's faces; `materials`
+    `[F]`, numbers of `material_names`; `landmark_vertices` `[68]`."""
 
     positions: np.ndarray
-    triangles: np.ndarray
+    faces: np.ndarray
+    uv: np.ndarray
+    materials: np.ndarray
+    material_names: tuple[str, ...]
     landmark_vertices: np.ndarray
-    skin_vertices: int
 
 
 class HeadCalls:
     """What `native.Engine` knows of heads."""
 
     def head_like(
-        self, positions, triangles, landmarks, landmark_vertices, resolution, progress: Progress
+        self, positions, triangles, landmarks, landmark_vertices, progress: Progress
     ) -> tuple[MadeHead, float, float]:
         """The head that is like a mesh at rest, how far the mesh lies from it (mean, millimetres
         on a head of human size), and metres per unit of the mesh.
@@ -55,28 +58,39 @@ class HeadCalls:
             marks = landmarks, landmark_vertices
             face = self._found_face(handles, positions, triangles, marks, watch)
             head = self._own(handles, "head", "anyface_head_fit", None, face, watch.handle)
-            made = self._made_head(handles, head, resolution, True, watch.handle)
+            made = self._made_head(handles, head)
             far = self._library.anyface_head_fit_mm(head)
             return made, far, self._library.anyface_face_metres_per_unit(face)
 
-    def _made_head(self, handles: ExitStack, head, resolution: int, parts: bool, watch) -> MadeHead:
-        skin, marks = c_size_t(), np.empty(68, dtype=np.uint32)
+    def _made_head(self, handles: ExitStack, head) -> MadeHead:
+        library, marks = self._library, np.empty(68, dtype=np.uint32)
         mesh, error = c_void_p(), c_void_p()
-        status = self._library.anyface_head_mesh(
-            head, resolution, int(parts), watch, byref(mesh), byref(skin),
-            marks.ctypes.data_as(_INDICES), byref(error),
-        )  # fmt: skip
+        status = library.anyface_head_mesh(
+            head, 0, 1, None, byref(mesh), None, marks.ctypes.data_as(_INDICES), byref(error)
+        )
         self._check(status, error)
-        handles.callback(self._library.anyface_mesh_free, mesh)
+        handles.callback(library.anyface_mesh_free, mesh)
+        faces, skin = (
+            library.anyface_head_face_count(head),
+            library.anyface_head_skin_face_count(head),
+        )
+        names = (
+            library.anyface_head_material_name(head, n)
+            for n in range(library.anyface_head_material_count(head))
+        )
         made = MadeHead(
-            positions=np.empty((self._library.anyface_mesh_vertex_count(mesh), 3), np.float32),
-            triangles=np.empty((self._library.anyface_mesh_triangle_count(mesh), 3), np.uint32),
+            positions=np.empty((library.anyface_mesh_vertex_count(mesh), 3), np.float32),
+            faces=np.empty((faces, 4), np.uint32),
+            uv=np.empty((skin, 4, 2), np.float32),
+            materials=np.empty(faces, np.uint32),
+            material_names=tuple(name.decode() for name in names),
             landmark_vertices=marks,
-            skin_vertices=skin.value,
         )
         self._copy("anyface_mesh_copy_positions", mesh, made.positions)
-        numbers = made.triangles.ctypes.data_as(_INDICES)
-        self._call("anyface_mesh_copy_triangles", mesh, numbers, made.triangles.size)
+        self._copy("anyface_head_copy_uv", head, made.uv)
+        for name, numbers in (("faces", made.faces), ("face_materials", made.materials)):
+            copied = numbers.ctypes.data_as(_INDICES)
+            self._call(f"anyface_head_copy_{name}", head, copied, numbers.size)
         return made
 
 
@@ -89,14 +103,15 @@ class Heads(Calls, HeadCalls):
 
     @cache  # noqa: B019 - one object lives as long as Blender
     def directions(self) -> tuple[str, ...]:
-        """What each slider changes most, the one that moves the surface furthest first."""
+        """What each slider changes most: traits such as age, then the directions in which heads
+        differ, the one that moves the surface furthest first."""
         with ExitStack() as handles:
             head = self._of_seed(handles, 0)
             count = self._library.anyface_head_direction_count(head)
             names = (self._library.anyface_head_direction_name(head, n) for n in range(count))
             return tuple(name.decode() for name in names)
 
-    def make(self, recipe: Recipe, resolution: int, parts: bool = True) -> MadeHead:
+    def make(self, recipe: Recipe) -> MadeHead:
         """The mesh of a head at rest. Raises `AnyfaceError`."""
         with ExitStack() as handles:
             head = self._of_seed(handles, recipe.seed)
@@ -105,7 +120,7 @@ class Heads(Calls, HeadCalls):
                 mixed = (head, other, recipe.share)
                 head = self._own(handles, "head", "anyface_head_new_mixed", *mixed)
             head = self._changed(handles, head, recipe.changes)
-            return self._made_head(handles, head, resolution, parts, None)
+            return self._made_head(handles, head)
 
     def _of_seed(self, handles: ExitStack, seed: int):
         return self._own(handles, "head", "anyface_head_new", None, None, 0, seed)

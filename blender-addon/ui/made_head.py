@@ -12,16 +12,8 @@ from .operators import InThread
 from .sample_head import AddHead
 from .settings import from_object
 
-SLIDERS = 10
+SLIDERS = 22
 _HEADS: list[Heads] = []
-RESOLUTION = {
-    "name": "Resolution",
-    "description": "Cells along the height of the grid on which the surface is found",
-    "default": 128,
-    "min": 32,
-    "soft_max": 256,
-    "max": 512,
-}
 
 
 def heads() -> Heads:
@@ -49,13 +41,13 @@ class ANYFACE_OT_add_head(AddHead, Operator):
     )
     changes: FloatVectorProperty(
         name="Shape",
-        description="How far the head is changed along a direction in which heads differ",
+        description="How far a slider is moved: age, sex, weight and other traits, then the "
+        "directions in which heads differ",
         size=SLIDERS,
         default=(0.0,) * SLIDERS,
         min=-FARTHEST,
         max=FARTHEST,
     )
-    resolution: IntProperty(**RESOLUTION)
     height: FloatProperty(
         name="Height",
         description="Of head and neck; 0.35 m is that of a human",
@@ -69,7 +61,7 @@ class ANYFACE_OT_add_head(AddHead, Operator):
         """Makes it and adds it."""
         recipe = Recipe(self.seed, self.other, self.share, tuple(self.changes))
         try:
-            made = heads().make(recipe, self.resolution)
+            made = heads().make(recipe)
             ob = self.add(context, made_head.mesh(made, self.height))
             made_head.keep_landmarks(ob, made)
         except BaseException as error:
@@ -86,7 +78,7 @@ class ANYFACE_OT_add_head(AddHead, Operator):
         column = layout.column(align=True)
         for number, name in enumerate(heads().directions()[:SLIDERS]):
             column.prop(self, "changes", index=number, text=name.capitalize())
-        for name in ("resolution", "height", "align", "location", "rotation"):
+        for name in ("height", "align", "location", "rotation"):
             layout.prop(self, name)
 
 
@@ -97,14 +89,13 @@ class ANYFACE_OT_head_like(InThread, Operator):
     bl_label = "Head from This Mesh"
 
     cancelled = ""
-    resolution: IntProperty(**RESOLUTION)
 
     def read(self, context, ob):
         """The mesh and its landmarks."""
         settings = from_object(ob)
         face = mesh.read_face(ob, settings.landmark_file)
         face.axes = settings.axes
-        return made_head.Likeness(face, running.engine(settings.system), self.resolution)
+        return made_head.Likeness(face, running.engine(settings.system))
 
     def finish(self, ob, likeness, worked):
         """Adds the head, as the active object."""

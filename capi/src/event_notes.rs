@@ -82,12 +82,8 @@ mod tests {
     };
 
     use anyface::{
-        CachePolicy, Engine, EngineOptions, MotionRequest,
-        audio::Waveform,
-        face::FaceOptions,
-        head::{Head, HeadOptions},
-        job::SILENT,
-        mesh::LandmarkSource,
+        CachePolicy, Engine, EngineOptions, MotionRequest, audio::Waveform, face::FaceOptions,
+        head::Head, job::SILENT, mesh::LandmarkSource,
     };
 
     use super::*;
@@ -106,11 +102,7 @@ mod tests {
         let engine = Engine::new(options).unwrap();
         let head = Head::open(None).unwrap();
         let code = head.identity_code(&Head::random(6)).unwrap();
-        let options = HeadOptions {
-            resolution: 72,
-            parts: false,
-        };
-        let mut made = head.one(code).unwrap().mesh(&options, SILENT).unwrap();
+        let mut made = head.one(code).unwrap().mesh(72, SILENT).unwrap();
         made.mesh.positions.iter_mut().for_each(|p| p[0] *= 3.0);
         let options = FaceOptions {
             landmarks: Some(LandmarkSource::Vertices(made.landmarks.vertices.to_vec())),

@@ -2,7 +2,7 @@
 
 use std::{ffi::CString, path::Path, sync::Arc};
 
-use anyface::head::{COEFFICIENTS, Head, HeadOptions, ScanOptions};
+use anyface::head::{COEFFICIENTS, HeadMaker, ScanOptions};
 use libc::c_char;
 
 use crate::{
@@ -18,48 +18,55 @@ use crate::{
 /// One head of FaceTalk's parametric model. Never changes after it was made: any number of threads may use
 /// it at the same time.
 ///
-/// It is 100 coefficients, each from a normal distribution; all 0 is the mean head. Its frame is metres, +x to the
-/// subject's left, +y up, +z out of the face.
+/// It is `N` numbers: 100 coefficients, each from a normal distribution, then how far each of its traits goes (age, sex,
+/// weight …), -4 to 4; all 0 is the mean head. Its frame is metres, +x to the subject's left, +y up, +z out of the face.
 pub struct AnyfaceHead {
-    model: Arc<Head>,
-    coefficients: Vec<f32>,
-    directions: Arc<Vec<CString>>,
+    maker: Arc<HeadMaker>,
+    numbers: Vec<f32>,
+    names: Arc<Names>,
     fit_mm: f32,
+}
+
+/// Texts that are lent.
+struct Names {
+    directions: Vec<CString>,
+    materials: Vec<CString>,
 }
 
 const _: () = guard::shared_by_threads::<AnyfaceHead>();
 
 impl AnyfaceHead {
     fn open(folder: Option<&Path>) -> Result<Self, Failure> {
-        let model = Head::open(folder)?;
-        let directions = model.config().directions.iter();
+        let maker = HeadMaker::open(folder)?;
+        let materials = maker.topology().materials();
+        let names = Names {
+            directions: maker.directions().map(pointer::c_text).collect(),
+            materials: materials.map(pointer::c_text).collect(),
+        };
         Ok(AnyfaceHead {
-            directions: Arc::new(
-                directions
-                    .map(|direction| pointer::c_text(&direction.name))
-                    .collect(),
-            ),
-            coefficients: vec![0.0; COEFFICIENTS],
-            model: Arc::new(model),
+            numbers: vec![0.0; maker.count()],
+            names: Arc::new(names),
+            maker: Arc::new(maker),
             fit_mm: 0.0,
         })
     }
 
-    /// The same model with other coefficients.
-    fn other(&self, coefficients: Vec<f32>) -> AnyfaceHead {
+    /// The same model with other numbers.
+    fn other(&self, numbers: Vec<f32>) -> AnyfaceHead {
         AnyfaceHead {
-            model: Arc::clone(&self.model),
-            directions: Arc::clone(&self.directions),
-            coefficients,
+            maker: Arc::clone(&self.maker),
+            names: Arc::clone(&self.names),
+            numbers,
             fit_mm: 0.0,
         }
     }
 }
 
-/// A head from coefficients, or the random one of a seed.
+/// A head from its numbers, or the random one of a seed.
 ///
-/// `weights_dir`: UTF-8, a folder of models instead of the built-in ones, or NULL. `coefficients`:
-/// `[coefficient_count]`, which must be 100, or NULL with 0 for those of `seed`. Free with `anyface_head_free()`.
+/// `weights_dir`: UTF-8, a folder of models instead of the built-in ones, or NULL. `coefficients`: `[coefficient_count]`,
+/// which must be 100, for traits of 0, or `N` as of `anyface_head_coefficient_count()`, or NULL with 0 for the numbers of
+/// `seed`. Free with `anyface_head_free()`.
 /// Fails with `ANYFACE_STATUS_INVALID_INPUT` for another count, numbers that are not finite, and heads far outside what
 /// was learned; `ANYFACE_STATUS_WEIGHTS` or `ANYFACE_STATUS_IO` for a folder that cannot be used.
 #[unsafe(no_mangle)]
@@ -72,17 +79,17 @@ pub unsafe extern "C" fn anyface_head_new(
     error: *mut *mut AnyfaceError,
 ) -> AnyfaceStatus {
     let make = || {
-        let given = match coefficients.is_null() && coefficient_count == 0 {
-            true => Head::random(seed),
-            false => {
-                let given =
-                    unsafe { pointer::slice("coefficients", coefficients, coefficient_count, 1) }?;
-                Head::checked(given.to_vec(), false)?
-            }
-        };
         let folder = unsafe { pointer::optional_text("weights_dir", weights_dir) }?;
         let head = AnyfaceHead::open(folder.map(Path::new))?;
-        Ok(head.other(given))
+        let numbers = match coefficients.is_null() && coefficient_count == 0 {
+            true => head.maker.random(seed),
+            false => {
+                let numbers =
+                    unsafe { pointer::slice("coefficients", coefficients, coefficient_count, 1) }?;
+                head.maker.checked(numbers.to_vec(), false)?
+            }
+        };
+        Ok(head.other(numbers))
     };
     unsafe { guard::give(out, error, make) }
 }
@@ -100,7 +107,7 @@ pub unsafe extern "C" fn anyface_head_new_mixed(
 ) -> AnyfaceStatus {
     let make = || {
         let (a, b) = handles!(a, b);
-        let mixed = Head::mixture(&a.coefficients, &b.coefficients, share)?;
+        let mixed = a.maker.mixture(&a.numbers, &b.numbers, share)?;
         Ok(a.other(mixed))
     };
     unsafe { guard::give(out, error, make) }
@@ -120,8 +127,8 @@ pub unsafe extern "C" fn anyface_head_new_along(
 ) -> AnyfaceStatus {
     let make = || {
         let head = unsafe { pointer::handle("head", head) }?;
-        let mut moved = head.coefficients.clone();
-        head.model.set_along(&mut moved, direction, value)?;
+        let mut moved = head.numbers.clone();
+        head.maker.set_along(&mut moved, direction, value)?;
         Ok(head.other(moved))
     };
     unsafe { guard::give(out, error, make) }
@@ -148,10 +155,11 @@ pub unsafe extern "C" fn anyface_head_fit(
         let (points, landmarks) = (&face.mesh.positions, &face.landmarks);
         let fit = unsafe {
             watched(progress, |watch| {
-                head.model.fit_scan(points, landmarks, &options, watch)
+                let field = head.maker.head();
+                field.fit_scan(points, landmarks, &options, watch)
             })
         }?;
-        let mut fitted = head.other(fit.coefficients);
+        let mut fitted = head.other(head.maker.checked(fit.coefficients, true)?);
         fitted.fit_mm = fit.mean_mm;
         Ok(fitted)
     };
@@ -165,7 +173,13 @@ pub unsafe extern "C" fn anyface_head_fit_mm(head: *const AnyfaceHead) -> f32 {
     unsafe { head.as_ref() }.map_or(0.0, |head| head.fit_mm)
 }
 
-/// Copies the coefficients. `buffer`: `[100]`; `count` must be 100.
+/// How many numbers a head is, `N`: 100 coefficients and its traits; 0 for NULL.
+#[unsafe(no_mangle)]
+pub unsafe extern "C" fn anyface_head_coefficient_count(head: *const AnyfaceHead) -> usize {
+    unsafe { head.as_ref() }.map_or(0, |head| head.numbers.len())
+}
+
+/// Copies the numbers. `buffer`: `[count]`; `count` must be `N`, or 100 for the coefficients alone.
 /// Fails with `ANYFACE_STATUS_INVALID_INPUT` for another `count`.
 #[unsafe(no_mangle)]
 pub unsafe extern "C" fn anyface_head_copy_coefficients(
@@ -174,27 +188,36 @@ pub unsafe extern "C" fn anyface_head_copy_coefficients(
     count: usize,
     error: *mut *mut AnyfaceError,
 ) -> AnyfaceStatus {
-    let values = || Ok(&unsafe { pointer::handle("head", head) }?.coefficients);
+    let values = || {
+        let numbers = &unsafe { pointer::handle("head", head) }?.numbers;
+        let whole = if count == COEFFICIENTS {
+            COEFFICIENTS
+        } else {
+            numbers.len()
+        };
+        Ok(&numbers[..whole])
+    };
     unsafe { guard::copy(buffer, count, error, values) }
 }
 
-/// Number `D` of directions in which heads differ, the one that moves the surface furthest first; 0 for NULL.
+/// Number `D` of sliders: traits such as age, then directions in which heads differ, the one that moves the surface
+/// furthest first; 0 for NULL.
 #[unsafe(no_mangle)]
 pub unsafe extern "C" fn anyface_head_direction_count(head: *const AnyfaceHead) -> usize {
-    unsafe { head.as_ref() }.map_or(0, |head| head.directions.len())
+    unsafe { head.as_ref() }.map_or(0, |head| head.names.directions.len())
 }
 
-/// What a direction changes most, such as "face width"; lives until the head is freed. NULL for NULL or a number
+/// What a slider changes most, such as "age" or "face width"; lives until the head is freed. NULL for NULL or a number
 /// that is not below the count.
 #[unsafe(no_mangle)]
 pub unsafe extern "C" fn anyface_head_direction_name(
     head: *const AnyfaceHead,
     direction: usize,
 ) -> *const c_char {
-    pointer::lend(unsafe { head.as_ref() }.and_then(|head| head.directions.get(direction)))
+    pointer::lend(unsafe { head.as_ref() }.and_then(|head| head.names.directions.get(direction)))
 }
 
-/// Copies how far the head lies along each direction. `buffer`: `[D]`; `count` must be `D`.
+/// Copies where each slider stands. `buffer`: `[D]`; `count` must be `D`.
 /// Fails with `ANYFACE_STATUS_INVALID_INPUT` for another `count`.
 #[unsafe(no_mangle)]
 pub unsafe extern "C" fn anyface_head_copy_directions(
@@ -205,18 +228,21 @@ pub unsafe extern "C" fn anyface_head_copy_directions(
 ) -> AnyfaceStatus {
     let values = || {
         let head = unsafe { pointer::handle("head", head) }?;
-        Ok(head.model.along(&head.coefficients)?)
+        Ok(head.maker.along(&head.numbers)?)
     };
     unsafe { guard::copy(buffer, count, error, values) }
 }
 
-/// The head as a mesh at rest, metres. Long: accepts a progress handle, which may be NULL. Free with
-/// `anyface_mesh_free()`.
+/// The head as a mesh at rest, metres. Long where a `resolution` is asked for: accepts a progress handle, which may be
+/// NULL. Free with `anyface_mesh_free()`.
 ///
-/// `resolution`: cells along the longest side of the grid, such as 128. `parts`: not 0 for eyes, teeth and tongue
-/// beside the skin, whose vertices and triangles come first. `skin_vertices`: may be NULL; how many of the vertices
-/// are skin. `landmark_vertices`: `[68]`, may be NULL; the vertices on which the landmarks lie.
-/// Fails with `ANYFACE_STATUS_INVALID_INPUT` for a resolution that would take more than 1 GiB.
+/// `resolution`: 0 for clean quads, each as two triangles (`anyface_head_copy_faces()` has them whole); else the surface
+/// of the field, which knows no traits, with as many cells along the longest side of the grid, such as 128. `parts`: not
+/// 0 for eyes, teeth, tongue, lashes and brows beside the skin, whose vertices and triangles come first; the field has
+/// none. `skin_vertices`: may be NULL; how many of the vertices are skin. `landmark_vertices`: `[68]`, may be NULL; the
+/// vertices on which the landmarks lie.
+/// Fails with `ANYFACE_STATUS_INVALID_INPUT` for a resolution that would take more than 1 GiB, and for one that is not 0
+/// with parts.
 #[unsafe(no_mangle)]
 pub unsafe extern "C" fn anyface_head_mesh(
     head: *const AnyfaceHead,
@@ -230,15 +256,21 @@ pub unsafe extern "C" fn anyface_head_mesh(
 ) -> AnyfaceStatus {
     let make = || {
         let head = unsafe { pointer::handle("head", head) }?;
-        let options = HeadOptions {
-            resolution,
-            parts: parts != 0,
+        let made = match resolution {
+            0 => head.maker.mesh(&head.numbers, parts != 0)?,
+            _ if parts != 0 => {
+                return Err(Failure::invalid(format!(
+                    "parts: expected 0 with a resolution, as the surface of the field has no eyes and teeth, got {parts}; \
+                     a resolution of 0 makes clean quads with them"
+                )));
+            }
+            cells => unsafe {
+                watched(progress, |watch| {
+                    head.maker.surface(&head.numbers, cells, watch)
+                })
+            }?,
         };
-        let one = head
-            .model
-            .one(head.model.identity_code(&head.coefficients)?)?;
-        let made = unsafe { watched(progress, |watch| one.mesh(&options, watch)) }?;
-        let (vertices, skin) = (made.landmarks.vertices, [made.canonical.len()]);
+        let (vertices, skin) = (made.landmarks.vertices, [made.skin_vertices()]);
         unsafe {
             pointer::copy_where_asked("landmark_vertices", &vertices, landmark_vertices)?;
             pointer::copy_where_asked("skin_vertices", &skin, skin_vertices)?;
@@ -246,6 +278,82 @@ pub unsafe extern "C" fn anyface_head_mesh(
         Ok(AnyfaceMesh(made.mesh))
     };
     unsafe { guard::give(out, error, make) }
+}
+
+/// Number `F` of faces of the clean quads with their parts, those of the skin first; 0 for NULL.
+#[unsafe(no_mangle)]
+pub unsafe extern "C" fn anyface_head_face_count(head: *const AnyfaceHead) -> usize {
+    unsafe { head.as_ref() }.map_or(0, |head| head.maker.topology().faces().len())
+}
+
+/// Number `S` of faces of the skin; 0 for NULL.
+#[unsafe(no_mangle)]
+pub unsafe extern "C" fn anyface_head_skin_face_count(head: *const AnyfaceHead) -> usize {
+    unsafe { head.as_ref() }.map_or(0, |head| head.maker.topology().uv().len())
+}
+
+/// Copies the faces, four vertices each; the last of a triangle comes twice. `buffer`: `[F, 4]`; `count` must be `4 F`.
+/// Fails with `ANYFACE_STATUS_INVALID_INPUT` for another `count`.
+#[unsafe(no_mangle)]
+pub unsafe extern "C" fn anyface_head_copy_faces(
+    head: *const AnyfaceHead,
+    buffer: *mut u32,
+    count: usize,
+    error: *mut *mut AnyfaceError,
+) -> AnyfaceStatus {
+    let values = || {
+        let head = unsafe { pointer::handle("head", head) }?;
+        Ok(head.maker.topology().faces().as_flattened())
+    };
+    unsafe { guard::copy(buffer, count, error, values) }
+}
+
+/// Copies the texture places of the corners of the skin's faces, (0, 0) to (1, 1) from the lower left. `buffer`:
+/// `[S, 4, 2]`; `count` must be `8 S`. Fails with `ANYFACE_STATUS_INVALID_INPUT` for another `count`.
+#[unsafe(no_mangle)]
+pub unsafe extern "C" fn anyface_head_copy_uv(
+    head: *const AnyfaceHead,
+    buffer: *mut f32,
+    count: usize,
+    error: *mut *mut AnyfaceError,
+) -> AnyfaceStatus {
+    let values = || {
+        let head = unsafe { pointer::handle("head", head) }?;
+        Ok(head.maker.topology().uv().as_flattened().as_flattened())
+    };
+    unsafe { guard::copy(buffer, count, error, values) }
+}
+
+/// Copies the number of each face's material. `buffer`: `[F]`; `count` must be `F`.
+/// Fails with `ANYFACE_STATUS_INVALID_INPUT` for another `count`.
+#[unsafe(no_mangle)]
+pub unsafe extern "C" fn anyface_head_copy_face_materials(
+    head: *const AnyfaceHead,
+    buffer: *mut u32,
+    count: usize,
+    error: *mut *mut AnyfaceError,
+) -> AnyfaceStatus {
+    let values = || {
+        let head = unsafe { pointer::handle("head", head) }?;
+        Ok(head.maker.topology().face_materials())
+    };
+    unsafe { guard::copy(buffer, count, error, values) }
+}
+
+/// Number `M` of materials; 0 for NULL.
+#[unsafe(no_mangle)]
+pub unsafe extern "C" fn anyface_head_material_count(head: *const AnyfaceHead) -> usize {
+    unsafe { head.as_ref() }.map_or(0, |head| head.names.materials.len())
+}
+
+/// What a material is, such as "skin" or "lips"; lives until the head is freed. NULL for NULL or a number that is not
+/// below the count.
+#[unsafe(no_mangle)]
+pub unsafe extern "C" fn anyface_head_material_name(
+    head: *const AnyfaceHead,
+    material: usize,
+) -> *const c_char {
+    pointer::lend(unsafe { head.as_ref() }.and_then(|head| head.names.materials.get(material)))
 }
 
 /// Frees a head that no running call uses, with everything it lent; nothing happens for NULL.
@@ -294,10 +402,40 @@ mod tests {
             assert!(anyface_head_direction_name(moved, count).is_null());
             let (mut skin, mut marks) = (0usize, [0u32; 68]);
             let to = (&mut skin as *mut usize, marks.as_mut_ptr());
-            let status = anyface_head_mesh(moved, 40, 1, null(), &mut mesh, to.0, to.1, null_mut());
+            let status = anyface_head_mesh(moved, 0, 1, null(), &mut mesh, to.0, to.1, null_mut());
             assert_eq!(status, AnyfaceStatus::Ok);
             assert!(skin < anyface_mesh_vertex_count(mesh));
             assert!(marks.iter().all(|v| (*v as usize) < skin));
+            let mut faces = vec![0u32; 4 * anyface_head_face_count(moved)];
+            let status =
+                anyface_head_copy_faces(moved, faces.as_mut_ptr(), faces.len(), null_mut());
+            assert_eq!(status, AnyfaceStatus::Ok);
+            let last = faces.iter().max().map(|v| *v as usize);
+            assert_eq!(last, Some(anyface_mesh_vertex_count(mesh) - 1));
+            let mut uv = vec![-1.0f32; 8 * anyface_head_skin_face_count(moved)];
+            let status = anyface_head_copy_uv(moved, uv.as_mut_ptr(), uv.len(), null_mut());
+            assert_eq!(status, AnyfaceStatus::Ok);
+            assert!(uv.iter().all(|x| (0.0..=1.0).contains(x)));
+            let mut kinds = vec![0u32; faces.len() / 4];
+            let status = anyface_head_copy_face_materials(
+                moved,
+                kinds.as_mut_ptr(),
+                kinds.len(),
+                null_mut(),
+            );
+            assert_eq!(status, AnyfaceStatus::Ok);
+            let count = anyface_head_material_count(moved);
+            assert!(kinds.iter().all(|kind| (*kind as usize) < count));
+            let first = CStr::from_ptr(anyface_head_material_name(moved, kinds[0] as usize));
+            assert_eq!(first.to_str(), Ok("skin"));
+            let (mut none, mut error) = (null_mut(), null_mut());
+            let status = anyface_head_mesh(moved, 40, 1, null(), &mut none, to.0, to.1, &mut error);
+            assert_eq!(status, AnyfaceStatus::InvalidInput);
+            anyface_error_free(error);
+            let status = anyface_head_mesh(moved, 40, 0, null(), &mut none, to.0, to.1, null_mut());
+            assert_eq!(status, AnyfaceStatus::Ok);
+            assert_eq!(skin, anyface_mesh_vertex_count(none));
+            anyface_mesh_free(none);
             anyface_mesh_free(mesh);
             for head in [a, b, mixed, moved] {
                 anyface_head_free(head);

@@ -7,7 +7,7 @@ use std::{
 
 use anyface::{
     Error, Result,
-    head::{COEFFICIENTS, Head, HeadOptions, MadeHead, ScanFit, ScanOptions},
+    head::{COEFFICIENTS, HeadMaker, MadeHead, ScanFit, ScanOptions},
     job::{InputKind, read_text, write_atomically},
     mesh::{LandmarkSource, Mesh},
     output::Report,
@@ -25,7 +25,8 @@ use crate::{
 /// Make a head: at random, from sliders, a mixture of two, or like a scan
 #[derive(Args)]
 pub struct MakeHead {
-    /// The result: .obj with the objects skin, eyes, teeth and tongue; NAME.landmarks.json is written beside it
+    /// The result: .obj of quads with the objects skin, eyes, teeth, tongue, lashes and brows;
+    /// NAME.landmarks.json is written beside it
     #[arg(long, value_name = "HEAD.obj")]
     out: OutputPath,
     /// Which random head
@@ -34,7 +35,7 @@ pub struct MakeHead {
     /// A head between those of two seeds, half of each or another share of the second, as in 7,12 or 7,12,0.3
     #[arg(long, value_name = "A,B[,SHARE]", value_parser = mixture, conflicts_with_all = ["code", "like"])]
     mix: Option<Mixture>,
-    /// Its coefficients as a JSON list of 100 numbers, such as --code-out writes
+    /// Its numbers as a JSON list, such as --code-out writes: 100 coefficients, and traits where they are not 0
     #[arg(long, value_name = "C.json", conflicts_with = "like")]
     code: Option<InputPath>,
     /// A clean head like this scan or model: OBJ, PLY or GLB
@@ -43,19 +44,21 @@ pub struct MakeHead {
     /// Landmarks of the scan as JSON [default: found on it]
     #[arg(long, value_name = "L.json", requires = "like")]
     like_landmarks: Option<InputPath>,
-    /// A slider, -4 to 4, 0 is the average head; see `anyface info --json`; may be repeated
+    /// A slider such as age or face-width, -4 to 4, 0 is the average head; see `anyface info --json`; may be
+    /// repeated
     #[arg(long, value_name = "NAME=VALUE", value_parser = direction, allow_hyphen_values = true)]
     direction: Vec<(String, f32)>,
     /// Bring coefficients that are far from any that were learned back to those
     #[arg(long)]
     pull_back: bool,
-    /// Cells along the longest side of the grid on which the surface is found
-    #[arg(long, value_name = "N", default_value_t = HeadOptions::default().resolution)]
-    resolution: usize,
-    /// The skin alone, without eyes, teeth and tongue
+    /// Write the surface of the field instead, which has no traits and no eyes, from a grid of N cells along its
+    /// longest side
+    #[arg(long, value_name = "N")]
+    surface: Option<usize>,
+    /// The skin alone, without eyes, teeth, tongue, lashes and brows
     #[arg(long)]
     skin_only: bool,
-    /// Also write the coefficients as JSON
+    /// Also write its numbers as JSON
     #[arg(long, value_name = "C.json")]
     code_out: Option<OutputPath>,
 }
@@ -74,7 +77,7 @@ struct HeadReport<'a> {
     run: &'a Report,
     landmarks: String,
     coefficients: &'a [f32],
-    /// How far along each direction.
+    /// Where each slider stands.
     directions: Vec<(String, f32)>,
     #[serde(skip_serializing_if = "Option::is_none")]
     fit: Option<ScanFit>,
@@ -85,35 +88,38 @@ impl MakeHead {
         self.check()?;
         let progress = |p| console.progress(p);
         let mut report = new_report();
-        let head = timed(&mut report, "load", || Head::open(shared.weights()))?;
-        let (mut coefficients, fit) = self.coefficients(&head, shared, console, &mut report)?;
+        let maker = timed(&mut report, "load", || HeadMaker::open(shared.weights()))?;
+        let (mut numbers, fit) = self.numbers(&maker, shared, console, &mut report)?;
         for (name, value) in &self.direction {
-            head.set_along(&mut coefficients, head.direction(name)?, *value)?;
+            let direction = maker.direction(name)?;
+            if self.surface.is_some() && direction < maker.topology().traits().len() {
+                return Err(Error::InvalidInput(format!(
+                    "--direction {name}: expected a direction of the field, as its surface knows no traits; leave \
+                     out --surface or this slider"
+                )));
+            }
+            maker.set_along(&mut numbers, direction, *value)?;
         }
-        let options = HeadOptions {
-            resolution: self.resolution,
-            parts: !self.skin_only,
-        };
-        let made = timed(&mut report, "surface", || {
-            let one = head.one(head.identity_code(&coefficients)?)?;
-            one.mesh(&options, &progress)
+        let made = timed(&mut report, "surface", || match self.surface {
+            Some(cells) => maker.surface(&numbers, cells, &progress),
+            None => maker.mesh(&numbers, !self.skin_only),
         })?;
+        if self.surface.is_some() {
+            numbers.truncate(COEFFICIENTS);
+            numbers.resize(maker.count(), 0.0);
+        }
         let landmarks = self.landmarks_path();
         timed(&mut report, "write", || {
-            self.write(&made, &landmarks, &coefficients)
+            self.write(&made, &landmarks, &numbers)
         })?;
         report.out = Some(shown(&self.out));
         report.vertices = Some(made.mesh.positions.len());
-        let names = head
-            .config()
-            .directions
-            .iter()
-            .map(|direction| direction.name.clone());
+        let names = maker.directions().map(str::to_owned);
         let full = HeadReport {
             run: &report,
             landmarks: shown(&landmarks),
-            coefficients: &coefficients,
-            directions: names.zip(head.along(&coefficients)?).collect(),
+            coefficients: &numbers,
+            directions: names.zip(maker.along(&numbers)?).collect(),
             fit,
         };
         console.warn(&report.warnings);
@@ -139,9 +145,9 @@ impl MakeHead {
         Ok(())
     }
 
-    fn coefficients(
+    fn numbers(
         &self,
-        head: &Head,
+        maker: &HeadMaker,
         shared: &SharedArgs,
         console: &Console,
         report: &mut Report,
@@ -163,7 +169,7 @@ impl MakeHead {
                 Ok(face.landmarks)
             })?;
             let fit = timed(report, "fit", || {
-                head.fit_scan(
+                maker.head().fit_scan(
                     &scan.positions,
                     &landmarks,
                     &ScanOptions::default(),
@@ -171,35 +177,37 @@ impl MakeHead {
                 )
             })?;
             report.warnings.extend(fit.warnings.iter().cloned());
-            return Ok((fit.coefficients.clone(), Some(fit)));
+            return Ok((maker.checked(fit.coefficients.clone(), true)?, Some(fit)));
         }
-        let coefficients = match (&self.mix, &self.code) {
-            (Some(Mixture { seeds, share }), _) => {
-                Head::mixture(&Head::random(seeds[0]), &Head::random(seeds[1]), *share)?
-            }
-            (None, Some(path)) => {
-                Head::checked(read_code(path)?, self.pull_back).map_err(|error| match error {
-                    Error::InvalidInput(message) if message.ends_with("pulled back") => {
-                        Error::InvalidInput(format!("{message}: --pull-back"))
-                    }
-                    other => other,
-                })?
-            }
-            (None, None) => match self.seed {
-                Some(seed) => Head::random(seed),
-                None => vec![0.0; COEFFICIENTS],
-            },
-        };
-        Ok((coefficients, None))
+        let numbers =
+            match (&self.mix, &self.code) {
+                (Some(Mixture { seeds, share }), _) => {
+                    let [a, b] = seeds.map(|seed| maker.random(seed));
+                    maker.mixture(&a, &b, *share)?
+                }
+                (None, Some(path)) => maker.checked(read_code(path)?, self.pull_back).map_err(
+                    |error| match error {
+                        Error::InvalidInput(message) if message.ends_with("pulled back") => {
+                            Error::InvalidInput(format!("{message}: --pull-back"))
+                        }
+                        other => other,
+                    },
+                )?,
+                (None, None) => match self.seed {
+                    Some(seed) => maker.random(seed),
+                    None => vec![0.0; maker.count()],
+                },
+            };
+        Ok((numbers, None))
     }
 
-    fn write(&self, made: &MadeHead, landmarks: &Path, coefficients: &[f32]) -> Result<()> {
+    fn write(&self, made: &MadeHead, landmarks: &Path, numbers: &[f32]) -> Result<()> {
         let write = |path: &Path, text: &str| {
             write_atomically(path, |file| file.write_all(text.as_bytes()))
         };
         write(landmarks, &made.landmarks.to_json())?;
         if let Some(path) = &self.code_out {
-            let text = serde_json::to_string(coefficients).expect("numbers serialise");
+            let text = serde_json::to_string(numbers).expect("numbers serialise");
             write(path, &text)?;
         }
         write(&self.out, &made.to_obj())
@@ -211,7 +219,7 @@ fn read_code(path: &Path) -> Result<Vec<f32>> {
     serde_json::from_str(&text).map_err(|error| {
         let place = path.display();
         Error::InvalidInput(format!(
-            "{place}: expected a JSON list of {COEFFICIENTS} numbers: {error}"
+            "{place}: expected a JSON list of numbers, {COEFFICIENTS} or more: {error}"
         ))
     })
 }
@@ -252,7 +260,7 @@ fn summary(report: &HeadReport<'_>, made: &MadeHead) -> String {
         report.run.out.as_deref().unwrap_or("nothing"),
         report.landmarks,
         made.mesh.positions.len(),
-        made.canonical.len()
+        made.skin_vertices()
     );
     if let Some(fit) = &report.fit {
         text += &format!(

@@ -156,7 +156,7 @@ mod tests {
             "anyface animate --mesh M.obj --audio A.wav --out O.npz --sounds A.TextGrid",
             "anyface animate --mesh M.obj --audio A.wav --out O.npz --redo 1.2-2.0 --from T.npz --seed 2",
             "anyface motion --audio A.wav --out O.npz --redo 1.2-2.0 --from T.npz --emotion sad:1",
-            "anyface head --seed 7 --out H.obj --resolution 192 --direction face-width=-1.5",
+            "anyface head --seed 7 --out H.obj --surface 192 --direction face-width=-1.5",
             "anyface head --mix 7,12,0.3 --out H.obj --skin-only --code-out C.json",
             "anyface head --like S.ply --like-landmarks L.json --out H.obj",
             "anyface animate --mesh M.obj --audio A.wav --system facetalk --surface 256 --out frames/",

@@ -7,7 +7,7 @@ use anyface::{
     annotation::Annotation,
     audio::{LOUDEST, SoundFile, Waveform},
     conditions::EmotionCurve,
-    head::{self, COEFFICIENTS, Head, HeadOptions, ScanOptions},
+    head::{self, Head, HeadMaker, ScanOptions},
     job::SILENT,
     mesh::{FixedLandmark, LandmarkSource, Landmarks, Mesh, ObjectNames},
     motion::{LandmarkClip, Life, Motion, Stretch, WeightClip},
@@ -155,15 +155,10 @@ fn beside_the_engine(model: &str, folder: &Path) {
     if model == head::MODEL.name
         && let Ok(head) = Head::open(Some(folder))
         && let Ok(one) = head.one(vec![0.1; head.config().identity_code()])
+        && let Ok(made) = one.mesh(32, SILENT)
     {
-        let options = HeadOptions {
-            resolution: 32,
-            parts: false,
-        };
-        if let Ok(made) = one.mesh(&options, SILENT) {
-            let numbers = made.mesh.positions.as_flattened().iter();
-            assert!(numbers.copied().all(f32::is_finite));
-        }
+        let numbers = made.mesh.positions.as_flattened().iter();
+        assert!(numbers.copied().all(f32::is_finite));
     }
 }
 
@@ -276,7 +271,7 @@ fn redo_as_still(was: &Motion, stretch: &Stretch) {
 ///
 /// The first byte chooses coefficients of a file, numbers (seeds, a mixture, a slider) or a scan; the second a resolution.
 pub fn heads(bytes: &[u8]) {
-    static HEAD: OnceLock<Head> = OnceLock::new();
+    static HEADS: OnceLock<HeadMaker> = OnceLock::new();
     const RESOLUTIONS: [usize; 12] = [
         32,
         24,
@@ -294,27 +289,24 @@ pub fn heads(bytes: &[u8]) {
     let [kind, resolution, rest @ ..] = bytes else {
         return;
     };
-    let head = HEAD.get_or_init(|| Head::open(None).unwrap());
-    let options = HeadOptions {
-        resolution: RESOLUTIONS[usize::from(*resolution) % RESOLUTIONS.len()],
-        parts: resolution % 2 == 1,
-    };
+    let maker = HEADS.get_or_init(|| HeadMaker::open(None).unwrap());
+    let cells = RESOLUTIONS[usize::from(*resolution) % RESOLUTIONS.len()];
     let made = match kind % 3 {
         0 => {
             let read = serde_json::from_slice::<Vec<f32>>(rest);
             read.ok()
-                .and_then(|code| Head::checked(code, kind / 3 % 2 == 1).ok())
+                .and_then(|numbers| maker.checked(numbers, kind / 3 % 2 == 1).ok())
         }
-        1 => head_of_numbers(head, rest),
-        _ => head_like(head, kind / 3, rest),
+        1 => head_of_numbers(maker, rest),
+        _ => head_like(maker, kind / 3, rest),
     };
-    let Some(coefficients) = made else {
+    let Some(numbers) = made else {
         return;
     };
-    assert!(coefficients.len() == COEFFICIENTS && coefficients.iter().all(|x| x.is_finite()));
-    let code = head.identity_code(&coefficients).unwrap();
-    let one = head.one(code).unwrap();
-    if let Ok(made) = one.mesh(&options, SILENT) {
+    assert!(numbers.len() == maker.count() && numbers.iter().all(|x| x.is_finite()));
+    let quads = maker.mesh(&numbers, resolution % 2 == 1).unwrap();
+    let surface = maker.surface(&numbers, cells, SILENT).ok();
+    for made in std::iter::once(quads).chain(surface) {
         made.mesh.check().unwrap();
         assert!(
             made.mesh
@@ -327,21 +319,21 @@ pub fn heads(bytes: &[u8]) {
     }
 }
 
-fn head_of_numbers(head: &Head, bytes: &[u8]) -> Option<Vec<f32>> {
+fn head_of_numbers(maker: &HeadMaker, bytes: &[u8]) -> Option<Vec<f32>> {
     let (numbers, name) = bytes.split_at_checked(24)?;
     let seed = |at: usize| u64::from_le_bytes(numbers[at..at + 8].try_into().unwrap());
     let real = |at: usize| f32::from_le_bytes(numbers[at..at + 4].try_into().unwrap());
-    let [first, other] = [seed(0), seed(8)].map(Head::random);
-    let mut code = Head::mixture(&first, &other, real(16)).ok()?;
-    let named = head.direction(&String::from_utf8_lossy(name)).ok();
+    let [first, other] = [seed(0), seed(8)].map(|seed| maker.random(seed));
+    let mut code = maker.mixture(&first, &other, real(16)).ok()?;
+    let named = maker.direction(&String::from_utf8_lossy(name)).ok();
     let direction = named.or_else(|| name.first().map(|byte| usize::from(*byte)));
-    head.set_along(&mut code, direction?, real(20)).ok()?;
-    head.along(&code).unwrap();
+    maker.set_along(&mut code, direction?, real(20)).ok()?;
+    maker.along(&code).unwrap();
     Some(code)
 }
 
 /// A head like the mesh of a file; its landmarks are those of any of its vertices.
-fn head_like(head: &Head, choice: u8, bytes: &[u8]) -> Option<Vec<f32>> {
+fn head_like(maker: &HeadMaker, choice: u8, bytes: &[u8]) -> Option<Vec<f32>> {
     let (numbers, file) = bytes.split_at_checked(68)?;
     let scan = Mesh::parse(file).ok()?;
     let count = scan.positions.len();
@@ -360,8 +352,9 @@ fn head_like(head: &Head, choice: u8, bytes: &[u8]) -> Option<Vec<f32>> {
         points: 30,
         seed: choice.into(),
     };
-    let fit = head
+    let fit = maker
+        .head()
         .fit_scan(&scan.positions, &landmarks, &options, SILENT)
         .ok()?;
-    Some(fit.coefficients)
+    maker.checked(fit.coefficients, true).ok()
 }

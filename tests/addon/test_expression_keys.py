@@ -37,7 +37,7 @@ def test_a_face_and_its_parts_get_keys_that_its_own_sliders_move(addon):
 
 
 def test_bent_shapes_are_the_fields_own_halfway_and_at_their_ends():
-    bpy.ops.anyface.add_head(seed=7, resolution=64)
+    bpy.ops.anyface.add_head(seed=7)
     ob = bpy.context.object
     assert bpy.ops.anyface.expression_keys(by="BENT") == {"FINISHED"}
     blocks = ob.data.shape_keys.key_blocks
@@ -59,7 +59,7 @@ def test_what_cannot_be_made_changes_nothing():
     with pytest.raises(RuntimeError, match="has a key jawOpen of its own"):
         bpy.ops.anyface.expression_keys(by="NETWORK")
     assert everything() == before
-    bpy.ops.anyface.add_head(seed=7, resolution=64)
+    bpy.ops.anyface.add_head(seed=7)
     broad = bpy.context.object
     broad.scale.x = 2.2
     bpy.context.view_layer.update()

@@ -4,8 +4,6 @@ import bpy
 import numpy as np
 import pytest
 
-SMALL = {"resolution": 48}
-
 
 def points(ob) -> np.ndarray:
     """`[V, 3]`."""
@@ -16,7 +14,7 @@ def points(ob) -> np.ndarray:
 
 def test_it_stands_upright_at_the_cursor_and_knows_its_landmarks(addon):
     bpy.context.scene.cursor.location = (1.0, 2.0, 3.0)
-    assert bpy.ops.anyface.add_head(seed=7, **SMALL) == {"FINISHED"}
+    assert bpy.ops.anyface.add_head(seed=7) == {"FINISHED"}
     ob = bpy.context.object
     assert tuple(ob.location) == (1.0, 2.0, 3.0)
     assert np.isclose(ob.dimensions.z, 2.0) and not ob.data.validate()
@@ -29,12 +27,19 @@ def test_it_stands_upright_at_the_cursor_and_knows_its_landmarks(addon):
     assert stored.positions[30, 1] < stored.positions[[0, 16], 1].min()
     assert stored.positions[19, 2] > stored.positions[8, 2]
     names = {ob.material_slots[p.material_index].material.name for p in ob.data.polygons}
-    assert len([name for name in names if name.endswith(("pupil", "teeth", "tongue"))]) == 3
+    assert (
+        len([name for name in names if name.endswith(("pupil", "teeth", "tongue", "brows"))]) == 4
+    )
+    corners = [len(face.vertices) for face in ob.data.polygons if face.material_index == 0]
+    assert set(corners) == {4}, "skin is quads"
+    places = np.empty(2 * len(ob.data.loops), dtype=np.float32)
+    ob.data.uv_layers["UVMap"].data.foreach_get("uv", places)
+    assert np.ptp(places) > 0.9, "and has texture places"
 
 
 def test_seeds_mixtures_and_sliders_make_other_heads(addon):
     def jaw(**asked):
-        bpy.ops.anyface.add_head(**SMALL, **asked)
+        bpy.ops.anyface.add_head(**asked)
         return addon("scene.face.landmarks").load(bpy.context.object).positions
 
     one, other = jaw(seed=3), jaw(seed=4)
@@ -42,14 +47,17 @@ def test_seeds_mixtures_and_sliders_make_other_heads(addon):
     assert np.array_equal(jaw(seed=3), one), "the same numbers, the same head"
     half = jaw(seed=3, other=4, share=0.5)
     assert 0.0 < np.abs(half - one).max() < np.abs(other - one).max()
-    changed = jaw(seed=3, changes=(2.0, *([0.0] * 9)))
-    assert np.abs(changed - one).max() > 0.005
-    assert len(addon("ui.made_head").heads().directions()) == 10
+    sliders = addon("ui.made_head").heads().directions()
+    assert len(sliders) == addon("ui.made_head").SLIDERS
+    for number in (sliders.index("age"), sliders.index("weight"), len(sliders) - 1):
+        changes = [0.0] * len(sliders)
+        changes[number] = 2.0
+        assert np.abs(jaw(seed=3, changes=changes) - one).max() > 0.005, sliders[number]
 
 
 def test_one_undo_step_takes_it_away_and_edit_mode_is_refused(addon):
     bpy.ops.ed.undo_push(message="before")
-    bpy.ops.anyface.add_head(**SMALL)
+    bpy.ops.anyface.add_head()
     bpy.ops.ed.undo_push(message="head")
     bpy.ops.object.mode_set(mode="EDIT")
     assert not bpy.ops.anyface.add_head.poll()
@@ -62,14 +70,14 @@ def test_without_the_library_it_says_so(addon, monkeypatch):
     monkeypatch.setenv("ANYFACE_LIBRARY", "/nowhere/libanyface.so")
     monkeypatch.setattr(addon("ui.made_head"), "_HEADS", [])
     with pytest.raises(RuntimeError, match="the native library cannot be used"):
-        bpy.ops.anyface.add_head(**SMALL)
+        bpy.ops.anyface.add_head()
     assert not bpy.data.meshes
 
 
 def test_it_speaks_without_a_search(addon, tmp_path):
     from test_first_minutes import heard
 
-    bpy.ops.anyface.add_head(resolution=64)
+    bpy.ops.anyface.add_head()
     ob = bpy.context.object
     before = dict(ob.items())["anyface_landmarks"]
     heard(tmp_path, ob)
@@ -79,12 +87,12 @@ def test_it_speaks_without_a_search(addon, tmp_path):
 
 
 def test_a_head_like_a_mesh_stands_beside_it_and_the_mesh_stays(addon):
-    bpy.ops.anyface.add_head(seed=7, resolution=64, height=0.3)
+    bpy.ops.anyface.add_head(seed=7, height=0.3)
     ob = bpy.context.object
     ob.rotation_euler.z, ob.location = 0.4, (1.0, 0.0, 2.0)
     bpy.context.view_layer.update()
     before = points(ob)
-    assert bpy.ops.anyface.head_like(resolution=64) == {"FINISHED"}
+    assert bpy.ops.anyface.head_like() == {"FINISHED"}
     new = bpy.context.object
     assert new is not ob and np.array_equal(points(ob), before)
     assert new.users_collection == ob.users_collection
@@ -94,15 +102,16 @@ def test_a_head_like_a_mesh_stands_beside_it_and_the_mesh_stays(addon):
     load = addon("scene.face.landmarks").load
     made, truth = load(new).positions, load(ob).positions
     apart = np.linalg.norm((made - made.mean(axis=0)) - (truth - truth.mean(axis=0)), axis=1)
-    assert apart.mean() < 0.004, "a head of 0.3 m"
+    # The field, to which the likeness is fitted, knows no traits.
+    assert apart.mean() < 0.006, "a head of 0.3 m"
 
 
 def test_a_mesh_that_no_head_is_like_is_told_and_nothing_is_added(addon):
-    bpy.ops.anyface.add_head(seed=7, resolution=64)
+    bpy.ops.anyface.add_head(seed=7)
     ob = bpy.context.object
     ob.scale.x = 2.2
     bpy.context.view_layer.update()
     objects, meshes = set(bpy.data.objects), set(bpy.data.meshes)
     with pytest.raises(RuntimeError, match="expected a face"):
-        bpy.ops.anyface.head_like(resolution=64)
+        bpy.ops.anyface.head_like()
     assert set(bpy.data.objects) == objects and set(bpy.data.meshes) == meshes

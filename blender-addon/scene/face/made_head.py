@@ -20,9 +20,16 @@ def mesh(made: MadeHead, height: float):
 
     `height` is that of the box, in Blender's units.
     """
-    materials, numbers = sample_head.materials(NAME, len(made.triangles))
+    materials = sample_head.materials(NAME, made.material_names)
     points = sample_head.standing(made.positions.astype(np.float64), height)
-    return sample_head.smooth_mesh(NAME, points, made.triangles, materials, numbers)
+    # The last corner of a triangle comes twice.
+    faces = [face[:3] if face[2] == face[3] else face for face in made.faces.tolist()]
+    numbers = made.materials.astype(np.int32)
+    data = sample_head.smooth_mesh(NAME, points, faces, materials, numbers)
+    places = np.zeros((len(data.loops), 2), dtype=np.float32)
+    places[: made.uv.size // 2] = made.uv.reshape(-1, 2)
+    data.uv_layers.new(name="UVMap").data.foreach_set("uv", places.ravel())
+    return data
 
 
 @dataclass
@@ -32,14 +39,13 @@ class Likeness:
 
     face: FaceMesh
     engine: object
-    resolution: int
 
     def work(self, progress: Progress) -> tuple[MadeHead, float, float]:
         """The head, the mesh's distance from it in millimetres, and the height of the head's box in
         the scene's units; raises `AnyfaceError`."""
         seen = self.face.space.seen(self.face)
         with finding.naming(self.face):
-            made, far, metres = self.engine.head_like(*seen, self.resolution, progress)
+            made, far, metres = self.engine.head_like(*seen, progress)
         return made, far, float(np.ptp(made.positions[:, 1])) / metres
 
 

@@ -11,6 +11,7 @@ import numpy as np
 
 PACKED = Path(__file__).resolve().parents[2] / "sample_head.npz"
 NAME = "Sample Head"
+HAIR = (0.035, 0.02, 0.012)
 _MICROMETRES = 1e6
 
 
@@ -24,13 +25,14 @@ def mesh(height: float):
     named = zip(data["names"], data["colours"], strict=True)
     own = [_material(str(name), colour) for name, colour in named]
     points = standing(data["positions"] / _MICROMETRES, height)
-    return smooth_mesh(NAME, points, data["triangles"], own, data["materials"].astype(np.int32))
+    faces = data["triangles"].tolist()
+    return smooth_mesh(NAME, points, faces, own, data["materials"].astype(np.int32))
 
 
-def smooth_mesh(name: str, points: np.ndarray, triangles: np.ndarray, materials, numbers):
-    """A new mesh of points `[V, 3]` and triangles `[F, 3]`, whose materials are `numbers`."""
+def smooth_mesh(name: str, points: np.ndarray, faces: list[list[int]], materials, numbers):
+    """A new mesh of points `[V, 3]` and faces, whose materials are `numbers`."""
     made = bpy.data.meshes.new(name)
-    made.from_pydata(points.tolist(), [], triangles.tolist())
+    made.from_pydata(points.tolist(), [], faces)
     for material in materials:
         made.materials.append(material)
     made.polygons.foreach_set("material_index", numbers)
@@ -46,17 +48,12 @@ def standing(points: np.ndarray, height: float) -> np.ndarray:
     return (turned - (low + high) / 2.0) * (height / (high[2] - low[2]))
 
 
-def materials(name: str, triangles: int) -> tuple[list, np.ndarray]:
-    """Materials for a head with the sample head's eyes, teeth and tongue, and for each of its
-    `triangles` the number of its own: all skin but for these parts, which come last."""
+def materials(name: str, words: tuple[str, ...]) -> list:
+    """Materials of a head by name, in the colours of the sample head; what it lacks is hair."""
     with np.load(PACKED) as packed:
-        numbers, names, colours = packed["materials"], packed["names"], packed["colours"]
-    of_skin = np.isin(names, ("skin", "lips", "mouth"))[numbers]
-    parts = numbers[~of_skin]
-    made = [_material(str(word), colour, name) for word, colour in zip(names, colours, strict=True)]
-    own = np.full(triangles, int(np.flatnonzero(names == "skin")[0]), dtype=np.int32)
-    own[triangles - len(parts) :] = parts
-    return made, own
+        colours = dict(zip(packed["names"].tolist(), packed["colours"], strict=True))
+    colours["sockets"] = colours["mouth"]
+    return [_material(word, colours.get(word, HAIR), name) for word in words]
 
 
 def _material(name: str, colour, head: str = NAME):

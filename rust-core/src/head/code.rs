@@ -1,4 +1,4 @@
-//! Which head: coefficients at random, directions, mixtures.
+//! Which head: coefficients at random, directions.
 
 use super::{COEFFICIENTS, Head, check};
 use crate::{Error, Result, diffusion::frame_noise};
@@ -7,7 +7,7 @@ use crate::{Error, Result, diffusion::frame_noise};
 const FAR: f32 = 5.0;
 const FAR_ON_AVERAGE: f32 = 2.0;
 /// The most that a slider may say.
-const SLIDER: f32 = 4.0;
+pub(super) const SLIDER: f32 = 4.0;
 
 impl Head {
     /// The coefficients of the head of a seed, `[100]` of N(0, 1).
@@ -15,41 +15,6 @@ impl Head {
         frame_noise(seed, 0, 1, COEFFICIENTS)
             .into_raw_vec_and_offset()
             .0
-    }
-
-    /// The coefficients part of the way from `a` to `b`: 0 is `a`, 1 is `b`.
-    ///
-    /// # Errors
-    /// `InvalidInput` for other lengths, numbers that are not finite and a share outside 0 to 1.
-    pub fn mixture(a: &[f32], b: &[f32], share: f32) -> Result<Vec<f32>> {
-        check("coefficients", a, COEFFICIENTS)?;
-        check("coefficients", b, COEFFICIENTS)?;
-        if !(0.0..=1.0).contains(&share) {
-            let message = format!("mix: expected a share from 0 to 1, got {share}");
-            return Err(Error::InvalidInput(message));
-        }
-        Ok(a.iter().zip(b).map(|(a, b)| a + share * (b - a)).collect())
-    }
-
-    /// The number of a direction, by its name or its number.
-    ///
-    /// # Errors
-    /// `InvalidInput` for an unknown name, with the known ones.
-    pub fn direction(&self, name: &str) -> Result<usize> {
-        let known = &self.config.directions;
-        let wanted = name.replace(['_', '-'], " ");
-        let named = known.iter().position(|direction| direction.name == wanted);
-        named.ok_or_else(|| {
-            let names: Vec<&str> = known
-                .iter()
-                .map(|direction| direction.name.as_str())
-                .collect();
-            let message = format!(
-                "direction: expected one of {}, got {name:?}",
-                names.join(", ")
-            );
-            Error::InvalidInput(message)
-        })
     }
 
     /// How far `coefficients` lie along each direction, `[D]`.

@@ -2,7 +2,7 @@
 
 use std::{ops::Range, sync::OnceLock};
 
-use super::{OneHead, SURFACE_CELLS, parts};
+use super::{OneHead, SURFACE_CELLS};
 use crate::{
     Error, Result,
     job::{ProgressFn, report},
@@ -10,54 +10,40 @@ use crate::{
     sdf::{Grid, surface},
 };
 
-/// How a head is made.
-#[derive(Debug, Clone, Copy, PartialEq)]
-pub struct HeadOptions {
-    /// Cells along the longest side of the grid.
-    pub resolution: usize,
-    /// Whether it gets eyes, teeth and a tongue: those of the default head.
-    pub parts: bool,
-}
-
-impl Default for HeadOptions {
-    fn default() -> Self {
-        HeadOptions {
-            resolution: 128,
-            parts: true,
-        }
-    }
-}
-
 /// A head as a mesh at rest, metres: +x to the subject's left, +y up, +z out of the face.
 #[derive(Debug, Clone, PartialEq)]
 pub struct MadeHead {
-    /// The skin, then the parts.
+    /// The skin, then the parts; two triangles for a quad.
     pub mesh: Mesh,
+    /// The same as faces; the last corner of a triangle comes twice.
+    pub faces: Vec<[u32; 4]>,
+    /// Texture places of the corners of the skin's faces; none for a surface of the field.
+    pub uv: Vec<[[f32; 2]; 4]>,
     /// On vertices of the skin.
     pub landmarks: Landmarks,
-    /// The skin's vertices in the canonical pose; the mesh begins with the same ones at rest.
+    /// The vertices of a surface of the field in the canonical pose; none for a head of quads.
     pub canonical: Vec<[f32; 3]>,
     /// Names of the objects and their vertices.
     pub objects: Vec<(String, Range<usize>)>,
-    /// Names of materials and their triangles.
+    /// Names of materials and their faces.
     pub materials: Vec<(String, Range<usize>)>,
 }
 
 impl OneHead<'_> {
-    /// Makes the mesh of this head.
+    /// The surface of this head's field, with `resolution` cells along the longest side of the grid.
     ///
     /// # Errors
     /// `InvalidInput` for a resolution under 32, above 4096 or that would take more than 1 GiB, and for a code
     /// without a surface; `Cancelled`.
-    pub fn mesh(&self, options: &HeadOptions, progress: ProgressFn<'_>) -> Result<MadeHead> {
+    pub fn mesh(&self, resolution: usize, progress: ProgressFn<'_>) -> Result<MadeHead> {
         let least = *SURFACE_CELLS.start();
-        if options.resolution < least {
+        if resolution < least {
             return Err(Error::InvalidInput(format!(
-                "resolution: expected at least {least} cells along the longest side, as fewer leave no face, got {}",
-                options.resolution
+                "resolution: expected at least {least} cells along the longest side, as fewer leave no face, got \
+                 {resolution}"
             )));
         }
-        let skin = self.canonical_surface(options.resolution, progress)?;
+        let skin = self.canonical_surface(resolution, progress)?;
         let Mesh {
             positions: mut canonical,
             triangles,
@@ -67,7 +53,7 @@ impl OneHead<'_> {
         report(progress, "rest", 0.0)?;
         let positions = mover.at(&self.head.rest_code())?;
         let places = vertices.map(|v| positions[v as usize]);
-        let mut made = MadeHead {
+        let made = MadeHead {
             landmarks: Landmarks {
                 positions: places,
                 vertices,
@@ -76,14 +62,13 @@ impl OneHead<'_> {
             canonical,
             objects: vec![("skin".to_owned(), 0..positions.len())],
             materials: vec![("skin".to_owned(), 0..triangles.len())],
+            faces: triangles.iter().map(|[a, b, c]| [*a, *b, *c, *c]).collect(),
+            uv: Vec::new(),
             mesh: Mesh {
                 positions,
                 triangles,
             },
         };
-        if options.parts {
-            made.add_parts();
-        }
         report(progress, "rest", 1.0)?;
         Ok(made)
     }
@@ -172,47 +157,46 @@ fn squared(a: [f32; 3], b: [f32; 3]) -> f32 {
 }
 
 impl MadeHead {
-    fn add_parts(&mut self) {
-        for (part, places) in parts::placed(&self.landmarks.positions) {
-            let (vertices, triangles) = (self.mesh.positions.len(), self.mesh.triangles.len());
-            self.objects
-                .push((part.name.clone(), vertices..vertices + places.len()));
-            self.mesh.positions.extend(places);
-            let moved = part
-                .triangles
-                .iter()
-                .map(|t| t.map(|v| v + vertices as u32));
-            self.mesh.triangles.extend(moved);
-            let materials = part.materials.iter();
-            self.materials.extend(materials.map(|(name, range)| {
-                (name.clone(), triangles + range.start..triangles + range.end)
-            }));
-        }
+    /// How many of the vertices are skin.
+    pub fn skin_vertices(&self) -> usize {
+        self.objects.first().map_or(0, |(_, skin)| skin.len())
     }
 
-    /// The mesh as an OBJ with its objects and materials, metres.
+    /// The mesh as an OBJ with its objects, materials and texture places, metres.
     pub fn to_obj(&self) -> String {
         let mut text = String::from(
             "# A head made by Anyface; metres, +x subject's left, +y up, +z forward\n",
         );
+        for [u, v] in self.uv.as_flattened() {
+            text += &format!("vt {u:.5} {v:.5}\n");
+        }
         for (name, vertices) in &self.objects {
             text += &format!("o {name}\n");
             for [x, y, z] in &self.mesh.positions[vertices.clone()] {
                 text += &format!("v {x:.6} {y:.6} {z:.6}\n");
             }
-            for (material, triangles) in &self.materials {
-                let triangles = &self.mesh.triangles[triangles.clone()];
-                if triangles
-                    .first()
-                    .is_some_and(|t| vertices.contains(&(t[0] as usize)))
-                {
+            let is_here = |face: &usize| vertices.contains(&(self.faces[*face][0] as usize));
+            for (material, faces) in &self.materials {
+                let mut faces = faces.clone().filter(is_here).peekable();
+                if faces.peek().is_some() {
                     text += &format!("usemtl {material}\n");
-                    for [a, b, c] in triangles {
-                        text += &format!("f {} {} {}\n", a + 1, b + 1, c + 1);
-                    }
                 }
+                faces.for_each(|face| text += &self.face_line(face));
             }
         }
         text
+    }
+
+    fn face_line(&self, face: usize) -> String {
+        let corners = self.faces[face];
+        let count = if corners[2] == corners[3] { 3 } else { 4 };
+        let mut line = String::from("f");
+        for (number, corner) in corners[..count].iter().enumerate() {
+            line += &format!(" {}", corner + 1);
+            if face < self.uv.len() {
+                line += &format!("/{}", 4 * face + number + 1);
+            }
+        }
+        line + "\n"
     }
 }

@@ -11,11 +11,12 @@ mod fit;
 mod identity;
 mod led_codes;
 mod make;
+mod maker;
 mod network;
 mod on_mesh;
-mod parts;
 #[cfg(test)]
 mod tests;
+mod topology;
 mod volume;
 
 use std::path::Path;
@@ -26,9 +27,11 @@ use rayon::prelude::*;
 pub use config::{COEFFICIENTS, Direction, HeadConfig};
 pub use fit::{ScanFit, ScanOptions};
 use identity::{Identity, IdentityField};
-pub use make::{HeadOptions, MadeHead};
+pub use make::MadeHead;
+pub use maker::HeadMaker;
 use network::{Network, Prepared, Shape, encode, encoded};
 pub use on_mesh::{HeadOnMesh, Reach, fit_face};
+pub use topology::{TOPOLOGY_MODEL, Topology};
 pub use volume::{HeadSurface, SURFACE_CELLS, check_surface_cells};
 
 use crate::{

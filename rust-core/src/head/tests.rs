@@ -84,9 +84,7 @@ fn a_direction_is_set_and_the_others_stay() {
     let head = head();
     let mut coefficients = Head::random(5);
     let before = head.along(&coefficients).unwrap();
-    let number = head
-        .direction(&head.config().directions[2].name.replace(' ', "-"))
-        .unwrap();
+    let number = 2;
     head.set_along(&mut coefficients, number, -1.5).unwrap();
     let after = head.along(&coefficients).unwrap();
     for (n, (a, b)) in before.iter().zip(&after).enumerate() {
@@ -94,38 +92,20 @@ fn a_direction_is_set_and_the_others_stay() {
         assert!((b - wanted).abs() < 1e-4, "{n}: {a} {b}");
     }
     assert!(head.set_along(&mut coefficients, 0, 9.0).is_err());
-    let error = head.direction("shoe size").unwrap_err().to_string();
-    assert!(error.contains(&head.config().directions[0].name), "{error}");
-}
-
-#[test]
-fn a_mixture_lies_between() {
-    let (a, b) = (Head::random(1), Head::random(2));
-    assert_eq!(Head::mixture(&a, &b, 0.0).unwrap(), a);
-    let half = Head::mixture(&a, &b, 0.5).unwrap();
-    assert!((half[7] - 0.5 * (a[7] + b[7])).abs() < 1e-6);
-    assert!(Head::mixture(&a, &b, 1.5).is_err());
 }
 
 #[test]
 fn too_few_cells_for_a_face_are_refused() {
     for resolution in [0, 1, 2, 5, 31] {
-        let options = HeadOptions {
-            resolution,
-            parts: true,
-        };
-        let error = of_seed(3).mesh(&options, SILENT).err().unwrap();
+        let error = of_seed(3).mesh(resolution, SILENT).err().unwrap();
         assert!(error.to_string().contains("at least 32"), "{error}");
     }
 }
 
 #[test]
 fn a_made_head_is_closed_and_has_its_landmarks_on_vertices() {
-    let options = HeadOptions {
-        resolution: 64,
-        parts: true,
-    };
-    let made = of_seed(3).mesh(&options, SILENT).unwrap();
+    let cells = 64;
+    let made = of_seed(3).mesh(cells, SILENT).unwrap();
     let skin = &made.objects[0];
     let of_skin = made
         .mesh
@@ -160,11 +140,8 @@ fn a_made_head_is_closed_and_has_its_landmarks_on_vertices() {
 /// Seed 7 has two specks of surface beside it at this resolution.
 #[test]
 fn a_made_head_is_one_piece() {
-    let options = HeadOptions {
-        resolution: 96,
-        parts: false,
-    };
-    let made = of_seed(7).mesh(&options, SILENT).unwrap().mesh;
+    let cells = 96;
+    let made = of_seed(7).mesh(cells, SILENT).unwrap().mesh;
     let pieces = crate::mesh::Parts::of(made.positions.len(), &made.triangles);
     assert_eq!(pieces.count, 1);
     let lonely = pieces.of_vertex.iter().filter(|n| **n != 0).count();
@@ -174,7 +151,7 @@ fn a_made_head_is_one_piece() {
 #[test]
 fn a_cancelled_head_says_so() {
     let stop = |_: crate::job::Progress| false;
-    let made = of_seed(3).mesh(&HeadOptions::default(), &stop);
+    let made = of_seed(3).mesh(128, &stop);
     assert!(matches!(made, Err(Error::Cancelled)));
 }
 
@@ -183,11 +160,8 @@ fn a_cancelled_head_says_so() {
 fn a_head_is_found_again_from_its_points() {
     let truth = Head::random(21);
     let one = head().one(head().identity_code(&truth).unwrap()).unwrap();
-    let options = HeadOptions {
-        resolution: 72,
-        parts: false,
-    };
-    let made = one.mesh(&options, SILENT).unwrap();
+    let cells = 72;
+    let made = one.mesh(cells, SILENT).unwrap();
     let elsewhere = |p: [f32; 3]| [-1e3 * p[0] + 40.0, -1e3 * p[1], 1e3 * p[2] - 7.0];
     let points: Vec<[f32; 3]> = made.mesh.positions.iter().map(|p| elsewhere(*p)).collect();
     let mut landmarks = made.landmarks.clone();
@@ -215,15 +189,7 @@ fn a_head_is_found_again_from_its_points() {
 
 #[test]
 fn scans_that_are_none_are_told() {
-    let made = of_seed(4)
-        .mesh(
-            &HeadOptions {
-                resolution: 48,
-                parts: false,
-            },
-            SILENT,
-        )
-        .unwrap();
+    let made = of_seed(4).mesh(48, SILENT).unwrap();
     let told = |points: &[[f32; 3]], landmarks: &crate::mesh::Landmarks| {
         let fit = head().fit_scan(points, landmarks, &ScanOptions::default(), SILENT);
         fit.unwrap_err().to_string()
@@ -245,4 +211,151 @@ fn scans_that_are_none_are_told() {
         .collect();
     let error = told(&wall, &made.landmarks);
     assert!(error.contains("expected a face"), "{error}");
+}
+
+fn maker() -> &'static HeadMaker {
+    static MAKER: std::sync::LazyLock<HeadMaker> =
+        std::sync::LazyLock::new(|| HeadMaker::open(None).unwrap());
+    &MAKER
+}
+
+#[test]
+fn quads_equal_their_twin() {
+    let golden = Golden::open("head_topology");
+    let numbers = golden.values("numbers");
+    let made = maker().mesh(&numbers, true).unwrap();
+    let places: Vec<f32> = made
+        .mesh
+        .positions
+        .iter()
+        .step_by(23)
+        .flatten()
+        .copied()
+        .collect();
+    let wanted = golden.values("places");
+    assert!(distance(&places, &wanted) < 1e-6);
+}
+
+#[test]
+fn quads_are_a_surface_that_is_open_at_the_collar_alone() {
+    for seed in 1..6 {
+        let made = maker().mesh(&maker().random(seed), false).unwrap();
+        made.mesh.check().unwrap();
+        let quads = made.faces.iter().filter(|face| face[2] != face[3]);
+        assert_eq!(quads.count(), made.faces.len());
+        let mut edges = std::collections::HashMap::new();
+        for face in &made.faces {
+            for corner in 0..4 {
+                let (from, to) = (face[corner], face[(corner + 1) % 4]);
+                *edges.entry((from.min(to), from.max(to))).or_insert(0i32) +=
+                    if from < to { 1 } else { -1 };
+            }
+        }
+        let rim = edges
+            .iter()
+            .filter(|(_, sum)| **sum != 0)
+            .map(|(edge, _)| edge);
+        let mut ends: Vec<u32> = rim.clone().flat_map(|(a, b)| [*a, *b]).collect();
+        ends.sort_unstable();
+        assert!(
+            ends.as_chunks::<2>().0.iter().all(|[a, b]| a == b),
+            "one loop"
+        );
+        let lowest = made.landmarks.positions[8][1] - 0.01;
+        for (a, b) in rim {
+            let [a, b] = [a, b].map(|v| made.mesh.positions[*v as usize][1]);
+            assert!(
+                a.max(b) < lowest,
+                "seed {seed}: an opening above the collar"
+            );
+        }
+        crate::mesh::align_to_canonical(&made.landmarks).unwrap();
+    }
+}
+
+#[test]
+fn an_obj_of_quads_is_read_again() {
+    let made = maker().mesh(&maker().random(2), true).unwrap();
+    let text = made.to_obj();
+    for object in [
+        "o skin",
+        "o eye_left",
+        "o teeth_lower",
+        "o lashes_right",
+        "o brow_left",
+    ] {
+        assert!(text.lines().any(|line| line == object), "{object}");
+    }
+    let read = Mesh::parse(text.as_bytes()).unwrap();
+    assert_eq!(read.positions.len(), made.mesh.positions.len());
+    assert_eq!(read.triangles.len(), made.mesh.triangles.len());
+    let bare = maker().mesh(&maker().random(2), false).unwrap();
+    assert_eq!(
+        bare.mesh.positions,
+        made.mesh.positions[..bare.skin_vertices()]
+    );
+    assert_eq!(bare.objects.len(), 1);
+}
+
+#[test]
+fn every_trait_changes_the_head_and_keeps_the_lips_together() {
+    let maker = maker();
+    let mean = maker.mesh(&vec![0.0; maker.count()], true).unwrap();
+    let gap = |made: &MadeHead| {
+        let [upper, lower] = [62, 66].map(|n| made.landmarks.positions[n]);
+        1e3 * (upper[1] - lower[1])
+    };
+    for (number, name) in maker.topology().traits().iter().enumerate() {
+        for value in [-3.0, 3.0] {
+            let mut numbers = vec![0.0; maker.count()];
+            assert_eq!(maker.direction(name).unwrap(), number);
+            maker.set_along(&mut numbers, number, value).unwrap();
+            assert_eq!(maker.along(&numbers).unwrap()[number], value);
+            let made = maker.mesh(&numbers, true).unwrap();
+            let both = made.mesh.positions.iter().zip(&mean.mesh.positions);
+            let most = both.map(|(a, b)| (0..3).map(|n| (a[n] - b[n]).abs()).fold(0.0, f32::max));
+            assert!(most.fold(0.0, f32::max) > 2e-3, "{name} {value}");
+            assert!(
+                (gap(&made) - gap(&mean)).abs() < 0.3,
+                "{name} {value}: {} mm",
+                gap(&made)
+            );
+        }
+    }
+}
+
+#[test]
+fn numbers_of_a_head_are_checked() {
+    let maker = maker();
+    let coefficients = Head::random(4);
+    let numbers = maker.checked(coefficients.clone(), false).unwrap();
+    assert_eq!(numbers[..COEFFICIENTS], coefficients);
+    assert!(numbers[COEFFICIENTS..].iter().all(|x| *x == 0.0));
+    assert_eq!(maker.random(4)[..COEFFICIENTS], coefficients);
+    let mut far = numbers.clone();
+    far[COEFFICIENTS] = 9.0;
+    let error = maker.checked(far.clone(), false).unwrap_err().to_string();
+    assert!(
+        error.contains("age") && error.contains("pulled back"),
+        "{error}"
+    );
+    assert_eq!(maker.checked(far, true).unwrap()[COEFFICIENTS], 4.0);
+    let error = maker.checked(vec![0.0; 7], false).unwrap_err().to_string();
+    assert!(error.contains(&maker.count().to_string()), "{error}");
+    let error = maker.direction("shoe size").unwrap_err().to_string();
+    assert!(
+        error.contains("age") && error.contains("face width"),
+        "{error}"
+    );
+}
+
+#[test]
+fn a_mixture_lies_between() {
+    let maker = maker();
+    let (a, b) = (maker.random(1), maker.random(2));
+    assert_eq!(maker.mixture(&a, &b, 0.0).unwrap(), a);
+    let half = maker.mixture(&a, &b, 0.5).unwrap();
+    assert!((half[7] - 0.5 * (a[7] + b[7])).abs() < 1e-6);
+    assert!(maker.mixture(&a, &b, 1.5).is_err());
+    assert!(maker.mixture(&a[..COEFFICIENTS], &b, 0.5).is_err());
 }

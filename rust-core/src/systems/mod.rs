@@ -84,6 +84,7 @@ pub fn built_in_models() -> impl Iterator<Item = &'static BuiltIn> {
         &speech::FEELING_MODEL,
         &mesh::LANDMARK_MODEL,
         &head::MODEL,
+        &head::TOPOLOGY_MODEL,
         &deform::static_weights::MODEL,
         &deform::creases::MODEL,
         &motion::FACE_MODES_MODEL,

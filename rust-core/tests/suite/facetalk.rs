@@ -15,7 +15,7 @@ use anyface::{
     audio::Waveform,
     conditions::{Controls, EmotionCurve},
     face::{CodeField, FaceOptions},
-    head::{Head, HeadOnMesh, HeadOptions, HeadSurface, MadeHead, Reach, ScanFit},
+    head::{Head, HeadOnMesh, HeadSurface, MadeHead, Reach, ScanFit},
     job::{Progress, SILENT},
     mesh::{LandmarkSource, Mesh, Similarity},
     motion::{CodeClip, LandmarkClip, Motion, WeightClip},
@@ -124,11 +124,7 @@ fn styles_and_values_that_it_does_not_know_are_told() {
 fn own_head(seed: u64) -> (MadeHead, Vec<f32>) {
     let coefficients = Head::random(seed);
     let one = HEAD.one(HEAD.identity_code(&coefficients).unwrap());
-    let options = HeadOptions {
-        resolution: 72,
-        parts: false,
-    };
-    (one.unwrap().mesh(&options, SILENT).unwrap(), coefficients)
+    (one.unwrap().mesh(72, SILENT).unwrap(), coefficients)
 }
 
 fn prepared(mesh: &Mesh, made: &MadeHead, field: f32) -> Face {

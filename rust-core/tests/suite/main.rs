@@ -1,6 +1,7 @@
 //! Tests of the whole library, in one binary so that it is linked once.
 
 mod cafe_talk;
+mod clean_heads;
 mod corpus;
 mod damaged;
 mod emoface;

@@ -1,0 +1,301 @@
+//! A head of clean quads: MakeHuman's topology on ICT's mean face, whose shape follows the coefficients of the
+//! field's identities and traits of its own.
+//!
+//! Twin of `training/head_topology/shape.py`.
+
+use std::{ops::Range, path::Path};
+
+use ndarray::{Array2, ArrayView1, aview1};
+use serde::Deserialize;
+
+use super::{COEFFICIENTS, MadeHead, check};
+use crate::{
+    Error, Result,
+    mesh::{Landmarks, Mesh, ibug::LANDMARKS},
+    models::{BuiltIn, Weights},
+};
+
+/// Built-in weights.
+#[cfg(feature = "facetalk")]
+pub static TOPOLOGY_MODEL: BuiltIn = BuiltIn::new(&anyface_weights_facetalk::HEAD_TOPOLOGY);
+/// Weights that a folder may bring.
+#[cfg(not(feature = "facetalk"))]
+pub static TOPOLOGY_MODEL: BuiltIn = BuiltIn::absent("head_topology", None);
+
+/// Most vertices, faces, traits, parts or materials that a file may ask for.
+const MOST: usize = 1 << 20;
+
+#[derive(Deserialize)]
+struct Config {
+    step_m: f32,
+    skin_vertices: usize,
+    skin_faces: usize,
+    traits: Vec<String>,
+    materials: Vec<String>,
+    parts: Vec<PartConfig>,
+}
+
+#[derive(Deserialize)]
+struct PartConfig {
+    name: String,
+    vertices: usize,
+    faces: usize,
+}
+
+/// What a part follows.
+enum Leader {
+    /// The skin: corners of triangles and their shares, a row for each vertex.
+    Skin(Vec<[u32; 3]>, Vec<[f32; 3]>),
+    /// Numbers: a shift, and growth about its middle, `[K, 4]`.
+    Numbers(Array2<f32>),
+}
+
+struct Part {
+    vertices: Range<usize>,
+    leader: Leader,
+}
+
+/// Quads, and what moves them.
+pub struct Topology {
+    step_m: f32,
+    traits: Vec<String>,
+    /// `[V]` metres, the mean head.
+    positions: Vec<[f32; 3]>,
+    /// `[K, 3 S]` in steps; K is a coefficient each, then a trait's right and left.
+    modes: Array2<f32>,
+    /// `[F]`; a triangle's last corner comes twice.
+    faces: Vec<[u32; 4]>,
+    /// Of the skin's faces.
+    uv: Vec<[[f32; 2]; 4]>,
+    objects: Vec<(String, Range<usize>)>,
+    /// Ranges of faces.
+    materials: Vec<(String, Range<usize>)>,
+    material_names: Vec<String>,
+    /// Of each face, `[F]`.
+    face_materials: Vec<u32>,
+    skin_faces: usize,
+    landmarks: [u32; LANDMARKS],
+    parts: Vec<Part>,
+}
+
+impl Topology {
+    /// The built-in one, or that of `folder`.
+    ///
+    /// # Errors
+    /// `Weights` or `Io` if a file is missing, truncated or does not fit its config.
+    pub fn open(folder: Option<&Path>) -> Result<Self> {
+        let files = TOPOLOGY_MODEL.open(folder)?;
+        let config: Config = serde_json::from_str(&files.config)
+            .map_err(|error| Error::Weights(format!("head_topology/config.json: {error}")))?;
+        Topology::new(&config, &Weights::from_bytes(&files.weights)?)
+    }
+
+    fn new(config: &Config, weights: &Weights) -> Result<Self> {
+        let (mut vertices, mut faces) = (config.skin_vertices, config.skin_faces);
+        let mut objects = vec![("skin".to_owned(), 0..vertices)];
+        for part in &config.parts {
+            let end = vertices.saturating_add(part.vertices);
+            objects.push((part.name.clone(), vertices..end));
+            (vertices, faces) = (end, faces.saturating_add(part.faces));
+        }
+        let numbers = COEFFICIENTS + 2 * config.traits.len();
+        let largest = vertices.max(faces).max(numbers);
+        if largest > MOST || config.skin_vertices == 0 {
+            return Err(Error::Weights(format!(
+                "head_topology: expected a skin, and at most {MOST} vertices, faces and numbers, got {largest}"
+            )));
+        }
+        let skin = config.skin_vertices;
+        let parts = config.parts.iter().zip(&objects[1..]);
+        let parts = parts.map(|(part, (name, rows))| {
+            let (weights, count) = (weights.pp(name), part.vertices);
+            let leader = match weights.contains("moves") {
+                true => Leader::Numbers(weights.matrix("moves", numbers, 4)?),
+                false => Leader::Skin(
+                    indices(&weights.values("corners", &[count, 3])?, skin, "corners")?,
+                    rows_of(&weights.values("shares", &[count, 3])?),
+                ),
+            };
+            let vertices = rows.clone();
+            Ok(Part { vertices, leader })
+        });
+        let parts: Result<Vec<Part>> = parts.collect();
+        let marks: Vec<[u32; 1]> = indices(
+            &weights.values("landmarks", &[LANDMARKS])?,
+            skin,
+            "landmarks",
+        )?;
+        let kinds = weights.values("materials", &[faces])?;
+        let kinds: Vec<[u32; 1]> = indices(&kinds, config.materials.len(), "materials")?;
+        let face_materials = kinds.into_iter().flatten().collect::<Vec<u32>>();
+        Ok(Topology {
+            step_m: config.step_m,
+            traits: config.traits.clone(),
+            positions: rows_of(&weights.values("positions", &[vertices, 3])?),
+            modes: {
+                let values = weights.values("modes", &[numbers, skin, 3])?;
+                Array2::from_shape_vec((numbers, 3 * skin), values)
+                    .map_err(|error| Error::Weights(format!("modes: {error}")))?
+            },
+            faces: indices(&weights.values("faces", &[faces, 4])?, vertices, "faces")?,
+            uv: {
+                let flat = weights.values("uv", &[config.skin_faces, 4, 2])?;
+                let corners: Vec<[f32; 2]> = rows_of(&flat);
+                corners.as_chunks::<4>().0.to_vec()
+            },
+            materials: runs(&face_materials, config),
+            material_names: config.materials.clone(),
+            face_materials,
+            objects,
+            skin_faces: config.skin_faces,
+            landmarks: std::array::from_fn(|n| marks[n][0]),
+            parts: parts?,
+        })
+    }
+
+    /// Names of the sliders beside the coefficients, `[T]`: age, sex, weight …
+    pub fn traits(&self) -> &[String] {
+        &self.traits
+    }
+
+    /// All faces `[F]`, those of the skin first; the last corner of a triangle comes twice.
+    pub fn faces(&self) -> &[[u32; 4]] {
+        &self.faces
+    }
+
+    /// Texture places of the corners of the skin's faces, `[S]`.
+    pub fn uv(&self) -> &[[[f32; 2]; 4]] {
+        &self.uv
+    }
+
+    /// The material of each face, `[F]`.
+    pub fn face_materials(&self) -> &[u32] {
+        &self.face_materials
+    }
+
+    /// Names of the materials.
+    pub fn materials(&self) -> impl Iterator<Item = &str> {
+        self.material_names.iter().map(String::as_str)
+    }
+
+    /// The mesh at rest of `numbers` `[100 + T]`: coefficients, then traits.
+    ///
+    /// # Errors
+    /// `InvalidInput` for another number of them or one that is not finite.
+    pub fn mesh(&self, numbers: &[f32], parts: bool) -> Result<MadeHead> {
+        check(
+            "numbers of a head",
+            numbers,
+            COEFFICIENTS + self.traits.len(),
+        )?;
+        let (coefficients, traits) = numbers.split_at(COEFFICIENTS);
+        let sides = traits.iter().flat_map(|t| [t.max(0.0), (-t).max(0.0)]);
+        let numbers: Vec<f32> = coefficients.iter().copied().chain(sides).collect();
+        let numbers = aview1(&numbers);
+        let moved: Vec<[f32; 3]> = rows_of(&(numbers.dot(&self.modes) * self.step_m).to_vec());
+        let mut positions = self.positions.clone();
+        for (place, by) in positions.iter_mut().zip(&moved) {
+            *place = std::array::from_fn(|axis| place[axis] + by[axis]);
+        }
+        for part in &self.parts {
+            part.follow(&mut positions[part.vertices.clone()], &moved, numbers);
+        }
+        let (vertices, faces) = match parts {
+            true => (positions.len(), self.faces.len()),
+            false => (moved.len(), self.skin_faces),
+        };
+        positions.truncate(vertices);
+        let faces = self.faces[..faces].to_vec();
+        Ok(MadeHead {
+            landmarks: Landmarks {
+                positions: self.landmarks.map(|v| positions[v as usize]),
+                vertices: self.landmarks,
+                confidence: [1.0; LANDMARKS],
+            },
+            canonical: Vec::new(),
+            objects: within(&self.objects, vertices),
+            materials: within(&self.materials, faces.len()),
+            uv: self.uv.clone(),
+            mesh: Mesh {
+                positions,
+                triangles: faces.iter().flat_map(triangles_of).collect(),
+            },
+            faces,
+        })
+    }
+}
+
+impl Part {
+    fn follow(&self, positions: &mut [[f32; 3]], skin: &[[f32; 3]], numbers: ArrayView1<'_, f32>) {
+        match &self.leader {
+            Leader::Skin(corners, shares) => {
+                for ((place, corners), shares) in positions.iter_mut().zip(corners).zip(shares) {
+                    for (corner, share) in corners.iter().zip(shares) {
+                        let by = skin[*corner as usize];
+                        *place = std::array::from_fn(|axis| place[axis] + share * by[axis]);
+                    }
+                }
+            }
+            Leader::Numbers(moves) => {
+                let moves = numbers.dot(moves);
+                let count = positions.len().max(1) as f32;
+                let middle: [f32; 3] = std::array::from_fn(|axis| {
+                    positions.iter().map(|p| p[axis]).sum::<f32>() / count
+                });
+                for place in positions {
+                    *place = std::array::from_fn(|axis| {
+                        let away = place[axis] - middle[axis];
+                        middle[axis] + (1.0 + moves[3]) * away + moves[axis]
+                    });
+                }
+            }
+        }
+    }
+}
+
+/// One or two triangles.
+pub(super) fn triangles_of(face: &[u32; 4]) -> impl Iterator<Item = [u32; 3]> + use<> {
+    let [a, b, c, d] = *face;
+    let second = (c != d).then_some([a, c, d]);
+    std::iter::once([a, b, c]).chain(second)
+}
+
+fn within(ranges: &[(String, Range<usize>)], end: usize) -> Vec<(String, Range<usize>)> {
+    let kept = ranges.iter().filter(|(_, range)| range.end <= end);
+    kept.cloned().collect()
+}
+
+fn rows_of<const N: usize>(values: &[f32]) -> Vec<[f32; N]> {
+    values.as_chunks::<N>().0.to_vec()
+}
+
+/// Whole numbers below `count`.
+fn indices<const N: usize>(values: &[f32], count: usize, what: &str) -> Result<Vec<[u32; N]>> {
+    let wrong = |x: &&f32| !(0.0..count as f32).contains(*x) || x.fract() != 0.0;
+    if let Some(value) = values.iter().find(wrong) {
+        return Err(Error::Weights(format!(
+            "head_topology: {what}: expected whole numbers below {count}, got {value}"
+        )));
+    }
+    let rows: Vec<[f32; N]> = rows_of(values);
+    Ok(rows.into_iter().map(|row| row.map(|x| x as u32)).collect())
+}
+
+/// Faces of one material and one object after another, as ranges.
+fn runs(kinds: &[u32], config: &Config) -> Vec<(String, Range<usize>)> {
+    let mut ends = vec![config.skin_faces];
+    for part in &config.parts {
+        ends.push(ends[ends.len() - 1] + part.faces);
+    }
+    let mut found: Vec<(String, Range<usize>)> = Vec::new();
+    let mut last = None;
+    for (face, kind) in kinds.iter().enumerate() {
+        let object = ends.partition_point(|end| *end <= face);
+        match found.last_mut() {
+            Some((_, range)) if last == Some((object, *kind)) => range.end = face + 1,
+            _ => found.push((config.materials[*kind as usize].clone(), face..face + 1)),
+        }
+        last = Some((object, *kind));
+    }
+    found
+}
