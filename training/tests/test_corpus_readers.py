@@ -115,6 +115,18 @@ def multiface(source: Path) -> None:
             sound(person / f"audio/{take}.wav")
 
 
+def ravdess(source: Path) -> None:
+    mead(source)
+    for old, new in (
+        ("happy_level_2_001", "03-01-03-02-01-01-12"),
+        ("neutral_level_1_001", "03-01-01-01-01-01-24"),
+    ):
+        actor = source / f"Actor_{new[-2:]}"
+        actor.mkdir()
+        for ending in ("npz", "wav"):
+            (source / f"M003/{old}.{ending}").rename(actor / f"{new}.{ending}")
+
+
 def mead(source: Path) -> None:
     random = np.random.default_rng(0)
     directions = np.zeros((len(VERTICES), 3, EXPRESSION + 100))
@@ -192,6 +204,7 @@ CASES = {
     "biwi": ("biwi", biwi, {"F2": "train", "M3": "test"}, "vertices", 50),
     "multiface": ("multiface", multiface, {}, "vertices", 20),
     "mead": ("mead", mead, {"M003": "train"}, "vertices", 50),
+    "ravdess": ("ravdess", ravdess, {"actor12": "train", "actor24": "test"}, "vertices", 50),
     "emovoca": ("emovoca", emovoca, {TA: "train", HELD: "test"}, "vertices", 120),
     "beat": ("beat", beat, {}, "weights", 120),
     "live link face": ("live_link_face", live_link_face, {"phone": "train"}, "weights", 120),
@@ -231,6 +244,15 @@ def test_labels_come_from_names():
     assert label_of("_disgusted_3") == ("disgusted", 1.0)
     assert label_of("M003_neutral_level_1_001") == ("neutral", 0.0)
     assert label_of("M003_001") == ("unknown", 0.0)
+
+
+def test_names_of_ravdess_say_who_says_what_and_how(tmp_path):
+    folder = converted(tmp_path, "ravdess")
+    rows = {row.speaker: row for row in folder.rows}
+    assert (rows["actor12"].emotion, rows["actor12"].intensity) == ("happy", 1.0)
+    assert (rows["actor24"].emotion, rows["actor24"].intensity) == ("neutral", 0.0)
+    assert rows["actor12"].text == "Kids are talking by the door"
+    assert folder.fps["vertices"] == 30.0
 
 
 def test_repeated_timecodes_are_dropped_and_minutes_carried(tmp_path):

@@ -1,6 +1,6 @@
 """Readers of published corpora: each writes a corpus folder from a corpus as it is downloaded."""
 
-from training.corpus.readers.flame import emovoca, mead
+from training.corpus.readers.flame import emovoca, mead, ravdess
 from training.corpus.readers.openface import openface
 from training.corpus.readers.project import facegood_zh, grid_s1
 from training.corpus.readers.sequences import biwi, multiface, vocaset
@@ -11,6 +11,7 @@ READERS = {
     "biwi": biwi,
     "multiface": multiface,
     "mead": mead,
+    "ravdess": ravdess,
     "emovoca": emovoca,
     "beat": beat,
     "live_link_face": live_link_face,

@@ -1,6 +1,7 @@
-"""Corpora over FLAME with emotions in their names: MEAD-3D (parameters) and EmoVOCA (vertices)."""
+"""Corpora over FLAME with emotions in their names: MEAD-3D, RAVDESS (parameters) and EmoVOCA (vertices)."""
 
 import re
+from collections.abc import Callable
 from dataclasses import dataclass
 from pathlib import Path
 
@@ -21,7 +22,10 @@ EMOTIONS = {
 }  # fmt: skip
 LEVELS = 3
 """MEAD records every emotion at three levels; the strongest is intensity 1."""
-MEAD_FPS, EMOVOCA_FPS = 25.0, 60.0
+MEAD_FPS, EMOVOCA_FPS, RAVDESS_FPS = 25.0, 60.0, 30.0
+RAVDESS_EMOTIONS = ("neutral", "calm", "happy", "sad", "angry", "afraid", "disgusted", "surprised")
+RAVDESS_STATEMENTS = ("Kids are talking by the door", "Dogs are sitting by the door")
+RAVDESS_INTENSITIES = (0.5, 1.0)
 EXPRESSION = 300
 """First column of the expression in FLAME's shape directions."""
 JAW = 2
@@ -69,26 +73,75 @@ def mead(source: Path, folder: Path, landmarks: Path | None) -> Path:
 
     The head stays still. Speakers are the first word of a name (M003); every tenth speaker tests.
     """
+    speakers: list[str] = []
+
+    def about(name: str) -> Clip:
+        speaker = re.split(r"[\W_]", name)[0]
+        if speaker not in speakers:
+            speakers.append(speaker)
+        split = "test" if speakers.index(speaker) % 10 == 9 else "train"
+        return Clip(speaker, split, *label_of(name))
+
+    return _of_parameters(source, folder, landmarks, "mead", MEAD_FPS, about)
+
+
+def ravdess(source: Path, folder: Path, landmarks: Path | None) -> Path:
+    """RAVDESS (Livingstone & Russo 2018) with FLAME parameters of each clip, as EMOCA tracks them at 30 fps:
+    files as for MEAD-3D with RAVDESS's own names, 03-01-06-01-02-01-12.npz.
+
+    Actors 1 to 20 train, 21 and 22 validate, 23 and 24 test, as in EmoFace (§4.1). The two statements are the
+    text, so that one actor's emotions can be crossed.
+    """
+
+    def about(name: str) -> Clip:
+        fields = re.search(r"(?:\d\d-){6}\d\d$", name)
+        if fields is None:
+            raise CorpusError(source, None, "names such as 03-01-06-01-02-01-12", name)
+        _, _, emotion, intensity, statement, _, actor = map(int, fields[0].split("-"))
+        lists = (RAVDESS_EMOTIONS, RAVDESS_INTENSITIES, RAVDESS_STATEMENTS)
+        numbers_ = (emotion, intensity, statement)
+        if not all(1 <= n <= len(known) for n, known in zip(numbers_, lists, strict=True)):
+            raise CorpusError(source, None, "emotion 01 to 08, intensity and statement 01 or 02", name)
+        label, strength, text = (known[n - 1] for n, known in zip(numbers_, lists, strict=True))
+        split = "train" if actor <= 20 else "val" if actor <= 22 else "test"
+        return Clip(f"actor{actor:02d}", split, label, 0.0 if label == "neutral" else strength, text)
+
+    return _of_parameters(source, folder, landmarks, "ravdess", RAVDESS_FPS, about)
+
+
+@dataclass
+class Clip:
+    """What a name says of a clip."""
+
+    speaker: str
+    split: str
+    emotion: str
+    intensity: float
+    text: str = ""
+
+
+def _of_parameters(
+    source: Path, folder: Path, landmarks: Path | None, style: str, fps: float, about: Callable[[str], Clip]
+) -> Path:
+    """A folder of FLAME parameters, a sound beside each, and FLAME's own pickle."""
     table = need_table(landmarks, "flame")
     models = [*source.glob("flame.pkl"), *source.glob("generic_model.pkl")]
     if not models:
         raise CorpusError(source, None, "flame.pkl or generic_model.pkl, the FLAME model", "none")
     model = read_flame(models[0])
-    writer = CorpusWriter(folder, "mead", "m", topology="flame", fps={"vertices": MEAD_FPS})
+    writer = CorpusWriter(folder, style, "m", topology="flame", fps={"vertices": fps})
     writer.mesh("neutral", model.neutral, model.triangles)
     writer.landmark_table(table)
-    speakers: list[str] = []
+    speakers: set[str] = set()
     for path in found_files(source, "*.npz"):
         name = "_".join(path.relative_to(source).with_suffix("").parts)
-        speaker = re.split(r"[\W_]", name)[0]
-        arrays = read_npz(path)
-        shape, expression, jaw = _parameters(path, arrays)
-        if speaker not in speakers:
-            speakers.append(speaker)
+        clip = about(name)
+        shape, expression, jaw = _parameters(path, read_npz(path))
+        if clip.speaker not in speakers:
+            speakers.add(clip.speaker)
             rest = model.vertices(shape, 0.0 * expression[:1], 0.0 * jaw[:1])[0]
-            writer.mesh(speaker, rest, model.triangles)
-        split = "test" if speakers.index(speaker) % 10 == 9 else "train"
-        writer.clip(name, speaker, split, *label_of(name))
+            writer.mesh(clip.speaker, rest, model.triangles)
+        writer.clip(name, clip.speaker, clip.split, clip.emotion, clip.intensity, clip.text)
         writer.sound_file(name, sound_of(path.parent, path.stem))
         writer.vertices(name, model.vertices(shape, expression, jaw))
     return writer.close()
