@@ -1,4 +1,4 @@
-"""The picture of README.md: the default head says the same with five emotions.
+"""The picture of README.md: a made head says the same with five emotions.
 
     target/venvs/bpy/bin/python packaging/demo/emotions.py --extension target/anyface-….zip \
         --audio demo-output/voice.wav --out docs/images/emotions.jpg
@@ -14,7 +14,6 @@ import make_demo
 # Which says where Blender keeps its settings before it loads it.
 from make_demo import bpy
 
-ROOT = Path(__file__).resolve().parents[2]
 EMOTIONS = ("neutral", "happy", "sad", "angry", "surprised")
 # Frames at 25 fps, of the demo's sentence: "name", "make".
 FRAMES = (30, 80)
@@ -34,7 +33,7 @@ def main() -> None:
     make_demo.sound(scene, options.audio.resolve())
     scene.render.resolution_x, scene.render.resolution_y = SIZE
     scene.cycles.samples = 24
-    head = make_demo.default_head(ROOT / "weights/shared/default_head/head.obj")
+    head = make_demo.made_head()
     scene.camera.location, scene.camera.data.lens = (1.38, -11.2, 0.0), 118
     with tempfile.TemporaryDirectory() as folder:
         for number, emotion in enumerate(EMOTIONS):

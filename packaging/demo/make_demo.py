@@ -17,7 +17,8 @@ import bpy  # noqa: E402
 
 SIZE = (560, 350)
 SAMPLES = 6
-HEAD_HEIGHT = 3.7
+HEAD_SEED, HEAD_HEIGHT = 10, 3.8
+HEAD_PLACE = (1.32, 0.0, -0.42)
 FUR = (0.30, 0.16, 0.09, 1.0)
 
 
@@ -29,7 +30,7 @@ def main() -> None:
     scene = bpy.context.scene
     stage(scene, options.fps)
     sound(scene, options.audio)
-    heads = [suzanne(options.suzanne_landmarks), default_head(options.head)]
+    heads = [suzanne(options.suzanne_landmarks), made_head()]
     for ob in heads:
         animate(ob, options)
     if options.frames:
@@ -42,7 +43,6 @@ def arguments() -> argparse.Namespace:
     parser = argparse.ArgumentParser(description=__doc__)
     parser.add_argument("--extension", required=True, type=Path, help="the extension's zip")
     parser.add_argument("--audio", required=True, type=Path)
-    parser.add_argument("--head", required=True, type=Path, help="OBJ of the default head")
     parser.add_argument("--suzanne-landmarks", required=True, type=Path)
     parser.add_argument("--emotion", default="neutral")
     parser.add_argument("--intensity", type=float, default=0.0)
@@ -123,20 +123,12 @@ def suzanne(landmarks: Path):
     return ob
 
 
-def default_head(path: Path):
-    """The project's own head, scaled to stand beside Suzanne."""
-    bpy.ops.wm.obj_import(filepath=str(path), use_split_objects=False, use_split_groups=False)
+def made_head():
+    """A head made from numbers, as *Add > Mesh > Anyface Head* adds it, beside Suzanne."""
+    bpy.ops.anyface.add_head(seed=HEAD_SEED, height=HEAD_HEIGHT, location=HEAD_PLACE)
     ob = bpy.context.object
-    bpy.ops.object.transform_apply(location=False, rotation=True, scale=False)
     polish(ob)
-    low, high = bounds(ob)
-    scale = HEAD_HEIGHT / (high[2] - low[2])
-    ob.scale = (scale,) * 3
-    middle = [scale * (a + b) / 2 for a, b in zip(low, high, strict=True)]
-    # The bust runs out of the picture: the face, not the whole, stands as high as Suzanne.
-    ob.location = (1.32 - middle[0], -middle[1], -0.5 - middle[2])
-    for polygon in ob.data.polygons:
-        polygon.use_smooth = True
+    ob.modifiers.new("Smooth", "SUBSURF").levels = 1
     return ob
 
 
@@ -161,12 +153,6 @@ def finish(made, roughness: float):
     shader = next(node for node in made.node_tree.nodes if node.type == "BSDF_PRINCIPLED")
     shader.inputs["Roughness"].default_value = roughness
     return shader
-
-
-def bounds(ob) -> tuple:
-    """Lowest and highest corner, object space."""
-    corners = list(zip(*ob.bound_box, strict=True))
-    return [min(axis) for axis in corners], [max(axis) for axis in corners]
 
 
 def animate(ob, options) -> None:

@@ -103,8 +103,6 @@ impl Demo {
             .arg(zip)
             .arg("--audio")
             .arg(audio)
-            .arg("--head")
-            .arg(machine::root().join("weights/shared/default_head/head.obj"))
             .arg("--suzanne-landmarks")
             .arg(machine::root().join("packaging/demo/suzanne_landmarks.json"))
             .args(["--emotion", emotion, "--intensity", intensity])
