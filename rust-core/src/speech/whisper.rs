@@ -261,7 +261,9 @@ mod tests {
     fn the_output_and_a_layer_are_those_of_training() {
         let golden = Golden::open("whisper_tiny");
         for (name, layer) in [("output", None), ("layer_1", Some(1)), ("layer_0", Some(0))] {
-            let found = encoder(&golden, layer).encode(&heard(&golden), SILENT).unwrap();
+            let found = encoder(&golden, layer)
+                .encode(&heard(&golden), SILENT)
+                .unwrap();
             let error = distance(&found.features, &golden.values(name));
             assert!(error < 1e-4, "{name}: {error}");
             assert_eq!((found.rate_hz, found.first_s), (50.0, 0.0));
@@ -275,7 +277,10 @@ mod tests {
         let second = heard(&golden).samples;
         let samples: Vec<f32> = second.iter().copied().cycle().take(16_000 * 14).collect();
         let whole = model.run(&whisper_mel(&samples));
-        let parts = model.encode(&Waveform { samples }, SILENT).unwrap().features;
+        let parts = model
+            .encode(&Waveform { samples }, SILENT)
+            .unwrap()
+            .features;
         assert_eq!(parts.dim(), whole.dim());
         // Attention of random weights is broad, so that what lies beyond the context counts a little.
         let mean = (&parts - &whole).mapv(f32::abs).mean().unwrap();
@@ -295,12 +300,21 @@ mod tests {
             found.err().expect("refused").to_string()
         };
         let config = golden.metadata("config");
-        let said = load(&config.replace("\"num_mel_bins\": 80", "\"num_mel_bins\": 128"), None);
-        assert!(said.contains("num_mel_bins: expected 80, got 128"), "{said}");
+        let said = load(
+            &config.replace("\"num_mel_bins\": 80", "\"num_mel_bins\": 128"),
+            None,
+        );
+        assert!(
+            said.contains("num_mel_bins: expected 80, got 128"),
+            "{said}"
+        );
         let said = load(&config, Some(3));
         assert!(said.contains("layer: expected 0 to 2, got 3"), "{said}");
         let said = load(&config.replace("\"whisper\"", "\"bark\""), None);
-        assert!(said.contains("model_type: expected whisper, got bark"), "{said}");
+        assert!(
+            said.contains("model_type: expected whisper, got bark"),
+            "{said}"
+        );
     }
 
     #[test]
@@ -324,7 +338,10 @@ mod tests {
         for (row, expected) in expected.iter().enumerate() {
             for (channel, value) in expected.iter().enumerate() {
                 let got = found.features[[137 * row, channel]];
-                assert!((got - value).abs() < 2e-3, "[{row}, {channel}]: {got} {value}");
+                assert!(
+                    (got - value).abs() < 2e-3,
+                    "[{row}, {channel}]: {got} {value}"
+                );
             }
         }
     }
