@@ -20,6 +20,7 @@ GOLDENS = {
     "checkpoint": "training.speech.golden_checkpoint",
     "instants": "training.speech.golden_instants",
     "resampled_speech": "training.speech.golden_resampled",
+    "whisper": "training.speech.golden_whisper",
     "compact_speech": "training.speech.golden_compact",
     "phones": "training.speech.golden_phones",
     "ats_compact": "training.systems.freetalk.golden_ats",

@@ -21,6 +21,7 @@ from torch import Tensor
 
 from training.corpus.bank import few, of_folders
 from training.corpus.sequence_meshes import SequenceMesh, sequence_meshes
+from training.machine import Machine, add_arguments
 from training.paper.tables import LIPS, LONGEST_FRAMES, UPPER, Table, means, scores_of
 from training.speech.compact import load_encoder
 from training.speech.source import CompactSpeech
@@ -108,6 +109,7 @@ def ats_table(arguments) -> Table:
                 "--tokens", str(arguments.tokens), "--seed", str(arguments.seed), "--voices", "1",
                 "--validation-clips", "0", "--log-every", str(arguments.steps)]  # fmt: skip
         line += ["--limit", str(arguments.limit)] if arguments.limit else []
+        line += ["--device", arguments.device]
         saved = torch.load(train_ats.train(train_ats.parser().parse_args(line), kind))
         model = kind(AtsConfig.from_json(saved["config"]))
         model.load_state_dict(saved["state"])
@@ -141,7 +143,8 @@ def stm_table(arguments) -> Table:
         row = f"{name}, seed {seed}" if len(seeds) > 1 else name
         print(row, flush=True)
         steps, out = arguments.stm_steps, arguments.out / f"{kind.__name__}_{seed}"
-        model = train_paper(STM_CONFIG, None, steps, seed, seen, out, decoder=kind)
+        machine = Machine(arguments.device, arguments.precision)
+        model = train_paper(STM_CONFIG, None, steps, seed, seen, out, machine=machine, decoder=kind)
         rows[row] = [stm_scores(mesh, partial(predict, model, prepared[mesh.name])) for mesh in unseen]
     what = f"true landmarks to mesh, {arguments.stm_steps} steps of width {STM_CONFIG.width}"
     return Table("Ablations", what, means(rows), len(unseen), len(unseen[0].lips))
@@ -170,6 +173,7 @@ def main() -> None:
     parser.add_argument("--limit", type=int, help="training clips of each folder")
     parser.add_argument("--clips", type=int, default=20, help="held-out clips that are measured")
     parser.add_argument("--seed", type=int, default=0)
+    add_arguments(parser, "float32")
     arguments = parser.parse_args()
     torch.set_num_threads(1)
     arguments.out.mkdir(parents=True, exist_ok=True)

@@ -5,7 +5,7 @@ MVE a maximum where the code of its predecessors takes the mean, so of the first
 unit, may be read across; table 5 is read as shares of the whole model's LVE.
 """
 
-import math
+from statistics import mean
 
 from training.paper.tables import Table
 
@@ -42,21 +42,33 @@ def printed() -> str:
     return "\n".join(lines) + "\n"
 
 
+SEED = ", seed "
+"""Stands in the name of a row between the variant and the number of its training."""
+
+
+def by_seed(rows: dict[str, dict[str, float]], name: str) -> list[float]:
+    """LVE of each training of a variant."""
+    return [scores["LVE"] for row, scores in rows.items() if row.split(SEED)[0] == name]
+
+
 def combinations(ablated: list[Table]) -> str:
     """Table 5 beside our variants, both as shares of the whole model's LVE; empty without our variants."""
-    rows = next((table.rows for table in ablated if WHOLE in table.rows), None)
+    rows = next((table.rows for table in ablated if by_seed(table.rows, WHOLE)), None)
     if rows is None:
         return ""
+    whole = by_seed(rows, WHOLE)
+    spread = f" Means of {len(whole)} seeds, lowest and highest behind them." if len(whole) > 1 else ""
     lines = [
         "## Table 5 of the paper\n",
         "LVE over that of the whole model: printed (30 epochs on part of the paper's corpora; whether of",
         "distances or their squares it does not say), and here (squares; as many steps as the heading above",
-        "says). Models that have just begun to train tell of the beginning of training alone.\n",
+        f"says). Models that have just begun to train tell of the beginning of training alone.{spread}\n",
         "| | printed | here |",
         "| --- | --- | --- |",
     ]
     for name, lve in COMBINATIONS.items():
-        ours = rows.get(OURS.get(name, ""), {}).get("LVE", math.nan) / rows[WHOLE]["LVE"]
-        here = "–" if math.isnan(ours) else f"{ours:.2f}"
+        ours = [lve / mean(whole) for lve in by_seed(rows, OURS.get(name, ""))]
+        here = f"{mean(ours):.2f}" if ours else "–"
+        here += f" ({min(ours):.2f} to {max(ours):.2f})" if len(ours) > 1 else ""
         lines.append(f"| {name} | {lve / COMBINATIONS['GCN + CA + Concat.']:.2f} | {here} |")
     return "\n".join(lines) + "\n"

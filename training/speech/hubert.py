@@ -1,8 +1,8 @@
-"""HuBERT and wav2vec2 features for the `paper` configuration, from a checkpoint folder of the user's.
+"""HuBERT, wav2vec2 and Whisper features for any configuration, from a checkpoint folder of the user's.
 
-The modules are Hugging Face's own; `rust-core/src/speech/transformer_encoder.rs` mirrors them. Nothing is
-downloaded: a folder has config.json, model.safetensors or pytorch_model.bin, and where it is there
-preprocessor_config.json.
+The modules are Hugging Face's own, which `rust-core/src/speech/transformer_encoder.rs` mirrors; Whisper's is
+`training.speech.whisper`. Nothing is downloaded: a folder has config.json, model.safetensors or
+pytorch_model.bin, and where it is there preprocessor_config.json.
 """
 
 import json
@@ -13,32 +13,44 @@ import torch
 from safetensors.torch import load_file
 from torch import Tensor, nn
 
+from training.speech import whisper
+
 SAMPLE_HZ = 16000
 FPS = 25.0
 """Motion frames a second of clips that are trained on, unless a trainer says otherwise."""
 MODELS = ("hubert", "wav2vec2")
+WHISPER = "whisper"
 
 
 class HubertFeatures:
     """The output of the encoder, brought to the motion's frames.
 
     With `transformer_fps` what the convolutions hear is brought to that rate instead, before projection and
-    transformer, as FaceFormer does (Fan et al. 2022, section 3.2). Motion has `fps` frames a second.
+    transformer, as FaceFormer does (Fan et al. 2022, section 3.2); not so Whisper, whose places are those of
+    its own rate. Motion has `fps` frames a second.
     """
 
     def __init__(self, folder: Path | None, transformer_fps: float | None = None, fps: float = FPS):
         if folder is None:
-            raise ValueError("--hubert: expected a folder with a HuBERT or wav2vec2 checkpoint, got nothing")
+            raise ValueError(
+                "--hubert: expected a folder with a HuBERT, wav2vec2 or Whisper checkpoint, got nothing"
+            )
         self.config = json.loads((folder / "config.json").read_text())
         self.kind = self.config.get("model_type")
-        if self.kind not in MODELS:
-            raise ValueError(f"{folder}/config.json: model_type: expected {MODELS}, got {self.kind}")
+        if self.kind not in (*MODELS, WHISPER):
+            wanted = f"{', '.join(MODELS)} or {WHISPER}"
+            raise ValueError(f"{folder}/config.json: model_type: expected {wanted}, got {self.kind}")
+        self.fps = fps
+        if self.kind == WHISPER:
+            self.model, self.transformer_fps = whisper.load_hugging_face(folder), None
+            self.channels = self.model.config.width
+            return
         preprocessor = folder / "preprocessor_config.json"
         about = json.loads(preprocessor.read_text()) if preprocessor.exists() else {}
         self.normalise = about.get("do_normalize", True)
         self.model = transformer(self.config, read_checkpoint(folder, self.kind))
         self.channels = self.config["hidden_size"]
-        self.transformer_fps, self.fps = transformer_fps, fps
+        self.transformer_fps = transformer_fps
 
     @torch.no_grad()
     def __call__(self, samples: Tensor, frames: int) -> Tensor:
@@ -46,7 +58,10 @@ class HubertFeatures:
         return self.hear(samples, frames)
 
     def hear(self, samples: Tensor, frames: int) -> Tensor:
-        """The same with gradients."""
+        """The same with gradients, of which Whisper has none."""
+        if self.kind == WHISPER:
+            (heard,) = self.model.hear(whisper.whisper_mel(samples), [self.model.config.layers])
+            return at_motion_frames(heard, whisper.RATE_HZ, 0.0, frames, self.fps)
         if self.normalise:
             samples = (samples - samples.mean()) / (samples.var(correction=0) + 1e-7).sqrt()
         if self.transformer_fps is None:

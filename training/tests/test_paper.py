@@ -79,6 +79,11 @@ def test_ablations_stand_beside_the_printed_shares(tmp_path):
     text = page([], [Table("Ablations", "mesh", rows, 1, 9)], [], tmp_path / "paper.md", "made")
     assert "| Concat. | 1.67 | 2.50 |" in text and "| CA + Concat. | 1.10 | 1.25 |" in text
     assert "| CA | 1.19 | – |" in text and "| GCN + CA + Concat. | 1.00 | 1.00 |" in text
+    seeds = {
+        f"{name}, seed {k}": rows[name] | {"LVE": lve + 4 * k} for name, lve in lves.items() for k in (0, 1)
+    }
+    text = page([], [Table("Ablations", "mesh", seeds, 1, 9)], [], tmp_path / "paper.md", "made")
+    assert "Means of 2 seeds" in text and "| Concat. | 1.67 | 2.36 (2.27 to 2.45) |" in text
     assert "MEAD-EMOTE (table 2" in text and combinations([]) == ""
 
 

@@ -9,6 +9,7 @@ import torch
 
 from training.corpus.clip import read_sound
 from training.speech import whisper
+from training.speech.hubert import HubertFeatures
 from training.speech.log_mel import power_spectrum
 from training.tests.test_parity import SHARED, needs_shared
 
@@ -18,7 +19,7 @@ REAL = Path(os.environ.get("ANYFACE_WHISPER", "runs/whisper-base"))
 @pytest.fixture
 def folder(tmp_path: Path) -> Path:
     """Two layers of width 128 with random weights, as CTranslate2 writes them."""
-    made = whisper.WhisperEncoder(whisper.WhisperConfig(layers=2, width=128, places=1500))
+    made = whisper.WhisperEncoder(whisper.WhisperConfig(layers=2, width=128, places=1500, heads=2))
     random, state, tensors = np.random.default_rng(0), made.state_dict(), {}
     for ours, theirs in whisper.names(2).items():
         tensors[theirs] = (random.standard_normal(state[ours].shape) * 0.1).astype(np.float16)
@@ -60,6 +61,57 @@ def test_a_layer_does_not_depend_on_those_above(folder):
     first, last = model.hear(mel, [1, 2])
     torch.testing.assert_close(model.hear(mel, [1])[0], first)
     assert first.shape == last.shape == (50, 128)
+
+
+def test_a_folder_of_hugging_face_holds_the_same_encoder(folder, tmp_path):
+    model = whisper.load(folder)
+    with torch.no_grad():
+        for layer in model.layers:
+            layer.query_key_value.bias[128:256] = 0.0
+    other = tmp_path / "other"
+    other.mkdir()
+    whisper.write_hugging_face(model, other)
+    mel = whisper.whisper_mel(noise(1.0))[None]
+    torch.testing.assert_close(whisper.load(other)(mel, [2])[0], model(mel, [2])[0], atol=5e-3, rtol=0)
+
+
+def test_the_encoder_is_that_of_transformers():
+    transformers = pytest.importorskip("transformers")
+    config = transformers.WhisperConfig(
+        d_model=32, encoder_layers=2, encoder_attention_heads=4, encoder_ffn_dim=128, decoder_layers=1,
+        decoder_attention_heads=4, decoder_ffn_dim=32, max_source_positions=100, vocab_size=60,
+        pad_token_id=0, bos_token_id=1, eos_token_id=2, decoder_start_token_id=3,
+    )  # fmt: skip
+    torch.manual_seed(0)
+    theirs = transformers.WhisperModel(config).eval()
+    ours = whisper.from_hugging_face(whisper.WhisperConfig(2, 32, 100, 4), theirs.state_dict())
+    mel = whisper.whisper_mel(noise(2.0))
+    with torch.no_grad():
+        expected = theirs.encoder(mel.T[None], output_hidden_states=True)
+    found = ours(mel[None], [0, 1, 2])
+    for state, known in zip(found[:2], expected.hidden_states[:2], strict=True):
+        torch.testing.assert_close(state, known, atol=1e-5, rtol=0)
+    torch.testing.assert_close(found[2], expected.last_hidden_state, atol=1e-5, rtol=0)
+
+
+def test_the_spectrogram_is_that_of_transformers():
+    transformers = pytest.importorskip("transformers")
+    samples = noise(2.0)
+    extractor = transformers.WhisperFeatureExtractor(feature_size=80, chunk_length=2)
+    expected = extractor(samples.numpy(), sampling_rate=16000, return_tensors="pt").input_features[0].T
+    torch.testing.assert_close(whisper.whisper_mel(samples), expected, atol=1e-4, rtol=0)
+
+
+def test_trainers_hear_a_folder_as_they_hear_hubert(folder, tmp_path):
+    other = tmp_path / "other"
+    other.mkdir()
+    whisper.write_hugging_face(whisper.load(folder), other)
+    features = HubertFeatures(other, transformer_fps=25.0)
+    assert (features.kind, features.channels, features.transformer_fps) == ("whisper", 128, None)
+    samples = noise(1.0)
+    heard = features(samples, 25)
+    (expected,) = whisper.load(other).hear(whisper.whisper_mel(samples), [2])
+    torch.testing.assert_close(heard, expected[::2])
 
 
 def test_mel_of_a_power_spectrum_is_that_of_the_sound():

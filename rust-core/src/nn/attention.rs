@@ -37,14 +37,45 @@ impl SelfAttention {
     /// # Errors
     /// Those of [`SelfAttention::load`].
     pub fn load_separate(weights: &Weights, channels: usize, heads: usize) -> Result<Self> {
+        Self::load_parts(
+            weights,
+            channels,
+            heads,
+            [("q_proj", true), ("k_proj", true), ("v_proj", true)],
+        )
+    }
+
+    /// The same where `k_proj` has no bias, as Whisper's has none.
+    ///
+    /// # Errors
+    /// Those of [`SelfAttention::load`].
+    pub fn load_without_key_bias(weights: &Weights, channels: usize, heads: usize) -> Result<Self> {
+        Self::load_parts(
+            weights,
+            channels,
+            heads,
+            [("q_proj", true), ("k_proj", false), ("v_proj", true)],
+        )
+    }
+
+    /// From each part's name and whether it has a bias.
+    fn load_parts(
+        weights: &Weights,
+        channels: usize,
+        heads: usize,
+        names: [(&str, bool); 3],
+    ) -> Result<Self> {
         check_heads(channels, heads)?;
-        let names = ["q_proj", "k_proj", "v_proj"];
         let parts = names
             .iter()
-            .map(|name| {
+            .map(|(name, biased)| {
                 let part = weights.pp(name);
                 let weight = part.matrix("weight", channels, channels)?;
-                Ok((weight, part.vector("bias", channels)?))
+                let bias = match biased {
+                    true => part.vector("bias", channels)?,
+                    false => Array1::zeros(channels),
+                };
+                Ok((weight, bias))
             })
             .collect::<Result<Vec<(Array2<f32>, Array1<f32>)>>>()?;
         let weight: Vec<_> = parts.iter().map(|part| part.0.view()).collect();

@@ -19,7 +19,7 @@ pub struct FeatureTrack {
 /// Which speech features a model was trained with; a part of its `config.json`.
 #[derive(Debug, Clone, PartialEq, Serialize, Deserialize)]
 pub struct SpeechInput {
-    /// Name of the encoder: "compact_speech", "hubert" or "wav2vec2".
+    /// Name of the encoder: "compact_speech", "hubert", "wav2vec2" or "whisper".
     pub encoder: String,
     /// Channels `C` of its features.
     pub channels: usize,

@@ -1,4 +1,4 @@
-//! Speech features: one trait, three encoders (compact, HuBERT, wav2vec2); phones and words heard in them.
+//! Speech features: one trait, four encoders (compact, HuBERT, wav2vec2, Whisper); phones and words heard in them.
 
 mod alignment;
 mod causal;
@@ -20,6 +20,8 @@ mod resample;
 mod tongue;
 mod transformer_encoder;
 pub mod wav2vec2;
+pub mod whisper;
+mod whisper_mel;
 
 pub use causal::{CausalConfig, CausalModel, CausalSpeech};
 pub(crate) use closures::closure_share;
@@ -127,9 +129,15 @@ impl SpeechInput {
 }
 
 /// Names of the folders of checkpoints among models: of encoders of speech, and of feeling ([`open_feeling`]).
-pub const CHECKPOINTS: [&str; 4] = ["hubert", "wav2vec2", "feeling_hubert", "feeling_wav2vec2"];
+pub const CHECKPOINTS: [&str; 5] = [
+    "hubert",
+    "wav2vec2",
+    "whisper",
+    "feeling_hubert",
+    "feeling_wav2vec2",
+];
 
-/// Reads HuBERT or wav2vec2 from a Hugging Face folder, as its `config.json` says; the weights
+/// Reads HuBERT, wav2vec2 or Whisper from a Hugging Face folder, as its `config.json` says; the weights
 /// stand in `model.safetensors` or, with the feature `checkpoints`, in `pytorch_model.bin`.
 ///
 /// `layer` chooses a hidden state: 0 stands before the first layer; `None` is the output. `transformer_fps` is that
@@ -160,8 +168,15 @@ pub fn from_folder(
             let encoder = wav2vec2::Wav2Vec2::load_folder(folder, layer)?;
             Ok(Box::new(encoder.resampled(transformer_fps)))
         }
+        "whisper" => match transformer_fps {
+            None => Ok(Box::new(whisper::Whisper::load_folder(folder, layer)?)),
+            Some(fps) => Err(Error::Weights(format!(
+                "config.json: transformer_fps: expected none for whisper, whose places are those of its own rate, \
+                 got {fps}"
+            ))),
+        },
         other => Err(Error::Weights(format!(
-            "config.json: model_type: expected hubert or wav2vec2, got {other}"
+            "config.json: model_type: expected hubert, wav2vec2 or whisper, got {other}"
         ))),
     }
 }

@@ -1,5 +1,6 @@
 """Whole clips from Cafe-Talk: DDIM under guidance on overlapping windows, cross-faded."""
 
+from collections.abc import Callable
 from dataclasses import dataclass, replace
 
 import numpy as np
@@ -46,8 +47,15 @@ class Request:
 
     def span(self, frames: slice) -> "Request":
         """The same for a stretch of frames."""
-        cut = {n: getattr(self, n)[frames] for n in ("emotion", "intensity", "events", "strength")}
-        return replace(self, **cut)
+        return self._changed(lambda track: track[frames])
+
+    def to(self, device: torch.device) -> "Request":
+        """The same on another device."""
+        return self._changed(lambda track: track.to(device))
+
+    def _changed(self, change: Callable[[Tensor], Tensor]) -> "Request":
+        tracks = ("emotion", "intensity", "events", "strength")
+        return replace(self, **{name: change(getattr(self, name)) for name in tracks})
 
 
 def sample_weights(
@@ -64,15 +72,15 @@ def sample_weights(
 def sample_from(
     model: Denoiser, noise: Tensor, speech: Tensor, request: Request, sampling: Sampling | None = None
 ) -> Tensor:
-    """The same from given unit noise [T, 51]."""
+    """The same from given unit noise [T, 51]; it computes where the model is."""
     config, sampling = model.config, sampling or model.config.sampling
-    frames = len(speech)
-    noise = noise * sampling.temperature
-    total, weight = torch.zeros_like(noise), torch.zeros(frames, 1)
+    frames, device = len(speech), model.mean.device
+    noise, speech, request = noise.to(device) * sampling.temperature, speech.to(device), request.to(device)
+    total, weight = torch.zeros_like(noise), torch.zeros(frames, 1, device=device)
     for start in window_starts(frames, config.window_frames, config.overlap_frames):
         span = slice(start, min(start + config.window_frames, frames))
         clean = _window(model, noise[span], speech[span], request.span(span), sampling)
-        ramp = _ramp(span, frames, config.overlap_frames)
+        ramp = _ramp(span, frames, config.overlap_frames).to(device)
         total[span] += ramp * clean
         weight[span] += ramp
     return model.to_weights(total / weight).clamp_min(0.0)
@@ -81,13 +89,15 @@ def sample_from(
 def _window(model: Denoiser, noise: Tensor, speech: Tensor, request: Request, sampling: Sampling) -> Tensor:
     diffusion = model.config.diffusion
     alphas = diffusion.alphas()
-    yes, no = torch.tensor([True]), torch.tensor([False])
-    coarse = Coarse(torch.tensor([request.style]), request.emotion[None], request.intensity[None], yes)
+    device = noise.device
+    yes, no = torch.tensor([True], device=device), torch.tensor([False], device=device)
+    style = torch.tensor([request.style], device=device)
+    coarse = Coarse(style, request.emotion[None], request.intensity[None], yes)
     controlled = bool(request.strength.any())
     strength = sampling.beta * request.strength[None]
 
     def predict(x: Tensor, t: int) -> Tensor:
-        step = torch.tensor([t])
+        step = torch.tensor([t], device=device)
         heard = model(x, step, speech[None], coarse, yes)
         unheard = heard
         if sampling.alpha != 1.0 or (controlled and request.printed):

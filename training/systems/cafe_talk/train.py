@@ -252,18 +252,18 @@ def source_shares(entries: list[Entry]) -> tuple[list[str], list[float]]:
 @torch.no_grad()
 def validate(trainer: CafeTalkTrainer, model: Denoiser, clips: int) -> dict[str, float]:
     """r and slope of what a viewer sees, on held-out clips, neutral."""
-    report, device = {}, model.mean.device
-    model.eval().cpu()
+    report = {}
+    model.eval()
     for source in sorted({e.source for e in trainer.speech.entries} - {spoken.SOURCE}):
         chosen = [e for e in trainer.speech.entries if e.source == source and e.held_out][:clips]
         pairs = []
         for entry in chosen:
             request = Request.neutral(trainer.config, trainer.words.emotions(), len(entry.motion))
-            made = sample_weights(model, trainer.speech.clip(entry), request)
+            made = sample_weights(model, trainer.speech.clip(entry), request).cpu()
             pairs.append((arkit.landmarks_of(made), arkit.landmarks_of(entry.motion.float())))
         if pairs:
             report |= {f"{source} {k}": v for k, v in feature_scores(pairs).items()}
-    model.train().to(device)
+    model.train()
     return report
 
 

@@ -18,7 +18,7 @@ from training.corpus.windows import interpolate
 from training.nn.checkpoint import read_model, write_model
 from training.nn.config import SpeechInput
 from training.speech.compact import load_encoder, normalise
-from training.speech.hubert import HubertFeatures, at_motion_frames
+from training.speech.hubert import MODELS, HubertFeatures, at_motion_frames
 from training.speech.log_mel import log_mel
 from training.systems.emoface.feeling import LEAST, STEP, FeelingConfig, numbers, voice_of
 from training.systems.emoface.rows import Spoken
@@ -59,6 +59,9 @@ class Checkpoint(nn.Module):
     def __init__(self, folder: Path, fps: float, before_transformer: bool, role: str = ""):
         super().__init__()
         self.features = HubertFeatures(folder, fps if before_transformer else None, fps)
+        if self.features.kind not in MODELS:
+            wanted, got = " or ".join(MODELS), self.features.kind
+            raise ValueError(f"{folder}/config.json: model_type: expected {wanted} for EmoFace, got {got}")
         self.model = self.features.model
         self.name = role + self.features.kind
         self.about = SpeechInput(self.features.kind, self.features.channels, self.features.transformer_fps)

@@ -182,14 +182,15 @@ class Denoiser(nn.Module):
 
 @torch.no_grad()
 def sample_from(model: Denoiser, noise: Tensor, speech: Tensor, sampling: Sampling | None = None) -> Tensor:
-    """z_ex [T, X] of a whole sound from unit noise [T, X]; `speech` [T, C]."""
-    config, sampling = model.config, sampling or model.config.sampling
+    """z_ex [T, X] of a whole sound from unit noise [T, X], where the model is; `speech` [T, C]."""
+    config, sampling, device = model.config, sampling or model.config.sampling, model.mean.device
+    noise, speech = noise.to(device), speech.to(device)
     alphas = config.diffusion.alphas()
-    yes, no = torch.tensor([True]), torch.tensor([False])
-    r = torch.tensor([sampling.vividness])
+    yes, no = torch.tensor([True], device=device), torch.tensor([False], device=device)
+    r = torch.tensor([sampling.vividness], device=device)
 
     def predict(x: Tensor, t: int) -> Tensor:
-        step = torch.tensor([t])
+        step = torch.tensor([t], device=device)
         heard = model(x, step, speech[None], yes, r)
         if sampling.guidance == 1.0:
             return heard

@@ -25,7 +25,7 @@ from training.corpus.arkit import as_weights, landmarks_of, of_folders
 from training.corpus.poses import LIDS, UPPER, felt
 from training.corpus.shares import lasting
 from training.diffusion.schedule import add_noise
-from training.losses import feature_concordance, motion_loss
+from training.losses import feature_concordance, feature_scores, motion_loss
 from training.machine import Machine, add_arguments
 from training.nn.checkpoint import save
 from training.nn.config import SpeechInput
@@ -42,6 +42,7 @@ from training.systems.facetalk.motion import (
     MotionConfig,
     debug_config,
     landmark_config,
+    sample,
 )
 from training.systems.facetalk.recipes import MOTION
 from training.systems.facetalk.stored import load_folder, load_head
@@ -219,6 +220,24 @@ def speech_of(arguments) -> tuple[CompactSpeech | HubertSpeech, SpeechInput]:
     return speech, SpeechInput(features.kind, features.channels, features.transformer_fps)
 
 
+@torch.no_grad()
+def validate(trainer: Trainer, model: Denoiser, clips: int) -> dict[str, float]:
+    """r and slope of what a viewer sees, on held-out clips."""
+    report, entries = {}, trainer.speech.entries
+    model.eval()
+    for source in sorted({e.source for e in entries if e.held_out}):
+        pairs = []
+        for entry in [e for e in entries if e.source == source and e.held_out][:clips]:
+            truth = landmarks_of(entry.motion.float())
+            memory = CM * truth if trainer.by_landmarks else trainer.speech.clip(entry)
+            made = trainer.codes.weights(sample(model, memory)).cpu()
+            pairs.append((landmarks_of(made), truth))
+        if pairs:
+            report |= {f"{source} {k}": v for k, v in feature_scores(pairs).items()}
+    model.train()
+    return report
+
+
 def head_of(path: Path) -> Head:
     """A head.pt, or that of a model folder."""
     return load_folder(path)[0] if path.is_dir() else load_head(path)
@@ -239,7 +258,7 @@ def train(arguments) -> Path:
 
     def judge(averaged: Denoiser) -> dict[str, float]:
         save(run.out / "motion.pt", averaged, recipe=recipe.record())
-        return {}
+        return validate(trainer, averaged, arguments.validation_clips)
 
     descend(arguments, run, lambda _: trainer.loss(arguments.windows, arguments.frames), judge)
     return arguments.out / "motion.pt"
@@ -257,6 +276,8 @@ def parser() -> argparse.ArgumentParser:
     add_arguments(parser, "float32")
     parser.add_argument("--stop-at", type=int, help="stop after this step; the same command goes on")
     parser.add_argument("--voices", type=int, default=4)
+    clips = "held-out clips of each source, at every log"
+    parser.add_argument("--validation-clips", type=int, default=12, help=clips)
     parser.add_argument("--without", nargs="*", choices=PARTS, default=[], help="table 2")
     parser.add_argument("--augment", type=float, nargs=2, default=[0.7, 1.3], metavar=("LOW", "HIGH"))
     parser.add_argument("--windows", type=int, default=24, help="in a batch")

@@ -47,17 +47,18 @@ def sample_from(
 
     The noise belongs to the frame, not to the window, so that overlapping windows start from the
     same noise, scaled by the temperature; where windows overlap their results are averaged with
-    the weights of a linear ramp.
+    the weights of a linear ramp. It computes where the model is.
     """
     config = model.config
     frames = speech.shape[0]
+    noise, speech, affect = (x.to(model.mean.device) for x in (noise, speech, affect))
     start_noise = noise * sampling.temperature
     total = torch.zeros_like(noise)
-    weight = torch.zeros(frames, 1)
+    weight = torch.zeros(frames, 1, device=noise.device)
     for start in window_starts(frames, config.window_frames, config.overlap_frames):
         span = slice(start, min(start + config.window_frames, frames))
         clean = _sample_window(model, start_noise[span], speech[span], affect[span], style, sampling)
-        ramp = _ramp(span, frames, config.overlap_frames)
+        ramp = _ramp(span, frames, config.overlap_frames).to(noise.device)
         total[span] += ramp * clean
         weight[span] += ramp
     return model.to_metres(total / weight)
@@ -66,10 +67,10 @@ def sample_from(
 def _sample_window(model, noise, speech, affect, style, sampling) -> Tensor:
     diffusion = model.config.diffusion
     alphas = diffusion.alphas()
-    label = torch.tensor([style])
+    label = torch.tensor([style], device=noise.device)
 
     def predict(x: Tensor, t: int) -> Tensor:
-        return model(x, torch.tensor([t]), speech[None], affect[None], label)
+        return model(x, torch.tensor([t], device=noise.device), speech[None], affect[None], label)
 
     return ddim_sample(predict, noise[None], alphas, sampling.steps, sampling.spacing)[0]
 

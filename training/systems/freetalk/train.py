@@ -215,13 +215,9 @@ def closure_report(trainer: AtsTrainer, model, speech, sampling: Sampling) -> di
 
 @torch.no_grad()
 def clip_motion(speech, model, entry, style: int, sampling: Sampling, seed: int = 0) -> torch.Tensor:
-    """Motion [T, 204] that the model makes of one clip, metres."""
-    device = model.mean.device
-    features = speech.clip(entry)
+    """Motion [T, 204] that the model makes of one clip where it is, metres."""
     affect = entry.affect().expand(len(entry.motion), -1)
-    motion = sample_motion(model.cpu(), features, affect, style, seed, sampling)
-    model.to(device)
-    return motion
+    return sample_motion(model, speech.clip(entry), affect, style, seed, sampling).cpu()
 
 
 def train(arguments, denoiser: type[AtsDenoiser] = AtsDenoiser) -> Path:

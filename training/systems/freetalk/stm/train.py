@@ -16,6 +16,7 @@ errors and `training.export stm` writes the shipped one.
 
 import argparse
 import math
+from collections.abc import Callable
 from pathlib import Path
 
 import numpy as np
@@ -38,8 +39,11 @@ from training.nn.checkpoint import save
 from training.run import Run
 from training.systems.freetalk import recipes
 from training.systems.freetalk.stm.paper import CONFIGS as PAPER
+from training.systems.freetalk.stm.paper import PaperConfig, PaperDecoder
 from training.systems.freetalk.stm.train_paper import (
     FRAMES,
+    LOG_EVERY,
+    moved,
     paper_mesh,
     predict,
     train_paper,
@@ -50,6 +54,8 @@ STEPS = 5000
 PAPER_STEPS = 36_000
 """Of the paper's decoder, of which each costs 0.17 s of one core."""
 SAVE_EVERY = 500
+JUDGED_FRAMES = 10
+"""Of each held-out clip, at every log."""
 COARSE = Counts(60, 40, (1600, 3600))
 """Meshes for the paper's decoder, whose step costs as much as its vertices."""
 MOST_VERTICES = 2200
@@ -164,7 +170,8 @@ def train_on_data(args) -> None:
             config = PAPER[args.config or "compact"]
             coarse = {f: [m for m in corpus.train[f] if len(m.lips) <= MOST_VERTICES] for f in faces}
             seen = {f: [paper_mesh(m, config) for m in coarse[f]] for f in coarse}
-            model = train_paper(config, speech, args.steps or PAPER_STEPS, args.seed, seen, out, *how(args))
+            steps, log = args.steps or PAPER_STEPS, {"log_every": args.log_every}
+            model = train_paper(config, speech, steps, args.seed, seen, out, *how(args), **log)
         save(args.runs / f"{args.model}_{name}.pt", model)
 
 
@@ -176,6 +183,21 @@ def machine_of(args) -> Machine:
 def how(args) -> tuple[recipes.Recipe, Machine]:
     """Recipe and machine of the paper's decoder."""
     return recipes.chosen(recipes.STM, args), machine_of(args)
+
+
+def judge_on(args, config: PaperConfig) -> Callable[[PaperDecoder], dict[str, float]]:
+    """Errors of a decoder on held-out clips of the folders, in mm, where it computes."""
+    device = machine_of(args).device
+    meshes = sequence_meshes(args.corpus, held_out=True)
+    seen = {mesh.name: moved(paper_mesh(mesh, config), device) for mesh in meshes}
+
+    def judge(model: PaperDecoder) -> dict[str, float]:
+        def method(mesh: SequenceMesh, landmarks: torch.Tensor) -> torch.Tensor:
+            return predict(model, seen[mesh.name], landmarks.to(device)).cpu()
+
+        return dict(zip(("mean mm", "lips mm"), held_out_errors(method, meshes, JUDGED_FRAMES), strict=True))
+
+    return judge if meshes else lambda _: {}
 
 
 def paper_steps(args, meshes: list[SequenceMesh]) -> int:
@@ -203,7 +225,8 @@ def train_on_corpora(args) -> Path:
         config = PAPER[args.config or "compact"]
         seen = {"corpus": [paper_mesh(mesh, config) for mesh in meshes]}
         steps = paper_steps(args, meshes)
-        model = train_paper(config, None, steps, args.seed, seen, out, *how(args))
+        log = {"log_every": args.log_every, "judge": judge_on(args, config)}
+        model = train_paper(config, None, steps, args.seed, seen, out, *how(args), **log)
         method = lambda mesh, landmarks: predict(model, paper_mesh(mesh, config), landmarks)  # noqa: E731
     save(path, model)
     held_out = sequence_meshes(args.corpus, held_out=True)
@@ -225,6 +248,8 @@ def parser() -> argparse.ArgumentParser:
     parser.add_argument("--config", choices=sorted({*CONFIGS, *PAPER}), help="size: see the model's CONFIGS")
     parser.add_argument("--steps", type=int, help=f"{STEPS} for static, {PAPER_STEPS} for paper")
     parser.add_argument("--shapes", type=int, default=SHAPES, help="neutral faces by which one is told")
+    logs = f"of the paper's decoder, steps between rows of log.csv: {LOG_EVERY}"
+    parser.add_argument("--log-every", type=int, default=LOG_EVERY, help=logs)
     recipes.add_arguments(parser)
     add_arguments(parser, "float32")
     parser.add_argument("--seed", type=int, default=0)

@@ -6,6 +6,7 @@ seen in the mirror half of the time, and the rate rises and falls.
 """
 
 import math
+from collections.abc import Callable
 from dataclasses import dataclass, replace
 from pathlib import Path
 
@@ -27,6 +28,7 @@ from training.systems.freetalk.stm.paper import LANDMARKS, PaperConfig, PaperDec
 
 FRAMES = 4
 SAVE_EVERY = 200
+LOG_EVERY = 2000
 LANDMARK_GAIN = 20.0
 ATTENTION_RATE = 0.1
 """Of the learning rate, for what decides where a vertex looks."""
@@ -133,11 +135,14 @@ def train_paper(
     recipe: Recipe = STM["ours"],
     machine: Machine | None = None,
     decoder: type[PaperDecoder] = PaperDecoder,
+    log_every: int = LOG_EVERY,
+    judge: Callable[[PaperDecoder], dict[str, float]] = lambda _: {},
 ) -> PaperDecoder:
     """Trains on the faces of `prepared`; resumes from `out`.
 
     `speech` are weights of the meshes' modes, none for meshes with sequences of their own. Another `decoder`
-    is one that lacks a part, for comparison.
+    is one that lacks a part, for comparison. The log has the mean loss since its last row and what `judge`
+    says of the model.
     """
     machine = machine or Machine("cpu")
     torch.manual_seed(seed)
@@ -151,6 +156,7 @@ def train_paper(
     run = Run(
         out, {"model": model, "optimiser": optimiser}, steps, SAVE_EVERY, {"draws": draw.random}, machine
     )
+    losses: list[float] = []
     for step in range(run.first, steps):
         for group in optimiser.param_groups:
             group["lr"] = group["share"] * recipe.rate * (warm(step, steps) if recipe.annealed else 1.0)
@@ -159,7 +165,13 @@ def train_paper(
             predicted = predict(model, seen, landmarks)
         loss = motion_loss(predicted.float() - motion, recipe)
         machine.step(loss, model, optimiser, 1.0)
-        run.after(step, loss.item())
+        losses.append(loss.item())
+        run.after(step, losses[-1])
+        due = step % log_every == log_every - 1 or step == steps - 1
+        if due and machine.rank == 0:
+            scores = judge(model)
+            run.log({"step": step + 1, "s": run.seconds(), "loss": float(np.mean(losses)), **scores})
+            losses.clear()
     return model.cpu().eval()
 
 
