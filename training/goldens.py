@@ -16,6 +16,7 @@ from torch import Tensor, nn
 
 GOLDENS = {
     "log_mel": "training.speech.golden_log_mel",
+    "emotion_ear": "training.speech.golden_emotion_ear",
     "emotion_model": "training.speech.golden_emotion_model",
     "checkpoint": "training.speech.golden_checkpoint",
     "instants": "training.speech.golden_instants",

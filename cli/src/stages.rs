@@ -6,8 +6,9 @@ use std::{
 };
 
 use anyface::{
-    Engine, Face, MotionRequest, Part, Result,
+    Engine, Face, MotionRequest, Part, Performance, Result,
     audio::SoundFile,
+    conditions::EmotionCurve,
     job::ProgressFn,
     mesh::{Mouth, ibug::REGIONS},
     motion::{Extent, Life},
@@ -55,6 +56,18 @@ pub fn read_sound(
     report.warnings.extend(damage);
     report.warnings.extend(warnings_of_sound(&file.levels));
     Ok(file)
+}
+
+/// Notes which emotion was heard, where that was asked for.
+pub fn note_heard(
+    report: &mut Report,
+    engine: &Engine,
+    performance: &Performance,
+    request: &MotionRequest,
+) {
+    if request.emotion == EmotionCurve::Auto {
+        report.heard_emotion = performance.heard_emotion(engine);
+    }
 }
 
 /// Notes what a job takes of memory before it starts: on a mesh of so many vertices, with `kept` frames that lie in memory

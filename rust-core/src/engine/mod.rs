@@ -28,7 +28,7 @@ use crate::{
     motion::{FaceModes, LandmarkClip, Motion, MotionKind, MotionRequest, WeightClip},
     nn::finite::check_result,
     rig::{self, FieldOfFace, RigModel, ShapeSource},
-    speech::{self, EmotionModel, FeelingEncoder, PhoneModel, SpeechEncoder},
+    speech::{self, EmotionEar, EmotionModel, PhoneModel, SpeechEncoder},
     spread::{self, FrameSink, Movement, Spread, SpreadReport, WeightedShapes},
     systems::{Description, Registration, SYSTEMS, System, built_in_models},
 };
@@ -102,8 +102,8 @@ pub struct Engine {
     finder: LandmarkFinder,
     /// How lids go with eyes that look up and down.
     face_modes: FaceModes,
-    /// What of a feeling is heard in a voice.
-    feeling: FeelingEncoder,
+    /// What hears emotions in a voice.
+    ear: EmotionEar,
     /// Another's model that hears emotions instead.
     emotion_model: Option<EmotionModel>,
     /// Loaded where shapes are asked for.
@@ -172,7 +172,7 @@ impl Engine {
             creases: Creases::open(folder)?,
             finder: LandmarkFinder::load(folder)?,
             face_modes: FaceModes::open(folder)?,
-            feeling: FeelingEncoder::open(folder)?,
+            ear: EmotionEar::open(folder)?,
             emotion_model: match &options.emotion_model {
                 Some(folder) => Some(EmotionModel::load_folder(folder)?),
                 None => None,

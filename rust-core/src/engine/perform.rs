@@ -19,7 +19,7 @@ use crate::{
         check_closures, check_fps,
     },
     nn::finite::check_result,
-    speech::Heard,
+    speech::{Heard, HeardEmotion},
     spread::{Movement, on_face},
     systems::{Ability, Sampled},
 };
@@ -77,6 +77,13 @@ impl Performance {
     /// What the lips were asked for; see [`MotionRequest::articulation`].
     pub fn articulation(&self) -> f32 {
         self.request.articulation()
+    }
+
+    /// How likely each emotion is in the voice over time, as the built-in ear hears it; none where another's model
+    /// hears emotions.
+    pub fn heard_emotion(&self, engine: &Engine) -> Option<HeardEmotion> {
+        let is_own = self.heard.emotion.is_none();
+        is_own.then(|| engine.ear.heard(&self.heard.voice))
     }
 
     /// The same speech with other controls, another emotion, or seed of blinks and accents; nothing is
@@ -219,7 +226,7 @@ impl Engine {
         let emotion = match &request.emotion {
             EmotionCurve::Auto => match &heard.emotion {
                 Some(emotion) => emotion.clone(),
-                None => self.feeling.emotion(&heard.voice),
+                None => self.ear.emotion(&heard.voice),
             },
             EmotionCurve::Arousal => emotion_from_voice(&heard.prosody),
             given => given.clone(),

@@ -7,6 +7,7 @@ use serde::Serialize;
 use crate::{
     audio::Levels,
     motion::{Extent, VISIBLE_MM, Visibility, bounds::DISPLACEMENT},
+    speech::HeardEmotion,
 };
 
 /// Share of samples at full scale from which a sound counts as clipped.
@@ -48,6 +49,10 @@ pub struct Report {
     /// How the lips meet: `open`, `slit` or `welded`.
     #[serde(skip_serializing_if = "Option::is_none")]
     pub mouth: Option<String>,
+    /// What `--emotion auto` heard: `time_s`, and at each of them the probability of every emotion and the intensity
+    /// that is shown.
+    #[serde(skip_serializing_if = "Option::is_none")]
+    pub heard_emotion: Option<HeardEmotion>,
     /// Most memory that the job takes at a time, as far as that is known before it starts; MB of 2²⁰ bytes.
     #[serde(skip_serializing_if = "Option::is_none")]
     pub memory_mb: Option<u64>,

@@ -78,7 +78,11 @@ impl CompactEncoder {
                 config.bands, config.rate_hz
             )));
         }
-        let weights = Weights::from_bytes(weights)?;
+        CompactEncoder::of_weights(config, &Weights::from_bytes(weights)?)
+    }
+
+    /// From weights, of any number of bands.
+    pub(super) fn of_weights(config: CompactConfig, weights: &Weights) -> Result<Self> {
         let channels = config.channels;
         let blocks = |name: &str, dilations: &[usize]| -> Result<Vec<_>> {
             let weights = weights.pp(name);
@@ -131,7 +135,8 @@ impl CompactEncoder {
         coarse + (fine + 1).div_ceil(2) + 1
     }
 
-    fn forward_span(&self, mel: &ArrayRef2<f32>) -> Array2<f32> {
+    /// The same of a span that is heard by itself, `[T, bands]`.
+    pub(super) fn forward_span(&self, mel: &ArrayRef2<f32>) -> Array2<f32> {
         let mut x = self.stem.forward_then(mel, gelu_all);
         for block in &self.fine {
             block.forward_in_place(&mut x);

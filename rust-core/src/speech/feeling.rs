@@ -74,6 +74,26 @@ pub struct FeltVoice {
     sound: Option<Waveform>,
 }
 
+/// What is heard of a voice in one window, up to two seconds.
+pub struct FeltWindow {
+    /// `[T, 64]`, log-mel under the loud level.
+    pub(super) relative: Array2<f64>,
+    /// Level of its loud frames, nepers of power.
+    pub(super) loud: f64,
+    /// `[T]`, log2 of the pitch in Hz.
+    pub(super) octave: Vec<f64>,
+    /// `[T]`, how periodic the sound is.
+    pub(super) periodic: Vec<f64>,
+    /// `[T]`, whether somebody speaks.
+    pub(super) active: Vec<bool>,
+    /// `[T]`, whether the sound has a pitch.
+    pub(super) voiced: Vec<bool>,
+    /// [`NUMBERS`] of them.
+    pub(super) numbers: Vec<f64>,
+    /// Seconds from the start of the voice.
+    pub(super) middle_s: f64,
+}
+
 /// The discriminant.
 pub struct FeelingEncoder {
     config: FeelingConfig,
@@ -165,20 +185,25 @@ impl FeltVoice {
         for (end, mut row) in ends.into_iter().zip(out.outer_iter_mut()) {
             let first = end.saturating_sub(WINDOW);
             let cepstra = cepstra.slice(s![first..end, ..]);
-            let measured = self.of_window(cepstra, first, end);
+            let measured = self.of_window(cepstra, first, end).numbers;
             assert_eq!(measured.len(), NUMBERS);
             row.assign(&Array1::from_vec(measured));
         }
         out
     }
 
-    /// The middle of what an instant hears, seconds.
-    pub(super) fn middle_s(instant: usize) -> f64 {
-        let end = LEAST + instant * STEP;
-        (end + end.saturating_sub(WINDOW)) as f64 / (2.0 * FRAMES_HZ)
+    /// What is heard up to each instant, of which only one in `every` is taken.
+    pub(super) fn windows(&self, every: usize) -> Vec<FeltWindow> {
+        let cepstra = self.mel.dot(&cepstral_basis());
+        let ends = (LEAST..=self.octave.len()).step_by(STEP * every);
+        let window = |end: usize| {
+            let first = end.saturating_sub(WINDOW);
+            self.of_window(cepstra.slice(s![first..end, ..]), first, end)
+        };
+        ends.map(window).collect()
     }
 
-    fn of_window(&self, cepstra: ArrayView2<'_, f64>, first: usize, end: usize) -> Vec<f64> {
+    fn of_window(&self, cepstra: ArrayView2<'_, f64>, first: usize, end: usize) -> FeltWindow {
         let mel = self.mel.slice(s![first..end, ..]);
         let level: Vec<f64> = mel
             .outer_iter()
@@ -239,7 +264,16 @@ impl FeltVoice {
         };
         let colour = columns(&relative.select(Axis(0), coloured), mean);
         out.extend(colour.into_iter().step_by(4));
-        out
+        FeltWindow {
+            relative,
+            loud,
+            octave: self.octave[first..end].to_vec(),
+            periodic: self.periodic[first..end].to_vec(),
+            active,
+            voiced,
+            numbers: out,
+            middle_s: (first + end) as f64 / (2.0 * FRAMES_HZ),
+        }
     }
 }
 

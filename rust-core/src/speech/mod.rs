@@ -6,6 +6,7 @@ mod closures;
 mod compact;
 mod contacts;
 mod conv_features;
+mod emotion_ear;
 mod emotion_model;
 mod encoder;
 mod encoder_config;
@@ -29,9 +30,12 @@ pub use closures::{Contact, LipClosures};
 pub(crate) use compact::{ACTIVE_RANGE, DEEPEST, QUIETEST_LEVEL, SCALE};
 pub use compact::{CompactConfig, CompactEncoder, normalise};
 pub use contacts::{LipContacts, LipRounding};
+pub use emotion_ear::{EMOTION_EAR, EmotionEar, EmotionEarConfig, HeardEmotion, LiveEar};
 pub use emotion_model::EmotionModel;
 pub use encoder::{COMPACT_MODEL, FeatureTrack, SpeechEncoder, SpeechInput, frames_of};
-pub use feeling::{FEELING_MODEL, FeelingConfig, FeelingEncoder, FeltVoice, LiveFeeling};
+pub use feeling::{
+    FEELING_MODEL, FeelingConfig, FeelingEncoder, FeltVoice, FeltWindow, LiveFeeling,
+};
 pub use heard::Heard;
 pub use log_mel::{BANDS, FRAME, HOP, MelAnalyser, log_mel};
 pub use phones::{PHONE_MODEL, PhoneConfig, PhoneModel, Said};

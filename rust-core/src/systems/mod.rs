@@ -82,6 +82,7 @@ pub fn built_in_models() -> impl Iterator<Item = &'static BuiltIn> {
         &speech::COMPACT_MODEL,
         &speech::PHONE_MODEL,
         &speech::FEELING_MODEL,
+        &speech::EMOTION_EAR,
         &mesh::LANDMARK_MODEL,
         &head::MODEL,
         &head::TOPOLOGY_MODEL,

@@ -14,7 +14,7 @@ use anyface::{
     mesh::{LandmarkSource, PartChoices},
     models::Weights,
     motion::{Motion, Pose},
-    speech::{FeelingEncoder, FeltVoice},
+    speech::{EmotionEar, FeltVoice},
     spread::{Collector, FrameSink, Movement, SpreadReport, TemplateOnFace},
     systems::emoface::{EmoFaceConfig, MODEL, read_template},
 };
@@ -256,7 +256,7 @@ fn what_cannot_be_felt_is_told() {
 
 #[test]
 fn what_every_system_hears_of_a_voice_is_what_the_encoder_says() {
-    let heard = FeelingEncoder::open(None).unwrap();
+    let heard = EmotionEar::open(None).unwrap();
     let heard = heard.emotion(&FeltVoice::of(&voice(SECONDS)));
     assert!(
         matches!(&heard, EmotionCurve::Keys(keys) if keys.len() > 3),
@@ -277,59 +277,6 @@ fn what_every_system_hears_of_a_voice_is_what_the_encoder_says() {
         assert_eq!(made(&EmotionCurve::Auto), made(&heard));
         assert_ne!(made(&EmotionCurve::Arousal), made(&EmotionCurve::Off));
     }
-}
-
-/// Recordings of the data folder whose names a filter wants, every `step`-th.
-fn recordings(source: &str, step: usize, wanted: fn(&str) -> bool) -> Vec<Waveform> {
-    let beside = PathBuf::from(env!("CARGO_MANIFEST_DIR")).join("../../shared");
-    let shared = std::env::var_os("ANYFACE_SHARED").map_or(beside, Into::into);
-    let files = std::fs::read_dir(shared.join("data/speech").join(source)).unwrap();
-    let mut files: Vec<PathBuf> = files.map(|file| file.unwrap().path()).collect();
-    files.retain(|path| path.extension().is_some_and(|kind| kind == "ogg"));
-    files.retain(|path| wanted(path.file_stem().unwrap().to_str().unwrap()));
-    files.sort();
-    let chosen = files.iter().skip(1).step_by(step);
-    chosen
-        .map(|path| Waveform::from_file(path).unwrap())
-        .collect()
-}
-
-/// Mean intensity of what is heard.
-fn intensity(encoder: &FeelingEncoder, sound: &Waveform) -> f32 {
-    let heard = encoder.emotion(&FeltVoice::of(sound));
-    let frames = (sound.duration_s() * 10.0) as usize;
-    heard.sample(frames, 10.0).column(15).mean().unwrap()
-}
-
-#[test]
-#[ignore = "needs ../shared"]
-fn readers_stay_neutral_and_angry_actors_do_not() {
-    let encoder = FeelingEncoder::open(None).unwrap();
-    let mut still = Vec::new();
-    for source in ["kathleen_en", "kerstin_de", "nathalie_nl"] {
-        let sounds = recordings(source, 11, |_| true);
-        let heard = sounds
-            .iter()
-            .take(14)
-            .map(|sound| intensity(&encoder, sound));
-        still.extend(heard.map(|intensity| intensity < 0.05));
-    }
-    let neutral = still.iter().filter(|is_still| **is_still).count();
-    assert!(
-        still.len() >= 40 && 40 * neutral >= 38 * still.len(),
-        "{neutral} of {}",
-        still.len()
-    );
-    // Two actors of whom nothing was taught.
-    let angry = recordings("emodb_de", 2, |name| {
-        (name.starts_with("09") || name.starts_with("12")) && name[5..].starts_with('W')
-    });
-    let shown: f32 = angry.iter().map(|sound| intensity(&encoder, sound)).sum();
-    assert!(
-        shown / angry.len() as f32 > 0.5,
-        "{shown} of {}",
-        angry.len()
-    );
 }
 
 /// Displacements `[T, V, 3]` of a motion, or of two mixed.

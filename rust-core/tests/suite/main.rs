@@ -11,6 +11,7 @@ mod eyeballs_in_sight;
 mod facetalk;
 mod features;
 mod head;
+mod heard_emotion;
 mod imports;
 mod kept_faces;
 mod landmarks;

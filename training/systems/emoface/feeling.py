@@ -66,14 +66,14 @@ def voice_of(samples: np.ndarray) -> Voice:
     low = power[:, bins]
     correlation = low @ np.cos(2.0 * np.pi * np.outer(bins, LAGS) / FFT)
     share = correlation / np.maximum(low.sum(axis=1, keepdims=True), 1e-9)
-    share /= np.maximum(_overlap(), LEAST_OVERLAP)
+    share /= np.maximum(overlap(), LEAST_OVERLAP)
     best = share.argmax(axis=1)
     return Voice(
         log_mel(scaled).numpy().astype(np.float64), np.log2(SAMPLE_RATE_HZ / LAGS[best]), share.max(axis=1)
     )
 
 
-def _overlap() -> np.ndarray:
+def overlap() -> np.ndarray:
     """Autocorrelation of the Hann window at the lags, of that at 0."""
     window = 0.5 - 0.5 * np.cos(2.0 * np.pi * np.arange(FRAME) / FRAME)
     whole = (window**2).sum()
@@ -96,11 +96,11 @@ def cepstral_basis() -> np.ndarray:
 def numbers(voice: Voice) -> np.ndarray:
     """What is measured at each instant, [I, 118]."""
     cepstra = voice.mel @ cepstral_basis()
-    rows = [_of_window(voice, cepstra, max(end - WINDOW, 0), end) for end in instants(len(voice.mel))]
+    rows = [of_window(voice, cepstra, max(end - WINDOW, 0), end) for end in instants(len(voice.mel))]
     return np.array(rows).reshape(-1, NUMBERS)
 
 
-def _of_window(voice: Voice, cepstra: np.ndarray, first: int, end: int) -> np.ndarray:
+def of_window(voice: Voice, cepstra: np.ndarray, first: int, end: int) -> np.ndarray:
     mel = voice.mel[first:end]
     level = mel.mean(axis=1)
     loud = np.quantile(level, LOUD_SHARE)

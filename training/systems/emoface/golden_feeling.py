@@ -11,16 +11,23 @@ from training.systems.emoface.feeling import NUMBERS, FeelingConfig, FeelingEnco
 RATE_HZ = 16000
 
 
-def write(out: Path, shared: Path) -> Path:
-    """`weights.*`; `samples` [48000] → `numbers` [I, 118] and F_e, 25 fps: `track` [75, 13], `short` [5, 13]
-    of the first 3,000 samples. `shared` is not used.
-    """
+def made_voice() -> np.ndarray:
+    """Three seconds of syllables with a pitch that moves, [48000] f32."""
     random = np.random.default_rng(29)
     t = np.arange(3 * RATE_HZ) / RATE_HZ
     pitch = 160.0 * 2.0 ** (0.4 * np.sin(2.0 * np.pi * 0.9 * t))
     tone = sum(np.sin(2.0 * np.pi * k * np.cumsum(pitch) / RATE_HZ) / k for k in range(1, 12))
     loud = np.clip(np.sin(2.0 * np.pi * 2.3 * t) + 0.4, 0.0, 1.0)
-    samples = (0.1 * tone * loud + 0.01 * random.standard_normal(len(t)) * (1.0 - loud)).astype(np.float32)
+    return (0.1 * tone * loud + 0.01 * random.standard_normal(len(t)) * (1.0 - loud)).astype(np.float32)
+
+
+def write(out: Path, shared: Path) -> Path:
+    """`weights.*`; `samples` [48000] → `numbers` [I, 118] and F_e, 25 fps: `track` [75, 13], `short` [5, 13]
+    of the first 3,000 samples. `shared` is not used.
+    """
+    random = np.random.default_rng(29)
+    samples = made_voice()
+    random.standard_normal(len(samples))
     config, classes = FeelingConfig(), len(FeelingConfig().feelings)
     measured = numbers(voice_of(samples))
     model = FeelingEncoder(

@@ -47,6 +47,8 @@ pub static COMPACT_SPEECH: Model = model!("compact_speech");
 pub static PHONES: Model = model!("phones");
 /// How a voice feels.
 pub static FEELING: Model = model!("feeling");
+/// Which emotion is heard in a voice.
+pub static EMOTION_EAR: Model = model!("emotion_ear");
 /// Finds landmarks on meshes.
 pub static LANDMARKS: Model = model!("landmarks");
 /// How far vertices follow landmarks.

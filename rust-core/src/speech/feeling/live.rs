@@ -5,8 +5,8 @@ use std::{collections::VecDeque, sync::Arc};
 use ndarray::{Array1, Array2, Axis};
 
 use super::{
-    BANDS, Ear, FRAME, FRAMES_HZ, FeelingEncoder, FeltVoice, HeardFrame, LEAST, PEAK, SILENT, STEP,
-    WINDOW, cepstral_basis,
+    BANDS, Ear, FRAME, FRAMES_HZ, FeelingEncoder, FeltVoice, FeltWindow, HeardFrame, LEAST, PEAK,
+    SILENT, STEP, WINDOW, cepstral_basis,
 };
 
 /// Instants that are remembered: one after the frame, one before it, one that came early.
@@ -42,8 +42,8 @@ impl LiveFeeling {
         }
     }
 
-    /// Hears the samples about the next 10 ms.
-    pub fn hear(&mut self, stretch: &[f32; FRAME]) {
+    /// Hears the samples about the next 10 ms; returns the last two seconds where they end an instant.
+    pub fn hear(&mut self, stretch: &[f32; FRAME]) -> Option<FeltWindow> {
         let loudest = stretch.iter().fold(self.peak, |peak, x| peak.max(x.abs()));
         let gain = |peak: f32| if peak > SILENT { PEAK / peak } else { 1.0 };
         let (before, now) = (gain(self.peak), gain(loudest));
@@ -61,13 +61,16 @@ impl LiveFeeling {
         self.frames.push_back(self.ear.hear(&scaled));
         self.heard += 1;
         if self.heard >= LEAST && (self.heard - LEAST).is_multiple_of(STEP) {
-            let numbers = self.numbers().insert_axis(Axis(0));
+            let window = self.window();
+            let numbers = Array1::from_vec(window.numbers.clone()).insert_axis(Axis(0));
             let felt = self.encoder.of_numbers(&numbers).row(0).to_owned();
             if self.instants.len() == INSTANTS {
                 self.instants.pop_front();
             }
             self.instants.push_back((self.heard, felt));
+            return Some(window);
         }
+        None
     }
 
     /// `F_e` at motion frame `frame`, `[E]`; up to 160 ms after it are heard.
@@ -82,8 +85,8 @@ impl LiveFeeling {
         mixed.collect()
     }
 
-    /// `[118]` of the frames that are remembered.
-    fn numbers(&self) -> Array1<f64> {
+    /// The frames that are remembered.
+    fn window(&self) -> FeltWindow {
         let rows = self.frames.len();
         let voice = FeltVoice {
             mel: Array2::from_shape_fn((rows, BANDS), |(t, band)| self.frames[t].mel[band].into()),
@@ -92,7 +95,7 @@ impl LiveFeeling {
             sound: None,
         };
         let cepstra = voice.mel.dot(&cepstral_basis());
-        Array1::from_vec(voice.of_window(cepstra.view(), 0, rows))
+        voice.of_window(cepstra.view(), 0, rows)
     }
 }
 

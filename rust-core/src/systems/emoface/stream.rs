@@ -11,8 +11,8 @@ use crate::{
     mesh::ibug::LANDMARKS,
     motion::{LandmarkFrame, MotionStream, Parting, narrow, opening},
     speech::{
-        CausalModel, CausalSpeech, CompactEncoder, FeelingEncoder, LiveFeeling, SpeechEncoder,
-        closure_share,
+        CausalModel, CausalSpeech, CompactEncoder, EmotionEar, FeelingEncoder, LiveEar,
+        LiveFeeling, SpeechEncoder, closure_share,
     },
 };
 
@@ -24,18 +24,21 @@ pub struct LiveParts {
     pub encoder: CompactEncoder,
     /// The emotion encoder, which looks back by itself.
     pub feeling: Arc<FeelingEncoder>,
+    /// Says whether anything is felt at all.
+    pub ear: Arc<EmotionEar>,
     /// Both branches and Mesh Attention.
     pub model: Arc<Model>,
 }
 
 /// A performance in progress, in the default style and from rest.
 ///
-/// The feeling is heard in the voice; an emotion that is set with an intensity above 0 is felt instead, with
+/// The feeling is heard in the voice, and shows as surely as it is none of a neutral voice; an emotion that is set with an intensity above 0 is felt instead, with
 /// the intensity as its level. Lips close at p, b and m, by ear.
 pub struct EmoFaceStream {
     parts: Arc<LiveParts>,
     speech: CausalSpeech,
     felt: LiveFeeling,
+    ear: LiveEar,
     state: Progressing,
     style: usize,
     emotion: Emotion,
@@ -55,6 +58,7 @@ impl EmoFaceStream {
         Ok(EmoFaceStream {
             speech: CausalSpeech::new(Arc::clone(&parts.content)),
             felt: LiveFeeling::new(Arc::clone(&parts.feeling)),
+            ear: LiveEar::new(Arc::clone(&parts.ear)),
             state: parts.model.start(None)?,
             style,
             emotion: Emotion::default(),
@@ -72,12 +76,16 @@ impl MotionStream for EmoFaceStream {
 
     fn pull(&mut self) -> Option<LandmarkFrame> {
         let index = self.speech.next_row();
-        let felt = &mut self.felt;
-        let content = self.speech.pull(|stretch| felt.hear(stretch))?;
+        let (felt, ear) = (&mut self.felt, &mut self.ear);
+        let content = self.speech.pull(|stretch| {
+            if let Some(window) = felt.hear(stretch) {
+                ear.hear(&window);
+            }
+        })?;
         let config = self.parts.model.config();
         let (feeling, level) = match &self.set {
             Some(prototype) => (prototype.clone(), self.emotion.intensity),
-            None => (felt.at_frame(index, config.fps), 1.0),
+            None => (felt.at_frame(index, config.fps), ear.emotion().intensity),
         };
         let heard = HeardFrame {
             content: ArrayView1::from(content),

@@ -24,7 +24,7 @@ use crate::{
         MotionRequest, MotionStream, PERFORMANCE_CONTROLS, Performer, Template, TemplateMask,
         style_number,
     },
-    speech::{self, COMPACT_MODEL, CausalModel, Heard},
+    speech::{self, COMPACT_MODEL, CausalModel, EmotionEar, Heard},
     spread::TemplateOnFace,
     systems::{Ability, Description, FeelingMask, Registration, Sampled, Slider, System},
 };
@@ -187,6 +187,8 @@ pub static REGISTRATION: Registration = Registration {
 pub struct EmoFace {
     space: Arc<TemplateSpace>,
     feels: Feels,
+    /// Says whether anything is felt at all.
+    ear: Arc<EmotionEar>,
     /// None for a model that hears content or feeling through another encoder than the built-in one: that has no causal
     /// twin.
     live: Option<Arc<LiveParts>>,
@@ -206,10 +208,12 @@ impl EmoFace {
         let weights = Weights::from_bytes(&files.weights)?;
         let template = read_template(&weights, &config)?.map(Arc::new);
         let model = Arc::new(Model::new(config, &weights)?);
-        let live = live_parts(folder, &model, &feels)?.map(Arc::new);
+        let ear = Arc::new(EmotionEar::open(folder)?);
+        let live = live_parts(folder, &model, &feels, &ear)?.map(Arc::new);
         Ok(EmoFace {
             space: Arc::new(TemplateSpace { model, template }),
             feels,
+            ear,
             live,
             modes: Arc::new(FaceModes::open(folder)?),
             expressions: Arc::new(Expressions::open(folder)?),
@@ -256,11 +260,15 @@ impl EmoFace {
         let level = LEVEL.value(&request.controls);
         let from = FEELING_FROM.value(&request.controls) as usize;
         if from == VOICE {
-            let rows = match &request.felt_as {
-                Some(other) => self.feels.over(other, frames, progress)?,
-                None => self.feels.at_frames(&heard.voice, frames, fps, progress)?,
+            // Another recording is asked for on purpose; what nobody asked for shows where it is sure.
+            let (rows, sure) = match &request.felt_as {
+                Some(other) => (self.feels.over(other, frames, progress)?, vec![1.0; frames]),
+                None => (
+                    self.feels.at_frames(&heard.voice, frames, fps, progress)?,
+                    self.ear.certainty(&heard.voice, frames, fps),
+                ),
             };
-            return Ok((rows, vec![level; frames]));
+            return Ok((rows, sure.into_iter().map(|sure| level * sure).collect()));
         }
         let curve = match from {
             EMOTION if self.branch_knows(&request.emotion) => &request.emotion,
@@ -375,6 +383,7 @@ fn live_parts(
     folder: Option<&Path>,
     model: &Arc<Model>,
     feels: &Feels,
+    ear: &Arc<EmotionEar>,
 ) -> Result<Option<LiveParts>> {
     let input = &model.config().speech;
     let Feels::BuiltIn(feeling) = feels else {
@@ -392,6 +401,7 @@ fn live_parts(
         content: Arc::new(content),
         encoder: speech::compact(folder)?,
         feeling: Arc::clone(feeling),
+        ear: Arc::clone(ear),
         model: Arc::clone(model),
     }))
 }
@@ -404,12 +414,13 @@ mod tests {
     fn a_model_of_another_rate_than_the_live_encoder_has_no_stream() {
         let files = MODEL.open(None).unwrap();
         let weights = Weights::from_bytes(&files.weights).unwrap();
+        let ear = Arc::new(EmotionEar::open(None).unwrap());
         let has_stream = |fps: f64| {
             let config = EmoFaceConfig::from_json(&files.config).unwrap();
             let config = EmoFaceConfig { fps, ..config };
             let feels = Feels::open(None, &config).unwrap();
             let model = Arc::new(Model::new(config, &weights).unwrap());
-            live_parts(None, &model, &feels).unwrap().is_some()
+            live_parts(None, &model, &feels, &ear).unwrap().is_some()
         };
         assert!(has_stream(25.0) && !has_stream(30.0));
     }

@@ -1,0 +1,417 @@
+//! The ear for emotion: which feeling is heard in a voice, over time, and how sure that is; for every system.
+//!
+//! Twin of `training/speech/emotion_ear.py`. A small network over log-mels and pitch tells what Whisper's middle
+//! layers would say of the last two seconds; beside it stand the 118 numbers of [`FeltVoice`]. A linear layer makes
+//! of both the logits of the feelings.
+
+mod live;
+
+pub use live::LiveEar;
+
+use std::{collections::BTreeMap, path::Path};
+
+use ndarray::{Array1, Array2, ArrayView1, ArrayView2, Axis};
+
+use super::{
+    compact::{CompactConfig, CompactEncoder},
+    feeling::{FeltVoice, FeltWindow, NUMBERS},
+    felt_emotion::shown,
+    log_mel::BANDS,
+};
+use crate::{
+    Error, Result,
+    conditions::{EMOTIONS, EmotionCurve},
+    models::{BuiltIn, Weights},
+    nn::{elementwise::gelu_all, linear::Linear},
+};
+
+/// Built-in weights of [`EmotionEar`].
+pub static EMOTION_EAR: BuiltIn = BuiltIn::new(&anyface_weights_shared::EMOTION_EAR);
+
+/// Log-mel under the loud level, pitch, and how periodic the sound is.
+const INPUTS: usize = BANDS + 2;
+const DEEPEST: f32 = -12.0;
+const SCALE: f32 = 4.0;
+const MIDDLE_OCTAVE: f32 = 7.5;
+/// Weight of a frame that is not active.
+const LEAST_WEIGHT: f32 = 0.01;
+const LEAST_SPREAD: f32 = 1e-5;
+const STRIDE: usize = 4;
+/// Deviations of a number that are still counted.
+const LARGEST: f64 = 6.0;
+/// Of the instants of [`FeltVoice`] every second one is heard: 320 ms.
+const EVERY: usize = 2;
+/// Shares of a window that has a pitch from which it counts, and counts in full.
+const LEAST_VOICED: f64 = 0.1;
+const FULLY_VOICED: f64 = 0.3;
+/// Nepers of power under the loudest window from which one counts less, and no longer.
+const QUIET: f64 = 2.0;
+const SILENT: f64 = 3.5;
+/// A neutral instant that is heard before all others: its weight, and its logit.
+const BEFORE: f64 = 0.3;
+const BEFORE_NEUTRAL: f64 = 3.0;
+const WINDOW_ROWS: f64 = 200.0;
+/// Weight of the whole sound beside that of the moment.
+const WHOLE_SHARE: f64 = 0.5;
+/// Instants before and after that are heard with one, about a second.
+const AROUND: usize = 3;
+
+/// `config.json` beside the weights.
+#[derive(Debug, Clone, PartialEq, serde::Deserialize)]
+pub struct EmotionEarConfig {
+    /// Channels of the convolutions.
+    pub channels: usize,
+    /// Dilations of the blocks at 50 Hz.
+    pub fine_dilations: Vec<usize>,
+    /// Dilations of the blocks at 25 Hz.
+    pub coarse_dilations: Vec<usize>,
+    /// Width of the layer over what is pooled.
+    pub hidden: usize,
+    /// Numbers that the network tells.
+    pub told: usize,
+    /// Feelings that it was taught, all of [`EMOTIONS`], neutral among them.
+    pub feelings: Vec<String>,
+}
+
+/// How likely each feeling is over time.
+#[derive(Debug, Clone, PartialEq, Default, serde::Serialize)]
+pub struct HeardEmotion {
+    /// The middle of what each instant hears, seconds.
+    pub time_s: Vec<f64>,
+    /// Probabilities of the feelings that the ear was taught at these instants, by name.
+    pub probability: BTreeMap<String, Vec<f64>>,
+    /// How strongly a face shows what is heard there: 0 where neutral is as likely as in readings of strangers.
+    pub intensity: Vec<f64>,
+}
+
+/// What one window says.
+#[derive(Clone)]
+struct Instant {
+    logits: Array1<f64>,
+    /// Level of the window's loud frames, nepers of power.
+    loud: f64,
+    /// How much of a voice is in the window, 0 to 1.
+    voice: f64,
+}
+
+impl Instant {
+    fn of(window: &FeltWindow, logits: Array1<f64>) -> Instant {
+        let rows = window.voiced.len() as f64;
+        let voiced = window.voiced.iter().filter(|voiced| **voiced).count() as f64 / rows;
+        let share = (voiced - LEAST_VOICED) / (FULLY_VOICED - LEAST_VOICED);
+        Instant {
+            logits,
+            loud: window.loud,
+            voice: share.clamp(0.0, 1.0) * rows / WINDOW_ROWS,
+        }
+    }
+
+    /// How much it counts beside a window that is as loud as the loudest.
+    fn weight(&self, loudest: f64) -> f64 {
+        let under = (loudest - self.loud - QUIET) / (SILENT - QUIET);
+        self.voice * (1.0 - under).clamp(0.0, 1.0)
+    }
+}
+
+/// The network and the layer upon it.
+pub struct EmotionEar {
+    config: EmotionEarConfig,
+    encoder: CompactEncoder,
+    inner: Linear,
+    outer: Linear,
+    /// `[told + 118]`.
+    mean: Array1<f64>,
+    scale: Array1<f64>,
+    /// `[told + 118, feelings]`.
+    weight: Array2<f64>,
+    bias: Array1<f64>,
+}
+
+impl EmotionEar {
+    /// The built-in ear, or that of `folder`.
+    ///
+    /// # Errors
+    /// `Weights` or `Io` if a file is missing, damaged, or does not fit the other.
+    pub fn open(folder: Option<&Path>) -> Result<Self> {
+        let files = EMOTION_EAR.open(folder)?;
+        Self::load(&Weights::from_bytes(&files.weights)?, &files.config)
+    }
+
+    fn load(weights: &Weights, config: &str) -> Result<Self> {
+        let wrong = |told: String| Error::Weights(format!("emotion_ear config.json: {told}"));
+        let config: EmotionEarConfig =
+            serde_json::from_str(config).map_err(|e| wrong(e.to_string()))?;
+        let mut names = config.feelings.iter();
+        if let Some(name) = names.find(|name| !EMOTIONS.contains(&name.as_str())) {
+            return Err(wrong(format!(
+                "feelings: expected names of {EMOTIONS:?}, got {name:?}"
+            )));
+        }
+        if !config.feelings.iter().any(|name| *name == EMOTIONS[0]) {
+            return Err(wrong(format!(
+                "feelings: expected {} among them",
+                EMOTIONS[0]
+            )));
+        }
+        let (rows, classes) = (config.told + NUMBERS, config.feelings.len());
+        let vector = |name: &str, length| -> Result<Array1<f64>> {
+            Ok(weights.vector(name, length)?.mapv(f64::from))
+        };
+        let scale = vector("scale", rows)?;
+        if let Some(value) = scale.iter().find(|value| **value <= 0.0) {
+            return Err(Error::Weights(format!(
+                "emotion_ear: scale: expected more than 0, got {value}"
+            )));
+        }
+        let sizes = CompactConfig {
+            model: "emotion_ear".into(),
+            bands: INPUTS,
+            channels: config.channels,
+            fine_dilations: config.fine_dilations.clone(),
+            coarse_dilations: config.coarse_dilations.clone(),
+            rate_hz: 25.0,
+        };
+        Ok(EmotionEar {
+            encoder: CompactEncoder::of_weights(sizes, &weights.pp("encoder"))?,
+            inner: Linear::load(&weights.pp("inner"), 2 * config.channels, config.hidden)?,
+            outer: Linear::load(&weights.pp("outer"), config.hidden, config.told)?,
+            mean: vector("mean", rows)?,
+            scale,
+            weight: weights.matrix("weight", rows, classes)?.mapv(f64::from),
+            bias: vector("bias", classes)?,
+            config,
+        })
+    }
+
+    /// Feelings that it was taught.
+    pub fn feelings(&self) -> &[String] {
+        &self.config.feelings
+    }
+
+    /// What is felt in a voice: nothing where neutral is as likely as in readings of strangers, weakly where it is
+    /// hardly less likely, and nothing of what was not taught. A sound shorter than 0.8 s is neutral.
+    ///
+    /// The logits of an instant are the mean of those a second about it and of the whole sound, in which windows with
+    /// little of a voice count little. The rule is ours.
+    pub fn emotion(&self, voice: &FeltVoice) -> EmotionCurve {
+        let (times_s, shares) = self.shares(voice);
+        if times_s.is_empty() {
+            return EmotionCurve::default();
+        }
+        let keys = times_s.into_iter().zip(shares);
+        EmotionCurve::Keys(keys.map(|(time_s, at)| (time_s, shown(&at))).collect())
+    }
+
+    /// The same with its probabilities, for people who want to see why.
+    pub fn heard(&self, voice: &FeltVoice) -> HeardEmotion {
+        let (time_s, shares) = self.shares(voice);
+        let of = |name: &String| {
+            let place = place_of(name);
+            let values = shares.iter().map(|at| rounded(at[place])).collect();
+            (name.clone(), values)
+        };
+        HeardEmotion {
+            probability: self.config.feelings.iter().map(of).collect(),
+            intensity: shares
+                .iter()
+                .map(|at| rounded(shown(at).intensity.into()))
+                .collect(),
+            time_s: time_s.into_iter().map(rounded).collect(),
+        }
+    }
+
+    /// How strongly a face shows that somebody feels at all, at motion frames, `[frames]` from 0 to 1.
+    pub fn certainty(&self, voice: &FeltVoice, frames: usize, fps: f64) -> Vec<f32> {
+        let curve = self.emotion(voice);
+        let at = |t: usize| curve.at(t as f64 / fps).intensity;
+        (0..frames).map(at).collect()
+    }
+
+    /// Instants of a voice in seconds, and the probabilities of [`EMOTIONS`] there.
+    fn shares(&self, voice: &FeltVoice) -> (Vec<f64>, Vec<[f64; EMOTIONS.len()]>) {
+        let windows = voice.windows(EVERY);
+        let mut logits = Array2::zeros((windows.len(), self.config.feelings.len()));
+        for (window, mut row) in windows.iter().zip(logits.outer_iter_mut()) {
+            row.assign(&self.logits(window));
+        }
+        let loudest = windows.iter().map(|window| window.loud);
+        let loudest = loudest.fold(f64::NEG_INFINITY, f64::max);
+        let heard = windows.iter().zip(logits.outer_iter());
+        let heard: Vec<_> = heard
+            .map(|(window, row)| Instant::of(window, row.to_owned()))
+            .collect();
+        let whole = self.evidence(heard.iter(), loudest);
+        let near = |k: usize| {
+            let around = &heard[k.saturating_sub(AROUND)..(k + AROUND + 1).min(heard.len())];
+            self.evidence(around.iter(), loudest)
+        };
+        let mixed = |k: usize| self.by_emotion(mixed(near(k).view(), whole.view()).view());
+        let times = windows.iter().map(|window| window.middle_s);
+        (times.collect(), (0..windows.len()).map(mixed).collect())
+    }
+
+    /// The mean of instants by how much of a voice each hears, `[feelings]`.
+    fn evidence<'a>(&self, heard: impl Iterator<Item = &'a Instant>, loudest: f64) -> Array1<f64> {
+        let (mut sum, mut total) = (Array1::zeros(self.config.feelings.len()), BEFORE);
+        let neutral = self
+            .config
+            .feelings
+            .iter()
+            .position(|name| *name == EMOTIONS[0]);
+        sum[neutral.expect("checked when it was loaded")] = BEFORE * BEFORE_NEUTRAL;
+        for instant in heard {
+            let weight = instant.weight(loudest);
+            sum.scaled_add(weight, &instant.logits);
+            total += weight;
+        }
+        sum / total
+    }
+
+    /// What one window says of the feelings, `[feelings]`.
+    fn logits(&self, window: &FeltWindow) -> Array1<f64> {
+        let told = self.told(window);
+        let row = Array1::from_iter(
+            told.into_iter()
+                .map(f64::from)
+                .chain(window.numbers.clone()),
+        );
+        let x = (row - &self.mean) / &self.scale;
+        x.mapv(|x| x.clamp(-LARGEST, LARGEST)).dot(&self.weight) + &self.bias
+    }
+
+    /// What the network tells of a window, `[told]`.
+    fn told(&self, window: &FeltWindow) -> Vec<f32> {
+        let heard = inputs_of(window);
+        let x = self.encoder.forward_span(&heard);
+        let pooled = pooled(x.view(), &window.active);
+        let mut hidden = self.inner.forward(&pooled.insert_axis(Axis(0)));
+        gelu_all(hidden.as_slice_mut().expect("a matrix is contiguous"));
+        self.outer.forward(&hidden).into_raw_vec_and_offset().0
+    }
+
+    /// Logits of the feelings as probabilities of [`EMOTIONS`].
+    fn by_emotion(&self, logits: ArrayView1<'_, f64>) -> [f64; EMOTIONS.len()] {
+        let largest = logits.fold(f64::NEG_INFINITY, |a, b| a.max(*b));
+        let powers = logits.mapv(|logit| (logit - largest).exp());
+        let sum = powers.sum();
+        let mut shares = [0.0; EMOTIONS.len()];
+        for (name, power) in self.config.feelings.iter().zip(powers) {
+            shares[place_of(name)] = power / sum;
+        }
+        shares
+    }
+}
+
+/// The place of a feeling that was checked when the ear was loaded.
+fn place_of(name: &str) -> usize {
+    let place = EMOTIONS.iter().position(|known| *known == name);
+    place.expect("checked when it was loaded")
+}
+
+/// The moment and the whole together.
+fn mixed(near: ArrayView1<'_, f64>, whole: ArrayView1<'_, f64>) -> Array1<f64> {
+    &whole * WHOLE_SHARE + &near * (1.0 - WHOLE_SHARE)
+}
+
+fn rounded(x: f64) -> f64 {
+    (x * 1e3).round() / 1e3
+}
+
+/// `[T, 66]` of a window.
+fn inputs_of(window: &FeltWindow) -> Array2<f32> {
+    let rows = window.octave.len();
+    Array2::from_shape_fn((rows, INPUTS), |(t, k)| match k {
+        BANDS if window.voiced[t] => window.octave[t] as f32 - MIDDLE_OCTAVE,
+        BANDS => 0.0,
+        k if k > BANDS => window.periodic[t] as f32,
+        band => (window.relative[[t, band]] as f32).max(DEEPEST) / SCALE,
+    })
+}
+
+/// Mean and spread of rows `[T / 4, C]` over time, of which those of active frames count; `[2 C]`.
+fn pooled(x: ArrayView2<'_, f32>, active: &[bool]) -> Array1<f32> {
+    let weight = active.iter().step_by(STRIDE);
+    let weight = weight.map(|active| f32::from(u8::from(*active)) + LEAST_WEIGHT);
+    let weight = Array1::from_iter(weight);
+    let weight = &weight / weight.sum();
+    let mean = weight.dot(&x);
+    let spread = weight.dot(&(&x - &mean).mapv(|x| x * x));
+    let spread = spread.mapv(|x| (x + LEAST_SPREAD).sqrt());
+    ndarray::concatenate![Axis(0), mean, spread]
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+    use crate::{
+        audio::Waveform,
+        conditions::Emotion,
+        nn::golden::{Golden, distance},
+    };
+
+    fn voice(samples: &[f32]) -> FeltVoice {
+        FeltVoice::of(&Waveform {
+            samples: samples.to_vec(),
+        })
+    }
+
+    #[test]
+    fn agrees_with_python() {
+        let golden = Golden::open("emotion_ear_debug");
+        let ear = EmotionEar::load(&golden.weights(), &golden.metadata("config")).unwrap();
+        let windows = voice(&golden.values("samples")).windows(1);
+        let expected = golden.matrix("logits");
+        assert_eq!(windows.len(), expected.nrows());
+        for (window, expected) in windows.iter().zip(expected.outer_iter()) {
+            let logits = ear.logits(window).mapv(|x| x as f32);
+            let apart = distance(&logits, &expected);
+            assert!(apart < 2e-3, "{apart}");
+        }
+    }
+
+    #[test]
+    fn silence_and_short_sounds_are_neutral() {
+        let ear = EmotionEar::open(None).unwrap();
+        let short: Vec<f32> = (0..8_000).map(|i| (i as f32 * 0.08).sin()).collect();
+        assert_eq!(ear.emotion(&voice(&short)), EmotionCurve::default());
+        assert_eq!(ear.certainty(&voice(&short), 3, 25.0), [0.0; 3]);
+        let silent = ear.heard(&voice(&[0.0; 48_000]));
+        assert!(silent.intensity.iter().all(|x| *x == 0.0), "{silent:?}");
+    }
+
+    #[test]
+    fn probabilities_are_told_over_time() {
+        let ear = EmotionEar::open(None).unwrap();
+        let samples = Golden::open("emotion_ear_debug").values("samples");
+        let heard = ear.heard(&voice(&samples));
+        assert_eq!(heard.probability.len(), ear.feelings().len());
+        assert!(heard.time_s.is_sorted() && heard.time_s.len() == heard.intensity.len());
+        for k in 0..heard.time_s.len() {
+            let sum: f64 = heard.probability.values().map(|of| of[k]).sum();
+            assert!((sum - 1.0).abs() < 0.01, "{sum}");
+        }
+        let EmotionCurve::Keys(keys) = ear.emotion(&voice(&samples)) else {
+            panic!("expected keys")
+        };
+        assert_eq!(keys.len(), heard.time_s.len());
+    }
+
+    #[test]
+    fn a_voice_that_is_still_heard_feels_as_what_was_heard_of_it() {
+        let ear = std::sync::Arc::new(EmotionEar::open(None).unwrap());
+        let samples = Golden::open("emotion_ear_debug").values("samples");
+        let mut live = LiveEar::new(std::sync::Arc::clone(&ear));
+        assert_eq!(live.emotion(), Emotion::default());
+        let windows = voice(&samples).windows(1);
+        windows.iter().for_each(|window| live.hear(window));
+        let told = live.emotion();
+        assert!((0.0..=1.0).contains(&told.intensity));
+        let (_, shares) = ear.shares(&voice(&samples));
+        let whole = shown(&shares[shares.len() - 1]).intensity;
+        assert!(
+            (told.intensity - whole).abs() < 0.2,
+            "{} {whole}",
+            told.intensity
+        );
+    }
+}

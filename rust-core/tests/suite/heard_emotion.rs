@@ -1,0 +1,136 @@
+//! A feeling that is heard and never invented: neutral strangers stay still, acted emotion shows.
+
+use std::path::PathBuf;
+
+use anyface::{
+    CachePolicy, Engine, EngineOptions, MotionRequest,
+    audio::Waveform,
+    conditions::{Controls, EMOTIONS, EmotionCurve},
+    job::SILENT,
+    motion::Motion,
+    speech::{EmotionEar, FeltVoice},
+};
+
+/// The intensity from which people see an emotion.
+const SEEN: f32 = 0.2;
+/// What the letters in the names of emodb_de's recordings stand for.
+const LETTERS: [(char, &str); 6] = [
+    ('W', "angry"),
+    ('F', "happy"),
+    ('A', "afraid"),
+    ('T', "sad"),
+    ('E', "disgusted"),
+    ('L', "calm"),
+];
+
+/// Recordings of the data folder whose names a filter wants, every `step`-th.
+fn recordings(folder: &str, step: usize, wanted: impl Fn(&str) -> bool) -> Vec<Waveform> {
+    let beside = PathBuf::from(env!("CARGO_MANIFEST_DIR")).join("../../shared");
+    let shared = std::env::var_os("ANYFACE_SHARED").map_or(beside, Into::into);
+    let files = std::fs::read_dir(shared.join("data").join(folder)).unwrap();
+    let mut files: Vec<PathBuf> = files.map(|file| file.unwrap().path()).collect();
+    let is_sound = |path: &PathBuf| {
+        path.extension()
+            .is_some_and(|kind| kind == "ogg" || kind == "wav")
+    };
+    files.retain(|path| is_sound(path) && wanted(path.file_stem().unwrap().to_str().unwrap()));
+    files.sort();
+    let chosen = files.iter().step_by(step);
+    chosen
+        .map(|path| Waveform::from_file(path).unwrap())
+        .collect()
+}
+
+/// The largest intensity of any moment, and the emotion that shows most over all.
+fn heard(ear: &EmotionEar, sound: &Waveform) -> (f32, &'static str) {
+    let frames = (sound.duration_s() * 10.0) as usize;
+    let track = ear.emotion(&FeltVoice::of(sound)).sample(frames, 10.0);
+    let strongest = track.column(15).fold(0.0f32, |most, x| most.max(*x));
+    let total = |e: usize| -> f32 {
+        let frames = track.outer_iter();
+        frames.map(|frame| frame[e] * frame[15]).sum()
+    };
+    let most = (1..EMOTIONS.len()).max_by(|a, b| total(*a).total_cmp(&total(*b)));
+    (strongest, EMOTIONS[most.unwrap()])
+}
+
+#[test]
+#[ignore = "needs ../shared"]
+fn neutral_strangers_are_given_no_feeling() {
+    let ear = EmotionEar::open(None).unwrap();
+    // None of these was taught: clips kept apart, a language kept apart, readers kept apart.
+    for (folder, step) in [
+        ("motion/grid_s1/audio", 30),
+        ("speech/nathalie_nl", 40),
+        ("clips/librivox", 1),
+    ] {
+        let sounds = recordings(folder, step, |_| true);
+        let shown = sounds
+            .iter()
+            .filter(|sound| heard(&ear, sound).0 > SEEN)
+            .count();
+        assert!(sounds.len() >= 5);
+        assert!(
+            shown * 20 <= sounds.len(),
+            "{folder}: {shown} of {}",
+            sounds.len()
+        );
+    }
+}
+
+#[test]
+#[ignore = "needs ../shared"]
+fn actors_who_were_never_heard_are_shown_as_they_feel() {
+    let ear = EmotionEar::open(None).unwrap();
+    let of = |(letter, name): &(char, &str)| {
+        let is_his = |file: &str| {
+            let is_kept = file.starts_with("09") || file.starts_with("12");
+            is_kept && file[5..].starts_with(*letter)
+        };
+        let sounds = recordings("speech/emodb_de", 1, is_his);
+        let right = sounds.iter().filter(|sound| {
+            let (strongest, most) = heard(&ear, sound);
+            strongest > SEEN && most == *name
+        });
+        (right.count(), sounds.len())
+    };
+    let counts: Vec<_> = LETTERS.iter().map(of).collect();
+    let (right, all) = counts
+        .iter()
+        .fold((0, 0), |sum, x| (sum.0 + x.0, sum.1 + x.1));
+    assert!(all >= 50 && 20 * right >= 9 * all, "{counts:?}");
+}
+
+#[test]
+#[ignore = "needs ../shared"]
+fn emoface_feels_nothing_with_a_neutral_stranger() {
+    let engine = Engine::new(EngineOptions {
+        system: Some("emoface".into()),
+        cache: CachePolicy::Off,
+        ..EngineOptions::default()
+    })
+    .unwrap();
+    let performed = |sound: &Waveform, feeling_from: f32| {
+        let still = ["blinks_per_minute", "brow_accents", "gaze", "head_motion"];
+        let controls = still
+            .iter()
+            .fold(Controls::default(), |all, name| all.with(name, 0.0));
+        let request = MotionRequest {
+            controls: controls.with("feeling_from", feeling_from),
+            emotion: EmotionCurve::default(),
+            ..MotionRequest::default()
+        };
+        match engine.perform(sound, &request, SILENT).unwrap().motion {
+            Motion::Codes(clip) => clip.landmarks.displacements,
+            other => panic!("expected codes, got {}", other.kind()),
+        }
+    };
+    let sounds = recordings("motion/grid_s1/audio", 200, |_| true);
+    let felt = sounds.iter().map(|sound| {
+        let apart = performed(sound, 0.0) - performed(sound, 2.0);
+        1e3 * apart.fold(0.0f32, |most, x| most.max(x.abs()))
+    });
+    let felt: Vec<f32> = felt.collect();
+    let moved = felt.iter().filter(|mm| **mm > 1.5).count();
+    assert!(felt.len() >= 5 && moved <= felt.len() / 5, "{felt:?} mm");
+}

@@ -1,0 +1,131 @@
+"""The ear for emotion: which feeling is heard in two seconds of a voice, and how sure that is.
+
+A small network over log-mels and pitch tells what Whisper's middle layers say of the two seconds; beside it
+stand the 118 numbers of `training.systems.emoface.feeling`. A linear layer makes of both the logits of the
+feelings. `training.speech.train_emotion_ear` trains it. Instants and their windows are those of the numbers.
+"""
+
+from dataclasses import dataclass, field
+
+import numpy as np
+import torch
+import torch.nn.functional as F
+from torch import Tensor, nn
+
+from training.nn.config import Config
+from training.speech.compact import CompactConfig, CompactEncoder
+from training.speech.log_mel import BANDS
+from training.systems.emoface.feeling import (
+    ACTIVE_NEPERS,
+    FEELINGS,
+    LOUD_SHARE,
+    NUMBERS,
+    PERIODIC,
+    WINDOW,
+    Voice,
+    cepstral_basis,
+    instants,
+    of_window,
+)
+
+INPUTS = BANDS + 2
+"""Log-mel under the loud level, pitch, and how periodic the sound is."""
+DEEPEST, SCALE = -12.0, 4.0
+MIDDLE_OCTAVE = 7.5
+LEAST_WEIGHT = 0.01
+"""Of a frame that is not active."""
+LEAST_SPREAD = 1e-5
+STRIDE = 4
+LARGEST = 6.0
+"""Deviations of a number that are still counted."""
+
+
+@dataclass
+class EmotionEarConfig(Config):
+    """Everything that inference has to know; saved as config.json."""
+
+    model: str = "emotion_ear"
+    channels: int = 120
+    fine_dilations: list[int] = field(default_factory=lambda: [1])
+    coarse_dilations: list[int] = field(default_factory=lambda: [1, 2, 4])
+    hidden: int = 256
+    told: int = 128
+    feelings: list[str] = field(default_factory=lambda: list(FEELINGS))
+
+
+def inputs_of(mel: Tensor, octave: Tensor, periodic: Tensor) -> tuple[Tensor, Tensor]:
+    """What the network hears of windows: [B, T, 64], [B, T], [B, T] → [B, T, 66] and weights [B, T]."""
+    level = mel.mean(dim=-1)
+    loud = torch.quantile(level, LOUD_SHARE, dim=-1, keepdim=True)
+    active = level > loud - ACTIVE_NEPERS
+    voiced = active & (periodic > PERIODIC)
+    bands = (mel - loud[..., None]).clamp_min(DEEPEST) / SCALE
+    pitch = torch.where(voiced, octave - MIDDLE_OCTAVE, torch.zeros_like(octave))
+    return torch.cat([bands, pitch[..., None], periodic[..., None]], dim=-1), active.to(mel.dtype)
+
+
+class EmotionEarNet(nn.Module):
+    """Windows of 10 ms frames → what Whisper would tell of them, [B, told]."""
+
+    def __init__(self, config: EmotionEarConfig):
+        super().__init__()
+        self.config = config
+        sizes = CompactConfig(bands=INPUTS, channels=config.channels,
+                              fine_dilations=config.fine_dilations,
+                              coarse_dilations=config.coarse_dilations)  # fmt: skip
+        self.encoder = CompactEncoder(sizes)
+        self.inner = nn.Linear(2 * config.channels, config.hidden)
+        self.outer = nn.Linear(config.hidden, config.told)
+
+    def forward(self, heard: Tensor, weight: Tensor) -> Tensor:
+        """`heard` [B, T, 66] and `weight` [B, T] of `inputs_of`; mean and spread over time are weighted."""
+        x = self.encoder(heard)
+        share = weight[:, ::STRIDE, None] + LEAST_WEIGHT
+        share = share / share.sum(dim=1, keepdim=True)
+        mean = (share * x).sum(dim=1)
+        spread = (share * (x - mean[:, None]).square()).sum(dim=1)
+        pooled = torch.cat([mean, (spread + LEAST_SPREAD).sqrt()], dim=1)
+        return self.outer(F.gelu(self.inner(pooled)))
+
+
+@dataclass
+class EmotionEar:
+    """`mean`, `scale` [told + 118] of what the network tells and the numbers; `weight` [., 7], `bias` [7]."""
+
+    config: EmotionEarConfig
+    net: EmotionEarNet
+    mean: np.ndarray
+    scale: np.ndarray
+    weight: np.ndarray
+    bias: np.ndarray
+
+    def arrays(self) -> dict[str, np.ndarray]:
+        """What is saved beside the network."""
+        return {name: getattr(self, name) for name in ("mean", "scale", "weight", "bias")}
+
+    def logits(self, rows: np.ndarray) -> np.ndarray:
+        """Of `rows_of`, [I, told + 118] → [I, 7]."""
+        return ((rows - self.mean) / self.scale).clip(-LARGEST, LARGEST) @ self.weight + self.bias
+
+    def hear(self, voice: Voice) -> np.ndarray:
+        """Logits at each instant of a voice, [I, 7]."""
+        return self.logits(rows_of(self.net, voice))
+
+
+@torch.no_grad()
+def told_of(net: EmotionEarNet, voice: Voice, first: int, end: int) -> np.ndarray:
+    """What the network tells of one window, [told]."""
+    part = [torch.from_numpy(x[first:end]).float()[None] for x in (voice.mel, voice.octave, voice.periodic)]
+    return net(*inputs_of(*part))[0].numpy().astype(np.float64)
+
+
+def row_of(net: EmotionEarNet, voice: Voice, first: int, end: int) -> np.ndarray:
+    """What the network tells of a window, and its numbers, [told + 118]."""
+    cepstra = voice.mel @ cepstral_basis()
+    return np.concatenate([told_of(net, voice, first, end), of_window(voice, cepstra, first, end)])
+
+
+def rows_of(net: EmotionEarNet, voice: Voice) -> np.ndarray:
+    """At each instant, [I, told + 118]."""
+    rows = [row_of(net, voice, max(end - WINDOW, 0), end) for end in instants(len(voice.mel))]
+    return np.array(rows).reshape(-1, net.outer.out_features + NUMBERS)

@@ -1,0 +1,152 @@
+"""Fits the layer that tells feelings from what the ear's network and the 118 numbers say, and measures it.
+
+    python -m training.speech.train_emotion_ear --windows runs/ear/windows.pt --net runs/ear/net.pt
+
+Every actor's feeling is moved onto other speakers: by how much it differs from his neutral voice, added to
+the neutral voice of a reader. So nothing tells a feeling by whose recordings hold it. `--measure` leaves
+actors out in turn in place of writing the model. Nothing is random in it but who wears whose feeling, which a
+seed says.
+"""
+
+from collections import Counter
+from pathlib import Path
+from typing import Annotated
+
+import numpy as np
+import torch
+import torch.nn.functional as F
+
+from training import shipped
+from training.corpus.feelings import HELD_OUT, SOURCE
+from training.flags import run_command
+from training.nn.checkpoint import write_model
+from training.speech.emotion_ear import LARGEST, EmotionEar, EmotionEarConfig, EmotionEarNet, row_of
+from training.systems.emoface.feeling import FEELINGS, WINDOW, voice_of
+from training.systems.emoface.train_feeling import scores
+
+STRENGTH = 0.1
+"""Of the data beside the penalty on the weights."""
+WEARERS, OWN_SHARE = 4, 0.5
+"""Readers on whom each felt clip is put, and the share of the clip as it is."""
+ONE_VOICE = ("kathleen_en", "kerstin_de", "grid_s1", "kokoro")
+"""Sources that tell who speaks; of the others every window is taken for another speaker."""
+TOWARDS_MEAN = 0.7
+READER_SHARE = 0.3
+LEAST_DEVIATION = 1e-4
+
+
+class Rows:
+    """What is heard of all windows, `x` [N, told + 118], with `label` [N] in `FEELINGS`."""
+
+    def __init__(self, windows: Path, net: EmotionEarNet):
+        saved = torch.load(windows)
+        about = saved["about"]
+        self.source = np.array([a["source"] for a in about])
+        self.speaker = np.array([a["speaker"] for a in about])
+        self.held_out = np.array([a["held_out"] for a in about])
+        self.label = np.array([FEELINGS.index(a["feeling"]) for a in about])
+        self.x = np.stack([_row(net, s[: a["samples"]]) for s, a in zip(saved["sounds"], about, strict=True)])
+        self.felt = np.flatnonzero(self.source == SOURCE)
+        self.readers = np.flatnonzero((self.source != SOURCE) & ~self.held_out)
+
+    def neutral_voices(self) -> np.ndarray:
+        """Of speakers who are not actors, [speakers, told + 118]."""
+        found = []
+        for source in sorted(set(self.source[self.readers])):
+            own = self.readers[self.source[self.readers] == source]
+            if source in ONE_VOICE:
+                means = [self.x[own[self.speaker[own] == s]].mean(0) for s in sorted(set(self.speaker[own]))]
+                found += means if len(means) > 1 else 3 * means
+            elif source != "espeak":
+                middle = self.x[own].mean(0)
+                found += list(middle + TOWARDS_MEAN * (self.x[own] - middle))
+        return np.array(found)
+
+
+def _row(net: EmotionEarNet, samples: torch.Tensor) -> np.ndarray:
+    voice = voice_of(samples.numpy().astype(np.float32) / 32768.0)
+    end = len(voice.mel)
+    return row_of(net, voice, max(end - WINDOW, 0), end)
+
+
+def fitted(net: EmotionEarNet, rows: Rows, felt: np.ndarray, seed: int = 0) -> EmotionEar:
+    """The layer, from the actors' clips `felt` (numbers of rows) and all readers who are not held out."""
+    random = np.random.default_rng(seed)
+    neutral = {
+        actor: rows.x[felt[(rows.speaker[felt] == actor) & (rows.label[felt] == 0)]].mean(0)
+        for actor in set(rows.speaker[felt])
+    }
+    offset = rows.x[felt] - np.array([neutral[actor] for actor in rows.speaker[felt]])
+    voices = rows.neutral_voices()
+    worn = [offset + voices[random.integers(len(voices), size=len(felt))] for _ in range(WEARERS)]
+    x = np.concatenate([rows.x[felt], *worn, rows.x[rows.readers]])
+    labels = np.concatenate([np.tile(rows.label[felt], 1 + WEARERS), rows.label[rows.readers]])
+    weight = np.concatenate([
+        np.full(len(felt), OWN_SHARE), np.full(len(felt) * WEARERS, (1.0 - OWN_SHARE) / WEARERS),
+        np.full(len(rows.readers), READER_SHARE),
+    ])  # fmt: skip
+    for k in range(len(FEELINGS)):
+        weight[labels == k] *= len(felt) / len(FEELINGS) / weight[labels == k].sum()
+    mean, scale = x.mean(0), x.std(0) + LEAST_DEVIATION
+    matrix, bias = logistic(((x - mean) / scale).clip(-LARGEST, LARGEST), labels, weight)
+    return EmotionEar(net.config, net, mean, scale, matrix, bias)
+
+
+def logistic(x: np.ndarray, labels: np.ndarray, weight: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
+    """Multinomial logistic regression: matrix [C, 7] and bias [7]."""
+    data, wanted, weights = torch.from_numpy(x), torch.from_numpy(labels), torch.from_numpy(weight)
+    matrix = torch.zeros(x.shape[1], len(FEELINGS), dtype=torch.float64, requires_grad=True)
+    bias = torch.zeros(len(FEELINGS), dtype=torch.float64, requires_grad=True)
+    optimiser = torch.optim.LBFGS([matrix, bias], max_iter=80, line_search_fn="strong_wolfe")
+
+    def loss() -> torch.Tensor:
+        optimiser.zero_grad()
+        told = F.cross_entropy(data @ matrix + bias, wanted, reduction="none")
+        total = STRENGTH * (weights * told).sum() + 0.5 * matrix.square().sum()
+        total.backward()
+        return total
+
+    optimiser.step(loss)
+    return matrix.detach().numpy(), bias.detach().numpy()
+
+
+def leave_one_out(net: EmotionEarNet, rows: Rows) -> dict[str, float]:
+    """Every actor judged by a layer that never heard him; the network heard all but those left out."""
+    logits = np.zeros((len(rows.felt), len(FEELINGS)))
+    for actor in sorted(set(rows.speaker[rows.felt])):
+        is_own = rows.speaker[rows.felt] == actor
+        ear = fitted(net, rows, rows.felt[~is_own])
+        logits[is_own] = ear.logits(rows.x[rows.felt[is_own]])
+    return scores(logits, rows.label[rows.felt])
+
+
+def main(
+    windows: Annotated[Path, "of training.speech.emotion_windows"],
+    net: Annotated[Path, "of training.speech.distil_emotion"],
+    models: Annotated[Path | None, "folder of models; none: the embedded ones"] = None,
+    measure: Annotated[bool, "measure instead of writing the model"] = False,
+) -> None:
+    """Command line."""
+    saved = torch.load(net)
+    network = EmotionEarNet(EmotionEarConfig.from_json(saved["config"])).eval()
+    network.load_state_dict(saved["state"])
+    rows = Rows(windows, network)
+    if measure:
+        print("an actor left out", leave_one_out(network, rows))
+        return
+    left = np.isin(rows.speaker[rows.felt], HELD_OUT)
+    ear = fitted(network, rows, rows.felt[~left])
+    state = {name: torch.from_numpy(x).float() for name, x in ear.arrays().items()} | network.state_dict()
+    folder = models / "emotion_ear" if models else shipped("emotion_ear")
+    print(write_model(folder, state, ear.config.to_json(), exact=("mean", "scale", "bias", "weight")))
+    print("actors held out", scores(ear.logits(rows.x[rows.felt[left]]), rows.label[rows.felt[left]]))
+    kept = rows.held_out & (rows.source != SOURCE)
+    for source, count in Counter(rows.source[kept]).items():
+        logits = ear.logits(rows.x[kept & (rows.source == source)])
+        neutral = torch.from_numpy(logits).softmax(dim=1)[:, 0].numpy()
+        doubted = np.mean(neutral < 0.4)
+        print(f"{source}: {count} windows, neutral {neutral.mean():.2f}, under 0.4 {doubted:.3f}")
+
+
+if __name__ == "__main__":
+    run_command(main)

@@ -1,0 +1,80 @@
+"""The ear for emotion: what it hears, how it is taught, and that whose recording it is says nothing."""
+
+import numpy as np
+import torch
+
+from training.corpus.feelings import SOURCE
+from training.speech.distil_emotion import cut, directions, moved, pooled
+from training.speech.emotion_ear import EmotionEarConfig, EmotionEarNet, inputs_of, rows_of
+from training.speech.train_emotion_ear import Rows, fitted
+from training.systems.emoface.feeling import FEELINGS, NUMBERS, instants, voice_of
+from training.systems.emoface.golden_feeling import made_voice
+
+SMALL = EmotionEarConfig(channels=16, coarse_dilations=[1], hidden=8, told=6)
+
+
+def test_a_louder_voice_is_heard_alike():
+    voice = voice_of(made_voice())
+    parts = [torch.from_numpy(x).float()[None] for x in (voice.mel, voice.octave, voice.periodic)]
+    heard, weight = inputs_of(*parts)
+    louder, same = inputs_of(parts[0] + 2.0, *parts[1:])
+    assert torch.allclose(heard, louder, atol=1e-5) and torch.equal(weight, same)
+    assert heard.shape == (1, len(voice.mel), 66)
+
+
+def test_every_instant_has_a_row():
+    torch.manual_seed(0)
+    voice = voice_of(made_voice())
+    rows = rows_of(EmotionEarNet(SMALL).eval(), voice)
+    assert rows.shape == (len(instants(len(voice.mel))), SMALL.told + NUMBERS)
+
+
+def test_sounds_that_are_moved_keep_their_peak_and_their_parts_their_length():
+    random = torch.Generator().manual_seed(0)
+    sounds = torch.from_numpy(np.stack([made_voice()[:32000]] * 3)) / 0.2
+    heard = moved(sounds, random)
+    assert torch.allclose(heard.abs().amax(dim=1), torch.full((3,), 0.9), atol=0.8)
+    assert torch.isfinite(heard).all()
+    lengths = torch.tensor([32000, 20000, 13000])
+    for frames, (which, parts) in cut(sounds, lengths, random).items():
+        assert parts.shape == (len(which), frames * 160) and frames % 20 == 0
+        assert (lengths[which] >= frames * 160).all()
+
+
+def test_the_first_directions_are_those_of_feelings():
+    random = torch.Generator().manual_seed(0)
+    rows = torch.randn(400, 300, generator=random)
+    felt = torch.zeros(100, 300)
+    felt[:, 7] = torch.randn(100, generator=random)
+    mean, scale, basis = directions(rows, felt, 60)
+    assert basis.shape == (300, 60) and basis[7, 0].abs() > 0.99
+    assert pooled([torch.ones(2, 5, 3)]).shape == (2, 9)
+
+
+def rows_of_strangers(random: np.random.Generator) -> Rows:
+    """Actors of one kind of recording who feel along axes 0 to 6, readers of another that axis 9 tells."""
+    rows = object.__new__(Rows)
+    size, count = SMALL.told + NUMBERS, 140
+    label = np.arange(count) % len(FEELINGS)
+    felt = 0.5 * random.standard_normal((count, size))
+    felt[np.arange(count), label] += 4.0
+    felt[:, 9] += 6.0
+    readers = 0.5 * random.standard_normal((60, size))
+    readers[:, 0] += 4.0
+    rows.x = np.concatenate([felt, readers])
+    rows.label = np.concatenate([label, np.zeros(60, int)])
+    rows.source = np.array([SOURCE] * count + ["picovoice_en"] * 60)
+    rows.speaker = np.array([f"{k % 4}" for k in range(count)] + ["reader"] * 60)
+    rows.held_out = np.zeros(len(rows.x), bool)
+    rows.felt, rows.readers = np.arange(count), np.arange(count, count + 60)
+    return rows
+
+
+def test_a_feeling_is_known_in_another_kind_of_recording():
+    random = np.random.default_rng(0)
+    rows = rows_of_strangers(random)
+    ear = fitted(EmotionEarNet(SMALL), rows, rows.felt)
+    stranger = 0.5 * random.standard_normal((70, rows.x.shape[1]))
+    label = np.arange(70) % len(FEELINGS)
+    stranger[np.arange(70), label] += 4.0
+    assert (ear.logits(stranger).argmax(axis=1) == label).mean() > 0.9
