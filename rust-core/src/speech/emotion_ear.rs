@@ -364,7 +364,7 @@ mod tests {
         assert_eq!(windows.len(), expected.nrows());
         for (window, expected) in windows.iter().zip(expected.outer_iter()) {
             let logits = ear.logits(window).mapv(|x| x as f32);
-            let apart = distance(&logits, &expected);
+            let apart = distance(&logits, expected);
             assert!(apart < 2e-3, "{apart}");
         }
     }
