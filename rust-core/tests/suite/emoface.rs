@@ -1,9 +1,6 @@
 //! EmoFace through the engine: what is said and how it is felt, apart and together.
 
-use std::{
-    path::PathBuf,
-    sync::{Arc, LazyLock},
-};
+use std::sync::{Arc, LazyLock};
 
 use anyface::{
     CachePolicy, Engine, EngineOptions, Error, MotionRequest, Result,
