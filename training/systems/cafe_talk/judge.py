@@ -1,8 +1,9 @@
 """A judge of emotions: which of the fifteen do weights [T, 51] show? (Cafe-Talk, appendix D.2.)
 
-An MLP, a `cls` token, positions, one layer of a transformer with 8 heads, and a head on the token. It learns
-from recorded speech under added emotions; what it is asked about are other clips. `Acc` is the share of
-clips whose emotion it finds, `Div` the deviation of its features over clips.
+An MLP, a `cls` token, positions, one layer of a transformer with 8 heads, and two heads on the token: which
+emotion, and how strong. It learns from recorded speech under added emotions; what it is asked about are other
+clips. `Acc` is the share of clips whose emotion it finds, `Div` the deviation of its features over clips,
+`read` the mean strength that it reads.
 """
 
 from collections.abc import Callable
@@ -23,12 +24,16 @@ from training.systems.cafe_talk.train import lips_met
 WIDTH, HEADS = 64, 8
 WINDOW_FRAMES = 50
 BATCH, RATE = 64, 2e-3
-INTENSITIES = (0.25, 1.5)
+INTENSITIES = (0.0, 1.5)
 """Of the emotions that the judge learns from."""
+TOO_WEAK = 0.25
+"""Below this a window teaches how strong it is, and not which emotion it shows."""
+STRENGTH_SHARE = 1.0
+"""How much an error of the strength counts beside the cross-entropy of the emotion."""
 
 
 class Judge(nn.Module):
-    """Weights [B, T, 51] → scores of the fifteen emotions [B, 15]."""
+    """Weights [B, T, 51] → scores of the fifteen emotions [B, 15], and their strength [B]."""
 
     def __init__(self):
         super().__init__()
@@ -36,6 +41,7 @@ class Judge(nn.Module):
         self.cls = nn.Parameter(torch.zeros(WIDTH))
         self.layer = nn.TransformerEncoderLayer(WIDTH, HEADS, 2 * WIDTH, 0.1, batch_first=True)
         self.head = nn.Linear(WIDTH, len(EMOTIONS))
+        self.strength = nn.Linear(WIDTH, 1)
 
     def features(self, weights: Tensor) -> Tensor:
         """What the token knows of [B, T, 51], [B, d]."""
@@ -43,16 +49,19 @@ class Judge(nn.Module):
         x = torch.cat([self.cls.expand(len(x), 1, -1), x], dim=1)
         return self.layer(x + timestep_embedding(torch.arange(x.shape[1]), WIDTH))[:, 0]
 
-    def forward(self, weights: Tensor) -> Tensor:
-        """[B, T, 51] → [B, 15]."""
-        return self.head(self.features(weights))
+    def forward(self, weights: Tensor) -> tuple[Tensor, Tensor]:
+        """[B, T, 51] → [B, 15], [B]."""
+        features = self.features(weights)
+        return self.head(features), self.strength(features)[:, 0]
 
     @torch.no_grad()
-    def verdict(self, weights: Tensor) -> tuple[int, Tensor]:
-        """Number of the emotion of a clip [T, 51], and its features [d]: means over windows of 2 s."""
+    def verdict(self, weights: Tensor) -> tuple[int, Tensor, float]:
+        """Number of the emotion of a clip [T, 51], features [d] and strength: means over windows of 2 s."""
         count = max(len(weights) // WINDOW_FRAMES, 1)
         windows = weights[: count * WINDOW_FRAMES].unflatten(0, (count, -1))
-        return int(self(windows).mean(dim=0).argmax()), self.features(windows).mean(dim=0)
+        scores, strength = self(windows)
+        found = int(scores.mean(dim=0).argmax())
+        return found, self.features(windows).mean(dim=0), float(strength.mean())
 
 
 def felt(weights: Tensor, emotion: int, intensity: float) -> Tensor:
@@ -75,41 +84,51 @@ def taught(lessons: list[Entry], steps: int, seed: int = 0) -> Judge:
         optimiser = torch.optim.AdamW(judge.parameters(), RATE, weight_decay=0.02)
         schedule = torch.optim.lr_scheduler.OneCycleLR(optimiser, RATE, steps + 1)
         for _ in range(steps):
-            shown, label = _batch(usable, random)
-            downhill(nn.functional.cross_entropy(judge(shown), label), optimiser, schedule)
+            shown, label, strength = _batch(usable, random)
+            scores, read = judge(shown)
+            clear = strength >= TOO_WEAK
+            loss = nn.functional.cross_entropy(scores[clear], label[clear])
+            felt_at_all = label != EMOTIONS.index("neutral")
+            off = (read - strength)[felt_at_all].square().mean()
+            downhill(loss + STRENGTH_SHARE * off, optimiser, schedule)
     return judge.eval()
 
 
-def _batch(usable: list[Tensor], random: np.random.Generator) -> tuple[Tensor, Tensor]:
+def _batch(usable: list[Tensor], random: np.random.Generator) -> tuple[Tensor, Tensor, Tensor]:
     labels = random.integers(0, len(EMOTIONS), BATCH)
+    strengths = random.uniform(*INTENSITIES, BATCH)
     rows = []
-    for label in labels:
+    for label, strength in zip(labels, strengths, strict=True):
         clip = usable[random.integers(len(usable))]
         first = int(random.integers(0, len(clip) - WINDOW_FRAMES + 1))
         window = clip[first : first + WINDOW_FRAMES]
-        rows.append(felt(window, int(label), float(random.uniform(*INTENSITIES))))
-    return torch.stack(rows), torch.from_numpy(labels)
+        rows.append(felt(window, int(label), float(strength)))
+    return torch.stack(rows), torch.from_numpy(labels), torch.from_numpy(strengths).float()
 
 
 @dataclass
 class Verdicts:
-    """Of generated takes: numbers of the emotions asked for and found, [N] each; features [N, d]."""
+    """Of takes: numbers of the emotions asked for and found, [N] each, features [N, d] and strength [N]."""
 
     asked: np.ndarray
     found: np.ndarray
     features: Tensor
+    strength: np.ndarray
 
     def scores(self, rows: np.ndarray | None = None, truth: int | None = None) -> dict[str, float]:
         """Acc and Div of some of them; against one emotion for all where `truth` is given."""
         rows = np.ones(len(self.asked), bool) if rows is None else rows
         wanted = self.asked if truth is None else np.full(len(self.asked), truth)
         spread = self.features[torch.from_numpy(rows)].std(dim=0).mean()
-        return {"Acc": float((self.found == wanted)[rows].mean()), "Div": float(spread)}
+        felt_at_all = rows & (self.asked != EMOTIONS.index("neutral"))
+        read = float(self.strength[felt_at_all].mean()) if felt_at_all.any() else 0.0
+        return {"Acc": float((self.found == wanted)[rows].mean()), "Div": float(spread), "read": read}
 
 
 def judged(judge: Judge, makes: Callable[[int, int], Tensor], count: int) -> Verdicts:
     """The judge on `makes(clip, emotion)` [T, 51], over `count` clips and all emotions."""
     asked = [(clip, emotion) for clip in range(count) for emotion in range(len(EMOTIONS))]
     each = [judge.verdict(makes(clip, emotion)) for clip, emotion in asked]
-    found, features = zip(*each, strict=True)
-    return Verdicts(np.array([e for _, e in asked]), np.array(found), torch.stack(features))
+    found, features, strength = zip(*each, strict=True)
+    asked = np.array([emotion for _, emotion in asked])
+    return Verdicts(asked, np.array(found), torch.stack(features), np.array(strength))

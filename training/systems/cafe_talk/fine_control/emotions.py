@@ -53,9 +53,9 @@ def by_label(judge: judging.Judge, actor: Actor, takes: list[Take]) -> dict[str,
 
 
 def by_intensity(judge: judging.Judge, actor: Actor, takes: list[Take]) -> dict[str, Scores]:
-    """Table 9: Acc and Div from no intensity to 1.5.
+    """Table 9: Acc and Div from no intensity to 1.5, and the strength that the judge reads.
 
-    Beside them `change`, the mean change of a weight against no intensity, which grows on where Acc is full.
+    Beside them `change`, the mean change of a weight against no intensity.
     """
     plain = [actor.perform(take) for take in takes]
     rows = {}

@@ -63,7 +63,8 @@ class Unlabelled:
     """A denoiser that is never told the coarse condition (table 8: the label masked)."""
 
     def __init__(self, model: Denoiser):
-        self.model, self.config, self.to_weights = model, model.config, model.to_weights
+        self.model, self.config, self.mean = model, model.config, model.mean
+        self.to_weights = model.to_weights
 
     def __call__(self, noisy: Tensor, timestep: Tensor, speech: Tensor, coarse, *more) -> Tensor:
         """As the denoiser, under its learned null."""
