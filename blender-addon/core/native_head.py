@@ -88,9 +88,9 @@ class HeadCalls:
         )
         self._copy("anyface_mesh_copy_positions", mesh, made.positions)
         self._copy("anyface_head_copy_uv", head, made.uv)
-        for name, numbers in (("faces", made.faces), ("face_materials", made.materials)):
-            copied = numbers.ctypes.data_as(_INDICES)
-            self._call(f"anyface_head_copy_{name}", head, copied, numbers.size)
+        faces, kinds = (array.ctypes.data_as(_INDICES) for array in (made.faces, made.materials))
+        self._call("anyface_head_copy_faces", head, faces, made.faces.size)
+        self._call("anyface_head_copy_face_materials", head, kinds, made.materials.size)
         return made
 
 

@@ -165,8 +165,10 @@ fn the_example_of_heads_writes_one() {
         let text = std::fs::read_to_string(folder.join("head.obj")).expect("the mesh is there");
         let lines = |start: &str| text.lines().filter(|line| line.starts_with(start)).count();
         assert!(lines("v ") > 5000 && lines("f ") > 10_000, "{said}");
-        let coefficients = text.lines().next().expect("the first line").split(' ');
-        assert_eq!(coefficients.count(), 101);
+        let numbers = text.lines().next().expect("the first line").split(' ');
+        assert_eq!(numbers.count(), 113);
+        let quads = text.lines().filter(|line| line.split(' ').count() == 5);
+        assert!(quads.count() > 4000, "skin is quads");
         let mut wrong = in_folder(&program, &folder);
         let output = run(wrong.args(["7", "none.obj", "12", "9"]), 3);
         assert!(String::from_utf8_lossy(&output.stderr).contains("-4 to 4"));
