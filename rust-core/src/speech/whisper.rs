@@ -329,7 +329,6 @@ mod tests {
             [-0.2246, 0.5254, 1.1761, -0.1614f32],
         ];
         let Some(folder) = std::env::var_os("ANYFACE_WHISPER") else {
-            println!("ignored: ANYFACE_WHISPER names no folder of Whisper base");
             return;
         };
         let shared = std::env::var_os("ANYFACE_SHARED").expect("ANYFACE_SHARED");
