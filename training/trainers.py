@@ -6,12 +6,14 @@ python -m training.trainers --write docs/training.md  # puts it where the old on
 
 import argparse
 import importlib
+import inspect
 from collections.abc import Iterator
 from pathlib import Path
 from types import ModuleType
 from unittest.mock import patch
 
 from training import REPOSITORY
+from training.flags import run_command
 
 BEGIN, END = "<!-- trainers: begin -->", "<!-- trainers: end -->"
 HEADING = [
@@ -49,6 +51,9 @@ def parser_of(trainer: ModuleType) -> argparse.ArgumentParser:
 
     try:
         with patch.object(argparse.ArgumentParser, "parse_args", ask):
+            needs = inspect.signature(trainer.main).parameters.values()
+            if any(parameter.default is parameter.empty for parameter in needs):
+                run_command(trainer.main)
             trainer.main()
     except Asked as asked:
         return asked.args[0]
