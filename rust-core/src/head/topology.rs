@@ -254,7 +254,7 @@ impl Part {
 }
 
 /// One or two triangles.
-pub(super) fn triangles_of(face: &[u32; 4]) -> impl Iterator<Item = [u32; 3]> + use<> {
+fn triangles_of(face: &[u32; 4]) -> impl Iterator<Item = [u32; 3]> + use<> {
     let [a, b, c, d] = *face;
     let second = (c != d).then_some([a, c, d]);
     std::iter::once([a, b, c]).chain(second)

@@ -8,7 +8,10 @@ use std::path::Path;
 use ndarray::{Array2, ArrayRef2, Axis, Slice, s};
 use serde::Deserialize;
 
-use super::{FeatureTrack, SpeechEncoder, whisper_mel::whisper_mel};
+use super::{
+    FeatureTrack, SpeechEncoder,
+    whisper_mel::{BANDS, whisper_mel},
+};
 use crate::{
     Error, Result,
     audio::Waveform,
@@ -25,8 +28,6 @@ use crate::{
 
 /// Features a second.
 const RATE_HZ: f64 = 50.0;
-/// Log-mel bands of all but the latest large model, which has 128.
-const BANDS: usize = 80;
 /// Features that are heard together: 12 s.
 const SPAN: usize = 600;
 /// Features of context on either side of a span: 1.5 s.

@@ -8,7 +8,8 @@ use realfft::RealFftPlanner;
 use super::{FRAME, HOP};
 use crate::audio::SAMPLE_RATE_HZ;
 
-const BANDS: usize = 80;
+/// Bands of all models but the latest large one, which has 128.
+pub(super) const BANDS: usize = 80;
 const HIGH_HZ: f64 = 8000.0;
 /// Smallest power that enters the logarithm.
 const FLOOR: f32 = 1e-10;
