@@ -14,7 +14,7 @@ from training import DATA, shipped
 from training.flags import run_command
 from training.head_topology.fit import Samples, Target, ears
 from training.head_topology.shape import shape
-from training.landmarks.canonical import from_ict
+from training.landmarks.canonical import from_ict, to_ict
 from training.nn.checkpoint import read_arrays
 
 HEADS = 20
@@ -49,7 +49,7 @@ def seen_skin(state: dict[str, np.ndarray], config: dict) -> np.ndarray:
     used = np.unique(faces.astype(int))
     places = state["positions"][used]
     on_face = (places[:, 2] > 0.0) & (places[:, 1] > -0.11)
-    return used[on_face & ~ears(100 * places)]
+    return used[on_face & ~ears(to_ict(places))]
 
 
 if __name__ == "__main__":

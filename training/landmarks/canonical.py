@@ -24,8 +24,16 @@ HINGES = [0, 1, 15, 16]
 
 def from_ict(points_cm: np.ndarray) -> np.ndarray:
     """Points of the ICT model, `[..., 3]` in its own centimetres, to canonical metres."""
-    origin = np.array(json.loads(CANONICAL.read_text())["ict_origin_cm"])
-    return (points_cm - origin) * 0.01
+    return (points_cm - _origin_cm()) * 0.01
+
+
+def to_ict(points: np.ndarray) -> np.ndarray:
+    """Canonical points, `[..., 3]` metres, to ICT's own centimetres."""
+    return points * 100.0 + _origin_cm()
+
+
+def _origin_cm() -> np.ndarray:
+    return np.array(json.loads(CANONICAL.read_text())["ict_origin_cm"])
 
 
 def main(data: Path = DATA) -> None:
