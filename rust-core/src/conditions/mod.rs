@@ -36,6 +36,9 @@ pub const EMOTIONS: [&str; 15] = [
     "drunk",
 ];
 
+/// Strength of each of [`EMOTIONS`], 1 is the full expression; that of neutral says nothing.
+pub(crate) type Strengths = [f32; EMOTIONS.len()];
+
 /// Largest intensity that a caller may ask for; 1 is a full expression.
 pub const MAX_INTENSITY: f32 = 1.5;
 

@@ -16,6 +16,7 @@ mod expression;
 mod face_modes;
 mod frame_stream;
 mod gaze;
+mod gestures;
 mod head;
 mod join;
 mod life;
