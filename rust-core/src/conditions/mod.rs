@@ -191,6 +191,22 @@ impl EmotionCurve {
         }
     }
 
+    /// The curve of a sound of `from_s` seconds, stretched over `to_s` seconds.
+    #[must_use]
+    pub(crate) fn over(&self, from_s: f64, to_s: f64) -> EmotionCurve {
+        match self {
+            Self::Keys(keys) => {
+                let at = |time_s: f64| time_s * to_s / from_s;
+                Self::Keys(
+                    keys.iter()
+                        .map(|(time_s, emotion)| (at(*time_s), *emotion))
+                        .collect(),
+                )
+            }
+            other => other.clone(),
+        }
+    }
+
     /// Reads `off`, `auto`, `auto-arousal`, or an emotion as [`Emotion::parse`] does.
     ///
     /// # Errors

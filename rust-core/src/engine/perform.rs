@@ -79,11 +79,10 @@ impl Performance {
         self.request.articulation()
     }
 
-    /// How likely each emotion is in the voice over time, as the built-in ear hears it; none where another's model
-    /// hears emotions.
-    pub fn heard_emotion(&self, engine: &Engine) -> Option<HeardEmotion> {
-        let is_own = self.heard.emotion.is_none();
-        is_own.then(|| engine.ear.heard(&self.heard.voice))
+    /// How likely each emotion is in the voice over time, as the built-in ear hears it; none where the motion does not
+    /// depend on it.
+    pub fn heard_emotion(&self) -> Option<&HeardEmotion> {
+        self.heard.heard_before()
     }
 
     /// The same speech with other controls, another emotion, or seed of blinks and accents; nothing is
@@ -224,10 +223,7 @@ impl Engine {
     /// that hears feeling shows, unless another recording says how it is felt.
     fn resolved(&self, request: &MotionRequest, heard: &Heard) -> MotionRequest {
         let emotion = match &request.emotion {
-            EmotionCurve::Auto => match &heard.emotion {
-                Some(emotion) => emotion.clone(),
-                None => self.ear.emotion(&heard.voice),
-            },
+            EmotionCurve::Auto => heard.emotion_curve(),
             EmotionCurve::Arousal => emotion_from_voice(&heard.prosody),
             given => given.clone(),
         };

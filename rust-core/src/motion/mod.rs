@@ -27,6 +27,7 @@ mod phrases;
 mod redo;
 mod request;
 mod resample;
+mod silence;
 mod slow_noise;
 mod smooth;
 mod template;

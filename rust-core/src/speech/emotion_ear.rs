@@ -8,19 +8,19 @@ mod live;
 
 pub use live::LiveEar;
 
-use std::{collections::BTreeMap, path::Path};
+use std::{collections::BTreeMap, ops::Range, path::Path};
 
 use ndarray::{Array1, Array2, ArrayView1, ArrayView2, Axis};
 
 use super::{
     compact::{CompactConfig, CompactEncoder},
     feeling::{FeltVoice, FeltWindow, NUMBERS},
-    felt_emotion::shown,
+    felt_emotion::{shown, shown_on_purpose},
     log_mel::BANDS,
 };
 use crate::{
     Error, Result,
-    conditions::{EMOTIONS, EmotionCurve},
+    conditions::{EMOTIONS, Emotion, EmotionCurve},
     models::{BuiltIn, Weights},
     nn::{elementwise::gelu_all, linear::Linear},
 };
@@ -82,6 +82,72 @@ pub struct HeardEmotion {
     pub probability: BTreeMap<String, Vec<f64>>,
     /// How strongly a face shows what is heard there: 0 where neutral is as likely as in readings of strangers.
     pub intensity: Vec<f64>,
+}
+
+impl HeardEmotion {
+    /// What a face shows of it: nothing where neutral is as likely as in readings of strangers, weakly where it is
+    /// hardly less likely.
+    pub fn curve(&self) -> EmotionCurve {
+        self.curve_of(shown)
+    }
+
+    /// What a face shows of a recording that is chosen for its emotion: as strongly as neutral is unlikely.
+    pub fn curve_on_purpose(&self) -> EmotionCurve {
+        self.curve_of(shown_on_purpose)
+    }
+
+    fn curve_of(&self, shown: fn(&[f64; EMOTIONS.len()]) -> Emotion) -> EmotionCurve {
+        if self.time_s.is_empty() {
+            return EmotionCurve::default();
+        }
+        let keys = self.time_s.iter().enumerate();
+        EmotionCurve::Keys(
+            keys.map(|(k, time_s)| (*time_s, shown(&self.shares(k))))
+                .collect(),
+        )
+    }
+
+    /// Probabilities of [`EMOTIONS`] at an instant.
+    fn shares(&self, k: usize) -> [f64; EMOTIONS.len()] {
+        EMOTIONS.map(|name| self.probability.get(name).map_or(0.0, |of| of[k]))
+    }
+
+    /// The instants of a span of seconds.
+    #[must_use]
+    pub fn between(&self, span_s: Range<f64>) -> HeardEmotion {
+        let first = self.time_s.partition_point(|time_s| *time_s < span_s.start);
+        let end = self
+            .time_s
+            .partition_point(|time_s| *time_s < span_s.end)
+            .max(first);
+        let cut = |values: &[f64]| values[first..end].to_vec();
+        let probability = self.probability.iter();
+        HeardEmotion {
+            time_s: cut(&self.time_s),
+            probability: probability
+                .map(|(name, of)| (name.clone(), cut(of)))
+                .collect(),
+            intensity: cut(&self.intensity),
+        }
+    }
+
+    /// The same so many seconds later.
+    #[must_use]
+    pub fn later(mut self, by_s: f64) -> HeardEmotion {
+        self.time_s
+            .iter_mut()
+            .for_each(|time_s| *time_s = rounded(*time_s + by_s));
+        self
+    }
+
+    /// Adds what is heard after it.
+    pub fn extend(&mut self, next: HeardEmotion) {
+        self.time_s.extend(next.time_s);
+        self.intensity.extend(next.intensity);
+        for (name, of) in next.probability {
+            self.probability.entry(name).or_default().extend(of);
+        }
+    }
 }
 
 /// What one window says.
@@ -188,21 +254,10 @@ impl EmotionEar {
         &self.config.feelings
     }
 
-    /// What is felt in a voice: nothing where neutral is as likely as in readings of strangers, weakly where it is
-    /// hardly less likely, and nothing of what was not taught. A sound shorter than 0.8 s is neutral.
+    /// How likely each emotion is in a voice over time; nothing of a sound shorter than 0.8 s.
     ///
     /// The logits of an instant are the mean of those a second about it and of the whole sound, in which windows with
     /// little of a voice count little. The rule is ours.
-    pub fn emotion(&self, voice: &FeltVoice) -> EmotionCurve {
-        let (times_s, shares) = self.shares(voice);
-        if times_s.is_empty() {
-            return EmotionCurve::default();
-        }
-        let keys = times_s.into_iter().zip(shares);
-        EmotionCurve::Keys(keys.map(|(time_s, at)| (time_s, shown(&at))).collect())
-    }
-
-    /// The same with its probabilities, for people who want to see why.
     pub fn heard(&self, voice: &FeltVoice) -> HeardEmotion {
         let (time_s, shares) = self.shares(voice);
         let of = |name: &String| {
@@ -218,13 +273,6 @@ impl EmotionEar {
                 .collect(),
             time_s: time_s.into_iter().map(rounded).collect(),
         }
-    }
-
-    /// How strongly a face shows that somebody feels at all, at motion frames, `[frames]` from 0 to 1.
-    pub fn certainty(&self, voice: &FeltVoice, frames: usize, fps: f64) -> Vec<f32> {
-        let curve = self.emotion(voice);
-        let at = |t: usize| curve.at(t as f64 / fps).intensity;
-        (0..frames).map(at).collect()
     }
 
     /// Instants of a voice in seconds, and the probabilities of [`EMOTIONS`] there.
@@ -345,7 +393,6 @@ mod tests {
     use super::*;
     use crate::{
         audio::Waveform,
-        conditions::Emotion,
         nn::golden::{Golden, distance},
     };
 
@@ -373,8 +420,7 @@ mod tests {
     fn silence_and_short_sounds_are_neutral() {
         let ear = EmotionEar::open(None).unwrap();
         let short: Vec<f32> = (0..8_000).map(|i| (i as f32 * 0.08).sin()).collect();
-        assert_eq!(ear.emotion(&voice(&short)), EmotionCurve::default());
-        assert_eq!(ear.certainty(&voice(&short), 3, 25.0), [0.0; 3]);
+        assert_eq!(ear.heard(&voice(&short)).curve(), EmotionCurve::default());
         let silent = ear.heard(&voice(&[0.0; 48_000]));
         assert!(silent.intensity.iter().all(|x| *x == 0.0), "{silent:?}");
     }
@@ -390,7 +436,7 @@ mod tests {
             let sum: f64 = heard.probability.values().map(|of| of[k]).sum();
             assert!((sum - 1.0).abs() < 0.01, "{sum}");
         }
-        let EmotionCurve::Keys(keys) = ear.emotion(&voice(&samples)) else {
+        let EmotionCurve::Keys(keys) = heard.curve() else {
             panic!("expected keys")
         };
         assert_eq!(keys.len(), heard.time_s.len());

@@ -147,6 +147,11 @@ impl FeltVoice {
         Ok(voice)
     }
 
+    /// Length in seconds.
+    pub fn duration_s(&self) -> f64 {
+        self.octave.len() as f64 / FRAMES_HZ
+    }
+
     /// The same, with the sound kept for encoders that hear it themselves.
     pub fn with_sound(mut self, waveform: &Waveform) -> FeltVoice {
         self.sound = Some(waveform.clone());

@@ -14,7 +14,16 @@ const FULL: f64 = 0.95;
 pub(super) fn shown(shares: &[f64; EMOTIONS.len()]) -> Emotion {
     let felt: f64 = shares[1..].iter().sum();
     let above = ((felt - FLOOR) / (FULL - FLOOR)).clamp(0.0, 1.0);
-    let intensity = (above * above * (3.0 - 2.0 * above)) as f32;
+    strongest_of(shares, above * above * (3.0 - 2.0 * above))
+}
+
+/// The same of a recording that somebody chose for its emotion: the intensity is how unlikely neutral is.
+pub(super) fn shown_on_purpose(shares: &[f64; EMOTIONS.len()]) -> Emotion {
+    strongest_of(shares, shares[1..].iter().sum())
+}
+
+fn strongest_of(shares: &[f64; EMOTIONS.len()], intensity: f64) -> Emotion {
+    let intensity = intensity as f32;
     if intensity == 0.0 {
         return Emotion::default();
     }

@@ -44,7 +44,10 @@ fn recordings(folder: &str, step: usize, wanted: impl Fn(&str) -> bool) -> Vec<W
 /// The largest intensity of any moment, and the emotion that shows most over all.
 fn heard(ear: &EmotionEar, sound: &Waveform) -> (f32, &'static str) {
     let frames = (sound.duration_s() * 10.0) as usize;
-    let track = ear.emotion(&FeltVoice::of(sound)).sample(frames, 10.0);
+    let track = ear
+        .heard(&FeltVoice::of(sound))
+        .curve()
+        .sample(frames, 10.0);
     let strongest = track.column(15).fold(0.0f32, |most, x| most.max(*x));
     let total = |e: usize| -> f32 {
         let frames = track.outer_iter();

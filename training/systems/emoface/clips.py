@@ -74,6 +74,7 @@ def load_clips(arguments, config: EmoFaceConfig) -> list[Spoken]:
     key = hashlib.sha256(weights + repr((arguments.voices, arguments.limit)).encode()).hexdigest()[:12]
     path = arguments.cache / f"emoface-{key}.pt"
     clips = cached(path, Spoken, lambda: [*recorded(arguments), *felt(arguments)])
+    config.emotion_ear = True
     config.speech.channels, config.feeling_channels = (
         x.shape[1] for x in (clips[0].content[0], clips[0].feeling)
     )

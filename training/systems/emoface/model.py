@@ -46,6 +46,8 @@ class EmoFaceConfig(Config):
     fusion: str = "mesh_attention"
     speech: SpeechInput = field(default_factory=SpeechInput)
     feeling: SpeechInput | None = None
+    emotion_ear: bool = False
+    """Whether the emotion branch gets the mean features of the emotion that the ear hears in a voice."""
     feeling_channels: int = 13
     feelings: list[str] = field(default_factory=lambda: list(FEELINGS))
     styles: list[str] = field(default_factory=lambda: ["grid_s1", "facegood_zh", "emodb_de", ANY_STYLE])

@@ -57,6 +57,10 @@ pub struct EmoFaceConfig {
     /// The encoder that hears feeling, HuBERT or wav2vec2; the built-in one where there is none.
     #[serde(default, skip_serializing_if = "Option::is_none")]
     pub feeling: Option<SpeechInput>,
+    /// Whether the emotion branch gets what is heard on average of the emotions that the ear hears, instead of what the
+    /// built-in encoder hears.
+    #[serde(default)]
+    pub emotion_ear: bool,
     /// Channels of what is heard of feeling.
     pub feeling_channels: usize,
     /// Feelings that the emotion branch was taught, all of [`EMOTIONS`].

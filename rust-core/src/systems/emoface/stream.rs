@@ -45,6 +45,39 @@ pub struct EmoFaceStream {
     parting: Parting,
     /// What is heard on average of the emotion that was set, `[E]`.
     set: Option<Vec<f32>>,
+    heard: Following,
+}
+
+/// How long the face takes to follow what the ear hears, seconds: it hears three times a second.
+const FOLLOW_S: f64 = 0.3;
+
+/// Strengths of the emotions that are heard, smoothed with a pole at [`FOLLOW_S`].
+struct Following {
+    strengths: [f32; EMOTIONS.len()],
+    share: f32,
+}
+
+impl Following {
+    fn new(fps: f64) -> Following {
+        Following {
+            strengths: [0.0; EMOTIONS.len()],
+            share: (1.0 - (-1.0 / (FOLLOW_S * fps)).exp()) as f32,
+        }
+    }
+
+    /// What the branch gets in the next frame, `[E]`, and the level.
+    fn next(&mut self, heard: &Emotion, model: &Model) -> Option<(Vec<f32>, f32)> {
+        let mixture = known(model.config(), &heard.mixture);
+        for (strength, share) in self.strengths.iter_mut().zip(mixture) {
+            *strength += self.share * (share * heard.intensity - *strength);
+        }
+        let level: f32 = self.strengths.iter().sum();
+        let mixture = match level > 0.0 {
+            true => self.strengths.map(|strength| strength / level),
+            false => Emotion::default().mixture,
+        };
+        Some((prototype(model, &mixture).ok()?, level))
+    }
 }
 
 impl EmoFaceStream {
@@ -63,6 +96,7 @@ impl EmoFaceStream {
             style,
             emotion: Emotion::default(),
             parting: Parting::new(parts.model.config().fps),
+            heard: Following::new(parts.model.config().fps),
             set: None,
             parts,
         })
@@ -85,6 +119,7 @@ impl MotionStream for EmoFaceStream {
         let config = self.parts.model.config();
         let (feeling, level) = match &self.set {
             Some(prototype) => (prototype.clone(), self.emotion.intensity),
+            None if config.emotion_ear => self.heard.next(&ear.emotion(), &self.parts.model)?,
             None => (felt.at_frame(index, config.fps), ear.emotion().intensity),
         };
         let heard = HeardFrame {
@@ -157,6 +192,14 @@ pub fn prototype(model: &Model, mixture: &[f32]) -> Result<Vec<f32>> {
         }
     }
     Ok(model.prototype(&shares).to_vec())
+}
+
+/// A mixture of the fifteen emotions without those that the emotion branch was not taught.
+pub fn known(config: &EmoFaceConfig, mixture: &[f32]) -> [f32; EMOTIONS.len()] {
+    std::array::from_fn(|e| {
+        let is_known = config.feelings.iter().any(|name| name == EMOTIONS[e]);
+        if is_known { mixture[e] } else { 0.0 }
+    })
 }
 
 /// The landmarks of a layer, `[3 V]` metres.

@@ -8,7 +8,7 @@ use super::{
     EmoFaceConfig, HeardFrame, Layer, Model,
     feels::Feels,
     read_template,
-    stream::{EmoFaceStream, LiveParts, landmarks, prototype},
+    stream::{EmoFaceStream, LiveParts, known, landmarks, prototype},
 };
 use crate::{
     Error, Result,
@@ -259,27 +259,39 @@ impl EmoFace {
         let fps = self.config().fps;
         let level = LEVEL.value(&request.controls);
         let from = FEELING_FROM.value(&request.controls) as usize;
-        if from == VOICE {
-            // Another recording is asked for on purpose; what nobody asked for shows where it is sure.
-            let (rows, sure) = match &request.felt_as {
-                Some(other) => (self.feels.over(other, frames, progress)?, vec![1.0; frames]),
-                None => (
-                    self.feels.at_frames(&heard.voice, frames, fps, progress)?,
-                    self.ear.certainty(&heard.voice, frames, fps),
-                ),
-            };
-            return Ok((rows, sure.into_iter().map(|sure| level * sure).collect()));
-        }
         let curve = match from {
-            EMOTION if self.branch_knows(&request.emotion) => &request.emotion,
-            _ => &EmotionCurve::Off,
+            VOICE if self.config().emotion_ear => match &request.felt_as {
+                Some(other) => self
+                    .ear
+                    .heard(other)
+                    .curve_on_purpose()
+                    .over(other.duration_s(), frames as f64 / fps),
+                None => heard.emotion_curve(),
+            },
+            VOICE => {
+                // Another recording is asked for on purpose; what nobody asked for shows where it is sure.
+                let (rows, sure) = match &request.felt_as {
+                    Some(other) => (self.feels.over(other, frames, progress)?, vec![1.0; frames]),
+                    None => {
+                        let curve = heard.emotion_curve();
+                        let sure = (0..frames).map(|t| curve.at(t as f64 / fps).intensity);
+                        (
+                            self.feels.at_frames(&heard.voice, frames, fps, progress)?,
+                            sure.collect(),
+                        )
+                    }
+                };
+                return Ok((rows, sure.into_iter().map(|sure| level * sure).collect()));
+            }
+            EMOTION if self.branch_knows(&request.emotion) => request.emotion.clone(),
+            _ => EmotionCurve::Off,
         };
         let affect = curve.sample(frames, fps);
         let mut rows = Array2::zeros((frames, self.config().feeling_channels));
         let mut levels = vec![0.0; frames];
-        for (t, told) in affect.outer_iter().enumerate() {
-            let (shares, strength) = (told.to_vec(), told[EMOTIONS.len()]);
-            let felt = prototype(self.model(), &shares[..EMOTIONS.len()])?;
+        for (t, row) in affect.outer_iter().enumerate() {
+            let (mixture, strength) = (known(self.config(), &row.to_vec()), row[EMOTIONS.len()]);
+            let felt = prototype(self.model(), &mixture)?;
             rows.row_mut(t).assign(&ArrayView1::from(&felt));
             levels[t] = level * strength;
         }
@@ -335,6 +347,12 @@ impl System for EmoFace {
         let mut clip = LandmarkClip { displacements, fps }.at_rate(request.fps, wanted);
         let contacts = heard.contacts(request.closures.as_deref());
         clip.make_contacts(&contacts, &self.modes)?;
+        let strength = |t: usize| {
+            let frame = (t as f64 * fps / request.fps).round() as usize;
+            levels[frame.min(levels.len() - 1)]
+        };
+        let strengths: Vec<f32> = (0..wanted).map(strength).collect();
+        clip.rest_in_silence(&heard.prosody, &strengths);
         let space = Arc::clone(&self.space);
         Ok(Sampled {
             motion: Motion::Codes(CodeClip {
