@@ -76,7 +76,7 @@ static PATTERNS: [[&[Pattern]; TRACKS]; EMOTIONS.len()] = [
             &[(OUTER, -0.1, -0.1), (KNIT, 0.07, 0.07)],
         ],
         &[
-            &[(CHEEK, 0.45, 0.45), (SQUINT, 0.35, 0.35)],
+            &[(CHEEK, 0.25, 0.25), (SQUINT, 0.2, 0.2)],
             &[(CHEEK, -0.4, -0.4)],
             &[(WIDE, 0.35, 0.35)],
         ],
