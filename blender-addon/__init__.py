@@ -28,6 +28,7 @@ from .ui import (
     live,
     made_head,
     mending,
+    mixture,
     models,
     mouth,
     outputs,
@@ -47,7 +48,8 @@ from .ui import (
 
 _MODULES = (
     preferences, generate, remove, mending, made_head, sample_head, panel, character,
-    expression_keys, landmarks, mouth, audio, presets, performance, events, life, outputs,
+    expression_keys, landmarks, mouth, audio, presets, mixture,
+    performance, events, life, outputs,
     key_list, controls, find_controls, caches, takes, sounds, sounds_file, scene_list,
     models, heat, live,
 )  # fmt: skip
