@@ -23,6 +23,7 @@ from . import (
     mixture,
     output_properties,
     overridable,
+    pictures,
     texts,
     words,
 )
@@ -86,6 +87,14 @@ class AnyfaceCharacter(PropertyGroup):
     )
     emotion: EnumProperty(
         name="Emotion", description="Can be animated", items=mixture.ITEMS, default="neutral"
+    )
+    emotion_face: EnumProperty(
+        name="Emotion",
+        description="The emotion, as Draw Emotions has drawn it on this face",
+        items=pictures.items,
+        get=pictures.chosen,
+        set=pictures.choose,
+        options={"HIDDEN", "SKIP_SAVE"},
     )
     intensity: FloatProperty(
         name="Intensity",

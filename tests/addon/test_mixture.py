@@ -84,9 +84,7 @@ def test_one_emotion_is_asked_for_as_before(stage, face, addon):
     assert asked(stage)[1][0] == pytest.approx(strengths(addon, neutral=1.0))
 
 
-def test_neutral_beside_others_says_nothing_and_the_sum_is_what_a_face_can_show(
-    stage, face, addon
-):
+def test_neutral_beside_others_says_nothing_and_the_sum_is_what_a_face_can_show(stage, face, addon):
     feel(face, neutral=1.0, sad=0.7)
     generate(face)
     assert asked(stage)[1][0] == pytest.approx(strengths(addon, sad=0.7))
@@ -139,7 +137,7 @@ def test_a_named_mixture_fills_the_rows(stage, face, addon):
     assert rows(face) == [("happy", 0.6), ("sad", 0.6)]
     generate(face)
     assert asked(stage)[1][0] == pytest.approx(strengths(addon, happy=0.6, sad=0.6))
-    with pytest.raises(RuntimeError, match="expected one of Bittersweet, Smug.*'Grumpy'"):
+    with pytest.raises(RuntimeError, match=r"expected one of Bittersweet, Smug.*'Grumpy'"):
         bpy.ops.anyface.emotion_mixture(name="Grumpy")
     assert rows(face) == [("happy", 0.6), ("sad", 0.6)]
 
@@ -236,7 +234,7 @@ def test_presets_hold_mixtures_and_those_of_one_emotion_have_one(face, addon, tm
 def test_presets_of_what_is_no_mixture_are_refused(addon, tmp_path, text):
     path = tmp_path / "bad.json"
     path.write_text(f'{{"anyface_preset": 1, "values": {{"mixed": {text}}}}}')
-    with pytest.raises(addon("core.errors").AnyfaceError, match="bad.json.*mixed"):
+    with pytest.raises(addon("core.errors").AnyfaceError, match=r"bad\.json.*mixed"):
         addon("core.presets").read(path)
 
 
