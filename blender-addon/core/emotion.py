@@ -37,8 +37,8 @@ class Share:
     weight: float
 
 
-def mix(shares: Iterable) -> list[float]:
-    """The strengths `[15]` of several `Share`s, or what has its fields.
+def mix(shares: Iterable[Share]) -> list[float]:
+    """The strengths `[15]` of several emotions, each a `Share` or what has its fields.
 
     Neutral beside another emotion says nothing, and what is stronger together than a face can show
     is shown as `MAX_INTENSITY`.
@@ -51,12 +51,12 @@ def mix(shares: Iterable) -> list[float]:
     return [value * min(1.0, MAX_INTENSITY / max(sum(row), 1e-9)) for value in row]
 
 
-def total(shares: Iterable) -> float:
+def total(shares: Iterable[Share]) -> float:
     """How strong several `Share`s are together, neutral left out."""
     return sum(share.weight for share in shares if share.emotion != EMOTIONS[0])
 
 
-def write_shares(shares: Iterable) -> str:
+def write_shares(shares: Iterable[Share]) -> str:
     """Several `Share`s as `parse` reads them; "" for none."""
     return ",".join(f"{share.emotion}:{round(share.weight, 4):g}" for share in shares)
 

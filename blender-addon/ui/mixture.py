@@ -13,7 +13,7 @@ from .target import target
 
 ITEMS = [(name, name.capitalize(), "", number) for number, name in enumerate(EMOTIONS)]
 # The share of a line that the emotion takes; its strength takes the rest.
-_EMOTION_SHARE = 0.64
+_EMOTION_SHARE = 0.62
 # How strong an emotion is that comes to another one.
 _ADDED = 0.5
 
@@ -138,24 +138,23 @@ class ANYFACE_MT_mixtures(Menu):
 
 def draw(line_of, settings) -> None:
     """Draws the emotions; `line_of(name)` is a line of that name."""
-    line, strength = _split(line_of("Emotion"))
-    line.prop(settings, "emotion", text="")
-    slider = strength.row(align=True)
-    slider.active = settings.emotion != EMOTIONS[0]
-    slider.prop(settings, "intensity", text="", slider=True)
-    strength.operator("anyface.emotion_add", text="", icon="ADD")
+    line = line_of("Emotion")
+    _draw_row(line, settings, "intensity")
+    line.operator("anyface.emotion_add", text="", icon="ADD")
     for number, row in enumerate(settings.mixture):
-        line, strength = _split(line_of(""))
-        line.prop(row, "emotion", text="")
-        strength.prop(row, "weight", text="", slider=True)
-        strength.operator("anyface.emotion_remove", text="", icon="REMOVE").number = number
+        line = line_of("")
+        _draw_row(line, row, "weight")
+        line.operator("anyface.emotion_remove", text="", icon="REMOVE").number = number
     together = emotion.total(shares(settings)) if settings.mixture else 0.0
     if together > MAX_INTENSITY + 1e-4:
         line_of("").label(text=f"{together:.2f} in sum, shown as {MAX_INTENSITY:g}", icon="INFO")
 
 
-def _split(line):
-    """Where an emotion is drawn, and where its strength."""
+def _draw_row(line, row, strength: str) -> None:
+    """Draws an emotion and its `strength`, the name of a property."""
     line.use_property_split = False
-    line = line.split(factor=_EMOTION_SHARE, align=True)
-    return line, line.row(align=True)
+    both = line.split(factor=_EMOTION_SHARE, align=True)
+    both.prop(row, "emotion", text="")
+    slider = both.row(align=True)
+    slider.active = row.emotion != EMOTIONS[0]
+    slider.prop(row, strength, text="", slider=True)

@@ -95,6 +95,8 @@ class AnyfaceCharacter(PropertyGroup):
         get=pictures.chosen,
         set=pictures.choose,
         options={"HIDDEN", "SKIP_SAVE"},
+        # Pictures of an override could not be chosen otherwise.
+        override={"LIBRARY_OVERRIDABLE"},
     )
     intensity: FloatProperty(
         name="Intensity",

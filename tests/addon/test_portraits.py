@@ -190,6 +190,12 @@ def test_a_linked_face_and_an_override_are_drawn(addon, head, tmp_path):
     assert addon("ui.pictures").of(ob).folder == addon("ui.pictures").of(linked).folder
     ob.anyface.emotion_face = "angry"
     assert ob.anyface.emotion == "angry"
+    assert ob.anyface.is_property_overridable_library("emotion_face")
+    shot = str(tmp_path / "shot.blend")
+    bpy.ops.wm.save_as_mainfile(filepath=shot)
+    bpy.ops.wm.open_mainfile(filepath=shot)
+    (ob,) = [ob for ob in bpy.data.objects if ob.override_library is not None]
+    assert ob.anyface.emotion == ob.anyface.emotion_face == "angry"
 
 
 def test_what_has_no_face_is_told_and_the_next_one_is_drawn(addon, head):
