@@ -17,6 +17,7 @@ from .ui import (
     caches,
     character,
     controls,
+    emotions,
     events,
     expression_keys,
     find_controls,
@@ -28,11 +29,13 @@ from .ui import (
     live,
     made_head,
     mending,
+    mixture,
     models,
     mouth,
     outputs,
     panel,
     performance,
+    pictures,
     preferences,
     presets,
     properties,
@@ -47,13 +50,14 @@ from .ui import (
 
 _MODULES = (
     preferences, generate, remove, mending, made_head, sample_head, panel, character,
-    expression_keys, landmarks, mouth, audio, presets, performance, events, life, outputs,
+    expression_keys, landmarks, mouth, audio, presets, mixture, emotions,
+    performance, events, life, outputs,
     key_list, controls, find_controls, caches, takes, sounds, sounds_file, scene_list,
     models, heat, live,
 )  # fmt: skip
 _KINDS = (AddonPreferences, Menu, Operator, Panel, UIList)
 # What has more to add than classes: before them, and after them.
-_SETTINGS = (properties, scene_list)
+_SETTINGS = (pictures, properties, scene_list)
 _OTHERS = (landmarks, panel, sample_head, command, running, copies, following)
 # In the order in which Blender gets them.
 _CLASSES = [

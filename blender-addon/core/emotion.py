@@ -1,6 +1,8 @@
-"""The fifteen emotion categories and how they are written down."""
+"""The fifteen emotion categories, mixtures of them, and how both are written down."""
 
 import math
+from collections.abc import Iterable
+from dataclasses import dataclass
 
 from .errors import AnyfaceError
 
@@ -10,18 +12,58 @@ EMOTIONS = (
     "angry", "disgusted", "contempt", "suspicious", "ill", "drunk",
 )  # fmt: skip
 MAX_INTENSITY = 1.5
+# Mixtures that have names of their own: each fills the rows of the panel.
+MIXTURES = {
+    "Bittersweet": "happy:0.6,sad:0.6",
+    "Smug": "contempt:0.8,happy:0.4",
+    "Nervous": "afraid:0.6,pleased:0.3",
+    "Awestruck": "surprised:0.7,afraid:0.3",
+    "Delighted": "happy:0.9,surprised:0.5",
+    "Furious": "angry:1.1,disgusted:0.3",
+    "Disappointed": "sad:0.5,upset:0.5",
+    "Embarrassed": "ashamed:0.8,pleased:0.3",
+    "Horrified": "afraid:0.9,disgusted:0.5",
+    "Jealous": "angry:0.5,sad:0.3,suspicious:0.4",
+    "Sceptical": "suspicious:0.7,contempt:0.4",
+    "Resigned": "calm:0.6,sad:0.5",
+}
 
 
-def strengths(name: str, intensity: float) -> list[float]:
-    """The strength of each category, `[15]`, for one emotion at `intensity` (0 to 1.5)."""
+@dataclass
+class Share:
+    """One emotion of a mixture and its weight, 0 to 1.5."""
+
+    emotion: str
+    weight: float
+
+
+def mix(shares: Iterable[Share]) -> list[float]:
+    """The strengths `[15]` of several emotions, each a `Share` or what has its fields.
+
+    Neutral beside another emotion says nothing, and what is stronger together than a face can show
+    is shown as `MAX_INTENSITY`.
+    """
     row = [0.0] * len(EMOTIONS)
-    row[_index(name)] = _checked(name, intensity)
-    return row
+    for share in shares:
+        row[_index(share.emotion)] += min(max(share.weight, 0.0), MAX_INTENSITY)
+    if any(row[1:]):
+        row[0] = 0.0
+    return [value * min(1.0, MAX_INTENSITY / max(sum(row), 1e-9)) for value in row]
 
 
-def parse(text: str) -> list[float]:
-    """Reads `happy:0.7` or a blend `happy:0.4,surprised:0.3` into strengths `[15]`."""
-    row = [0.0] * len(EMOTIONS)
+def total(shares: Iterable[Share]) -> float:
+    """How strong several `Share`s are together, neutral left out."""
+    return sum(share.weight for share in shares if share.emotion != EMOTIONS[0])
+
+
+def write_shares(shares: Iterable[Share]) -> str:
+    """Several `Share`s as `parse` reads them; "" for none."""
+    return ",".join(f"{share.emotion}:{round(share.weight, 4):g}" for share in shares)
+
+
+def read_shares(text: str) -> list[Share]:
+    """Reads `happy:0.4,surprised:0.3` in its order, whatever the sum. Raises `AnyfaceError`."""
+    found = []
     for item in filter(None, (part.strip() for part in text.split(","))):
         name, _, value = item.partition(":")
         try:
@@ -30,7 +72,16 @@ def parse(text: str) -> list[float]:
             raise AnyfaceError(
                 "input", f"emotion {name}: expected a number, got {value!r}"
             ) from None
-        row[_index(name)] += _checked(name, number)
+        _index(name)
+        found.append(Share(name, _checked(name, number)))
+    return found
+
+
+def parse(text: str) -> list[float]:
+    """Reads `happy:0.7` or a blend `happy:0.4,surprised:0.3` into strengths `[15]`."""
+    row = [0.0] * len(EMOTIONS)
+    for share in read_shares(text):
+        row[_index(share.emotion)] += share.weight
     if sum(row) > MAX_INTENSITY + 1e-6:
         raise AnyfaceError(
             "input", f"emotion: expected a sum of at most {MAX_INTENSITY}, got {sum(row):g}"

@@ -33,7 +33,7 @@ def find(
 @contextmanager
 def searching(face: FaceMesh):
     """As `naming`, and what has no face is not searched again: it says so at once."""
-    key = _digest(face)
+    key = digest(face)
     with naming(face):
         if key in _failed:
             raise AnyfaceError("face", _failed[key])
@@ -45,7 +45,7 @@ def searching(face: FaceMesh):
             raise
 
 
-def _digest(face: FaceMesh) -> str:
+def digest(face: FaceMesh) -> str:
     """A digest of all that a search depends on."""
     digest = hashlib.blake2b(face.axes.encode(), digest_size=12)
     roles = face.roles

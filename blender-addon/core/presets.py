@@ -10,7 +10,7 @@ from dataclasses import dataclass, field
 from pathlib import Path
 
 from . import json_file, schema, systems
-from .emotion import EMOTIONS, MAX_INTENSITY
+from .emotion import EMOTIONS, MAX_INTENSITY, read_shares, write_shares
 from .errors import AnyfaceError
 from .take import EMOTION_SOURCES
 
@@ -18,6 +18,8 @@ VERSION = 1
 SUFFIX = ".json"
 # The words that a preset may hold, with what they may be.
 WORDS = {"emotion": EMOTIONS, "emotion_source": EMOTION_SOURCES}
+# Emotions beside the first one, as text: "sad:0.6,upset:0.2".
+MIXED = "mixed"
 
 
 def numbers() -> dict[str, tuple[float, float]]:
@@ -28,7 +30,7 @@ def numbers() -> dict[str, tuple[float, float]]:
 
 def names() -> tuple[str, ...]:
     """All that a preset may hold."""
-    return (*WORDS, *numbers())
+    return (*WORDS, MIXED, *numbers())
 
 
 @dataclass
@@ -72,6 +74,12 @@ def _checked(where: str, name: str, value):
             known = ", ".join(WORDS[name])
             raise AnyfaceError("input", f"{where}: {name}: expected one of {known}, got {value!r}")
         return value
+    if name == MIXED:
+        schema.check(f"{where}: {name}", value, schema.TEXT)
+        try:
+            return write_shares(read_shares(value))
+        except AnyfaceError as error:
+            raise AnyfaceError("input", f"{where}: {name}: {error}") from error
     ranges = numbers()
     if name not in ranges:
         known = ", ".join(names())

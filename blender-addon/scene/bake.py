@@ -12,6 +12,7 @@ import bpy
 import numpy as np
 
 from ..core import measure, perform, plan, systems
+from ..core.emotion import Share
 from ..core.errors import AnyfaceError
 from ..core.job import BEGUN, Progress, at_once
 from ..core.plan import Plan
@@ -35,9 +36,9 @@ class Settings:
     """What is asked; the fields of `ui.properties.AnyfaceCharacter` without Blender.
 
     `strip` or `sound_file` is set. `fps` 0 takes the scene's. `system` is a name of
-    `core.systems`, "" the default one; `controls` are the numbers of controls by name. `blend` are
-    strengths `[15]` that override emotion and intensity and their keyframes, as `held` are controls
-    that override the others and their keyframes.
+    `core.systems`, "" the default one; `controls` are the numbers of controls by name. `mixture`
+    holds emotions beside `emotion`. `blend` are strengths `[15]` that override all of them and
+    their keyframes, as `held` are controls that override the others and their keyframes.
     """
 
     strip: str = ""
@@ -46,6 +47,7 @@ class Settings:
     emotion_source: str = "GIVEN"
     emotion: str = "neutral"
     intensity: float = 1.0
+    mixture: list[Share] = field(default_factory=list)
     blend: list[float] | None = None
     style: str = ""
     seed: int = 0

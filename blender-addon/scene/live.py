@@ -11,10 +11,11 @@ import numpy as np
 from bpy.app.handlers import persistent
 
 from ..core import space
-from ..core.emotion import strengths
+from ..core.emotion import mix
 from ..core.errors import AnyfaceError, plain
 from ..core.take import Piece
 from . import identity
+from .animation import emotion
 from .face import mesh, pieces
 from .shape_keys import guard
 from .way_back import unharmed
@@ -148,7 +149,7 @@ def _show(ob, scene, follower: Follower) -> None:
     seconds = (scene.frame_current_final - follower.start_frame) / scene_fps
     settings = ob.anyface
     if settings.emotion_source == "GIVEN":
-        follower.face.feel(strengths(settings.emotion, settings.intensity))
+        follower.face.feel(mix(emotion.shares(settings)))
     moved = follower.found.to_object(follower.face.at(seconds))
     for number, name, piece, rested in follower.parts:
         one = identity.with_number(number, name)

@@ -9,15 +9,13 @@ from bpy.props import BoolProperty
 from bpy.types import Panel
 
 from ..scene import live, outputs
-from . import audio, mending, presets, running, words
+from . import audio, mending, mixture, presets, running, words
 from .operators import redraw
 from .target import sequencer_scene, target
 
 _MANIFEST = Path(__file__).resolve().parents[1] / "blender_manifest.toml"
 # The share of a line that its name takes, as Blender splits properties.
 _NAME_SHARE = 0.4
-# The share of what is left that the emotion takes; its strength takes the rest.
-_EMOTION_SHARE = 0.64
 
 
 @cache
@@ -99,13 +97,7 @@ def _draw_performance(layout, settings) -> None:
     if settings.emotion_source != "GIVEN":
         column.prop(settings, "emotion_source")
         return
-    line = named(column, "Emotion")
-    line.use_property_split = False
-    line = line.split(factor=_EMOTION_SHARE, align=True)
-    line.prop(settings, "emotion", text="")
-    strength = line.row(align=True)
-    strength.active = settings.emotion != "neutral"
-    strength.prop(settings, "intensity", text="", slider=True)
+    mixture.draw(lambda name: named(column, name), settings)
 
 
 def _draw_buttons(layout, context, ob) -> None:

@@ -15,7 +15,7 @@ from ..core.errors import AnyfaceError
 from .operators import Acting, WithFile
 from .preferences import PACKAGE
 
-_EMOTION = ("emotion", "intensity")
+_EMOTION = ("emotion", "intensity", presets.MIXED)
 SHIPPED = Path(__file__).resolve().parents[1] / "presets"
 
 
@@ -59,14 +59,21 @@ def _same(held, value) -> bool:
 
 
 def apply(preset: presets.Preset, settings) -> None:
-    """Sets the panel's sliders (`Object.anyface`) to the values of a preset."""
+    """Sets the panel's sliders (`Object.anyface`) to the values of a preset.
+
+    One that names an emotion and no others beside it is of that emotion alone.
+    """
+    if "emotion" in preset.values:
+        settings.mixed = ""
     for name, value in preset.values.items():
         setattr(settings, name, value)
 
 
 def of_settings(name: str, settings) -> presets.Preset:
     """The panel's sliders as a preset."""
-    return presets.Preset(name, {item: getattr(settings, item) for item in presets.names()})
+    values = {item: getattr(settings, item) for item in presets.names()}
+    # Presets of one emotion are read by versions that know no mixtures.
+    return presets.Preset(name, {item: value for item, value in values.items() if value != ""})
 
 
 class ANYFACE_OT_preset_apply(Acting, Operator):

@@ -13,11 +13,21 @@ from bpy.props import (
 from bpy.types import PropertyGroup
 
 from ..core import systems
-from ..core.emotion import EMOTIONS, MAX_INTENSITY
+from ..core.emotion import MAX_INTENSITY
 from ..scene import identity, outputs
-from . import audio, character, controls, life, output_properties, overridable, texts, words
+from . import (
+    audio,
+    character,
+    controls,
+    life,
+    mixture,
+    output_properties,
+    overridable,
+    pictures,
+    texts,
+    words,
+)
 
-_EMOTION_ITEMS = [(name, name.capitalize(), "", number) for number, name in enumerate(EMOTIONS)]
 _SOURCES = [
     ("STRIP", "Strip", "A sound strip of the video sequencer, with its trim and place", 0),
     ("FILE", "File", "A sound file", 1),
@@ -29,13 +39,13 @@ _EMOTION_SOURCES = [
     (
         "VOICE",
         "From the Voice",
-        "The feeling that is heard: anger, joy, fear, sadness, disgust, calm; none if uncertain",
+        "The emotion that is heard: anger, joy, fear, sadness, disgust, calm; none if uncertain",
         1,
     ),
     (
         "AROUSAL",
         "Excitement of the Voice",
-        "How excited the voice sounds, not which feeling it has: glad and angry voices look alike",
+        "How excited the voice sounds, not which emotion it has: glad and angry voices look alike",
         3,
     ),
     ("OFF", "None", "Speech alone: no emotion, no blinks, no motion of brows and lids", 2),
@@ -73,10 +83,20 @@ class AnyfaceCharacter(PropertyGroup):
         options=set(),
     )
     emotion_source: EnumProperty(
-        name="Feeling", items=_EMOTION_SOURCES, default="GIVEN", options=set()
+        name="Emotion", items=_EMOTION_SOURCES, default="GIVEN", options=set()
     )
     emotion: EnumProperty(
-        name="Emotion", description="Can be animated", items=_EMOTION_ITEMS, default="neutral"
+        name="Emotion", description="Can be animated", items=mixture.ITEMS, default="neutral"
+    )
+    emotion_face: EnumProperty(
+        name="Emotion",
+        description="The emotion, as Draw Emotions has drawn it on this face",
+        items=pictures.items,
+        get=pictures.chosen,
+        set=pictures.choose,
+        options={"HIDDEN", "SKIP_SAVE"},
+        # Pictures of an override could not be chosen otherwise.
+        override={"LIBRARY_OVERRIDABLE"},
     )
     intensity: FloatProperty(
         name="Intensity",
@@ -86,6 +106,9 @@ class AnyfaceCharacter(PropertyGroup):
         max=MAX_INTENSITY,
         subtype="FACTOR",
     )
+    # Emotions beside the first one, and the same as text, for presets and takes.
+    mixture: CollectionProperty(type=mixture.AnyfaceEmotion, options=set())
+    mixed: StringProperty(get=mixture.text, set=mixture.fill, options={"HIDDEN", "SKIP_SAVE"})
     style: StringProperty(
         name="Speaker",
         description="Whose way of speaking, by name; empty takes the default",
@@ -104,7 +127,7 @@ class AnyfaceCharacter(PropertyGroup):
     )
     mode: EnumProperty(name="Output", items=outputs.ITEMS, default=outputs.MODES[0], options=set())
     layered: BoolProperty(
-        name="Feeling as a Layer",
+        name="Emotion as a Layer",
         description="Keys of what is felt are apart from keys of what is said, act where the "
         "vertex group Feeling Mask is painted, and follow the slider of the emotion",
         default=True,
@@ -210,7 +233,7 @@ def _of_control(control: systems.Control):
 # The settings of a character by their names on objects.
 _GROUPS = {
     "anyface_output": output_properties.GROUPS,
-    "anyface": (AnyfaceCharacter,),
+    "anyface": (mixture.AnyfaceEmotion, AnyfaceCharacter),
     "anyface_audio": audio.GROUPS,
     "anyface_controls": controls.GROUPS,
     "anyface_face": character.GROUPS,

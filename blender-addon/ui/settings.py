@@ -4,6 +4,7 @@ from dataclasses import fields
 
 from ..core import systems
 from ..scene import copies, outputs
+from ..scene.animation import emotion
 from ..scene.bake import Settings
 from ..scene.shape_keys import artist_keys
 from . import audio, character, life, output_properties
@@ -26,6 +27,8 @@ def from_object(ob, scene=None) -> Settings:
         control.name: control.number(getattr(stored, control.name))
         for control in systems.controls()
     }
+    # Without emotion and intensity, which have fields of their own.
+    values["mixture"] = emotion.shares(stored)[1:]
     settings = Settings(**values, output=output_properties.read(ob))
     audio.fill(settings, ob, scene)
     character.fill(settings, ob)

@@ -66,7 +66,9 @@ def test_settings_of_an_override_are_kept(stage, tmp_path):
 
 
 # They show and change the take and have no value of their own.
-SLIDERS = {"strength", "shift", "articulation", "emotion", "closing", "mouth", "blinks", "brows"}
+SLIDERS = {
+    "strength", "shift", "articulation", "emotion", "closing", "mouth", "blinks", "brows", "mixed",
+}  # fmt: skip
 
 
 def dialogue(tmp_path):

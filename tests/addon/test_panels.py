@@ -23,6 +23,7 @@ JARGON = (
     "arousal",
     "decoder",
 )
+PANELS = ("panel", "character", "emotions", "performance", "life", "outputs", "takes", "scene_list")
 ICONS = bpy.types.UILayout.bl_rna.functions["label"].parameters["icon"].enum_items.keys()
 
 
@@ -69,7 +70,7 @@ def draw_all(addon):
         selected_objects=[],
     )
     drawn = {}
-    for name in ("panel", "character", "performance", "life", "outputs", "takes", "scene_list"):
+    for name in PANELS:
         for cls in vars(addon(f"ui.{name}")).values():
             if not getattr(cls, "__name__", "").startswith("ANYFACE_PT"):
                 continue
@@ -159,6 +160,33 @@ def test_the_first_screen_suffices_and_more_is_closed(addon, stage, tmp_path):
     assert sum(map(len, draw_all(addon).values())) == len(draw_all(addon)["ANYFACE_PT_main"])
     # A line is 26 pixels high at most, and the sidebar at 1280 x 800 has 620.
     assert len(words) <= 12
+
+
+def test_one_emotion_is_a_line_and_each_further_one_is_a_line_more(addon, stage, tmp_path):
+    ob = grid()
+    ob.anyface.source, ob.anyface.sound_file = "FILE", tone(tmp_path / "tone.wav")
+    lines = lambda: len(draw_all(addon)["ANYFACE_PT_main"])  # noqa: E731
+    one = lines()
+    bpy.ops.anyface.emotion_add()
+    two = lines()
+    bpy.ops.anyface.emotion_add()
+    assert two - one == lines() - two > 0
+    ob.anyface.intensity = ob.anyface.mixture[0].weight = 1.2
+    ob.anyface.emotion = "sad"
+    assert "2.90 in sum, shown as 1.5" in drawn_main(addon)
+    ob.anyface.emotion_source = "OFF"
+    assert "Emotion" not in drawn_main(addon) and lines() < one
+
+
+def test_pictures_are_shown_once_they_are_drawn(addon, stage, tmp_path, monkeypatch):
+    ob = grid()
+    words = [text for text, _ in draw_all(addon)["ANYFACE_PT_emotion"]]
+    assert not any("at 0.80" in text for text in words)
+    pictures = addon("ui.pictures")
+    monkeypatch.setattr(pictures, "_icon", lambda _folder, _name: 0)
+    pictures.show(ob, tmp_path, 0.8)
+    words = [text for text, _ in draw_all(addon)["ANYFACE_PT_emotion"]]
+    assert "Neutral, at 0.80" in words
 
 
 def test_style_is_the_preset_that_the_sliders_show(addon, stage):

@@ -122,7 +122,7 @@ def test_presets_hold_what_they_always_held(addon):
     levels = {"intensity", "event_strength", "feeling_level", "vividness", "speech_guidance"}
     levels |= {"noise", "coarse_guidance"}
     field = {"field", "field_reach", "template"}
-    assert held == {"emotion", "emotion_source", *levels, *field, *STORED} - {"steps"}
+    assert held == {"emotion", "emotion_source", "mixed", *levels, *field, *STORED} - {"steps"}
 
 
 def values_of(ob, addon):

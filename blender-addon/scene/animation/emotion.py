@@ -3,30 +3,42 @@
 import numpy as np
 
 from ...core import systems
-from ...core.emotion import EMOTIONS, MAX_INTENSITY, strengths
+from ...core.emotion import EMOTIONS, MAX_INTENSITY, Share, mix
 from . import sliders
+
+# Where the weight of a row of the mixture lies.
+WEIGHT_PATH = "mixture[{}].weight"
+
+
+def shares(settings) -> list[Share]:
+    """The mixture that `settings` holds, on an object or plain: emotion and intensity, then the
+    rows beside them."""
+    rows = [Share(row.emotion, row.weight) for row in settings.mixture]
+    return [Share(settings.emotion, settings.intensity), *rows]
 
 
 def emotion_keys(ob, scene, settings, start_frame: float, duration_s: float | None = None):
     """`(time_s, strengths[15])` rows from keyframes and drivers on `ob.anyface`, or one row.
 
-    `settings` holds the values where no curves are (`emotion`, `intensity`). Times count from
-    `start_frame`; before the first and after the last row the values hold.
+    `settings` holds the values where no curves are (`emotion`, `intensity`, `mixture`). Times count
+    from `start_frame`; before the first and after the last row the values hold.
     """
-    names = sliders.animated(ob, ("emotion", "intensity"))
+    own, *others = shares(settings)
+    paths = [WEIGHT_PATH.format(number) for number in range(len(others))]
+    names = sliders.animated(ob, ("emotion", "intensity", *paths))
     if not names:
-        return [(0.0, strengths(settings.emotion, settings.intensity))]
+        return [(0.0, mix([own, *others]))]
     scene_fps = scene.render.fps / scene.render.fps_base
     at = sliders.times(ob, names, start_frame, scene_fps, duration_s)
     read = sliders.values(ob, scene, names, start_frame + at * scene_fps)
-    chosen = EMOTIONS.index(settings.emotion)
-    emotions = read.get("emotion", np.full(len(at), chosen))
-    amounts = read.get("intensity", np.full(len(at), settings.intensity))
-    keys = []
-    for time_s, number, amount in zip(at, emotions, amounts, strict=True):
-        name = EMOTIONS[int(np.clip(round(number), 0, len(EMOTIONS) - 1))]
-        keys.append((float(time_s), strengths(name, float(np.clip(amount, 0.0, MAX_INTENSITY)))))
-    return keys
+    emotions = read.get("emotion", np.full(len(at), EMOTIONS.index(own.emotion)))
+    numbers = np.clip(np.round(emotions), 0, len(EMOTIONS) - 1).astype(int)
+    still = zip(("intensity", *paths), (own, *others), strict=True)
+    amounts = [read.get(name, np.full(len(at), share.weight)) for name, share in still]
+    weights = np.clip(amounts, 0.0, MAX_INTENSITY)
+    kinds = [[EMOTIONS[number], *(share.emotion for share in others)] for number in numbers]
+    rows = [list(map(Share, *row)) for row in zip(kinds, weights.T.tolist(), strict=True)]
+    return [(float(time_s), mix(row)) for time_s, row in zip(at, rows, strict=True)]
 
 
 def control_keys(ob, scene, settings, start_frame: float, duration_s: float | None = None):

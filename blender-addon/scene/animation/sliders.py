@@ -11,7 +11,7 @@ _PREFIX = "anyface."
 
 
 def animated(ob, names) -> list[str]:
-    """Those of `names`, properties of `ob.anyface`, that have a curve or a driver."""
+    """Those of `names`, properties of `ob.anyface` and its rows, that have a curve or a driver."""
     return [name for name in names if is_keyed(ob, name) or needs_scene(ob, name)]
 
 
@@ -76,7 +76,7 @@ def _by_stepping(ob, scene, names, frames) -> dict[str, np.ndarray]:
 
 
 def _number(settings, name: str) -> float:
-    value = getattr(settings, name)
+    value = settings.path_resolve(name)
     if isinstance(value, str):
         return float(settings.bl_rna.properties[name].enum_items[value].value)
     return float(value)

@@ -6,6 +6,8 @@ from ..shape_keys import record
 # Property groups of an object; those of the output that act on a take are no settings.
 GROUPS = ("anyface", "anyface_audio", "anyface_life_settings")
 _REPORT = "report"
+# What shows a setting in another way.
+_SHOWN = ("emotion_face",)
 _KINDS = {"BOOLEAN", "INT", "FLOAT", "STRING", "ENUM"}
 
 
@@ -41,7 +43,7 @@ def bring_back(ob) -> None:
 def _values(group) -> dict:
     names = [p.identifier for p in group.bl_rna.properties if p.type in _KINDS]
     own = [name for name in names if not group.is_property_readonly(name)]
-    return {name: getattr(group, name) for name in own if name not in ("name", _REPORT)}
+    return {name: getattr(group, name) for name in own if name not in ("name", _REPORT, *_SHOWN)}
 
 
 def _set(group, values: dict) -> None:

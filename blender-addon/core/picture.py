@@ -1,0 +1,127 @@
+"""Small pictures of meshes, drawn without a graphics card, and files of them."""
+
+import struct
+import zlib
+from dataclasses import dataclass
+
+import numpy as np
+
+# So many samples a pixel has along each axis.
+_SAMPLES = 2
+_SKIN = np.array([0.87, 0.69, 0.60])
+# Where light comes from, +x to the right, +y up, +z to the viewer; and how bright each is.
+_LIGHTS = ((np.array([-0.45, 0.55, 0.70]), 0.72), (np.array([0.8, -0.1, 0.6]), 0.22))
+_AMBIENT, _BACK = 0.16, 0.12
+# Triangles reach so far beyond their edges that no sample between two of them is missed.
+_EDGE = -1e-5
+
+
+@dataclass(frozen=True)
+class View:
+    """What a square picture shows: its centre `x`, `y` and half of its side."""
+
+    x: float
+    y: float
+    half: float
+
+
+def draw(points: np.ndarray, triangles: np.ndarray, view: View, size: int = 128) -> np.ndarray:
+    """A picture `[size, size, 4]` uint8 of a smooth mesh, its background transparent.
+
+    `points` `[V, 3]`, +x to the right, +y up, +z to the viewer; `triangles` `[F, 3]`. What is seen
+    from behind, as the inside of a mouth, is dark.
+    """
+    points, triangles = np.asarray(points, np.float32), np.asarray(triangles, np.int64)
+    side = _SAMPLES * size
+    # Samples count from the picture's lower left corner.
+    flat = np.column_stack([points[:, 0] - view.x, points[:, 1] - view.y]) / (2.0 * view.half)
+    places = (flat + 0.5).astype(np.float32) * side - 0.5
+    pixels, owners, shares = _cover(places, points[:, 2], triangles, side)
+    colours = np.zeros((side * side, 4), dtype=np.float32)
+    normals, areas = _normals(points, triangles)
+    facing = np.sign(areas[owners, 2])
+    # A mesh whose faces look inwards is seen as if they looked outwards.
+    outwards = 1.0 if facing.sum() >= 0.0 else -1.0
+    seen = np.einsum("nk,nkd->nd", shares, normals[triangles[owners]]) * outwards
+    colours[pixels, :3] = _shade(seen, facing * outwards)
+    colours[pixels, 3] = 1.0
+    fine = colours.reshape(size, _SAMPLES, size, _SAMPLES, 4).mean(axis=(1, 3))
+    # Colours at the edge are those of the face, not of what is behind it.
+    fine[..., :3] /= np.maximum(fine[..., 3:], 1e-6)
+    return (np.clip(fine[::-1], 0.0, 1.0) * 255.0 + 0.5).astype(np.uint8)
+
+
+def _cover(places, depths, triangles, side: int):
+    """Which samples `[N]` are covered, by which triangle `[N]` in front of all, and the shares
+    `[N, 3]` of its corners."""
+    (ax, ay), (bx, by), (cx, cy) = (places[triangles[:, k]].T for k in range(3))
+    left, wide = _span(ax, bx, cx, side)
+    low, tall = _span(ay, by, cy, side)
+    counts = wide * tall
+    owners = np.repeat(np.arange(len(triangles), dtype=np.int32), counts)
+    at = np.arange(len(owners), dtype=np.int32) - np.repeat(np.cumsum(counts) - counts, counts)
+    row, column = np.divmod(at.astype(np.int32), wide[owners])
+    x, y = left[owners] + column, low[owners] + row
+    area = (bx - ax) * (cy - ay) - (by - ay) * (cx - ax)
+    # One seen from its edge covers nothing.
+    scale = np.divide(1.0, area, out=np.full_like(area, np.nan), where=np.abs(area) > 1e-9)
+    px, py = x - ax[owners], y - ay[owners]
+    second = px * ((cy - ay) * scale)[owners] - py * ((cx - ax) * scale)[owners]
+    third = py * ((bx - ax) * scale)[owners] - px * ((by - ay) * scale)[owners]
+    first = 1.0 - second - third
+    inside = np.flatnonzero((first >= _EDGE) & (second >= _EDGE) & (third >= _EDGE))
+    owners, pixels = owners[inside], y[inside] * side + x[inside]
+    shares = [share[inside] for share in (first, second, third)]
+    depth = sum(share * depths[triangles[owners, k]] for k, share in enumerate(shares))
+    order = np.argsort(depth, kind="stable")
+    front = np.full(side * side, -1, dtype=np.int64)
+    # Of several that are written to one place the last stays.
+    front[pixels[order]] = order
+    covered = np.flatnonzero(front >= 0)
+    seen = front[covered]
+    return covered, owners[seen], np.column_stack([share[seen] for share in shares])
+
+
+def _span(a, b, c, side: int):
+    """The first sample of triangles along an axis and how many there are, `[F]` int32."""
+    first = np.ceil(np.minimum(np.minimum(a, b), c)).clip(0, side)
+    last = np.floor(np.maximum(np.maximum(a, b), c)).clip(-1, side - 1)
+    return first.astype(np.int32), np.maximum(last - first + 1, 0).astype(np.int32)
+
+
+def _normals(points, triangles):
+    """Unit normals of the vertices `[V, 3]`, and normals of the triangles `[F, 3]` by area."""
+    a, b, c = (points[triangles[:, k]] for k in range(3))
+    areas = np.cross(b - a, c - a)
+    summed = np.empty_like(points)
+    for axis in range(3):
+        weights = np.repeat(areas[:, axis], 3)
+        summed[:, axis] = np.bincount(triangles.ravel(), weights, minlength=len(points))
+    lengths = np.linalg.norm(summed, axis=1, keepdims=True)
+    return summed / np.maximum(lengths, 1e-12), areas
+
+
+def _shade(normals, facing) -> np.ndarray:
+    """Colours `[N, 3]` under the lights."""
+    lengths = np.linalg.norm(normals, axis=1, keepdims=True)
+    normals = normals / np.maximum(lengths, 1e-6)
+    light = np.full(len(normals), _AMBIENT)
+    for way, strength in _LIGHTS:
+        light += strength * np.clip(normals @ (way / np.linalg.norm(way)), 0.0, None)
+    light = np.where(facing < 0.0, _BACK, light)
+    return _SKIN * light[:, None]
+
+
+def png(pixels: np.ndarray) -> bytes:
+    """The bytes of a PNG file of `[height, width, 4]` uint8, the top row first."""
+    height, width, _ = pixels.shape
+    # Every row begins with the number of its filter: none.
+    rows = np.zeros((height, 1 + 4 * width), dtype=np.uint8)
+    rows[:, 1:] = pixels.reshape(height, -1)
+    header = struct.pack(">IIBBBBB", width, height, 8, 6, 0, 0, 0)
+    parts = (b"IHDR", header), (b"IDAT", zlib.compress(rows.tobytes(), 6)), (b"IEND", b"")
+    return b"\x89PNG\r\n\x1a\n" + b"".join(_chunk(*part) for part in parts)
+
+
+def _chunk(kind: bytes, data: bytes) -> bytes:
+    return struct.pack(">I", len(data)) + kind + data + struct.pack(">I", zlib.crc32(kind + data))

@@ -1,0 +1,81 @@
+"""*Emotion* under *More*: mixtures, and every emotion drawn on the artist's own face."""
+
+import tempfile
+from pathlib import Path
+
+from bpy.types import Operator, Panel
+
+from ..core.portraits import Portraits
+from ..scene import bake
+from . import pictures, preferences, running
+from .operators import InThread, redraw
+from .panel import OfFacePanel
+from .settings import from_object
+from .target import target
+
+# Heights of the chosen picture and of those to choose from, in lines of the panel.
+_LINES, _LINES_EACH = 6.0, 5.0
+_FOLDER = "emotions"
+
+
+class ANYFACE_PT_emotion(OfFacePanel, Panel):
+    """What the face feels, in words and pictures."""
+
+    bl_label = "Emotion"
+    bl_order = 1
+    bl_options = {"DEFAULT_CLOSED"}
+
+    def draw(self, context):
+        """Draws mixtures, and pictures to choose from where there are some."""
+        layout, ob = self.layout, target(context)
+        layout.menu("ANYFACE_MT_mixtures")
+        layout.operator("anyface.draw_emotions", icon="USER")
+        shown = pictures.of(ob)
+        if shown is not None:
+            sizes = {"scale": _LINES, "scale_popup": _LINES_EACH}
+            layout.template_icon_view(ob.anyface, "emotion_face", show_labels=True, **sizes)
+            layout.label(text=f"{ob.anyface.emotion.capitalize()}, at {shown.intensity:.2f}")
+
+
+class ANYFACE_OT_draw_emotions(InThread, Operator):
+    """Draw every emotion on this face at the intensity of the panel, to choose from"""
+
+    bl_idname = "anyface.draw_emotions"
+    bl_label = "Draw Emotions"
+    # Nothing in the file changes.
+    bl_options = {"REGISTER"}
+
+    busy = "Another face is being animated"
+    goes_back = False
+
+    def instead(self, context):
+        """Shows what was drawn before."""
+        ob = target(context)
+        self._portraits = _portraits(ob)
+        if self._portraits.are_drawn:
+            self.tell(self.finish(ob, self._portraits, self._portraits.folder))
+            redraw(context)
+            return True
+        return False
+
+    def read(self, context, ob):
+        """The face and how strongly it is to feel."""
+        return self._portraits
+
+    def finish(self, ob, portraits, folder):
+        """Shows the pictures."""
+        pictures.show(ob, folder, portraits.intensity)
+        return f"emotions of {ob.name} drawn: choose one under More, Emotion"
+
+
+def _portraits(ob) -> Portraits:
+    settings = from_object(ob)
+    cache = preferences.cache_folder() or Path(tempfile.gettempdir()) / "anyface"
+    return Portraits(
+        face=bake.read_face(ob, settings, editable=False),
+        intensity=settings.intensity,
+        system=settings.system,
+        controls=settings.controls,
+        cache=cache / _FOLDER,
+        engine=running.engine(settings.system),
+    )

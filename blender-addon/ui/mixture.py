@@ -1,0 +1,160 @@
+"""Several emotions at once: the rows beside the first one, and mixtures that have names."""
+
+from bpy.props import EnumProperty, FloatProperty, IntProperty, StringProperty
+from bpy.types import Menu, Operator, PropertyGroup
+
+from ..core import emotion
+from ..core.emotion import EMOTIONS, MAX_INTENSITY, MIXTURES
+from ..core.errors import AnyfaceError
+from ..scene.animation import curves
+from ..scene.animation.emotion import WEIGHT_PATH, shares
+from .operators import Acting
+from .target import target
+
+ITEMS = [(name, name.capitalize(), "", number) for number, name in enumerate(EMOTIONS)]
+# The share of a line that the emotion takes; its strength takes the rest.
+_EMOTION_SHARE = 0.62
+# How strong an emotion is that comes to another one.
+_ADDED = 0.5
+
+
+class AnyfaceEmotion(PropertyGroup):
+    """One emotion of a mixture beside the first one."""
+
+    emotion: EnumProperty(name="Emotion", items=ITEMS, default="happy", options=set())
+    weight: FloatProperty(
+        name="Weight",
+        description="How strongly this emotion shows; 1 is a full expression, and all of them "
+        f"together are at most {MAX_INTENSITY:g}. Can be animated",
+        default=_ADDED,
+        min=0.0,
+        max=MAX_INTENSITY,
+        subtype="FACTOR",
+    )
+
+
+def text(settings) -> str:
+    """The rows beside the first emotion as text, such as "sad:0.6,upset:0.2"."""
+    return emotion.write_shares(settings.mixture)
+
+
+def fill(settings, text: str) -> None:
+    """Replaces the rows beside the first emotion by those of a text. Raises `AnyfaceError`."""
+    _fill(settings, emotion.read_shares(text))
+
+
+def _fill(settings, found: list[emotion.Share]) -> None:
+    settings.mixture.clear()
+    for share in found:
+        row = settings.mixture.add()
+        row.emotion, row.weight = share.emotion, share.weight
+
+
+class _OnMixture(Acting):
+    @classmethod
+    def why_not(cls, context):
+        ob = target(context)
+        linked = ob is not None and ob.library is not None
+        return "The face is linked and keeps no list" if linked else super().why_not(context)
+
+
+class ANYFACE_OT_emotion_add(_OnMixture, Operator):
+    """Let the face show one more emotion at the same time"""
+
+    bl_idname = "anyface.emotion_add"
+    bl_label = "Add Emotion"
+
+    def act(self, ob):
+        """Adds a row with an emotion that is not there yet."""
+        stored = ob.anyface
+        there = {share.emotion for share in shares(stored)}
+        row = stored.mixture.add()
+        row.emotion = next((name for name in EMOTIONS[1:] if name not in there), EMOTIONS[1])
+        row.weight = _ADDED
+
+
+class ANYFACE_OT_emotion_remove(_OnMixture, Operator):
+    """Take this emotion out of the mixture"""
+
+    bl_idname = "anyface.emotion_remove"
+    bl_label = "Remove Emotion"
+
+    number: IntProperty(name="Row", default=0, min=0, options={"SKIP_SAVE"})
+
+    def act(self, ob):
+        """Removes the row; keyframes stay with the rows that they are of."""
+        rows = ob.anyface.mixture
+        if self.number >= len(rows):
+            raise AnyfaceError(
+                "input", f"emotion: expected a row below {len(rows)}, got {self.number}"
+            )
+        _drop_curves(ob, self.number, len(rows))
+        rows.remove(self.number)
+
+
+def _drop_curves(ob, number: int, count: int) -> None:
+    """Removes curve and driver of a row's weight; those of the `count` rows move up."""
+    animation = ob.animation_data
+    bag = curves.channels(animation)
+    for held in (bag.fcurves if bag is not None else None, getattr(animation, "drivers", None)):
+        for row in range(number, count) if held is not None else ():
+            curve = held.find("anyface." + WEIGHT_PATH.format(row))
+            if curve is not None and row == number:
+                held.remove(curve)
+            elif curve is not None:
+                curve.data_path = "anyface." + WEIGHT_PATH.format(row - 1)
+
+
+class ANYFACE_OT_emotion_mixture(_OnMixture, Operator):
+    """Fill the emotions with this mixture"""
+
+    bl_idname = "anyface.emotion_mixture"
+    bl_label = "Mixture"
+
+    name: StringProperty(name="Mixture", options={"SKIP_SAVE"})
+
+    def act(self, ob):
+        """Replaces all rows, the first one too."""
+        if self.name not in MIXTURES:
+            known = ", ".join(MIXTURES)
+            raise AnyfaceError("input", f"mixture: expected one of {known}, got {self.name!r}")
+        first, *others = emotion.read_shares(MIXTURES[self.name])
+        stored = ob.anyface
+        stored.emotion_source = "GIVEN"
+        stored.emotion, stored.intensity = first.emotion, first.weight
+        _fill(stored, others)
+
+
+class ANYFACE_MT_mixtures(Menu):
+    """Emotions that are mixtures of others"""
+
+    bl_label = "Mixtures"
+
+    def draw(self, context):
+        """Draws all of them."""
+        for name in MIXTURES:
+            self.layout.operator("anyface.emotion_mixture", text=name).name = name
+
+
+def draw(line_of, settings) -> None:
+    """Draws the emotions; `line_of(name)` is a line of that name."""
+    line = line_of("Emotion")
+    _draw_row(line, settings, "intensity")
+    line.operator("anyface.emotion_add", text="", icon="ADD")
+    for number, row in enumerate(settings.mixture):
+        line = line_of("")
+        _draw_row(line, row, "weight")
+        line.operator("anyface.emotion_remove", text="", icon="REMOVE").number = number
+    together = emotion.total(shares(settings)) if settings.mixture else 0.0
+    if together > MAX_INTENSITY + 1e-4:
+        line_of("").label(text=f"{together:.2f} in sum, shown as {MAX_INTENSITY:g}", icon="INFO")
+
+
+def _draw_row(line, row, strength: str) -> None:
+    """Draws an emotion and its `strength`, the name of a property."""
+    line.use_property_split = False
+    both = line.split(factor=_EMOTION_SHARE, align=True)
+    both.prop(row, "emotion", text="")
+    slider = both.row(align=True)
+    slider.active = row.emotion != EMOTIONS[0]
+    slider.prop(row, strength, text="", slider=True)
