@@ -129,7 +129,7 @@ class AnyfaceCharacter(PropertyGroup):
     layered: BoolProperty(
         name="Emotion as a Layer",
         description="Keys of what is felt are apart from keys of what is said, act where the "
-        "vertex group Feeling Mask is painted, and follow the slider of the emotion",
+        "vertex group Emotion Mask is painted, and follow the slider of the emotion",
         default=True,
         options=set(),
     )

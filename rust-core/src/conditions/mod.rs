@@ -152,7 +152,7 @@ pub enum EmotionCurve {
     Constant(Emotion),
     /// `(time_s, emotion)` in rising order; linear in between, held outside.
     Keys(Vec<(f64, Emotion)>),
-    /// The feeling that is heard in the voice: see [`crate::speech::EmotionEar::emotion`]. Neutral until it
+    /// The emotion that is heard in the voice: see [`crate::speech::EmotionEar::emotion`]. Neutral until it
     /// was heard.
     Auto,
     /// How excited the voice sounds: see [`emotion_from_voice`]. Neutral until it was heard.

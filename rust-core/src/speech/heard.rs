@@ -5,8 +5,8 @@ use std::sync::{Arc, OnceLock};
 use ndarray::Array2;
 
 use super::{
-    EmotionEar, FeatureTrack, FeltVoice, HeardEmotion, PhoneModel, SpeechEncoder, at_motion_frames,
-    encoder::frames_of,
+    EmotionEar, FeatureTrack, HeardEmotion, PhoneModel, SpeechEncoder, VoiceTrack,
+    at_motion_frames, encoder::frames_of,
 };
 use crate::{
     Result,
@@ -36,8 +36,8 @@ pub struct Heard {
     pub track: FeatureTrack,
     /// Loudness, pitch, effort, syllables and pauses.
     pub prosody: Prosody,
-    /// The voice as an encoder of feelings takes it.
-    pub voice: FeltVoice,
+    /// The voice as an encoder of emotions takes it.
+    pub voice: VoiceTrack,
     /// What another's model of emotions hears in it, where the engine has one.
     pub emotion: Option<EmotionCurve>,
     /// The ear for emotion, where the engine has it.
@@ -70,7 +70,7 @@ impl Heard {
         Ok(Heard {
             track: encoder.encode(waveform, &share(0.0, ENCODED))?,
             prosody: Prosody::of(waveform),
-            voice: FeltVoice::hear(waveform, &share(ENCODED, 1.0))?,
+            voice: VoiceTrack::hear(waveform, &share(ENCODED, 1.0))?,
             emotion: None,
             ear: None,
             heard_emotion: OnceLock::new(),

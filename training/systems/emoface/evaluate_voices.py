@@ -3,9 +3,9 @@
     python -m training.systems.emoface.evaluate_voices --data ../shared/data --anyface target/release/anyface
 
 Two people whom nobody taught an emotion (a man of grid_s1, a woman of nathalie_nl) say a line under the
-recordings of the two actors of emodb_de who are held out (`--feeling`). Motion is told against the same line
-without an emotion, in mm on a human head: brows up, corners up, r of the lips' gap. The class of a face is
-that of the emotion whose face, asked for by name, has the most similar direction in the mean over frames. A
+recordings of the two actors of emodb_de who are held out (`--emotion-of`). Motion is told against the same
+line without an emotion, in mm on a human head: brows up, corners up, r of the lips' gap. The class of a
+face is that of the emotion whose face, asked for by name, has the most similar direction in the mean over frames. A
 neutral reading shows an emotion where a brow or a lid is more than 1.5 mm from the same reading without an
 emotion.
 """
@@ -19,7 +19,7 @@ import numpy as np
 import soundfile
 
 from training.corpus.clip import read_sound
-from training.corpus.feelings import SOURCE, read_felt
+from training.corpus.emodb import SOURCE, read_felt
 from training.corpus.tracks import SOUND_HZ
 from training.engine import Engine
 from training.flags import run_command
@@ -59,18 +59,18 @@ def gap(moved: np.ndarray) -> np.ndarray:
 
 def borrowed(engine: Engine, data: Path, line: Path, limit: int) -> Iterator[str]:
     """A line under recordings of each emotion, `limit` of each at most."""
-    plain = motion(engine, line, "--feeling-from", "off")
+    plain = motion(engine, line, "--emotion-from", "off")
     faces = {name: (motion(engine, line, "--emotion", f"{name}:1") - plain).mean(axis=0) for name in SHOWN}
     rows, right = defaultdict(list), []
     for clip in read_felt(data):
-        if not clip.held_out or clip.feeling not in SHOWN or len(rows[clip.feeling]) == limit:
+        if not clip.held_out or clip.emotion not in SHOWN or len(rows[clip.emotion]) == limit:
             continue
-        made = motion(engine, line, "--feeling", data / "speech" / SOURCE / f"{clip.name}.ogg")
+        made = motion(engine, line, "--emotion-of", data / "speech" / SOURCE / f"{clip.name}.ogg")
         face = (made - plain).mean(axis=0)
         r = np.corrcoef(gap(made), gap(plain))[0, 1]
-        rows[clip.feeling].append((face[BROWS, 1].mean(), face[CORNERS, 1].mean(), r))
+        rows[clip.emotion].append((face[BROWS, 1].mean(), face[CORNERS, 1].mean(), r))
         nearest = min(faces, key=lambda name: angle(face, faces[name]))
-        right.append(nearest == clip.feeling)
+        right.append(nearest == clip.emotion)
     for name in SHOWN:
         brows, corners, r = np.mean(rows[name], axis=0)
         by_hand = faces[name][BROWS, 1].mean(), faces[name][CORNERS, 1].mean()
@@ -95,7 +95,7 @@ def neutral(engine: Engine, name: str, sounds: list[Path]) -> str:
             samples = read_sound(sound)
             soundfile.write(longer, np.concatenate([samples, np.zeros(SOUND_HZ, samples.dtype)]), SOUND_HZ)
             ends.append(np.linalg.norm(motion(engine, longer)[-1], axis=1).max())
-        apart = np.linalg.norm(made - motion(engine, sound, "--feeling-from", "off"), axis=2)[:, UPPER].max(
+        apart = np.linalg.norm(made - motion(engine, sound, "--emotion-from", "off"), axis=2)[:, UPPER].max(
             axis=1
         )
         seen += list(apart > SEEN_MM)

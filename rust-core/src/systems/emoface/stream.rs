@@ -11,8 +11,8 @@ use crate::{
     mesh::ibug::LANDMARKS,
     motion::{LandmarkFrame, MotionStream, Parting, narrow, opening},
     speech::{
-        CausalModel, CausalSpeech, CompactEncoder, EmotionEar, FeelingEncoder, LiveEar,
-        LiveFeeling, SpeechEncoder, closure_share,
+        CausalModel, CausalSpeech, CompactEncoder, EmotionEar, EmotionEncoder, LiveEar,
+        LiveEmotion, SpeechEncoder, closure_share,
     },
 };
 
@@ -23,7 +23,7 @@ pub struct LiveParts {
     /// Tells of its rows where lips are closed.
     pub encoder: CompactEncoder,
     /// The emotion encoder, which looks back by itself.
-    pub feeling: Arc<FeelingEncoder>,
+    pub emotion: Arc<EmotionEncoder>,
     /// Says whether anything is felt at all.
     pub ear: Arc<EmotionEar>,
     /// Both branches and Mesh Attention.
@@ -32,12 +32,12 @@ pub struct LiveParts {
 
 /// A performance in progress, in the default style and from rest.
 ///
-/// The feeling is heard in the voice, and shows as surely as it is none of a neutral voice; an emotion that is set with an intensity above 0 is felt instead, with
+/// The emotion is heard in the voice, and shows as surely as it is none of a neutral voice; an emotion that is set with an intensity above 0 is felt instead, with
 /// the intensity as its level. Lips close at p, b and m, by ear.
 pub struct EmoFaceStream {
     parts: Arc<LiveParts>,
     speech: CausalSpeech,
-    felt: LiveFeeling,
+    felt: LiveEmotion,
     ear: LiveEar,
     state: Progressing,
     style: usize,
@@ -90,7 +90,7 @@ impl EmoFaceStream {
         let style = crate::motion::style_number(None, &config.styles, &config.default_style)?;
         Ok(EmoFaceStream {
             speech: CausalSpeech::new(Arc::clone(&parts.content)),
-            felt: LiveFeeling::new(Arc::clone(&parts.feeling)),
+            felt: LiveEmotion::new(Arc::clone(&parts.emotion)),
             ear: LiveEar::new(Arc::clone(&parts.ear)),
             state: parts.model.start(None)?,
             style,
@@ -117,14 +117,14 @@ impl MotionStream for EmoFaceStream {
             }
         })?;
         let config = self.parts.model.config();
-        let (feeling, level) = match &self.set {
+        let (emotion, level) = match &self.set {
             Some(prototype) => (prototype.clone(), self.emotion.intensity),
             None if config.emotion_ear => self.heard.next(&ear.emotion(), &self.parts.model)?,
             None => (felt.at_frame(index, config.fps), ear.emotion().intensity),
         };
         let heard = HeardFrame {
             content: ArrayView1::from(content),
-            feeling: ArrayView1::from(&feeling),
+            emotion: ArrayView1::from(&emotion),
             style: self.style,
             level,
         };
@@ -177,16 +177,16 @@ impl MotionStream for EmoFaceStream {
 /// # Errors
 /// `InvalidInput` for an emotion that the branch was not taught.
 pub fn prototype(model: &Model, mixture: &[f32]) -> Result<Vec<f32>> {
-    let feelings = &model.config().feelings;
-    let mut shares = vec![0.0; feelings.len()];
+    let emotions = &model.config().emotions;
+    let mut shares = vec![0.0; emotions.len()];
     for (name, share) in EMOTIONS.iter().zip(mixture) {
-        match feelings.iter().position(|known| known == name) {
+        match emotions.iter().position(|known| known == name) {
             Some(place) => shares[place] = *share,
             None if *share == 0.0 => {}
             None => {
                 return Err(Error::InvalidInput(format!(
                     "emotion: expected what the emotion branch was taught ({}), got {name}",
-                    feelings.join(", ")
+                    emotions.join(", ")
                 )));
             }
         }
@@ -197,7 +197,7 @@ pub fn prototype(model: &Model, mixture: &[f32]) -> Result<Vec<f32>> {
 /// A mixture of the fifteen emotions without those that the emotion branch was not taught.
 pub fn known(config: &EmoFaceConfig, mixture: &[f32]) -> [f32; EMOTIONS.len()] {
     std::array::from_fn(|e| {
-        let is_known = config.feelings.iter().any(|name| name == EMOTIONS[e]);
+        let is_known = config.emotions.iter().any(|name| name == EMOTIONS[e]);
         if is_known { mixture[e] } else { 0.0 }
     })
 }

@@ -10,7 +10,7 @@ const FULL: f64 = 0.95;
 ///
 /// Nothing shows where neutral is as likely as it is found to be in readings of strangers. From there on the
 /// intensity rises smoothly to 1. The mixture is the squares of the other probabilities, so that a doubt between two
-/// feelings seldom shows both. The rule is ours.
+/// emotions seldom shows both. The rule is ours.
 pub(super) fn shown(shares: &[f64; EMOTIONS.len()]) -> Emotion {
     let felt: f64 = shares[1..].iter().sum();
     let above = ((felt - FLOOR) / (FULL - FLOOR)).clamp(0.0, 1.0);
@@ -40,9 +40,9 @@ fn strongest_of(shares: &[f64; EMOTIONS.len()], intensity: f64) -> Emotion {
 mod tests {
     use super::*;
 
-    fn sure_of(feeling: &str, share: f64) -> Emotion {
+    fn sure_of(emotion: &str, share: f64) -> Emotion {
         let rest = (1.0 - share) / (EMOTIONS.len() - 1) as f64;
-        shown(&EMOTIONS.map(|name| if name == feeling { share } else { rest }))
+        shown(&EMOTIONS.map(|name| if name == emotion { share } else { rest }))
     }
 
     #[test]
