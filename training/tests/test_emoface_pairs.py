@@ -143,7 +143,7 @@ def test_the_papers_loss_is_eq_11(folder):
 def test_the_emotion_encoder_as_a_network_hears_what_it_heard(folder):
     corpus = CorpusFolder(folder)
     samples = torch.from_numpy(corpus.sound(corpus.rows[0]))
-    shipped = flags_of(folder).emotion
+    shipped = flags_of(folder).emotion_encoder
     for fps in (25.0, 30.0):
         network = EmotionNumbers(shipped, fps)
         found = network(network.prepare(samples, 60), 60).detach().numpy()
