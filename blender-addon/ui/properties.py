@@ -127,7 +127,7 @@ class AnyfaceCharacter(PropertyGroup):
     )
     mode: EnumProperty(name="Output", items=outputs.ITEMS, default=outputs.MODES[0], options=set())
     layered: BoolProperty(
-        name="Emotion as a Layer",
+        name="Feeling as a Layer",
         description="Keys of what is felt are apart from keys of what is said, act where the "
         "vertex group Feeling Mask is painted, and follow the slider of the emotion",
         default=True,
