@@ -1,8 +1,6 @@
 """Several emotions at once: rows, keyframes, named mixtures, presets and takes of them."""
 
 import json
-import subprocess
-import sys
 from types import SimpleNamespace
 
 import bpy
@@ -258,25 +256,6 @@ def test_the_command_and_the_scene_list_feel_the_mixture(stage, face, addon):
     bpy.context.scene.anyface_list.add().character = face
     assert bpy.ops.anyface.generate_scene() == {"FINISHED"}
     assert asked(stage)[1][0] == pytest.approx(strengths(addon, happy=0.6, sad=0.4))
-
-
-def test_a_shot_of_a_batch_feels_the_mixture(face, installed, tmp_path):
-    """A process of its own reads the file as a farm does."""
-    feel(face, happy=0.6, sad=0.4)
-    shot = str(tmp_path / "shot.blend")
-    bpy.ops.wm.save_as_mainfile(filepath=shot)
-    script = f"""
-import sys
-sys.path[:0] = [{str(installed)!r}]
-import anyface_batch, importlib
-name = anyface_batch.load_extension().__name__
-import bpy
-bpy.ops.wm.open_mainfile(filepath={shot!r})
-found = importlib.import_module(name + ".ui.settings").from_object(bpy.data.objects["Head"])
-print("felt", found.emotion, [(row.emotion, round(row.weight, 3)) for row in found.mixture])
-"""
-    done = subprocess.run([sys.executable, "-c", script], capture_output=True, text=True)
-    assert "felt happy [('sad', 0.4)]" in done.stdout, done.stdout + done.stderr
 
 
 def test_a_face_that_follows_its_sound_feels_the_mixture(face, addon):

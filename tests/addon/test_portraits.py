@@ -2,6 +2,8 @@
 
 import os
 import shutil
+import subprocess
+import sys
 from pathlib import Path
 
 import bpy
@@ -323,6 +325,26 @@ def test_a_mixture_lies_near_the_sum_of_its_emotions(speaking):
     assert largest_mm(both - first) > 3.0 and largest_mm(both - second) > 3.0
     left = np.linalg.norm(both - first - second) / np.linalg.norm(both)
     assert left < 0.25, left
+
+
+def test_a_batch_makes_the_same_of_the_mixture(speaking, installed, tmp_path):
+    here = felt(speaking, "happy:0.6,sad:0.6")
+    assert bpy.ops.anyface.remove() == {"FINISHED"}
+    shot, out = (str(tmp_path / name) for name in ("shot.blend", "out.blend"))
+    bpy.ops.wm.save_as_mainfile(filepath=shot)
+    command = [sys.executable, "-m", "anyface_batch", shot, "bake", "--object", "Head"]
+    environment = {**os.environ, "PYTHONPATH": str(installed)}
+    environment["BLENDER_USER_RESOURCES"] = str(tmp_path / "empty")
+    takes = []
+    for more in ((), ("--emotion", "happy:0.6,sad:0.6"), ("--emotion", "happy:0.6")):
+        words = [*command, "--save", out, *more]
+        done = subprocess.run(words, env=environment, capture_output=True, text=True, check=False)
+        assert done.returncode == 0, done.stdout + done.stderr
+        bpy.ops.wm.open_mainfile(filepath=out)
+        takes.append(film(bpy.data.objects["Head"], range(START + 20, START + 40, 5)))
+    stored, asked, happy = takes
+    assert largest_mm(stored - here) < 0.02 and largest_mm(asked - here) < 0.02
+    assert largest_mm(happy - here) > 1.0
 
 
 def test_keyframes_on_a_weight_move_the_face_over_time(speaking):
