@@ -179,12 +179,12 @@ typedef enum {
 typedef enum {
     /// `emotion_strengths`; the default.
     ANYFACE_EMOTION_SOURCE_GIVEN = 0,
-    /// The feeling that is heard in the voice: anger, joy, fear, sadness, disgust, calm, or nothing where that
+    /// The emotion that is heard in the voice: anger, joy, fear, sadness, disgust, calm, or nothing where that
     /// is not certain.
     ANYFACE_EMOTION_SOURCE_VOICE = 1,
     /// No emotion and nothing else that speech did not cause: no blinks, no motion of brows and lids.
     ANYFACE_EMOTION_SOURCE_OFF = 2,
-    /// Arousal: how excited the voice sounds, not which feeling it has; glad, afraid and angry voices
+    /// Arousal: how excited the voice sounds, not which emotion it has; glad, afraid and angry voices
     /// all widen the eyes and raise the brows.
     ANYFACE_EMOTION_SOURCE_AROUSAL = 3,
 } AnyfaceEmotionSource;
@@ -519,9 +519,9 @@ typedef struct {
     /// What the face is to do and when; only until the call returns. NULL, the default, is nothing. A system that
     /// cannot show them refuses: see `anyface_system_takes_events()`.
     const AnyfaceEvents *events;
-    /// Another recording whose feeling the face shows; only until the call returns. NULL, the default, is the
-    /// voice itself. A system that does not hear feeling refuses: see `anyface_system_hears_feeling()`.
-    const AnyfaceAudio *felt_as;
+    /// Another recording whose emotion the face shows; only until the call returns. NULL, the default, is the
+    /// voice itself. A system that does not hear emotion refuses: see `anyface_system_hears_emotion()`.
+    const AnyfaceAudio *emotion_of;
     /// A motion of landmarks in whose last frame the face begins, its tongue too; only until the call returns. NULL, the
     /// default, is rest. Systems that do not go on from a pose refuse: see `anyface_system_starts_from_pose()`.
     const AnyfaceMotion *starts_from;
@@ -859,9 +859,9 @@ size_t anyface_system_control_count(size_t system);
 /// count.
 int32_t anyface_system_takes_events(size_t system);
 
-/// 1 if a system hears feeling, in the voice or in `felt_as` of `AnyfaceMotionOptions`, else 0; 0 for a number
+/// 1 if a system hears emotion, in the voice or in `emotion_of` of `AnyfaceMotionOptions`, else 0; 0 for a number
 /// that is not below the count.
-int32_t anyface_system_hears_feeling(size_t system);
+int32_t anyface_system_hears_emotion(size_t system);
 
 /// 1 if a system goes on from the pose of `starts_from` of `AnyfaceMotionOptions`, else 0; 0 for a number that
 /// is not below the count.
@@ -1166,7 +1166,7 @@ AnyfaceStatus anyface_motion_new_again(const AnyfaceEngine *engine,
 ///
 /// `progress` may be NULL. Free with `anyface_motion_free()`; `motion` may go before.
 /// Fails with `ANYFACE_STATUS_INVALID_INPUT` for a motion that was not spoken, or a system that does not tell both apart:
-/// see `anyface_system_hears_feeling()`; `ANYFACE_STATUS_CANCELLED`.
+/// see `anyface_system_hears_emotion()`; `ANYFACE_STATUS_CANCELLED`.
 AnyfaceStatus anyface_motion_new_content(const AnyfaceEngine *engine,
                                          const AnyfaceMotion *motion,
                                          const AnyfaceProgress *progress,
@@ -1239,13 +1239,13 @@ AnyfaceStatus anyface_motion_copy_displacements(const AnyfaceMotion *motion,
                                                 size_t float_count,
                                                 AnyfaceError **error);
 
-/// Copies how far feeling is believed beside what is said in one frame, for each vertex of a face: where the face
+/// Copies how far emotion is believed beside what is said in one frame, for each vertex of a face: where the face
 /// shows the one and where the other.
 ///
 /// `frame`: below `T`. `buffer`: `[V]`, 0 to 1, 0 where nothing of the face is followed; `float_count` must be `V`.
 /// Fails with `ANYFACE_STATUS_INVALID_INPUT` for another `float_count`, a frame out of range, a motion that was
 /// not spoken, or where the system of the engine or of the motion does not tell both apart: see
-/// `anyface_system_hears_feeling()`.
+/// `anyface_system_hears_emotion()`.
 AnyfaceStatus anyface_motion_copy_mask(const AnyfaceMotion *motion,
                                        const AnyfaceEngine *engine,
                                        const AnyfaceFace *face,

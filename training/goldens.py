@@ -27,7 +27,7 @@ GOLDENS = {
     "ats_compact": "training.systems.freetalk.golden_ats",
     "cafe_talk": "training.systems.cafe_talk.golden",
     "emoface": "training.systems.emoface.golden",
-    "feeling": "training.systems.emoface.golden_feeling",
+    "emotion_encoder": "training.systems.emoface.golden_emotion_encoder",
     "facetalk_head": "training.systems.facetalk.golden",
     "facetalk_motion": "training.systems.facetalk.golden_motion",
     "head_topology": "training.head_topology.golden",

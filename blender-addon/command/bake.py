@@ -64,7 +64,7 @@ def _settings(ob, scene, options) -> bake.Settings:
         "system": options.system,
         "axes": options.axes,
         "landmark_file": os.path.abspath(options.landmarks) if options.landmarks else None,
-        "felt_file": os.path.abspath(options.feeling) if options.feeling else None,
+        "emotion_file": os.path.abspath(options.emotion_of) if options.emotion_of else None,
         "event_file": os.path.abspath(options.events) if options.events else None,
     }
     for name, value in given.items():

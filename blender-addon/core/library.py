@@ -136,7 +136,7 @@ class MotionOptions(Structure):
         ("closures_given", c_int32),
         ("reserved_2", c_uint32),
         ("events", c_void_p),
-        ("felt_as", c_void_p),
+        ("emotion_of", c_void_p),
         ("starts_from", c_void_p),
     ]
 
@@ -156,7 +156,7 @@ SIGNATURES = {
     "anyface_system_label": (c_char_p, [c_size_t]),
     "anyface_system_help": (c_char_p, [c_size_t]),
     "anyface_system_takes_events": (c_int32, [c_size_t]),
-    "anyface_system_hears_feeling": (c_int32, [c_size_t]),
+    "anyface_system_hears_emotion": (c_int32, [c_size_t]),
     "anyface_system_starts_from_pose": (c_int32, [c_size_t]),
     "anyface_system_has_slider": (c_int32, [c_size_t, c_int32]),
     "anyface_system_control_count": (c_size_t, [c_size_t]),

@@ -262,7 +262,7 @@ class Engine(
         frame: int,
         progress: Progress,
     ) -> np.ndarray:
-        """How far feeling is believed beside what is said in a frame of a take, `[V]` from 0 to 1.
+        """How far emotion is believed beside what is said in a frame of a take, `[V]` from 0 to 1.
 
         A frame beyond the take is its nearest. The rest as for `animate`.
         """
@@ -395,8 +395,8 @@ class Engine(
             options.closures_s, options.closure_count = _doubles(closures), len(closures)
             options.closures_given = 1
         options.events = self._events(handles, request.events)
-        if request.felt_as is not None:
-            options.felt_as = self._audio(handles, request.felt_as)
+        if request.emotion_of is not None:
+            options.emotion_of = self._audio(handles, request.emotion_of)
         if request.starts_from is not None and face is not None:
             options.starts_from = self._pose(handles, face, request.starts_from)
         given = (self._handle, audio, byref(options), watch.handle)

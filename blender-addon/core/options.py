@@ -72,7 +72,7 @@ def _add_bake(task: argparse.ArgumentParser, modes: str) -> None:
     task.add_argument("--seed", type=int)
     task.add_argument("--style", help="speaking style")
     task.add_argument(
-        "--feeling", metavar="FILE", help="another recording whose feeling the face shows"
+        "--emotion-of", metavar="FILE", help="another recording whose emotion the face shows"
     )
     task.add_argument("--events", metavar="FILE", help="JSON, instead of strips and markers")
     task.add_argument("--axes", choices=("AUTO", "WORLD", "LOCAL", "LOCAL_Y_UP"))

@@ -56,8 +56,8 @@ class System:
     help: str
     controls: tuple[Control, ...]
     takes_events: bool = False
-    # Whether it hears feeling, and may take it from another recording.
-    hears_feeling: bool = False
+    # Whether it hears emotion, and may take it from another recording.
+    hears_emotion: bool = False
     # Whether it goes on from a given pose.
     starts_from_pose: bool = False
     # Names of `sliders.NAMES` that its takes may have.
@@ -119,11 +119,11 @@ def _system(loaded, number: int) -> System:
     count = loaded.anyface_system_control_count(number)
     controls = tuple(_control(loaded, number, at) for at in range(count))
     takes_events = loaded.anyface_system_takes_events(number) == 1
-    hears_feeling = loaded.anyface_system_hears_feeling(number) == 1
+    hears_emotion = loaded.anyface_system_hears_emotion(number) == 1
     starts = loaded.anyface_system_starts_from_pose(number) == 1
     has = loaded.anyface_system_has_slider
     found = tuple(name for at, name in enumerate(sliders.NAMES) if has(number, at) == 1)
-    able = takes_events, hears_feeling, starts
+    able = takes_events, hears_emotion, starts
     return System(name, label, text, controls, *able, found)
 
 

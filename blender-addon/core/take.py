@@ -91,8 +91,8 @@ class Request:
     mesh's parts. `error_mm` is the largest error of a basis, on a head of human size; with None the
     displacements of every frame are wanted. With `keeps_clip` neither comes back, but the clip
     itself, on which weights of shapes are solved. The lips close in `closures` `[N, 2]`, seconds;
-    with None where that is heard. `events` are for systems that take them, `felt_as` is another
-    recording whose feeling is shown, for those that hear it; where the take is `layered`, what is
+    with None where that is heard. `events` are for systems that take them, `emotion_of` is another
+    recording whose emotion is shown, for those that hear it; where the take is `layered`, what is
     felt has vectors of its own. `output` names the output that writes it. `starts_from` are
     displacements `[V, 3]` from rest of the pose in which the face begins, for systems that go on
     from one.
@@ -109,7 +109,7 @@ class Request:
     roles: PartRoles | None = None
     closures: np.ndarray | None = None
     events: list[Event] = field(default_factory=list)
-    felt_as: "Sound | None" = None
+    emotion_of: "Sound | None" = None
     layered: bool = False
     output: str = ""
     starts_from: np.ndarray | None = None
@@ -257,7 +257,7 @@ class Basis(VectorSum):
     of any vertex in any frame from where it should be. `sliders` is what may still be changed of
     the take, by the names of `sliders.ALL`; `why_missing` says in words why others are not there.
     `offered` are the sliders that the system has at all; `packed` holds `sliders` as they are kept
-    with the take. From `felt_from` on vectors are what is felt beyond what is said.
+    with the take. From `emotion_first` on vectors are what is felt beyond what is said.
     """
 
     vectors: np.ndarray
@@ -267,12 +267,12 @@ class Basis(VectorSum):
     why_missing: dict[str, str] = field(default_factory=dict)
     packed: bytes = b""
     offered: tuple[str, ...] = NAMES
-    felt_from: int | None = None
+    emotion_first: int | None = None
 
     def of_piece(self, piece):
-        # The mask of the feeling is painted on the face alone.
-        felt_from = self.felt_from if piece.first == 0 else None
-        return replace(super().of_piece(piece), felt_from=felt_from)
+        # The mask of the emotion is painted on the face alone.
+        emotion_first = self.emotion_first if piece.first == 0 else None
+        return replace(super().of_piece(piece), emotion_first=emotion_first)
 
 
 @dataclass

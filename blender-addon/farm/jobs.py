@@ -15,8 +15,8 @@ from pathlib import Path
 from ..core import json_file, model_card, options, schema, wording
 from ..core.errors import AnyfaceError
 
-_PATHS = ("audio", "events", "feeling", "landmarks", "out", "weights")
-_READ = ("--audio", "--events", "--feeling", "--landmarks")
+_PATHS = ("audio", "events", "emotion_of", "landmarks", "out", "weights")
+_READ = ("--audio", "--events", "--emotion-of", "--landmarks")
 _OWN = ("name", "file", "save", "faces")
 _NAME = re.compile(r"[\w.-]+")
 _LONGEST = 200

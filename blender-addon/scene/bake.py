@@ -70,9 +70,9 @@ class Settings:
     marker_s: float = 0.8
     # A file of events that counts instead of both.
     event_file: str = ""
-    # A sound strip, or a file instead, whose feeling the face shows, for systems that hear it.
-    felt_strip: str = ""
-    felt_file: str = ""
+    # A sound strip, or a file instead, whose emotion the face shows, for systems that hear it.
+    emotion_strip: str = ""
+    emotion_file: str = ""
     # Whether the face begins as it stands now, for systems that go on from a pose.
     starts_from_pose: bool = False
     # Objects beside the face, and roles of single connected parts by number.
@@ -101,19 +101,19 @@ class Snapshot:
     numbers: dict[str, int] = field(default_factory=dict)
     # Start and end in seconds, and the text, of strips that say what is heard.
     sounds: list[tuple[float, float, str]] | None = None
-    # Another recording whose feeling is shown.
+    # Another recording whose emotion is shown.
     felt: SoundSource | None = None
 
     def heard(self, progress: Progress) -> tuple[Sound, Request]:
         """The sound, decoded, and the request with the lips closed where the strips say so and the
-        other recording that gives the feeling."""
+        other recording that gives the emotion."""
         progress.check("sound")
         voice, request = self.source.load(decode.decoder(self.engine)), self.request
         if self.sounds is not None:
             closed = [[a, b] for a, b, label in self.sounds if self.engine.closes_lips(label)]
             request = replace(request, closures=np.array(closed).reshape(-1, 2))
         if self.felt is not None:
-            request = replace(request, felt_as=self.felt.load(decode.decoder(self.engine)))
+            request = replace(request, emotion_of=self.felt.load(decode.decoder(self.engine)))
         return voice, request
 
     def ask(self, function, progress: Progress, *more):
@@ -172,7 +172,7 @@ def read(ob, scene, settings: Settings, engine) -> Snapshot:
         events=asked_for.events,
         layered=output.as_basis
         and settings.layered
-        and systems.by_name(settings.system).hears_feeling,
+        and systems.by_name(settings.system).hears_emotion,
         output=output.name,
         starts_from=_pose(ob, face, settings),
     )
@@ -311,15 +311,15 @@ def find_sound(scene, settings: Settings, engine) -> SoundSource:
 
 
 def _felt(scene, settings: Settings, engine) -> SoundSource | None:
-    """The recording that gives the feeling; a strip is let be where the system does not hear it."""
-    if settings.felt_file:
-        return sound_source.from_file(settings.felt_file, settings.start_frame)
-    if not settings.felt_strip or not systems.by_name(settings.system).hears_feeling:
+    """The recording that gives the emotion; a strip is let be where the system does not hear it."""
+    if settings.emotion_file:
+        return sound_source.from_file(settings.emotion_file, settings.start_frame)
+    if not settings.emotion_strip or not systems.by_name(settings.system).hears_emotion:
         return None
     try:
-        return sound_source.from_strip(scene, settings.felt_strip, decode.decoder(engine))
+        return sound_source.from_strip(scene, settings.emotion_strip, decode.decoder(engine))
     except AnyfaceError as error:
-        raise AnyfaceError(error.kind, f"Feeling Of: {error}") from error
+        raise AnyfaceError(error.kind, f"Emotion Of: {error}") from error
 
 
 def _pose(ob, face: FaceMesh, settings: Settings) -> np.ndarray | None:

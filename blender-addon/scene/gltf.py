@@ -14,7 +14,7 @@ import numpy as np
 
 from . import outputs
 from .animation import curves
-from .face import feeling_mask
+from .face import emotion_mask
 from .face.mesh import add_key, read_basis, read_key
 from .shape_keys import guard, record
 from .takes import nla, take_list
@@ -111,7 +111,7 @@ def _scale(ob, block, factor: float, changed: _Changed) -> np.ndarray:
     positions, at_rest = read_key(block), read_key(block.relative_key)
     limits = block.slider_min, block.slider_max, block.value
     changed.keys[block.name] = (positions, *limits, block.vertex_group)
-    moved = feeling_mask.weights(ob, block.vertex_group) * (positions - at_rest)
+    moved = emotion_mask.weights(ob, block.vertex_group) * (positions - at_rest)
     block.points.foreach_set("co", (at_rest + factor * moved).ravel())
     block.slider_min, block.slider_max, block.vertex_group = 0.0, 1.0, ""
     return moved

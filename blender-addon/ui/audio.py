@@ -14,7 +14,7 @@ from bpy.types import Operator, PropertyGroup
 
 from ..core.errors import AnyfaceError
 from ..scene import bake
-from ..scene.face import feeling_mask
+from ..scene.face import emotion_mask
 from ..scene.sound import sequencer, strips
 from . import words
 from .operators import Acting, Alone, WithFile
@@ -39,9 +39,9 @@ class AnyfaceAudio(PropertyGroup):
         options=set(),
     )
     chosen: CollectionProperty(type=AnyfaceStrip)
-    felt_strip: StringProperty(
-        name="Feeling Of",
-        description="Sound strip whose feeling this face shows, as long as its own is; "
+    emotion_strip: StringProperty(
+        name="Emotion Of",
+        description="Sound strip whose emotion this face shows, as long as its own is; "
         "empty for its own voice",
         options=set(),
     )
@@ -75,7 +75,7 @@ class AnyfaceAudio(PropertyGroup):
 
 def fill(settings, ob, scene=None) -> None:
     """Puts what `ob` is asked to speak into plain settings; `scene` is the sequencer's."""
-    for name in ("event_channel", "event_markers", "marker_s", "felt_strip"):
+    for name in ("event_channel", "event_markers", "marker_s", "emotion_strip"):
         setattr(settings, name, getattr(ob.anyface_audio, name))
     source = ob.anyface.source
     settings.strip = strip_of(ob, scene) if source == "STRIP" else ""
@@ -161,16 +161,16 @@ def draw(layout, ob, scene, width: int) -> None:
 
 
 def draw_felt(layout, ob, scene) -> None:
-    """Draws which strip gives the feeling, where the sequencer has any."""
+    """Draws which strip gives the emotion, where the sequencer has any."""
     if scene is not None and scene.sequence_editor is not None:
-        search_strip(layout, ob.anyface_audio, "felt_strip", scene.sequence_editor)
+        search_strip(layout, ob.anyface_audio, "emotion_strip", scene.sequence_editor)
 
 
 def draw_heat(layout, ob) -> None:
     """Draws the buttons of the heat map."""
     row = layout.row(align=True)
     row.operator("anyface.heat_map", icon="COLOR")
-    if feeling_mask.shows_heat(ob):
+    if emotion_mask.shows_heat(ob):
         row.operator("anyface.heat_map_hide", text="", icon="X")
 
 

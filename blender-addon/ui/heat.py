@@ -1,11 +1,11 @@
-"""*Heat Map*: where feeling is believed in the current frame, as a colour attribute."""
+"""*Heat Map*: where emotion is believed in the current frame, as a colour attribute."""
 
 from bpy.types import Operator
 
 from ..core import systems
 from ..core.job import Work
 from ..scene import bake
-from ..scene.face import feeling_mask
+from ..scene.face import emotion_mask
 from . import running
 from .audio import WithSound
 from .operators import Acting, InThread
@@ -14,7 +14,7 @@ from .target import sequencer_scene, target
 
 
 class ANYFACE_OT_heat_map(WithSound, InThread, Operator):
-    """Colour the face by how far feeling is believed in the current frame: red where it moves \
+    """Colour the face by how far emotion is believed in the current frame: red where it moves \
 the face, blue where only what is said does. Shown by a material, or the viewport's Attribute \
 colour"""
 
@@ -24,9 +24,9 @@ colour"""
     @classmethod
     def why_not(cls, context):
         reason = super().why_not(context)
-        if reason or systems.by_name(target(context).anyface.system).hears_feeling:
+        if reason or systems.by_name(target(context).anyface.system).hears_emotion:
             return reason
-        return "This system does not tell feeling from speech"
+        return "This system does not tell emotion from speech"
 
     def read(self, context, ob):
         """The face, its sound, and which frame of the take is shown."""
@@ -39,8 +39,8 @@ colour"""
 
     def finish(self, ob, _work, believed):
         """Writes the colours of shares `[V]` of the face's own vertices."""
-        feeling_mask.show_heat(ob, believed[: len(ob.data.vertices)])
-        return f"feeling is believed by {believed.mean():.0%} in the mean"
+        emotion_mask.show_heat(ob, believed[: len(ob.data.vertices)])
+        return f"emotion is believed by {believed.mean():.0%} in the mean"
 
 
 class ANYFACE_OT_heat_map_hide(Acting, Operator):
@@ -52,9 +52,9 @@ class ANYFACE_OT_heat_map_hide(Acting, Operator):
     @classmethod
     def why_not(cls, context):
         reason = super().why_not(context)
-        shown = not reason and feeling_mask.shows_heat(target(context))
+        shown = not reason and emotion_mask.shows_heat(target(context))
         return reason or ("" if shown else "No heat map is shown")
 
     def act(self, ob):
         """Removes them."""
-        feeling_mask.hide_heat(ob)
+        emotion_mask.hide_heat(ob)

@@ -20,13 +20,13 @@ class ANYFACE_PT_performance(OfFacePanel, Panel):
     bl_options = {"DEFAULT_CLOSED"}
 
     def draw(self, context):
-        """Draws where the feeling comes from, controls, and what is seldom needed."""
+        """Draws where the emotion comes from, controls, and what is seldom needed."""
         layout, settings = self.layout, target(context).anyface
         layout.use_property_split, layout.use_property_decorate = True, True
         if len(systems.known()) > 1:
             layout.prop(settings, "system")
         layout.prop(settings, "emotion_source")
-        if systems.by_name(settings.system).hears_feeling:
+        if systems.by_name(settings.system).hears_emotion:
             audio.draw_felt(layout, target(context), sequencer_scene(context))
             audio.draw_heat(layout, target(context))
         if systems.by_name(settings.system).starts_from_pose:

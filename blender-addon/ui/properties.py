@@ -127,9 +127,9 @@ class AnyfaceCharacter(PropertyGroup):
     )
     mode: EnumProperty(name="Output", items=outputs.ITEMS, default=outputs.MODES[0], options=set())
     layered: BoolProperty(
-        name="Feeling as a Layer",
+        name="Emotion as a Layer",
         description="Keys of what is felt are apart from keys of what is said, act where the "
-        "vertex group Feeling Mask is painted, and follow the slider of the emotion",
+        "vertex group Emotion Mask is painted, and follow the slider of the emotion",
         default=True,
         options=set(),
     )

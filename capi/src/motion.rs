@@ -8,7 +8,7 @@ use anyface::{
     job::ProgressFn,
     mesh::ibug::LANDMARKS,
     motion::{LandmarkClip, Life, Motion, Pose, Stretch, bounds::DISPLACEMENT, check_fps},
-    speech::FeltVoice,
+    speech::VoiceTrack,
     spread::pose_on,
 };
 use libc::c_char;
@@ -129,12 +129,12 @@ impl AnyfaceMotion {
 pub enum AnyfaceEmotionSource {
     /// `emotion_strengths`; the default.
     Given = 0,
-    /// The feeling that is heard in the voice: anger, joy, fear, sadness, disgust, calm, or nothing where that
+    /// The emotion that is heard in the voice: anger, joy, fear, sadness, disgust, calm, or nothing where that
     /// is not certain.
     Voice = 1,
     /// No emotion and nothing else that speech did not cause: no blinks, no motion of brows and lids.
     Off = 2,
-    /// Arousal: how excited the voice sounds, not which feeling it has; glad, afraid and angry voices
+    /// Arousal: how excited the voice sounds, not which emotion it has; glad, afraid and angry voices
     /// all widen the eyes and raise the brows.
     Arousal = 3,
 }
@@ -182,9 +182,9 @@ pub struct AnyfaceMotionOptions {
     /// What the face is to do and when; only until the call returns. NULL, the default, is nothing. A system that
     /// cannot show them refuses: see `anyface_system_takes_events()`.
     pub events: *const AnyfaceEvents,
-    /// Another recording whose feeling the face shows; only until the call returns. NULL, the default, is the
-    /// voice itself. A system that does not hear feeling refuses: see `anyface_system_hears_feeling()`.
-    pub felt_as: *const AnyfaceAudio,
+    /// Another recording whose emotion the face shows; only until the call returns. NULL, the default, is the
+    /// voice itself. A system that does not hear emotion refuses: see `anyface_system_hears_emotion()`.
+    pub emotion_of: *const AnyfaceAudio,
     /// A motion of landmarks in whose last frame the face begins, its tongue too; only until the call returns. NULL, the
     /// default, is rest. Systems that do not go on from a pose refuse: see `anyface_system_starts_from_pose()`.
     pub starts_from: *const AnyfaceMotion,
@@ -224,7 +224,7 @@ impl AnyfaceMotionOptions {
             controls: unsafe { controls::read(self.controls, self.control_count) }?,
             closures: unsafe { self.closures() }?,
             events: unsafe { self.events() }?,
-            felt_as: unsafe { self.felt_as() }?,
+            emotion_of: unsafe { self.emotion_of() }?,
             starts_from: unsafe { self.starts_from() }?,
         })
     }
@@ -247,12 +247,12 @@ impl AnyfaceMotionOptions {
         Ok(Some(Pose::of_frame(landmarks, tongue)))
     }
 
-    unsafe fn felt_as(&self) -> Result<Option<Arc<FeltVoice>>, Failure> {
-        if self.felt_as.is_null() {
+    unsafe fn emotion_of(&self) -> Result<Option<Arc<VoiceTrack>>, Failure> {
+        if self.emotion_of.is_null() {
             return Ok(None);
         }
-        let sound = unsafe { pointer::handle("felt_as", self.felt_as) }?;
-        Ok(Some(Arc::new(FeltVoice::checked(&sound.0)?)))
+        let sound = unsafe { pointer::handle("emotion_of", self.emotion_of) }?;
+        Ok(Some(Arc::new(VoiceTrack::checked(&sound.0)?)))
     }
 
     unsafe fn events(&self) -> Result<Vec<Event>, Failure> {
@@ -397,7 +397,7 @@ pub unsafe extern "C" fn anyface_motion_new_again(
 ///
 /// `progress` may be NULL. Free with `anyface_motion_free()`; `motion` may go before.
 /// Fails with `ANYFACE_STATUS_INVALID_INPUT` for a motion that was not spoken, or a system that does not tell both apart:
-/// see `anyface_system_hears_feeling()`; `ANYFACE_STATUS_CANCELLED`.
+/// see `anyface_system_hears_emotion()`; `ANYFACE_STATUS_CANCELLED`.
 #[unsafe(no_mangle)]
 pub unsafe extern "C" fn anyface_motion_new_content(
     engine: *const AnyfaceEngine,

@@ -44,13 +44,13 @@ pub unsafe extern "C" fn anyface_motion_copy_displacements(
     unsafe { AnyfaceMotion::copy(motion, buffer, float_count, error, values) }
 }
 
-/// Copies how far feeling is believed beside what is said in one frame, for each vertex of a face: where the face
+/// Copies how far emotion is believed beside what is said in one frame, for each vertex of a face: where the face
 /// shows the one and where the other.
 ///
 /// `frame`: below `T`. `buffer`: `[V]`, 0 to 1, 0 where nothing of the face is followed; `float_count` must be `V`.
 /// Fails with `ANYFACE_STATUS_INVALID_INPUT` for another `float_count`, a frame out of range, a motion that was
 /// not spoken, or where the system of the engine or of the motion does not tell both apart: see
-/// `anyface_system_hears_feeling()`.
+/// `anyface_system_hears_emotion()`.
 #[unsafe(no_mangle)]
 pub unsafe extern "C" fn anyface_motion_copy_mask(
     motion: *const AnyfaceMotion,
@@ -65,8 +65,8 @@ pub unsafe extern "C" fn anyface_motion_copy_mask(
         let (motion, engine, face) = handles!(motion, engine, face);
         let frames = frame..frame.saturating_add(1);
         // A mask of another system's motion would be the answer of an engine that has none.
-        engine.0.system().require(Ability::Feeling, "mask")?;
-        let mask = motion.spoken()?.feeling_mask(&engine.0, &face.0, frames)?;
+        engine.0.system().require(Ability::Emotion, "mask")?;
+        let mask = motion.spoken()?.emotion_mask(&engine.0, &face.0, frames)?;
         Ok(mask.iter().copied().collect::<Vec<f32>>())
     };
     unsafe { guard::copy(buffer, float_count, error, values) }

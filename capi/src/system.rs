@@ -194,11 +194,11 @@ pub extern "C" fn anyface_system_takes_events(system: usize) -> i32 {
     can(system, Ability::Events)
 }
 
-/// 1 if a system hears feeling, in the voice or in `felt_as` of `AnyfaceMotionOptions`, else 0; 0 for a number
+/// 1 if a system hears emotion, in the voice or in `emotion_of` of `AnyfaceMotionOptions`, else 0; 0 for a number
 /// that is not below the count.
 #[unsafe(no_mangle)]
-pub extern "C" fn anyface_system_hears_feeling(system: usize) -> i32 {
-    can(system, Ability::Feeling)
+pub extern "C" fn anyface_system_hears_emotion(system: usize) -> i32 {
+    can(system, Ability::Emotion)
 }
 
 /// 1 if a system goes on from the pose of `starts_from` of `AnyfaceMotionOptions`, else 0; 0 for a number that
@@ -259,8 +259,8 @@ mod tests {
                 system.can(Ability::Events)
             );
             assert_eq!(
-                anyface_system_hears_feeling(number) == 1,
-                system.can(Ability::Feeling)
+                anyface_system_hears_emotion(number) == 1,
+                system.can(Ability::Emotion)
             );
             assert_eq!(
                 anyface_system_starts_from_pose(number) == 1,
@@ -293,7 +293,7 @@ mod tests {
         assert!(anyface_system_name(SYSTEMS.len()).is_null());
         assert_eq!(anyface_system_control_count(SYSTEMS.len()), 0);
         assert_eq!(anyface_system_takes_events(SYSTEMS.len()), 0);
-        assert_eq!(anyface_system_hears_feeling(SYSTEMS.len()), 0);
+        assert_eq!(anyface_system_hears_emotion(SYSTEMS.len()), 0);
         assert_eq!(anyface_system_has_slider(SYSTEMS.len(), 0), 0);
         for (system, control, size) in [(SYSTEMS.len(), 0, size), (0, usize::MAX, size), (0, 0, 3)]
         {

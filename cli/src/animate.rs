@@ -19,8 +19,7 @@ use crate::{
     paths::{InputPath, OutputPath},
     redo::{Redo, RedoArgs},
     stages::{
-        Frames, new_report, note_face, note_heard, note_memory, note_result, read_sound,
-        speak_into, timed,
+        Frames, new_report, note_face, note_memory, note_result, read_sound, speak_into, timed,
     },
     surface::SurfaceArgs,
 };
@@ -114,7 +113,7 @@ impl Animate {
         let performance = timed(&mut report, "motion", || {
             engine.perform(&waveform, &request, progress)
         })?;
-        note_heard(&mut report, &engine, &performance, &request);
+        report.heard_emotion = performance.heard_emotion().cloned();
         if self.surface.is_asked() {
             let moved = (&performance.motion, performance.articulation());
             self.surface

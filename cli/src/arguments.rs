@@ -17,7 +17,7 @@ use anyface::{
     mesh::{Axis, FixedLandmark, LandmarkSource, ObjectNames, PartChoices, PartRole, PartSelector},
     motion::{Life, Pose, check_fps},
     output::{read_landmark_motion, read_life},
-    speech::FeltVoice,
+    speech::VoiceTrack,
     systems::{Ability, Registration},
     text::Reader,
 };
@@ -244,9 +244,9 @@ pub struct MotionArgs {
     /// "over_speech"}
     #[arg(long, value_name = "E.json")]
     events: Option<InputPath>,
-    /// Another recording of which the feeling is taken (emoface), stretched to the length of the sound
+    /// Another recording of which the emotion is taken (emoface), stretched to the length of the sound
     #[arg(long, value_name = "OTHER")]
-    feeling: Option<InputPath>,
+    emotion_of: Option<InputPath>,
     /// Motion of `anyface motion` in whose last frame the face begins (emoface)
     #[arg(long, value_name = "M.npz")]
     starts_from: Option<InputPath>,
@@ -289,12 +289,12 @@ impl MotionArgs {
         Ok(Some(Pose::of_frame(last, tongue)))
     }
 
-    fn felt_as(&self) -> Result<Option<Arc<FeltVoice>>> {
-        let Some(path) = &self.feeling else {
+    fn emotion_of(&self) -> Result<Option<Arc<VoiceTrack>>> {
+        let Some(path) = &self.emotion_of else {
             return Ok(None);
         };
         let sound = Waveform::from_file(path)?;
-        FeltVoice::checked(&sound).map(|voice| Some(Arc::new(voice)))
+        VoiceTrack::checked(&sound).map(|voice| Some(Arc::new(voice)))
     }
 
     pub fn request(&self, shared: &SharedArgs) -> Result<MotionRequest> {
@@ -314,7 +314,7 @@ impl MotionArgs {
             style: self.style.clone(),
             closures,
             events: self.events(shared.weights())?,
-            felt_as: self.felt_as()?,
+            emotion_of: self.emotion_of()?,
             starts_from: self.starts_from()?,
         })
     }

@@ -13,8 +13,8 @@ use clap::{Arg, ArgMatches, Args, Command, FromArgMatches};
 /// What the emotion is.
 #[derive(Args)]
 pub struct EmotionArgs {
-    /// Emotion and intensity: happy:0.7, a blend happy:0.4,surprised:0.3, auto (the feeling
-    /// that is heard in the voice), auto-arousal (how excited it sounds, not which feeling it has) or off
+    /// Emotion and intensity: happy:0.7, a blend happy:0.4,surprised:0.3, auto (the emotion
+    /// that is heard in the voice), auto-arousal (how excited it sounds, not which emotion it has) or off
     /// (speech alone: no blinks, no brows); cafe-talk
     /// takes other words too, such as relieved, as what lies nearest among the categories
     #[arg(long, default_value = "neutral:0")]

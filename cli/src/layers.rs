@@ -17,12 +17,12 @@ use crate::stages::spread_into;
 /// Options of layers.
 #[derive(Args)]
 pub struct LayerArgs {
-    /// Where feeling acts (emoface): a JSON list of a share from 0 to 1 for each vertex; where it is 0 only what is
+    /// Where emotion acts (emoface): a JSON list of a share from 0 to 1 for each vertex; where it is 0 only what is
     /// said moves the face
     #[arg(long, value_name = "M.json", conflicts_with = "redo")]
     mask: Option<InputPath>,
-    /// Also write layers (emoface): content, what is said alone, and feeling, what is felt beyond it, beside the
-    /// result with _content and _feeling in their names
+    /// Also write layers (emoface): content, what is said alone, and emotion, what is felt beyond it, beside the
+    /// result with _content and _emotion in their names
     #[arg(
         long,
         value_name = "LAYERS",
@@ -30,7 +30,7 @@ pub struct LayerArgs {
         conflicts_with = "redo"
     )]
     layers: Vec<Layer>,
-    /// Also write how far feeling is believed in each vertex and frame (emoface): .npz with mask [T, V]
+    /// Also write how far emotion is believed in each vertex and frame (emoface): .npz with mask [T, V]
     #[arg(long, value_name = "W.npz", conflicts_with = "redo")]
     mask_out: Option<OutputPath>,
 }
@@ -38,7 +38,7 @@ pub struct LayerArgs {
 #[derive(Debug, Clone, Copy, PartialEq, Eq, ValueEnum)]
 enum Layer {
     Content,
-    Feeling,
+    Emotion,
 }
 
 /// A performance with what is said of it alone.
@@ -134,7 +134,7 @@ impl LayerArgs {
         } = *layered;
         if let Some(path) = &self.mask_out {
             let frames = 0..performance.motion.frames();
-            write_mask(path, performance.feeling_mask(engine, face, frames)?.view())?;
+            write_mask(path, performance.emotion_mask(engine, face, frames)?.view())?;
         }
         for layer in &self.layers {
             layered.part(*layer, &beside(out, *layer), progress)?;
@@ -171,7 +171,7 @@ impl Layered<'_> {
         let negative = self.mask.iter().map(|share| -share).collect();
         let spread = |sink: &mut dyn FrameSink| match layer {
             Layer::Content => self.engine.spread(self.face, said, sink, progress),
-            Layer::Feeling => {
+            Layer::Emotion => {
                 let whole = (&self.performance.motion, self.mask.clone());
                 let parts = [(&said.motion, negative), whole];
                 let mixed = Movement::Mixed(parts).with_tongue(&said.life);
@@ -188,7 +188,7 @@ impl Layered<'_> {
 fn beside(out: &Path, layer: Layer) -> PathBuf {
     let word = match layer {
         Layer::Content => "content",
-        Layer::Feeling => "feeling",
+        Layer::Emotion => "emotion",
     };
     let stem = out.file_stem().unwrap_or_default().to_string_lossy();
     let ending = out.extension().unwrap_or_default().to_string_lossy();
@@ -243,7 +243,7 @@ mod tests {
 
     #[test]
     fn layers_stand_beside_the_result() {
-        let out = beside(Path::new("/tmp/a/talk.pc2"), Layer::Feeling);
-        assert_eq!(out, Path::new("/tmp/a/talk_feeling.pc2"));
+        let out = beside(Path::new("/tmp/a/talk.pc2"), Layer::Emotion);
+        assert_eq!(out, Path::new("/tmp/a/talk_emotion.pc2"));
     }
 }

@@ -14,7 +14,7 @@ use crate::{
     console::Console,
     paths::{InputPath, OutputPath},
     redo::RedoArgs,
-    stages::{new_report, note_memory, read_sound, summary, timed},
+    stages::{add_heard, new_report, note_memory, read_sound, summary, timed},
 };
 
 /// Turn speech into the motion of 68 landmarks, in metres on a human head, or into weights of ARKit's shapes
@@ -69,17 +69,21 @@ impl Motion {
             extent = extent.with(Extent::of(None, landmarks.displacements.view()));
             file.add(motion, &landmarks, life)
         };
+        let mut heard = None;
         timed(&mut report, "motion", || {
             if !is_whole {
-                let mut take =
-                    |part: Part, _: ProgressFn<'_>| write(&part.motion, Some(&part.life));
+                let mut take = |part: Part, _: ProgressFn<'_>| {
+                    add_heard(&mut heard, part.heard_emotion);
+                    write(&part.motion, Some(&part.life))
+                };
                 return engine.perform_in_parts(sound, &request, &mut take, progress);
             }
             let waveform = sound.whole(progress)?;
             match &redo {
                 Some(redo) => {
-                    let (motion, life) =
-                        redo.motion(&engine.perform(&waveform, &request, progress)?)?;
+                    let performance = engine.perform(&waveform, &request, progress)?;
+                    add_heard(&mut heard, performance.heard_emotion().cloned());
+                    let (motion, life) = redo.motion(&performance)?;
                     write(&motion, Some(&life))
                 }
                 None => {
@@ -88,6 +92,7 @@ impl Motion {
                 }
             }
         })?;
+        report.heard_emotion = heard;
         let articulation = if self.causal {
             1.0
         } else {

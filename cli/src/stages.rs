@@ -6,14 +6,13 @@ use std::{
 };
 
 use anyface::{
-    Engine, Face, MotionRequest, Part, Performance, Result,
+    Engine, Face, MotionRequest, Part, Result,
     audio::SoundFile,
-    conditions::EmotionCurve,
     job::ProgressFn,
     mesh::{Mouth, ibug::REGIONS},
     motion::{Extent, Life},
     output::{ClipFile, Report, warnings_of_sound},
-    speech::frames_of,
+    speech::{HeardEmotion, frames_of},
     spread::{ClipStart, FrameBlock, FrameSink, SpreadReport},
 };
 
@@ -58,15 +57,10 @@ pub fn read_sound(
     Ok(file)
 }
 
-/// Notes which emotion was heard, where that was asked for.
-pub fn note_heard(
-    report: &mut Report,
-    engine: &Engine,
-    performance: &Performance,
-    request: &MotionRequest,
-) {
-    if request.emotion == EmotionCurve::Auto {
-        report.heard_emotion = performance.heard_emotion(engine);
+/// Adds the emotion that is heard in a part to that of the parts before.
+pub fn add_heard(all: &mut Option<HeardEmotion>, part: Option<HeardEmotion>) {
+    if let Some(part) = part {
+        all.get_or_insert_default().extend(part);
     }
 }
 
@@ -210,6 +204,7 @@ pub fn speak_into(
         let started = Instant::now();
         result.add(engine.spread_part(face, &part, &mut sink, progress)?);
         sink.inner.add_life(&part.life);
+        add_heard(&mut report.heard_emotion, part.heard_emotion);
         on_face += started.elapsed();
         Ok(())
     };
@@ -278,7 +273,44 @@ pub fn shut_eyes_sentence(face: &Face) -> Option<String> {
     Some(format!("{which} sculpted shut: nothing blinks there"))
 }
 
-/// One line for people.
+/// Probability from which an emotion has a line in the summary, and the letters of a line.
+const LIKELY: f64 = 0.25;
+const BARS: [char; 8] = ['▁', '▂', '▃', '▄', '▅', '▆', '▇', '█'];
+const LINE: usize = 40;
+
+/// What was heard, a line an emotion: its probability over time, and where it is likeliest.
+fn heard_lines(heard: &HeardEmotion) -> Vec<String> {
+    let mut lines: Vec<(f64, String)> = Vec::new();
+    for (name, of) in &heard.probability {
+        let most = of.iter().copied().fold(0.0, f64::max);
+        if most < LIKELY {
+            continue;
+        }
+        let letters = LINE.min(of.len());
+        let bar = |k: usize| {
+            let part = &of[k * of.len() / letters..(k + 1) * of.len() / letters];
+            let mean = part.iter().sum::<f64>() / part.len() as f64;
+            BARS[((mean * BARS.len() as f64) as usize).min(BARS.len() - 1)]
+        };
+        let at = of.iter().position(|x| *x == most).unwrap_or(0);
+        let line: String = (0..letters).map(bar).collect();
+        let time_s = heard.time_s[at];
+        lines.push((
+            most,
+            format!("  heard {name:<10} {line}  at most {most:.2}, at {time_s:.1} s"),
+        ));
+    }
+    lines.sort_by(|a, b| b.0.total_cmp(&a.0));
+    let mut lines: Vec<String> = lines.into_iter().map(|(_, line)| line).collect();
+    let shown = heard.intensity.iter().copied().fold(0.0, f64::max);
+    lines.push(format!(
+        "  the face shows up to {:.0} % of what is heard",
+        100.0 * shown
+    ));
+    lines
+}
+
+/// A few lines for people: what was written, and the emotion that was heard.
 pub fn summary(report: &Report) -> String {
     let mut text = format!(
         "wrote {}: {} frames at {} fps",
@@ -293,5 +325,14 @@ pub fn summary(report: &Report) -> String {
         text += &format!(", moving up to {most:.4} units ({mm:.1} mm on a human head)");
     }
     let total: f64 = report.seconds.values().sum();
-    text + &format!(", in {total:.2} s")
+    text += &format!(", in {total:.2} s");
+    let heard = report
+        .heard_emotion
+        .as_ref()
+        .filter(|heard| !heard.time_s.is_empty());
+    for line in heard.map(heard_lines).unwrap_or_default() {
+        text += "\n";
+        text += &line;
+    }
+    text
 }

@@ -57,7 +57,7 @@ fn made() -> tempfile::TempDir {
     write("mesh.obj", mesh);
     write("like.obj", mesh);
     write("audio.wav", &wav());
-    write("feeling.wav", &wav());
+    write("emotion.wav", &wav());
     write("landmarks.json", br#"{"landmarks": []}"#);
     write("fix.json", br#"[{"index": 30, "position": [0, 0, 0]}]"#);
     write(

@@ -161,7 +161,7 @@ class LiveFace:
         self._count = count
 
     def feel(self, strengths):
-        """Feels nothing."""
+        """EmotionSource nothing."""
 
     def at(self, seconds):
         """All vertices moved alike."""
@@ -204,7 +204,7 @@ class WholeStage(Stage):
         return made, 0.5, 1.0
 
     def mask(self, positions, *_):
-        """Feeling is believed by half."""
+        """Emotion is believed by half."""
         return np.full(len(positions), 0.5, dtype=np.float32)
 
     def animate(self, *given):

@@ -73,7 +73,7 @@ def world(ob, frame):
 
 def mask(addon, ob):
     """Half of the take's keys act where a vertex group lets them."""
-    group = ob.vertex_groups.new(name=addon("scene.face.feeling_mask").NAME)
+    group = ob.vertex_groups.new(name=addon("scene.face.emotion_mask").NAME)
     for vertex in range(len(ob.data.vertices)):
         group.add([vertex], (0.0, 0.5, 1.0)[vertex % 3], "REPLACE")
     for name in addon("scene.shape_keys.record").read(ob.data.shape_keys).keys[::2]:

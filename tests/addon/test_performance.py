@@ -119,7 +119,7 @@ def test_controls_are_stored_as_they_always_were(face):
 
 def test_presets_hold_what_they_always_held(addon):
     held = set(addon("core.presets").names())
-    levels = {"intensity", "event_strength", "feeling_level", "vividness", "speech_guidance"}
+    levels = {"intensity", "event_strength", "emotion_level", "vividness", "speech_guidance"}
     levels |= {"noise", "coarse_guidance"}
     field = {"field", "field_reach", "template"}
     assert held == {"emotion", "emotion_source", "mixed", *levels, *field, *STORED} - {"steps"}

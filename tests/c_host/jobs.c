@@ -394,8 +394,8 @@ static void masks(const AnyfaceEngine *engine, const AnyfaceFace *face, const An
     AnyfaceEngineOptions options;
     anyface_engine_options_init(&options, sizeof options);
     options.system = "emoface";
-    AnyfaceEngine *feeling = NULL;
-    CHECK_OK(anyface_engine_new(&options, &feeling, &error));
+    AnyfaceEngine *emotion = NULL;
+    CHECK_OK(anyface_engine_new(&options, &emotion, &error));
     size_t count = anyface_face_vertex_count(face);
     float *mask = malloc(count * sizeof *mask);
     CHECK(mask != NULL);
@@ -403,12 +403,12 @@ static void masks(const AnyfaceEngine *engine, const AnyfaceFace *face, const An
     CHECK_OK(anyface_motion_new(engine, audio, NULL, NULL, &motion, &error));
     CHECK_FAILS(anyface_motion_copy_mask(motion, engine, face, 0, mask, count, &error),
                 ANYFACE_STATUS_INVALID_INPUT, "got freetalk");
-    CHECK_FAILS(anyface_motion_copy_mask(motion, feeling, face, 0, mask, count, &error),
+    CHECK_FAILS(anyface_motion_copy_mask(motion, emotion, face, 0, mask, count, &error),
                 ANYFACE_STATUS_INVALID_INPUT, "another system");
     anyface_motion_free(motion);
     static float moved[3 * ANYFACE_LANDMARK_COUNT];
     CHECK_OK(anyface_motion_new_displacements(moved, 1, 24.0, &motion, &error));
-    CHECK_FAILS(anyface_motion_copy_mask(motion, feeling, face, 0, mask, count, &error),
+    CHECK_FAILS(anyface_motion_copy_mask(motion, emotion, face, 0, mask, count, &error),
                 ANYFACE_STATUS_INVALID_INPUT, "spoken");
     anyface_motion_free(motion);
     // Silence is a sound like any other, of which the mask can be asked.
@@ -416,14 +416,14 @@ static void masks(const AnyfaceEngine *engine, const AnyfaceFace *face, const An
     AnyfaceAudio *silence = NULL;
     CHECK_OK(anyface_audio_new(nothing, 16000, 1, 16000, &silence, &error));
     CHECK(anyface_audio_peak(silence) == 0.0f);
-    CHECK_OK(anyface_motion_new(feeling, silence, NULL, NULL, &motion, &error));
-    CHECK_OK(anyface_motion_copy_mask(motion, feeling, face, 0, mask, count, &error));
+    CHECK_OK(anyface_motion_new(emotion, silence, NULL, NULL, &motion, &error));
+    CHECK_OK(anyface_motion_copy_mask(motion, emotion, face, 0, mask, count, &error));
     CHECK_FAILS(anyface_motion_copy_mask(motion, engine, face, 0, mask, count, &error),
                 ANYFACE_STATUS_INVALID_INPUT, "got freetalk");
     anyface_motion_free(motion);
     anyface_audio_free(silence);
     free(mask);
-    anyface_engine_free(feeling);
+    anyface_engine_free(emotion);
 }
 
 int main(int argc, char **argv) {

@@ -3,7 +3,7 @@
     python -m training.speech.distil_emotion --windows runs/ear/windows.pt --whisper runs/whisper-base \
         --bank runs/ear/bank.pt --out runs/ear/net.pt
 
-It sees no label of a feeling but to find the directions in which an actor's feelings lie from his neutral
+It sees no label of an emotion but to find the directions in which an actor's emotions lie from his neutral
 voice: a third of what is told are these, the rest the directions in which all voices differ most.
 """
 
@@ -16,11 +16,11 @@ import torch
 import torch.nn.functional as F
 from torch import Tensor
 
-from training.corpus.feelings import HELD_OUT, SOURCE
+from training.corpus.emodb import HELD_OUT, SOURCE
 from training.speech import whisper
 from training.speech.emotion_ear import EmotionEarConfig, EmotionEarNet, inputs_of
 from training.speech.log_mel import BANDS, FFT, FLOOR, FRAME, HOP, SAMPLE_RATE_HZ, mel_filters
-from training.systems.emoface import feeling
+from training.systems.emoface import emotion_encoder
 
 LAYERS = [3, 4, 5]
 FELT_DIRECTIONS, FELT_SHARE = 40, 2.0
@@ -55,11 +55,11 @@ class Hearing:
     def __init__(self, folder: Path, device: str):
         self.whisper = whisper.load(folder).to(device)
         self.filters, self.mel = whisper.filters().to(device), mel_filters().to(device)
-        bins = np.arange(feeling.LOW_BIN, feeling.HIGH_BIN)
-        cosines = np.cos(2.0 * np.pi * np.outer(bins, feeling.LAGS) / FFT)
-        overlap = np.maximum(feeling.overlap(), feeling.LEAST_OVERLAP)
+        bins = np.arange(emotion_encoder.LOW_BIN, emotion_encoder.HIGH_BIN)
+        cosines = np.cos(2.0 * np.pi * np.outer(bins, emotion_encoder.LAGS) / FFT)
+        overlap = np.maximum(emotion_encoder.overlap(), emotion_encoder.LEAST_OVERLAP)
         self.cosines = torch.from_numpy(cosines / overlap).float().to(device)
-        self.octave = torch.from_numpy(np.log2(SAMPLE_RATE_HZ / feeling.LAGS)).float().to(device)
+        self.octave = torch.from_numpy(np.log2(SAMPLE_RATE_HZ / emotion_encoder.LAGS)).float().to(device)
 
     @torch.no_grad()
     def teacher(self, x: Tensor) -> Tensor:
@@ -77,7 +77,7 @@ class Hearing:
         """What the network hears of it: `inputs_of`."""
         power = batch_power(x, FFT)
         mel = (power @ self.mel).clamp_min(FLOOR).log()
-        low = power[..., feeling.LOW_BIN : feeling.HIGH_BIN]
+        low = power[..., emotion_encoder.LOW_BIN : emotion_encoder.HIGH_BIN]
         share = low @ self.cosines / low.sum(-1, keepdim=True).clamp_min(1e-9)
         best = share.max(dim=-1)
         return inputs_of(mel, self.octave[best.indices], best.values)
@@ -239,7 +239,7 @@ def main() -> None:
     felt = torch.zeros_like(rows)
     for actor in {a["speaker"] for a in about if a["source"] == SOURCE}:
         own = torch.tensor([about[k]["speaker"] == actor for k in which.tolist()])
-        neutral = own & torch.tensor([about[k]["feeling"] == "neutral" for k in which.tolist()])
+        neutral = own & torch.tensor([about[k]["emotion"] == "neutral" for k in which.tolist()])
         felt[own] = rows[own] - rows[neutral].mean(0)
     config = EmotionEarConfig()
     kept = ~is_left[which]

@@ -1,8 +1,9 @@
-"""The ear for emotion: which feeling is heard in two seconds of a voice, and how sure that is.
+"""The ear for emotion: which emotion is heard in two seconds of a voice, and how sure that is.
 
 A small network over log-mels and pitch tells what Whisper's middle layers say of the two seconds; beside it
-stand the 118 numbers of `training.systems.emoface.feeling`. A linear layer makes of both the logits of the
-feelings. `training.speech.train_emotion_ear` trains it. Instants and their windows are those of the numbers.
+stand the 118 numbers of `training.systems.emoface.emotion_encoder`. A linear layer makes of both the logits
+of the emotions. `training.speech.train_emotion_ear` trains it. Instants and their windows are those of the
+numbers.
 """
 
 from dataclasses import dataclass, field
@@ -15,9 +16,9 @@ from torch import Tensor, nn
 from training.nn.config import Config
 from training.speech.compact import CompactConfig, CompactEncoder
 from training.speech.log_mel import BANDS
-from training.systems.emoface.feeling import (
+from training.systems.emoface.emotion_encoder import (
     ACTIVE_NEPERS,
-    FEELINGS,
+    HEARD_EMOTIONS,
     LOUD_SHARE,
     NUMBERS,
     PERIODIC,
@@ -50,7 +51,7 @@ class EmotionEarConfig(Config):
     coarse_dilations: list[int] = field(default_factory=lambda: [1, 2, 4])
     hidden: int = 256
     told: int = 128
-    feelings: list[str] = field(default_factory=lambda: list(FEELINGS))
+    emotions: list[str] = field(default_factory=lambda: list(HEARD_EMOTIONS))
 
 
 def inputs_of(mel: Tensor, octave: Tensor, periodic: Tensor) -> tuple[Tensor, Tensor]:

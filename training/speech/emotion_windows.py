@@ -21,7 +21,7 @@ import soundfile
 import torch
 from scipy.signal import resample_poly
 
-from training.corpus import feelings, kokoro
+from training.corpus import emodb, kokoro
 from training.corpus.clip import read_sound
 from training.corpus.split import grid_held_out
 from training.flags import run_command
@@ -138,11 +138,11 @@ SENTENCES = {
 
 @dataclass
 class Window:
-    """`samples` [S ≤ 32000] int16; `feeling` by the project's names."""
+    """`samples` [S ≤ 32000] int16; `emotion` by the project's names."""
 
     source: str
     speaker: str
-    feeling: str
+    emotion: str
     held_out: bool
     samples: np.ndarray
 
@@ -150,8 +150,8 @@ class Window:
 def windows_of(data: Path, model: Path | None) -> Iterator[Window]:
     """All of them."""
     random = np.random.default_rng(0)
-    for clip in feelings.read_felt(data):
-        yield window(clip.samples, feelings.SOURCE, clip.actor, clip.held_out, clip.feeling)
+    for clip in emodb.read_felt(data):
+        yield window(clip.samples, emodb.SOURCE, clip.actor, clip.held_out, clip.emotion)
     for source, count in READERS.items():
         paths = sorted((data / "speech" / source).glob("*.ogg"))
         for k, path in enumerate(paths[:: max(1, len(paths) // count)][:count]):
@@ -175,12 +175,12 @@ def windows_of(data: Path, model: Path | None) -> Iterator[Window]:
 
 
 def window(
-    samples: np.ndarray, source: str, speaker: str, held_out: bool, feeling: str = "neutral"
+    samples: np.ndarray, source: str, speaker: str, held_out: bool, emotion: str = "neutral"
 ) -> Window:
     """The first two seconds of a sound, as loud as all others."""
     first = samples[:SAMPLES].astype(np.float32)
     scaled = first / max(float(np.abs(first).max(initial=0.0)), 1e-4) * PEAK
-    return Window(source, speaker, feeling, held_out, np.round(scaled * 32767).astype(np.int16))
+    return Window(source, speaker, emotion, held_out, np.round(scaled * 32767).astype(np.int16))
 
 
 def part(samples: np.ndarray, random: np.random.Generator) -> np.ndarray:
@@ -229,7 +229,7 @@ def main(
     sounds = torch.zeros(len(found), SAMPLES, dtype=torch.int16)
     for row, w in zip(sounds, found, strict=True):
         row[: len(w.samples)] = torch.from_numpy(w.samples)
-    about = [{"source": w.source, "speaker": w.speaker, "feeling": w.feeling, "held_out": w.held_out,
+    about = [{"source": w.source, "speaker": w.speaker, "emotion": w.emotion, "held_out": w.held_out,
               "samples": len(w.samples)} for w in found]  # fmt: skip
     out.parent.mkdir(parents=True, exist_ok=True)
     torch.save({"sounds": sounds, "about": about}, out)

@@ -7,8 +7,8 @@ import torch
 
 from training.goldens import write_golden
 from training.speech.emotion_ear import EmotionEar, EmotionEarConfig, EmotionEarNet
-from training.systems.emoface.feeling import NUMBERS, numbers, voice_of
-from training.systems.emoface.golden_feeling import made_voice
+from training.systems.emoface.emotion_encoder import NUMBERS, numbers, voice_of
+from training.systems.emoface.golden_emotion_encoder import made_voice
 
 
 def write(out: Path, shared: Path) -> Path:
@@ -20,7 +20,7 @@ def write(out: Path, shared: Path) -> Path:
     net = EmotionEarNet(config).eval()
     voice = voice_of(samples)
     measured = numbers(voice)
-    rows, classes = config.told + NUMBERS, len(config.feelings)
+    rows, classes = config.told + NUMBERS, len(config.emotions)
     ear = EmotionEar(
         config, net,
         np.concatenate([np.zeros(config.told), measured.mean(axis=0)]),

@@ -18,8 +18,8 @@ from torch import Tensor
 
 from training.corpus.bank import Entry, entry_without_motion
 from training.corpus.clip import FPS, MEL_PER_FRAME, fit_frames
-from training.corpus.feelings import SOURCE as EMODB
-from training.corpus.feelings import read_felt
+from training.corpus.emodb import SOURCE as EMODB
+from training.corpus.emodb import read_felt
 from training.corpus.lesson_windows import DIMS, LessonBatch, LessonSampler
 from training.corpus.lessons import Lesson, speech_entries
 from training.corpus.shares import entries_of

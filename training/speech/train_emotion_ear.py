@@ -1,10 +1,10 @@
-"""Fits the layer that tells feelings from what the ear's network and the 118 numbers say, and measures it.
+"""Fits the layer that tells emotions from what the ear's network and the 118 numbers say, and measures it.
 
     python -m training.speech.train_emotion_ear --windows runs/ear/windows.pt --net runs/ear/net.pt
 
-Every actor's feeling is moved onto other speakers: by how much it differs from his neutral voice, added to
-the neutral voice of a reader. So nothing tells a feeling by whose recordings hold it. `--measure` leaves
-actors out in turn in place of writing the model. Nothing is random in it but who wears whose feeling, which a
+Every actor's emotion is moved onto other speakers: by how much it differs from his neutral voice, added to
+the neutral voice of a reader. So nothing tells an emotion by whose recordings hold it. `--measure` leaves
+actors out in turn in place of writing the model. Nothing is random in it but who wears whose emotion, which a
 seed says.
 """
 
@@ -17,12 +17,12 @@ import torch
 import torch.nn.functional as F
 
 from training import shipped
-from training.corpus.feelings import HELD_OUT, SOURCE
+from training.corpus.emodb import HELD_OUT, SOURCE
 from training.flags import run_command
 from training.nn.checkpoint import write_model
 from training.speech.emotion_ear import LARGEST, EmotionEar, EmotionEarConfig, EmotionEarNet, row_of
-from training.systems.emoface.feeling import FEELINGS, WINDOW, voice_of
-from training.systems.emoface.train_feeling import scores
+from training.systems.emoface.emotion_encoder import HEARD_EMOTIONS, WINDOW, voice_of
+from training.systems.emoface.train_emotion_encoder import scores
 
 STRENGTH = 0.1
 """Of the data beside the penalty on the weights."""
@@ -36,7 +36,7 @@ LEAST_DEVIATION = 1e-4
 
 
 class Rows:
-    """What is heard of all windows, `x` [N, told + 118], with `label` [N] in `FEELINGS`."""
+    """What is heard of all windows, `x` [N, told + 118], with `label` [N] in `HEARD_EMOTIONS`."""
 
     def __init__(self, windows: Path, net: EmotionEarNet):
         saved = torch.load(windows)
@@ -44,7 +44,7 @@ class Rows:
         self.source = np.array([a["source"] for a in about])
         self.speaker = np.array([a["speaker"] for a in about])
         self.held_out = np.array([a["held_out"] for a in about])
-        self.label = np.array([FEELINGS.index(a["feeling"]) for a in about])
+        self.label = np.array([HEARD_EMOTIONS.index(a["emotion"]) for a in about])
         self.x = np.stack([_row(net, s[: a["samples"]]) for s, a in zip(saved["sounds"], about, strict=True)])
         self.felt = np.flatnonzero(self.source == SOURCE)
         self.readers = np.flatnonzero((self.source != SOURCE) & ~self.held_out)
@@ -85,8 +85,8 @@ def fitted(net: EmotionEarNet, rows: Rows, felt: np.ndarray, seed: int = 0) -> E
         np.full(len(felt), OWN_SHARE), np.full(len(felt) * WEARERS, (1.0 - OWN_SHARE) / WEARERS),
         np.full(len(rows.readers), READER_SHARE),
     ])  # fmt: skip
-    for k in range(len(FEELINGS)):
-        weight[labels == k] *= len(felt) / len(FEELINGS) / weight[labels == k].sum()
+    for k in range(len(HEARD_EMOTIONS)):
+        weight[labels == k] *= len(felt) / len(HEARD_EMOTIONS) / weight[labels == k].sum()
     mean, scale = x.mean(0), x.std(0) + LEAST_DEVIATION
     matrix, bias = logistic(((x - mean) / scale).clip(-LARGEST, LARGEST), labels, weight)
     return EmotionEar(net.config, net, mean, scale, matrix, bias)
@@ -95,8 +95,8 @@ def fitted(net: EmotionEarNet, rows: Rows, felt: np.ndarray, seed: int = 0) -> E
 def logistic(x: np.ndarray, labels: np.ndarray, weight: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
     """Multinomial logistic regression: matrix [C, 7] and bias [7]."""
     data, wanted, weights = torch.from_numpy(x), torch.from_numpy(labels), torch.from_numpy(weight)
-    matrix = torch.zeros(x.shape[1], len(FEELINGS), dtype=torch.float64, requires_grad=True)
-    bias = torch.zeros(len(FEELINGS), dtype=torch.float64, requires_grad=True)
+    matrix = torch.zeros(x.shape[1], len(HEARD_EMOTIONS), dtype=torch.float64, requires_grad=True)
+    bias = torch.zeros(len(HEARD_EMOTIONS), dtype=torch.float64, requires_grad=True)
     optimiser = torch.optim.LBFGS([matrix, bias], max_iter=80, line_search_fn="strong_wolfe")
 
     def loss() -> torch.Tensor:
@@ -112,7 +112,7 @@ def logistic(x: np.ndarray, labels: np.ndarray, weight: np.ndarray) -> tuple[np.
 
 def leave_one_out(net: EmotionEarNet, rows: Rows) -> dict[str, float]:
     """Every actor judged by a layer that never heard him; the network heard all but those left out."""
-    logits = np.zeros((len(rows.felt), len(FEELINGS)))
+    logits = np.zeros((len(rows.felt), len(HEARD_EMOTIONS)))
     for actor in sorted(set(rows.speaker[rows.felt])):
         is_own = rows.speaker[rows.felt] == actor
         ear = fitted(net, rows, rows.felt[~is_own])

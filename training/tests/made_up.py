@@ -62,18 +62,18 @@ def made_up(path: Path, seconds: float = 6.0, kind: str = "landmarks") -> Path:
 FELT = {"happy": (1.0, -0.9, {"mouthSmileLeft": 1.0, "mouthSmileRight": 1.0, "browInnerUp": 1.0}),
         "angry": (1.3, 0.9, {"mouthFrownLeft": 1.0, "mouthFrownRight": 1.0,
                              "browDownLeft": 1.0, "browDownRight": 1.0})}  # fmt: skip
-"""Of two feelings how much slower they speak, how dull the voice is (−1 to 1), and what the face wears."""
+"""Of two emotions how much slower they speak, how dull the voice is (−1 to 1), and what the face wears."""
 
 
 def felt_pairs(path: Path, sentences: int = 4, seconds: float = 2.4, intensity: float = 1.0) -> Path:
-    """Vertex sequences of one speaker who says every sentence twice, in the feelings of `FELT`; the last two
+    """Vertex sequences of one speaker who says every sentence twice, in the emotions of `FELT`; the last two
     sentences are held out."""
     writer = CorpusWriter(path, "pairs", "m", topology="ball", fps={"vertices": FPS})
     for number in range(sentences):
         split = "test" if number >= sentences - 2 else "train"
-        for take, (feeling, (slower, dull, face)) in enumerate(FELT.items()):
-            clip = f"{number}_{feeling}"
-            writer.clip(clip, "ann", split, feeling, intensity, text=f"Sentence {number}{'.!'[take]}")
+        for take, (emotion, (slower, dull, face)) in enumerate(FELT.items()):
+            clip = f"{number}_{emotion}"
+            writer.clip(clip, "ann", split, emotion, intensity, text=f"Sentence {number}{'.!'[take]}")
             base = np.arange(int(seconds * RATE_HZ)) / RATE_HZ
             open_ = opening(base, 100 + number)
             times = np.arange(int(slower * seconds * RATE_HZ)) / RATE_HZ
@@ -89,12 +89,12 @@ def felt_pairs(path: Path, sentences: int = 4, seconds: float = 2.4, intensity: 
 
 
 def felt_grades(path: Path, intensities: tuple[float, ...] = (0.5, 1.0)) -> Path:
-    """Landmarks of a speaker who says three sentences of 2 s in the feelings of `FELT`, each in all strengths
+    """Landmarks of a speaker who says three sentences of 2 s in the emotions of `FELT`, each in all strengths
     and in one voice, so that only the label tells them apart; the third is held out."""
     writer = CorpusWriter(path, "grades", "m")
-    for number, (feeling, (_, _, face)), intensity in itertools.product(range(3), FELT.items(), intensities):
-        clip, split = f"{number}_{feeling}_{intensity}", "test" if number == 2 else "train"
-        writer.clip(clip, "ann", split, feeling, intensity, text=f"Sentence {number}")
+    for number, (emotion, (_, _, face)), intensity in itertools.product(range(3), FELT.items(), intensities):
+        clip, split = f"{number}_{emotion}_{intensity}", "test" if number == 2 else "train"
+        writer.clip(clip, "ann", split, emotion, intensity, text=f"Sentence {number}")
         writer.sound(clip, spoken(2.0, number), RATE_HZ)
         worn = sum(intensity * weight * arkit_modes()[name] for name, weight in face.items())
         writer.landmarks(clip, talking(2.0, number) + worn, FPS, neutral=canonical_landmarks())

@@ -32,5 +32,5 @@ def test_the_upper_face_follows_label_and_intensity(tmp_path):
 
     seen = {(entry.emotion, entry.intensity): brows(entry) for entry in entries}
     assert seen["happy", 1.0] > seen["happy", 0.5] > 0.0 > seen["angry", 0.5] > seen["angry", 1.0]
-    for feeling in FELT:
-        assert 0.25 < seen[feeling, 0.5] / seen[feeling, 1.0] < 0.75
+    for emotion in FELT:
+        assert 0.25 < seen[emotion, 0.5] / seen[emotion, 1.0] < 0.75

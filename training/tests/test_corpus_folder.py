@@ -90,7 +90,7 @@ BAD = {
                      ["corpus.json", "moves or still", "fixed"]),
     "wild rate": ("landmarks", lambda p: edit(p / "corpus.json", "25.0", "0"),
                   ["corpus.json", "fps of vertices: 1 to 1000", "0"]),
-    "missing column": ("landmarks", lambda p: edit(p / TSV, "emotion", "feeling"),
+    "missing column": ("landmarks", lambda p: edit(p / TSV, "emotion", "mood"),
                        ["clips.tsv, row 1", "columns clip, speaker", "no emotion"]),
     "no rows": ("landmarks", lambda p: (p / TSV).write_text(TSV_HEAD),
                 ["clips.tsv, row 2", "a clip", "no rows"]),
@@ -222,7 +222,7 @@ ODD = {
                         "no clip is held out"),
     "a file of nobody": ("landmarks", lambda p: (p / "audio/eve.wav").write_bytes(b""),
                          "belongs to no row"),
-    "a feeling of no strength": ("landmarks", lambda p: edit(p / TSV, "happy\t1", "happy\t0"), "as neutral"),
+    "an emotion of no strength": ("landmarks", lambda p: edit(p / TSV, "happy\t1", "happy\t0"), "as neutral"),
 }  # fmt: skip
 
 

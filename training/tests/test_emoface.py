@@ -101,7 +101,7 @@ def model() -> EmoFace:
     torch.manual_seed(2)
     config = debug_config(len(points))
     made = EmoFace(config, spirals(points, triangles, config.kernel, config.dilation)).eval()
-    for branch in (made.content, made.feeling):
+    for branch in (made.content, made.emotion):
         torch.nn.init.normal_(branch.motion_out.weight, std=0.05)
     return made
 
@@ -111,7 +111,7 @@ def inputs(made: EmoFace, frames: int) -> Inputs:
     config = made.config
     return Inputs(
         torch.randn(1, frames, config.speech.channels),
-        torch.randn(1, frames, config.feeling_channels),
+        torch.randn(1, frames, config.emotion_channels),
         torch.tensor([1]),
         torch.linspace(0.0, 1.5, frames)[None],
     )
@@ -131,17 +131,17 @@ def test_performing_equals_the_parallel_pass_on_what_was_performed():
     before = torch.cat([torch.zeros_like(performed.motion[:, :1]), performed.motion[:, :-1]], dim=1)
     with torch.no_grad():
         again = made(before, asked)
-    for part in ("motion", "content", "feeling", "mask"):
+    for part in ("motion", "content", "emotion", "mask"):
         assert torch.allclose(getattr(again, part), getattr(performed, part), atol=1e-5)
 
 
-def test_feeling_reaches_the_emotion_branch_and_the_mask_alone():
+def test_emotion_reaches_the_emotion_branch_and_the_mask_alone():
     made = model()
     asked = inputs(made, 8)
-    other = Inputs(asked.content, torch.randn_like(asked.feeling), asked.style, asked.level)
+    other = Inputs(asked.content, torch.randn_like(asked.emotion), asked.style, asked.level)
     before = torch.randn(1, 8, 3 * made.config.vertices)
     with torch.no_grad():
         one, two = made(before, asked), made(before, other)
     assert torch.equal(one.content, two.content)
-    assert not torch.allclose(one.feeling, two.feeling)
+    assert not torch.allclose(one.emotion, two.emotion)
     assert not torch.allclose(one.mask, two.mask)

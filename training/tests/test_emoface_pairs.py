@@ -10,8 +10,8 @@ import torch.nn.functional as F
 from training.corpus.folder import CorpusFolder
 from training.speech.hubert import HubertFeatures
 from training.systems.emoface import evaluate, folder_scores, train
-from training.systems.emoface.clips import load_feeling, of_corpus
-from training.systems.emoface.encoders import UNTAUGHT, FeelingNumbers
+from training.systems.emoface.clips import load_emotion, of_corpus
+from training.systems.emoface.encoders import UNTAUGHT, EmotionNumbers
 from training.systems.emoface.model import CONFIGS
 from training.systems.emoface.pairs import Pairs, align
 from training.systems.emoface.rows import Spoken
@@ -23,7 +23,7 @@ from training.tests.test_speech import written
 
 @pytest.fixture(scope="module")
 def folder(tmp_path_factory) -> Path:
-    """Six sentences in two feelings each, the last two held out."""
+    """Six sentences in two emotions each, the last two held out."""
     return felt_pairs(tmp_path_factory.mktemp("corpus") / "pairs", 6)
 
 
@@ -53,14 +53,14 @@ def gap(motion: torch.Tensor) -> np.ndarray:
 
 @pytest.mark.slow
 @pytest.mark.parametrize("recipe,steps", [("ours", 300), ("paper", 300)])
-def test_swapping_the_feeling_swaps_the_motion(folder, tmp_path, capsys, recipe, steps):
+def test_swapping_the_emotion_swaps_the_motion(folder, tmp_path, capsys, recipe, steps):
     flags = ("--out", tmp_path, "--steps", steps, "--recipe", recipe, "--rate", "1e-3")
     run = train.train(flags_of(folder, *flags))
     asked = ["--corpus", str(folder), "--run", str(run)]
     still, own, crossed = folder_scores.lines(run, evaluate.parser().parse_args(asked))
     assert own.clips == crossed.clips == 4
     assert crossed.nearer >= 0.75
-    # Without pairs the brows' error was 15 times that of the own feeling: the voice of the content won.
+    # Without pairs the brows' error was 15 times that of the own emotion: the voice of the content won.
     assert crossed.eve_mm2 < 3.0 * own.eve_mm2 < 0.3 * still.eve_mm2
     assert crossed.lve_mm2 < 0.5 * still.lve_mm2
     assert "crossed: 8 of 8 training clips" in capsys.readouterr().out
@@ -73,7 +73,7 @@ def test_the_crossed_row_has_the_motion_of_the_partner_at_the_own_times(folder):
         assert batch.crossed.tolist() == [False, True]
         own, other = batch.weights
         assert torch.equal(*batch.inputs.content)
-        assert not torch.equal(*batch.inputs.feeling)
+        assert not torch.equal(*batch.inputs.emotion)
         assert (brows(own).mean() > 0.0) != (brows(other).mean() > 0.0)
         assert np.corrcoef(gap(own), gap(other))[0, 1] > 0.95
         assert torch.equal(batch.before[:, 1:], batch.weights[:, :-1])
@@ -81,7 +81,7 @@ def test_the_crossed_row_has_the_motion_of_the_partner_at_the_own_times(folder):
     assert {len(c) for c in rows.training} == {60, 78}
 
 
-def test_the_past_of_a_pair_may_wear_the_other_feeling(folder):
+def test_the_past_of_a_pair_may_wear_the_other_emotion(folder):
     batch = open_trainer(folder, "--worn", "1.0").rows.whole(0)
     assert torch.equal(batch.before[0, 1:], batch.weights[1, :-1])
     assert torch.equal(batch.before[1, 1:], batch.weights[0, :-1])
@@ -106,7 +106,7 @@ def uniform(places: list[float]) -> np.ndarray:
     return np.array([np.mean(held[k : k + 5]) for k in range(len(places))], np.float32)
 
 
-def test_only_the_same_words_of_one_speaker_in_another_feeling_are_a_pair():
+def test_only_the_same_words_of_one_speaker_in_another_emotion_are_a_pair():
     def clip(name: str, text: str, label: str, speaker: str = "ann") -> Spoken:
         return Spoken(name, speaker, False, [], torch.zeros(1, 1), torch.zeros(1, 3), label, text=text)
 
@@ -121,13 +121,13 @@ def test_only_the_same_words_of_one_speaker_in_another_feeling_are_a_pair():
 
 def test_the_papers_loss_is_eq_11(folder):
     trainer = open_trainer(folder, "--recipe", "paper", "--guided", "--tune-encoders")
-    for branch in (trainer.model.content, trainer.model.feeling):
+    for branch in (trainer.model.content, trainer.model.emotion):
         torch.nn.init.normal_(branch.motion_out.weight, std=0.05)
     batch = trainer.draw(0)
     scale = trainer.config.scale_m
     total, _ = trainer.loss(batch, 0)
     made = trainer.model(batch.before / scale, batch.inputs)
-    parts = [scale * getattr(made, name) for name in ("feeling", "content", "motion")]
+    parts = [scale * getattr(made, name) for name in ("emotion", "content", "motion")]
     kinds = [sum((part[k] - batch.weights[k]).abs().mean() for part in parts) for k in (0, 1)]
     velocity = sum((parts[2][k].diff(dim=0) - batch.weights[k].diff(dim=0)).abs().mean() for k in (0, 1))
     shares = batch.logits.softmax(dim=1).log()
@@ -137,17 +137,17 @@ def test_the_papers_loss_is_eq_11(folder):
     assert batch.logits.shape[0] == 2
     total.backward()
     learner = trainer.learner.encoders
-    assert all(x.grad is not None for x in (learner.feeling.weight, learner.speech.encoder.stem.weight))
+    assert all(x.grad is not None for x in (learner.emotion.weight, learner.speech.encoder.stem.weight))
 
 
-def test_the_feeling_encoder_as_a_network_hears_what_it_heard(folder):
+def test_the_emotion_encoder_as_a_network_hears_what_it_heard(folder):
     corpus = CorpusFolder(folder)
     samples = torch.from_numpy(corpus.sound(corpus.rows[0]))
-    shipped = flags_of(folder).feeling
+    shipped = flags_of(folder).emotion
     for fps in (25.0, 30.0):
-        network = FeelingNumbers(shipped, fps)
+        network = EmotionNumbers(shipped, fps)
         found = network(network.prepare(samples, 60), 60).detach().numpy()
-        assert np.allclose(found, load_feeling(shipped).track(samples.numpy(), 60, fps), atol=1e-3)
+        assert np.allclose(found, load_emotion(shipped).track(samples.numpy(), 60, fps), atol=1e-3)
 
 
 def test_the_rate_of_a_size_is_that_of_its_motion(folder):
@@ -155,15 +155,15 @@ def test_the_rate_of_a_size_is_that_of_its_motion(folder):
     assert (fast.config.fps, fast.config.period) == (30.0, 30)
     for x, y in zip(slow.rows.training, fast.rows.training, strict=True):
         assert abs(len(y) - 1.2 * len(x)) <= 2
-        assert len(y.content[0]) == len(y.feeling) == len(y)
+        assert len(y.content[0]) == len(y.emotion) == len(y)
         # Second 1 is frame 25 here and frame 30 there.
         assert torch.allclose(x.weights[25], y.weights[30], atol=1e-6)
         assert torch.allclose(x.content[0][25].float(), y.content[0][30].float(), atol=2e-2)
-        assert torch.allclose(x.feeling[50], y.feeling[60], atol=1e-4)
+        assert torch.allclose(x.emotion[50], y.emotion[60], atol=1e-4)
 
 
-def test_feelings_are_those_of_the_folder(folder):
-    assert open_trainer(folder).config.feelings == ["neutral", *sorted(FELT, reverse=True)]
+def test_emotions_are_those_of_the_folder(folder):
+    assert open_trainer(folder).config.emotions == ["neutral", *sorted(FELT, reverse=True)]
 
 
 @pytest.mark.slow
@@ -173,7 +173,7 @@ def test_encoders_that_learn_go_on_with_the_same_bits_and_are_written(folder, tm
     if kind == "checkpoints":
         for name in ("hubert", "wav2vec2"):
             written(f"{name}_tiny", tmp_path / name)
-        flags += ["--hubert", tmp_path / "wav2vec2", "--feeling-hubert", tmp_path / "hubert"]
+        flags += ["--hubert", tmp_path / "wav2vec2", "--emotion-hubert", tmp_path / "hubert"]
     whole = torch.load(train.train(flags_of(folder, *flags, "--out", tmp_path / "whole")))["state"]
     with killed(monkeypatch, 7, 9):
         train.train(flags_of(folder, *flags, "--out", tmp_path / "parts"))
@@ -182,7 +182,9 @@ def test_encoders_that_learn_go_on_with_the_same_bits_and_are_written(folder, tm
     assert all(torch.equal(value, again[name]) for name, value in whole.items())
 
     models = run.parent / train.MODELS
-    names = {"compact": {"compact_speech", "feeling"}, "checkpoints": {"wav2vec2", "feeling_hubert"}}[kind]
+    names = {"compact": {"compact_speech", "emotion_encoder"}, "checkpoints": {"wav2vec2", "emotion_hubert"}}[
+        kind
+    ]
     assert {path.name for path in models.iterdir()} == names
     model, saved = folder_scores.face_of(run)
     asked = evaluate.parser().parse_args(["--corpus", str(folder), "--run", str(run)])
@@ -190,7 +192,7 @@ def test_encoders_that_learn_go_on_with_the_same_bits_and_are_written(folder, tm
     asked = evaluate.parser().parse_args(["--corpus", str(folder), "--run", str(run), *map(str, flags[3:])])
     before = folder_scores.read_held_out(run, model.config, saved | {"tuned": False}, asked)[0]
     assert not torch.equal(tuned.content[0], before.content[0])
-    assert not torch.equal(tuned.feeling, before.feeling)
+    assert not torch.equal(tuned.emotion, before.emotion)
     if kind == "checkpoints":
         features = HubertFeatures(models / "wav2vec2")
         assert features.normalise == HubertFeatures(tmp_path / "wav2vec2").normalise
@@ -231,7 +233,7 @@ def test_a_folder_is_scored_by_the_command(folder, tmp_path, monkeypatch, capsys
     monkeypatch.setattr("sys.argv", ["evaluate", "--corpus", str(folder), "--run", str(run)])
     evaluate.main()
     lines = capsys.readouterr().out.splitlines()[-3:]
-    assert [line.split(" 4 clips")[0].strip() for line in lines] == ["no motion", "own feeling", "crossed"]
+    assert [line.split(" 4 clips")[0].strip() for line in lines] == ["no motion", "own emotion", "crossed"]
     assert all("mm², EVE " in line for line in lines)
     wrong = ["--corpus", str(folder), "--run", str(run), "--hubert", str(written_at(tmp_path))]
     with pytest.raises(ValueError, match="--speech or --hubert: expected .* as in training, got "):

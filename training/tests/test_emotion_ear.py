@@ -3,12 +3,12 @@
 import numpy as np
 import torch
 
-from training.corpus.feelings import SOURCE
+from training.corpus.emodb import SOURCE
 from training.speech.distil_emotion import cut, directions, moved, pooled
 from training.speech.emotion_ear import EmotionEarConfig, EmotionEarNet, inputs_of, rows_of
 from training.speech.train_emotion_ear import Rows, fitted
-from training.systems.emoface.feeling import FEELINGS, NUMBERS, instants, voice_of
-from training.systems.emoface.golden_feeling import made_voice
+from training.systems.emoface.emotion_encoder import HEARD_EMOTIONS, NUMBERS, instants, voice_of
+from training.systems.emoface.golden_emotion_encoder import made_voice
 
 SMALL = EmotionEarConfig(channels=16, coarse_dilations=[1], hidden=8, told=6)
 
@@ -41,7 +41,7 @@ def test_sounds_that_are_moved_keep_their_peak_and_their_parts_their_length():
         assert (lengths[which] >= frames * 160).all()
 
 
-def test_the_first_directions_are_those_of_feelings():
+def test_the_first_directions_are_those_of_emotions():
     random = torch.Generator().manual_seed(0)
     rows = torch.randn(400, 300, generator=random)
     felt = torch.zeros(100, 300)
@@ -55,7 +55,7 @@ def rows_of_strangers(random: np.random.Generator) -> Rows:
     """Actors of one kind of recording who feel along axes 0 to 6, readers of another that axis 9 tells."""
     rows = object.__new__(Rows)
     size, count = SMALL.told + NUMBERS, 140
-    label = np.arange(count) % len(FEELINGS)
+    label = np.arange(count) % len(HEARD_EMOTIONS)
     felt = 0.5 * random.standard_normal((count, size))
     felt[np.arange(count), label] += 4.0
     felt[:, 9] += 6.0
@@ -70,11 +70,11 @@ def rows_of_strangers(random: np.random.Generator) -> Rows:
     return rows
 
 
-def test_a_feeling_is_known_in_another_kind_of_recording():
+def test_a_emotion_is_known_in_another_kind_of_recording():
     random = np.random.default_rng(0)
     rows = rows_of_strangers(random)
     ear = fitted(EmotionEarNet(SMALL), rows, rows.felt)
     stranger = 0.5 * random.standard_normal((70, rows.x.shape[1]))
-    label = np.arange(70) % len(FEELINGS)
+    label = np.arange(70) % len(HEARD_EMOTIONS)
     stranger[np.arange(70), label] += 4.0
     assert (ear.logits(stranger).argmax(axis=1) == label).mean() > 0.9

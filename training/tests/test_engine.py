@@ -137,9 +137,9 @@ def test_emoface_of_every_size_and_encoder_moves_a_mesh(faces, built_in, tmp_pat
     if features == "wav2vec2":
         # The paper's two encoders; the second stands beside the model.
         models.mkdir()
-        second = models / "feeling_hubert"
+        second = models / "emotion_hubert"
         written(CHECKPOINTS["hubert"], second)
-        flags += ["--feeling-hubert", str(second)]
+        flags += ["--emotion-hubert", str(second)]
     trained = train_emoface.train(train_emoface.parser().parse_args(flags))
     export("emoface", models, run=trained)
     told += ["--weights", str(models), "--system", "emoface"]

@@ -98,9 +98,9 @@ def test_what_a_denoiser_lacks_makes_no_difference_to_it(kind):
     stronger[..., -1] = 1.2
     style = torch.tensor([0])
 
-    def run(model, t=100, feeling=affect, heard=speech):
+    def run(model, t=100, emotion=affect, heard=speech):
         with torch.no_grad():
-            return model(noisy, torch.tensor([t]), heard, feeling, style)
+            return model(noisy, torch.tensor([t]), heard, emotion, style)
 
     whole = ablations.AtsDenoiser(debug_config()).eval()
     whole.load_state_dict(model.state_dict())
@@ -108,7 +108,7 @@ def test_what_a_denoiser_lacks_makes_no_difference_to_it(kind):
     far[:, 0] += 5.0
     changes = {
         ablations.WithoutTime: {"t": 900},
-        ablations.WithoutIntensity: {"feeling": stronger},
+        ablations.WithoutIntensity: {"emotion": stronger},
         ablations.WithoutBand: {},
     }[kind]
     if changes:

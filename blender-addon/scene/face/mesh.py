@@ -8,7 +8,7 @@ import numpy as np
 from ...core import json_file
 from ...core.errors import AnyfaceError
 from ...core.take import FaceMesh
-from . import feeling_mask, rest
+from . import emotion_mask, rest
 
 LANDMARKS_PROPERTY = "anyface_landmarks"
 # No face can be found on fewer vertices, and looking for one would take half a minute.
@@ -96,7 +96,7 @@ def read_pose(ob) -> np.ndarray:
         )
     for block in keys.key_blocks[1:]:
         if block.value and not block.mute:
-            reach = block.value * feeling_mask.weights(ob, block.vertex_group)
+            reach = block.value * emotion_mask.weights(ob, block.vertex_group)
             moved += reach * (read_key(block) - read_key(block.relative_key))
     return moved
 

@@ -3,7 +3,7 @@
 from ...core import systems
 from ...core.estimate import KEYFRAME, VERTEX, Cost, between
 from ...core.plan import PackSliders
-from ..face import feeling_mask, mesh
+from ..face import emotion_mask, mesh
 from ..shape_keys import slider_changes
 from .output import PREFIX, Output, write_weights
 
@@ -24,7 +24,7 @@ class Basis(Output):
 
     def draw(self, layout, ob):
         layout.prop(ob.anyface, "error_mm", text="Precision (mm)")
-        if systems.by_name(ob.anyface.system).hears_feeling:
+        if systems.by_name(ob.anyface.system).hears_emotion:
             layout.prop(ob.anyface, "layered")
 
     def cost(self, asked):
@@ -48,8 +48,8 @@ class Basis(Output):
         for number, vector in enumerate(basis.vectors):
             block = mesh.add_key(ob, f"{PREFIX}.{number + 1:03d}", rest + vector)
             taken.keys.append(block.name)
-            if basis.felt_from is not None and number >= basis.felt_from:
-                block.vertex_group = feeling_mask.of(ob)
+            if basis.emotion_first is not None and number >= basis.emotion_first:
+                block.vertex_group = emotion_mask.of(ob)
             if lowest[number] < 0.0:
                 block.slider_min = -1.0
         write_weights(ob, taken, taken.keys, at, basis.weights)

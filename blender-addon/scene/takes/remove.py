@@ -5,7 +5,7 @@ import bpy
 from ...core.errors import AnyfaceError
 from .. import outputs
 from ..animation import curves, digest
-from ..face import feeling_mask
+from ..face import emotion_mask
 from ..shape_keys import artist_keys, guard, record, slider_changes
 
 
@@ -92,8 +92,8 @@ def _remove_keys(ob, taken: record.Record) -> None:
     else:
         for block in [b for b in shape_keys.key_blocks if b.name in ours]:
             ob.shape_key_remove(block)
-    feeling_mask.drop(ob)
-    feeling_mask.hide_heat(ob)
+    emotion_mask.drop(ob)
+    emotion_mask.hide_heat(ob)
 
 
 def _clear_keys(ob) -> None:

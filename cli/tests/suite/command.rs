@@ -654,7 +654,7 @@ fn a_stretch_of_an_animated_mesh_is_made_again_and_the_rest_stays_to_the_bit() {
 }
 
 #[test]
-fn a_feeling_in_a_word_that_is_no_category_is_for_a_system_that_takes_words() {
+fn a_emotion_in_a_word_that_is_no_category_is_for_a_system_that_takes_words() {
     let folder = folder_with_sound(&hum(1.0), 16_000);
     let motion = ["motion", "--audio", "a.wav", "--fps", "25", "--out"];
     let cafe = ["--system", "cafe-talk"];
@@ -676,7 +676,7 @@ fn a_feeling_in_a_word_that_is_no_category_is_for_a_system_that_takes_words() {
         &folder,
         &nothing,
         INVALID_INPUT,
-        "or an English word for a feeling",
+        "or an English word for an emotion",
     );
 }
 

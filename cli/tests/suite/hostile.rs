@@ -665,7 +665,7 @@ fn a_signal_cancels_and_nothing_is_left() {
 fn a_signal_leaves_no_layer_and_no_mask_behind() {
     let folder = tempfile::tempdir().unwrap();
     sound(folder.path(), 60);
-    let layers = ["--layers", "content,feeling", "--mask-out", "m.npz"];
+    let layers = ["--layers", "content,emotion", "--mask-out", "m.npz"];
     let arguments = ["animate", "--system", "emoface", "--out", "o.pc2"];
     // The mask and one layer are whole, the other one is in the making.
     let third = || files(folder.path()).len() > 3;
@@ -688,7 +688,7 @@ fn no_system_leaves_anything_after_a_signal_at_any_moment() {
             let out = ["o.npz", "o.pc2", "o.mdd"][number % 3];
             let mut arguments = vec!["animate", "--system", system, "--out", out];
             if system == "emoface" {
-                arguments.extend(["--layers", "content,feeling", "--mask-out", "m.npz"]);
+                arguments.extend(["--layers", "content,emotion", "--mask-out", "m.npz"]);
             }
             let signal = ["-INT", "-TERM", "-HUP"][(moment % 3) as usize];
             let began = Instant::now();

@@ -85,6 +85,37 @@ fn speech_opens_the_mouth_and_the_same_seed_gives_the_same_file() {
 }
 
 #[test]
+fn the_emotion_that_is_heard_stands_in_every_report() {
+    let folder = folder_with_sound(&babble(4.0, 16_000), 16_000);
+    let lines = [
+        "motion --audio a.wav --emotion auto --out m.npz".to_owned(),
+        format!(
+            "animate {} --audio a.wav --emotion auto --out a.npz",
+            head()
+        ),
+        "motion --system emoface --audio a.wav --out e.npz".to_owned(),
+    ];
+    for line in lines {
+        let (said, _) = done(&folder, &format!("{line} --report r.json"));
+        assert!(said.contains("of what is heard"), "{line}: {said}");
+        let text = fs::read_to_string(folder.path().join("r.json")).unwrap();
+        let report: serde_json::Value = serde_json::from_str(&text).unwrap();
+        let heard = &report["heard_emotion"];
+        let count = heard["time_s"].as_array().unwrap().len();
+        assert!(count > 5, "{line}: {heard}");
+        let neutral = heard["probability"]["neutral"].as_array().unwrap();
+        assert_eq!(neutral.len(), count);
+    }
+    let (said, _) = done(
+        &folder,
+        "motion --audio a.wav --emotion happy:1 --out m.npz --report r.json",
+    );
+    assert!(!said.contains("of what is heard"), "{said}");
+    let text = fs::read_to_string(folder.path().join("r.json")).unwrap();
+    assert!(!text.contains("heard_emotion"));
+}
+
+#[test]
 fn silence_keeps_still_and_says_so() {
     let folder = folder_with_sound(&[0.0; 16_000], 16_000);
     let (_, warning) = done(&folder, "motion --audio a.wav --out o.npz --blinks 0");

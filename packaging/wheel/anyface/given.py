@@ -75,7 +75,7 @@ def landmarks_of(landmarks: ArrayLike | None) -> tuple[np.ndarray | None, np.nda
 def request_of(
     engine: Engine,
     fps: float,
-    feeling: EmotionLike,
+    emotions: EmotionLike,
     seed: int,
     style: str,
     controls: Mapping[str, ControlLike],
@@ -85,10 +85,10 @@ def request_of(
     request = Request(float(fps), seed=seed, style=style, keeps_clip=True)
     if events:
         request.events = Reader(engine.models).events_of_lines("\n".join(events))
-    if isinstance(feeling, str) and feeling in EMOTION_WORDS:
-        request.emotion_source = EMOTION_WORDS[feeling]
+    if isinstance(emotions, str) and emotions in EMOTION_WORDS:
+        request.emotion_source = EMOTION_WORDS[emotions]
     else:
-        rows = [(0.0, feeling)] if isinstance(feeling, str) else feeling
+        rows = [(0.0, emotions)] if isinstance(emotions, str) else emotions
         request.emotion = [(float(second), emotion.parse(text)) for second, text in rows]
     known = {control.name: control for control in engine.controls}
     for name, value in controls.items():

@@ -2,7 +2,7 @@
 //!
 //! Arousal is what a voice shows most plainly: more effort (flatter spectrum), higher and wider pitch,
 //! more loudness (Scherer 2003). Valence is not read: joy, fear and anger are not told apart, an
-//! aroused voice widens the eyes and raises the brows, a drowsy one calms the face. Choose the feeling
+//! aroused voice widens the eyes and raises the brows, a drowsy one calms the face. Choose the emotion
 //! yourself.
 //!
 //! The constants were set on the ten actors of emodb_de, on readings in four languages and on four acted

@@ -36,6 +36,9 @@ pub const EMOTIONS: [&str; 15] = [
     "drunk",
 ];
 
+/// Strength of each of [`EMOTIONS`], 1 is the full expression; that of neutral says nothing.
+pub(crate) type Strengths = [f32; EMOTIONS.len()];
+
 /// Largest intensity that a caller may ask for; 1 is a full expression.
 pub const MAX_INTENSITY: f32 = 1.5;
 
@@ -149,7 +152,7 @@ pub enum EmotionCurve {
     Constant(Emotion),
     /// `(time_s, emotion)` in rising order; linear in between, held outside.
     Keys(Vec<(f64, Emotion)>),
-    /// The feeling that is heard in the voice: see [`crate::speech::EmotionEar::emotion`]. Neutral until it
+    /// The emotion that is heard in the voice: see [`crate::speech::EmotionEar::emotion`]. Neutral until it
     /// was heard.
     Auto,
     /// How excited the voice sounds: see [`emotion_from_voice`]. Neutral until it was heard.
@@ -184,6 +187,22 @@ impl EmotionCurve {
                     .map(|(time_s, emotion)| (time_s - start_s, *emotion))
                     .collect(),
             ),
+            other => other.clone(),
+        }
+    }
+
+    /// The curve of a sound of `from_s` seconds, stretched over `to_s` seconds.
+    #[must_use]
+    pub(crate) fn over(&self, from_s: f64, to_s: f64) -> EmotionCurve {
+        match self {
+            Self::Keys(keys) => {
+                let at = |time_s: f64| time_s * to_s / from_s;
+                Self::Keys(
+                    keys.iter()
+                        .map(|(time_s, emotion)| (at(*time_s), *emotion))
+                        .collect(),
+                )
+            }
             other => other.clone(),
         }
     }

@@ -46,6 +46,7 @@ impl Engine {
     pub(super) fn hear(&self, waveform: &Waveform, progress: ProgressFn<'_>) -> Result<Heard> {
         let mut heard = Heard::of(waveform, &self.encoder, progress)?;
         heard.phones = Some(Arc::clone(&self.phone_model));
+        heard.ear = Some(Arc::clone(&self.ear));
         Ok(heard)
     }
 }

@@ -103,7 +103,7 @@ pub struct Engine {
     /// How lids go with eyes that look up and down.
     face_modes: FaceModes,
     /// What hears emotions in a voice.
-    ear: EmotionEar,
+    ear: Arc<EmotionEar>,
     /// Another's model that hears emotions instead.
     emotion_model: Option<EmotionModel>,
     /// Loaded where shapes are asked for.
@@ -172,7 +172,7 @@ impl Engine {
             creases: Creases::open(folder)?,
             finder: LandmarkFinder::load(folder)?,
             face_modes: FaceModes::open(folder)?,
-            ear: EmotionEar::open(folder)?,
+            ear: Arc::new(EmotionEar::open(folder)?),
             emotion_model: match &options.emotion_model {
                 Some(folder) => Some(EmotionModel::load_folder(folder)?),
                 None => None,

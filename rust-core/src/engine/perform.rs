@@ -36,12 +36,12 @@ const HEAD: &str = "head_motion";
 const GAZE: &str = "gaze";
 const TONGUE: &str = "tongue";
 const BREATH: &str = "breath";
-/// The control by which a system that hears feeling is told where from, and its values for the voice and for the emotion
+/// The control by which a system that hears emotion is told where from, and its values for the voice and for the emotion
 /// that is asked for.
-const FEELING_FROM: &str = "feeling_from";
+const EMOTION_FROM: &str = "emotion_from";
 const FROM_VOICE: f32 = 0.0;
 const FROM_EMOTION: f32 = 1.0;
-/// The control by which a system that hears feeling shows one of its layers, and its value for what is said alone.
+/// The control by which a system that hears emotion shows one of its layers, and its value for what is said alone.
 const LAYER: &str = "layer";
 const CONTENT: f32 = 1.0;
 
@@ -79,11 +79,10 @@ impl Performance {
         self.request.articulation()
     }
 
-    /// How likely each emotion is in the voice over time, as the built-in ear hears it; none where another's model
-    /// hears emotions.
-    pub fn heard_emotion(&self, engine: &Engine) -> Option<HeardEmotion> {
-        let is_own = self.heard.emotion.is_none();
-        is_own.then(|| engine.ear.heard(&self.heard.voice))
+    /// How likely each emotion is in the voice over time, as the built-in ear hears it; none where the motion does not
+    /// depend on it.
+    pub fn heard_emotion(&self) -> Option<&HeardEmotion> {
+        self.heard.heard_before()
     }
 
     /// The same speech with other controls, another emotion, or seed of blinks and accents; nothing is
@@ -99,13 +98,13 @@ impl Performance {
         engine.threads(|| engine.finished(sampled, heard, request))
     }
 
-    /// What is said alone, without what is felt: the layer beside which the rest of the performance is the feeling.
+    /// What is said alone, without what is felt: the layer beside which the rest of the performance is the emotion.
     /// Nothing is heard again.
     ///
     /// # Errors
     /// `InvalidInput` for a system that does not tell them apart; `Cancelled`.
     pub fn content(&self, engine: &Engine, progress: ProgressFn<'_>) -> Result<Performance> {
-        engine.registration.require(Ability::Feeling, "layers")?;
+        engine.registration.require(Ability::Emotion, "layers")?;
         let request = MotionRequest {
             controls: self.request.controls.with(LAYER, CONTENT),
             ..self.request.clone()
@@ -116,13 +115,13 @@ impl Performance {
         })
     }
 
-    /// How far feeling is believed beside what is said in some frames, for each vertex of a face, `[V, t]` from 0 to 1:
+    /// How far emotion is believed beside what is said in some frames, for each vertex of a face, `[V, t]` from 0 to 1:
     /// `w` of EmoFace's Mesh Attention.
     ///
     /// # Errors
     /// `InvalidInput` for a system that does not tell them apart, or frames that the performance lacks; `Mesh` if
     /// the landmarks of the face lie on no usable face.
-    pub fn feeling_mask(
+    pub fn emotion_mask(
         &self,
         engine: &Engine,
         face: &Face,
@@ -135,7 +134,7 @@ impl Performance {
             )));
         }
         let Some(mask) = &self.sampled.mask else {
-            engine.registration.require(Ability::Feeling, "mask")?;
+            engine.registration.require(Ability::Emotion, "mask")?;
             return Err(Error::InvalidInput(
                 "mask: expected a performance of this engine, got one of another system".into(),
             ));
@@ -203,9 +202,9 @@ impl Engine {
         let tasks = [
             (!request.events.is_empty(), Ability::Events, "events"),
             (
-                request.felt_as.is_some(),
-                Ability::Feeling,
-                "feeling of another recording",
+                request.emotion_of.is_some(),
+                Ability::Emotion,
+                "emotion of another recording",
             ),
             (
                 request.starts_from.is_some(),
@@ -221,21 +220,18 @@ impl Engine {
     }
 
     /// The request with the emotion that is heard in the voice. An emotion that is asked for by name is what a system
-    /// that hears feeling shows, unless another recording says how it is felt.
+    /// that hears emotion shows, unless another recording says how it is felt.
     fn resolved(&self, request: &MotionRequest, heard: &Heard) -> MotionRequest {
         let emotion = match &request.emotion {
-            EmotionCurve::Auto => match &heard.emotion {
-                Some(emotion) => emotion.clone(),
-                None => self.ear.emotion(&heard.voice),
-            },
+            EmotionCurve::Auto => heard.emotion_curve(),
             EmotionCurve::Arousal => emotion_from_voice(&heard.prosody),
             given => given.clone(),
         };
         let mut controls = request.controls.clone();
-        let by_name = request.emotion.strongest() > 0.0 && request.felt_as.is_none();
-        if by_name && self.knows(FEELING_FROM) && self.control(request, FEELING_FROM) == FROM_VOICE
+        let by_name = request.emotion.strongest() > 0.0 && request.emotion_of.is_none();
+        if by_name && self.knows(EMOTION_FROM) && self.control(request, EMOTION_FROM) == FROM_VOICE
         {
-            controls.set(FEELING_FROM, FROM_EMOTION);
+            controls.set(EMOTION_FROM, FROM_EMOTION);
         }
         MotionRequest {
             emotion,

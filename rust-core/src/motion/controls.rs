@@ -98,8 +98,8 @@ performance_controls! {
     breath: "Breath", "", [0.0, 2.0], default 1.0, neutral 0.0, true,
         "How far lips part and the head rises before phrases; lips that close stay closed.";
     variety: "Variety", "", [0.0, 2.0], default 1.0, neutral 0.0, true,
-        "How much takes of different seeds differ in opening, width, sides and brows; closed lips stay \
-         closed.";
+        "How much takes of different seeds differ in opening, width, sides and brows, and how much an emotion \
+         gestures; closed lips stay closed.";
 }
 
 /// One of [`PERFORMANCE_CONTROLS`] by its name, for systems that have some of them.

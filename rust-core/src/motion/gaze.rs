@@ -36,6 +36,11 @@ const AWAY_AT_START: f64 = 0.4;
 const START_S: f64 = 0.4;
 /// How far beside, degrees.
 const AWAY_DEG: (f64, f64) = (5.0, 11.0);
+/// How far eyes that avoid the partner look to the side and down, degrees, and how often to the other side.
+const AVERTED_DEG: [(f64, f64); 2] = [(4.0, 12.0), (5.0, 10.0)];
+const OTHER_SIDE: f64 = 0.2;
+/// Number of their draws among the streams of a seed.
+const AVERSION_STREAM: u64 = u64::MAX - 5;
 /// Time of a leap: for itself and for each degree, seconds.
 const LEAP_S: f64 = 0.021;
 const LEAP_S_PER_DEG: f64 = 0.0022;
@@ -73,6 +78,24 @@ impl Gaze {
             fixations.push(next);
         }
         Gaze(fixations)
+    }
+
+    /// Lets the eyes rest beside the partner, down and to the side that the seed prefers, for a share of the rests;
+    /// `aversion`: that share at a time in seconds.
+    pub(super) fn avert(&mut self, aversion: impl Fn(f64) -> f64, seed: u64) {
+        let mut chance = Chance::new(seed, AVERSION_STREAM);
+        let side = if chance.unit() < 0.5 { -1.0 } else { 1.0 };
+        for fixation in &mut self.0 {
+            // Drawn for every rest, so that another emotion leaves the other rests where they are.
+            let (drawn, other) = (chance.unit(), chance.unit());
+            let across = chance.between(AVERTED_DEG[0].0, AVERTED_DEG[0].1);
+            let down = chance.between(AVERTED_DEG[1].0, AVERTED_DEG[1].1);
+            if drawn < aversion(fixation.start_s) {
+                let side = if other < OTHER_SIDE { -side } else { side };
+                fixation.point_deg = [side * across, -down];
+                fixation.is_away = true;
+            }
+        }
     }
 
     /// Yaw to the speaker's left and pitch up of the right and the left eye, radians, in a head that is turned

@@ -68,12 +68,18 @@ impl Life {
     ) -> Life {
         let mut life = Life::still(strengths.len());
         let motion = HeadMotion::draw(prosody, seed);
-        let gaze = Gaze::draw(prosody, strengths.len() as f64 / fps, seed);
+        let moods = moods(affect, fps);
+        let mut gaze = Gaze::draw(prosody, strengths.len() as f64 / fps, seed);
+        let mood_at = |time_s: f64| moods.get((time_s * fps) as usize);
+        gaze.avert(
+            |time_s| mood_at(time_s).map_or(0.0, |mood| mood.aversion),
+            seed,
+        );
         let mut drift_s = 0.0;
-        for (t, (strength, mood)) in strengths.iter().zip(moods(affect, fps)).enumerate() {
+        for (t, (strength, mood)) in strengths.iter().zip(&moods).enumerate() {
             let time_s = t as f64 / fps;
             let head = motion
-                .at(time_s, drift_s, strength.breath, &mood)
+                .at(time_s, drift_s, strength.breath, mood)
                 .map(|x| strength.head * x);
             drift_s += mood.pace / fps;
             let eyes = gaze.at(time_s, head);
@@ -141,6 +147,29 @@ mod tests {
         );
         assert_eq!(&half.gaze * 2.0, whole.gaze);
         assert!(whole.gaze.iter().any(|x| *x != 0.0));
+    }
+
+    #[test]
+    fn ashamed_eyes_look_down_and_away_and_happy_ones_at_the_partner() {
+        let strengths = vec![
+            LifeStrengths {
+                head: 0.0,
+                gaze: 1.0,
+                breath: 0.0
+            };
+            1800
+        ];
+        let averted = |emotion: &str| {
+            let affect = EmotionCurve::parse(emotion).unwrap().sample(1800, FPS);
+            let life = Life::perform(&speaking(60, 60), affect.view(), 4, FPS, &strengths);
+            let down = life.gaze.index_axis(Axis(1), 0);
+            down.outer_iter().filter(|eye| eye[1] < -0.075).count() as f64 / 1800.0
+        };
+        let (ashamed, sad, happy) = (averted("ashamed:1"), averted("sad:1"), averted("happy:1"));
+        assert!(ashamed > 0.45 && ashamed < 0.9, "{ashamed}");
+        assert!(sad > 0.2 && sad < ashamed, "{sad}");
+        assert!(happy < 0.12, "{happy}");
+        assert!(averted("ashamed:0.5") < ashamed);
     }
 
     #[test]

@@ -1,16 +1,17 @@
 //! How an emotion carries the head: posture, size and pace.
 //!
 //! Sad and ashamed heads hang and move little and slowly; a happy head stands higher and moves more; an angry
-//! one comes forward (Wallbott 1998; Busso et al. 2007). How many degrees is our own choice.
+//! one comes forward (Wallbott 1998; Busso et al. 2007). Ashamed and sad eyes look down and away (Keltner 1995; Adams &
+//! Kleck 2005). How many degrees and how often is our own choice.
 
 use ndarray::{Array2, ArrayView2};
 
 use super::smooth::smoothed;
-use crate::conditions::EMOTIONS;
+use crate::conditions::{EMOTIONS, Strengths};
 
 /// Deviation of the change from one emotion to the next, seconds.
 const SETTLING_S: f64 = 0.4;
-const QUANTITIES: usize = 4;
+const QUANTITIES: usize = 5;
 
 /// How the head is carried at an instant.
 #[derive(Debug, Clone, Copy, PartialEq)]
@@ -23,43 +24,61 @@ pub(super) struct Mood {
     pub(super) liveliness: f64,
     /// How far the face is turned down, degrees.
     pub(super) down_deg: f64,
+    /// How often the eyes look away from the partner, down and to the side: the share of rests.
+    pub(super) aversion: f64,
 }
 
 impl Mood {
-    pub(super) const NEUTRAL: Mood = mood(1.0, 1.0, 0.0, 0.0);
+    pub(super) const NEUTRAL: Mood = mood(1.0, 1.0, 0.0, 0.0, 0.0);
 
     fn as_array(self) -> [f64; QUANTITIES] {
-        [self.size, self.pace, self.liveliness, self.down_deg]
+        [
+            self.size,
+            self.pace,
+            self.liveliness,
+            self.down_deg,
+            self.aversion,
+        ]
     }
 }
 
-const fn mood(size: f64, pace: f64, liveliness: f64, down_deg: f64) -> Mood {
+const fn mood(size: f64, pace: f64, liveliness: f64, down_deg: f64, aversion: f64) -> Mood {
     Mood {
         size,
         pace,
         liveliness,
         down_deg,
+        aversion,
     }
 }
 
 /// In the order of [`EMOTIONS`], at intensity 1.
 const MOODS: [Mood; EMOTIONS.len()] = [
     Mood::NEUTRAL,
-    mood(1.5, 1.2, 0.7, -1.5),
-    mood(1.25, 1.1, 0.35, -1.0),
-    mood(0.6, 0.75, -0.2, 0.0),
-    mood(1.3, 1.1, 0.5, -2.5),
-    mood(0.65, 0.6, -0.6, 5.0),
-    mood(0.9, 0.85, -0.2, 2.5),
-    mood(0.6, 0.65, -0.6, 6.0),
-    mood(0.9, 1.25, 0.2, -1.5),
-    mood(1.5, 1.2, 0.8, 2.5),
-    mood(1.0, 0.9, 0.2, -1.5),
-    mood(0.8, 0.8, 0.0, -3.0),
-    mood(0.7, 0.8, 0.0, 1.5),
-    mood(0.6, 0.6, -0.5, 4.0),
-    mood(1.4, 0.55, 0.2, 1.0),
+    mood(1.5, 1.2, 0.7, -1.5, 0.0),
+    mood(1.25, 1.1, 0.35, -1.0, 0.0),
+    mood(0.6, 0.75, -0.2, 0.0, 0.05),
+    mood(1.3, 1.1, 0.5, -2.5, 0.0),
+    mood(0.65, 0.6, -0.6, 5.0, 0.4),
+    mood(0.9, 0.85, -0.2, 2.5, 0.2),
+    mood(0.6, 0.65, -0.6, 6.0, 0.7),
+    mood(0.9, 1.25, 0.2, -1.5, 0.15),
+    mood(1.5, 1.2, 0.8, 2.5, 0.0),
+    mood(1.0, 0.9, 0.2, -1.5, 0.2),
+    mood(0.8, 0.8, 0.0, -3.0, 0.15),
+    mood(0.7, 0.8, 0.0, 1.5, 0.1),
+    mood(0.6, 0.6, -0.5, 4.0, 0.3),
+    mood(1.4, 0.55, 0.2, 1.0, 0.25),
 ];
+
+/// How fast time passes for somebody who feels so; 1 as in calm reading.
+pub(super) fn pace(strengths: &Strengths) -> f64 {
+    let changes = MOODS.iter().zip(strengths).skip(1);
+    let change: f64 = changes
+        .map(|(mood, strength)| f64::from(*strength) * (mood.pace - Mood::NEUTRAL.pace))
+        .sum();
+    (Mood::NEUTRAL.pace + change).max(0.4)
+}
 
 /// The mood of each frame of `affect` `[T, 16]`, mixture and intensity.
 pub(super) fn moods(affect: ArrayView2<'_, f32>, fps: f64) -> Vec<Mood> {
@@ -77,7 +96,8 @@ pub(super) fn moods(affect: ArrayView2<'_, f32>, fps: f64) -> Vec<Mood> {
         .outer_iter()
         .map(|row| {
             let at = |k: usize, least: f64| (neutral[k] + f64::from(row[k])).max(least);
-            mood(at(0, 0.3), at(1, 0.4), f64::from(row[2]), f64::from(row[3]))
+            let (liveliness, down_deg) = (f64::from(row[2]), f64::from(row[3]));
+            mood(at(0, 0.3), at(1, 0.4), liveliness, down_deg, at(4, 0.0))
         })
         .collect()
 }

@@ -10,6 +10,7 @@ use super::{
     breath::breathe,
     brow_accents::{brow_accents, raise_brows},
     effort::effort_gain,
+    gestures::gesture,
     upper_face,
     variety::Variety,
 };
@@ -90,7 +91,7 @@ impl FaceModes {
     ///
     /// In this order: smoothing, variety of the mouth, articulation with effort, jaw, rounding and
     /// width, closures as they were, the expression where the clip has none, breath, variety of the brows,
-    /// brow accents, the upper face's scale, asymmetry, blinks. Head and gaze are no landmarks: see
+    /// gestures of the emotion, brow accents, the upper face's scale, asymmetry, blinks. Head and gaze are no landmarks: see
     /// [`super::Life`]. With [`PerformanceControls::as_sampled`] the clip comes back with its expression,
     /// unless `speech_only`.
     ///
@@ -123,6 +124,8 @@ impl FaceModes {
             }
             if controls.variety > 0.0 {
                 variety.vary_brows(moved, fps, self, controls.variety)?;
+                let strengths = cues.expressions.followed(cues.affect, fps);
+                gesture(moved, &strengths, fps, cues.seed, self, controls.variety)?;
             }
             if controls.brow_accents > 0.0 {
                 let accents = brow_accents(cues.prosody, cues.seed);

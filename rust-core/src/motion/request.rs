@@ -5,7 +5,7 @@ use std::{ops::RangeInclusive, sync::Arc};
 use crate::{
     Error, Result,
     conditions::{Controls, EmotionCurve, Event},
-    speech::FeltVoice,
+    speech::VoiceTrack,
 };
 
 use super::Pose;
@@ -43,9 +43,9 @@ pub struct MotionRequest {
     pub closures: Option<Vec<[f64; 2]>>,
     /// What the face is to do and when, in any order; they may overlap. Systems that show none refuse them.
     pub events: Vec<Event>,
-    /// Another recording of which the feeling is taken, however long, where a system hears feeling
-    /// (`feeling_from` of EmoFace).
-    pub felt_as: Option<Arc<FeltVoice>>,
+    /// Another recording of which the emotion is taken, however long, where a system hears emotion
+    /// (`emotion_from` of EmoFace).
+    pub emotion_of: Option<Arc<VoiceTrack>>,
     /// How the face stands in the first frame, such as in the last frame of another motion; `None` is rest. For systems
     /// that make one frame from those before.
     pub starts_from: Option<Pose>,
@@ -61,7 +61,7 @@ impl Default for MotionRequest {
             controls: Controls::default(),
             closures: None,
             events: Vec::new(),
-            felt_as: None,
+            emotion_of: None,
             starts_from: None,
         }
     }

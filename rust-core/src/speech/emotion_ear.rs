@@ -1,26 +1,26 @@
-//! The ear for emotion: which feeling is heard in a voice, over time, and how sure that is; for every system.
+//! The ear for emotion: which emotion is heard in a voice, over time, and how sure that is; for every system.
 //!
 //! Twin of `training/speech/emotion_ear.py`. A small network over log-mels and pitch tells what Whisper's middle
-//! layers would say of the last two seconds; beside it stand the 118 numbers of [`FeltVoice`]. A linear layer makes
-//! of both the logits of the feelings.
+//! layers would say of the last two seconds; beside it stand the 118 numbers of [`VoiceTrack`]. A linear layer makes
+//! of both the logits of the emotions.
 
 mod live;
 
 pub use live::LiveEar;
 
-use std::{collections::BTreeMap, path::Path};
+use std::{collections::BTreeMap, ops::Range, path::Path};
 
 use ndarray::{Array1, Array2, ArrayView1, ArrayView2, Axis};
 
 use super::{
     compact::{CompactConfig, CompactEncoder},
-    feeling::{FeltVoice, FeltWindow, NUMBERS},
-    felt_emotion::shown,
+    emotion_encoder::{NUMBERS, VoiceTrack, VoiceWindow},
     log_mel::BANDS,
+    shown_emotion::{shown, shown_on_purpose},
 };
 use crate::{
     Error, Result,
-    conditions::{EMOTIONS, EmotionCurve},
+    conditions::{EMOTIONS, Emotion, EmotionCurve},
     models::{BuiltIn, Weights},
     nn::{elementwise::gelu_all, linear::Linear},
 };
@@ -39,7 +39,7 @@ const LEAST_SPREAD: f32 = 1e-5;
 const STRIDE: usize = 4;
 /// Deviations of a number that are still counted.
 const LARGEST: f64 = 6.0;
-/// Of the instants of [`FeltVoice`] every second one is heard: 320 ms.
+/// Of the instants of [`VoiceTrack`] every second one is heard: 320 ms.
 const EVERY: usize = 2;
 /// Shares of a window that has a pitch from which it counts, and counts in full.
 const LEAST_VOICED: f64 = 0.1;
@@ -69,19 +69,85 @@ pub struct EmotionEarConfig {
     pub hidden: usize,
     /// Numbers that the network tells.
     pub told: usize,
-    /// Feelings that it was taught, all of [`EMOTIONS`], neutral among them.
-    pub feelings: Vec<String>,
+    /// Emotions that it was taught, all of [`EMOTIONS`], neutral among them.
+    pub emotions: Vec<String>,
 }
 
-/// How likely each feeling is over time.
+/// How likely each emotion is over time.
 #[derive(Debug, Clone, PartialEq, Default, serde::Serialize)]
 pub struct HeardEmotion {
     /// The middle of what each instant hears, seconds.
     pub time_s: Vec<f64>,
-    /// Probabilities of the feelings that the ear was taught at these instants, by name.
+    /// Probabilities of the emotions that the ear was taught at these instants, by name.
     pub probability: BTreeMap<String, Vec<f64>>,
     /// How strongly a face shows what is heard there: 0 where neutral is as likely as in readings of strangers.
     pub intensity: Vec<f64>,
+}
+
+impl HeardEmotion {
+    /// What a face shows of it: nothing where neutral is as likely as in readings of strangers, weakly where it is
+    /// hardly less likely.
+    pub fn curve(&self) -> EmotionCurve {
+        self.curve_of(shown)
+    }
+
+    /// What a face shows of a recording that is chosen for its emotion: as strongly as neutral is unlikely.
+    pub fn curve_on_purpose(&self) -> EmotionCurve {
+        self.curve_of(shown_on_purpose)
+    }
+
+    fn curve_of(&self, shown: fn(&[f64; EMOTIONS.len()]) -> Emotion) -> EmotionCurve {
+        if self.time_s.is_empty() {
+            return EmotionCurve::default();
+        }
+        let keys = self.time_s.iter().enumerate();
+        EmotionCurve::Keys(
+            keys.map(|(k, time_s)| (*time_s, shown(&self.shares(k))))
+                .collect(),
+        )
+    }
+
+    /// Probabilities of [`EMOTIONS`] at an instant.
+    fn shares(&self, k: usize) -> [f64; EMOTIONS.len()] {
+        EMOTIONS.map(|name| self.probability.get(name).map_or(0.0, |of| of[k]))
+    }
+
+    /// The instants of a span of seconds.
+    #[must_use]
+    pub fn between(&self, span_s: Range<f64>) -> HeardEmotion {
+        let first = self.time_s.partition_point(|time_s| *time_s < span_s.start);
+        let end = self
+            .time_s
+            .partition_point(|time_s| *time_s < span_s.end)
+            .max(first);
+        let cut = |values: &[f64]| values[first..end].to_vec();
+        let probability = self.probability.iter();
+        HeardEmotion {
+            time_s: cut(&self.time_s),
+            probability: probability
+                .map(|(name, of)| (name.clone(), cut(of)))
+                .collect(),
+            intensity: cut(&self.intensity),
+        }
+    }
+
+    /// The same so many seconds later.
+    #[must_use]
+    pub fn later(mut self, by_s: f64) -> HeardEmotion {
+        self.time_s
+            .iter_mut()
+            .for_each(|time_s| *time_s = rounded(*time_s + by_s));
+        self
+    }
+
+    /// Adds what is heard after it.
+    pub fn extend(&mut self, next: HeardEmotion) {
+        self.time_s.extend(next.time_s);
+        self.intensity.extend(next.intensity);
+        for (name, of) in next.probability {
+            self.probability.entry(name).or_default().extend(of);
+        }
+    }
 }
 
 /// What one window says.
@@ -95,7 +161,7 @@ struct Instant {
 }
 
 impl Instant {
-    fn of(window: &FeltWindow, logits: Array1<f64>) -> Instant {
+    fn of(window: &VoiceWindow, logits: Array1<f64>) -> Instant {
         let rows = window.voiced.len() as f64;
         let voiced = window.voiced.iter().filter(|voiced| **voiced).count() as f64 / rows;
         let share = (voiced - LEAST_VOICED) / (FULLY_VOICED - LEAST_VOICED);
@@ -122,7 +188,7 @@ pub struct EmotionEar {
     /// `[told + 118]`.
     mean: Array1<f64>,
     scale: Array1<f64>,
-    /// `[told + 118, feelings]`.
+    /// `[told + 118, emotions]`.
     weight: Array2<f64>,
     bias: Array1<f64>,
 }
@@ -141,19 +207,19 @@ impl EmotionEar {
         let wrong = |told: String| Error::Weights(format!("emotion_ear config.json: {told}"));
         let config: EmotionEarConfig =
             serde_json::from_str(config).map_err(|e| wrong(e.to_string()))?;
-        let mut names = config.feelings.iter();
+        let mut names = config.emotions.iter();
         if let Some(name) = names.find(|name| !EMOTIONS.contains(&name.as_str())) {
             return Err(wrong(format!(
-                "feelings: expected names of {EMOTIONS:?}, got {name:?}"
+                "emotions: expected names of {EMOTIONS:?}, got {name:?}"
             )));
         }
-        if !config.feelings.iter().any(|name| *name == EMOTIONS[0]) {
+        if !config.emotions.iter().any(|name| *name == EMOTIONS[0]) {
             return Err(wrong(format!(
-                "feelings: expected {} among them",
+                "emotions: expected {} among them",
                 EMOTIONS[0]
             )));
         }
-        let (rows, classes) = (config.told + NUMBERS, config.feelings.len());
+        let (rows, classes) = (config.told + NUMBERS, config.emotions.len());
         let vector = |name: &str, length| -> Result<Array1<f64>> {
             Ok(weights.vector(name, length)?.mapv(f64::from))
         };
@@ -183,27 +249,16 @@ impl EmotionEar {
         })
     }
 
-    /// Feelings that it was taught.
-    pub fn feelings(&self) -> &[String] {
-        &self.config.feelings
+    /// Emotions that it was taught.
+    pub fn emotions(&self) -> &[String] {
+        &self.config.emotions
     }
 
-    /// What is felt in a voice: nothing where neutral is as likely as in readings of strangers, weakly where it is
-    /// hardly less likely, and nothing of what was not taught. A sound shorter than 0.8 s is neutral.
+    /// How likely each emotion is in a voice over time; nothing of a sound shorter than 0.8 s.
     ///
     /// The logits of an instant are the mean of those a second about it and of the whole sound, in which windows with
     /// little of a voice count little. The rule is ours.
-    pub fn emotion(&self, voice: &FeltVoice) -> EmotionCurve {
-        let (times_s, shares) = self.shares(voice);
-        if times_s.is_empty() {
-            return EmotionCurve::default();
-        }
-        let keys = times_s.into_iter().zip(shares);
-        EmotionCurve::Keys(keys.map(|(time_s, at)| (time_s, shown(&at))).collect())
-    }
-
-    /// The same with its probabilities, for people who want to see why.
-    pub fn heard(&self, voice: &FeltVoice) -> HeardEmotion {
+    pub fn heard(&self, voice: &VoiceTrack) -> HeardEmotion {
         let (time_s, shares) = self.shares(voice);
         let of = |name: &String| {
             let place = place_of(name);
@@ -211,7 +266,7 @@ impl EmotionEar {
             (name.clone(), values)
         };
         HeardEmotion {
-            probability: self.config.feelings.iter().map(of).collect(),
+            probability: self.config.emotions.iter().map(of).collect(),
             intensity: shares
                 .iter()
                 .map(|at| rounded(shown(at).intensity.into()))
@@ -220,17 +275,10 @@ impl EmotionEar {
         }
     }
 
-    /// How strongly a face shows that somebody feels at all, at motion frames, `[frames]` from 0 to 1.
-    pub fn certainty(&self, voice: &FeltVoice, frames: usize, fps: f64) -> Vec<f32> {
-        let curve = self.emotion(voice);
-        let at = |t: usize| curve.at(t as f64 / fps).intensity;
-        (0..frames).map(at).collect()
-    }
-
     /// Instants of a voice in seconds, and the probabilities of [`EMOTIONS`] there.
-    fn shares(&self, voice: &FeltVoice) -> (Vec<f64>, Vec<[f64; EMOTIONS.len()]>) {
+    fn shares(&self, voice: &VoiceTrack) -> (Vec<f64>, Vec<[f64; EMOTIONS.len()]>) {
         let windows = voice.windows(EVERY);
-        let mut logits = Array2::zeros((windows.len(), self.config.feelings.len()));
+        let mut logits = Array2::zeros((windows.len(), self.config.emotions.len()));
         for (window, mut row) in windows.iter().zip(logits.outer_iter_mut()) {
             row.assign(&self.logits(window));
         }
@@ -250,12 +298,12 @@ impl EmotionEar {
         (times.collect(), (0..windows.len()).map(mixed).collect())
     }
 
-    /// The mean of instants by how much of a voice each hears, `[feelings]`.
+    /// The mean of instants by how much of a voice each hears, `[emotions]`.
     fn evidence<'a>(&self, heard: impl Iterator<Item = &'a Instant>, loudest: f64) -> Array1<f64> {
-        let (mut sum, mut total) = (Array1::zeros(self.config.feelings.len()), BEFORE);
+        let (mut sum, mut total) = (Array1::zeros(self.config.emotions.len()), BEFORE);
         let neutral = self
             .config
-            .feelings
+            .emotions
             .iter()
             .position(|name| *name == EMOTIONS[0]);
         sum[neutral.expect("checked when it was loaded")] = BEFORE * BEFORE_NEUTRAL;
@@ -267,8 +315,8 @@ impl EmotionEar {
         sum / total
     }
 
-    /// What one window says of the feelings, `[feelings]`.
-    fn logits(&self, window: &FeltWindow) -> Array1<f64> {
+    /// What one window says of the emotions, `[emotions]`.
+    fn logits(&self, window: &VoiceWindow) -> Array1<f64> {
         let told = self.told(window);
         let row = Array1::from_iter(
             told.into_iter()
@@ -280,7 +328,7 @@ impl EmotionEar {
     }
 
     /// What the network tells of a window, `[told]`.
-    fn told(&self, window: &FeltWindow) -> Vec<f32> {
+    fn told(&self, window: &VoiceWindow) -> Vec<f32> {
         let heard = inputs_of(window);
         let x = self.encoder.forward_span(&heard);
         let pooled = pooled(x.view(), &window.active);
@@ -289,20 +337,20 @@ impl EmotionEar {
         self.outer.forward(&hidden).into_raw_vec_and_offset().0
     }
 
-    /// Logits of the feelings as probabilities of [`EMOTIONS`].
+    /// Logits of the emotions as probabilities of [`EMOTIONS`].
     fn by_emotion(&self, logits: ArrayView1<'_, f64>) -> [f64; EMOTIONS.len()] {
         let largest = logits.fold(f64::NEG_INFINITY, |a, b| a.max(*b));
         let powers = logits.mapv(|logit| (logit - largest).exp());
         let sum = powers.sum();
         let mut shares = [0.0; EMOTIONS.len()];
-        for (name, power) in self.config.feelings.iter().zip(powers) {
+        for (name, power) in self.config.emotions.iter().zip(powers) {
             shares[place_of(name)] = power / sum;
         }
         shares
     }
 }
 
-/// The place of a feeling that was checked when the ear was loaded.
+/// The place of an emotion that was checked when the ear was loaded.
 fn place_of(name: &str) -> usize {
     let place = EMOTIONS.iter().position(|known| *known == name);
     place.expect("checked when it was loaded")
@@ -318,7 +366,7 @@ fn rounded(x: f64) -> f64 {
 }
 
 /// `[T, 66]` of a window.
-fn inputs_of(window: &FeltWindow) -> Array2<f32> {
+fn inputs_of(window: &VoiceWindow) -> Array2<f32> {
     let rows = window.octave.len();
     Array2::from_shape_fn((rows, INPUTS), |(t, k)| match k {
         BANDS if window.voiced[t] => window.octave[t] as f32 - MIDDLE_OCTAVE,
@@ -345,12 +393,11 @@ mod tests {
     use super::*;
     use crate::{
         audio::Waveform,
-        conditions::Emotion,
         nn::golden::{Golden, distance},
     };
 
-    fn voice(samples: &[f32]) -> FeltVoice {
-        FeltVoice::of(&Waveform {
+    fn voice(samples: &[f32]) -> VoiceTrack {
+        VoiceTrack::of(&Waveform {
             samples: samples.to_vec(),
         })
     }
@@ -373,8 +420,7 @@ mod tests {
     fn silence_and_short_sounds_are_neutral() {
         let ear = EmotionEar::open(None).unwrap();
         let short: Vec<f32> = (0..8_000).map(|i| (i as f32 * 0.08).sin()).collect();
-        assert_eq!(ear.emotion(&voice(&short)), EmotionCurve::default());
-        assert_eq!(ear.certainty(&voice(&short), 3, 25.0), [0.0; 3]);
+        assert_eq!(ear.heard(&voice(&short)).curve(), EmotionCurve::default());
         let silent = ear.heard(&voice(&[0.0; 48_000]));
         assert!(silent.intensity.iter().all(|x| *x == 0.0), "{silent:?}");
     }
@@ -384,13 +430,13 @@ mod tests {
         let ear = EmotionEar::open(None).unwrap();
         let samples = Golden::open("emotion_ear_debug").values("samples");
         let heard = ear.heard(&voice(&samples));
-        assert_eq!(heard.probability.len(), ear.feelings().len());
+        assert_eq!(heard.probability.len(), ear.emotions().len());
         assert!(heard.time_s.is_sorted() && heard.time_s.len() == heard.intensity.len());
         for k in 0..heard.time_s.len() {
             let sum: f64 = heard.probability.values().map(|of| of[k]).sum();
             assert!((sum - 1.0).abs() < 0.01, "{sum}");
         }
-        let EmotionCurve::Keys(keys) = ear.emotion(&voice(&samples)) else {
+        let EmotionCurve::Keys(keys) = heard.curve() else {
             panic!("expected keys")
         };
         assert_eq!(keys.len(), heard.time_s.len());

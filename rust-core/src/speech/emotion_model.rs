@@ -6,7 +6,7 @@ use std::{collections::BTreeMap, path::Path};
 use ndarray::{Array1, Axis, Slice};
 use serde::Deserialize;
 
-use super::{felt_emotion::shown, transformer_encoder::TransformerEncoder};
+use super::{shown_emotion::shown, transformer_encoder::TransformerEncoder};
 use crate::{
     Error, Result,
     audio::Waveform,
@@ -43,7 +43,7 @@ const STEP_S: f64 = 0.25;
 const AROUND_S: f64 = 1.0;
 /// A shorter sound says nothing.
 const LEAST_S: f64 = 0.8;
-/// Distances from the middle of arousal and valence at which a feeling begins and is shown in full; 1 is the rim.
+/// Distances from the middle of arousal and valence at which an emotion begins and is shown in full; 1 is the rim.
 const FELT_FROM: f64 = 0.2;
 const FELT_FULLY: f64 = 0.8;
 

@@ -1,11 +1,12 @@
 //! Everything that is heard in one sound.
 
-use std::sync::Arc;
+use std::sync::{Arc, OnceLock};
 
 use ndarray::Array2;
 
 use super::{
-    FeatureTrack, FeltVoice, PhoneModel, SpeechEncoder, at_motion_frames, encoder::frames_of,
+    EmotionEar, FeatureTrack, HeardEmotion, PhoneModel, SpeechEncoder, VoiceTrack,
+    at_motion_frames, encoder::frames_of,
 };
 use crate::{
     Result,
@@ -35,10 +36,14 @@ pub struct Heard {
     pub track: FeatureTrack,
     /// Loudness, pitch, effort, syllables and pauses.
     pub prosody: Prosody,
-    /// The voice as an encoder of feelings takes it.
-    pub voice: FeltVoice,
+    /// The voice as an encoder of emotions takes it.
+    pub voice: VoiceTrack,
     /// What another's model of emotions hears in it, where the engine has one.
     pub emotion: Option<EmotionCurve>,
+    /// The ear for emotion, where the engine has it.
+    pub ear: Option<Arc<EmotionEar>>,
+    /// What the ear hears, once somebody wants to know.
+    heard_emotion: OnceLock<HeardEmotion>,
     /// What hears phones in the features, where the engine has it.
     pub phones: Option<Arc<PhoneModel>>,
     /// Length of the sound in seconds.
@@ -65,12 +70,36 @@ impl Heard {
         Ok(Heard {
             track: encoder.encode(waveform, &share(0.0, ENCODED))?,
             prosody: Prosody::of(waveform),
-            voice: FeltVoice::hear(waveform, &share(ENCODED, 1.0))?,
+            voice: VoiceTrack::hear(waveform, &share(ENCODED, 1.0))?,
             emotion: None,
+            ear: None,
+            heard_emotion: OnceLock::new(),
             phones: None,
             duration_s: waveform.duration_s(),
             encoder: Arc::clone(encoder),
         })
+    }
+
+    /// How likely each emotion is over time, as the built-in ear hears it; none where the engine has no ear or another's
+    /// model hears emotions.
+    pub fn heard_emotion(&self) -> Option<&HeardEmotion> {
+        let ear = self.ear.as_ref().filter(|_| self.emotion.is_none())?;
+        Some(self.heard_emotion.get_or_init(|| ear.heard(&self.voice)))
+    }
+
+    /// What [`Heard::heard_emotion`] gave, where somebody asked for it.
+    pub(crate) fn heard_before(&self) -> Option<&HeardEmotion> {
+        self.heard_emotion.get()
+    }
+
+    /// The emotion that is heard in the voice, by the model of the user or by the ear; neutral where the engine has
+    /// neither.
+    pub fn emotion_curve(&self) -> EmotionCurve {
+        match (&self.emotion, self.heard_emotion()) {
+            (Some(curve), _) => curve.clone(),
+            (None, Some(heard)) => heard.curve(),
+            (None, None) => EmotionCurve::default(),
+        }
     }
 
     /// The name of the encoder that heard it.

@@ -7,17 +7,17 @@ mod compact;
 mod contacts;
 mod conv_features;
 mod emotion_ear;
+mod emotion_encoder;
 mod emotion_model;
 mod encoder;
 mod encoder_config;
-mod feeling;
-mod felt_emotion;
 mod heard;
 pub mod hubert;
 mod letters;
 mod log_mel;
 mod phones;
 mod resample;
+mod shown_emotion;
 mod tongue;
 mod transformer_encoder;
 pub mod wav2vec2;
@@ -31,11 +31,11 @@ pub(crate) use compact::{ACTIVE_RANGE, DEEPEST, QUIETEST_LEVEL, SCALE};
 pub use compact::{CompactConfig, CompactEncoder, normalise};
 pub use contacts::{LipContacts, LipRounding};
 pub use emotion_ear::{EMOTION_EAR, EmotionEar, EmotionEarConfig, HeardEmotion, LiveEar};
+pub use emotion_encoder::{
+    EMOTION_ENCODER, EmotionEncoder, EmotionEncoderConfig, LiveEmotion, VoiceTrack, VoiceWindow,
+};
 pub use emotion_model::EmotionModel;
 pub use encoder::{COMPACT_MODEL, FeatureTrack, SpeechEncoder, SpeechInput, frames_of};
-pub use feeling::{
-    FEELING_MODEL, FeelingConfig, FeelingEncoder, FeltVoice, FeltWindow, LiveFeeling,
-};
 pub use heard::Heard;
 pub use log_mel::{BANDS, FRAME, HOP, MelAnalyser, log_mel};
 pub use phones::{PHONE_MODEL, PhoneConfig, PhoneModel, Said};
@@ -91,17 +91,17 @@ pub fn open(
     }
 }
 
-/// The encoder by which a model hears feeling: the checkpoint in the folder `feeling_hubert` or `feeling_wav2vec2`, as
+/// The encoder by which a model hears emotion: the checkpoint in the folder `emotion_hubert` or `emotion_wav2vec2`, as
 /// `wanted` names it, of `models`.
 ///
 /// # Errors
 /// Those of [`from_folder`]; `Weights` where the folder is not there or its encoder is another than was wanted.
-pub fn open_feeling(wanted: &SpeechInput, models: Option<&Path>) -> Result<Box<dyn SpeechEncoder>> {
-    let name = format!("feeling_{}", wanted.encoder);
+pub fn open_emotion(wanted: &SpeechInput, models: Option<&Path>) -> Result<Box<dyn SpeechEncoder>> {
+    let name = format!("emotion_{}", wanted.encoder);
     let folder = models.map(|models| models.join(&name));
     let Some(folder) = folder.filter(|folder| folder.is_dir()) else {
         return Err(Error::Weights(format!(
-            "the model hears feeling by {}: expected a checkpoint of it as Hugging Face has them as the \
+            "the model hears emotion by {}: expected a checkpoint of it as Hugging Face has them as the \
              folder {name} beside the model, got none",
             wanted.encoder
         )));
@@ -132,13 +132,13 @@ impl SpeechInput {
     }
 }
 
-/// Names of the folders of checkpoints among models: of encoders of speech, and of feeling ([`open_feeling`]).
+/// Names of the folders of checkpoints among models: of encoders of speech, and of emotion ([`open_emotion`]).
 pub const CHECKPOINTS: [&str; 5] = [
     "hubert",
     "wav2vec2",
     "whisper",
-    "feeling_hubert",
-    "feeling_wav2vec2",
+    "emotion_hubert",
+    "emotion_wav2vec2",
 ];
 
 /// Reads HuBERT, wav2vec2 or Whisper from a Hugging Face folder, as its `config.json` says; the weights

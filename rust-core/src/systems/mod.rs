@@ -19,7 +19,7 @@ mod windows;
 use crate::{Error, Result, deform, head, mesh, models::BuiltIn, motion, rig, speech, text};
 
 pub use slider::Slider;
-pub use system::{Ability, Description, FeelingMask, Registration, Sampled, System};
+pub use system::{Ability, Description, EmotionMask, Registration, Sampled, System};
 pub use windows::Windows;
 
 /// Every system, the default one first.
@@ -46,7 +46,7 @@ impl Registration {
         let expected = match ability {
             Ability::Events => "that shows them",
             Ability::Words => "that understands words",
-            Ability::Feeling => "that hears feeling",
+            Ability::Emotion => "that hears emotion",
             Ability::FirstPose => "that goes on from one",
             Ability::Head => "whose motion moves a head of its own",
         };
@@ -81,7 +81,7 @@ pub fn built_in_models() -> impl Iterator<Item = &'static BuiltIn> {
     let shared = [
         &speech::COMPACT_MODEL,
         &speech::PHONE_MODEL,
-        &speech::FEELING_MODEL,
+        &speech::EMOTION_ENCODER,
         &speech::EMOTION_EAR,
         &mesh::LANDMARK_MODEL,
         &head::MODEL,

@@ -58,8 +58,8 @@ pub enum Ability {
     Events,
     /// Understands words beside the categories of emotion: an emotion is a place among words to it.
     Words,
-    /// Hears feeling in a voice, may take it from another recording, and tells it from what is said.
-    Feeling,
+    /// Hears emotion in a voice, may take it from another recording, and tells it from what is said.
+    Emotion,
     /// Goes on from a given pose.
     FirstPose,
     /// Moves the parametric head of [`crate::head`].
@@ -104,8 +104,8 @@ pub struct Description<'a> {
 pub struct Sampled {
     /// The motion.
     pub motion: Motion,
-    /// How far feeling is believed beside what is said, of a system that tells them apart.
-    pub mask: Option<Arc<dyn FeelingMask>>,
+    /// How far emotion is believed beside what is said, of a system that tells them apart.
+    pub mask: Option<Arc<dyn EmotionMask>>,
 }
 
 impl From<Motion> for Sampled {
@@ -114,9 +114,9 @@ impl From<Motion> for Sampled {
     }
 }
 
-/// How far feeling is believed beside what is said in one motion.
-pub trait FeelingMask: Send + Sync {
-    /// The share of feeling for each vertex of the system's template and each frame.
+/// How far emotion is believed beside what is said in one motion.
+pub trait EmotionMask: Send + Sync {
+    /// The share of emotion for each vertex of the system's template and each frame.
     ///
     /// # Errors
     /// `Weights` for a model without a template.

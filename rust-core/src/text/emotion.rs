@@ -53,7 +53,7 @@ impl TextUnits {
             (_, nearest) => {
                 let nearest = nearest.map(|(_, name)| format!("; the nearest is {name:?}"));
                 Err(Error::InvalidInput(format!(
-                    "emotion: expected one of {}, or an English word for a feeling, got {text:?}{}",
+                    "emotion: expected one of {}, or an English word for an emotion, got {text:?}{}",
                     EMOTIONS.join(", "),
                     nearest.unwrap_or_default()
                 )))
@@ -110,7 +110,7 @@ mod tests {
     }
 
     #[test]
-    fn what_is_no_feeling_is_refused_with_the_known_names() {
+    fn what_is_no_emotion_is_refused_with_the_known_names() {
         let words = TextUnits::open(None).unwrap();
         for text in ["car", "bicycle", "", "the", "xyzzy", "你好"] {
             let message = words.emotion(text).unwrap_err().to_string();

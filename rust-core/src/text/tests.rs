@@ -116,7 +116,7 @@ fn a_denied_movement_asks_for_no_other() {
     }
     let smile = units(&words.understand("a smile without raised eyebrows").unwrap());
     assert_eq!(smile, units(&words.understand("a smile").unwrap()));
-    // A denied feeling is another feeling.
+    // A denied emotion is another emotion.
     assert_eq!(units(&words.understand("not happy").unwrap()), ["4", "15"]);
 }
 

@@ -11,7 +11,7 @@ use anyface::{
     mesh::{LandmarkSource, PartChoices},
     models::Weights,
     motion::{Motion, Pose},
-    speech::{EmotionEar, FeltVoice},
+    speech::{EmotionEar, VoiceTrack},
     spread::{Collector, FrameSink, Movement, SpreadReport, TemplateOnFace},
     systems::emoface::{EmoFaceConfig, MODEL, read_template},
 };
@@ -56,7 +56,7 @@ fn asked(controls: &[(&str, f32)]) -> MotionRequest {
 fn felt(controls: &[(&str, f32)], emotion: &str) -> MotionRequest {
     MotionRequest {
         emotion: EmotionCurve::parse(emotion).unwrap(),
-        ..asked(&[&[("feeling_from", 1.0)], controls].concat())
+        ..asked(&[&[("emotion_from", 1.0)], controls].concat())
     }
 }
 
@@ -86,8 +86,8 @@ fn what_is_said_does_not_hear_what_is_felt() {
 }
 
 #[test]
-fn more_of_a_feeling_moves_the_face_further_from_rest() {
-    let at = |level: f32| performed(&felt(&[("feeling_level", level)], "happy")).unwrap();
+fn more_of_a_emotion_moves_the_face_further_from_rest() {
+    let at = |level: f32| performed(&felt(&[("emotion_level", level)], "happy")).unwrap();
     let none = at(0.0);
     let steps: Vec<f32> = [0.5, 1.0, 1.5].map(|l| apart_mm(&at(l), &none)).to_vec();
     assert!(steps.windows(2).all(|pair| pair[0] < pair[1]), "{steps:?}");
@@ -121,13 +121,13 @@ fn an_emotion_that_the_branch_was_not_taught_is_put_on_what_is_said() {
 }
 
 #[test]
-fn another_recording_gives_the_feeling() {
+fn another_recording_gives_the_emotion() {
     let own = performed(&asked(&[])).unwrap();
     let raised = Waveform {
         samples: babble(2.0, 9_000),
     };
     let request = MotionRequest {
-        felt_as: Some(Arc::new(FeltVoice::checked(&raised).unwrap())),
+        emotion_of: Some(Arc::new(VoiceTrack::checked(&raised).unwrap())),
         ..asked(&[])
     };
     let other = performed(&request).unwrap();
@@ -188,7 +188,7 @@ fn five_joined_shots_never_jump() {
         let request = MotionRequest {
             fps: 30.0,
             emotion: EmotionCurve::parse(emotion).unwrap(),
-            controls: Controls::default().with("feeling_from", 1.0),
+            controls: Controls::default().with("emotion_from", 1.0),
             seed: n as u64,
             starts_from: end,
             ..MotionRequest::default()
@@ -229,18 +229,18 @@ fn what_cannot_be_felt_is_told() {
         ..asked(&[])
     };
     refused(&style, "nobody");
-    refused(&asked(&[("feeling_level", 1.7)]), "feeling_level");
+    refused(&asked(&[("emotion_level", 1.7)]), "emotion_level");
     for silent in [
         voice(0.5),
         Waveform {
             samples: vec![0.0; 32_000],
         },
     ] {
-        let error = FeltVoice::checked(&silent).unwrap_err();
+        let error = VoiceTrack::checked(&silent).unwrap_err();
         assert!(matches!(error, Error::Audio(_)), "{error:?}");
     }
     let request = MotionRequest {
-        felt_as: Some(Arc::new(FeltVoice::of(&voice(1.0)))),
+        emotion_of: Some(Arc::new(VoiceTrack::of(&voice(1.0)))),
         ..MotionRequest::default()
     };
     let other = engine("freetalk").perform(&voice(1.0), &request, SILENT);
@@ -254,7 +254,7 @@ fn what_cannot_be_felt_is_told() {
 #[test]
 fn what_every_system_hears_of_a_voice_is_what_the_encoder_says() {
     let heard = EmotionEar::open(None).unwrap();
-    let heard = heard.emotion(&FeltVoice::of(&voice(SECONDS)));
+    let heard = heard.heard(&VoiceTrack::of(&voice(SECONDS))).curve();
     assert!(
         matches!(&heard, EmotionCurve::Keys(keys) if keys.len() > 3),
         "{heard:?}"
@@ -392,13 +392,13 @@ fn without_the_template_landmarks_alone_move_a_mesh() {
 }
 
 #[test]
-fn feeling_is_believed_at_the_brows_rather_than_at_the_lips() {
+fn emotion_is_believed_at_the_brows_rather_than_at_the_lips() {
     let face = head::prepared(&head::head(), &head::landmarks(), PartChoices::default());
     let performance = ENGINE
         .perform(&voice(SECONDS), &felt(&[], "happy"), SILENT)
         .unwrap();
     let frames = performance.motion.frames();
-    let believed = |frames| performance.feeling_mask(&ENGINE, &face, frames);
+    let believed = |frames| performance.emotion_mask(&ENGINE, &face, frames);
     let mask = believed(0..frames).unwrap();
     assert_eq!(mask.dim(), (face.mesh.positions.len(), frames));
     assert!(mask.iter().all(|w| (0.0..=1.0).contains(w)));
@@ -418,6 +418,6 @@ fn feeling_is_believed_at_the_brows_rather_than_at_the_lips() {
     assert!(refused.contains("frames: expected some of"), "{refused}");
     let other = engine("freetalk");
     let spoken = other.perform(&voice(1.0), &asked(&[]), SILENT).unwrap();
-    let refused = spoken.feeling_mask(&other, &face, 0..1).unwrap_err();
+    let refused = spoken.emotion_mask(&other, &face, 0..1).unwrap_err();
     assert!(refused.to_string().contains("got freetalk"), "{refused}");
 }

@@ -1,4 +1,4 @@
-//! A feeling that is heard and never invented: neutral strangers stay still, acted emotion shows.
+//! An emotion that is heard and never invented: neutral strangers stay still, acted emotion shows.
 
 use std::path::PathBuf;
 
@@ -8,7 +8,7 @@ use anyface::{
     conditions::{Controls, EMOTIONS, EmotionCurve},
     job::SILENT,
     motion::Motion,
-    speech::{EmotionEar, FeltVoice},
+    speech::{EmotionEar, VoiceTrack},
 };
 
 /// The intensity from which people see an emotion.
@@ -44,7 +44,10 @@ fn recordings(folder: &str, step: usize, wanted: impl Fn(&str) -> bool) -> Vec<W
 /// The largest intensity of any moment, and the emotion that shows most over all.
 fn heard(ear: &EmotionEar, sound: &Waveform) -> (f32, &'static str) {
     let frames = (sound.duration_s() * 10.0) as usize;
-    let track = ear.emotion(&FeltVoice::of(sound)).sample(frames, 10.0);
+    let track = ear
+        .heard(&VoiceTrack::of(sound))
+        .curve()
+        .sample(frames, 10.0);
     let strongest = track.column(15).fold(0.0f32, |most, x| most.max(*x));
     let total = |e: usize| -> f32 {
         let frames = track.outer_iter();
@@ -56,7 +59,7 @@ fn heard(ear: &EmotionEar, sound: &Waveform) -> (f32, &'static str) {
 
 #[test]
 #[ignore = "needs ../shared"]
-fn neutral_strangers_are_given_no_feeling() {
+fn neutral_strangers_are_given_no_emotion() {
     let ear = EmotionEar::open(None).unwrap();
     // None of these was taught: clips kept apart, a language kept apart, readers kept apart.
     for (folder, step) in [
@@ -110,13 +113,13 @@ fn emoface_feels_nothing_with_a_neutral_stranger() {
         ..EngineOptions::default()
     })
     .unwrap();
-    let performed = |sound: &Waveform, feeling_from: f32| {
+    let performed = |sound: &Waveform, emotion_from: f32| {
         let still = ["blinks_per_minute", "brow_accents", "gaze", "head_motion"];
         let controls = still
             .iter()
             .fold(Controls::default(), |all, name| all.with(name, 0.0));
         let request = MotionRequest {
-            controls: controls.with("feeling_from", feeling_from),
+            controls: controls.with("emotion_from", emotion_from),
             emotion: EmotionCurve::default(),
             ..MotionRequest::default()
         };

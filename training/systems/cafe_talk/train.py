@@ -158,7 +158,7 @@ class CafeTalkTrainer:
         weights = spoken_weights
         closed = lips_met(spoken_weights)
         if not intensity.any() and self.generator.random() < FELT_SHARE:
-            emotion, intensity = self._feeling(frames)
+            emotion, intensity = self._emotion(frames)
             weights = with_emotion(spoken_weights, emotion, intensity, closed)
         if not self.fine:
             return weights, emotion, intensity, torch.zeros(frames, len(self.unit_channels))
@@ -169,7 +169,7 @@ class CafeTalkTrainer:
             events = torch.maximum(events, added.active)
         return weights, emotion, intensity, events
 
-    def _feeling(self, frames: int) -> tuple[torch.Tensor, torch.Tensor]:
+    def _emotion(self, frames: int) -> tuple[torch.Tensor, torch.Tensor]:
         """A random emotion and intensity; in some rows both change smoothly."""
         rows = torch.zeros(2, len(self.config.emotions))
         rows[[0, 1], torch.from_numpy(self.generator.integers(0, rows.shape[1], 2))] = 1.0

@@ -11,10 +11,10 @@ from training.corpus import arkit, bank
 from training.corpus.cache import cached
 from training.corpus.clip import FPS, MEL_PER_FRAME, fit_frames
 from training.corpus.conditions import EMOTIONS
+from training.corpus.emodb import SOURCE as EMODB
+from training.corpus.emodb import read_felt
 from training.corpus.facegood import read_facegood
 from training.corpus.faces import load_ict
-from training.corpus.feelings import SOURCE as EMODB
-from training.corpus.feelings import read_felt
 from training.corpus.folder import CorpusFolder
 from training.corpus.grid import read_grid
 from training.corpus.teacher import Teacher
@@ -22,14 +22,14 @@ from training.nn.checkpoint import read_bytes, read_model
 from training.speech.compact import SHIPPED_ENCODER, load_encoder, normalise
 from training.speech.log_mel import log_mel
 from training.systems.emoface import folder_clips
+from training.systems.emoface.emotion_encoder import EmotionEncoder, EmotionEncoderConfig
 from training.systems.emoface.encoders import (
     Checkpoint,
-    CheckpointFeeling,
+    CheckpointEmotion,
     CompactSpeech,
+    EmotionNumbers,
     Encoders,
-    FeelingNumbers,
 )
-from training.systems.emoface.feeling import FeelingConfig, FeelingEncoder
 from training.systems.emoface.model import ANY_STYLE, EmoFaceConfig, Template
 from training.systems.emoface.rows import NEUTRAL, Spoken
 from training.systems.emoface.template import ict_template
@@ -44,17 +44,17 @@ def template_of(data: Path, vertices: int) -> tuple[Template, np.ndarray]:
     return template, load_ict(data, "face").mean.modes[:, chosen]
 
 
-def load_feeling(folder: Path) -> FeelingEncoder:
+def load_emotion(folder: Path) -> EmotionEncoder:
     """The emotion encoder of a model folder."""
     config, state = read_model(folder)
     arrays = {name: value.double().numpy() for name, value in state.items()}
-    return FeelingEncoder(FeelingConfig(**config), **arrays)
+    return EmotionEncoder(EmotionEncoderConfig(**config), **arrays)
 
 
 def load_clips(arguments, config: EmoFaceConfig) -> list[Spoken]:
     """The project's own clips; from the cache where they were heard before by the same encoders."""
     for_folders = {
-        "--hubert": arguments.hubert, "--feeling-hubert": arguments.feeling_hubert,
+        "--hubert": arguments.hubert, "--emotion-hubert": arguments.emotion_hubert,
         "--tune-encoders": arguments.tune_encoders, "--recipe paper": arguments.recipe == "paper",
         "--speech": arguments.speech != SHIPPED_ENCODER,
     }  # fmt: skip
@@ -70,24 +70,25 @@ def load_clips(arguments, config: EmoFaceConfig) -> list[Spoken]:
             f"are those of a folder with vertices, got the project's own clips of {FPS:g} fps; name a corpus "
             "folder, or take --config compact"
         )
-    weights = read_bytes(arguments.feeling)
+    weights = read_bytes(arguments.emotion_encoder)
     key = hashlib.sha256(weights + repr((arguments.voices, arguments.limit)).encode()).hexdigest()[:12]
     path = arguments.cache / f"emoface-{key}.pt"
     clips = cached(path, Spoken, lambda: [*recorded(arguments), *felt(arguments)])
-    config.speech.channels, config.feeling_channels = (
-        x.shape[1] for x in (clips[0].content[0], clips[0].feeling)
+    config.emotion_ear = True
+    config.speech.channels, config.emotion_channels = (
+        x.shape[1] for x in (clips[0].content[0], clips[0].emotion)
     )
     return clips
 
 
 def of_corpus(arguments, config: EmoFaceConfig) -> tuple[list[Spoken], Encoders]:
-    """Clips of a corpus folder and what hears them; tells `config` both, and its speakers and feelings."""
+    """Clips of a corpus folder and what hears them; tells `config` both, and its speakers and emotions."""
     folder = CorpusFolder(arguments.corpus)
     present = {row.emotion for row in folder.rows if not row.held_out}
-    config.feelings = [f for f in EMOTIONS if f == NEUTRAL or f in present]
+    config.emotions = [f for f in EMOTIONS if f == NEUTRAL or f in present]
     encoders = encoders_of(arguments, config, config.speech.transformer_fps is not None)
-    config.speech, config.feeling = encoders.speech.about, encoders.feeling.about
-    config.feeling_channels = encoders.feeling_channels
+    config.speech, config.emotion = encoders.speech.about, encoders.emotion.about
+    config.emotion_channels = encoders.emotion_channels
     clips = folder_clips.spoken(folder, encoders, config.fps)
     config.styles = [*sorted({c.source for c in clips}), ANY_STYLE]
     return clips, encoders
@@ -100,12 +101,12 @@ def encoders_of(arguments, config: EmoFaceConfig, before_transformer: bool) -> E
         speech = Checkpoint(arguments.hubert, config.fps, before_transformer)
     else:
         speech = CompactSpeech(arguments.speech, config.fps)
-    if arguments.feeling_hubert is not None:
-        folder = arguments.feeling_hubert
-        feeling = CheckpointFeeling(folder, config.fps, before_transformer, config.feelings)
+    if arguments.emotion_hubert is not None:
+        folder = arguments.emotion_hubert
+        emotion = CheckpointEmotion(folder, config.fps, before_transformer, config.emotions)
     else:
-        feeling = FeelingNumbers(arguments.feeling, config.fps)
-    return Encoders(speech, feeling, arguments.tune_encoders)
+        emotion = EmotionNumbers(arguments.emotion_encoder, config.fps)
+    return Encoders(speech, emotion, arguments.tune_encoders)
 
 
 def _said(encoder, samples: np.ndarray, frames: int) -> Tensor:
@@ -117,34 +118,34 @@ def _said(encoder, samples: np.ndarray, frames: int) -> Tensor:
 @torch.no_grad()
 def recorded(arguments) -> list[Spoken]:
     """grid_s1 and facegood_zh: recorded motion, neutral."""
-    encoder, feeling = load_encoder(SHIPPED_ENCODER).eval(), load_feeling(arguments.feeling)
+    encoder, emotion = load_encoder(SHIPPED_ENCODER).eval(), load_emotion(arguments.emotion_encoder)
     entries = bank.load(arguments.data, arguments.cache, arguments.voices, limit=arguments.limit)
     entries = arkit.as_weights(entries, arguments.data)
     samples = {c.name: c.samples for c in [*read_grid(arguments.data), *read_facegood(arguments.data)]}
     found = []
     for entry in entries:
         content = [encoder(normalise(mel.float())[None])[0].half() for mel in entry.mels]
-        heard = _felt_as(feeling, samples[entry.name], len(entry.motion))
+        heard = _emotion_of(emotion, samples[entry.name], len(entry.motion))
         found.append(Spoken(entry.name, entry.source, entry.held_out, content, heard, entry.motion.float()))
     return found
 
 
 @torch.no_grad()
 def felt(arguments) -> list[Spoken]:
-    """emodb_de: faces made from its phones by the teacher; the feeling is added when rows are drawn."""
-    encoder, feeling = load_encoder(SHIPPED_ENCODER).eval(), load_feeling(arguments.feeling)
+    """emodb_de: faces made from its phones by the teacher; the emotion is added when rows are drawn."""
+    encoder, emotion = load_encoder(SHIPPED_ENCODER).eval(), load_emotion(arguments.emotion_encoder)
     teacher, found = Teacher.load(), []
     for clip in read_felt(arguments.data, arguments.limit):
         frames = max(int(len(clip.samples) * FPS / 16000), 2)
         motion = torch.from_numpy(teacher.motion(clip.phones, frames)).flatten(1)
         weights = arkit.weights_of(motion, torch.ones(204))
         content = [_said(encoder, clip.samples, frames).half()]
-        heard = _felt_as(feeling, clip.samples, frames)
-        label = (clip.feeling, clip.share)
+        heard = _emotion_of(emotion, clip.samples, frames)
+        label = (clip.emotion, clip.share)
         found.append(Spoken(clip.name, EMODB, clip.held_out, content, heard, weights.float(), *label))
     return found
 
 
-def _felt_as(feeling: FeelingEncoder, samples: np.ndarray, frames: int) -> Tensor:
+def _emotion_of(emotion: EmotionEncoder, samples: np.ndarray, frames: int) -> Tensor:
     """What the emotion encoder hears, [T, E]."""
-    return torch.from_numpy(feeling.track(samples, frames)).float()
+    return torch.from_numpy(emotion.track(samples, frames)).float()

@@ -20,7 +20,7 @@ from training.nn.config import SpeechInput
 from training.speech.compact import load_encoder, normalise
 from training.speech.hubert import MODELS, HubertFeatures, at_motion_frames
 from training.speech.log_mel import log_mel
-from training.systems.emoface.feeling import LEAST, STEP, FeelingConfig, numbers, voice_of
+from training.systems.emoface.emotion_encoder import LEAST, STEP, EmotionEncoderConfig, numbers, voice_of
 from training.systems.emoface.rows import Spoken
 
 MEL_HZ = MEL_PER_FRAME * FPS
@@ -81,11 +81,11 @@ class Checkpoint(nn.Module):
         (at / "preprocessor_config.json").write_text(json.dumps(about) + "\n")
 
 
-class CheckpointFeeling(Checkpoint):
+class CheckpointEmotion(Checkpoint):
     """E_e as in the paper; a linear layer upon the mean over the recording tells `classes`."""
 
     def __init__(self, folder: Path, fps: float, before_transformer: bool, classes: list[str]):
-        super().__init__(folder, fps, before_transformer, "feeling_")
+        super().__init__(folder, fps, before_transformer, "emotion_")
         self.classes = classes
         self.classifier = nn.Linear(self.about.channels, len(classes))
 
@@ -95,16 +95,16 @@ class CheckpointFeeling(Checkpoint):
         return heard, self.classifier(heard.mean(dim=0))
 
 
-class FeelingNumbers(nn.Module):
-    """E_e: the shipped `FeelingEncoder`; starts from the 118 numbers of each instant, [I, 118]."""
+class EmotionNumbers(nn.Module):
+    """E_e: the shipped `EmotionEncoder`; starts from the 118 numbers of each instant, [I, 118]."""
 
-    name, about = "feeling", None
+    name, about = "emotion_encoder", None
 
     def __init__(self, folder: Path, fps: float):
         super().__init__()
         config, state = read_model(folder)
-        self.config, self.fps = FeelingConfig(**config), fps
-        self.classes = self.config.feelings
+        self.config, self.fps = EmotionEncoderConfig(**config), fps
+        self.classes = self.config.emotions
         self.channels = self.config.coordinates + len(self.classes)
         for name in ("mean", "scale"):
             self.register_buffer(name, state[name])
@@ -118,7 +118,7 @@ class FeelingNumbers(nn.Module):
         return measured if len(measured) else self.mean[None].clone()
 
     def classify(self, measured: Tensor, frames: int) -> tuple[Tensor, Tensor]:
-        """F_e [frames, 13] as `FeelingEncoder.track`, and logits of the classes, mean over instants."""
+        """F_e [frames, 13] as `EmotionEncoder.track`, and logits of the classes, mean over instants."""
         x = (measured - self.mean) / self.scale
         logits = x @ self.weight + self.bias
         heard = torch.cat([x @ self.coordinates, logits.softmax(dim=1)], dim=1)
@@ -137,15 +137,15 @@ class FeelingNumbers(nn.Module):
 class Encoders(nn.Module):
     """E_c and E_e of one model; `learn` says whether they are trained with it."""
 
-    def __init__(self, speech: CompactSpeech | Checkpoint, feeling: FeelingNumbers | CheckpointFeeling,
+    def __init__(self, speech: CompactSpeech | Checkpoint, emotion: EmotionNumbers | CheckpointEmotion,
                  learn: bool = False):  # fmt: skip
         super().__init__()
-        self.speech, self.feeling, self.learn = speech, feeling, learn
+        self.speech, self.emotion, self.learn = speech, emotion, learn
 
     @property
-    def feeling_channels(self) -> int:
+    def emotion_channels(self) -> int:
         """Of F_e."""
-        return self.feeling.about.channels if self.feeling.about else self.feeling.channels
+        return self.emotion.about.channels if self.emotion.about else self.emotion.channels
 
     def content(self, clip: Spoken) -> Tensor:
         """F_c of a clip, [T, C]."""
@@ -153,11 +153,11 @@ class Encoders(nn.Module):
 
     def feel(self, clip: Spoken) -> tuple[Tensor, Tensor | None]:
         """F_e of a clip, [T, E], and the logits of its class where the encoders learn."""
-        return self.feeling.classify(clip.voice, len(clip)) if self.learn else (clip.feeling, None)
+        return self.emotion.classify(clip.voice, len(clip)) if self.learn else (clip.emotion, None)
 
     def label(self, clip: Spoken) -> int:
         """The class of a clip."""
-        classes = self.feeling.classes
+        classes = self.emotion.classes
         return classes.index(clip.label) if clip.label in classes else UNTAUGHT
 
     @torch.no_grad()
@@ -165,9 +165,9 @@ class Encoders(nn.Module):
         """The clips as these encoders hear them now."""
         if not self.learn:
             return clips
-        return [replace(c, content=[self.content(c)], feeling=self.feel(c)[0]) for c in clips]
+        return [replace(c, content=[self.content(c)], emotion=self.feel(c)[0]) for c in clips]
 
     def write(self, folder: Path) -> None:
         """Both as folders in a folder of models."""
-        for part in (self.speech, self.feeling):
+        for part in (self.speech, self.emotion):
             part.write(folder)

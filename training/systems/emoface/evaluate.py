@@ -2,7 +2,7 @@
 
     python -m training.systems.emoface.evaluate --data ../shared/data --run runs/emoface/emoface.pt
 
-Every sentence of the actors of emodb_de that were never heard is spoken from rest with the feeling of its
+Every sentence of the actors of emodb_de that were never heard is spoken from rest with the emotion of its
 own voice; truth is the teacher's face under the label (faces of these recordings do not exist). Then the same
 sentence is felt through another recording. Errors are on the template: √LVE over the vertices about the lips,
 √EVE over those above the middle of the nose, mm (metrics as in `docs/measuring.md`). There is nothing random
@@ -22,13 +22,13 @@ import numpy as np
 import torch
 from torch import Tensor
 
-from training.corpus.feelings import SOURCE as EMODB
+from training.corpus.emodb import SOURCE as EMODB
 from training.corpus.felt import with_emotion
 from training.losses import lip_gap
 from training.systems.cafe_talk.train import lips_met
 from training.systems.emoface import folder_scores
 from training.systems.emoface.clips import load_clips, template_of
-from training.systems.emoface.feeling import FEELINGS
+from training.systems.emoface.emotion_encoder import HEARD_EMOTIONS
 from training.systems.emoface.folder_scores import face_of, regions
 from training.systems.emoface.model import CONFIGS, EmoFace, Made
 from training.systems.emoface.rows import Spoken, mixture
@@ -36,9 +36,9 @@ from training.systems.emoface.train import parser as training_parser
 from training.systems.emoface.train import performed, together
 
 TAUGHT = 8
-"""Sentences on which taught feelings are told."""
+"""Sentences on which taught emotions are told."""
 CROSSED = 3
-"""Recordings of other feelings through which every sentence is felt."""
+"""Recordings of other emotions through which every sentence is felt."""
 
 
 @dataclass
@@ -50,9 +50,9 @@ class Judged:
     lips: np.ndarray
     upper: np.ndarray
 
-    def truth(self, clip: Spoken, feeling: Spoken | None = None) -> Tensor:
+    def truth(self, clip: Spoken, emotion: Spoken | None = None) -> Tensor:
         """[T, V, 3] metres: the clip's speech under its own label, or under that of another."""
-        one = feeling or clip
+        one = emotion or clip
         frames = len(clip)
         emotion, share = mixture(one).expand(frames, -1), torch.full((frames,), one.share)
         spoken = clip.weights.float()
@@ -84,13 +84,13 @@ def branches(judged: Judged, clips: list[Spoken]) -> dict[str, tuple[float, floa
     for clip in clips:
         truth, made = judged.truth(clip), performed(judged.model, clip)
         alone = {
-            layer: getattr(performed(judged.model, clip, layer), layer) for layer in ("content", "feeling")
+            layer: getattr(performed(judged.model, clip, layer), layer) for layer in ("content", "emotion")
         }
         rows = {
             "no motion": torch.zeros_like(truth),
             "content branch": judged.metres(alone["content"]),
-            "emotion branch": judged.metres(alone["feeling"]),
-            "their sum": judged.metres(made.content + made.feeling),
+            "emotion branch": judged.metres(alone["emotion"]),
+            "their sum": judged.metres(made.content + made.emotion),
             "under the mask": judged.metres(made.motion),
         }
         for name, found in rows.items():
@@ -100,16 +100,16 @@ def branches(judged: Judged, clips: list[Spoken]) -> dict[str, tuple[float, floa
 
 
 @torch.no_grad()
-def felt_as(judged: Judged, clip: Spoken, other: Spoken) -> Made:
-    """A sentence with the feeling of another recording, stretched to its length."""
+def emotion_of(judged: Judged, clip: Spoken, other: Spoken) -> Made:
+    """A sentence with the emotion of another recording, stretched to its length."""
     inputs = together([clip], judged.model.config, len(clip))
     at = np.linspace(0.2 * (len(other) - 1), len(other) - 1, len(clip)).round().astype(int)
-    inputs.feeling = other.feeling[at].float()[None]
+    inputs.emotion = other.emotion[at].float()[None]
     return judged.model.perform(inputs)
 
 
 def crossed(judged: Judged, clips: list[Spoken]) -> dict[str, float]:
-    """How often a face wears the feeling that the other recording was meant to have; lip gap with its take.
+    """How often a face wears the emotion that the other recording was meant to have; lip gap with its take.
 
     The class of a face is that of the seven under which the teacher's face of this sentence lies nearest in
     the mean over vertices and frames. It is a measure by our own tables, not by people.
@@ -119,21 +119,22 @@ def crossed(judged: Judged, clips: list[Spoken]) -> dict[str, float]:
         own = performed(judged.model, clip)
         others = [c for c in clips if c.name[:2] == clip.name[:2] and c.label != clip.label]
         for other in others[n % 7 :: max(1, len(others) // CROSSED)][:CROSSED]:
-            made = felt_as(judged, clip, other)
+            made = emotion_of(judged, clip, other)
             found = judged.metres(made.motion)
             label = {
-                f: Spoken("", "", True, [], clip.feeling, clip.weights, f, other.share) for f in FEELINGS
+                f: Spoken("", "", True, [], clip.emotion, clip.weights, f, other.share)
+                for f in HEARD_EMOTIONS
             }
             apart = {
                 f: float((found - judged.truth(clip, one)).norm(dim=-1).mean()) for f, one in label.items()
             }
             right.append(min(apart, key=apart.get) == other.label)
-            shares = other.feeling[len(other) // 2 :, -len(FEELINGS) :].float().mean(dim=0)
-            heard.append(FEELINGS[int(shares.argmax())] == other.label)
+            shares = other.emotion[len(other) // 2 :, -len(HEARD_EMOTIONS) :].float().mean(dim=0)
+            heard.append(HEARD_EMOTIONS[int(shares.argmax())] == other.label)
             agreement.append(_gap_r(judged, own, made))
     return {
         "felt as the other recording": float(np.mean(right)),
-        "of those whose feeling was heard right": float(np.mean(np.array(right)[np.array(heard)])),
+        "of those whose emotion was heard right": float(np.mean(np.array(right)[np.array(heard)])),
         "heard right": float(np.mean(heard)),
         "lip gap r with the own take": float(np.mean(agreement)),
     }
@@ -146,30 +147,30 @@ def _gap_r(judged: Judged, one: Made, two: Made) -> float:
 
 
 def taught(judged: Judged, clips: list[Spoken]) -> dict[str, tuple[float, float]]:
-    """How far each taught feeling goes where it is told by its mean features.
+    """How far each taught emotion goes where it is told by its mean features.
 
     The least-squares slope of what it adds to the neutral face over what the teacher's adds, mean over the
     frames of a clip, and the cosine.
     """
     out = {}
-    neutral = [_under_label(judged, clip, FEELINGS[0]) for clip in clips]
-    for feeling in FEELINGS[1:]:
+    neutral = [_under_label(judged, clip, HEARD_EMOTIONS[0]) for clip in clips]
+    for emotion in HEARD_EMOTIONS[1:]:
         pairs = []
         for clip, (found, truth) in zip(clips, neutral, strict=True):
-            made, meant = _under_label(judged, clip, feeling)
+            made, meant = _under_label(judged, clip, emotion)
             pairs.append((made - found, meant - truth))
         made, meant = (torch.cat([pair[k].flatten() for pair in pairs]) for k in (0, 1))
         along = made @ meant
-        out[feeling] = float(along / (meant @ meant)), float(along / (made.norm() * meant.norm()))
+        out[emotion] = float(along / (meant @ meant)), float(along / (made.norm() * meant.norm()))
     return out
 
 
 @torch.no_grad()
-def _under_label(judged: Judged, clip: Spoken, feeling: str) -> tuple[Tensor, Tensor]:
-    """Mean faces [V, 3] metres, made and true, of a sentence under a feeling that is told."""
+def _under_label(judged: Judged, clip: Spoken, emotion: str) -> tuple[Tensor, Tensor]:
+    """Mean faces [V, 3] metres, made and true, of a sentence under an emotion that is told."""
     inputs = together([clip], judged.model.config, len(clip))
-    inputs.feeling = judged.model.prototypes[FEELINGS.index(feeling)].expand(1, len(clip), -1)
-    label = Spoken("", "", True, [], clip.feeling, clip.weights, feeling)
+    inputs.emotion = judged.model.prototypes[HEARD_EMOTIONS.index(emotion)].expand(1, len(clip), -1)
+    label = Spoken("", "", True, [], clip.emotion, clip.weights, emotion)
     return judged.metres(judged.model.perform(inputs).motion).mean(dim=0), judged.truth(clip, label).mean(
         dim=0
     )

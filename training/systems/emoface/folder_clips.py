@@ -45,10 +45,10 @@ def spoken(folder: CorpusFolder, encoders: Encoders, fps: float) -> list[Spoken]
             continue
         samples = torch.from_numpy(folder.sound(row))
         frames = min(len(motion), int(len(samples) / 16000 * fps))
-        sound, voice = (part.prepare(samples, frames) for part in (encoders.speech, encoders.feeling))
+        sound, voice = (part.prepare(samples, frames) for part in (encoders.speech, encoders.emotion))
         clip = Spoken(
             row.clip, row.speaker, row.held_out, [encoders.speech(sound, frames).half()],
-            encoders.feeling(voice, frames), motion[:frames],
+            encoders.emotion(voice, frames), motion[:frames],
             row.emotion if row.emotion in EMOTIONS else NEUTRAL, row.intensity, is_recorded=True,
             text="" if row.emotion == UNKNOWN_EMOTION else sentence(row.text),
         )  # fmt: skip

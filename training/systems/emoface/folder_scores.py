@@ -2,9 +2,9 @@
 
 LVE and EVE are those of `training.paper.metrics`, mm²: over vertices within 8 mm of the lips' landmarks, and
 over those above the middle of the nose; means over clips. Clips start from rest, or after the paper's recipe
-from their own first frame. Recordings with a partner are also crossed: the content of one under the feeling
+from their own first frame. Recordings with a partner are also crossed: the content of one under the emotion
 of the other, against the other's motion at its times; `nearer` says how often that lies nearer, in the mean
-over vertices and frames, than the motion of the feeling that was taken away.
+over vertices and frames, than the motion of the emotion that was taken away.
 """
 
 from argparse import Namespace
@@ -32,7 +32,7 @@ LIP_REACH_M = 8e-3
 
 @dataclass
 class Scores:
-    """Of one kind of performance; `nearer` where the feeling was another's."""
+    """Of one kind of performance; `nearer` where the emotion was another's."""
 
     name: str
     clips: int
@@ -41,7 +41,7 @@ class Scores:
     nearer: float | None = None
 
     def __str__(self) -> str:
-        more = "" if self.nearer is None else f", nearer to that feeling {100 * self.nearer:.0f} %"
+        more = "" if self.nearer is None else f", nearer to that emotion {100 * self.nearer:.0f} %"
         errors = f"LVE {self.lve_mm2:.3f} mm², EVE {self.eve_mm2:.3f} mm²"
         return f"{self.name:12s} {self.clips} clips, {errors}{more}"
 
@@ -61,13 +61,13 @@ def regions(points: np.ndarray, landmarks: np.ndarray) -> tuple[np.ndarray, np.n
 
 
 def lines(run: Path, arguments) -> Iterator[Scores]:
-    """Scores of no motion, of own feelings, and of crossed ones where the folder has pairs."""
+    """Scores of no motion, of own emotions, and of crossed ones where the folder has pairs."""
     model, saved = face_of(run)
     clips = read_held_out(run, model.config, saved, arguments)
     about = regions(saved["vertices"].numpy(), np.array(model.config.landmarks))
     starts = bool(saved.get("recipe", {}).get("whole"))
     yield score("no motion", [(c.weights, torch.zeros_like(c.weights)) for c in clips], about)
-    yield score("own feeling", [(c.weights, perform_clip(model, c, starts)) for c in clips], about)
+    yield score("own emotion", [(c.weights, perform_clip(model, c, starts)) for c in clips], about)
     pairs = Pairs(clips)
     crossed = [(c, pairs.cross(c, other)) for c in clips for other in pairs.of(c)]
     if crossed:
@@ -99,22 +99,24 @@ def encoders_of_run(run: Path, config: EmoFaceConfig, saved: dict, arguments) ->
     """Of the command line, or those that learned with the run; of the kinds that it was trained with."""
     arguments = Namespace(**vars(arguments))
     if saved.get("tuned"):
-        models, hears, feels = run.parent / MODELS, config.speech.encoder, config.feeling
-        names = {"speech": None, "hubert": None, "feeling": None, "feeling_hubert": None}
+        models, hears, feels = run.parent / MODELS, config.speech.encoder, config.emotion
+        names = {"speech": None, "hubert": None, "emotion_encoder": None, "emotion_hubert": None}
         names["speech" if hears == "compact_speech" else "hubert"] = models / hears
-        names["feeling_hubert" if feels else "feeling"] = (
-            models / f"feeling_{feels.encoder}" if feels else models / "feeling"
+        names["emotion_hubert" if feels else "emotion_encoder"] = (
+            models / f"emotion_{feels.encoder}" if feels else models / "emotion_encoder"
         )
         for name, folder in names.items():
             setattr(arguments, name, folder)
-    inputs = [x.transformer_fps for x in (config.speech, config.feeling) if x is not None]
+    inputs = [x.transformer_fps for x in (config.speech, config.emotion) if x is not None]
     arguments.tune_encoders = False
     encoders = encoders_of(arguments, config, any(x is not None for x in inputs))
     for flag, wanted, got in (
         ("--speech or --hubert", config.speech, encoders.speech.about),
-        ("--feeling or --feeling-hubert", config.feeling, encoders.feeling.about),
+        ("--emotion-encoder or --emotion-hubert", config.emotion, encoders.emotion.about),
     ):
-        one, two = (f"{x.encoder} of {x.channels} channels" if x else "feeling" for x in (wanted, got))
+        one, two = (
+            f"{x.encoder} of {x.channels} channels" if x else "emotion_encoder" for x in (wanted, got)
+        )
         if one != two:
             raise ValueError(f"{flag}: expected {one} as in training, got {two}; name that encoder")
     return encoders

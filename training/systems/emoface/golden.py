@@ -13,7 +13,7 @@ FRAMES, STYLE = 30, 1
 
 
 def write(out: Path, shared: Path) -> Path:
-    """`weights.*`; `content`, `feeling`, `level`, `first` → `motion`, `content_…`, `feeling_motion` [T, D]
+    """`weights.*`; `content`, `emotion`, `level`, `first` → `motion`, `content_…`, `emotion_motion` [T, D]
     metres, `mask` [T, V]; `shares` → `prototype`. `shared` is not used.
     """
     torch.manual_seed(23)
@@ -28,29 +28,29 @@ def write(out: Path, shared: Path) -> Path:
     model = EmoFace(config, around).eval()
     randomise_norms(model)
     with torch.no_grad():
-        for branch in (model.content, model.feeling):
+        for branch in (model.content, model.emotion):
             branch.motion_out.weight.normal_(std=0.2)
             branch.motion_out.bias.normal_(std=0.2)
         model.prototypes.normal_()
         model.mesh_attention.out.weight.normal_()
     inputs = Inputs(
         torch.randn(1, FRAMES, config.speech.channels),
-        torch.randn(1, FRAMES, config.feeling_channels),
+        torch.randn(1, FRAMES, config.emotion_channels),
         torch.tensor([STYLE]),
         torch.linspace(0.0, 1.5, FRAMES)[None],
     )
     first = torch.randn(1, 3 * config.vertices)
     made = model.perform(inputs, first)
-    shares = torch.softmax(torch.randn(len(config.feelings)), dim=0)
+    shares = torch.softmax(torch.randn(len(config.emotions)), dim=0)
     tensors = {
         "weights.spirals": torch.from_numpy(around).float(),
         "content": inputs.content[0],
-        "feeling": inputs.feeling[0],
+        "emotion": inputs.emotion[0],
         "level": inputs.level[0],
         "first": (first * config.scale_m).unflatten(1, (-1, 3))[0],
         "motion": made.motion[0] * config.scale_m,
         "content_motion": made.content[0] * config.scale_m,
-        "feeling_motion": made.feeling[0] * config.scale_m,
+        "emotion_motion": made.emotion[0] * config.scale_m,
         "mask": made.mask[0],
         "shares": shares,
         "prototype": shares @ model.prototypes,

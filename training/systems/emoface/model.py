@@ -1,12 +1,12 @@
 """EmoFace: two branches that move a template frame after frame, and Mesh Attention that mixes them (§3).
 
-Both encoders are frozen and come from outside: content is heard by a speech encoder, feeling by
-`training.systems.emoface.feeling` or a second speech encoder.
+Both encoders are frozen and come from outside: content is heard by a speech encoder, emotion by
+`training.systems.emoface.emotion_encoder` or a second speech encoder.
 Displacements are metres; inside they are divided by `scale_m`.
 
 Shapes: `T` frames, `V` template vertices, `D` = 3 V, `C` channels of heard features, `d` width of a branch.
 Differs from the paper: attention to the own frame alone is a linear layer of it, so it is one here; the
-level of feeling enters the emotion branch alone; the formula of the fusion is not printed (see `EmoFace`).
+level of emotion enters the emotion branch alone; the formula of the fusion is not printed (see `EmoFace`).
 """
 
 from dataclasses import dataclass, field
@@ -19,7 +19,7 @@ from torch import Tensor, nn
 from training.nn.biased_attention import BiasedSelfAttention, periodic_positions
 from training.nn.config import Config, SpeechInput
 from training.nn.spiral_conv import SpiralConv3D
-from training.systems.emoface.feeling import FEELINGS
+from training.systems.emoface.emotion_encoder import HEARD_EMOTIONS
 
 ANY_STYLE = "any"
 
@@ -45,9 +45,11 @@ class EmoFaceConfig(Config):
     scale_m: float = 5e-3
     fusion: str = "mesh_attention"
     speech: SpeechInput = field(default_factory=SpeechInput)
-    feeling: SpeechInput | None = None
-    feeling_channels: int = 13
-    feelings: list[str] = field(default_factory=lambda: list(FEELINGS))
+    emotion: SpeechInput | None = None
+    emotion_ear: bool = False
+    """Whether the emotion branch gets the mean features of the emotion that the ear hears in a voice."""
+    emotion_channels: int = 13
+    emotions: list[str] = field(default_factory=lambda: list(HEARD_EMOTIONS))
     styles: list[str] = field(default_factory=lambda: ["grid_s1", "facegood_zh", "emodb_de", ANY_STYLE])
     default_style: str = ANY_STYLE
     landmarks: list[int] = field(default_factory=list)
@@ -105,42 +107,42 @@ class MeshAttention(nn.Module):
         super().__init__()
         channels = config.channels
         self.content = nn.Linear(channels, channels // 4)
-        self.feeling = nn.Linear(channels, channels // 4)
+        self.emotion = nn.Linear(channels, channels // 4)
         self.joint = nn.Linear(channels // 2, channels // 16)
         self.places = nn.Parameter(0.5 * torch.randn(config.vertices, channels // 16))
         self.conv = SpiralConv3D(spirals, channels // 16, channels // 16, config.delta)
         self.out = nn.Linear(channels // 16, 1)
 
-    def heard(self, content: Tensor, feeling: Tensor) -> Tensor:
+    def heard(self, content: Tensor, emotion: Tensor) -> Tensor:
         """F_audio: [B, T, C] twice → [B, T, C/16]."""
-        parts = F.gelu(self.content(content)), F.gelu(self.feeling(feeling))
+        parts = F.gelu(self.content(content)), F.gelu(self.emotion(emotion))
         return F.gelu(self.joint(torch.cat(parts, dim=-1)))
 
-    def forward(self, content: Tensor, feeling: Tensor) -> Tensor:
+    def forward(self, content: Tensor, emotion: Tensor) -> Tensor:
         """[B, T, C] twice → w [B, T, V]."""
-        around = self.conv.of_sum(self.heard(content, feeling), self.places)
+        around = self.conv.of_sum(self.heard(content, emotion), self.places)
         return torch.sigmoid(self.out(F.gelu(around))[..., 0])
 
 
 @dataclass
 class Inputs:
-    """What a stretch is made from: `content` [B, T, speech channels], `feeling` [B, T, feeling channels],
-    `style` [B], `level` [B, T] of feeling from 0 to 1.5.
+    """What a stretch is made from: `content` [B, T, speech channels], `emotion` [B, T, emotion channels],
+    `style` [B], `level` [B, T] of emotion from 0 to 1.5.
     """
 
     content: Tensor
-    feeling: Tensor
+    emotion: Tensor
     style: Tensor
     level: Tensor
 
 
 @dataclass
 class Made:
-    """`motion`, `content`, `feeling` [B, T, D] in units of `scale_m`; `mask` [B, T, V] is w."""
+    """`motion`, `content`, `emotion` [B, T, D] in units of `scale_m`; `mask` [B, T, V] is w."""
 
     motion: Tensor
     content: Tensor
-    feeling: Tensor
+    emotion: Tensor
     mask: Tensor
 
 
@@ -151,19 +153,19 @@ class EmoFace(nn.Module):
         super().__init__()
         self.config = config
         self.content_in = nn.Linear(config.speech.channels, config.channels)
-        self.feeling_in = nn.Linear(config.feeling_channels, config.channels)
+        self.emotion_in = nn.Linear(config.emotion_channels, config.channels)
         self.style = nn.Embedding(len(config.styles), config.width)
         self.level = nn.Parameter(0.1 * torch.randn(2, config.width))
-        self.content, self.feeling = Branch(config), Branch(config)
+        self.content, self.emotion = Branch(config), Branch(config)
         self.mesh_attention = MeshAttention(config, spirals)
-        self.register_buffer("prototypes", torch.zeros(len(config.feelings), config.feeling_channels))
+        self.register_buffer("prototypes", torch.zeros(len(config.emotions), config.emotion_channels))
 
     def forward(self, before: Tensor, inputs: Inputs) -> Made:
         """`before` [B, T, D] is the frame before each frame, in units of `scale_m`."""
-        content, feeling = self.content_in(inputs.content), self.feeling_in(inputs.feeling)
+        content, emotion = self.content_in(inputs.content), self.emotion_in(inputs.emotion)
         plain, felt = self._conditions(inputs)
-        parts = self.content(before, content, plain), self.feeling(before, feeling, felt)
-        return self.fused(*parts, self.mesh_attention(content, feeling))
+        parts = self.content(before, content, plain), self.emotion(before, emotion, felt)
+        return self.fused(*parts, self.mesh_attention(content, emotion))
 
     def _conditions(self, inputs: Inputs) -> tuple[Tensor, Tensor]:
         style = self.style(inputs.style)[:, None]
@@ -172,31 +174,31 @@ class EmoFace(nn.Module):
             0
         ] + level * self.level[1]
 
-    def fused(self, content: Tensor, feeling: Tensor, mask: Tensor) -> Made:
+    def fused(self, content: Tensor, emotion: Tensor, mask: Tensor) -> Made:
         """Both branches [B, T, D] under the mask [B, T, V]."""
         if self.config.fusion == "sum":
-            return Made(content + feeling, content, feeling, mask)
+            return Made(content + emotion, content, emotion, mask)
         w = mask.repeat_interleave(3, dim=-1)
-        return Made(w * feeling + (1.0 - w) * content, content, feeling, mask)
+        return Made(w * emotion + (1.0 - w) * content, content, emotion, mask)
 
     @torch.no_grad()
     def perform(self, inputs: Inputs, first: Tensor | None = None, layer: str = "motion") -> Made:
         """Frame after frame from a first pose [B, D] (the template if none); as `layer` `content` and
-        `feeling` go on from themselves alone."""
-        content, feeling = self.content_in(inputs.content), self.feeling_in(inputs.feeling)
+        `emotion` go on from themselves alone."""
+        content, emotion = self.content_in(inputs.content), self.emotion_in(inputs.emotion)
         plain, felt = self._conditions(inputs)
-        mask = self.mesh_attention(content, feeling)
+        mask = self.mesh_attention(content, emotion)
         rows, size = inputs.style.shape[0], 3 * self.config.vertices
         before = (torch.zeros(rows, size) if first is None else first)[:, None]
         kept, frames = ([], []), []
         for t in range(content.shape[1]):
             now = slice(t, t + 1)
             made = self.fused(self.content.step(before, content[:, now], plain[:, now], t, kept[0]),
-                              self.feeling.step(before, feeling[:, now], felt[:, now], t, kept[1]),
+                              self.emotion.step(before, emotion[:, now], felt[:, now], t, kept[1]),
                               mask[:, now])  # fmt: skip
             frames.append(made)
             before = getattr(made, layer)
-        parts = ("motion", "content", "feeling", "mask")
+        parts = ("motion", "content", "emotion", "mask")
         return Made(*(torch.cat([getattr(f, part) for f in frames], dim=1) for part in parts))
 
 
@@ -209,7 +211,7 @@ def debug_config(vertices: int = 90) -> EmoFaceConfig:
     """A tiny model for tests."""
     return EmoFaceConfig(
         name="debug", vertices=vertices, width=16, period=5, look_back=12, channels=32, kernel=6,
-        speech=SpeechInput(channels=16), feeling_channels=8,
+        speech=SpeechInput(channels=16), emotion_channels=8,
     )  # fmt: skip
 
 
@@ -217,7 +219,7 @@ def paper_config(vertices: int = 5023) -> EmoFaceConfig:
     """FLAME's vertices, wav2vec2's 768 channels twice, 30 fps (§4, appendix A.1); width: FaceFormer's."""
     return EmoFaceConfig(
         name="paper", template="own", vertices=vertices, fps=30.0, period=30, width=64, channels=768,
-        speech=SpeechInput("wav2vec2", 768, transformer_fps=30.0), feeling_channels=768,
+        speech=SpeechInput("wav2vec2", 768, transformer_fps=30.0), emotion_channels=768,
     )  # fmt: skip
 
 

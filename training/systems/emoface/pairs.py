@@ -1,7 +1,7 @@
-"""Pairs of a corpus folder: one speaker says one sentence in two feelings (EmoFace §3.3.2).
+"""Pairs of a corpus folder: one speaker says one sentence in two emotions (EmoFace §3.3.2).
 
 The two recordings differ in tempo. What one shows at a time of the other is found by dynamic time warping on
-what the speech encoder hears in both, so that content of one and feeling of the other have a true motion.
+what the speech encoder hears in both, so that content of one and emotion of the other have a true motion.
 """
 
 import re
@@ -41,7 +41,7 @@ class Pairs:
         self.paths: dict[tuple[str, str], Tensor] = {}
 
     def of(self, clip: Spoken) -> list[Spoken]:
-        """Recordings of the same sentence by the same speaker in other feelings."""
+        """Recordings of the same sentence by the same speaker in other emotions."""
         return self.partners[clip.name]
 
     def path(self, clip: Spoken, other: Spoken) -> Tensor:
@@ -52,11 +52,11 @@ class Pairs:
         return self.paths[key]
 
     def cross(self, clip: Spoken, other: Spoken) -> Spoken:
-        """A clip with the feeling of the other, whose motion at the clip's times is the truth."""
+        """A clip with the emotion of the other, whose motion at the clip's times is the truth."""
         at = self.path(clip, other)
-        feeling, weights = (interpolate(x, at) for x in (other.feeling, other.weights))
+        emotion, weights = (interpolate(x, at) for x in (other.emotion, other.weights))
         label = {"label": other.label, "share": other.share}
-        return replace(clip, feeling=feeling, weights=weights, sound=None, voice=None, **label)
+        return replace(clip, emotion=emotion, weights=weights, sound=None, voice=None, **label)
 
 
 def align(x: np.ndarray, y: np.ndarray) -> np.ndarray:

@@ -1,4 +1,4 @@
-"""What EmoFace trains on where faces were recorded with feeling: recordings and crossed pairs (eq. 7, 8)."""
+"""What EmoFace trains on where faces were recorded with emotion: recordings and crossed pairs (eq. 7, 8)."""
 
 import numpy as np
 import torch
@@ -12,8 +12,8 @@ from training.systems.emoface.rows import Batch, Rows, Spoken
 
 
 class RecordedRows(Rows):
-    """Draws batches. A recording with a partner gives two rows: its content with its own feeling and its own
-    motion, and its content with the partner's feeling and the partner's motion at its own times."""
+    """Draws batches. A recording with a partner gives two rows: its content with its own emotion and its own
+    motion, and its content with the partner's emotion and the partner's motion at its own times."""
 
     def __init__(self, clips: list[Spoken], config: EmoFaceConfig, encoders: Encoders, seed: int,
                  worn_share: float = 0.0):  # fmt: skip
@@ -56,27 +56,27 @@ class RecordedRows(Rows):
             other = partners[int(self.random.integers(len(partners)))]
             there = interpolate(self.pairs.path(clip, other)[:, None], at)[:, 0]
             sides.append(self._feel(recordings, other, there, from_rest))
-        for k, (feeling, level, motion) in enumerate(sides):
+        for k, (emotion, level, motion) in enumerate(sides):
             wears_other = len(sides) > 1 and self.random.random() < self.worn_share
             before = sides[1 - k if wears_other else k][2][:-1]
-            rows.append((content, feeling, style, level, motion[1:], before, torch.tensor(k == 1)))
+            rows.append((content, emotion, style, level, motion[1:], before, torch.tensor(k == 1)))
 
     def _feel(
         self, recordings: list, clip: Spoken, at: Tensor, from_rest: bool
     ) -> tuple[Tensor, Tensor, Tensor]:
         """F_e [T, E], level [T] and displacements with the frame before [T + 1, 3 V] at places in a clip."""
-        feeling, logits = self.encoders.feel(clip)
+        emotion, logits = self.encoders.feel(clip)
         if logits is not None:
             recordings.append((logits, torch.tensor(self.encoders.label(clip))))
         motion = interpolate(clip.weights, at)
         if from_rest:
             motion[0] = 0.0
-        return interpolate(feeling, at[1:]), torch.full((len(at) - 1,), clip.share), motion
+        return interpolate(emotion, at[1:]), torch.full((len(at) - 1,), clip.share), motion
 
 
 def _batch(rows: list, recordings: list) -> Batch:
-    content, feeling, style, level, motion, before, crossed = (
+    content, emotion, style, level, motion, before, crossed = (
         torch.stack(x) for x in zip(*rows, strict=True)
     )
     logits, labels = (torch.stack(x) for x in zip(*recordings, strict=True)) if recordings else (None, None)
-    return Batch(Inputs(content, feeling, style, level), motion, before, crossed, logits, labels)
+    return Batch(Inputs(content, emotion, style, level), motion, before, crossed, logits, labels)

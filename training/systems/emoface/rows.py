@@ -1,4 +1,4 @@
-"""What EmoFace trains on: stretches of speech under a feeling, their own or that of another recording."""
+"""What EmoFace trains on: stretches of speech under an emotion, their own or that of another recording."""
 
 from dataclasses import dataclass
 
@@ -13,9 +13,9 @@ from training.systems.emoface.model import ANY_STYLE, EmoFaceConfig, Inputs
 
 NEUTRAL = "neutral"
 NEUTRAL_SHARE = 0.45
-"""Rows of recorded neutral speech that stay neutral; the others take the feeling of another recording."""
+"""Rows of recorded neutral speech that stay neutral; the others take the emotion of another recording."""
 OWN_SHARE = 0.5
-"""Rows of felt speech with their own feeling: eq. 7; the others are the paper's crossed pairs, eq. 8."""
+"""Rows of felt speech with their own emotion: eq. 7; the others are the paper's crossed pairs, eq. 8."""
 CHANGING_SHARE = 0.25
 LEVEL_ONE_SHARE, HIGHEST_LEVEL = 0.4, 1.5
 UNNAMED_STYLE_SHARE = 0.5
@@ -25,7 +25,7 @@ TEMPO_OCTAVES = 0.25
 
 @dataclass
 class Spoken:
-    """A clip: `content` [voices][T, C], `feeling` [T, E] as its encoder hears it, `weights` [T, 51] of
+    """A clip: `content` [voices][T, C], `emotion` [T, E] as its encoder hears it, `weights` [T, 51] of
     neutral speech. `label` is how it was felt, `share` how far listeners agreed, 0 to 1. Where the felt face
     itself `is_recorded`, `weights` [T, 3 V] are its displacements in metres and `share` is its intensity.
     `text` is what it says, empty where that or how it was felt is unknown; `sound` and `voice` are what
@@ -36,7 +36,7 @@ class Spoken:
     source: str
     held_out: bool
     content: list[Tensor]
-    feeling: Tensor
+    emotion: Tensor
     weights: Tensor
     label: str = NEUTRAL
     share: float = 1.0
@@ -53,7 +53,7 @@ class Spoken:
 class Batch:
     """`inputs` as the model takes them; `weights` [B, T, 51] felt, `before` [B, T, 51] the frame before each.
 
-    Of recorded faces both are [B, T, 3 V]; `crossed` [B] says which rows have the feeling of another
+    Of recorded faces both are [B, T, 3 V]; `crossed` [B] says which rows have the emotion of another
     recording. `logits` [N, K] are what encoders that learn tell of the recordings in the batch, `labels` [N]
     their classes.
     """
@@ -79,7 +79,7 @@ class Rows:
         worn_share: float = 0.0,
     ):
         """`met` tells where lips meet in weights; in `worn_share` of the rows the frames before wear another
-        feeling than the one that is heard, so that it is learned from the voice and not from them."""
+        emotion than the one that is heard, so that it is learned from the voice and not from them."""
         self.config, self.met, self.worn_share = config, met, worn_share
         self.random = np.random.default_rng(seed)
         self.clips = {s: [c for c in clips if c.source == s and not c.held_out] for s in shares}
@@ -89,13 +89,13 @@ class Rows:
         self.sources = list(shares)
         self.shares = np.array(list(shares.values())) / sum(shares.values())
         felt = [c for group in self.clips.values() for c in group]
-        self.felt = {f: [c for c in felt if c.label == f] for f in config.feelings}
+        self.felt = {f: [c for c in felt if c.label == f] for f in config.emotions}
 
     def batch(self, count: int, frames: int) -> Batch:
         """`count` rows of `frames` frames."""
         rows = [self._row(frames) for _ in range(count)]
-        content, feeling, style, level, weights, before = (torch.stack(x) for x in zip(*rows, strict=True))
-        return Batch(Inputs(content, feeling, style, level), weights, before)
+        content, emotion, style, level, weights, before = (torch.stack(x) for x in zip(*rows, strict=True))
+        return Batch(Inputs(content, emotion, style, level), weights, before)
 
     def _row(self, frames: int):
         source = self.sources[int(self.random.choice(len(self.sources), p=self.shares))]
@@ -105,7 +105,7 @@ class Rows:
         spoken = interpolate(clip.weights, at.clamp_min(0.0))
         if start == 0.0:
             spoken[0] = 0.0
-        feeling, emotion, share = self._feeling(clip, at, frames)
+        heard, emotion, share = self._emotion(clip, at, frames)
         level = float(self.random.uniform(0.0, HIGHEST_LEVEL))
         level = 1.0 if self.random.random() < LEVEL_ONE_SHARE else level
         met = self.met(spoken)
@@ -114,7 +114,7 @@ class Rows:
         if start == 0.0:
             worn[0] = 0.0
         named = self._style(clip)
-        return content, feeling, torch.tensor(named), torch.full((frames,), level), felt[1:], worn[:-1]
+        return content, heard, torch.tensor(named), torch.full((frames,), level), felt[1:], worn[:-1]
 
     def _style(self, clip: Spoken) -> int:
         unnamed = self.random.random() < UNNAMED_STYLE_SHARE
@@ -130,17 +130,17 @@ class Rows:
         return start, start + torch.arange(-1, frames) * tempo
 
     def _worn(self, spoken: Tensor, met: Tensor) -> Tensor:
-        """The face of another feeling, or of none, from which this one's has to be reached."""
-        other = self.config.feelings[int(self.random.integers(len(self.config.feelings)))]
+        """The face of another emotion, or of none, from which this one's has to be reached."""
+        other = self.config.emotions[int(self.random.integers(len(self.config.emotions)))]
         row = torch.zeros(len(spoken), len(EMOTIONS))
         row[:, EMOTIONS.index(other)] = 1.0
         level = float(self.random.uniform(0.0, HIGHEST_LEVEL))
         return with_emotion(spoken, row, torch.full((len(spoken),), level), met)
 
-    def _feeling(self, clip: Spoken, at: Tensor, frames: int) -> tuple[Tensor, Tensor, Tensor]:
+    def _emotion(self, clip: Spoken, at: Tensor, frames: int) -> tuple[Tensor, Tensor, Tensor]:
         """What the emotion branch hears [T, E], and what is felt [T + 1, 15] how strongly [T + 1]."""
         own = self.random.random() < (NEUTRAL_SHARE if clip.label == NEUTRAL else OWN_SHARE)
-        one = (interpolate(clip.feeling, at[1:]), clip) if own else self._of_another(frames)
+        one = (interpolate(clip.emotion, at[1:]), clip) if own else self._of_another(frames)
         if self.random.random() >= CHANGING_SHARE:
             return one[0], mixture(one[1]).expand(frames + 1, -1), torch.full((frames + 1,), one[1].share)
         two = self._of_another(frames)
@@ -151,13 +151,13 @@ class Rows:
         return heard, felt, ((1.0 - share) * one[1].share + share * two[1].share)[:, 0]
 
     def _of_another(self, frames: int) -> tuple[Tensor, Spoken]:
-        """A recording of any feeling, stretched from its second half second on to this length."""
-        label = self.config.feelings[int(self.random.integers(len(self.config.feelings)))]
+        """A recording of any emotion, stretched from its second half second on to this length."""
+        label = self.config.emotions[int(self.random.integers(len(self.config.emotions)))]
         group = self.felt[label] or self.felt[NEUTRAL]
         clip = group[int(self.random.integers(len(group)))]
         first = self.random.uniform(0.0, 0.4) * (len(clip) - 1)
         at = torch.linspace(first, len(clip) - 1, frames)
-        return interpolate(clip.feeling, at), clip
+        return interpolate(clip.emotion, at), clip
 
     def _long_enough(self, group: list[Spoken], frames: int) -> Spoken:
         lengths = np.array([max(len(c) - 2, 1) for c in group], float)
@@ -173,10 +173,10 @@ def mixture(clip: Spoken) -> Tensor:
 
 
 def prototypes(clips: list[Spoken], config: EmoFaceConfig) -> Tensor:
-    """What the emotion encoder hears of each feeling in the last half of its training clips, mean [7, E]."""
-    out = torch.zeros(len(config.feelings), config.feeling_channels)
-    for row, label in enumerate(config.feelings):
-        heard = [c.feeling[len(c) // 2 :] for c in clips if c.label == label and not c.held_out]
+    """What the emotion encoder hears of each emotion in the last half of its training clips, mean [7, E]."""
+    out = torch.zeros(len(config.emotions), config.emotion_channels)
+    for row, label in enumerate(config.emotions):
+        heard = [c.emotion[len(c) // 2 :] for c in clips if c.label == label and not c.held_out]
         if heard:
             out[row] = torch.cat(heard).mean(dim=0)
     return out

@@ -4,9 +4,9 @@
 
 Reads the recorded motion of grid_s1 and facegood_zh and the felt speech of emodb_de, whose faces are made
 from its phones and labels; `--corpus` reads vertex sequences of a corpus folder instead, as the paper does.
-There a speaker's recordings of one sentence in two feelings are crossed (`pairs`), at the frame rate of
-`--config`. The emotion encoder is that of `training.systems.emoface.train_feeling`, or with
-`--feeling-hubert` a second checkpoint, as in the paper; both encoders stay as they are unless
+There a speaker's recordings of one sentence in two emotions are crossed (`pairs`), at the frame rate of
+`--config`. The emotion encoder is that of `training.systems.emoface.train_emotion_encoder`, or with
+`--emotion-hubert` a second checkpoint, as in the paper; both encoders stay as they are unless
 `--tune-encoders` trains them too, under eq. 10. `--recipe paper` is eq. 11 as printed.
 Seeded; resumes from `--out/last.pt` with the same bits.
 """
@@ -41,7 +41,7 @@ GUIDED_SHARE = 0.2
 """θ of eq. 6 over N."""
 LENGTHS = (36, 48, 60)
 PROTOTYPE_CLIPS = 8
-"""Of each feeling, heard again by encoders that learn."""
+"""Of each emotion, heard again by encoders that learn."""
 MODELS = "models"
 """Folder of a run with encoders that learn."""
 
@@ -121,7 +121,7 @@ class EmoFaceTrainer:
             before = torch.where(taken[..., None], found.roll(1, dims=1), before)
         made = self.model(before, batch.inputs)
         metres = self.config.scale_m
-        errors = {name: (getattr(made, name) - truth).abs() for name in ("motion", "content", "feeling")}
+        errors = {name: (getattr(made, name) - truth).abs() for name in ("motion", "content", "emotion")}
         quickness = (made.motion.diff(dim=1) - truth.diff(dim=1)).abs()
         recipe, report = self.recipe, {}
         if recipe.plain:
@@ -194,8 +194,8 @@ def together(clips: list[Spoken], config: EmoFaceConfig, frames: int) -> Inputs:
     style = torch.full((len(clips),), config.styles.index(config.default_style))
     level = torch.tensor([c.share if c.is_recorded else 1.0 for c in clips])[:, None]
     content = torch.stack([padded(c.content[0]) for c in clips])
-    feeling = torch.stack([padded(c.feeling) for c in clips])
-    return Inputs(content, feeling, style, level.expand(-1, frames))
+    emotion = torch.stack([padded(c.emotion) for c in clips])
+    return Inputs(content, emotion, style, level.expand(-1, frames))
 
 
 def train(arguments) -> Path:
@@ -251,14 +251,14 @@ def train(arguments) -> Path:
 
 
 def few_of_each(clips: list[Spoken]) -> list[Spoken]:
-    """Training clips, so many of each feeling that prototypes may be told from them."""
+    """Training clips, so many of each emotion that prototypes may be told from them."""
     labels = sorted({c.label for c in clips})
     groups = ([c for c in clips if c.label == label and not c.held_out] for label in labels)
     return [c for group in groups for c in group[:: max(1, len(group) // PROTOTYPE_CLIPS)][:PROTOTYPE_CLIPS]]
 
 
 def performed(model: EmoFace, clip: Spoken, layer: str = "motion", first: Tensor | None = None) -> Made:
-    """A held-out clip with its own feeling, from rest or a first pose."""
+    """A held-out clip with its own emotion, from rest or a first pose."""
     return model.perform(together([clip], model.config, len(clip)), first, layer)
 
 
@@ -273,9 +273,11 @@ def parser() -> argparse.ArgumentParser:
     parser.add_argument("--speech", type=Path, default=SHIPPED_ENCODER, help="compact speech encoder")
     parser.add_argument("--hubert", type=Path, help="folder of a HuBERT or wav2vec2 checkpoint")
     parser.add_argument(
-        "--feeling-hubert", type=Path, help="the same for the feeling, of a model on a corpus folder"
+        "--emotion-hubert", type=Path, help="the same for the emotion, of a model on a corpus folder"
     )
-    parser.add_argument("--feeling", type=Path, default=shipped("feeling"), help="emotion encoder")
+    parser.add_argument(
+        "--emotion-encoder", type=Path, default=shipped("emotion_encoder"), help="emotion encoder"
+    )
     parser.add_argument("--config", choices=list(CONFIGS), default="compact")
     parser.add_argument("--vertices", type=int, help="of the template")
     parser.add_argument("--kernel", type=int, help="vertices of a spiral")
@@ -285,7 +287,7 @@ def parser() -> argparse.ArgumentParser:
     parser.add_argument(
         "--guided", action="store_true", help="true frames before to the end: no self-growing"
     )
-    parser.add_argument("--worn", type=float, default=0.0, help="rows whose past wears another feeling")
+    parser.add_argument("--worn", type=float, default=0.0, help="rows whose past wears another emotion")
     parser.add_argument("--base", type=Path, help="emoface.pt to go on from")
     parser.add_argument("--voices", type=int, default=4)
     parser.add_argument("--limit", type=int, help="clips of each source, for a quick look")

@@ -172,8 +172,8 @@ class AtsDenoiser(nn.Module):
 
     def _conditions(self, timestep: Tensor, affect: Tensor, style: Tensor) -> Tensor:
         time = self.time_mlp(timestep_embedding(timestep, self.config.width))
-        feeling = self.affect_mlp(strengths(affect))
-        return feeling + (time + self.style(style))[:, None, :]
+        emotion = self.affect_mlp(strengths(affect))
+        return emotion + (time + self.style(style))[:, None, :]
 
     def standardise(self, motion: Tensor) -> Tensor:
         """Displacements [..., 3N] in metres → the model's space."""

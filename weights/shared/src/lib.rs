@@ -1,4 +1,4 @@
-//! What all systems of Anyface share: speech, phones, feeling, landmarks, deformation, shapes, and the default head.
+//! What all systems of Anyface share: speech, phones, emotion, landmarks, deformation, shapes, and the default head.
 
 /// A model.
 pub struct Model {
@@ -46,7 +46,7 @@ pub static COMPACT_SPEECH: Model = model!("compact_speech");
 /// Features of speech to phones.
 pub static PHONES: Model = model!("phones");
 /// How a voice feels.
-pub static FEELING: Model = model!("feeling");
+pub static EMOTION_ENCODER: Model = model!("emotion_encoder");
 /// Which emotion is heard in a voice.
 pub static EMOTION_EAR: Model = model!("emotion_ear");
 /// Finds landmarks on meshes.

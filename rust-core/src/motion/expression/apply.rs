@@ -5,11 +5,11 @@ use ndarray::{ArrayView2, ArrayViewMut2};
 use super::{
     dynamics::{Wandering, accent_at, accents, region},
     lips::{self, Closures},
-    table::{Expressions, Strengths},
+    table::Expressions,
 };
 use crate::{
     Result,
-    conditions::EMOTIONS,
+    conditions::{EMOTIONS, Strengths},
     motion::{
         Cues, FaceModes, LandmarkClip,
         articulation::keep_path,

@@ -11,9 +11,14 @@ use super::{
     table::Expressions,
 };
 use crate::{
+    Result,
     conditions::Emotion,
     mesh::ibug::LANDMARKS,
-    motion::{FaceModes, LandmarkFrame, upper_face::lids},
+    motion::{
+        FaceModes, LandmarkFrame,
+        gestures::{GestureModes, Gestures},
+        upper_face::lids,
+    },
 };
 
 /// So long after the last sound the lips rest, seconds.
@@ -34,6 +39,8 @@ pub struct CausalExpression {
     fps: f64,
     follower: Follower,
     wandering: Wandering,
+    gestures: Gestures,
+    gesture_modes: GestureModes,
     /// What was spoken, smoothed with a pole at [`SLUR_S`]: `[68, 3]`, canonical metres.
     smooth: Option<Array2<f32>>,
     yielding: f32,
@@ -42,17 +49,23 @@ pub struct CausalExpression {
 
 impl CausalExpression {
     /// Settled at the first frame's emotion, lips at rest.
-    pub fn new(table: Arc<Expressions>, modes: Arc<FaceModes>, fps: f64) -> Self {
-        CausalExpression {
+    ///
+    /// # Errors
+    /// `Weights` where `modes` lack a shape of the gestures.
+    pub fn new(table: Arc<Expressions>, modes: Arc<FaceModes>, fps: f64) -> Result<Self> {
+        let gesture_modes = GestureModes::of(&modes)?;
+        Ok(CausalExpression {
             table,
             modes,
             fps,
             follower: Follower::default(),
             wandering: Wandering::new(0),
+            gestures: Gestures::new(0),
+            gesture_modes,
             smooth: None,
             yielding: 0.0,
             speaking: 0.0,
-        }
+        })
     }
 
     /// Adds the expression to the next frame; `quiet_s` is how long nobody has spoken.
@@ -72,6 +85,10 @@ impl CausalExpression {
         let smooth = self.smooth.as_ref().expect("hear was called").view();
         let eyes = lids(&self.modes).expect("both lids, checked when the modes were opened");
         self.table.show(&mut frame, smooth, &moment, &eyes);
+        let shown = frame.to_owned();
+        let weights = self.gestures.step(&strengths, 1.0 / self.fps);
+        self.gesture_modes.add(&mut frame, &weights);
+        lips::hold(&mut frame, shown.view(), 1.0);
     }
 
     /// Follows what is spoken.

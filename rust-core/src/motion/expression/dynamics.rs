@@ -2,14 +2,15 @@
 
 use ndarray::{ArrayView2, s};
 
-use super::table::{Expressions, Strengths};
+use super::table::Expressions;
 use crate::{
     audio::Prosody,
-    conditions::EMOTIONS,
+    conditions::{EMOTIONS, Strengths},
     mesh::ibug::{BROWS, LANDMARKS, LIDS, MOUTH},
     motion::{
         brow_accents::{BrowAccent, LEAD_S, ONSET_S, STRESSED, prominences},
         chance::Chance,
+        phrases::smooth_step,
     },
 };
 
@@ -21,11 +22,20 @@ const NOTHING: f32 = 1e-3;
 const STREAM: u64 = u64::MAX - 100;
 /// Time between the values through which a region wanders.
 const WANDER_S: f64 = 0.8;
-/// How far a region wanders from what is asked, at most.
+/// How far a region wanders from the level that all share, at most.
 const WANDER: f32 = 0.06;
+/// Shares of what is asked: the expression stands at an apex, sinks to a lull and comes back. A felt expression
+/// rarely stays at its height for longer than four seconds (Ekman & Friesen 1982); the mean over time is what is asked.
+const APEX: (f64, f64) = (1.04, 1.2);
+const LULL: (f64, f64) = (0.62, 0.86);
+/// How long it stands at each, how long it takes to sink and to rise, least and most, seconds.
+const APEX_S: (f64, f64) = (0.9, 3.0);
+const LULL_S: (f64, f64) = (0.4, 1.4);
+const SINK_S: (f64, f64) = (0.7, 1.2);
+const RISE_S: (f64, f64) = (0.4, 0.7);
 /// How much a stressed syllable adds for each deviation of prominence, and at most.
-const ACCENT: f32 = 0.05;
-const MOST_ACCENT: f32 = 0.1;
+const ACCENT: f32 = 0.08;
+const MOST_ACCENT: f32 = 0.14;
 /// Brows; lids; nose; jaw and mouth.
 const REGIONS: usize = 4;
 
@@ -79,9 +89,60 @@ impl Damped {
     }
 }
 
-/// The apex of an expression, which is never frozen: each region wanders by itself, slowly and by a
-/// few hundredths. The same seed, the same way.
-pub(super) struct Wandering([Wanderer; REGIONS]);
+/// How strong an expression is over time against what is asked: all of the face goes from apex to lull and back, and
+/// each region wanders a little by itself. The same seed, the same way.
+pub(super) struct Wandering {
+    level: Level,
+    regions: [Wanderer; REGIONS],
+}
+
+/// Apexes and lulls in turn; asked for at rising times.
+struct Level {
+    chance: Chance,
+    is_apex: bool,
+    /// The level here and the one that it goes to.
+    here: f64,
+    next: f64,
+    /// When it begins to go there, and how long that takes, seconds.
+    leave_s: f64,
+    way_s: f64,
+}
+
+impl Level {
+    fn new(seed: u64) -> Self {
+        let mut chance = Chance::new(seed, STREAM + REGIONS as u64);
+        let here = chance.between(APEX.0, APEX.1);
+        let mut level = Level {
+            chance,
+            is_apex: true,
+            here,
+            next: here,
+            leave_s: 0.0,
+            way_s: 0.0,
+        };
+        level.go_on();
+        level
+    }
+
+    fn go_on(&mut self) {
+        let (stay, way, next) = match self.is_apex {
+            true => (APEX_S, SINK_S, LULL),
+            false => (LULL_S, RISE_S, APEX),
+        };
+        self.leave_s += self.way_s + self.chance.between(stay.0, stay.1);
+        self.way_s = self.chance.between(way.0, way.1);
+        self.next = self.chance.between(next.0, next.1);
+    }
+
+    fn at(&mut self, time_s: f64) -> f32 {
+        while time_s >= self.leave_s + self.way_s {
+            (self.here, self.is_apex) = (self.next, !self.is_apex);
+            self.go_on();
+        }
+        let share = smooth_step((time_s - self.leave_s) / self.way_s);
+        (self.here + share * (self.next - self.here)) as f32
+    }
+}
 
 /// A smooth curve through random values; asked for at rising times.
 struct Wanderer {
@@ -94,7 +155,7 @@ struct Wanderer {
 
 impl Wandering {
     pub(super) fn new(seed: u64) -> Self {
-        Wandering(std::array::from_fn(|region| {
+        let region = |region: usize| {
             let mut chance = Chance::new(seed, STREAM + region as u64);
             let mut value = || chance.between(-1.0, 1.0) as f32;
             let (before, after) = (value(), value());
@@ -104,13 +165,17 @@ impl Wandering {
                 before,
                 after,
             }
-        }))
+        };
+        Wandering {
+            level: Level::new(seed),
+            regions: std::array::from_fn(region),
+        }
     }
 
     /// Factors on each region's expression at a time that does not lie before the last one.
     pub(super) fn at(&mut self, time_s: f64) -> [f32; REGIONS] {
-        let place = time_s / WANDER_S;
-        std::array::from_fn(|region| 1.0 + WANDER * self.0[region].at(place))
+        let (level, place) = (self.level.at(time_s), time_s / WANDER_S);
+        std::array::from_fn(|region| level + WANDER * self.regions[region].at(place))
     }
 }
 
@@ -161,7 +226,11 @@ pub(super) fn accent_at(accents: &[BrowAccent], time_s: f64) -> f32 {
 
 impl Expressions {
     /// What the face shows of what is asked, `affect` `[T, 16]`: `[T]`, settled at the start.
-    pub(super) fn followed(&self, affect: ArrayView2<'_, f32>, fps: f64) -> Vec<Strengths> {
+    pub(in crate::motion) fn followed(
+        &self,
+        affect: ArrayView2<'_, f32>,
+        fps: f64,
+    ) -> Vec<Strengths> {
         let mut follower = Follower::default();
         let kinds = EMOTIONS.len();
         let asked = &affect.slice(s![.., ..kinds]) * &affect.slice(s![.., kinds..]);

@@ -8,16 +8,13 @@ use serde::Deserialize;
 use super::manner::Manner;
 use crate::{
     Error, Result,
-    conditions::EMOTIONS,
+    conditions::{EMOTIONS, Strengths},
     mesh::ibug::LANDMARKS,
     models::{BuiltIn, Weights},
 };
 
 /// Its built-in weights.
 pub static MODEL: BuiltIn = BuiltIn::new(&anyface_weights_shared::EXPRESSIONS);
-
-/// Strength of each category of [`EMOTIONS`]; that of neutral is not looked at.
-pub(super) type Strengths = [f32; EMOTIONS.len()];
 
 /// The expression of every emotion at intensity 1 and its manner of speaking.
 ///

@@ -308,12 +308,12 @@ fn the_apex_is_not_frozen_and_follows_the_seed() {
     let mean = track.iter().sum::<f32>() / 600.0;
     let variance = track.iter().map(|x| (x / mean - 1.0).powi(2)).sum::<f32>() / 600.0;
     assert!(
-        (0.01..0.06).contains(&variance.sqrt()),
+        (0.1..0.25).contains(&variance.sqrt()),
         "{}",
         variance.sqrt()
     );
     let fastest = track.windows(2).map(|p| ((p[1] - p[0]) / mean).abs());
-    assert!(fastest.fold(0.0, f32::max) < 0.01);
+    assert!(fastest.fold(0.0, f32::max) < 0.06);
     assert_eq!(track, brow(1));
     assert_ne!(track, brow(2));
 }
@@ -338,7 +338,7 @@ fn stressed_syllables_make_it_grow() {
     let plain = with(&clip, &sad, &silence(), 4).displacements;
     let stressed = with(&clip, &sad, &prosody, 4).displacements;
     let grown = |t: usize| stressed[[t, 21, 1]] / plain[[t, 21, 1]];
-    assert!((1.05..1.11).contains(&grown(127)), "{}", grown(127));
+    assert!((1.1..1.25).contains(&grown(127)), "{}", grown(127));
     assert!((grown(60) - 1.0).abs() < 1e-6 && (grown(200) - 1.0).abs() < 1e-6);
 }
 
@@ -377,7 +377,7 @@ fn anger_and_joy_speak_larger_and_faster_and_sadness_smaller_as_speakers_do() {
 }
 
 fn causal() -> CausalExpression {
-    CausalExpression::new(Arc::new(table()), Arc::new(modes()), FPS)
+    CausalExpression::new(Arc::new(table()), Arc::new(modes()), FPS).unwrap()
 }
 
 /// What a stream shows of a clip whose voice is heard throughout.
@@ -399,7 +399,7 @@ fn streamed(clip: &LandmarkClip, emotion: impl Fn(usize) -> Emotion) -> Array3<f
 
 #[test]
 fn a_stream_acts_on_the_next_frame_keeps_closures_and_shows_all() {
-    let clip = talking(6.0);
+    let clip = talking(24.0);
     let change = 60;
     for emotion in &EMOTIONS[1..] {
         let full = Emotion::parse(&format!("{emotion}:1")).unwrap();
@@ -414,9 +414,9 @@ fn a_stream_acts_on_the_next_frame_keeps_closures_and_shows_all() {
             clip.displacements.index_axis(Axis(0), change)
         );
         let upper = s![17..48, ..];
-        let moved = mean(&(&shown - &clip.displacements), 90..180);
+        let moved = mean(&(&shown - &clip.displacements), 90..720);
         let share = projection(moved.slice(upper), prototype(emotion).slice(upper));
-        assert!((0.94..1.06).contains(&share), "{emotion}: {share}");
+        assert!((0.85..1.35).contains(&share), "{emotion}: {share}");
         for (spoken, shown) in clip.displacements.outer_iter().zip(shown.outer_iter()) {
             let (had, has) = (inner_gaps(spoken)[1], inner_gaps(shown)[1]);
             assert!(

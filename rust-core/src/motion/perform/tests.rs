@@ -141,7 +141,7 @@ fn each_control_moves_its_own_landmarks() {
                 variety: 1.5,
                 ..plain()
             },
-            &|n| speaking(n) || brows(n),
+            &|n| speaking(n) || (17..48).contains(&n),
         ),
         (
             PerformanceControls {

@@ -8,10 +8,11 @@ use crate::{
     audio::Prosody,
     conditions::{ControlStage, Controls},
     motion::{
-        FaceModes, PERFORMANCE_CONTROLS, PerformanceControls, WeightClip,
+        Expressions, FaceModes, PERFORMANCE_CONTROLS, PerformanceControls, WeightClip,
         blinks::{Blink, blinks},
         brow_accents::brow_accents,
         effort::effort_gain,
+        gestures::{Gestures, arkit_names},
         upper_face::{Lids, lids},
         variety::Variety,
     },
@@ -52,8 +53,12 @@ const BLINKS: [[&str; 2]; 2] = [
 /// How a performance of weights was said.
 #[derive(Debug, Clone, Copy)]
 pub struct WeightCues<'a> {
-    /// `[T, 16]`: mixture and intensity, for the times of blinks.
+    /// `[T, 16]` at the clip's rate: a mixture of 15 emotions and an intensity.
+    pub affect: ArrayView2<'a, f32>,
+    /// The same for the times of blinks, which stay where only the emotion's strength is changed.
     pub blink_affect: ArrayView2<'a, f32>,
+    /// How fast each emotion comes and goes.
+    pub expressions: &'a Expressions,
     /// How the speech was said.
     pub prosody: &'a Prosody,
     /// Take away everything that speech did not cause.
@@ -90,6 +95,7 @@ impl WeightClip {
         } else {
             if let Some(variety) = &variety {
                 clip.vary_brows(modes, variety, controls.variety)?;
+                clip.gesture(cues, controls.variety);
             }
             scale(&mut clip.weights, &of(&UPPER), |_| controls.upper_face);
             clip.raise_brows(cues, controls.brow_accents);
@@ -115,6 +121,27 @@ impl WeightClip {
         scale(weights, &jaw, |_| controls.jaw);
         scale(weights, &round, |_| controls.rounding);
         scale(weights, &width, |_| controls.width);
+    }
+
+    /// Adds the gestures of the emotion; no weight falls below 0.
+    fn gesture(&mut self, cues: &WeightCues<'_>, size: f32) {
+        let columns: Vec<[Option<usize>; 2]> = arkit_names()
+            .map(|names| names.map(|name| self.column(&name)))
+            .collect();
+        let mut gestures = Gestures::new(cues.seed);
+        let strengths = cues.expressions.followed(cues.affect, self.fps);
+        for (mut row, strengths) in self.weights.outer_iter_mut().zip(&strengths) {
+            let weights = gestures.step(strengths, 1.0 / self.fps);
+            for ([right, left], [to_right, to_left]) in columns.iter().zip(weights) {
+                // A shape that moves both sides gets half of each.
+                let share = if right == left { 0.5 * size } else { size };
+                for (column, weight) in [(right, to_right), (left, to_left)] {
+                    if let (Some(column), true) = (column, weight != 0.0) {
+                        row[*column] = (row[*column] + share * weight).max(0.0);
+                    }
+                }
+            }
+        }
     }
 
     fn raise_brows(&mut self, cues: &WeightCues<'_>, strength: f32) {

@@ -1,11 +1,11 @@
-//! What is heard of somebody's feeling while he is speaking.
+//! What is heard of somebody's emotion while he is speaking.
 
 use std::{collections::VecDeque, sync::Arc};
 
 use super::{AROUND, EVERY, EmotionEar, Instant, mixed};
 use crate::{
     conditions::Emotion,
-    speech::{FeltWindow, felt_emotion::shown},
+    speech::{VoiceWindow, shown_emotion::shown},
 };
 
 /// Instants that are remembered as the whole, a minute and a half.
@@ -35,7 +35,7 @@ impl LiveEar {
     }
 
     /// Hears the two seconds before an instant.
-    pub fn hear(&mut self, window: &FeltWindow) {
+    pub fn hear(&mut self, window: &VoiceWindow) {
         self.instants += 1;
         if !(self.instants - 1).is_multiple_of(EVERY) {
             return;

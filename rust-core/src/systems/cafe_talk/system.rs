@@ -14,8 +14,8 @@ use crate::{
     job::{Progress, ProgressFn},
     models::{BuiltIn, Weights},
     motion::{
-        FaceModes, LipGaps, LowerLip, Motion, MotionKind, MotionRequest, PerformanceControls,
-        WeightClip, WeightCues, control_named, style_number,
+        Expressions, FaceModes, LipGaps, LowerLip, Motion, MotionKind, MotionRequest,
+        PerformanceControls, WeightClip, WeightCues, control_named, style_number,
     },
     speech::Heard,
     systems::{Ability, Description, Registration, Sampled, Slider, System},
@@ -102,6 +102,7 @@ pub static REGISTRATION: Registration = Registration {
 pub struct CafeTalk {
     denoiser: Denoiser,
     modes: FaceModes,
+    expressions: Expressions,
     gaps: LipGaps,
     lower_lip: LowerLip,
     kept: WindowsKept,
@@ -123,6 +124,7 @@ impl CafeTalk {
         Ok(CafeTalk {
             denoiser,
             modes,
+            expressions: Expressions::open(folder)?,
             gaps,
             lower_lip,
             kept: WindowsKept::default(),
@@ -240,9 +242,12 @@ impl System for CafeTalk {
         let Motion::Weights(clip) = sampled else {
             return Ok(sampled.clone());
         };
+        let affect = request.emotion.sample(sampled.frames(), clip.fps);
         let blink_affect = blink_emotion.sample(sampled.frames(), clip.fps);
         let cues = WeightCues {
+            affect: affect.view(),
             blink_affect: blink_affect.view(),
+            expressions: &self.expressions,
             prosody: &heard.prosody,
             speech_only: request.emotion == EmotionCurve::Off,
             seed: request.seed,

@@ -54,13 +54,17 @@ pub struct EmoFaceConfig {
     pub fusion: Fusion,
     /// The encoder that hears content.
     pub speech: SpeechInput,
-    /// The encoder that hears feeling, HuBERT or wav2vec2; the built-in one where there is none.
+    /// The encoder that hears emotion, HuBERT or wav2vec2; the built-in one where there is none.
     #[serde(default, skip_serializing_if = "Option::is_none")]
-    pub feeling: Option<SpeechInput>,
-    /// Channels of what is heard of feeling.
-    pub feeling_channels: usize,
-    /// Feelings that the emotion branch was taught, all of [`EMOTIONS`].
-    pub feelings: Vec<String>,
+    pub emotion: Option<SpeechInput>,
+    /// Whether the emotion branch gets what is heard on average of the emotions that the ear hears, instead of what the
+    /// built-in encoder hears.
+    #[serde(default)]
+    pub emotion_ear: bool,
+    /// Channels of what is heard of emotion.
+    pub emotion_channels: usize,
+    /// Emotions that the emotion branch was taught, all of [`EMOTIONS`].
+    pub emotions: Vec<String>,
     /// Speaking styles by name.
     pub styles: Vec<String>,
     /// The style of a request that names none.
@@ -87,13 +91,13 @@ impl EmoFaceConfig {
     fn complaint(&self) -> Option<String> {
         let positive = |value: f64| value > 0.0 && value.is_finite();
         let unknown = self
-            .feelings
+            .emotions
             .iter()
             .find(|name| !EMOTIONS.contains(&name.as_str()));
         let (count, vertices) = (self.landmarks.len(), self.vertices);
         let outside = self.landmarks.iter().find(|vertex| **vertex >= vertices);
         Some(if let Some(name) = unknown {
-            format!("feelings: expected names of {EMOTIONS:?}, got {name:?}")
+            format!("emotions: expected names of {EMOTIONS:?}, got {name:?}")
         } else if !positive(self.fps) {
             format!("fps: expected a positive number, got {}", self.fps)
         } else if !positive(self.scale_m.into()) {
@@ -109,13 +113,13 @@ impl EmoFaceConfig {
                  {kernel}, {delta}"
             )
         } else if let Some(input) = self
-            .feeling
+            .emotion
             .as_ref()
-            .filter(|x| x.channels != self.feeling_channels)
+            .filter(|x| x.channels != self.emotion_channels)
         {
             format!(
-                "feeling: expected the {} channels of feeling_channels, got {}",
-                self.feeling_channels, input.channels
+                "emotion: expected the {} channels of emotion_channels, got {}",
+                self.emotion_channels, input.channels
             )
         } else if !self.styles.contains(&self.default_style) {
             let (known, style) = (&self.styles, &self.default_style);

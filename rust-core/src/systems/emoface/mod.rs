@@ -2,7 +2,7 @@
 
 mod branch;
 mod config;
-mod feels;
+mod emotion_source;
 mod model;
 mod stream;
 mod system;

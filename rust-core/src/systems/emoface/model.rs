@@ -29,22 +29,22 @@ const RIDGE: f64 = 1e-4;
 pub struct Model {
     config: EmoFaceConfig,
     content_in: Linear,
-    feeling_in: Linear,
+    emotion_in: Linear,
     /// `[styles, d]`.
     style: Array2<f32>,
     /// `[2, d]`: level 0 and level 1.
     level: Array2<f32>,
     content: Branch,
-    feeling: Branch,
+    emotion: Branch,
     attention: MeshAttention,
-    /// `[feelings, E]`: what is heard of each feeling on average.
+    /// `[emotions, E]`: what is heard of each emotion on average.
     prototypes: Array2<f32>,
 }
 
 /// For every vertex and frame how far the emotion branch is believed (§3.2).
 struct MeshAttention {
     content: Linear,
-    feeling: Linear,
+    emotion: Linear,
     joint: Linear,
     conv: SpiralConv,
     out: Linear,
@@ -58,7 +58,7 @@ pub struct MadeFrame {
     /// The content branch alone.
     pub content: Vec<f32>,
     /// The emotion branch alone.
-    pub feeling: Vec<f32>,
+    pub emotion: Vec<f32>,
     /// `w`, 0 to 1.
     pub mask: Vec<f32>,
     /// All this in few numbers, `[2 d + C/16]`: see [`Model::motion_of`].
@@ -71,10 +71,10 @@ pub struct HeardFrame<'a> {
     /// Features of the speech encoder.
     pub content: ArrayView1<'a, f32>,
     /// Features of the emotion encoder.
-    pub feeling: ArrayView1<'a, f32>,
+    pub emotion: ArrayView1<'a, f32>,
     /// Number of the speaking style.
     pub style: usize,
-    /// Of feeling, 0 to 1.5.
+    /// Of emotion, 0 to 1.5.
     pub level: f32,
 }
 
@@ -96,7 +96,7 @@ pub enum Layer {
     /// The content branch alone.
     Content,
     /// The emotion branch alone.
-    Feeling,
+    Emotion,
 }
 
 impl Layer {
@@ -105,7 +105,7 @@ impl Layer {
         match self {
             Layer::Both => 0.0,
             Layer::Content => -1.0,
-            Layer::Feeling => 1.0,
+            Layer::Emotion => 1.0,
         }
     }
 }
@@ -116,7 +116,7 @@ impl MadeFrame {
         match layer {
             Layer::Both => &self.motion,
             Layer::Content => &self.content,
-            Layer::Feeling => &self.feeling,
+            Layer::Emotion => &self.emotion,
         }
     }
 }
@@ -131,16 +131,16 @@ impl Model {
             channels, width, ..
         } = config;
         let linear = |name: &str, inputs| Linear::load(&weights.pp(name), inputs, channels);
-        let (styles, feelings) = (config.styles.len(), config.feelings.len());
+        let (styles, emotions) = (config.styles.len(), config.emotions.len());
         Ok(Model {
             content_in: linear("content_in", config.speech.channels)?,
-            feeling_in: linear("feeling_in", config.feeling_channels)?,
+            emotion_in: linear("emotion_in", config.emotion_channels)?,
             style: weights.matrix("style.weight", styles, width)?,
             level: weights.matrix("level", 2, width)?,
             content: Branch::load(&weights.pp("content"), &config)?,
-            feeling: Branch::load(&weights.pp("feeling"), &config)?,
+            emotion: Branch::load(&weights.pp("emotion"), &config)?,
             attention: MeshAttention::load(weights, &config)?,
-            prototypes: weights.matrix("prototypes", feelings, config.feeling_channels)?,
+            prototypes: weights.matrix("prototypes", emotions, config.emotion_channels)?,
             config,
         })
     }
@@ -150,7 +150,7 @@ impl Model {
         &self.config
     }
 
-    /// What is heard on average of the taught feelings in these shares, `[E]`.
+    /// What is heard on average of the taught emotions in these shares, `[E]`.
     pub fn prototype(&self, shares: &[f32]) -> Array1<f32> {
         ArrayView1::from(shares).dot(&self.prototypes)
     }
@@ -163,7 +163,7 @@ impl Model {
         let EmoFaceConfig {
             vertices, scale_m, ..
         } = self.config;
-        let last = [self.content.last_layer(), self.feeling.last_layer()];
+        let last = [self.content.last_layer(), self.emotion.last_layer()];
         let width = last[0].inputs();
         let basis = |vertex: usize, axis: usize, k: usize| {
             f64::from(last[k / width].weight()[(k % width, 3 * vertex + axis)])
@@ -217,13 +217,13 @@ impl Model {
     }
 
     /// `w` of each frame, `[T, V]`, of what is heard `[T, C]` and felt `[T, E]`: nothing is moved for it.
-    pub fn masks(&self, content: ArrayView2<'_, f32>, feeling: ArrayView2<'_, f32>) -> Array2<f32> {
+    pub fn masks(&self, content: ArrayView2<'_, f32>, emotion: ArrayView2<'_, f32>) -> Array2<f32> {
         let mut seen = SeenRows::new();
         let mut out = Array2::zeros((content.nrows(), self.config.vertices));
-        let heard = content.outer_iter().zip(feeling.outer_iter());
-        for ((content, feeling), mut row) in heard.zip(out.outer_iter_mut()) {
-            let (content, feeling) = self.entered(content, feeling);
-            let mask = self.attention.step(&content, &feeling, &mut seen);
+        let heard = content.outer_iter().zip(emotion.outer_iter());
+        for ((content, emotion), mut row) in heard.zip(out.outer_iter_mut()) {
+            let (content, emotion) = self.entered(content, emotion);
+            let mask = self.attention.step(&content, &emotion, &mut seen);
             row.assign(&Array1::from_vec(mask));
         }
         out
@@ -260,7 +260,7 @@ impl Model {
             let hidden = codes.slice(s![.., from..from + width]).to_owned();
             branch.last_layer().forward(&hidden)
         };
-        let (content, feeling) = (made(&self.content, 0), made(&self.feeling, width));
+        let (content, emotion) = (made(&self.content, 0), made(&self.emotion, width));
         let mut out = Array3::zeros((frames, vertices, 3));
         for (t, mut frame) in out.axis_iter_mut(Axis(0)).enumerate() {
             let shift = codes[[t, size - 1]];
@@ -277,7 +277,7 @@ impl Model {
             };
             for ((v, axis), x) in frame.indexed_iter_mut() {
                 let at = [t, 3 * v + axis];
-                *x = scale_m * (shares[v][0] * content[at] + shares[v][1] * feeling[at]);
+                *x = scale_m * (shares[v][0] * content[at] + shares[v][1] * emotion[at]);
             }
         }
         Ok(out)
@@ -287,12 +287,12 @@ impl Model {
     fn entered(
         &self,
         content: ArrayView1<'_, f32>,
-        feeling: ArrayView1<'_, f32>,
+        emotion: ArrayView1<'_, f32>,
     ) -> (Vec<f32>, Vec<f32>) {
         let channels = self.config.channels;
         let (mut heard, mut felt) = (vec![0.0; channels], vec![0.0; channels]);
         self.content_in.forward_row(&content.to_vec(), &mut heard);
-        self.feeling_in.forward_row(&feeling.to_vec(), &mut felt);
+        self.emotion_in.forward_row(&emotion.to_vec(), &mut felt);
         (heard, felt)
     }
 
@@ -301,19 +301,19 @@ impl Model {
         let EmoFaceConfig {
             vertices, scale_m, ..
         } = self.config;
-        let (content, feeling) = self.entered(heard.content, heard.feeling);
+        let (content, emotion) = self.entered(heard.content, heard.emotion);
         let plain = self.style.row(heard.style);
         let level = |row: usize| self.level.row(row);
         let felt = &plain + &(&level(0) * (1.0 - heard.level)) + &(&level(1) * heard.level);
         let in_time = self
             .attention
-            .step_in_time(&content, &feeling, &mut state.seen);
+            .step_in_time(&content, &emotion, &mut state.seen);
         let mask = self.attention.mask_of(&in_time, state.seen.len());
         let mut code = Vec::with_capacity(self.code_size());
         let mut made = [vec![0.0; 3 * vertices], vec![0.0; 3 * vertices]];
         let branches = [
             (&self.content, &content, plain.to_vec()),
-            (&self.feeling, &feeling, felt.to_vec()),
+            (&self.emotion, &emotion, felt.to_vec()),
         ];
         for (((branch, heard, condition), out), kept) in
             branches.iter().zip(&mut made).zip(&mut state.kept)
@@ -328,22 +328,22 @@ impl Model {
         }
         code.extend(in_time);
         code.push(layer.shift());
-        let [content, feeling] = made;
+        let [content, emotion] = made;
         let mixed = |i: usize, w: f32| match self.config.fusion {
-            Fusion::MeshAttention => w * feeling[i] + (1.0 - w) * content[i],
-            Fusion::Sum => content[i] + feeling[i],
+            Fusion::MeshAttention => w * emotion[i] + (1.0 - w) * content[i],
+            Fusion::Sum => content[i] + emotion[i],
         };
         let motion: Vec<f32> = (0..3 * vertices).map(|i| mixed(i, mask[i / 3])).collect();
         let mut made = MadeFrame {
             motion,
             content,
-            feeling,
+            emotion,
             mask,
             code,
         };
         state.before.copy_from_slice(made.layer(layer));
         state.frame += 1;
-        for values in [&mut made.motion, &mut made.content, &mut made.feeling] {
+        for values in [&mut made.motion, &mut made.content, &mut made.emotion] {
             values.iter_mut().for_each(|x| *x *= scale_m);
         }
         made
@@ -367,7 +367,7 @@ impl MeshAttention {
         let linear = |name: &str, inputs, outputs| Linear::load(&weights.pp(name), inputs, outputs);
         Ok(MeshAttention {
             content: linear("content", channels, quarter)?,
-            feeling: linear("feeling", channels, quarter)?,
+            emotion: linear("emotion", channels, quarter)?,
             joint: linear("joint", 2 * quarter, few)?,
             conv: SpiralConv::load(&weights.pp("conv"), &spirals, places.view(), few, delta)?,
             out: linear("out", few, 1)?,
@@ -375,17 +375,17 @@ impl MeshAttention {
     }
 
     /// The mask of the next frame, `[V]`.
-    fn step(&self, content: &[f32], feeling: &[f32], seen: &mut SeenRows) -> Vec<f32> {
-        let in_time = self.step_in_time(content, feeling, seen);
+    fn step(&self, content: &[f32], emotion: &[f32], seen: &mut SeenRows) -> Vec<f32> {
+        let in_time = self.step_in_time(content, emotion, seen);
         self.mask_of(&in_time, seen.len())
     }
 
     /// What time gives to the mask of the next frame, `[C/16]`.
-    fn step_in_time(&self, content: &[f32], feeling: &[f32], seen: &mut SeenRows) -> Vec<f32> {
+    fn step_in_time(&self, content: &[f32], emotion: &[f32], seen: &mut SeenRows) -> Vec<f32> {
         let quarter = self.content.outputs();
         let mut parts = vec![0.0; 2 * quarter];
         self.content.forward_row(content, &mut parts[..quarter]);
-        self.feeling.forward_row(feeling, &mut parts[quarter..]);
+        self.emotion.forward_row(emotion, &mut parts[quarter..]);
         gelu_all(&mut parts);
         let mut heard = vec![0.0; self.joint.outputs()];
         self.joint.forward_row(&parts, &mut heard);
@@ -416,28 +416,28 @@ mod tests {
         let golden = Golden::open("emoface_debug");
         let config = EmoFaceConfig::from_json(&golden.metadata("config")).unwrap();
         let model = Model::new(config, &golden.weights()).unwrap();
-        let (content, feeling) = (golden.matrix("content"), golden.matrix("feeling"));
+        let (content, emotion) = (golden.matrix("content"), golden.matrix("emotion"));
         let level = golden.values("level");
         let first = golden.matrix("first");
         let mut state = model.start(Some(first.view())).unwrap();
-        let expected = ["motion", "content_motion", "feeling_motion", "mask"];
+        let expected = ["motion", "content_motion", "emotion_motion", "mask"];
         let expected = expected.map(|name| golden.matrix(name));
         let mut largest = 0.0f32;
         for t in 0..content.nrows() {
             let heard = HeardFrame {
                 content: content.row(t),
-                feeling: feeling.row(t),
+                emotion: emotion.row(t),
                 style: 1,
                 level: level[t],
             };
             let made = model.step(heard, Layer::Both, &mut state);
-            let parts = [made.motion, made.content, made.feeling, made.mask];
+            let parts = [made.motion, made.content, made.emotion, made.mask];
             for (part, expected) in parts.iter().zip(&expected) {
                 largest = largest.max(distance(part, expected.row(t)));
             }
         }
         assert!(largest < 1e-4, "{largest}");
-        let masks = model.masks(content.view(), feeling.view());
+        let masks = model.masks(content.view(), emotion.view());
         let apart = (&masks - &expected[3])
             .iter()
             .fold(0.0f32, |most, x| most.max(x.abs()));
@@ -451,7 +451,7 @@ mod tests {
     fn codes_give_the_motion_of_every_layer() {
         let golden = Golden::open("emoface_debug");
         let config = EmoFaceConfig::from_json(&golden.metadata("config")).unwrap();
-        let (content, feeling) = (golden.matrix("content"), golden.matrix("feeling"));
+        let (content, emotion) = (golden.matrix("content"), golden.matrix("emotion"));
         for fusion in [Fusion::MeshAttention, Fusion::Sum] {
             let config = EmoFaceConfig {
                 fusion,
@@ -459,12 +459,12 @@ mod tests {
             };
             let delta = config.delta;
             let model = Model::new(config, &golden.weights()).unwrap();
-            for layer in [Layer::Both, Layer::Content, Layer::Feeling] {
+            for layer in [Layer::Both, Layer::Content, Layer::Emotion] {
                 let mut state = model.start(None).unwrap();
                 for t in 0..content.nrows() {
                     let heard = HeardFrame {
                         content: content.row(t),
-                        feeling: feeling.row(t),
+                        emotion: emotion.row(t),
                         style: 0,
                         level: 1.0,
                     };

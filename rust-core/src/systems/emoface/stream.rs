@@ -11,8 +11,8 @@ use crate::{
     mesh::ibug::LANDMARKS,
     motion::{LandmarkFrame, MotionStream, Parting, narrow, opening},
     speech::{
-        CausalModel, CausalSpeech, CompactEncoder, EmotionEar, FeelingEncoder, LiveEar,
-        LiveFeeling, SpeechEncoder, closure_share,
+        CausalModel, CausalSpeech, CompactEncoder, EmotionEar, EmotionEncoder, LiveEar,
+        LiveEmotion, SpeechEncoder, closure_share,
     },
 };
 
@@ -23,7 +23,7 @@ pub struct LiveParts {
     /// Tells of its rows where lips are closed.
     pub encoder: CompactEncoder,
     /// The emotion encoder, which looks back by itself.
-    pub feeling: Arc<FeelingEncoder>,
+    pub emotion: Arc<EmotionEncoder>,
     /// Says whether anything is felt at all.
     pub ear: Arc<EmotionEar>,
     /// Both branches and Mesh Attention.
@@ -32,12 +32,12 @@ pub struct LiveParts {
 
 /// A performance in progress, in the default style and from rest.
 ///
-/// The feeling is heard in the voice, and shows as surely as it is none of a neutral voice; an emotion that is set with an intensity above 0 is felt instead, with
+/// The emotion is heard in the voice, and shows as surely as it is none of a neutral voice; an emotion that is set with an intensity above 0 is felt instead, with
 /// the intensity as its level. Lips close at p, b and m, by ear.
 pub struct EmoFaceStream {
     parts: Arc<LiveParts>,
     speech: CausalSpeech,
-    felt: LiveFeeling,
+    felt: LiveEmotion,
     ear: LiveEar,
     state: Progressing,
     style: usize,
@@ -45,6 +45,39 @@ pub struct EmoFaceStream {
     parting: Parting,
     /// What is heard on average of the emotion that was set, `[E]`.
     set: Option<Vec<f32>>,
+    heard: Following,
+}
+
+/// How long the face takes to follow what the ear hears, seconds: it hears three times a second.
+const FOLLOW_S: f64 = 0.3;
+
+/// Strengths of the emotions that are heard, smoothed with a pole at [`FOLLOW_S`].
+struct Following {
+    strengths: [f32; EMOTIONS.len()],
+    share: f32,
+}
+
+impl Following {
+    fn new(fps: f64) -> Following {
+        Following {
+            strengths: [0.0; EMOTIONS.len()],
+            share: (1.0 - (-1.0 / (FOLLOW_S * fps)).exp()) as f32,
+        }
+    }
+
+    /// What the branch gets in the next frame, `[E]`, and the level.
+    fn next(&mut self, heard: &Emotion, model: &Model) -> Option<(Vec<f32>, f32)> {
+        let mixture = known(model.config(), &heard.mixture);
+        for (strength, share) in self.strengths.iter_mut().zip(mixture) {
+            *strength += self.share * (share * heard.intensity - *strength);
+        }
+        let level: f32 = self.strengths.iter().sum();
+        let mixture = match level > 0.0 {
+            true => self.strengths.map(|strength| strength / level),
+            false => Emotion::default().mixture,
+        };
+        Some((prototype(model, &mixture).ok()?, level))
+    }
 }
 
 impl EmoFaceStream {
@@ -57,12 +90,13 @@ impl EmoFaceStream {
         let style = crate::motion::style_number(None, &config.styles, &config.default_style)?;
         Ok(EmoFaceStream {
             speech: CausalSpeech::new(Arc::clone(&parts.content)),
-            felt: LiveFeeling::new(Arc::clone(&parts.feeling)),
+            felt: LiveEmotion::new(Arc::clone(&parts.emotion)),
             ear: LiveEar::new(Arc::clone(&parts.ear)),
             state: parts.model.start(None)?,
             style,
             emotion: Emotion::default(),
             parting: Parting::new(parts.model.config().fps),
+            heard: Following::new(parts.model.config().fps),
             set: None,
             parts,
         })
@@ -83,13 +117,14 @@ impl MotionStream for EmoFaceStream {
             }
         })?;
         let config = self.parts.model.config();
-        let (feeling, level) = match &self.set {
+        let (emotion, level) = match &self.set {
             Some(prototype) => (prototype.clone(), self.emotion.intensity),
+            None if config.emotion_ear => self.heard.next(&ear.emotion(), &self.parts.model)?,
             None => (felt.at_frame(index, config.fps), ear.emotion().intensity),
         };
         let heard = HeardFrame {
             content: ArrayView1::from(content),
-            feeling: ArrayView1::from(&feeling),
+            emotion: ArrayView1::from(&emotion),
             style: self.style,
             level,
         };
@@ -142,21 +177,29 @@ impl MotionStream for EmoFaceStream {
 /// # Errors
 /// `InvalidInput` for an emotion that the branch was not taught.
 pub fn prototype(model: &Model, mixture: &[f32]) -> Result<Vec<f32>> {
-    let feelings = &model.config().feelings;
-    let mut shares = vec![0.0; feelings.len()];
+    let emotions = &model.config().emotions;
+    let mut shares = vec![0.0; emotions.len()];
     for (name, share) in EMOTIONS.iter().zip(mixture) {
-        match feelings.iter().position(|known| known == name) {
+        match emotions.iter().position(|known| known == name) {
             Some(place) => shares[place] = *share,
             None if *share == 0.0 => {}
             None => {
                 return Err(Error::InvalidInput(format!(
                     "emotion: expected what the emotion branch was taught ({}), got {name}",
-                    feelings.join(", ")
+                    emotions.join(", ")
                 )));
             }
         }
     }
     Ok(model.prototype(&shares).to_vec())
+}
+
+/// A mixture of the fifteen emotions without those that the emotion branch was not taught.
+pub fn known(config: &EmoFaceConfig, mixture: &[f32]) -> [f32; EMOTIONS.len()] {
+    std::array::from_fn(|e| {
+        let is_known = config.emotions.iter().any(|name| name == EMOTIONS[e]);
+        if is_known { mixture[e] } else { 0.0 }
+    })
 }
 
 /// The landmarks of a layer, `[3 V]` metres.

@@ -6,9 +6,9 @@ use ndarray::{Array2, Array3, ArrayView1, ArrayView2};
 
 use super::{
     EmoFaceConfig, HeardFrame, Layer, Model,
-    feels::Feels,
+    emotion_source::EmotionSource,
     read_template,
-    stream::{EmoFaceStream, LiveParts, landmarks, prototype},
+    stream::{EmoFaceStream, LiveParts, known, landmarks, prototype},
 };
 use crate::{
     Error, Result,
@@ -26,7 +26,7 @@ use crate::{
     },
     speech::{self, COMPACT_MODEL, CausalModel, EmotionEar, Heard},
     spread::TemplateOnFace,
-    systems::{Ability, Description, FeelingMask, Registration, Sampled, Slider, System},
+    systems::{Ability, Description, EmotionMask, Registration, Sampled, Slider, System},
 };
 
 /// Built-in weights.
@@ -38,9 +38,9 @@ const VOICE: usize = 0;
 const EMOTION: usize = 1;
 
 /// What the emotion branch hears.
-static FEELING_FROM: Control = Control {
-    name: "feeling_from",
-    label: "Feeling From",
+static EMOTION_FROM: Control = Control {
+    name: "emotion_from",
+    label: "Emotion From",
     help: "What the emotion branch hears: the emotion that is asked for by name, else this voice or the recording \
            beside it (voice); the emotion that is asked for, also where that is none (emotion); or a voice that \
            feels nothing (off).",
@@ -52,25 +52,25 @@ static FEELING_FROM: Control = Control {
     ..LEARNED
 };
 
-/// The level `l` of feeling.
+/// The level `l` of emotion.
 static LEVEL: Control = Control {
-    name: "feeling_level",
-    label: "Feeling Level",
-    help: "How strongly the feeling shows; 1 as listeners agreed on it, 0 not at all.",
+    name: "emotion_level",
+    label: "Emotion Level",
+    help: "How strongly the emotion shows; 1 as listeners agreed on it, 0 not at all.",
     values: ControlValues::Real,
     high: 1.5,
     default: 1.0,
     neutral: 1.0,
-    ..FEELING_FROM
+    ..EMOTION_FROM
 };
 
 /// Which part is shown.
 static LAYER: Control = Control {
     name: "layer",
     label: "Layer",
-    help: "Both branches under the mask (both), what is said alone (content), or how it is felt alone (feeling).",
-    values: ControlValues::Choice(&["both", "content", "feeling"]),
-    ..FEELING_FROM
+    help: "Both branches under the mask (both), what is said alone (content), or how it is felt alone (emotion).",
+    values: ControlValues::Choice(&["both", "content", "emotion"]),
+    ..EMOTION_FROM
 };
 
 /// How far vertices follow the template.
@@ -83,10 +83,10 @@ static TEMPLATE: Control = Control {
     high: 1.0,
     default: 1.0,
     stage: ControlStage::Face,
-    ..FEELING_FROM
+    ..EMOTION_FROM
 };
 
-static OWN_CONTROLS: &[Control] = &[FEELING_FROM, LEVEL, LAYER, LEARNED, TEMPLATE];
+static OWN_CONTROLS: &[Control] = &[EMOTION_FROM, LEVEL, LAYER, LEARNED, TEMPLATE];
 
 /// What the codes of the branches move.
 struct TemplateSpace {
@@ -132,15 +132,15 @@ impl CodeField for TemplateField {
     }
 }
 
-/// What the branches heard in one performance, of which they say how far feeling is believed.
+/// What the branches heard in one performance, of which they say how far emotion is believed.
 struct Branches {
     space: Arc<TemplateSpace>,
     content: Array2<f32>,
-    feeling: Array2<f32>,
+    emotion: Array2<f32>,
     fps: f64,
 }
 
-impl FeelingMask for Branches {
+impl EmotionMask for Branches {
     fn shares(&self) -> Result<TemplateMask> {
         let template = self.space.template.as_ref().ok_or_else(|| {
             Error::Weights(
@@ -148,10 +148,10 @@ impl FeelingMask for Branches {
                     .into(),
             )
         })?;
-        let (content, feeling) = (self.content.view(), self.feeling.view());
+        let (content, emotion) = (self.content.view(), self.emotion.view());
         Ok(TemplateMask {
             template: Arc::clone(template),
-            shares: self.space.model.masks(content, feeling),
+            shares: self.space.model.masks(content, emotion),
             fps: self.fps,
         })
     }
@@ -163,7 +163,7 @@ impl Layer {
         match LAYER.value(controls) as usize {
             0 => Layer::Both,
             1 => Layer::Content,
-            _ => Layer::Feeling,
+            _ => Layer::Emotion,
         }
     }
 }
@@ -177,7 +177,7 @@ pub static REGISTRATION: Registration = Registration {
     models: &[&MODEL, &CAUSAL_MODEL],
     controls: &[PERFORMANCE_CONTROLS, OWN_CONTROLS],
     motion: MotionKind::Codes,
-    abilities: &[Ability::Feeling, Ability::FirstPose],
+    abilities: &[Ability::Emotion, Ability::FirstPose],
     sliders: &Slider::ALL,
     second_bytes: 373_000,
     open: |folder| Ok(Box::new(EmoFace::open(folder)?)),
@@ -186,10 +186,10 @@ pub static REGISTRATION: Registration = Registration {
 /// Both branches with everything that makes a performance of their motion.
 pub struct EmoFace {
     space: Arc<TemplateSpace>,
-    feels: Feels,
+    source: EmotionSource,
     /// Says whether anything is felt at all.
     ear: Arc<EmotionEar>,
-    /// None for a model that hears content or feeling through another encoder than the built-in one: that has no causal
+    /// None for a model that hears content or emotion through another encoder than the built-in one: that has no causal
     /// twin.
     live: Option<Arc<LiveParts>>,
     modes: Arc<FaceModes>,
@@ -204,15 +204,15 @@ impl EmoFace {
     pub fn open(folder: Option<&Path>) -> Result<Self> {
         let files = MODEL.open(folder)?;
         let config = EmoFaceConfig::from_json(&files.config)?;
-        let feels = Feels::open(folder, &config)?;
+        let source = EmotionSource::open(folder, &config)?;
         let weights = Weights::from_bytes(&files.weights)?;
         let template = read_template(&weights, &config)?.map(Arc::new);
         let model = Arc::new(Model::new(config, &weights)?);
         let ear = Arc::new(EmotionEar::open(folder)?);
-        let live = live_parts(folder, &model, &feels, &ear)?.map(Arc::new);
+        let live = live_parts(folder, &model, &source, &ear)?.map(Arc::new);
         Ok(EmoFace {
             space: Arc::new(TemplateSpace { model, template }),
-            feels,
+            source,
             ear,
             live,
             modes: Arc::new(FaceModes::open(folder)?),
@@ -230,10 +230,10 @@ impl EmoFace {
 
     /// Whether the emotion branch was taught all that is asked for.
     fn branch_knows(&self, curve: &EmotionCurve) -> bool {
-        let feelings = &self.config().feelings;
+        let emotions = &self.config().emotions;
         let is_known = |emotion: &Emotion| {
             let mut named = EMOTIONS.iter().zip(&emotion.mixture);
-            named.all(|(name, share)| *share == 0.0 || feelings.iter().any(|known| known == name))
+            named.all(|(name, share)| *share == 0.0 || emotions.iter().any(|known| known == name))
         };
         curve.named().into_iter().all(is_known)
     }
@@ -241,7 +241,7 @@ impl EmoFace {
     /// Whether the branch shows the emotion, or it is put on what is said as in FreeTalk, because the branch was not
     /// taught all of it.
     fn emotion_origin(&self, request: &MotionRequest) -> EmotionOrigin {
-        let is_asked = FEELING_FROM.value(&request.controls) as usize == EMOTION;
+        let is_asked = EMOTION_FROM.value(&request.controls) as usize == EMOTION;
         match is_asked && !self.branch_knows(&request.emotion) {
             true => EmotionOrigin::Added,
             false => EmotionOrigin::Learned,
@@ -249,7 +249,7 @@ impl EmoFace {
     }
 
     /// What the emotion branch hears in each frame, `[T, E]`, and the level there, `[T]`.
-    fn feeling(
+    fn emotion(
         &self,
         heard: &Heard,
         request: &MotionRequest,
@@ -258,28 +258,43 @@ impl EmoFace {
     ) -> Result<(Array2<f32>, Vec<f32>)> {
         let fps = self.config().fps;
         let level = LEVEL.value(&request.controls);
-        let from = FEELING_FROM.value(&request.controls) as usize;
-        if from == VOICE {
-            // Another recording is asked for on purpose; what nobody asked for shows where it is sure.
-            let (rows, sure) = match &request.felt_as {
-                Some(other) => (self.feels.over(other, frames, progress)?, vec![1.0; frames]),
-                None => (
-                    self.feels.at_frames(&heard.voice, frames, fps, progress)?,
-                    self.ear.certainty(&heard.voice, frames, fps),
-                ),
-            };
-            return Ok((rows, sure.into_iter().map(|sure| level * sure).collect()));
-        }
+        let from = EMOTION_FROM.value(&request.controls) as usize;
         let curve = match from {
-            EMOTION if self.branch_knows(&request.emotion) => &request.emotion,
-            _ => &EmotionCurve::Off,
+            VOICE if self.config().emotion_ear => match &request.emotion_of {
+                Some(other) => self
+                    .ear
+                    .heard(other)
+                    .curve_on_purpose()
+                    .over(other.duration_s(), frames as f64 / fps),
+                None => heard.emotion_curve(),
+            },
+            VOICE => {
+                // Another recording is asked for on purpose; what nobody asked for shows where it is sure.
+                let (rows, sure) = match &request.emotion_of {
+                    Some(other) => (
+                        self.source.over(other, frames, progress)?,
+                        vec![1.0; frames],
+                    ),
+                    None => {
+                        let curve = heard.emotion_curve();
+                        let sure = (0..frames).map(|t| curve.at(t as f64 / fps).intensity);
+                        (
+                            self.source.at_frames(&heard.voice, frames, fps, progress)?,
+                            sure.collect(),
+                        )
+                    }
+                };
+                return Ok((rows, sure.into_iter().map(|sure| level * sure).collect()));
+            }
+            EMOTION if self.branch_knows(&request.emotion) => request.emotion.clone(),
+            _ => EmotionCurve::Off,
         };
         let affect = curve.sample(frames, fps);
-        let mut rows = Array2::zeros((frames, self.config().feeling_channels));
+        let mut rows = Array2::zeros((frames, self.config().emotion_channels));
         let mut levels = vec![0.0; frames];
-        for (t, told) in affect.outer_iter().enumerate() {
-            let (shares, strength) = (told.to_vec(), told[EMOTIONS.len()]);
-            let felt = prototype(self.model(), &shares[..EMOTIONS.len()])?;
+        for (t, row) in affect.outer_iter().enumerate() {
+            let (mixture, strength) = (known(self.config(), &row.to_vec()), row[EMOTIONS.len()]);
+            let felt = prototype(self.model(), &mixture)?;
             rows.row_mut(t).assign(&ArrayView1::from(&felt));
             levels[t] = level * strength;
         }
@@ -292,7 +307,7 @@ impl System for EmoFace {
         let config = self.config();
         Description {
             speech: Some(&config.speech),
-            keeps_sound: matches!(self.feels, Feels::Checkpoint(_)),
+            keeps_sound: matches!(self.source, EmotionSource::Checkpoint(_)),
             styles: &config.styles,
             ..Description::default()
         }
@@ -307,7 +322,7 @@ impl System for EmoFace {
         let fps = self.config().fps;
         let content = heard.features(fps);
         let frames = content.nrows();
-        let (feeling, levels) = self.feeling(heard, request, frames, progress)?;
+        let (emotion, levels) = self.emotion(heard, request, frames, progress)?;
         let config = self.config();
         let asked = request.style.as_deref();
         let style = style_number(asked, &config.styles, &config.default_style)?;
@@ -321,7 +336,7 @@ impl System for EmoFace {
             report(progress, "sample", t as f32 / frames as f32)?;
             let now = HeardFrame {
                 content: content.row(t),
-                feeling: feeling.row(t),
+                emotion: emotion.row(t),
                 style,
                 level: levels[t],
             };
@@ -335,6 +350,12 @@ impl System for EmoFace {
         let mut clip = LandmarkClip { displacements, fps }.at_rate(request.fps, wanted);
         let contacts = heard.contacts(request.closures.as_deref());
         clip.make_contacts(&contacts, &self.modes)?;
+        let strength = |t: usize| {
+            let frame = (t as f64 * fps / request.fps).round() as usize;
+            levels[frame.min(levels.len() - 1)]
+        };
+        let strengths: Vec<f32> = (0..wanted).map(strength).collect();
+        clip.rest_in_silence(&heard.prosody, &strengths);
         let space = Arc::clone(&self.space);
         Ok(Sampled {
             motion: Motion::Codes(CodeClip {
@@ -345,7 +366,7 @@ impl System for EmoFace {
             mask: Some(Arc::new(Branches {
                 space,
                 content,
-                feeling,
+                emotion,
                 fps,
             })),
         })
@@ -361,7 +382,7 @@ impl System for EmoFace {
         // What is said alone is said in the manner of nobody who feels.
         let emotion = match Layer::of(&request.controls) {
             Layer::Content => &EmotionCurve::default(),
-            Layer::Both | Layer::Feeling => &request.emotion,
+            Layer::Both | Layer::Emotion => &request.emotion,
         };
         let performer = Performer {
             modes: &self.modes,
@@ -382,11 +403,11 @@ impl System for EmoFace {
 fn live_parts(
     folder: Option<&Path>,
     model: &Arc<Model>,
-    feels: &Feels,
+    source: &EmotionSource,
     ear: &Arc<EmotionEar>,
 ) -> Result<Option<LiveParts>> {
     let input = &model.config().speech;
-    let Feels::BuiltIn(feeling) = feels else {
+    let EmotionSource::BuiltIn(emotion) = source else {
         return Ok(None);
     };
     if input.encoder != COMPACT_MODEL.name {
@@ -400,7 +421,7 @@ fn live_parts(
     Ok(Some(LiveParts {
         content: Arc::new(content),
         encoder: speech::compact(folder)?,
-        feeling: Arc::clone(feeling),
+        emotion: Arc::clone(emotion),
         ear: Arc::clone(ear),
         model: Arc::clone(model),
     }))
@@ -418,9 +439,9 @@ mod tests {
         let has_stream = |fps: f64| {
             let config = EmoFaceConfig::from_json(&files.config).unwrap();
             let config = EmoFaceConfig { fps, ..config };
-            let feels = Feels::open(None, &config).unwrap();
+            let source = EmotionSource::open(None, &config).unwrap();
             let model = Arc::new(Model::new(config, &weights).unwrap());
-            live_parts(None, &model, &feels, &ear).unwrap().is_some()
+            live_parts(None, &model, &source, &ear).unwrap().is_some()
         };
         assert!(has_stream(25.0) && !has_stream(30.0));
     }

@@ -197,14 +197,14 @@ impl Ats {
             NormOrder::Pre => Some(LayerNorm::load(&weights.pp("norm"), width, EPSILON)?),
             NormOrder::Post => None,
         };
-        let feelings = config.emotions.len() - 1;
+        let emotions = config.emotions.len() - 1;
         Ok(Ats {
             x_proj: Linear::load(&weights.pp("x_proj"), channels, width)?,
             mem_proj: Linear::load(&weights.pp("mem_proj"), config.speech.channels, width)?,
             pos_tgt: weights.matrix("pos_tgt", config.window_frames, width)?,
             pos_mem: weights.matrix("pos_mem", config.window_frames, width)?,
             time_mlp: Mlp::load(&weights.pp("time_mlp"), width, width)?,
-            affect_mlp: Mlp::load(&weights.pp("affect_mlp"), feelings, width)?,
+            affect_mlp: Mlp::load(&weights.pp("affect_mlp"), emotions, width)?,
             style: weights
                 .pp("style")
                 .matrix("weight", config.styles.len(), width)?,

@@ -172,7 +172,8 @@ impl System for FreeTalk {
 
     fn stream(&self) -> Option<Box<dyn MotionStream>> {
         let (expressions, modes) = (Arc::clone(&self.expressions), Arc::clone(&self.modes));
-        let expression = CausalExpression::new(expressions, modes, self.stream.config().fps);
+        let expression =
+            CausalExpression::new(expressions, modes, self.stream.config().fps).ok()?;
         Some(Box::new(CausalStream::new(
             Arc::clone(&self.stream),
             expression,

@@ -1,4 +1,4 @@
-//! Feelings beside the truth: what skin does between the landmarks.
+//! Emotions beside the truth: what skin does between the landmarks.
 
 use ndarray::ArrayView3;
 
@@ -19,17 +19,17 @@ const REGION_MM: f32 = 18.0;
 /// Normals that truly turn by less than this are not counted, as the length of their change.
 const LEAST_TURN: f32 = 0.05;
 
-/// Feelings on a face whose true motion is known.
-pub(super) struct Feelings {
+/// Emotions on a face whose true motion is known.
+pub(super) struct Emotions {
     pub picture: Picture,
-    /// Mean error over the vertices that truly move, one a feeling, millimetres.
+    /// Mean error over the vertices that truly move, one an emotion, millimetres.
     pub error_mm: Vec<f32>,
     /// Turn of the normals between the brows, and on the cheeks, along the true turn, of it.
     pub turned: [f32; 2],
 }
 
 /// `None` for a subject without a truth.
-pub(super) fn feelings(engine: &Engine, subject: &Subject) -> Result<Option<Feelings>> {
+pub(super) fn emotions(engine: &Engine, subject: &Subject) -> Result<Option<Emotions>> {
     let Some(truth) = &subject.truth else {
         return Ok(None);
     };
@@ -56,7 +56,7 @@ pub(super) fn feelings(engine: &Engine, subject: &Subject) -> Result<Option<Feel
             made.view(),
         )
     });
-    Ok(Some(Feelings {
+    Ok(Some(Emotions {
         picture: under(&[row(truth.displacements.view()), row(made.view())]),
         error_mm: error_mm(truth, made.view()).means,
         turned,

@@ -27,9 +27,9 @@ pub(super) const MOVEMENTS: [Expression; 4] = [
     },
 ];
 
-/// Six feelings by the action units of Ekman and Friesen, both sides alike: 6 and 12; 1, 4 and 15; 4, 5, 7
+/// Six emotions by the action units of Ekman and Friesen, both sides alike: 6 and 12; 1, 4 and 15; 4, 5, 7
 /// and 23; 1, 2, 4, 5, 7 and 20; 1, 2, 5 and 26; 9, 15 and 16.
-pub(super) const FEELINGS: [Expression; 6] = [
+pub(super) const HEARD_EMOTIONS: [Expression; 6] = [
     Expression {
         title: "happy",
         channels: &[("cheekSquint", 0.8), ("mouthSmile", 0.8)],

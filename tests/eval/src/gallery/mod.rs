@@ -15,7 +15,7 @@ use serde::Serialize;
 
 use self::{
     cells::{Cells, error_mm, stretch},
-    expressions::{FEELINGS, MOVEMENTS},
+    expressions::{HEARD_EMOTIONS, MOVEMENTS},
     subjects::{Subject, Truth},
 };
 use crate::{
@@ -101,7 +101,7 @@ impl Gallery {
         console.stage("close-ups", 0.0);
         let page = page(&shown, &images)
             + &scene.blinks(&subjects)?
-            + &scene.creases(&subjects::with_feelings(&data)?)?
+            + &scene.creases(&subjects::with_emotions(&data)?)?
             + &scene.mouths(&subjects, &motion)?;
         write_page(&self.out, &page, &shown)?;
         console.value(&shown, &page);
@@ -286,13 +286,13 @@ impl Scenes<'_> {
     }
 
     fn creases(&self, subjects: &[Subject]) -> Result<String> {
-        let titles: Vec<&str> = FEELINGS.iter().map(|e| e.title).collect();
+        let titles: Vec<&str> = HEARD_EMOTIONS.iter().map(|e| e.title).collect();
         let mut text = format!(
             "\n# Creases\n\nTruth above, made from its 68 landmarks below: {}.\n",
             titles.join(", ")
         );
         for subject in subjects {
-            let Some(made) = creases::feelings(self.engine, subject)? else {
+            let Some(made) = creases::emotions(self.engine, subject)? else {
                 continue;
             };
             let each = made.error_mm.iter().map(|mm| format!("{mm:.2}"));

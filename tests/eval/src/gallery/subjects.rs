@@ -4,7 +4,7 @@ use std::path::Path;
 
 use ndarray::{Array3, Axis};
 
-use super::expressions::{Expression, FEELINGS, MOVEMENTS};
+use super::expressions::{Expression, HEARD_EMOTIONS, MOVEMENTS};
 use crate::face_model::FaceModel;
 use anyface::{
     Error, Result,
@@ -100,9 +100,9 @@ pub(super) fn of_known_faces(data: &Path) -> Result<Vec<Subject>> {
     Ok(twice.collect())
 }
 
-/// The same two with six feelings, each with its own landmarks.
-pub(super) fn with_feelings(data: &Path) -> Result<Vec<Subject>> {
-    known_faces(data, &FEELINGS)
+/// The same two with six emotions, each with its own landmarks.
+pub(super) fn with_emotions(data: &Path) -> Result<Vec<Subject>> {
+    known_faces(data, &HEARD_EMOTIONS)
 }
 
 fn known_faces(data: &Path, expressions: &[Expression]) -> Result<Vec<Subject>> {

@@ -1,5 +1,5 @@
 //! Whether effort in the voice moves the mouth: the same actor says the same sentence with different
-//! feelings (Berlin Database of Emotional Speech, Burkhardt et al. 2005, CC0), and one recording is
+//! emotions (Berlin Database of Emotional Speech, Burkhardt et al. 2005, CC0), and one recording is
 //! made into a whisper and a shout.
 
 use std::{collections::BTreeMap, path::Path};
@@ -14,7 +14,7 @@ use super::{
 use crate::metrics::quantile;
 use anyface::{Error, Result, audio::Waveform};
 
-/// The effortful feeling, and those it is held against.
+/// The effortful emotion, and those it is held against.
 const LOUD: &str = "anger";
 const SOFT: [&str; 3] = ["sadness", "boredom", "neutral"];
 /// At most so many recordings are whispered and shouted.
@@ -27,7 +27,7 @@ const MM: f64 = 1000.0;
 /// A line of `clips.tsv`.
 struct Recording {
     name: String,
-    feeling: String,
+    emotion: String,
     /// Actor and sentence.
     key: (String, String),
 }
@@ -59,14 +59,14 @@ fn made(speaker: &Speaker, wish: &Wish, spoken: &[&Clip]) -> Result<Row> {
     Ok(score("a made shout against a made whisper".into(), &pairs))
 }
 
-/// Anger against the other feelings.
+/// Anger against the other emotions.
 fn acted(speaker: &Speaker, wish: &Wish, data: &Path, limit: Option<usize>) -> Result<Vec<Row>> {
     let folder = data.join("speech/emodb_de");
     let said = by_actor_and_sentence(read(&folder.join("clips.tsv"))?);
     let mut falls: BTreeMap<&'static str, Vec<[f64; 2]>> = BTreeMap::new();
-    for feelings in said.values().take(limit.unwrap_or(usize::MAX)) {
-        let fall = |feeling: &str| -> Result<Option<f64>> {
-            let found = feelings.iter().find(|r| r.feeling == feeling);
+    for emotions in said.values().take(limit.unwrap_or(usize::MAX)) {
+        let fall = |emotion: &str| -> Result<Option<f64>> {
+            let found = emotions.iter().find(|r| r.emotion == emotion);
             let measured = found.map(|r| {
                 let sound = Waveform::from_file(&folder.join(format!("{}.ogg", r.name)))?;
                 fall_mm(speaker, wish, &sound)
@@ -137,16 +137,16 @@ fn read(path: &Path) -> Result<Vec<Recording>> {
     };
     let columns = [
         place("clip")?,
-        place("feeling")?,
+        place("emotion_encoder")?,
         place("actor")?,
         place("sentence")?,
     ];
     let rows = lines.filter(|cells| cells.len() == titles.len());
     let recording = |cells: Vec<&str>| {
-        let [name, feeling, actor, sentence] = columns.map(|column| cells[column].to_owned());
+        let [name, emotion, actor, sentence] = columns.map(|column| cells[column].to_owned());
         Recording {
             name,
-            feeling,
+            emotion,
             key: (actor, sentence),
         }
     };
@@ -169,7 +169,7 @@ mod tests {
     fn recordings_are_matched_by_actor_and_sentence() {
         let folder = tempfile::tempdir().unwrap();
         let path = folder.path().join("clips.tsv");
-        let text = "clip\tactor\tsentence\tfeeling\na\t03\tb01\tanger\nb\t03\tb01\tsadness\nc\t08\tb01\tanger\n";
+        let text = "clip\tactor\tsentence\temotion\na\t03\tb01\tanger\nb\t03\tb01\tsadness\nc\t08\tb01\tanger\n";
         std::fs::write(&path, text).unwrap();
         let found = by_actor_and_sentence(read(&path).unwrap());
         assert_eq!(found.len(), 2);

@@ -40,7 +40,7 @@ pub(super) fn effort(page: &mut Page, results: &Results) {
     page.block("## Effort");
     page.block(
         "Actors of the Berlin Database of Emotional Speech say one sentence in anger and with another \
-         feeling; of recordings of other sources a whisper (noise through their own resonances) and a \
+         emotion; of recordings of other sources a whisper (noise through their own resonances) and a \
          shout (pitch 1.4 times, resonances 1.15 times as high, 6 dB an octave more above 1 kHz) are \
          made. The model hears the voice and is told no emotion. How far the chin falls, 95 % quantile \
          of a recording: medians in mm, and the geometric mean of the pairs' ratios.",

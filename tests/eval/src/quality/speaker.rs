@@ -53,9 +53,9 @@ impl Speaker {
         known.any(|known| known.name == control)
     }
 
-    /// Whether the emotion of a wish is shown: systems that hear feeling show what they hear.
+    /// Whether the emotion of a wish is shown: systems that hear emotion show what they hear.
     pub(super) fn shows_emotion(&self) -> bool {
-        !self.engine.system().can(Ability::Feeling)
+        !self.engine.system().can(Ability::Emotion)
     }
 
     /// All that the engine performs.

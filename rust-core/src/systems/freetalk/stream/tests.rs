@@ -20,7 +20,7 @@ fn built_in() -> Arc<CausalModel> {
 fn of(model: &Arc<CausalModel>) -> CausalStream {
     let (expressions, modes) = (Expressions::open(None), FaceModes::open(None));
     let (expressions, modes) = (Arc::new(expressions.unwrap()), Arc::new(modes.unwrap()));
-    let expression = CausalExpression::new(expressions, modes, model.config().fps);
+    let expression = CausalExpression::new(expressions, modes, model.config().fps).unwrap();
     CausalStream::new(Arc::clone(model), expression)
 }
 

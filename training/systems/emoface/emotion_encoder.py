@@ -2,9 +2,9 @@
 
 From the last two seconds before each instant 118 numbers are taken: pitch, voicing, loudness, tilt, cepstra
 and how they move. A linear discriminant (Fisher 1936) with equal priors and a shrunken covariance makes of
-them six coordinates in which the taught feelings lie apart, and the probability of each; both are F_e.
+them six coordinates in which the taught emotions lie apart, and the probability of each; both are F_e.
 Differs from the paper's wav2vec 2.0: with 25 minutes of felt speech from ten actors a convolutional network
-told 50 % of an unheard actor's feelings apart, these numbers 69 %.
+told 50 % of an unheard actor's emotions apart, these numbers 69 %.
 
 Frames of 10 ms are those of `log_mel`; instants stand 160 ms apart.
 """
@@ -17,7 +17,7 @@ import torch
 from training.nn.config import Config
 from training.speech.log_mel import BANDS, FFT, FRAME, SAMPLE_RATE_HZ, log_mel, power_spectrum
 
-FEELINGS = ["neutral", "angry", "happy", "afraid", "sad", "disgusted", "calm"]
+HEARD_EMOTIONS = ["neutral", "angry", "happy", "afraid", "sad", "disgusted", "calm"]
 """What was taught, by the project's names; `calm` is emodb_de's boredom."""
 WINDOW, LEAST, STEP = 200, 80, 16
 """Frames that are remembered, that must have been heard at least, and from one instant to the next."""
@@ -39,13 +39,13 @@ NUMBERS = 118
 
 
 @dataclass
-class FeelingConfig(Config):
+class EmotionEncoderConfig(Config):
     """Everything that inference has to know; saved as config.json."""
 
-    model: str = "feeling"
+    model: str = "emotion"
     numbers: int = NUMBERS
     coordinates: int = 6
-    feelings: list[str] = field(default_factory=lambda: list(FEELINGS))
+    emotions: list[str] = field(default_factory=lambda: list(HEARD_EMOTIONS))
 
 
 @dataclass
@@ -144,10 +144,10 @@ def _pitch(octave: np.ndarray, voiced: np.ndarray) -> np.ndarray:
 
 
 @dataclass
-class FeelingEncoder:
+class EmotionEncoder:
     """`mean`, `scale` [118] of the numbers; `coordinates` [118, 6]; `weight` [118, 7], `bias` [7]: logits."""
 
-    config: FeelingConfig
+    config: EmotionEncoderConfig
     mean: np.ndarray
     scale: np.ndarray
     coordinates: np.ndarray
@@ -179,11 +179,11 @@ class FeelingEncoder:
         return heard[below] * (1.0 - share) + heard[above] * share
 
 
-def fitted(x: np.ndarray, labels: np.ndarray, shrinkage: float) -> FeelingEncoder:
-    """The discriminant of measured numbers [N, 118] with labels [N] in `FEELINGS`."""
+def fitted(x: np.ndarray, labels: np.ndarray, shrinkage: float) -> EmotionEncoder:
+    """The discriminant of measured numbers [N, 118] with labels [N] in `HEARD_EMOTIONS`."""
     mean, scale = x.mean(axis=0), np.maximum(x.std(axis=0), 1e-6)
     z = (x - mean) / scale
-    classes = np.arange(len(FEELINGS))
+    classes = np.arange(len(HEARD_EMOTIONS))
     means = np.stack([z[labels == k].mean(axis=0) for k in classes])
     within = np.mean([np.cov(z[labels == k].T, bias=True) for k in classes], axis=0)
     level = np.trace(within) / len(within)
@@ -195,5 +195,5 @@ def fitted(x: np.ndarray, labels: np.ndarray, shrinkage: float) -> FeelingEncode
     white = vector / np.sqrt(value)
     spread = (means - means.mean(axis=0)) @ white
     _, _, axes = np.linalg.svd(spread, full_matrices=False)
-    config = FeelingConfig()
-    return FeelingEncoder(config, mean, scale, white @ axes[: config.coordinates].T, weight, bias)
+    config = EmotionEncoderConfig()
+    return EmotionEncoder(config, mean, scale, white @ axes[: config.coordinates].T, weight, bias)

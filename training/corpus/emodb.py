@@ -1,4 +1,4 @@
-"""Felt speech: emodb_de, ten actors saying the same ten sentences in seven feelings (Burkhardt et al. 2005).
+"""Felt speech: emodb_de, ten actors saying the same ten sentences in seven emotions (Burkhardt et al. 2005).
 
 Whole actors are held out, a woman and a man. Boredom is the project's `calm`.
 """
@@ -43,12 +43,12 @@ MODIFIERS = ("+", "-", "(", "[", "hoe")
 
 @dataclass
 class Felt:
-    """A recording: `feeling` by the project's names, `share` of the listeners who named it, 0 to 1."""
+    """A recording: `emotion` by the project's names, `share` of the listeners who named it, 0 to 1."""
 
     name: str
     actor: str
     sentence: str
-    feeling: str
+    emotion: str
     share: float
     held_out: bool
     samples: np.ndarray
@@ -71,7 +71,7 @@ def read_felt(data: Path, limit: int | None = None) -> list[Felt]:
         taken[held_out] += 1
         name = row["clip"]
         samples = read_sound(folder / f"{name}.ogg")
-        found.append(Felt(name, row["actor"], row["sentence"], NAMES[row["feeling"]],
+        found.append(Felt(name, row["actor"], row["sentence"], NAMES[row["emotion"]],
                           float(row["recognised_percent"]) / 100.0, held_out, samples,
                           phones_of(labels.get(name, []))))  # fmt: skip
     return found

@@ -9,34 +9,36 @@ use crate::{
     Error, Result,
     audio::Waveform,
     job::ProgressFn,
-    speech::{self, FeelingEncoder, FeltVoice, SpeechEncoder, at_motion_frames},
+    speech::{self, EmotionEncoder, SpeechEncoder, VoiceTrack, at_motion_frames},
 };
 
 /// `E_e`.
-pub(super) enum Feels {
+pub(super) enum EmotionSource {
     /// The built-in encoder, or that of the folder of models.
-    BuiltIn(Arc<FeelingEncoder>),
+    BuiltIn(Arc<EmotionEncoder>),
     /// A checkpoint of the user's, as in the paper.
     Checkpoint(Box<dyn SpeechEncoder>),
 }
 
-impl Feels {
+impl EmotionSource {
     /// As `config` says; the folder of models is that of the engine.
     ///
     /// # Errors
     /// `Weights` or `Io` if the encoder is missing, damaged or another than the model was trained with.
-    pub fn open(folder: Option<&Path>, config: &EmoFaceConfig) -> Result<Feels> {
-        if let Some(wanted) = &config.feeling {
-            return Ok(Feels::Checkpoint(speech::open_feeling(wanted, folder)?));
+    pub fn open(folder: Option<&Path>, config: &EmoFaceConfig) -> Result<EmotionSource> {
+        if let Some(wanted) = &config.emotion {
+            return Ok(EmotionSource::Checkpoint(speech::open_emotion(
+                wanted, folder,
+            )?));
         }
-        let encoder = FeelingEncoder::open(folder)?;
-        let (wanted, given) = (config.feeling_channels, encoder.channels());
+        let encoder = EmotionEncoder::open(folder)?;
+        let (wanted, given) = (config.emotion_channels, encoder.channels());
         if wanted != given {
             return Err(Error::Weights(format!(
                 "emoface: expected an emotion encoder of {wanted} features, got one of {given}"
             )));
         }
-        Ok(Feels::BuiltIn(Arc::new(encoder)))
+        Ok(EmotionSource::BuiltIn(Arc::new(encoder)))
     }
 
     /// `F_e` of a voice at motion frames, `[frames, E]`.
@@ -45,14 +47,14 @@ impl Feels {
     /// `InvalidInput` where a checkpoint is to hear a voice that kept no sound; `Audio` for a sound too short for it.
     pub fn at_frames(
         &self,
-        voice: &FeltVoice,
+        voice: &VoiceTrack,
         frames: usize,
         fps: f64,
         progress: ProgressFn<'_>,
     ) -> Result<Array2<f32>> {
         match self {
-            Feels::BuiltIn(encoder) => Ok(encoder.at_frames(voice, frames, fps)),
-            Feels::Checkpoint(encoder) => {
+            EmotionSource::BuiltIn(encoder) => Ok(encoder.at_frames(voice, frames, fps)),
+            EmotionSource::Checkpoint(encoder) => {
                 let track = encoder.encode(kept(voice)?, progress)?;
                 Ok(at_motion_frames(&track, frames, fps))
             }
@@ -62,16 +64,16 @@ impl Feels {
     /// The same of the whole of a voice, stretched over so many frames.
     ///
     /// # Errors
-    /// Those of [`Feels::at_frames`].
+    /// Those of [`EmotionSource::at_frames`].
     pub fn over(
         &self,
-        voice: &FeltVoice,
+        voice: &VoiceTrack,
         frames: usize,
         progress: ProgressFn<'_>,
     ) -> Result<Array2<f32>> {
         match self {
-            Feels::BuiltIn(encoder) => Ok(encoder.over(voice, frames)),
-            Feels::Checkpoint(encoder) => {
+            EmotionSource::BuiltIn(encoder) => Ok(encoder.over(voice, frames)),
+            EmotionSource::Checkpoint(encoder) => {
                 let sound = kept(voice)?;
                 let pace = frames.saturating_sub(1).max(1) as f64 / sound.duration_s();
                 Ok(at_motion_frames(
@@ -85,9 +87,9 @@ impl Feels {
 }
 
 /// The sound of a voice that an encoder of the user's hears.
-fn kept(voice: &FeltVoice) -> Result<&Waveform> {
+fn kept(voice: &VoiceTrack) -> Result<&Waveform> {
     voice.sound().ok_or_else(|| {
-        Error::InvalidInput("feeling: expected a voice with its sound, got one without".into())
+        Error::InvalidInput("emotion: expected a voice with its sound, got one without".into())
     })
 }
 
@@ -102,17 +104,17 @@ mod tests {
 
     const FPS: f64 = 25.0;
 
-    /// A model that hears feeling by the golden's encoder, and the folder of models where that stands.
+    /// A model that hears emotion by the golden's encoder, and the folder of models where that stands.
     fn heard_by(golden: &Golden, channels: usize) -> (EmoFaceConfig, tempfile::TempDir) {
         let models = tempfile::tempdir().unwrap();
-        let folder = models.path().join("feeling_wav2vec2");
+        let folder = models.path().join("emotion_wav2vec2");
         std::fs::create_dir(&folder).unwrap();
         golden.write_arrays("weights.", &folder.join("model.safetensors"), |all| all);
         std::fs::write(folder.join("config.json"), golden.metadata("config")).unwrap();
         let debug = Golden::open("emoface_debug").metadata("config");
         let mut config = EmoFaceConfig::from_json(&debug).unwrap();
-        config.feeling_channels = channels;
-        config.feeling = Some(SpeechInput {
+        config.emotion_channels = channels;
+        config.emotion = Some(SpeechInput {
             encoder: "wav2vec2".into(),
             channels,
             transformer_fps: Some(FPS),
@@ -121,37 +123,38 @@ mod tests {
     }
 
     #[test]
-    fn a_checkpoint_beside_the_model_hears_feeling() {
+    fn a_checkpoint_beside_the_model_hears_emotion() {
         let golden = Golden::open("wav2vec2_tiny");
         let sound = Waveform {
             samples: golden.values("input"),
         };
         let (config, models) = heard_by(&golden, 32);
-        let feels = Feels::open(Some(models.path()), &config).unwrap();
-        let voice = FeltVoice::of(&sound).with_sound(&sound);
+        let source = EmotionSource::open(Some(models.path()), &config).unwrap();
+        let voice = VoiceTrack::of(&sound).with_sound(&sound);
         let frames = speech::frames_of(sound.duration_s(), FPS);
-        let heard = feels.at_frames(&voice, frames, FPS, SILENT).unwrap();
-        let folder = models.path().join("feeling_wav2vec2");
+        let heard = source.at_frames(&voice, frames, FPS, SILENT).unwrap();
+        let folder = models.path().join("emotion_wav2vec2");
         let encoder = from_folder(&folder, None, Some(FPS)).unwrap();
         let whole = encoder.encode(&sound, SILENT).unwrap().features;
         assert_eq!(heard, whole);
 
         // Twice as many frames, the first and the last of which hear the first and the last of the voice.
-        let long = feels.over(&voice, 2 * frames, SILENT).unwrap();
+        let long = source.over(&voice, 2 * frames, SILENT).unwrap();
         assert!(distance(long.row(0), whole.row(0)) < 1e-6);
         assert!(distance(long.row(2 * frames - 1), whole.row(frames - 1)) < 1e-6);
         assert!(
             distance(long.row(frames), whole.row(frames / 2))
                 < distance(long.row(frames), whole.row(0))
         );
-        assert_eq!(feels.over(&voice, 1, SILENT).unwrap().nrows(), 1);
+        assert_eq!(source.over(&voice, 1, SILENT).unwrap().nrows(), 1);
     }
 
     #[test]
     fn what_cannot_be_heard_by_it_is_told() {
         let golden = Golden::open("wav2vec2_tiny");
-        let told = |models: Option<&Path>, config: &EmoFaceConfig| match Feels::open(models, config)
-        {
+        let told = |models: Option<&Path>, config: &EmoFaceConfig| match EmotionSource::open(
+            models, config,
+        ) {
             Err(error) => error.to_string(),
             Ok(_) => panic!("expected an error"),
         };
@@ -159,7 +162,7 @@ mod tests {
         let empty = tempfile::tempdir().unwrap();
         for nowhere in [None, Some(empty.path())] {
             let text = told(nowhere, &config);
-            assert!(text.contains("as the folder feeling_wav2vec2"), "{text}");
+            assert!(text.contains("as the folder emotion_wav2vec2"), "{text}");
         }
         let (others, _) = heard_by(&golden, 48);
         let text = told(Some(models.path()), &others);
@@ -168,12 +171,12 @@ mod tests {
             "{text}"
         );
 
-        let feels = Feels::open(Some(models.path()), &config).unwrap();
+        let source = EmotionSource::open(Some(models.path()), &config).unwrap();
         let sound = Waveform {
             samples: golden.values("input"),
         };
-        let mute = feels
-            .at_frames(&FeltVoice::of(&sound), 5, FPS, SILENT)
+        let mute = source
+            .at_frames(&VoiceTrack::of(&sound), 5, FPS, SILENT)
             .unwrap_err();
         assert!(mute.to_string().contains("got one without"), "{mute}");
     }
@@ -182,12 +185,12 @@ mod tests {
     fn channels_of_the_config_have_to_agree() {
         let text = Golden::open("emoface_debug").metadata("config");
         let mut config: serde_json::Value = serde_json::from_str(&text).unwrap();
-        config["feeling"] = serde_json::json!({"encoder": "hubert", "channels": 32});
+        config["emotion"] = serde_json::json!({"encoder": "hubert", "channels": 32});
         let refused = EmoFaceConfig::from_json(&config.to_string())
             .unwrap_err()
             .to_string();
         assert!(
-            refused.contains("expected the 8 channels of feeling_channels, got 32"),
+            refused.contains("expected the 8 channels of emotion_channels, got 32"),
             "{refused}"
         );
     }

@@ -1,4 +1,4 @@
-"""What is said and how it is felt as two layers, and the feeling of another recording."""
+"""What is said and how it is felt as two layers, and the emotion of another recording."""
 
 import bpy
 import numpy as np
@@ -49,12 +49,12 @@ def test_layers_add_up_to_the_take_without_layers(speaking):
     assert not masked_keys(ob) and not ob.vertex_groups
     ob.anyface.layered = True
     generate(ob)
-    assert masked_keys(ob) and [group.name for group in ob.vertex_groups] == ["Feeling Mask"]
+    assert masked_keys(ob) and [group.name for group in ob.vertex_groups] == ["Emotion Mask"]
     apart_mm = 1000.0 * np.linalg.norm(film(ob, FRAMES) - whole, axis=2)
     assert apart_mm.max() < 2.5 * ob.anyface.error_mm
 
 
-def test_paint_takes_feeling_away_without_a_new_run(speaking):
+def test_paint_takes_emotion_away_without_a_new_run(speaking):
     ob = speaking
     generate(ob)
     as_made = film(ob, FRAMES)
@@ -64,7 +64,7 @@ def test_paint_takes_feeling_away_without_a_new_run(speaking):
     assert 1000.0 * np.linalg.norm(as_made - said, axis=2).max() > 0.3
     middle = np.median([v.co.y for v in ob.data.vertices])
     half = [v.index for v in ob.data.vertices if v.co.y > middle]
-    ob.vertex_groups["Feeling Mask"].add(half, 0.0, "REPLACE")
+    ob.vertex_groups["Emotion Mask"].add(half, 0.0, "REPLACE")
     ob.data.update()
     painted = film(ob, FRAMES)
     others = np.setdiff1d(np.arange(len(ob.data.vertices)), half)
@@ -75,23 +75,23 @@ def test_paint_takes_feeling_away_without_a_new_run(speaking):
 def test_a_painted_mask_serves_the_next_take_and_stays_when_that_goes(addon, speaking):
     ob = speaking
     generate(ob)
-    ob.vertex_groups["Feeling Mask"].add([0, 1, 2], 0.25, "REPLACE")
+    ob.vertex_groups["Emotion Mask"].add([0, 1, 2], 0.25, "REPLACE")
     generate(ob)
-    assert [group.name for group in ob.vertex_groups] == ["Feeling Mask"]
+    assert [group.name for group in ob.vertex_groups] == ["Emotion Mask"]
     assert bpy.ops.anyface.remove() == {"FINISHED"}
     assert ob.data.shape_keys is None
-    assert ob.vertex_groups["Feeling Mask"].weight(1) == 0.25
+    assert ob.vertex_groups["Emotion Mask"].weight(1) == 0.25
     ob.vertex_groups.remove(ob.vertex_groups[0])
     generate(ob)
     assert bpy.ops.anyface.remove() == {"FINISHED"}
     assert not ob.vertex_groups
 
 
-def test_another_strip_gives_the_feeling(addon, speaking):
+def test_another_strip_gives_the_emotion(addon, speaking):
     ob = speaking
     generate(ob)
     own = film(ob, FRAMES)
-    ob.anyface_audio.felt_strip = "Wild"
+    ob.anyface_audio.emotion_strip = "Wild"
     generate(ob)
     other = film(ob, FRAMES)
     felt_mm = 1000.0 * np.linalg.norm(other - own, axis=2)
@@ -99,28 +99,28 @@ def test_another_strip_gives_the_feeling(addon, speaking):
     # What is said is the same.
     ob.anyface_output.emotion = 0.0
     said = film(ob, FRAMES)
-    ob.anyface_audio.felt_strip = ""
+    ob.anyface_audio.emotion_strip = ""
     generate(ob)
     ob.anyface_output.emotion = 0.0
     said_mm = 1000.0 * np.linalg.norm(film(ob, FRAMES) - said, axis=2)
     assert said_mm.max() < 0.01
-    # A system that hears no feeling lets the strip be.
-    ob.anyface_audio.felt_strip, ob.anyface.system = "Wild", "freetalk"
+    # A system that hears no emotion lets the strip be.
+    ob.anyface_audio.emotion_strip, ob.anyface.system = "Wild", "freetalk"
     generate(ob)
 
 
 @pytest.mark.parametrize(("seconds", "said"), [(0.5, "0.50 s"), (None, "Nobody")])
-def test_a_feeling_that_cannot_be_heard_is_told_and_nothing_is_lost(
+def test_a_emotion_that_cannot_be_heard_is_told_and_nothing_is_lost(
     addon, speaking, tmp_path, seconds, said
 ):
     ob = speaking
     generate(ob)
     before = film(ob, FRAMES)
     if seconds is None:
-        ob.anyface_audio.felt_strip = "Nobody"
+        ob.anyface_audio.emotion_strip = "Nobody"
     else:
         strip(tone(tmp_path / "short.wav", seconds=seconds), "Short", START, channel=3)
-        ob.anyface_audio.felt_strip = "Short"
+        ob.anyface_audio.emotion_strip = "Short"
     with pytest.raises(RuntimeError, match=said):
         bpy.ops.anyface.generate()
     assert np.array_equal(film(ob, FRAMES), before)
@@ -155,12 +155,12 @@ def test_a_pose_of_absolute_keys_is_refused_in_words(addon, speaking):
         bpy.ops.anyface.generate()
 
 
-def test_the_take_knows_whose_feeling_it_has(addon, speaking):
+def test_the_take_knows_whose_emotion_it_has(addon, speaking):
     ob = speaking
-    ob.anyface_audio.felt_strip = "Wild"
+    ob.anyface_audio.emotion_strip = "Wild"
     generate(ob)
     asked = addon("scene.shape_keys.record").read(ob.data.shape_keys).asked
-    assert asked["anyface_audio"]["felt_strip"] == "Wild" and asked["anyface"]["layered"]
+    assert asked["anyface_audio"]["emotion_strip"] == "Wild" and asked["anyface"]["layered"]
 
 
 def test_the_heat_map_is_one_step_and_leaves_the_artists_colours(addon, speaking):
@@ -171,13 +171,13 @@ def test_the_heat_map_is_one_step_and_leaves_the_artists_colours(addon, speaking
     mine = [tuple(corner.color) for corner in colours["Mine"].data]
     bpy.context.scene.frame_set(START + 20)
     assert bpy.ops.anyface.heat_map() == {"FINISHED"}
-    assert {attribute.name for attribute in colours} == {"Mine", "Feeling Heat"}
+    assert {attribute.name for attribute in colours} == {"Mine", "Emotion Heat"}
     assert colours.active_color_name == "Mine"
     assert [tuple(corner.color) for corner in colours["Mine"].data] == mine
     heat = np.empty(4 * len(ob.data.vertices), dtype=np.float32)
-    colours["Feeling Heat"].data.foreach_get("color", heat)
+    colours["Emotion Heat"].data.foreach_get("color", heat)
     heat = heat.reshape(-1, 4)
-    # Red about the brows, where feeling moves the face, and less at the lips.
+    # Red about the brows, where emotion moves the face, and less at the lips.
     places = np.array([vertex.co for vertex in ob.data.vertices])
     marks = landmarks_of(ob)
     near = lambda numbers: (  # noqa: E731
@@ -188,7 +188,7 @@ def test_the_heat_map_is_one_step_and_leaves_the_artists_colours(addon, speaking
     # Again replaces, and hiding leaves the mesh as it was.
     bpy.context.scene.frame_set(START + 35)
     assert bpy.ops.anyface.heat_map() == {"FINISHED"}
-    assert {attribute.name for attribute in colours} == {"Mine", "Feeling Heat"}
+    assert {attribute.name for attribute in colours} == {"Mine", "Emotion Heat"}
     assert bpy.ops.anyface.heat_map_hide() == {"FINISHED"}
     assert [attribute.name for attribute in colours] == ["Mine"]
     assert not bpy.ops.anyface.heat_map_hide.poll()
@@ -200,6 +200,6 @@ def landmarks_of(ob):
     return np.array([ob.data.vertices[mark["vertex"]].co for mark in LANDMARKS])
 
 
-def test_a_system_without_feeling_has_no_heat_map(addon, speaking):
+def test_a_system_without_emotion_has_no_heat_map(addon, speaking):
     speaking.anyface.system = "freetalk"
     assert not bpy.ops.anyface.heat_map.poll()

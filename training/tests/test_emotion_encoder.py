@@ -1,6 +1,6 @@
 """Labels of felt speech become phones."""
 
-from training.corpus.feelings import phones_of
+from training.corpus.emodb import phones_of
 from training.corpus.phones import segments
 
 

@@ -10,11 +10,20 @@ const FULL: f64 = 0.95;
 ///
 /// Nothing shows where neutral is as likely as it is found to be in readings of strangers. From there on the
 /// intensity rises smoothly to 1. The mixture is the squares of the other probabilities, so that a doubt between two
-/// feelings seldom shows both. The rule is ours.
+/// emotions seldom shows both. The rule is ours.
 pub(super) fn shown(shares: &[f64; EMOTIONS.len()]) -> Emotion {
     let felt: f64 = shares[1..].iter().sum();
     let above = ((felt - FLOOR) / (FULL - FLOOR)).clamp(0.0, 1.0);
-    let intensity = (above * above * (3.0 - 2.0 * above)) as f32;
+    strongest_of(shares, above * above * (3.0 - 2.0 * above))
+}
+
+/// The same of a recording that somebody chose for its emotion: the intensity is how unlikely neutral is.
+pub(super) fn shown_on_purpose(shares: &[f64; EMOTIONS.len()]) -> Emotion {
+    strongest_of(shares, shares[1..].iter().sum())
+}
+
+fn strongest_of(shares: &[f64; EMOTIONS.len()], intensity: f64) -> Emotion {
+    let intensity = intensity as f32;
     if intensity == 0.0 {
         return Emotion::default();
     }
@@ -31,9 +40,9 @@ pub(super) fn shown(shares: &[f64; EMOTIONS.len()]) -> Emotion {
 mod tests {
     use super::*;
 
-    fn sure_of(feeling: &str, share: f64) -> Emotion {
+    fn sure_of(emotion: &str, share: f64) -> Emotion {
         let rest = (1.0 - share) / (EMOTIONS.len() - 1) as f64;
-        shown(&EMOTIONS.map(|name| if name == feeling { share } else { rest }))
+        shown(&EMOTIONS.map(|name| if name == emotion { share } else { rest }))
     }
 
     #[test]

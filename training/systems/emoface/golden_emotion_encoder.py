@@ -6,7 +6,13 @@ import numpy as np
 import torch
 
 from training.goldens import write_golden
-from training.systems.emoface.feeling import NUMBERS, FeelingConfig, FeelingEncoder, numbers, voice_of
+from training.systems.emoface.emotion_encoder import (
+    NUMBERS,
+    EmotionEncoder,
+    EmotionEncoderConfig,
+    numbers,
+    voice_of,
+)
 
 RATE_HZ = 16000
 
@@ -28,9 +34,9 @@ def write(out: Path, shared: Path) -> Path:
     random = np.random.default_rng(29)
     samples = made_voice()
     random.standard_normal(len(samples))
-    config, classes = FeelingConfig(), len(FeelingConfig().feelings)
+    config, classes = EmotionEncoderConfig(), len(EmotionEncoderConfig().emotions)
     measured = numbers(voice_of(samples))
-    model = FeelingEncoder(
+    model = EmotionEncoder(
         config, measured.mean(axis=0), np.maximum(measured.std(axis=0), 0.1),
         0.2 * random.standard_normal((NUMBERS, config.coordinates)),
         0.2 * random.standard_normal((NUMBERS, classes)), random.standard_normal(classes),
@@ -42,4 +48,6 @@ def write(out: Path, shared: Path) -> Path:
     arrays |= {"samples": samples, "numbers": measured, "track": model.track(samples, 75),
                "short": model.track(samples[:3000], 5)}  # fmt: skip
     tensors = {name: torch.from_numpy(np.ascontiguousarray(x)).float() for name, x in arrays.items()}
-    return write_golden(out / "feeling_debug.safetensors", tensors, "feeling", None, config.to_json())
+    return write_golden(
+        out / "emotion_encoder_debug.safetensors", tensors, "emotion_encoder", None, config.to_json()
+    )

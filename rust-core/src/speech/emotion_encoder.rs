@@ -1,12 +1,12 @@
 //! How somebody feels, heard in how he speaks over two seconds: EmoFace's emotion encoder `E_e`.
 //!
-//! Twin of `training/systems/emoface/feeling.py`. From the last two seconds before each instant 118 numbers
+//! Twin of `training/systems/emoface/emotion_encoder.py`. From the last two seconds before each instant 118 numbers
 //! are taken: pitch, voicing, loudness, tilt, cepstra and how they move. A linear discriminant makes of them
-//! six coordinates in which the taught feelings lie apart, and the probability of each; both are `F_e`.
+//! six coordinates in which the taught emotions lie apart, and the probability of each; both are `F_e`.
 
 mod live;
 
-pub use live::LiveFeeling;
+pub use live::LiveEmotion;
 
 use std::{f64::consts::PI, path::Path};
 
@@ -21,8 +21,8 @@ use crate::{
     models::{BuiltIn, Weights},
 };
 
-/// Built-in weights of [`FeelingEncoder`].
-pub static FEELING_MODEL: BuiltIn = BuiltIn::new(&anyface_weights_shared::FEELING);
+/// Built-in weights of [`EmotionEncoder`].
+pub static EMOTION_ENCODER: BuiltIn = BuiltIn::new(&anyface_weights_shared::EMOTION_ENCODER);
 
 /// Numbers that are measured at an instant.
 pub const NUMBERS: usize = 118;
@@ -52,18 +52,18 @@ const CEPSTRA: usize = 20;
 
 /// `config.json` beside the weights.
 #[derive(Debug, Clone, PartialEq, serde::Deserialize)]
-pub struct FeelingConfig {
+pub struct EmotionEncoderConfig {
     /// Numbers that are measured; always [`NUMBERS`].
     pub numbers: usize,
     /// Coordinates of the discriminant.
     pub coordinates: usize,
-    /// Feelings that it was taught, all of [`EMOTIONS`].
-    pub feelings: Vec<String>,
+    /// Emotions that it was taught, all of [`EMOTIONS`].
+    pub emotions: Vec<String>,
 }
 
 /// What is heard of a voice in frames of 10 ms, whatever its level.
 #[derive(Debug, Clone, PartialEq)]
-pub struct FeltVoice {
+pub struct VoiceTrack {
     /// `[M, 64]`, log-mel.
     mel: Array2<f64>,
     /// `[M]`, log2 of the pitch in Hz.
@@ -75,7 +75,7 @@ pub struct FeltVoice {
 }
 
 /// What is heard of a voice in one window, up to two seconds.
-pub struct FeltWindow {
+pub struct VoiceWindow {
     /// `[T, 64]`, log-mel under the loud level.
     pub(super) relative: Array2<f64>,
     /// Level of its loud frames, nepers of power.
@@ -95,13 +95,13 @@ pub struct FeltWindow {
 }
 
 /// The discriminant.
-pub struct FeelingEncoder {
-    config: FeelingConfig,
+pub struct EmotionEncoder {
+    config: EmotionEncoderConfig,
     mean: Array1<f64>,
     scale: Array1<f64>,
     /// `[118, 6]`.
     coordinates: Array2<f64>,
-    /// `[118, feelings]`.
+    /// `[118, emotions]`.
     weight: Array2<f64>,
     bias: Array1<f64>,
 }
@@ -109,24 +109,24 @@ pub struct FeelingEncoder {
 /// Frames after which progress is told, ten seconds of sound.
 const REPORTED: usize = 1000;
 
-impl FeltVoice {
+impl VoiceTrack {
     /// Of a sound.
-    pub fn of(waveform: &Waveform) -> FeltVoice {
-        FeltVoice::hear(waveform, job::SILENT).expect("nobody cancels it")
+    pub fn of(waveform: &Waveform) -> VoiceTrack {
+        VoiceTrack::hear(waveform, job::SILENT).expect("nobody cancels it")
     }
 
     /// The same of a sound that may be long.
     ///
     /// # Errors
     /// `Cancelled`.
-    pub fn hear(waveform: &Waveform, progress: ProgressFn<'_>) -> Result<FeltVoice> {
+    pub fn hear(waveform: &Waveform, progress: ProgressFn<'_>) -> Result<VoiceTrack> {
         let samples = &waveform.samples;
         let peak = samples.iter().fold(0.0f32, |peak, x| peak.max(x.abs()));
         let gain = if peak > SILENT { PEAK / peak } else { 1.0 };
         let scaled: Vec<f32> = samples.iter().map(|x| x * gain).collect();
         let (mut ear, mut stretch) = (Ear::new(), [0.0; FRAME]);
         let frames = frames_of_samples(scaled.len());
-        let mut voice = FeltVoice {
+        let mut voice = VoiceTrack {
             mel: Array2::zeros((frames, BANDS)),
             octave: Vec::with_capacity(frames),
             periodic: Vec::with_capacity(frames),
@@ -147,22 +147,27 @@ impl FeltVoice {
         Ok(voice)
     }
 
+    /// Length in seconds.
+    pub fn duration_s(&self) -> f64 {
+        self.octave.len() as f64 / FRAMES_HZ
+    }
+
     /// The same, with the sound kept for encoders that hear it themselves.
-    pub fn with_sound(mut self, waveform: &Waveform) -> FeltVoice {
+    pub fn with_sound(mut self, waveform: &Waveform) -> VoiceTrack {
         self.sound = Some(waveform.clone());
         self
     }
 
-    /// What [`FeltVoice::with_sound`] kept.
+    /// What [`VoiceTrack::with_sound`] kept.
     pub fn sound(&self) -> Option<&Waveform> {
         self.sound.as_ref()
     }
 
-    /// Of a sound whose feeling is to be taken, with the sound itself.
+    /// Of a sound whose emotion is to be taken, with the sound itself.
     ///
     /// # Errors
-    /// `Audio` if it is silent or too short for a feeling to be heard in it.
-    pub fn checked(waveform: &Waveform) -> Result<FeltVoice> {
+    /// `Audio` if it is silent or too short for an emotion to be heard in it.
+    pub fn checked(waveform: &Waveform) -> Result<VoiceTrack> {
         let (least_s, got_s) = (LEAST as f64 / FRAMES_HZ, waveform.duration_s());
         if waveform.is_silent() || got_s < least_s {
             let got = match waveform.is_silent() {
@@ -170,10 +175,10 @@ impl FeltVoice {
                 false => format!("{got_s:.2} s"),
             };
             return Err(Error::Audio(format!(
-                "feeling: expected a voice of at least {least_s} s, got {got}"
+                "emotion: expected a voice of at least {least_s} s, got {got}"
             )));
         }
-        Ok(FeltVoice::of(waveform).with_sound(waveform))
+        Ok(VoiceTrack::of(waveform).with_sound(waveform))
     }
 
     /// What is measured at each instant, `[I, 118]`; none of a sound shorter than 0.8 s.
@@ -193,7 +198,7 @@ impl FeltVoice {
     }
 
     /// What is heard up to each instant, of which only one in `every` is taken.
-    pub(super) fn windows(&self, every: usize) -> Vec<FeltWindow> {
+    pub(super) fn windows(&self, every: usize) -> Vec<VoiceWindow> {
         let cepstra = self.mel.dot(&cepstral_basis());
         let ends = (LEAST..=self.octave.len()).step_by(STEP * every);
         let window = |end: usize| {
@@ -203,7 +208,7 @@ impl FeltVoice {
         ends.map(window).collect()
     }
 
-    fn of_window(&self, cepstra: ArrayView2<'_, f64>, first: usize, end: usize) -> FeltWindow {
+    fn of_window(&self, cepstra: ArrayView2<'_, f64>, first: usize, end: usize) -> VoiceWindow {
         let mel = self.mel.slice(s![first..end, ..]);
         let level: Vec<f64> = mel
             .outer_iter()
@@ -264,7 +269,7 @@ impl FeltVoice {
         };
         let colour = columns(&relative.select(Axis(0), coloured), mean);
         out.extend(colour.into_iter().step_by(4));
-        FeltWindow {
+        VoiceWindow {
             relative,
             loud,
             octave: self.octave[first..end].to_vec(),
@@ -277,24 +282,24 @@ impl FeltVoice {
     }
 }
 
-impl FeelingEncoder {
+impl EmotionEncoder {
     /// The built-in encoder, or that of `folder`.
     ///
     /// # Errors
     /// `Weights` or `Io` if a file is missing, damaged, or does not fit the other.
     pub fn open(folder: Option<&Path>) -> Result<Self> {
-        let files = FEELING_MODEL.open(folder)?;
+        let files = EMOTION_ENCODER.open(folder)?;
         Self::load(&Weights::from_bytes(&files.weights)?, &files.config)
     }
 
     fn load(weights: &Weights, config: &str) -> Result<Self> {
-        let wrong = |told: String| Error::Weights(format!("feeling config.json: {told}"));
-        let config: FeelingConfig =
+        let wrong = |told: String| Error::Weights(format!("emotion config.json: {told}"));
+        let config: EmotionEncoderConfig =
             serde_json::from_str(config).map_err(|e| wrong(e.to_string()))?;
-        let mut names = config.feelings.iter();
+        let mut names = config.emotions.iter();
         if let Some(name) = names.find(|name| !EMOTIONS.contains(&name.as_str())) {
             return Err(wrong(format!(
-                "feelings: expected names of {EMOTIONS:?}, got {name:?}"
+                "emotions: expected names of {EMOTIONS:?}, got {name:?}"
             )));
         }
         if config.numbers != NUMBERS {
@@ -303,7 +308,7 @@ impl FeelingEncoder {
                 config.numbers
             )));
         }
-        let classes = config.feelings.len();
+        let classes = config.emotions.len();
         let vector = |name: &str, length| -> Result<Array1<f64>> {
             Ok(weights.vector(name, length)?.mapv(f64::from))
         };
@@ -313,10 +318,10 @@ impl FeelingEncoder {
         let scale = vector("scale", NUMBERS)?;
         if let Some(value) = scale.iter().find(|value| **value <= 0.0) {
             return Err(Error::Weights(format!(
-                "feeling: scale: expected more than 0, got {value}"
+                "emotion: scale: expected more than 0, got {value}"
             )));
         }
-        Ok(FeelingEncoder {
+        Ok(EmotionEncoder {
             mean: vector("mean", NUMBERS)?,
             scale,
             coordinates: matrix("coordinates", config.coordinates)?,
@@ -328,24 +333,24 @@ impl FeelingEncoder {
 
     /// Channels `E` of the features: coordinates, then probabilities.
     pub fn channels(&self) -> usize {
-        self.config.coordinates + self.config.feelings.len()
+        self.config.coordinates + self.config.emotions.len()
     }
 
-    /// Feelings that it was taught.
-    pub fn feelings(&self) -> &[String] {
-        &self.config.feelings
+    /// Emotions that it was taught.
+    pub fn emotions(&self) -> &[String] {
+        &self.config.emotions
     }
 
     /// `F_e` at motion frames, `[frames, E]`: each hears what came before it, the first ones the first 0.8 s.
     ///
     /// A sound shorter than that feels as the taught mean does.
-    pub fn at_frames(&self, voice: &FeltVoice, frames: usize, fps: f64) -> Array2<f32> {
+    pub fn at_frames(&self, voice: &VoiceTrack, frames: usize, fps: f64) -> Array2<f32> {
         let frame = |t: usize| t as f64 * (FRAMES_HZ / fps);
         self.sampled(voice, frames, frame)
     }
 
     /// The whole of a voice over so many frames, however long either is, `[frames, E]`.
-    pub fn over(&self, voice: &FeltVoice, frames: usize) -> Array2<f32> {
+    pub fn over(&self, voice: &VoiceTrack, frames: usize) -> Array2<f32> {
         let end = voice.octave.len() as f64;
         let first = (LEAST as f64).min(end);
         let pace = (end - first) / frames.saturating_sub(1).max(1) as f64;
@@ -354,7 +359,7 @@ impl FeelingEncoder {
 
     fn sampled(
         &self,
-        voice: &FeltVoice,
+        voice: &VoiceTrack,
         frames: usize,
         frame: impl Fn(usize) -> f64,
     ) -> Array2<f32> {
@@ -534,19 +539,19 @@ mod tests {
     use super::*;
     use crate::nn::golden::{Golden, distance};
 
-    fn encoder(golden: &Golden) -> FeelingEncoder {
-        FeelingEncoder::load(&golden.weights(), &golden.metadata("config")).unwrap()
+    fn encoder(golden: &Golden) -> EmotionEncoder {
+        EmotionEncoder::load(&golden.weights(), &golden.metadata("config")).unwrap()
     }
 
-    fn voice(samples: &[f32]) -> FeltVoice {
-        FeltVoice::of(&Waveform {
+    fn voice(samples: &[f32]) -> VoiceTrack {
+        VoiceTrack::of(&Waveform {
             samples: samples.to_vec(),
         })
     }
 
     #[test]
     fn agrees_with_python() {
-        let golden = Golden::open("feeling_debug");
+        let golden = Golden::open("emotion_encoder_debug");
         let (encoder, samples) = (encoder(&golden), golden.values("samples"));
         let numbers = voice(&samples).numbers().mapv(|x| x as f32);
         let apart = distance(&numbers, &golden.matrix("numbers"));
@@ -560,7 +565,7 @@ mod tests {
 
     #[test]
     fn level_changes_nothing_and_neither_does_what_comes_later() {
-        let golden = Golden::open("feeling_debug");
+        let golden = Golden::open("emotion_encoder_debug");
         let (encoder, samples) = (encoder(&golden), golden.values("samples"));
         let whole = encoder.at_frames(&voice(&samples), 75, 25.0);
         let quiet: Vec<f32> = samples.iter().map(|x| 0.125 * x).collect();
@@ -572,14 +577,14 @@ mod tests {
 
     #[test]
     fn a_voice_is_stretched_over_any_number_of_frames() {
-        let golden = Golden::open("feeling_debug");
+        let golden = Golden::open("emotion_encoder_debug");
         let (encoder, samples) = (encoder(&golden), golden.values("samples"));
         let voice = voice(&samples);
         let whole = encoder.at_frames(&voice, 76, 25.0);
         let over = encoder.over(&voice, 300);
         assert!(distance(over.row(0), whole.row(0)) < 1e-6);
         assert_eq!(encoder.over(&voice, 1).dim(), (1, encoder.channels()));
-        let silent = FeltVoice::of(&Waveform {
+        let silent = VoiceTrack::of(&Waveform {
             samples: vec![0.0; 32_000],
         });
         assert!(encoder.over(&silent, 10).iter().all(|x| x.is_finite()));

@@ -1,10 +1,10 @@
-"""The vertex group that says where feeling acts; artists paint it with Blender's own brushes."""
+"""The vertex group that says where emotion acts; artists paint it with Blender's own brushes."""
 
 import numpy as np
 
-NAME = "Feeling Mask"
-# The colour attribute that shows where feeling is believed, and its colours from 0 to 1.
-HEAT = "Feeling Heat"
+NAME = "Emotion Mask"
+# The colour attribute that shows where emotion is believed, and its colours from 0 to 1.
+HEAT = "Emotion Heat"
 _COLOURS = ((0.0, 0.05, 0.35), (0.0, 0.45, 0.45), (0.9, 0.75, 0.1), (0.75, 0.02, 0.02))
 
 

@@ -1,9 +1,9 @@
 """Fits the emotion encoder to emodb_de and to readers' neutral speech, and measures it.
 
-    python -m training.systems.emoface.train_feeling --data ../shared/data
-    python -m training.systems.emoface.train_feeling --data ../shared/data --leave-one-out
+    python -m training.systems.emoface.train_emotion_encoder --data ../shared/data
+    python -m training.systems.emoface.train_emotion_encoder --data ../shared/data --leave-one-out
 
-The second fits once without each of the ten actors and prints how often the others' feelings are told from
+The second fits once without each of the ten actors and prints how often the others' emotions are told from
 the first two seconds of a clip. There is nothing random in it.
 """
 
@@ -16,9 +16,9 @@ import torch
 
 from training import shipped
 from training.corpus.clip import read_sound
-from training.corpus.feelings import read_felt
+from training.corpus.emodb import read_felt
 from training.nn.checkpoint import write_model
-from training.systems.emoface.feeling import FEELINGS, FeelingEncoder, fitted, numbers, voice_of
+from training.systems.emoface.emotion_encoder import HEARD_EMOTIONS, EmotionEncoder, fitted, numbers, voice_of
 
 READERS = ("kathleen_en", "kerstin_de", "nathalie_nl", "picovoice_en")
 SHRINKAGE = 0.1
@@ -28,7 +28,7 @@ TRAINING_INSTANTS = 2
 
 @dataclass
 class Measured:
-    """A clip: `rows` [I, 118]; `label` counts in `FEELINGS`."""
+    """A clip: `rows` [I, 118]; `label` counts in `HEARD_EMOTIONS`."""
 
     speaker: str
     label: int
@@ -42,7 +42,7 @@ def felt_clips(data: Path, limit: int | None = None) -> list[Measured]:
     for clip in read_felt(data, limit):
         rows = numbers(voice_of(clip.samples))
         if len(rows):
-            found.append(Measured(clip.actor, FEELINGS.index(clip.feeling), rows, clip.held_out))
+            found.append(Measured(clip.actor, HEARD_EMOTIONS.index(clip.emotion), rows, clip.held_out))
     return found
 
 
@@ -58,7 +58,7 @@ def readers(data: Path, count: int = 60) -> list[Measured]:
     return found
 
 
-def fit(clips: list[Measured]) -> FeelingEncoder:
+def fit(clips: list[Measured]) -> EmotionEncoder:
     """From clips that are not left out."""
     rows = [(c.rows[-TRAINING_INSTANTS:], c.label) for c in clips]
     x = np.concatenate([r for r, _ in rows])
@@ -66,7 +66,7 @@ def fit(clips: list[Measured]) -> FeelingEncoder:
     return fitted(x, labels, SHRINKAGE)
 
 
-def logits_of(model: FeelingEncoder, clips: list[Measured]) -> np.ndarray:
+def logits_of(model: EmotionEncoder, clips: list[Measured]) -> np.ndarray:
     """At the end of each clip, [N, 7]."""
     x = (np.stack([c.rows[-1] for c in clips]) - model.mean) / model.scale
     return x @ model.weight + model.bias
@@ -75,7 +75,7 @@ def logits_of(model: FeelingEncoder, clips: list[Measured]) -> np.ndarray:
 def scores(logits: np.ndarray, labels: np.ndarray) -> dict[str, float]:
     """Share of right answers; mean over the classes; joy against anger."""
     answers = logits.argmax(axis=1)
-    angry, happy = FEELINGS.index("angry"), FEELINGS.index("happy")
+    angry, happy = HEARD_EMOTIONS.index("angry"), HEARD_EMOTIONS.index("happy")
     two = np.isin(labels, (angry, happy))
     between = np.where(logits[:, happy] > logits[:, angry], happy, angry)
     each = [float((answers[labels == k] == k).mean()) for k in sorted(set(labels.tolist()))]
@@ -124,7 +124,7 @@ def main() -> None:
     model = fit([c for c in clips if not c.held_out] + taught)
     state = {name: torch.from_numpy(getattr(model, name)).float()
              for name in ("mean", "scale", "coordinates", "weight", "bias")}  # fmt: skip
-    folder = arguments.models / "feeling" if arguments.models else shipped("feeling")
+    folder = arguments.models / "emotion_encoder" if arguments.models else shipped("emotion_encoder")
     print(write_model(folder, state, model.config.to_json(), exact=("",)))
     kept = [c for c in clips if c.held_out]
     if kept:

@@ -5,17 +5,17 @@ use std::{collections::VecDeque, sync::Arc};
 use ndarray::{Array1, Array2, Axis};
 
 use super::{
-    BANDS, Ear, FRAME, FRAMES_HZ, FeelingEncoder, FeltVoice, FeltWindow, HeardFrame, LEAST, PEAK,
-    SILENT, STEP, WINDOW, cepstral_basis,
+    BANDS, Ear, EmotionEncoder, FRAME, FRAMES_HZ, HeardFrame, LEAST, PEAK, SILENT, STEP,
+    VoiceTrack, VoiceWindow, WINDOW, cepstral_basis,
 };
 
 /// Instants that are remembered: one after the frame, one before it, one that came early.
 const INSTANTS: usize = 3;
 
-/// What [`FeelingEncoder::at_frames`] gives of the whole, but that a voice is taken to be as loud as it has been
+/// What [`EmotionEncoder::at_frames`] gives of the whole, but that a voice is taken to be as loud as it has been
 /// so far, and that in the first 0.8 s it feels as the taught mean does.
-pub struct LiveFeeling {
-    encoder: Arc<FeelingEncoder>,
+pub struct LiveEmotion {
+    encoder: Arc<EmotionEncoder>,
     ear: Ear,
     /// Loudest sample so far.
     peak: f32,
@@ -27,12 +27,12 @@ pub struct LiveFeeling {
     instants: VecDeque<(usize, Array1<f64>)>,
 }
 
-impl LiveFeeling {
+impl LiveEmotion {
     /// Before any sound.
-    pub fn new(encoder: Arc<FeelingEncoder>) -> LiveFeeling {
+    pub fn new(encoder: Arc<EmotionEncoder>) -> LiveEmotion {
         let mean = encoder.mean.clone().insert_axis(Axis(0));
         let mean = encoder.of_numbers(&mean).row(0).to_owned();
-        LiveFeeling {
+        LiveEmotion {
             ear: Ear::new(),
             peak: 0.0,
             frames: VecDeque::with_capacity(WINDOW),
@@ -43,7 +43,7 @@ impl LiveFeeling {
     }
 
     /// Hears the samples about the next 10 ms; returns the last two seconds where they end an instant.
-    pub fn hear(&mut self, stretch: &[f32; FRAME]) -> Option<FeltWindow> {
+    pub fn hear(&mut self, stretch: &[f32; FRAME]) -> Option<VoiceWindow> {
         let loudest = stretch.iter().fold(self.peak, |peak, x| peak.max(x.abs()));
         let gain = |peak: f32| if peak > SILENT { PEAK / peak } else { 1.0 };
         let (before, now) = (gain(self.peak), gain(loudest));
@@ -86,9 +86,9 @@ impl LiveFeeling {
     }
 
     /// The frames that are remembered.
-    fn window(&self) -> FeltWindow {
+    fn window(&self) -> VoiceWindow {
         let rows = self.frames.len();
-        let voice = FeltVoice {
+        let voice = VoiceTrack {
             mel: Array2::from_shape_fn((rows, BANDS), |(t, band)| self.frames[t].mel[band].into()),
             octave: self.frames.iter().map(|frame| frame.octave).collect(),
             periodic: self.frames.iter().map(|frame| frame.periodic).collect(),
@@ -110,18 +110,18 @@ mod tests {
 
     #[test]
     fn a_voice_that_was_heard_for_a_while_feels_as_it_does_heard_whole() {
-        let golden = Golden::open("feeling_debug");
+        let golden = Golden::open("emotion_encoder_debug");
         let weights = golden.weights();
-        let encoder = FeelingEncoder::load(&weights, &golden.metadata("config")).unwrap();
+        let encoder = EmotionEncoder::load(&weights, &golden.metadata("config")).unwrap();
         let encoder = Arc::new(encoder);
         let mut samples = golden.values("samples");
         // The loudest sample comes first, so that the level is known from the start.
         samples[20] = 1.0;
-        let whole = FeltVoice::of(&Waveform {
+        let whole = VoiceTrack::of(&Waveform {
             samples: samples.clone(),
         });
         let whole = encoder.at_frames(&whole, 75, 25.0);
-        let mut live = LiveFeeling::new(Arc::clone(&encoder));
+        let mut live = LiveEmotion::new(Arc::clone(&encoder));
         let mut stretch = [0.0; FRAME];
         let mut frames = 0;
         let mut largest = 0.0f32;
@@ -142,12 +142,12 @@ mod tests {
 
     #[test]
     fn a_voice_that_grows_louder_is_heard_as_if_it_had_been_scaled_from_the_start() {
-        let golden = Golden::open("feeling_debug");
-        let encoder = FeelingEncoder::load(&golden.weights(), &golden.metadata("config")).unwrap();
+        let golden = Golden::open("emotion_encoder_debug");
+        let encoder = EmotionEncoder::load(&golden.weights(), &golden.metadata("config")).unwrap();
         let encoder = Arc::new(encoder);
         let samples = golden.values("samples");
         let felt = |samples: &[f32]| {
-            let mut live = LiveFeeling::new(Arc::clone(&encoder));
+            let mut live = LiveEmotion::new(Arc::clone(&encoder));
             let mut stretch = [0.0; FRAME];
             for mel in 0..samples.len() / HOP {
                 cut_frame(samples, mel, &mut stretch);
