@@ -35,26 +35,37 @@ def draw(points: np.ndarray, triangles: np.ndarray, view: View, size: int = 128)
     side = _SAMPLES * size
     # Samples count from the picture's lower left corner.
     flat = np.column_stack([points[:, 0] - view.x, points[:, 1] - view.y]) / (2.0 * view.half)
-    places = (flat + 0.5).astype(np.float32) * side - 0.5
-    pixels, owners, shares = _cover(places, points[:, 2], triangles, side)
+    seen = np.column_stack([(flat + 0.5) * side - 0.5, points[:, 2]]).astype(np.float32)
+    normals, facing = _normals(points, triangles)
     colours = np.zeros((side * side, 4), dtype=np.float32)
-    normals, areas = _normals(points, triangles)
-    facing = np.sign(areas[owners, 2])
-    # A mesh whose faces look inwards is seen as if they looked outwards.
-    outwards = 1.0 if facing.sum() >= 0.0 else -1.0
-    seen = np.einsum("nk,nkd->nd", shares, normals[triangles[owners]]) * outwards
-    colours[pixels, :3] = _shade(seen, facing * outwards)
-    colours[pixels, 3] = 1.0
+    pixels, owners, shares = _cover(seen, triangles[facing > 0.0], side)
+    lit = np.einsum("nk,nkd->nd", shares, normals[triangles[facing > 0.0][owners]])
+    colours[pixels, :3], colours[pixels, 3] = _SKIN * _light(lit)[:, None], 1.0
+    # Holes show the inside.
+    inside = triangles[facing < 0.0]
+    inside = inside[_reaches(seen, inside, colours[:, 3] == 0.0, side)]
+    pixels = _cover(seen, inside, side)[0]
+    pixels = pixels[colours[pixels, 3] == 0.0]
+    colours[pixels, :3], colours[pixels, 3] = _SKIN * _BACK, 1.0
     fine = colours.reshape(size, _SAMPLES, size, _SAMPLES, 4).mean(axis=(1, 3))
     # Colours at the edge are those of the face, not of what is behind it.
     fine[..., :3] /= np.maximum(fine[..., 3:], 1e-6)
     return (np.clip(fine[::-1], 0.0, 1.0) * 255.0 + 0.5).astype(np.uint8)
 
 
-def _cover(places, depths, triangles, side: int):
+def _reaches(seen, triangles, free, side: int) -> np.ndarray:
+    """Whether the box about each triangle holds one of the samples that are `free`."""
+    sums = np.zeros((side + 1, side + 1), dtype=np.int32)
+    sums[1:, 1:] = free.reshape(side, side).cumsum(axis=0).cumsum(axis=1)
+    (left, wide), (low, tall) = (_span(*seen[triangles, axis].T, side) for axis in (0, 1))
+    right, high = left + wide, low + tall
+    return sums[high, right] - sums[low, right] - sums[high, left] + sums[low, left] > 0
+
+
+def _cover(seen, triangles, side: int):
     """Which samples `[N]` are covered, by which triangle `[N]` in front of all, and the shares
-    `[N, 3]` of its corners."""
-    (ax, ay), (bx, by), (cx, cy) = (places[triangles[:, k]].T for k in range(3))
+    `[N, 3]` of its corners; `seen` `[V, 3]` are points in samples, and their depth."""
+    (ax, ay, az), (bx, by, bz), (cx, cy, cz) = (seen[triangles[:, k]].T for k in range(3))
     left, wide = _span(ax, bx, cx, side)
     low, tall = _span(ay, by, cy, side)
     counts = wide * tall
@@ -71,15 +82,15 @@ def _cover(places, depths, triangles, side: int):
     first = 1.0 - second - third
     inside = np.flatnonzero((first >= _EDGE) & (second >= _EDGE) & (third >= _EDGE))
     owners, pixels = owners[inside], y[inside] * side + x[inside]
-    shares = [share[inside] for share in (first, second, third)]
-    depth = sum(share * depths[triangles[owners, k]] for k, share in enumerate(shares))
+    first, second, third = first[inside], second[inside], third[inside]
+    depth = first * az[owners] + second * bz[owners] + third * cz[owners]
     order = np.argsort(depth, kind="stable")
     front = np.full(side * side, -1, dtype=np.int64)
     # Of several that are written to one place the last stays.
     front[pixels[order]] = order
     covered = np.flatnonzero(front >= 0)
-    seen = front[covered]
-    return covered, owners[seen], np.column_stack([share[seen] for share in shares])
+    taken = front[covered]
+    return covered, owners[taken], np.column_stack([first[taken], second[taken], third[taken]])
 
 
 def _span(a, b, c, side: int):
@@ -90,26 +101,30 @@ def _span(a, b, c, side: int):
 
 
 def _normals(points, triangles):
-    """Unit normals of the vertices `[V, 3]`, and normals of the triangles `[F, 3]` by area."""
+    """Unit normals of the vertices `[V, 3]` to the outside of the mesh, and for each triangle `[F]`
+    whether the viewer sees its outside (above 0) or its inside."""
     a, b, c = (points[triangles[:, k]] for k in range(3))
     areas = np.cross(b - a, c - a)
+    # The volume of a mesh is below 0 where its faces look inwards.
+    depths = (a[:, 2] + b[:, 2] + c[:, 2]) / 3.0
+    volume = float((areas[:, 2] * (depths - depths.mean())).sum())
+    areas *= -1.0 if volume < 0.0 else 1.0
     summed = np.empty_like(points)
     for axis in range(3):
         weights = np.repeat(areas[:, axis], 3)
         summed[:, axis] = np.bincount(triangles.ravel(), weights, minlength=len(points))
     lengths = np.linalg.norm(summed, axis=1, keepdims=True)
-    return summed / np.maximum(lengths, 1e-12), areas
+    return summed / np.maximum(lengths, 1e-12), areas[:, 2]
 
 
-def _shade(normals, facing) -> np.ndarray:
-    """Colours `[N, 3]` under the lights."""
+def _light(normals) -> np.ndarray:
+    """How bright surfaces with these normals `[N, 3]` are."""
     lengths = np.linalg.norm(normals, axis=1, keepdims=True)
     normals = normals / np.maximum(lengths, 1e-6)
     light = np.full(len(normals), _AMBIENT)
     for way, strength in _LIGHTS:
         light += strength * np.clip(normals @ (way / np.linalg.norm(way)), 0.0, None)
-    light = np.where(facing < 0.0, _BACK, light)
-    return _SKIN * light[:, None]
+    return light
 
 
 def png(pixels: np.ndarray) -> bytes:

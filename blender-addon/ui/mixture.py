@@ -6,7 +6,7 @@ from bpy.types import Menu, Operator, PropertyGroup
 from ..core import emotion
 from ..core.emotion import EMOTIONS, MAX_INTENSITY, MIXTURES
 from ..core.errors import AnyfaceError
-from ..scene.animation import curves
+from ..scene.animation import curves, sliders
 from ..scene.animation.emotion import WEIGHT_PATH, shares
 from .operators import Acting
 from .target import target
@@ -114,7 +114,7 @@ class ANYFACE_OT_emotion_mixture(_OnMixture, Operator):
     name: StringProperty(name="Mixture", options={"SKIP_SAVE"})
 
     def act(self, ob):
-        """Replaces all rows, the first one too."""
+        """Replaces all rows, the first one too; says where curves go on to set their weights."""
         if self.name not in MIXTURES:
             known = ", ".join(MIXTURES)
             raise AnyfaceError("input", f"mixture: expected one of {known}, got {self.name!r}")
@@ -123,6 +123,9 @@ class ANYFACE_OT_emotion_mixture(_OnMixture, Operator):
         stored.emotion_source = "GIVEN"
         stored.emotion, stored.intensity = first.emotion, first.weight
         _fill(stored, others)
+        paths = [WEIGHT_PATH.format(number) for number in range(len(others))]
+        if sliders.animated(ob, ("emotion", "intensity", *paths)):
+            return f"{self.name}: keyframes and drivers of emotion and weights stay as they are"
 
 
 class ANYFACE_MT_mixtures(Menu):

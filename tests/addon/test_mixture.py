@@ -1,8 +1,6 @@
 """Several emotions at once: rows, keyframes, named mixtures, presets and takes of them."""
 
 import json
-import subprocess
-import sys
 from types import SimpleNamespace
 
 import bpy
@@ -142,6 +140,15 @@ def test_a_named_mixture_fills_the_rows(stage, face, addon):
     assert rows(face) == [("happy", 0.6), ("sad", 0.6)]
 
 
+def test_keyframes_that_go_on_are_told_where_a_mixture_is_chosen(face, capfd):
+    feel(face, happy=0.6, sad=0.4)
+    assert bpy.ops.anyface.emotion_mixture(name="Smug") == {"FINISHED"}
+    assert "keyframes" not in capfd.readouterr().out
+    face.keyframe_insert("anyface.mixture[0].weight", frame=START)
+    assert bpy.ops.anyface.emotion_mixture(name="Nervous") == {"FINISHED"}
+    assert "Nervous: keyframes and drivers" in capfd.readouterr().out
+
+
 def test_named_mixtures_are_what_a_face_can_show(addon):
     emotion = addon("core.emotion")
     assert len(emotion.MIXTURES) >= 10
@@ -242,8 +249,16 @@ def test_a_take_brings_its_mixture_back(stage, face, addon):
     feel(face, happy=0.6, sad=0.4)
     generate(face)
     feel(face, ill=1.0)
-    addon("scene.takes.panel_settings").bring_back(face)
+    bring_back = addon("scene.takes.panel_settings").bring_back
+    bring_back(face)
     assert rows(face) == [("happy", 0.6), ("sad", 0.4)]
+    # One of an earlier version has one emotion.
+    record = addon("scene.shape_keys.record")
+    taken = record.read(face.data.shape_keys)
+    del taken.asked["anyface"]["mixed"]
+    record.write(face.data.shape_keys, taken)
+    bring_back(face)
+    assert rows(face) == [("happy", 0.6)]
 
 
 def test_the_command_and_the_scene_list_feel_the_mixture(stage, face, addon):
@@ -258,25 +273,6 @@ def test_the_command_and_the_scene_list_feel_the_mixture(stage, face, addon):
     bpy.context.scene.anyface_list.add().character = face
     assert bpy.ops.anyface.generate_scene() == {"FINISHED"}
     assert asked(stage)[1][0] == pytest.approx(strengths(addon, happy=0.6, sad=0.4))
-
-
-def test_a_shot_of_a_batch_feels_the_mixture(face, installed, tmp_path):
-    """A process of its own reads the file as a farm does."""
-    feel(face, happy=0.6, sad=0.4)
-    shot = str(tmp_path / "shot.blend")
-    bpy.ops.wm.save_as_mainfile(filepath=shot)
-    script = f"""
-import sys
-sys.path[:0] = [{str(installed)!r}]
-import anyface_batch, importlib
-name = anyface_batch.load_extension().__name__
-import bpy
-bpy.ops.wm.open_mainfile(filepath={shot!r})
-found = importlib.import_module(name + ".ui.settings").from_object(bpy.data.objects["Head"])
-print("felt", found.emotion, [(row.emotion, round(row.weight, 3)) for row in found.mixture])
-"""
-    done = subprocess.run([sys.executable, "-c", script], capture_output=True, text=True)
-    assert "felt happy [('sad', 0.4)]" in done.stdout, done.stdout + done.stderr
 
 
 def test_a_face_that_follows_its_sound_feels_the_mixture(face, addon):

@@ -2,6 +2,8 @@
 
 import os
 import shutil
+import subprocess
+import sys
 from pathlib import Path
 
 import bpy
@@ -229,22 +231,40 @@ def test_old_pictures_go(addon, tmp_path):
     assert len(left) == module._KEPT and left[0] == "000" and left[1] == "006"
 
 
+def cube(hollow):
+    """Points and triangles of a cube from -1 to 1; a hollow one has no front."""
+    points = np.array([[x, y, z] for x in (-1, 1) for y in (-1, 1) for z in (-1, 1)], dtype=float)
+    sides = [(0, 2, 6, 4), (0, 1, 3, 2), (4, 6, 7, 5), (0, 4, 5, 1), (2, 3, 7, 6)]
+    sides += [] if hollow else [(1, 5, 7, 3)]
+    return points, np.array([[a, b, c] for a, b, c, d in sides for b, c in ((b, c), (c, d))])
+
+
 def test_a_picture_shows_what_is_in_front_and_the_inside_dark(addon):
     picture = addon("core.picture")
-    square = np.array([[-1, -1], [1, -1], [1, 1], [-1, 1]], dtype=np.float32)
-    behind = np.column_stack([square, np.full(4, -1.0)])
-    before = np.column_stack([0.5 * square + [0.5, 0.5], np.full(4, 1.0)])
-    points = np.concatenate([behind, before])
-    faces = np.array([[0, 1, 2], [0, 2, 3], [4, 6, 5], [4, 7, 6]])
-    drawn = picture.draw(points, faces, picture.View(0.0, 0.0, 2.0), 64)
-    assert drawn.shape == (64, 64, 4) and drawn.dtype == np.uint8
-    # Half of the picture on each side; the upper right of it is seen from behind.
-    assert drawn[16:48, 16:48, 3].min() == 255 and drawn[:15, :, 3].max() == 0
-    light, dark = drawn[40:46, 18:24, 0].mean(), drawn[18:24, 40:46, 0].mean()
-    assert dark < 0.4 * light
-    # Turned inside out as a whole, it looks the same.
-    again = picture.draw(points, faces[:, ::-1], picture.View(0.0, 0.0, 2.0), 64)
-    assert np.array_equal(drawn, again)
+    view = picture.View(0.0, 0.0, 2.0)
+    drawn = {}
+    for hollow in (False, True):
+        points, faces = cube(hollow)
+        drawn[hollow] = picture.draw(points, faces, view, 64)
+        assert drawn[hollow].shape == (64, 64, 4) and drawn[hollow].dtype == np.uint8
+        # Half of the picture on each side is the cube.
+        assert drawn[hollow][17:47, 17:47, 3].min() == 255
+        assert drawn[hollow][:15, :, 3].max() == 0 and drawn[hollow][:, 49:, 3].max() == 0
+        # Turned inside out as a whole, it looks the same.
+        assert np.array_equal(drawn[hollow], picture.draw(points, faces[:, ::-1], view, 64))
+    front, inside = (drawn[hollow][20:44, 20:44, 0].mean() for hollow in (False, True))
+    assert inside < 0.4 * front
+    # What is nearer hides it: a small cube in the middle, and what is behind it.
+    points, faces = cube(False)
+    small = 0.5 * points + [0.0, 0.0, 3.0]
+    both = picture.draw(
+        np.concatenate([small, points]), np.concatenate([faces, faces + 8]), view, 64
+    )
+    alone = picture.draw(small, faces, view, 64)
+    assert np.array_equal(both[26:38, 26:38], alone[26:38, 26:38])
+    assert np.array_equal(both[17:23, 17:23], drawn[False][17:23, 17:23])
+    # Its upper left is lighter than its lower right.
+    assert drawn[False][20, 20, 0] > drawn[False][44, 44, 0]
 
 
 def test_a_png_holds_the_pixels(addon, tmp_path):
@@ -305,6 +325,26 @@ def test_a_mixture_lies_near_the_sum_of_its_emotions(speaking):
     assert largest_mm(both - first) > 3.0 and largest_mm(both - second) > 3.0
     left = np.linalg.norm(both - first - second) / np.linalg.norm(both)
     assert left < 0.25, left
+
+
+def test_a_batch_makes_the_same_of_the_mixture(speaking, installed, tmp_path):
+    here = felt(speaking, "happy:0.6,sad:0.6")
+    assert bpy.ops.anyface.remove() == {"FINISHED"}
+    shot, out = (str(tmp_path / name) for name in ("shot.blend", "out.blend"))
+    bpy.ops.wm.save_as_mainfile(filepath=shot)
+    command = [sys.executable, "-m", "anyface_batch", shot, "bake", "--object", "Head"]
+    environment = {**os.environ, "PYTHONPATH": str(installed)}
+    environment["BLENDER_USER_RESOURCES"] = str(tmp_path / "empty")
+    takes = []
+    for more in ((), ("--emotion", "happy:0.6,sad:0.6"), ("--emotion", "happy:0.6")):
+        words = [*command, "--save", out, *more]
+        done = subprocess.run(words, env=environment, capture_output=True, text=True, check=False)
+        assert done.returncode == 0, done.stdout + done.stderr
+        bpy.ops.wm.open_mainfile(filepath=out)
+        takes.append(film(bpy.data.objects["Head"], range(START + 20, START + 40, 5)))
+    stored, asked, happy = takes
+    assert largest_mm(stored - here) < 0.02 and largest_mm(asked - here) < 0.02
+    assert largest_mm(happy - here) > 1.0
 
 
 def test_keyframes_on_a_weight_move_the_face_over_time(speaking):

@@ -30,6 +30,9 @@ def bring_back(ob) -> None:
     """Sets the panel to what the playing take was made with; curves on settings stay."""
     taken = record.read(ob.data.shape_keys)
     asked = taken.asked if taken is not None else {}
+    if "emotion" in asked.get("anyface", {}):
+        # Takes of earlier versions have one emotion.
+        ob.anyface.mixed = ""
     for name in GROUPS:
         _set(getattr(ob, name), asked.get(name, {}))
     if "chosen" in asked:
