@@ -38,6 +38,11 @@ _CONTROLS = {
         "Fine Detail",
         "Folds and bulges as they were seen on other faces; 0 moves the skin evenly",
     ),
+    "emotion_from": (
+        "Emotion Follows",
+        "Voice: the emotion that you chose, else the one that is heard; Emotion: the one that you "
+        "chose, also where that is neutral; Off: none",
+    ),
     "decoder": (
         "Method",
         "Static works out once how this face moves; paper does so for every frame, slowly",

@@ -9,7 +9,7 @@ from pathlib import Path
 import bpy
 import numpy as np
 import pytest
-import test_emotion
+import test_emotion_of
 
 from figures import film, grid, link_from_library, select, shape, stand_in
 from test_heads import LANDMARKS, import_head
@@ -292,7 +292,7 @@ def speaking(head, tmp_path):
     """The default head with a voice and nothing that moves it by chance."""
     settings = head.anyface
     settings.source, settings.start_frame = "FILE", START
-    settings.sound_file = test_emotion.voice(tmp_path / "voice.wav", 110.0, 0.02)
+    settings.sound_file = test_emotion_of.voice(tmp_path / "voice.wav", 110.0, 0.02)
     settings.error_mm, settings.blinks_per_minute = 0.05, 0.0
     settings.brow_accents = settings.variety = settings.gaze = 0.0
     return head
