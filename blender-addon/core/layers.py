@@ -26,4 +26,4 @@ def joined(said: Basis, felt: Basis) -> Basis:
         sliders["emotion"] = SliderChange(knots, (knots - 1.0)[:, None, None] * scaled)
     vectors = np.concatenate([said.vectors, felt.vectors])
     error_mm = said.error_mm + felt.error_mm
-    return Basis(vectors, weights, error_mm, sliders, offered=said.offered, felt_from=first)
+    return Basis(vectors, weights, error_mm, sliders, offered=said.offered, emotion_first=first)

@@ -9,8 +9,8 @@ from pathlib import Path
 import bpy
 import numpy as np
 import pytest
-import test_emotion_of
 
+import test_emotion_of
 from figures import film, grid, link_from_library, select, shape, stand_in
 from test_heads import LANDMARKS, import_head
 
