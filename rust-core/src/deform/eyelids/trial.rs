@@ -29,8 +29,10 @@ const TURNED_DEG: f32 = 88.0;
 const TURNED_IN_ALL_DEG: f32 = 89.0;
 /// Nor does it grow by more than this, as areas.
 const GROWN: f32 = 3.8;
-/// Triangles this near to the middle of the eye are looked at, in its widths.
+/// Skin this near to the middle of the eye is known, may go evenly, and is looked at, in the eye's widths.
 const NEAR: f32 = 1.5;
+const NEAR_EVEN: f32 = 1.25;
+const NEAR_SEEN: f32 = 1.0;
 /// Smaller triangles are not seen, as a share of the square of the eye's width.
 const LEAST_AREA: f32 = 1e-5;
 /// The eye is looked at from the front and so far from both sides, degrees.
@@ -47,7 +49,9 @@ const REACH: (f32, f32) = (0.02, 0.02);
 /// The edges of the lids stay where they meet: so much beside them, in widths of the eye; the less the nearer to a
 /// corner, from so far on and from so much further in each round.
 const MARGIN: f32 = 0.1;
-const CORNER: (f32, f32) = (0.06, 0.03);
+const CORNER: (f32, f32) = (0.08, 0.01);
+/// From this round on single vertices of an edge give way, so near to a corner, where a triangle needs it.
+const YIELDING: (usize, f32) = (3, 0.2);
 
 /// The skin about one eye.
 pub(in crate::deform) struct Trial {
@@ -62,6 +66,8 @@ pub(in crate::deform) struct Trial {
     beside: Vec<Vec<u32>>,
     /// Vertices that the lids need where they are.
     is_firm: Vec<bool>,
+    /// Vertices of the edges that need not stay with them.
+    yields: Vec<bool>,
     /// Vertices that go evenly.
     is_even: Vec<bool>,
     /// Vertices of the mesh that move like another one.
@@ -90,6 +96,7 @@ impl Trial {
         let mut trial = Trial {
             is_firm: vec![false; vertices.len()],
             is_even: vec![false; vertices.len()],
+            yields: vec![false; vertices.len()],
             others: BTreeMap::new(),
             edges: Vec::new(),
             beside: vec![Vec::new(); vertices.len()],
@@ -119,7 +126,7 @@ impl Trial {
         }
         // What lies beyond the skin that is looked at is not known, so the rim of it stays.
         for (n, p) in trial.places.iter().enumerate() {
-            trial.is_firm[n] |= Vec3::from(*p).distance(middle.into()) > 0.9 * NEAR * width;
+            trial.is_firm[n] |= Vec3::from(*p).distance(middle.into()) > NEAR_EVEN * width;
         }
         trial
     }
@@ -132,34 +139,24 @@ impl Trial {
         frames: impl Iterator<Item = &'a [f32]>,
         round: usize,
     ) -> Result<bool> {
+        let edge: Vec<bool> = self
+            .places
+            .iter()
+            .map(|p| lids.is_edge(*p, round))
+            .collect();
+        let is_firm = self.is_firm.clone();
+        let yields = self.yields.clone();
+        let firm = |n: usize| is_firm[n] || (edge[n] && !yields[n]);
         let (mut bad, mut weight) = (BTreeSet::new(), 0);
         for (n, frame) in frames.enumerate() {
             let moved = self.moved(lids, frame);
-            for t in self.seen.iter().filter(|t| self.is_bad(t, &moved)) {
+            let is_firm = |n: &u32| firm(*n as usize);
+            let bound = |t: &&[u32; 3]| t.iter().all(is_firm);
+            let free = self.seen.iter().filter(|t| !bound(t));
+            for t in free.filter(|t| self.is_bad(t, &moved)) {
                 bad.extend(*t);
                 weight += if n == 0 { BLINK_WEIGHT } else { 1 };
             }
-        }
-        if std::env::var("LIDS_DEBUG").is_ok() {
-            let mut text = String::new();
-            for v in &bad {
-                let p = self.places[*v as usize];
-                let m = lids.middle();
-                text += &format!(
-                    " ({:.2} {:.2} {:.2}{})",
-                    (p[0] - m[0]) / self.width,
-                    (p[1] - m[1]) / self.width,
-                    (p[2] - m[2]) / self.width,
-                    if self.is_firm[*v as usize] || lids.is_edge(p, round) {
-                        "F"
-                    } else if self.is_even[*v as usize] {
-                        "e"
-                    } else {
-                        ""
-                    }
-                );
-            }
-            eprintln!("round {round}: weight {weight} {} bad,{text}", bad.len());
         }
         if bad.is_empty() {
             return Ok(true);
@@ -168,7 +165,11 @@ impl Trial {
             self.best = Some((weight, lids.even.clone()));
         }
         self.spread(&bad, round);
-        let firm = |n: usize| self.is_firm[n] || lids.is_edge(self.places[n], round);
+        let (from, near) = YIELDING;
+        for n in bad.iter().map(|n| *n as usize).filter(|_| round >= from) {
+            self.yields[n] |= lids.from_corner(self.places[n]) < near * self.width;
+        }
+        let firm = |n: usize| is_firm[n] || (edge[n] && !self.yields[n]);
         let inside = (0..self.vertices.len()).filter(|n| self.is_even[*n] && !firm(*n));
         let inside: Vec<u32> = inside.map(|n| self.vertices[n]).collect();
         let edges = self.edges.iter().map(|&(a, b, length)| {
@@ -254,12 +255,16 @@ impl Eyelids {
         (0.5 * (a + b)).into()
     }
 
+    /// How far within the nearer corner a place lies.
+    fn from_corner(&self, p: [f32; 3]) -> f32 {
+        let edge = &self.rims[0].edge;
+        (p[0] - edge[0][0]).min(edge[SAMPLES - 1][0] - p[0])
+    }
+
     /// Whether a place lies at the edge of a lid, away from its ends, in this round.
     fn is_edge(&self, p: [f32; 3], round: usize) -> bool {
-        let edge = &self.rims[0].edge;
-        let from_end = (p[0] - edge[0][0]).min(edge[SAMPLES - 1][0] - p[0]);
         let corner = (CORNER.0 + CORNER.1 * round as f32) * self.width;
-        let margin = MARGIN * self.width * ease(from_end / corner - 0.2);
+        let margin = MARGIN * self.width * ease(self.from_corner(p) / corner - 0.2);
         let mut pieces = self.rims.iter().flat_map(|rim| rim.edge.windows(2));
         pieces.any(|ends| {
             let nearest = nearest_between(p.into(), ends[0].into(), ends[1].into());
@@ -301,11 +306,14 @@ fn seen(
                 across(corners).z > 0.0 && middle.z > view.depth(column, row) - BEHIND * width;
         }
     }
-    let large = |t: &[u32; 3]| {
-        0.5 * across(t.map(|n| places[n as usize])).length() > LEAST_AREA * width * width
+    let counts = |t: &[u32; 3]| {
+        let corners = t.map(|n| places[n as usize]);
+        let at = corners.iter().map(|p| Vec3::from(*p)).sum::<Vec3>() / 3.0;
+        at.distance(middle.into()) < NEAR_SEEN * width
+            && 0.5 * across(corners).length() > LEAST_AREA * width * width
     };
     let found = triangles.iter().zip(is_seen);
-    let found = found.filter(|(t, is_seen)| *is_seen && large(t));
+    let found = found.filter(|(t, is_seen)| *is_seen && counts(t));
     found.map(|(t, _)| *t).collect()
 }
 
