@@ -37,7 +37,8 @@ fn turned_over(made: &MadeHead, by: &Points) -> usize {
 }
 
 #[test]
-fn shut_lids_meet_and_nothing_turns_over() {
+fn shut_lids_meet_and_hardly_anything_turns_over() {
+    let mut turned = Vec::new();
     for seed in 1..6 {
         let made = of_seed(seed);
         let marks = made.landmarks.positions;
@@ -54,10 +55,11 @@ fn shut_lids_meet_and_nothing_turns_over() {
                 "seed {seed}: {upper} over {lower}: {gap_mm} mm"
             );
         }
-        // Of 7,000 triangles; these few lie in the corners of lids and lips.
-        let turned = turned_over(&made, &by);
-        assert!(turned <= 10, "seed {seed}: {turned}");
+        turned.push(turned_over(&made, &by));
     }
+    // Of 7,000 triangles; up to seven turned over at the outer corners before lids were tried.
+    assert!(turned.iter().all(|n| *n <= 2), "{turned:?}");
+    assert!(turned.iter().sum::<usize>() <= 4, "{turned:?}");
 }
 
 #[test]
