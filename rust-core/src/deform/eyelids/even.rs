@@ -103,8 +103,10 @@ impl EvenSkin {
 
     /// The same where only some vertices are left; `new` gives their numbers, also those of all that it needs.
     pub(super) fn renumbered(&self, new: impl Fn(u32) -> Option<u32>) -> EvenSkin {
-        let mut left = EvenSkin::default();
-        left.round = self.round.clone();
+        let mut left = EvenSkin {
+            round: self.round.clone(),
+            ..EvenSkin::default()
+        };
         for v in &mut left.round {
             v.vertex = new(v.vertex).expect("what is needed is left");
         }

@@ -41,8 +41,8 @@ const VIEWS_DEG: [f32; 3] = [0.0, -40.0, 40.0];
 /// eye's widths.
 const CELLS: f32 = 120.0;
 const BEHIND: f32 = 0.02;
-/// A triangle that turns in the first frame, a mere blink, counts as so many in others.
-const BLINK_WEIGHT: usize = 8;
+/// A triangle that turns in one of so many first frames, mere blinks, counts as so many in others.
+const BLINKS: (usize, usize) = (3, 8);
 /// How far about a triangle that turns over skin goes evenly, in widths of the eye, and by how much further in each
 /// round.
 const REACH: (f32, f32) = (0.02, 0.02);
@@ -155,7 +155,7 @@ impl Trial {
             let free = self.seen.iter().filter(|t| !bound(t));
             for t in free.filter(|t| self.is_bad(t, &moved)) {
                 bad.extend(*t);
-                weight += if n == 0 { BLINK_WEIGHT } else { 1 };
+                weight += if n < BLINKS.0 { BLINKS.1 } else { 1 };
             }
         }
         if bad.is_empty() {
@@ -167,7 +167,7 @@ impl Trial {
         self.spread(&bad, round);
         let (from, near) = YIELDING;
         for n in bad.iter().map(|n| *n as usize).filter(|_| round >= from) {
-            self.yields[n] |= lids.from_corner(self.places[n]) < near * self.width;
+            self.yields[n] |= lids.within_corner(self.places[n]) < near * self.width;
         }
         let firm = |n: usize| is_firm[n] || (edge[n] && !self.yields[n]);
         let inside = (0..self.vertices.len()).filter(|n| self.is_even[*n] && !firm(*n));
@@ -256,7 +256,7 @@ impl Eyelids {
     }
 
     /// How far within the nearer corner a place lies.
-    fn from_corner(&self, p: [f32; 3]) -> f32 {
+    fn within_corner(&self, p: [f32; 3]) -> f32 {
         let edge = &self.rims[0].edge;
         (p[0] - edge[0][0]).min(edge[SAMPLES - 1][0] - p[0])
     }
@@ -264,7 +264,7 @@ impl Eyelids {
     /// Whether a place lies at the edge of a lid, away from its ends, in this round.
     fn is_edge(&self, p: [f32; 3], round: usize) -> bool {
         let corner = (CORNER.0 + CORNER.1 * round as f32) * self.width;
-        let margin = MARGIN * self.width * ease(self.from_corner(p) / corner - 0.2);
+        let margin = MARGIN * self.width * ease(self.within_corner(p) / corner - 0.2);
         let mut pieces = self.rims.iter().flat_map(|rim| rim.edge.windows(2));
         pieces.any(|ends| {
             let nearest = nearest_between(p.into(), ends[0].into(), ends[1].into());
