@@ -5,9 +5,9 @@
 Two people whom nobody taught an emotion (a man of grid_s1, a woman of nathalie_nl) say a line under the
 recordings of the two actors of emodb_de who are held out (`--emotion-of`). Motion is told against the same
 line without an emotion, in mm on a human head: brows up, corners up, r of the lips' gap. The class of a
-face is that of the emotion whose face, asked for by name, has the most similar direction in the mean over frames. A
-neutral reading shows an emotion where a brow or a lid is more than 1.5 mm from the same reading without an
-emotion.
+face is that of the emotion whose face, asked for by name, has the most similar direction in the mean over
+frames. A neutral reading shows an emotion where a brow or a lid is more than 1.5 mm from the same reading
+without an emotion.
 """
 
 import tempfile
