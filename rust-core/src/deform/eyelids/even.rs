@@ -7,7 +7,7 @@ use std::collections::BTreeMap;
 
 use serde::{Deserialize, Serialize};
 
-use super::{elevation, turn};
+use super::axis::{elevation, turn};
 use crate::{
     Result,
     operators::{SparseCholesky, sparse::Csr},

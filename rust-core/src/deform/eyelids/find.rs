@@ -5,8 +5,8 @@
 use glam::Vec3;
 
 use super::{
-    BETWEEN_LIDS, Between, EvenSkin, Eyelids, Rim, RimVertex, Stem, Touched, between_samples,
-    elevation,
+    BETWEEN_LIDS, Between, EvenSkin, Eyelids, Rim, RimVertex, Stem, Touched, axis::elevation,
+    between_samples,
 };
 use crate::{
     face::{

@@ -9,6 +9,7 @@
 //!
 //! Lengths are canonical centimetres.
 
+mod axis;
 mod even;
 mod find;
 mod trial;
@@ -16,7 +17,10 @@ mod trial;
 use glam::Vec3;
 use serde::{Deserialize, Serialize};
 
-use self::even::{EvenSkin, Resting};
+use self::{
+    axis::{elevation, turn},
+    even::{EvenSkin, Resting},
+};
 use crate::face::eyes::{EyeFrame, Eyeball, Mix, SAMPLES, UPPER_SHARE, ease};
 pub(super) use find::eyelids;
 pub(super) use trial::Trial;
@@ -403,21 +407,6 @@ fn from_corner(k: usize) -> f32 {
     FROM_CORNER.get(from_end).copied().unwrap_or(1.0)
 }
 
-/// Angle of a point above the plane of across and front, radians.
-fn elevation(p: [f32; 3]) -> f32 {
-    p[1].atan2(p[2])
-}
-
-/// A point turned up by an angle about the axis across.
-fn turn(p: [f32; 3], angle: f32) -> [f32; 3] {
-    let (sine, cosine) = angle.sin_cos();
-    [
-        p[0],
-        cosine * p[1] + sine * p[2],
-        cosine * p[2] - sine * p[1],
-    ]
-}
-
 /// A value between samples.
 fn between_samples<T: Mix>(values: &[T; SAMPLES], place: f32) -> T {
     let (first, rest) = (place as usize, place.fract());
@@ -431,17 +420,4 @@ fn beside(values: &[f32; SAMPLES], of: impl Fn(f32, f32, f32) -> f32) -> [f32; S
         let (before, after) = (k.saturating_sub(1), (k + 1).min(SAMPLES - 1));
         of(values[before], values[k], values[after])
     })
-}
-
-#[cfg(test)]
-mod tests {
-    use super::*;
-
-    #[test]
-    fn a_turn_keeps_the_distance_from_the_axis() {
-        let p = turn([0.4, 0.3, 1.1], 0.7);
-        assert!((p[1].hypot(p[2]) - 0.3f32.hypot(1.1)).abs() < 1e-6);
-        assert!((elevation(p) - elevation([0.4, 0.3, 1.1]) - 0.7).abs() < 1e-6);
-        assert_eq!(turn([0.4, 0.3, 1.1], 0.0), [0.4, 0.3, 1.1]);
-    }
 }

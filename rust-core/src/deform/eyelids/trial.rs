@@ -9,9 +9,9 @@ use std::collections::{BTreeMap, BTreeSet};
 use glam::Vec3;
 
 use super::{
-    BETWEEN_LIDS, Eyelids, elevation,
+    BETWEEN_LIDS, Eyelids,
+    axis::{elevation, turn},
     even::{EvenSkin, near_axis},
-    turn,
 };
 use crate::{
     Result,
