@@ -260,22 +260,6 @@ pub fn note_face(report: &mut Report, face: &Face) {
     note_mouth(report, face.mouth());
     report.warnings.extend(face.at_rest());
     report.warnings.extend(shut_eyes_sentence(face));
-    report.warnings.extend(joined_lids_sentence(face));
-}
-
-/// That lids have no slit between them, where they have none.
-fn joined_lids_sentence(face: &Face) -> Option<String> {
-    let (whose, them) = match face.joined_lids() {
-        [false, false] => return None,
-        [true, true] => ("both eyes", "them"),
-        [true, false] => ("the right eye", "it"),
-        [false, true] => ("the left eye", "it"),
-    };
-    Some(format!(
-        "the lids of {whose} have no slit between them, skin leads over the eye from one to the other: they stay \
-         where they are, and nothing blinks there; model {them} open, with an eyeball of its own behind the lids, to \
-         let them blink"
-    ))
 }
 
 /// That eyes are sculpted shut, where they are.

@@ -8,22 +8,15 @@ use serde::{Deserialize, Serialize};
 
 use super::{
     contact::{Slit, mouth_slit},
-    eyelids::{Eyelids, Trial, eyelids},
+    eyelids::{Eyelids, eyelids},
     jaw::{Jaw, JawPose},
     joined_lips::JoinedLips,
 };
 use crate::{
     Result,
-    face::{
-        Deformer, Face, FaceSurface, FewVertices,
-        binding::Follows,
-        eyes::{Head, UPPER_SHARE},
-    },
-    job::{ProgressFn, SILENT},
-    mesh::{
-        Mouth, PartRole, Similarity,
-        ibug::{BROWS, LANDMARKS},
-    },
+    face::{Deformer, Face, FaceSurface, FewVertices, binding::Follows, eyes::Head},
+    job::ProgressFn,
+    mesh::{Mouth, PartRole, Similarity, ibug::LANDMARKS},
 };
 
 /// Corrections of one mesh, applied to every frame that a decoder made.
@@ -139,26 +132,6 @@ impl Corrections {
         own
     }
 
-    /// Landmarks of [`POSES`], `[T, 68, 3]`, mesh units.
-    fn poses(&self) -> Array3<f32> {
-        let mut poses = Array3::zeros((POSES.len(), LANDMARKS, 3));
-        for (mut pose, (closed, upper_share, brows)) in poses.outer_iter_mut().zip(POSES) {
-            let mut landmarks = [[0.0f32; 3]; LANDMARKS];
-            for lids in &self.lids {
-                lids.close(&mut landmarks, closed, upper_share);
-            }
-            // Brows that are lowered come forward.
-            for n in BROWS {
-                landmarks[n][1] += 0.01 * brows;
-                landmarks[n][2] -= 0.005 * brows.min(0.0);
-            }
-            for (mut to, from) in pose.outer_iter_mut().zip(landmarks) {
-                (0..3).for_each(|i| to[i] = from[i]);
-            }
-        }
-        self.to_canonical.displacements_to_mesh(poses.view())
-    }
-
     /// Vertices by which the openings of mouth and eyes are known.
     fn rims(&self) -> impl Iterator<Item = u32> {
         let mouth = self.mouth.iter().flat_map(Slit::rims);
@@ -201,57 +174,7 @@ pub struct Corrected<D> {
     pub corrections: Corrections,
 }
 
-/// How often skin about the lids is looked at again, the reach wider each time.
-const ROUNDS: usize = 10;
-/// Poses in which lids are tried: by which share they close, what the upper one does of that, and how far the
-/// brows rise, centimetres; first those of a blink alone.
-const POSES: [(f32, f32, f32); 5] = [
-    (1.0, UPPER_SHARE, 0.0),
-    (0.75, UPPER_SHARE, 0.0),
-    (1.0, 0.5, 0.0),
-    (1.0, 0.65, 1.8),
-    (1.0, 0.6, -1.4),
-];
-
 impl<D: Deformer> Corrected<D> {
-    /// `decoder` with the corrections of a face. Lids are tried once: skin that would turn over or stretch as they
-    /// close goes evenly with what lies round it.
-    ///
-    /// # Errors
-    /// Those of the decoder.
-    pub(super) fn of(decoder: D, face: &Face, surface: &FaceSurface) -> Result<Corrected<D>> {
-        let mut made = Corrected {
-            decoder,
-            corrections: Corrections::new(face, surface),
-        };
-        let trial = |lids| Trial::of(lids, &surface.positions, &surface.skin);
-        let open = made.corrections.lids.iter().enumerate();
-        let open = open.filter(|(_, lids)| !lids.rests());
-        let mut trials: Vec<(usize, Trial)> = open.map(|(n, lids)| (n, trial(lids))).collect();
-        let poses = made.corrections.poses();
-        for round in 0..ROUNDS {
-            if trials.is_empty() {
-                break;
-            }
-            let frames = made.deform(poses.view(), SILENT)?;
-            let mut left = Vec::new();
-            for (n, mut trial) in trials {
-                let lids = &mut made.corrections.lids[n];
-                let frames = frames.outer_iter();
-                let frames: Vec<Vec<f32>> = frames.map(|f| f.iter().copied().collect()).collect();
-                let frames = frames.iter().map(Vec::as_slice);
-                if !trial.mend(lids, frames, round)? {
-                    left.push((n, trial));
-                }
-            }
-            trials = left;
-        }
-        for (n, trial) in trials {
-            trial.leave_best(&mut made.corrections.lids[n]);
-        }
-        Ok(made)
-    }
-
     /// What the decoder makes of landmarks `[T, 68, 3]`, with displacements `[T, V, 3]` beside it, corrected.
     fn corrected(
         &self,

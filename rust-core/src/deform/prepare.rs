@@ -3,14 +3,15 @@
 use ndarray::Array2;
 
 use super::{
-    Corrected, Creases, LandmarkWeights, Plate, PlateWeights, StaticWeights, VertexGeometry,
-    correspondence::FollowingFace, row_weights::RowWeights, static_weights::Correction,
+    Corrected, Corrections, Creases, LandmarkWeights, Plate, PlateWeights, StaticWeights,
+    VertexGeometry, correspondence::FollowingFace, row_weights::RowWeights,
+    static_weights::Correction,
 };
 use crate::{
     Result,
     cache::{Arrays, Cache, CacheKey},
     conditions::{Control, ControlStage, ControlValues},
-    face::{Deformer, Face, FaceSurface, Skin, proxy::Prolongation},
+    face::{Face, FaceSurface, Skin, proxy::Prolongation},
     job::{ProgressFn, report},
     mesh::ibug::LANDMARKS,
 };
@@ -56,7 +57,7 @@ pub fn static_deformer(
         let correction = (strength > 0.0).then(|| solved.correction(weights, creases));
         let decoder = solved.weights(correction.as_ref(), strength);
         report(progress, "weights", 1.0)?;
-        solved.corrected(decoder)
+        Ok(solved.corrected(decoder))
     };
     let key = face.cache_key().text("weights of rows").f32s(&[learned]);
     let encode = |made: &Corrected<LandmarkWeights>| {
@@ -123,11 +124,11 @@ impl<'a> SolvedSkin<'a> {
     }
 
     /// `decoder` with what a frame of this face needs beyond it.
-    ///
-    /// # Errors
-    /// Those of the decoder.
-    pub fn corrected<D: Deformer>(&self, decoder: D) -> Result<Corrected<D>> {
-        Corrected::of(decoder, self.face, self.surface)
+    pub fn corrected<D>(&self, decoder: D) -> Corrected<D> {
+        Corrected {
+            decoder,
+            corrections: Corrections::new(self.face, self.surface),
+        }
     }
 
     /// Weights of every vertex, the mesh's own axes. `strength`: of the learned part.
@@ -230,7 +231,7 @@ mod tests {
     use super::*;
     use crate::{
         CachePolicy,
-        face::{FaceOptions, PartList},
+        face::{Deformer, FaceOptions, PartList},
         job::SILENT,
         mesh::{Landmarks, Mesh, Similarity},
         nn::golden::Golden,

@@ -160,12 +160,6 @@ impl Face {
         self.openings().shut()
     }
 
-    /// Whether the lids of the subject's right and left eye have no slit between them: skin leads from one over the
-    /// eye to the other. Such lids stay where they are, and do not blink.
-    pub fn joined_lids(&self) -> [bool; 2] {
-        self.openings().joined()
-    }
-
     /// Canonical motion of landmarks `[T, 68, 3]`, metres, as motion of this face's own, in the mesh's
     /// units and axes: lids travel by the share that is asked for of as far as its eyes are open.
     pub fn own_motion(&self, landmarks: ArrayView3<'_, f32>) -> Array3<f32> {

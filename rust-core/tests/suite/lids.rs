@@ -257,33 +257,6 @@ fn eyes_that_are_sculpted_shut_are_noticed_one_by_one() {
     }
 }
 
-/// The default head without eyeballs, skin leading over the right eye from lid to lid.
-fn joined_right_eye() -> (Mesh, head::Points) {
-    let marks = head::landmarks();
-    let face = head::prepared(&head::head(), &marks, PartChoices::default());
-    let mut mesh = head::head();
-    mesh.triangles
-        .retain(|t| !face.parts.is(t[0] as usize, PartRole::Gaze));
-    let over_eye = [[36, 37, 41], [37, 38, 40], [37, 40, 41], [38, 39, 40]];
-    let at = |n: usize| face.landmarks.vertices[n];
-    mesh.triangles.extend(over_eye.map(|t| t.map(at)));
-    (mesh, marks)
-}
-
-#[test]
-fn lids_without_a_slit_stay_where_they_are() {
-    let (mesh, marks) = joined_right_eye();
-    let face = head::prepared(&mesh, &marks, PartChoices::default());
-    assert_eq!(face.joined_lids(), [true, false]);
-    assert_eq!(face.shut_eyes(), [false, false]);
-    let moved = head::moved(&face, &closing(&marks, &head::LIDS, 0.0));
-    let way = |n: usize| moved[face.landmarks.vertices[n] as usize][1];
-    assert!(way(37).abs() < 1e-4 && way(41).abs() < 1e-4, "{}", way(37));
-    assert!(way(44) < -1e-3, "the left eye shuts: {}", way(44));
-    let whole = head::prepared(&head::head(), &marks, PartChoices::default());
-    assert_eq!(whole.joined_lids(), [false, false]);
-}
-
 /// By half of its way a blink closes half of the opening.
 #[test]
 fn lids_close_by_the_share_that_is_asked_for() {
@@ -354,29 +327,4 @@ fn the_face_model_shuts_its_eyes_under_every_emotion() {
         ..FaceOptions::default()
     };
     check_blinks(&head::engine().prepare(&mesh, &options, SILENT).unwrap());
-}
-
-#[test]
-#[ignore = "needs ../shared"]
-fn eyes_of_scans_that_are_one_surface_with_their_lids_are_noticed() {
-    let shared = std::env::var_os("ANYFACE_SHARED").map_or_else(
-        || std::path::Path::new(env!("CARGO_MANIFEST_DIR")).join("../../shared"),
-        std::path::PathBuf::from,
-    );
-    for (name, expected) in [
-        ("demosthenes", [true; 2]),
-        ("human_woman", [true; 2]),
-        ("cat", [true; 2]),
-        ("mediapipe_canonical_face", [true; 2]),
-        ("makehuman_body", [false; 2]),
-    ] {
-        let path = shared.join("data/meshes").join(name).with_extension("obj");
-        let Ok(mesh) = Mesh::read(&path) else {
-            continue;
-        };
-        let face = head::engine()
-            .prepare(&mesh, &FaceOptions::default(), SILENT)
-            .unwrap();
-        assert_eq!(face.joined_lids(), expected, "{name}");
-    }
 }

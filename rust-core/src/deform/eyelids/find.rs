@@ -5,8 +5,7 @@
 use glam::Vec3;
 
 use super::{
-    BETWEEN_LIDS, Between, EvenSkin, Eyelids, Rim, RimVertex, Stem, Touched, axis::elevation,
-    between_samples,
+    BETWEEN_LIDS, Between, Eyelids, Rim, RimVertex, Stem, Touched, between_samples, elevation,
 };
 use crate::{
     face::{
@@ -24,10 +23,9 @@ use crate::{
 
 /// Lids keep at least this distance from the ball, and at most so much of it is added to what they had.
 const CLEAR_CM: (f32, f32) = (0.01, 0.04);
-/// A part of which so many roots lie so near to the edge of one lid, on an eye of usual size, is lashes. At the
-/// outer corner a row of lashes may go on beyond the edge.
+/// A part whose roots mostly lie so near to the edge of one lid, on an eye of usual size, is lashes.
 const LASH_CM: f32 = 0.35;
-const LASH_SHARE: f32 = 0.6;
+const LASH_SHARE: f32 = 0.8;
 /// An edge of the lids has its vertex within this distance, in widths of the eye.
 const RIM_OF_WIDTH: f32 = 0.2;
 
@@ -64,8 +62,7 @@ struct Neutral<'a> {
 
 impl Neutral<'_> {
     fn eyelids(&self, eye: &Eye, to_canonical: &Similarity) -> Option<Eyelids> {
-        let frame = self.opening.frame;
-        let EyeFrame { axes, .. } = frame;
+        let EyeFrame { axes, .. } = self.opening.frame;
         let back = to_canonical.inverse();
         let rims = [self.rim(0)?, self.rim(1)?];
         let touched = self.touched();
@@ -74,9 +71,7 @@ impl Neutral<'_> {
             first: eye.lids.start,
             pairs: eye.pairs,
             openings: eye.pairs.map(height),
-            rests: self.opening.is_shut || self.opening.is_joined,
-            frame,
-            width: self.opening.width,
+            is_shut: self.opening.is_shut,
             axes: axes.map(|axis| back.rotate(axis)),
             up: back.rotate([0.0, 1.0, 0.0]),
             to_cm: 100.0 * to_canonical.scale as f32,
@@ -84,7 +79,6 @@ impl Neutral<'_> {
             lift: self.lift(&rims),
             rims,
             touched,
-            even: EvenSkin::default(),
         })
     }
 

@@ -5,25 +5,17 @@
 //! lets the landmarks of the lids travel as far as a head's eyes are open; what a decoder makes of them is then turned about the
 //! eye's own centre, parallel to the line from corner to corner, until the edges of the lids are as far apart as
 //! the share says. A turn keeps the distance from the centre; where the decoder lost some of it, skin is
-//! pushed out to where it lay over the ball. Lashes turn with the edge. An eye that is sculpted shut rests, and so do lids without a slit between them.
+//! pushed out to where it lay over the ball. Lashes turn with the edge. An eye that is sculpted shut rests.
 //!
 //! Lengths are canonical centimetres.
 
-mod axis;
-mod even;
 mod find;
-mod trial;
 
 use glam::Vec3;
 use serde::{Deserialize, Serialize};
 
-use self::{
-    axis::{elevation, turn},
-    even::{EvenSkin, Resting},
-};
-use crate::face::eyes::{EyeFrame, Eyeball, Mix, SAMPLES, UPPER_SHARE, ease};
+use crate::face::eyes::{Eyeball, Mix, SAMPLES, UPPER_SHARE, ease};
 pub(super) use find::eyelids;
-pub(super) use trial::Trial;
 
 /// From this share of closing on the opening is exactly what the landmarks ask for.
 const EXACT_FROM: f32 = 0.5;
@@ -33,12 +25,6 @@ const OVERLAP_CM: f32 = 0.03;
 const BEFORE_CM: f32 = 0.03;
 /// From this share of closing on they begin to.
 const OVERLAP_FROM: f32 = 0.6;
-/// Both lids are one skin at a corner of the eye: what the edges do beyond the opening that is asked for, and how
-/// far they are lifted, begins there and is full from the last of these samples on.
-const FROM_CORNER: [f32; 3] = [0.0, 0.35, 0.8];
-
-/// Skin that goes evenly keeps so far off the ball, where it lay as far off.
-const LEAST_OFF_CM: f32 = 0.15;
 
 /// Instead of a lid: the eye itself, where that is skin.
 const BETWEEN_LIDS: u8 = 2;
@@ -81,12 +67,6 @@ struct Touched {
     stem: Option<Stem>,
 }
 
-impl Touched {
-    fn is_lash(&self) -> bool {
-        self.stem.is_some_and(|stem| stem.is_lash)
-    }
-}
-
 /// How something that is no skin stands on a lid.
 #[derive(Debug, Clone, Copy, PartialEq, Serialize, Deserialize)]
 struct Stem {
@@ -103,11 +83,7 @@ pub(super) struct Eyelids {
     pairs: [(usize, usize); 2],
     /// Opening of this eye at the pairs.
     openings: [f32; 2],
-    /// Where the eye is sculpted shut or its lids have no slit.
-    rests: bool,
-    /// Canonical centimetres, and the width of the eye.
-    frame: EyeFrame,
-    width: f32,
+    is_shut: bool,
     /// The eye's axes and the canonical way up, in the mesh's own axes.
     axes: [[f32; 3]; 3],
     up: [f32; 3],
@@ -118,8 +94,6 @@ pub(super) struct Eyelids {
     lift: f32,
     rims: [Rim; 2],
     touched: Vec<Touched>,
-    /// Skin that would turn over or stretch by itself.
-    even: EvenSkin,
 }
 
 /// How far both edges turn in a frame.
@@ -130,28 +104,27 @@ struct Turns {
     whole: [[f32; SAMPLES]; 2],
     /// The mean of that over the middle half of each edge: a row of lashes rolls as one.
     roll: [f32; 2],
-    /// Displacements of the edges.
+    /// Displacements of the edges in the end.
     edges: [[[f32; 3]; SAMPLES]; 2],
-    /// How much further out of the ball than in the neutral face both edges lie.
-    out: [[f32; SAMPLES]; 2],
-    /// By which share lids are drawn in where the decoder has them further out than that.
-    hug: f32,
+    lift: [Lift; 2],
     /// By which share the eye's opening is decided here.
     hold: f32,
 }
 
-/// How a place of a lid lies over the ball.
+/// How a lid lies over the ball.
 #[derive(Clone, Copy)]
 struct Lift {
+    /// How much further out than in the neutral face.
     out: f32,
+    /// By which share it is drawn in where the decoder has it further out than that.
     hug: f32,
 }
 
 impl Eyelids {
-    /// Vertices by which the opening is known, and those between which skin goes evenly.
+    /// Vertices by which the opening is known.
     pub(super) fn rims(&self) -> impl Iterator<Item = u32> {
         let both = self.rims.iter().flat_map(|rim| &rim.vertices);
-        both.map(|v| v.vertex).chain(self.even.needs())
+        both.map(|v| v.vertex)
     }
 
     /// The same where only some vertices are left; `new` gives their numbers, also those of the rims.
@@ -166,13 +139,12 @@ impl Eyelids {
             Some(Touched { vertex, ..t })
         });
         lids.touched = left.collect();
-        lids.even = self.even.renumbered(new);
         lids
     }
 
-    /// Lets the lids of one frame `[204]` rest where nothing closes them.
+    /// Lets the lids of one frame `[204]` rest where the eye is sculpted shut.
     pub(super) fn own_landmarks(&self, landmarks: &mut [f32]) {
-        if self.rests {
+        if self.is_shut {
             landmarks[3 * self.first..3 * (self.first + 6)].fill(0.0);
         }
     }
@@ -185,82 +157,19 @@ impl Eyelids {
 
     /// Corrects the displacements of a frame, `[V * 3]`; `landmarks`: `[204]`. Mesh units.
     pub(super) fn apply(&self, landmarks: &[f32], frame: &mut [f32]) {
-        if self.rests {
+        if self.is_shut {
             return;
         }
-        let mut turns = self.turns(self.closed(landmarks), frame);
-        let (lashes, skin): (Vec<&Touched>, Vec<&Touched>) =
-            self.touched.iter().partition(|touched| touched.is_lash());
-        skin.iter().for_each(|at| self.correct(at, &turns, frame));
-        self.go_evenly(turns.hold, frame);
-        // Lashes stand on the edges as these are in the end.
-        turns.edges = self
-            .rims
-            .each_ref()
-            .map(|rim| std::array::from_fn(|k| self.edge_moved(rim, k, frame)));
-        lashes.iter().for_each(|at| self.correct(at, &turns, frame));
-    }
-
-    /// Takes skin a share of the way to where it goes evenly.
-    fn go_evenly(&self, share: f32, frame: &mut [f32]) {
-        if share <= 0.0 {
-            return;
+        let turns = self.turns(self.closed(landmarks), frame);
+        for touched in &self.touched {
+            let d = &mut frame[3 * touched.vertex as usize..][..3];
+            let moved = [0, 1, 2].map(|i| d[i]);
+            let change = self.change(touched, self.local(moved), &turns);
+            for (i, to) in d.iter_mut().enumerate() {
+                let along = self.axes.iter().zip(change);
+                *to += along.map(|(axis, x)| axis[i] * x).sum::<f32>() / self.to_cm;
+            }
         }
-        let moved = |frame: &[f32], v: u32| {
-            let d = &frame[3 * v as usize..][..3];
-            self.local([d[0], d[1], d[2]])
-        };
-        let wanted: Vec<(Resting, [f32; 3])> = self.even.moves(|v| moved(frame, v)).collect();
-        for (Resting { vertex: v, place }, wanted) in wanted {
-            let wanted = self.off_ball(place, wanted);
-            let now = moved(frame, v);
-            let change = std::array::from_fn(|i| share * (wanted[i] - now[i]));
-            self.add(change, &mut frame[3 * v as usize..][..3]);
-        }
-    }
-
-    /// A displacement after which a place lies before the ball by no less than it did, or than lids must.
-    fn off_ball(&self, place: [f32; 3], moved: [f32; 3]) -> [f32; 3] {
-        let height = |p: [f32; 3]| {
-            let length = Vec3::from(p).length();
-            (length, length - self.ball.radius_below(p, length))
-        };
-        let came: [f32; 3] = std::array::from_fn(|i| place[i] + moved[i]);
-        let (length, now) = height(came);
-        let lacking = (height(place).1.min(LEAST_OFF_CM) - now).max(0.0);
-        let scale = 1.0 + lacking / length.max(1e-6);
-        std::array::from_fn(|i| scale * came[i] - place[i])
-    }
-
-    /// Adds to a displacement, mesh units, one in the eye's frame.
-    fn add(&self, change: [f32; 3], to: &mut [f32]) {
-        for (i, to) in to.iter_mut().enumerate() {
-            let along = self.axes.iter().zip(change);
-            *to += along.map(|(axis, x)| axis[i] * x).sum::<f32>() / self.to_cm;
-        }
-    }
-
-    /// Corrects the displacement of one vertex.
-    fn correct(&self, touched: &Touched, turns: &Turns, frame: &mut [f32]) {
-        let d = &mut frame[3 * touched.vertex as usize..][..3];
-        let moved = [0, 1, 2].map(|i| d[i]);
-        let change = self.change(touched, self.local(moved), turns);
-        self.add(change, d);
-    }
-
-    /// Landmarks of one frame, `[68][3]` in canonical metres, by which the lids close by a share of the eye's
-    /// opening, and by so much of it through the upper lid.
-    pub(super) fn close(&self, landmarks: &mut [[f32; 3]], closed: f32, upper_share: f32) {
-        for ((upper, lower), height) in self.pairs.into_iter().zip(self.openings) {
-            let way = 0.01 * closed * height;
-            landmarks[upper][1] -= upper_share * way;
-            landmarks[lower][1] += (1.0 - upper_share) * way;
-        }
-    }
-
-    /// Whether nothing closes these lids.
-    pub(super) fn rests(&self) -> bool {
-        self.rests
     }
 
     /// By which share the lids are asked to close: 0 as in the neutral face, 1 shut, below 0 wide open.
@@ -281,9 +190,9 @@ impl Eyelids {
     fn turns(&self, closed: f32, frame: &[f32]) -> Turns {
         let hold = ease(closed / EXACT_FROM);
         let shut = ease((closed - OVERLAP_FROM) / (1.0 - OVERLAP_FROM));
-        let out: [[f32; SAMPLES]; 2] = [BEFORE_CM * shut, 0.0].map(|before| {
-            let full = before + hold * self.lift;
-            std::array::from_fn(|k| from_corner(k) * full)
+        let lift = [BEFORE_CM * shut, 0.0].map(|before| Lift {
+            out: before + hold * self.lift,
+            hug: shut,
         });
         let made = self.rims.each_ref().map(|rim| self.elevations(rim, frame));
         let change = self.shortfall(closed, shut, &made).map(|x| hold * x);
@@ -291,15 +200,22 @@ impl Eyelids {
         let whole: [[f32; SAMPLES]; 2] = std::array::from_fn(|lid| {
             std::array::from_fn(|k| made[lid][k] + added[lid][k] - self.rims[lid].rest[k])
         });
+        let edges = std::array::from_fn(|lid| {
+            std::array::from_fn(|k| {
+                let rim: &Rim = &self.rims[lid];
+                let moved = self.edge_moved(rim, k, frame);
+                let change = self.slide(rim.edge[k], moved, added[lid][k], 1.0, lift[lid]);
+                std::array::from_fn(|i| moved[i] + change[i])
+            })
+        });
         let middle = SAMPLES / 4..SAMPLES - SAMPLES / 4;
         let roll = whole.map(|of| of[middle.clone()].iter().sum::<f32>() / middle.len() as f32);
         Turns {
             added,
             whole,
             roll,
-            edges: [[[0.0; 3]; SAMPLES]; 2],
-            out,
-            hug: shut,
+            edges,
+            lift,
             hold,
         }
     }
@@ -317,10 +233,9 @@ impl Eyelids {
         let most = beside(&change, |before, here, after| {
             here + shut * (before.min(here).min(after) - here)
         });
-        let even = beside(&most, |before, here, after| {
+        beside(&most, |before, here, after| {
             0.25 * before + 0.5 * here + 0.25 * after
-        });
-        std::array::from_fn(|k| change[k].mixed(even[k], from_corner(k)))
+        })
     }
 
     /// What the decoder made of a place of an edge: its displacement in the eye's frame.
@@ -357,11 +272,7 @@ impl Eyelids {
         };
         let slide = || {
             let angle = share * between_samples(&turns.added[lid], at);
-            let lift = Lift {
-                out: between_samples(&turns.out[lid], at),
-                hug: turns.hug,
-            };
-            self.slide(place, moved, angle, share, lift)
+            self.slide(place, moved, angle, share, turns.lift[lid])
         };
         match touched.stem {
             None => slide(),
@@ -401,10 +312,19 @@ impl Eyelids {
     }
 }
 
-/// How much of what is full along the middle of an edge counts at one of its samples.
-fn from_corner(k: usize) -> f32 {
-    let from_end = k.min(SAMPLES - 1 - k);
-    FROM_CORNER.get(from_end).copied().unwrap_or(1.0)
+/// Angle of a point above the plane of across and front, radians.
+fn elevation(p: [f32; 3]) -> f32 {
+    p[1].atan2(p[2])
+}
+
+/// A point turned up by an angle about the axis across.
+fn turn(p: [f32; 3], angle: f32) -> [f32; 3] {
+    let (sine, cosine) = angle.sin_cos();
+    [
+        p[0],
+        cosine * p[1] + sine * p[2],
+        cosine * p[2] - sine * p[1],
+    ]
 }
 
 /// A value between samples.
@@ -420,4 +340,17 @@ fn beside(values: &[f32; SAMPLES], of: impl Fn(f32, f32, f32) -> f32) -> [f32; S
         let (before, after) = (k.saturating_sub(1), (k + 1).min(SAMPLES - 1));
         of(values[before], values[k], values[after])
     })
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    #[test]
+    fn a_turn_keeps_the_distance_from_the_axis() {
+        let p = turn([0.4, 0.3, 1.1], 0.7);
+        assert!((p[1].hypot(p[2]) - 0.3f32.hypot(1.1)).abs() < 1e-6);
+        assert!((elevation(p) - elevation([0.4, 0.3, 1.1]) - 0.7).abs() < 1e-6);
+        assert_eq!(turn([0.4, 0.3, 1.1], 0.0), [0.4, 0.3, 1.1]);
+    }
 }

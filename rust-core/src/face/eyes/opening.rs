@@ -5,10 +5,7 @@
 //! the sphere of the skin between them or one of usual size. A shut upper lid stands out over the lower one
 //! at the lower landmarks, and there is no edge at the upper ones. Lengths are canonical centimetres.
 
-use std::collections::BTreeMap;
-
 use glam::Vec3;
-use serde::{Deserialize, Serialize};
 
 use super::{
     Eyeball, Mix,
@@ -16,7 +13,7 @@ use super::{
 };
 use crate::{
     face::lids::LidEdge,
-    mesh::{FrontView, ibug::LANDMARKS, parts::DisjointSets},
+    mesh::{FrontView, ibug::LANDMARKS},
 };
 
 /// Places from corner to corner at which an opening is measured.
@@ -46,10 +43,6 @@ const SHUT_STEPS: (f32, f32) = (0.045, 0.06);
 const CORNER: f32 = 0.02;
 /// How often the edges of an eyeball's picture are smoothed: its cells are seen in them.
 const SMOOTHINGS: usize = 3;
-/// Skin that joins both lids over the eye lies no further behind their edges than this, in widths of the eye, and
-/// begins no further beside them.
-const JOINED_BEHIND: f32 = 0.25;
-const JOINED_BESIDE: f32 = 0.05;
 /// Skin this far inside the curves through the landmarks is the eye's own surface, in widths of the eye.
 const INSIDE: f32 = 0.03;
 
@@ -65,7 +58,7 @@ pub(crate) struct Head<'a> {
 }
 
 /// Axes of one eye: across from corner to corner, up, and out of the face.
-#[derive(Debug, Clone, Copy, PartialEq, Serialize, Deserialize)]
+#[derive(Debug, Clone, Copy, PartialEq)]
 pub(crate) struct EyeFrame {
     pub origin: [f32; 3],
     pub axes: [[f32; 3]; 3],
@@ -82,8 +75,6 @@ pub(crate) struct Opening {
     pub edges: [[[f32; 3]; SAMPLES]; 2],
     /// Whether the eye is sculpted shut.
     pub is_shut: bool,
-    /// Whether the lids have no slit between them: skin leads from one over the eye to the other.
-    pub is_joined: bool,
 }
 
 impl EyeFrame {
@@ -152,13 +143,11 @@ impl Opening {
                 width,
                 edges,
                 is_shut: seen.is_none() || mean_height(&edges) < LEAST_OPEN * width,
-                is_joined: false,
             });
         }
         let view = picture(&locals(head.skin, &middle), &[], [0.0; 3], width);
         let mut opening = without_eyeball(head, &middle, marks, width);
         opening.is_shut = is_one_surface(&view, &curves(&middle, marks), width);
-        opening.is_joined = opening.is_joined(head);
         Some(opening)
     }
 
@@ -175,55 +164,6 @@ impl Opening {
         let (first, last) = (self.edges[0][0][0], self.edges[0][SAMPLES - 1][0]);
         let place = (across - first) / (last - first).max(1e-6);
         (place * (SAMPLES - 1) as f32).clamp(0.0, (SAMPLES - 1) as f32)
-    }
-
-    /// Whether a way over the skin leads from the upper lid to the lower one, over the eye and not behind it or
-    /// about its corners.
-    fn is_joined(&self, head: &Head<'_>) -> bool {
-        let place = |v: u32| self.frame.local(head.positions[v as usize]);
-        let inner = self.edges[0][SAMPLES / 5][0]..self.edges[0][SAMPLES - 1 - SAMPLES / 5][0];
-        let way = |p: [f32; 3]| {
-            let k = self.sample_at(p[0]).round() as usize;
-            let [upper, lower] = self.edges.each_ref().map(|edge| edge[k]);
-            let margin = (JOINED_BESIDE * self.width).min(0.25 * (upper[1] - lower[1]));
-            let front = 0.5 * (upper[2] + lower[2]) - JOINED_BEHIND * self.width;
-            let is_way = inner.contains(&p[0])
-                && p[2] > front
-                && (lower[1] - margin..upper[1] + margin).contains(&p[1]);
-            is_way.then_some([p[1] > upper[1] - margin, p[1] < lower[1] + margin])
-        };
-        let mut sets = BTreeMap::new();
-        let mut number = |v: u32| {
-            let next = sets.len() as u32;
-            // Seams of texture places part what is one surface.
-            let at = head.positions[v as usize].map(f32::to_bits);
-            *sets.entry(at).or_insert(next)
-        };
-        let near = |t: &&[u32; 3]| {
-            let reach = (2.0 * self.width).powi(2);
-            t.iter()
-                .all(|v| Vec3::from(place(*v)).length_squared() < reach)
-        };
-        let triangles: Vec<[u32; 3]> = head.skin.iter().filter(near).copied().collect();
-        let own: Vec<[u32; 3]> = triangles.iter().map(|t| t.map(&mut number)).collect();
-        let mut joined = DisjointSets::new(sets.len());
-        let mut lids = vec![[false; 2]; sets.len()];
-        for (t, own) in triangles.iter().zip(&own) {
-            let ways = t.map(|v| way(place(v)));
-            for (at, next) in [(0, 1), (1, 2), (2, 0)] {
-                if let (Some(a), Some(b)) = (ways[at], ways[next]) {
-                    joined.join(own[at], own[next]);
-                    lids[own[at] as usize] = a;
-                    lids[own[next] as usize] = b;
-                }
-            }
-        }
-        let mut reached = vec![[false; 2]; sets.len()];
-        for (v, of) in lids.iter().enumerate() {
-            let root = joined.find(v as u32) as usize;
-            (0..2).for_each(|lid| reached[root][lid] |= of[lid]);
-        }
-        reached.contains(&[true; 2])
     }
 
     /// Whether a point lies between the lids: on the eye itself, not on a lid.
@@ -249,7 +189,6 @@ fn without_eyeball(head: &Head<'_>, middle: &EyeFrame, marks: &[[f32; 3]], width
         width,
         edges: [[[0.0; 3]; SAMPLES]; 2],
         is_shut: false,
-        is_joined: false,
     };
     opening.edges = curves(&opening.frame, marks);
     let own = head.positions.iter().map(|p| opening.frame.local(*p));

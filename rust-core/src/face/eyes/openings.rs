@@ -21,13 +21,6 @@ struct Eye {
     /// At both pairs of landmarks, canonical centimetres.
     heights: [f32; 2],
     is_shut: bool,
-    is_joined: bool,
-}
-
-impl Eye {
-    fn rests(&self) -> bool {
-        self.is_shut || self.is_joined
-    }
 }
 
 impl Openings {
@@ -57,7 +50,6 @@ impl Openings {
                     .pairs
                     .map(|pair| opening.height_at(head.landmarks, pair)),
                 is_shut: opening.is_shut,
-                is_joined: opening.is_joined,
             })
         }))
     }
@@ -68,22 +60,13 @@ impl Openings {
         self.0.each_ref().map(shut)
     }
 
-    /// Whether the lids of each eye that is open have no slit between them.
-    pub(crate) fn joined(&self) -> [bool; 2] {
-        let joined = |eye: &Option<Eye>| {
-            let eye = eye.as_ref();
-            eye.is_some_and(|eye| eye.is_joined && !eye.is_shut)
-        };
-        self.0.each_ref().map(joined)
-    }
-
-    /// Lets lids travel as far as these eyes are open, and not at all where they are sculpted shut or have no slit.
+    /// Lets lids travel as far as these eyes are open, and not at all where they are sculpted shut.
     /// `moved`: `[T, 68, 3]`, canonical metres.
     pub(crate) fn to_own(&self, moved: &mut Array3<f32>) {
         self.travel(moved, |height| height / CANONICAL_WAY_CM);
     }
 
-    /// The way back of [`Openings::to_own`]; lids that are sculpted shut or have no slit rest.
+    /// The way back of [`Openings::to_own`]; lids that are sculpted shut rest.
     pub(crate) fn to_canonical(&self, moved: &mut Array3<f32>) {
         self.travel(moved, |height| CANONICAL_WAY_CM / height);
     }
@@ -95,7 +78,7 @@ impl Openings {
                 let Some(eye) = eye else {
                     continue;
                 };
-                if eye.rests() {
+                if eye.is_shut {
                     marks.lids.clone().for_each(|n| frame.row_mut(n).fill(0.0));
                     continue;
                 }
@@ -131,12 +114,10 @@ mod tests {
         let wide = Eye {
             heights: [2.0 * CANONICAL_WAY_CM; 2],
             is_shut: false,
-            is_joined: false,
         };
         let shut = Eye {
             heights: [0.1; 2],
             is_shut: true,
-            is_joined: false,
         };
         let mut moved = Array3::zeros((1, 68, 3));
         for n in [37, 38, 43, 44] {

@@ -57,14 +57,14 @@ pub fn prepare_paper(
     let features = decoder.encode(near.vertex_inputs(), &surface);
     report(progress, "weights", 1.0)?;
     let follows = near.rows_followed(solved.surface);
-    solved.corrected(PaperFace {
+    Ok(solved.corrected(PaperFace {
         decoder,
         features,
         surface,
         fade: near.fade,
         follows,
         to_canonical: face.to_canonical,
-    })
+    }))
 }
 
 impl Deformer for PaperFace {
