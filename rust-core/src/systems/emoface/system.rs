@@ -230,11 +230,8 @@ impl EmoFace {
 
     /// Whether the emotion branch was taught all that is asked for.
     fn branch_knows(&self, curve: &EmotionCurve) -> bool {
-        let emotions = &self.config().emotions;
-        let is_known = |emotion: &Emotion| {
-            let mut named = EMOTIONS.iter().zip(&emotion.mixture);
-            named.all(|(name, share)| *share == 0.0 || emotions.iter().any(|known| known == name))
-        };
+        let is_known =
+            |emotion: &Emotion| known(self.config(), &emotion.mixture) == emotion.mixture;
         curve.named().into_iter().all(is_known)
     }
 
