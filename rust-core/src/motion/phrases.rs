@@ -60,18 +60,6 @@ impl Phrases {
         value
     }
 
-    /// How far the nearest phrase is, seconds; 0 within one, endless where nobody speaks.
-    pub(super) fn away_s(&self, time_s: f64) -> f64 {
-        let next = self.0.partition_point(|phrase| phrase.end_s < time_s);
-        let near = self.0[next.saturating_sub(1)..].iter().take(2);
-        near.map(|phrase| {
-            (phrase.start_s - time_s)
-                .max(time_s - phrase.end_s)
-                .max(0.0)
-        })
-        .fold(f64::INFINITY, f64::min)
-    }
-
     /// 1 while somebody speaks, 0 in pauses, smooth in between.
     pub(super) fn activity(&self, time_s: f64) -> f64 {
         let next = self.0.partition_point(|phrase| phrase.end_s < time_s);

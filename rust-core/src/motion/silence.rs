@@ -1,32 +1,59 @@
 //! The mouth comes to rest where nobody speaks.
 
-use super::{
-    LandmarkClip,
-    phrases::{Phrases, smooth_step},
+use super::{LandmarkClip, phrases::smooth_step};
+use crate::{
+    audio::{PROSODY_FPS, Prosody},
+    mesh::ibug::speaking,
 };
-use crate::{audio::Prosody, mesh::ibug::speaking};
 
 /// So long before and after speech the mouth moves as the network says; in so long it comes to rest, seconds.
 const NEAR_S: f64 = 0.2;
 const SETTLE_S: f64 = 0.5;
+/// A sound without a pause whose loud frames lie below this says nothing, dB.
+const SILENT_DB: f32 = -80.0;
 
 impl LandmarkClip {
     /// Brings jaw and lips to rest in pauses, `strength` `[T]` of the emotion that stays on them: at 1 nothing
     /// changes. Pauses within half a second of speech on both sides hardly change.
     pub(crate) fn rest_in_silence(&mut self, prosody: &Prosody, strength: &[f32]) {
-        let phrases = Phrases::of(prosody);
         let mut frames = self.displacements.outer_iter_mut();
         for (t, strength) in strength.iter().enumerate() {
             let Some(mut frame) = frames.next() else {
                 return;
             };
-            let away_s = phrases.away_s(t as f64 / self.fps) - NEAR_S;
+            let away_s = away_s(prosody, t as f64 / self.fps) - NEAR_S;
             let rest = smooth_step(away_s / SETTLE_S) as f32 * (1.0 - strength.clamp(0.0, 1.0));
             if rest > 0.0 {
                 speaking().for_each(|n| frame.row_mut(n).map_inplace(|x| *x *= 1.0 - rest));
             }
         }
     }
+}
+
+/// How far the nearest sound of speech is, seconds; 0 within speech, voiced or whispered, endless in a silent sound.
+fn away_s(prosody: &Prosody, time_s: f64) -> f64 {
+    if prosody.pauses.is_empty() && prosody.loud_db < SILENT_DB {
+        return f64::INFINITY;
+    }
+    let frame = time_s * PROSODY_FPS;
+    let over = |pause: &&std::ops::Range<usize>| (pause.end as f64) <= frame;
+    let next = prosody.pauses.iter().find(|pause| !over(pause));
+    let Some(pause) = next.filter(|pause| pause.start as f64 <= frame) else {
+        return 0.0;
+    };
+    // Nobody speaks before the first frame and after the last.
+    let before = if pause.start == 0 {
+        f64::INFINITY
+    } else {
+        frame - pause.start as f64
+    };
+    let is_last = pause.end == prosody.level_db.len();
+    let after = if is_last {
+        f64::INFINITY
+    } else {
+        pause.end as f64 - frame
+    };
+    before.min(after) / PROSODY_FPS
 }
 
 #[cfg(test)]
@@ -56,5 +83,24 @@ mod tests {
         let steps = (1..90).map(|t| (calm[[t, 66, 1]] - calm[[t - 1, 66, 1]]).abs());
         assert!(steps.fold(0.0, f32::max) < 0.25e-3);
         assert_eq!(rested(1.0), open);
+    }
+
+    #[test]
+    fn a_whisper_without_a_voiced_syllable_is_speech() {
+        let mut prosody = voice(3, 100);
+        prosody.nuclei.clear();
+        let open = Array3::from_elem((90, 68, 3), 2e-3);
+        let mut clip = LandmarkClip {
+            displacements: open.clone(),
+            fps: 30.0,
+        };
+        clip.rest_in_silence(&prosody, &[0.0; 90]);
+        let spoken = ndarray::s![..60, .., ..];
+        assert_eq!(clip.displacements.slice(spoken), open.slice(spoken));
+
+        // The same without any sound rests.
+        prosody.pauses.clear();
+        clip.rest_in_silence(&prosody, &[0.0; 90]);
+        assert_eq!(clip.displacements[[10, 66, 1]], 0.0);
     }
 }
