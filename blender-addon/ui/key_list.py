@@ -8,7 +8,7 @@ from ..core.errors import AnyfaceError
 from ..core.key_names import Pair
 from ..scene.shape_keys import artist_keys
 from . import output_properties
-from .operators import Acting, Notice, ToFile, WithFile
+from .operators import Notice, OnList, ToFile, WithFile
 from .target import target
 
 
@@ -26,15 +26,7 @@ class ANYFACE_UL_mapping(UIList):
         row.prop(item, "factor", text="")
 
 
-class _OnMapping(Acting):
-    @classmethod
-    def why_not(cls, context):
-        ob = target(context)
-        linked = ob is not None and ob.library is not None
-        return "The face is linked and keeps no list" if linked else super().why_not(context)
-
-
-class ANYFACE_OT_mapping_find(_OnMapping, Operator):
+class ANYFACE_OT_mapping_find(OnList, Operator):
     """Fill the list with the keys whose names are known"""
 
     bl_idname = "anyface.mapping_find"
@@ -48,7 +40,7 @@ class ANYFACE_OT_mapping_find(_OnMapping, Operator):
         fill(ob, found)
 
 
-class ANYFACE_OT_mapping_preset(_OnMapping, Operator):
+class ANYFACE_OT_mapping_preset(OnList, Operator):
     """Fill the list with the keys that a tool names in this way"""
 
     bl_idname = "anyface.mapping_preset"
@@ -65,7 +57,7 @@ class ANYFACE_OT_mapping_preset(_OnMapping, Operator):
         fill(ob, found)
 
 
-class ANYFACE_OT_mapping_add(_OnMapping, Operator):
+class ANYFACE_OT_mapping_add(OnList, Operator):
     """Add a row: pick a shape and the key that shows it"""
 
     bl_idname = "anyface.mapping_add"
@@ -83,7 +75,7 @@ class ANYFACE_OT_mapping_add(_OnMapping, Operator):
         row.key, stored.mapping_index = self.key, len(stored.mapping) - 1
 
 
-class ANYFACE_OT_mapping_remove(_OnMapping, Operator):
+class ANYFACE_OT_mapping_remove(OnList, Operator):
     """Take the active row off the list"""
 
     bl_idname = "anyface.mapping_remove"
@@ -98,7 +90,7 @@ class ANYFACE_OT_mapping_remove(_OnMapping, Operator):
         stored.mapping_index = max(0, min(stored.mapping_index, len(stored.mapping) - 1))
 
 
-class ANYFACE_OT_mapping_clear(_OnMapping, Operator):
+class ANYFACE_OT_mapping_clear(OnList, Operator):
     """Empty the list; keys are found by name again"""
 
     bl_idname = "anyface.mapping_clear"
@@ -109,7 +101,7 @@ class ANYFACE_OT_mapping_clear(_OnMapping, Operator):
         ob.anyface_output.mapping.clear()
 
 
-class ANYFACE_OT_mapping_save(_OnMapping, ToFile, Operator):
+class ANYFACE_OT_mapping_save(OnList, ToFile, Operator):
     """Save the list as a JSON file"""
 
     bl_idname = "anyface.mapping_save"
@@ -123,7 +115,7 @@ class ANYFACE_OT_mapping_save(_OnMapping, ToFile, Operator):
         key_names.write(found, self.path)
 
 
-class ANYFACE_OT_mapping_load(_OnMapping, WithFile, Operator):
+class ANYFACE_OT_mapping_load(OnList, WithFile, Operator):
     """Load the list from a JSON file"""
 
     bl_idname = "anyface.mapping_load"

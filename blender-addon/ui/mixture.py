@@ -8,8 +8,7 @@ from ..core.emotion import EMOTIONS, MAX_INTENSITY, MIXTURES
 from ..core.errors import AnyfaceError
 from ..scene.animation import curves, sliders
 from ..scene.animation.emotion import WEIGHT_PATH, shares
-from .operators import Acting
-from .target import target
+from .operators import OnList
 
 ITEMS = [(name, name.capitalize(), "", number) for number, name in enumerate(EMOTIONS)]
 # The share of a line that the emotion takes; its strength takes the rest.
@@ -50,15 +49,7 @@ def _fill(settings, found: list[emotion.Share]) -> None:
         row.emotion, row.weight = share.emotion, share.weight
 
 
-class _OnMixture(Acting):
-    @classmethod
-    def why_not(cls, context):
-        ob = target(context)
-        linked = ob is not None and ob.library is not None
-        return "The face is linked and keeps no list" if linked else super().why_not(context)
-
-
-class ANYFACE_OT_emotion_add(_OnMixture, Operator):
+class ANYFACE_OT_emotion_add(OnList, Operator):
     """Let the face show one more emotion at the same time"""
 
     bl_idname = "anyface.emotion_add"
@@ -73,7 +64,7 @@ class ANYFACE_OT_emotion_add(_OnMixture, Operator):
         row.weight = _ADDED
 
 
-class ANYFACE_OT_emotion_remove(_OnMixture, Operator):
+class ANYFACE_OT_emotion_remove(OnList, Operator):
     """Take this emotion out of the mixture"""
 
     bl_idname = "anyface.emotion_remove"
@@ -105,7 +96,7 @@ def _drop_curves(ob, number: int, count: int) -> None:
                 curve.data_path = "anyface." + WEIGHT_PATH.format(row - 1)
 
 
-class ANYFACE_OT_emotion_mixture(_OnMixture, Operator):
+class ANYFACE_OT_emotion_mixture(OnList, Operator):
     """Fill the emotions with this mixture"""
 
     bl_idname = "anyface.emotion_mixture"

@@ -48,6 +48,17 @@ class Acting(OfFace):
         return {"CANCELLED"}
 
 
+class OnList(Acting):
+    """Changes a list that is kept with the face."""
+
+    @classmethod
+    def why_not(cls, context):
+        """Why it cannot be done now, or nothing."""
+        ob = target(context)
+        linked = ob is not None and ob.library is not None
+        return "The face is linked and keeps no list" if linked else super().why_not(context)
+
+
 class WithFile(Acting):
     """Asks for a file first; one of JSON where nothing else is said."""
 
