@@ -71,7 +71,7 @@ def read_felt(data: Path, limit: int | None = None) -> list[Felt]:
         taken[held_out] += 1
         name = row["clip"]
         samples = read_sound(folder / f"{name}.ogg")
-        found.append(Felt(name, row["actor"], row["sentence"], NAMES[row["emotion"]],
+        found.append(Felt(name, row["actor"], row["sentence"], NAMES[row["feeling"]],
                           float(row["recognised_percent"]) / 100.0, held_out, samples,
                           phones_of(labels.get(name, []))))  # fmt: skip
     return found

@@ -5,6 +5,7 @@ import pytest
 import torch
 
 from training.align import similarity
+from training.corpus.emodb import NAMES, read_felt
 from training.corpus.facegood import resample
 from training.corpus.mirror import mirror, permutation, symmetrise
 from training.corpus.split import facegood_first_held_out, grid_held_out
@@ -67,3 +68,10 @@ def test_debug_config_trains_and_exports(tmp_path):
     encoder, denoiser = load_models(tmp_path / "models", "debug")
     assert denoiser.config.speech.channels == encoder.config.channels
     assert (denoiser.std > 0).all()
+
+
+@needs_shared
+def test_acted_recordings_are_read_with_their_emotions():
+    clips = read_felt(SHARED / "data", limit=3)
+    assert len(clips) == 6 and {clip.held_out for clip in clips} == {True, False}
+    assert {clip.emotion for clip in clips} <= set(NAMES.values())

@@ -137,7 +137,7 @@ fn read(path: &Path) -> Result<Vec<Recording>> {
     };
     let columns = [
         place("clip")?,
-        place("emotion_encoder")?,
+        place("feeling")?,
         place("actor")?,
         place("sentence")?,
     ];
@@ -169,7 +169,7 @@ mod tests {
     fn recordings_are_matched_by_actor_and_sentence() {
         let folder = tempfile::tempdir().unwrap();
         let path = folder.path().join("clips.tsv");
-        let text = "clip\tactor\tsentence\temotion\na\t03\tb01\tanger\nb\t03\tb01\tsadness\nc\t08\tb01\tanger\n";
+        let text = "clip\tactor\tsentence\tfeeling\na\t03\tb01\tanger\nb\t03\tb01\tsadness\nc\t08\tb01\tanger\n";
         std::fs::write(&path, text).unwrap();
         let found = by_actor_and_sentence(read(&path).unwrap());
         assert_eq!(found.len(), 2);
