@@ -916,9 +916,10 @@ AnyfaceStatus anyface_face_find(const AnyfaceEngine *engine,
 /// How the lips meet, an `AnyfaceMouth`; -1 for NULL.
 int32_t anyface_face_mouth(const AnyfaceFace *face);
 
-/// Which eyes are sculpted shut, and so never blink: 0 none, 1 the subject's right one, 2 the left one, 3 both;
-/// -1 for NULL.
-int32_t anyface_face_shut_eyes(const AnyfaceFace *face);
+/// What the lids of an eye can do, an `AnyfaceLids`; -1 for NULL. `side`: 0 the subject's right eye, anything else the
+/// left one. Where lids rest, a brow that is lowered stands for a blink.
+int32_t anyface_face_lids(const AnyfaceFace *face,
+                          int32_t side);
 
 /// Size of the mesh's unit in metres on a head of human size: what makes millimetres of displacements;
 /// 0 for NULL.

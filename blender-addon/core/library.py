@@ -188,7 +188,7 @@ SIGNATURES = {
     "anyface_face_new": (c_int32, _OF_MESH),
     "anyface_face_find": (c_int32, _OF_MESH),
     "anyface_face_mouth": (c_int32, [_HANDLE]),
-    "anyface_face_shut_eyes": (c_int32, [_HANDLE]),
+    "anyface_face_lids": (c_int32, [_HANDLE, c_int32]),
     "anyface_face_metres_per_unit": (c_double, [_HANDLE]),
     "anyface_face_copy_landmarks": (c_int32, [_HANDLE, _FLOATS, _INDICES, _FLOATS, _OUT]),
     "anyface_face_copy_to_canonical": (c_int32, [_HANDLE, _FLOATS, c_size_t, _OUT]),

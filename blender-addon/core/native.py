@@ -34,7 +34,7 @@ from .native_sounds import SoundCalls
 from .take import (
     EMOTION_SOURCES,
     MOUTHS,
-    SHUT_EYES,
+    LIDS,
     VISIBILITIES,
     Animation,
     Found,
@@ -316,8 +316,8 @@ class Engine(
         buffers = (roles.ctypes.data_as(POINTER(c_int32)), _indices(owners))
         self._call("anyface_face_copy_parts", face, *buffers)
         mouth = MOUTHS[self._library.anyface_face_mouth(face)]
-        shut = SHUT_EYES[self._library.anyface_face_shut_eyes(face)]
-        return Found(places, vertices, sure, mouth, roles, owners, shut)
+        lids = tuple(LIDS[self._library.anyface_face_lids(face, side)] for side in (0, 1))
+        return Found(places, vertices, sure, mouth, roles, owners, lids)
 
     def _face_options(self, landmarks, vertices, roles, fixed=None):
         """The options, and the arrays that must live as long as they are used."""

@@ -10,8 +10,8 @@ from .space import FaceSpace, face_space
 
 # How the lips of a mesh meet, in the order of `AnyfaceMouth`.
 MOUTHS = ("open", "slit", "welded")
-SHUT_EYES = ("", "right eye", "left eye", "eyes")
-"""Eyes that are sculpted shut, in the order of the C library's code."""
+# What the lids of an eye can do, in the order of `AnyfaceLids`.
+LIDS = ("close", "shut", "joined")
 # What a part of a mesh is, in the order of `AnyfacePartRole`.
 ROLES = ("skin", "jaw", "skull", "mouth", "nearest", "gaze", "still")
 # The role of an object whose parts are told by shape and place.
@@ -37,7 +37,7 @@ class Found:
     """Where a face is, in the frame in which its mesh was given.
 
     `positions` `[68, 3]`, `vertices` `[68]`, `confidence` `[68]` 0 to 1; `mouth` one of `MOUTHS`,
-    `shut_eyes` one of `SHUT_EYES`; `part_roles` an index into `ROLES` for each part,
+    `lids` of the right and the left eye, of `LIDS`; `part_roles` an index into `ROLES` for each part,
     `part_of_vertex` `[V]`.
     """
 
@@ -47,7 +47,7 @@ class Found:
     mouth: str
     part_roles: np.ndarray
     part_of_vertex: np.ndarray
-    shut_eyes: str = ""
+    lids: tuple[str, str] = ("close", "close")
 
 
 @dataclass

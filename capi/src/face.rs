@@ -2,7 +2,7 @@
 
 use std::io::Write;
 
-use anyface::{Engine, Face, job::write_atomically, mesh::Mouth};
+use anyface::{Engine, Face, face::Lids, job::write_atomically, mesh::Mouth};
 use libc::c_char;
 
 use crate::{
@@ -32,6 +32,18 @@ pub enum AnyfaceMouth {
     Slit = 1,
     /// One surface that cannot part.
     Welded = 2,
+}
+
+/// What the lids of an eye can do.
+#[repr(C)]
+#[derive(Debug, Clone, Copy, PartialEq, Eq)]
+pub enum AnyfaceLids {
+    /// They close.
+    Close = 0,
+    /// They are sculpted shut and rest.
+    Shut = 1,
+    /// They are one surface with the eye, without a slit between, and rest.
+    Joined = 2,
 }
 
 /// Takes or finds the landmarks of a mesh and computes all that does not depend on time. Long:
@@ -89,13 +101,14 @@ pub unsafe extern "C" fn anyface_face_mouth(face: *const AnyfaceFace) -> i32 {
     guard::guard_or(-1, || unsafe { face.as_ref() }.map_or(-1, code))
 }
 
-/// Which eyes are sculpted shut, and so never blink: 0 none, 1 the subject's right one, 2 the left one, 3 both;
-/// -1 for NULL.
+/// What the lids of an eye can do, an `AnyfaceLids`; -1 for NULL. `side`: 0 the subject's right eye, anything else the
+/// left one. Where lids rest, a brow that is lowered stands for a blink.
 #[unsafe(no_mangle)]
-pub unsafe extern "C" fn anyface_face_shut_eyes(face: *const AnyfaceFace) -> i32 {
-    let code = |face: &AnyfaceFace| {
-        let [right, left] = face.0.shut_eyes();
-        i32::from(right) + 2 * i32::from(left)
+pub unsafe extern "C" fn anyface_face_lids(face: *const AnyfaceFace, side: i32) -> i32 {
+    let code = |face: &AnyfaceFace| match face.0.lids()[usize::from(side != 0)] {
+        Lids::Close => AnyfaceLids::Close as i32,
+        Lids::Shut => AnyfaceLids::Shut as i32,
+        Lids::Joined => AnyfaceLids::Joined as i32,
     };
     guard::guard_or(-1, || unsafe { face.as_ref() }.map_or(-1, code))
 }

@@ -8,6 +8,7 @@ use std::{
 use anyface::{
     Engine, Face, MotionRequest, Part, Result,
     audio::SoundFile,
+    face::Lids,
     job::ProgressFn,
     mesh::{Mouth, ibug::REGIONS},
     motion::{Extent, Life},
@@ -259,18 +260,36 @@ pub fn note_face(report: &mut Report, face: &Face) {
     note_landmarks(report, &face.landmarks.confidence);
     note_mouth(report, face.mouth());
     report.warnings.extend(face.at_rest());
-    report.warnings.extend(shut_eyes_sentence(face));
+    report.warnings.extend(lids_sentence(face));
 }
 
-/// That eyes are sculpted shut, where they are.
-pub fn shut_eyes_sentence(face: &Face) -> Option<String> {
-    let which = match face.shut_eyes() {
-        [false, false] => return None,
-        [true, true] => "both eyes are",
-        [true, false] => "the right eye is",
-        [false, true] => "the left eye is",
+/// Which eyes do not blink and why, where any do not.
+pub fn lids_sentence(face: &Face) -> Option<String> {
+    let [right, left] = face.lids();
+    let why = |lids: Lids, many: bool| match (lids, many) {
+        (Lids::Close, _) => None,
+        (Lids::Shut, true) => Some("are sculpted shut"),
+        (Lids::Shut, false) => Some("is sculpted shut"),
+        (Lids::Joined, true) => Some("have no slit between their lids"),
+        (Lids::Joined, false) => Some("has no slit between its lids"),
     };
-    Some(format!("{which} sculpted shut: nothing blinks there"))
+    let of = |which: &str, lids: Lids, many: bool| {
+        let why = why(lids, many)?;
+        Some(format!(
+            "{which} {why}: brows squint where lids would blink"
+        ))
+    };
+    match right == left {
+        true => of("both eyes", right, true),
+        false => {
+            let each = [
+                of("the right eye", right, false),
+                of("the left eye", left, false),
+            ];
+            let each: Vec<String> = each.into_iter().flatten().collect();
+            Some(each.join("; ")).filter(|text| !text.is_empty())
+        }
+    }
 }
 
 /// Probability from which an emotion has a line in the summary, and the letters of a line.

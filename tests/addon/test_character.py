@@ -52,14 +52,14 @@ def test_doubtful_regions_are_named_and_drawn(stage, addon):
     assert doubtful == [n for n in range(27) if n != 3]
 
 
-def test_eyes_that_are_sculpted_shut_are_named(stage, addon):
+def test_eyes_that_cannot_blink_are_named(stage, addon):
     ob = grid()
     bpy.ops.anyface.find_face()
     document = json.loads(ob["anyface_landmarks"])
-    document["shut_eyes"] = "left eye"
+    document["lids"] = ["joined", "shut"]
     ob["anyface_landmarks"] = json.dumps(document)
     text, _ = addon("ui.character").status(ob)
-    assert "left eye sculpted shut: nothing blinks there" in text
+    assert "left eye: sculpted shut" in text and "right eye: no slit between the lids" in text
 
 
 def test_a_region_put_by_hand_is_not_doubtful(stage, addon):

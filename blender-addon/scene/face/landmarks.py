@@ -42,7 +42,7 @@ class Stored:
     positions: np.ndarray
     confidence: np.ndarray
     mouth: str = ""
-    shut_eyes: str = ""
+    lids: tuple[str, str] = ("close", "close")
     fixed: set[int] = field(default_factory=set)
 
     @property
@@ -71,7 +71,7 @@ def load(ob) -> Stored | None:
     if rows is not None:
         stored.confidence = np.array([row.get("confidence", 1.0) for row in rows["landmarks"]])
         stored.mouth = rows.get("mouth", "")
-        stored.shut_eyes = rows.get("shut_eyes", "")
+        stored.lids = tuple(rows.get("lids", stored.lids))
         stored.fixed = {row["index"] for row in rows["landmarks"] if row.get("fixed")}
     return stored
 
@@ -102,7 +102,7 @@ def store(ob, found: Found, fixed=()) -> None:
         rows.append(row | ({"fixed": True} if number in fixed else {}))
     confidence = round(float(found.confidence.mean()), 4)
     document = {"version": 1, "confidence": confidence, "mouth": found.mouth, "landmarks": rows}
-    document["shut_eyes"] = found.shut_eyes
+    document["lids"] = list(found.lids)
     document["box"] = mesh.box_of(mesh.read_basis(ob.data)).round(6).tolist()
     ob[mesh.LANDMARKS_PROPERTY] = json.dumps(document)
 
@@ -113,13 +113,26 @@ def clear(ob) -> None:
         del ob[mesh.LANDMARKS_PROPERTY]
 
 
+_NO_BLINK = {
+    "shut": "sculpted shut, the brow squints instead of a blink",
+    "joined": "no slit between the lids, the brow squints instead of a blink",
+}
+
+
+def _eyes(both: tuple[str, str], lids: str) -> str:
+    """Which eyes have such lids, in words."""
+    named = [side for side, own in zip(("right", "left"), both, strict=True) if own == lids]
+    return "both eyes" if len(named) == 2 else f"{named[0]} eye"
+
+
 def describe(stored: Stored) -> str:
     """In words: "face found, 97 % sure; the lips part"."""
     text = f"face found, {round(100 * stored.sure)} % sure"
     if stored.mouth:
         text += f"; {_MOUTHS.get(stored.mouth, stored.mouth)}"
-    if stored.shut_eyes:
-        text += f"; {stored.shut_eyes} sculpted shut: nothing blinks there"
+    for lids, why in _NO_BLINK.items():
+        if lids in stored.lids:
+            text += f"; {_eyes(stored.lids, lids)}: {why}"
     if stored.fixed:
         text += f"; {len(stored.fixed)} put by hand"
     if stored.doubtful:

@@ -70,7 +70,7 @@ def write(ob, face: FaceMesh, opened: OpenedMouth) -> str:
     if stored is not None:
         places, nearest = opened.landmarks, opened.landmark_vertices
         none = np.empty(0, dtype=np.int64)
-        found = Found(places, nearest, stored.confidence, "slit", none, none, stored.shut_eyes)
+        found = Found(places, nearest, stored.confidence, "slit", none, none, stored.lids)
         landmarks.store(ob, found, stored.fixed)
     return f"the lips of {ob.name} part now"
 

@@ -11,12 +11,13 @@ use super::{
     eyelids::{Eyelids, eyelids},
     jaw::{Jaw, JawPose},
     joined_lips::JoinedLips,
+    untangle::Untangle,
 };
 use crate::{
     Result,
-    face::{Deformer, Face, FaceSurface, FewVertices, binding::Follows, eyes::Head},
+    face::{Deformer, Face, FaceSurface, FewVertices, binding::Follows},
     job::ProgressFn,
-    mesh::{Mouth, PartRole, Similarity, ibug::LANDMARKS},
+    mesh::{Mouth, Similarity, ibug::LANDMARKS},
 };
 
 /// Corrections of one mesh, applied to every frame that a decoder made.
@@ -34,31 +35,20 @@ pub struct Corrections {
     joined: Option<JoinedLips>,
     /// The eyes, where their lids were found.
     lids: Vec<Eyelids>,
+    /// The skin about them; none where only some vertices are moved.
+    about_eyes: Option<Untangle>,
 }
 
 impl Corrections {
     /// Of a face with its surface.
     pub fn new(face: &Face, surface: &FaceSurface) -> Corrections {
-        let Face {
-            mesh,
-            parts,
-            to_canonical,
-            ..
-        } = face;
-        let is_eye = |t: &&[u32; 3]| parts.is(t[0] as usize, PartRole::Gaze);
-        let eyeballs: Vec<[u32; 3]> = mesh.triangles.iter().filter(is_eye).copied().collect();
+        let to_canonical = &face.to_canonical;
         let FaceSurface {
             positions,
             landmarks,
             skin,
             follows,
         } = surface;
-        let head = Head {
-            positions,
-            landmarks,
-            skin: &skin.surface.triangles,
-            eyeballs: &eyeballs,
-        };
         let jaw = Jaw::of(landmarks);
         let from_hinge = |p: [f32; 3]| std::array::from_fn(|i| p[i] - jaw.hinge[i]);
         let carried = follows.iter().zip(positions).enumerate();
@@ -69,10 +59,13 @@ impl Corrections {
         let features = face.features();
         let can_part = face.mouth() != Mouth::Welded;
         let rims = || mouth_slit(skin, landmarks, follows, to_canonical);
+        let lids = eyelids(face, surface);
+        let edges: Vec<u32> = lids.iter().flat_map(Eyelids::edges).collect();
         Corrections {
+            about_eyes: Some(Untangle::new(surface, &face.mesh.positions, &edges)),
             mouth: can_part.then(rims).flatten(),
             joined: JoinedLips::of(face.mouth(), landmarks),
-            lids: eyelids(&head, skin, &parts.connected, follows, to_canonical),
+            lids,
             to_canonical: *to_canonical,
             carried: carried.collect(),
             moving: (!features.are_all()).then(|| features.of_landmarks().to_vec()),
@@ -90,6 +83,7 @@ impl Corrections {
                 .collect(),
             mouth: self.mouth.as_ref().map(|slit| slit.renumbered(new)),
             lids: self.lids.iter().map(|lids| lids.renumbered(new)).collect(),
+            about_eyes: None,
             ..self.clone()
         }
     }
@@ -117,12 +111,20 @@ impl Corrections {
         if let Some(slit) = &self.mouth {
             slit.apply(landmarks, frame);
         }
+        self.shut(landmarks, frame);
+    }
+
+    /// Closes lids, and keeps the skin about them from turning over.
+    fn shut(&self, landmarks: &[f32], frame: &mut [f32]) {
         for lids in &self.lids {
             lids.apply(landmarks, frame);
         }
+        if let Some(skin) = &self.about_eyes {
+            skin.apply(frame);
+        }
     }
 
-    /// Landmarks `[T, 68, 3]` for the decoder: lids of eyes that are sculpted shut rest.
+    /// Landmarks `[T, 68, 3]` for the decoder: lids that cannot close rest.
     fn own_landmarks(&self, landmarks: &Array3<f32>) -> Array3<f32> {
         let mut own = landmarks.clone();
         for mut frame in own.outer_iter_mut() {
@@ -255,8 +257,7 @@ impl<D: Deformer> Deformer for Corrected<D> {
     fn shut_lids(&self, landmarks: ArrayView3<'_, f32>, moved: &mut Array3<f32>) {
         let landmarks = self.corrections.asked(landmarks);
         self.each_frame(landmarks.view(), moved, |landmarks, frame| {
-            let lids = &self.corrections.lids;
-            lids.iter().for_each(|lids| lids.apply(landmarks, frame));
+            self.corrections.shut(landmarks, frame);
         });
     }
 

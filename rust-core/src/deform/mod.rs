@@ -23,6 +23,7 @@ pub mod projection;
 mod row_weights;
 pub mod static_weights;
 mod tension_screened_biharmonic;
+mod untangle;
 
 pub use corrected::{Corrected, Corrections};
 pub use correspondence::{Correspondence, FollowingFace, ReferencePoints};

@@ -21,6 +21,9 @@ const LEAST_EXTENT: f32 = 1.0;
 const EGG: f32 = 0.55;
 /// Largest extent of an egg, in widths of the eye.
 const EGG_WIDTHS: (f32, f32) = (0.5, 2.0);
+/// On each of its four sides lies at least this share of the points of a ball, so far from the middle, of its radius.
+const SIDE_SHARE: f32 = 0.1;
+const SIDE: f32 = 0.2;
 /// What lies on a ball or in it keeps within this distance of the centre, a share of the radius.
 const ON_BALL: f32 = 1.2;
 /// And within this angle of its own middle, seen from the centre, unless it lies inside the ball.
@@ -149,6 +152,18 @@ impl EyeParts {
     }
 }
 
+/// Whether points lie on all four sides of a ball: those of lashes, which a sphere may fit, lie on one side.
+fn surround(points: &[[f32; 3]], ball: &Ball) -> bool {
+    let least = SIDE_SHARE * points.len() as f32;
+    let beyond = |axis: usize, sign: f32| {
+        let away = |p: &&[f32; 3]| sign * (p[axis] - ball.centre[axis]) > SIDE * ball.radius;
+        points.iter().filter(away).count() as f32
+    };
+    [(0, -1.0), (0, 1.0), (1, -1.0), (1, 1.0)]
+        .iter()
+        .all(|&(axis, sign)| beyond(axis, sign) >= least)
+}
+
 /// The sphere that the outside of a part is, if it is one.
 fn sphere(points: &[[f32; 3]]) -> Option<Ball> {
     let (centre, radius, _) = fit_sphere(points.iter().copied())?;
@@ -160,7 +175,8 @@ fn sphere(points: &[[f32; 3]]) -> Option<Ball> {
     let (centre, radius, off) = fit_sphere(outer)?;
     let bounds = Box3::of(points.iter().copied());
     let whole = bounds.smallest() > LEAST_EXTENT * radius && bounds.largest() < 2.5 * radius;
-    (whole && off < ROUND * radius).then_some(Ball { centre, radius })
+    let ball = Ball { centre, radius };
+    (whole && off < ROUND * radius && surround(points, &ball)).then_some(ball)
 }
 
 /// Whether skin holds a ball.
@@ -292,8 +308,13 @@ mod tests {
             lashes(behind(right)),
             strip,
             corner,
+            // Long lashes all along the upper lid: a sphere fits them.
+            ellipsoid(behind(right), [1.7; 3], |w| w[1] > 0.3 && w[2] > -0.2),
         ];
-        assert_eq!(found(&parts), [true, true, true, true, false, false, false]);
+        assert_eq!(
+            found(&parts),
+            [true, true, true, true, false, false, false, false]
+        );
     }
 
     #[test]

@@ -36,6 +36,7 @@ use crate::{
     },
 };
 pub use deformer::{CodeField, Deformer, FewVertices, Field};
+pub use eyes::Lids;
 use eyes::Openings;
 pub use face_options::{DEFAULT_PROXY, FaceOptions};
 pub use landmarks::{locate_landmarks, locate_landmarks_with};
@@ -155,9 +156,9 @@ impl Face {
         self.features().sentence()
     }
 
-    /// Whether the subject's right and left eye are sculpted shut: such an eye does not blink.
-    pub fn shut_eyes(&self) -> [bool; 2] {
-        self.openings().shut()
+    /// What the lids of the subject's right and left eye can do.
+    pub fn lids(&self) -> [Lids; 2] {
+        self.openings().lids()
     }
 
     /// Canonical motion of landmarks `[T, 68, 3]`, metres, as motion of this face's own, in the mesh's
@@ -214,7 +215,7 @@ impl Face {
         }))
     }
 
-    fn openings(&self) -> &Openings {
+    pub(crate) fn openings(&self) -> &Openings {
         let (to_canonical, parts) = (&self.to_canonical, &self.parts);
         let find = || Openings::of(&self.mesh, &self.landmarks, to_canonical, parts);
         self.openings.get_or_init(find)

@@ -61,17 +61,20 @@ pub(crate) struct Eye {
     pub(crate) mode: &'static str,
     pub(crate) lids: Range<usize>,
     pub(crate) pairs: [(usize, usize); 2],
+    pub(crate) brow: Range<usize>,
 }
 
 pub(crate) static EYES: [Eye; 2] = [
     Eye {
         mode: "eyeBlink_R",
         lids: 36..42,
+        brow: 17..22,
         pairs: [(37, 41), (38, 40)],
     },
     Eye {
         mode: "eyeBlink_L",
         lids: 42..48,
+        brow: 22..27,
         pairs: [(43, 47), (44, 46)],
     },
 ];

@@ -91,7 +91,7 @@ impl FaceModes {
     ///
     /// In this order: smoothing, variety of the mouth, articulation with effort, jaw, rounding and
     /// width, closures as they were, the expression where the clip has none, breath, variety of the brows,
-    /// gestures of the emotion, brow accents, the upper face's scale, asymmetry, blinks. Head and gaze are no landmarks: see
+    /// gestures of the emotion, brow accents, the upper face's scale, asymmetry, the limits of brows and wide lids, blinks. Head and gaze are no landmarks: see
     /// [`super::Life`]. With [`PerformanceControls::as_sampled`] the clip comes back with its expression,
     /// unless `speech_only`.
     ///
@@ -139,6 +139,7 @@ impl FaceModes {
             upper_face::lean(moved, controls.asymmetry);
         }
         if !cues.speech_only {
+            upper_face::limit(moved, self)?;
             let rate = controls.blinks_per_minute;
             let blinks = blinks(cues.blink_affect, fps, cues.prosody, rate, cues.seed);
             close_lids(moved, fps, &blinks, self)?;

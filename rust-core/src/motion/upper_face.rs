@@ -11,6 +11,46 @@ const MOST_LOPSIDED: f32 = 0.5;
 /// How far the lower lid goes with the upper one when the eyes look down: so in the tracked face of grid_s1.
 const LOWER_LID_SHARE: f32 = 0.12;
 
+/// How far a brow goes on a human head, metres: up to the first freely, never beyond the second. Up, down, and towards the
+/// other brow.
+const BROW_UP_M: (f32, f32) = (0.009, 0.014);
+const BROW_DOWN_M: (f32, f32) = (0.005, 0.0095);
+const BROW_IN_M: (f32, f32) = (0.0025, 0.004);
+/// How far lids open wider, of their opening at rest.
+const WIDE: (f32, f32) = (0.25, 0.5);
+
+/// Keeps brows and wide lids within what a face can do, however much is added up.
+///
+/// `moved`: `[T, 68, 3]`, canonical metres.
+pub(super) fn limit(moved: &mut Array3<f32>, modes: &FaceModes) -> Result<()> {
+    let eyes = lids(modes)?;
+    for mut frame in moved.outer_iter_mut() {
+        limit_frame(&mut frame, &eyes);
+    }
+    Ok(())
+}
+
+/// The same of one frame `[68, 3]`.
+pub(super) fn limit_frame(frame: &mut ArrayViewMut2<'_, f32>, eyes: &[Lids<'_>; 2]) {
+    for (lids, inward) in eyes.iter().zip([1.0, -1.0]) {
+        for n in lids.eye.brow.clone() {
+            let [x, y] = [inward * frame[[n, 0]], frame[[n, 1]]];
+            frame[[n, 0]] = inward * up_to(x, BROW_IN_M);
+            frame[[n, 1]] = -up_to(-up_to(y, BROW_UP_M), BROW_DOWN_M);
+        }
+        let wide = -lids.closure(frame);
+        lids.close(frame, wide - up_to(wide, WIDE));
+    }
+}
+
+/// A value that grows freely up to the first bound, and slower from there towards the second.
+fn up_to(x: f32, (free, most): (f32, f32)) -> f32 {
+    match x > free {
+        true => free + (most - free) * ((x - free) / (most - free)).tanh(),
+        false => x,
+    }
+}
+
 /// Scales the motion of the upper face; lids that would pass through one another just close.
 ///
 /// `moved`: `[T, 68, 3]`, canonical metres.

@@ -2,7 +2,7 @@
 
 use anyface::{
     head::{HeadMaker, MadeHead},
-    mesh::PartChoices,
+    mesh::{FrontView, PartChoices},
 };
 
 use crate::head::{LIDS, Points, closing, moved, opening, prepared, sum};
@@ -12,26 +12,35 @@ fn of_seed(seed: u64) -> MadeHead {
     maker.mesh(&maker.random(seed), true).unwrap()
 }
 
-/// Triangles of what is seen of the skin that look the other way afterwards.
+/// Triangles of the skin that look the other way afterwards and are seen so from the front.
 fn turned_over(made: &MadeHead, by: &Points) -> usize {
-    let across = |places: [[f32; 3]; 3]| {
-        let [a, b, c] = places.map(|p| p.map(f64::from));
-        let [u, v]: [[f64; 3]; 2] = [b, c].map(|p| std::array::from_fn(|n| p[n] - a[n]));
+    let across = |[a, b, c]: [[f32; 3]; 3]| {
+        let [u, v]: [[f32; 3]; 2] = [b, c].map(|p| std::array::from_fn(|n| p[n] - a[n]));
         [
             u[1] * v[2] - u[2] * v[1],
             u[2] * v[0] - u[0] * v[2],
             u[0] * v[1] - u[1] * v[0],
         ]
     };
-    let is_seen = |name: &str| name == "skin" || name == "lips";
-    let seen = made.materials.iter().filter(|(name, _)| is_seen(name));
-    let faces = seen.flat_map(|(_, faces)| &made.faces[faces.clone()]);
+    let rest = |v: u32| made.mesh.positions[v as usize];
+    let now = |v: u32| sum(rest(v), by[v as usize]);
+    let is_skin = |name: &str| name == "skin" || name == "lips";
+    let skin = made.materials.iter().filter(|(name, _)| is_skin(name));
+    let faces = skin.flat_map(|(_, faces)| &made.faces[faces.clone()]);
     let triangles = faces.flat_map(|[a, b, c, d]| [[*a, *b, *c], [*a, *c, *d]]);
-    let turned = triangles.filter(|t| {
-        let rest = t.map(|v| made.mesh.positions[v as usize]);
-        let now = t.map(|v| sum(made.mesh.positions[v as usize], by[v as usize]));
-        let (rest, now) = (across(rest), across(now));
-        (0..3).map(|n| rest[n] * now[n]).sum::<f64>() < 0.0
+    let triangles: Vec<[u32; 3]> = triangles.collect();
+    // Cells of .2 mm over the face.
+    let mut view = FrontView::new([-0.08, -0.12], [0.08, 0.1], 2e-4);
+    triangles.iter().for_each(|t| view.draw(t.map(now), 1));
+    let is_seen = |t: &[u32; 3]| {
+        let corners = t.map(now);
+        let [x, y, z] = [0, 1, 2].map(|i| corners.iter().map(|p| p[i]).sum::<f32>() / 3.0);
+        let [column, row] = view.cell_at([x, y]);
+        z > view.depth(column, row) - 3e-4
+    };
+    let turned = triangles.iter().filter(|t| {
+        let (rest, now) = (across(t.map(rest)), across(t.map(now)));
+        (0..3).map(|n| rest[n] * now[n]).sum::<f32>() < 0.0 && is_seen(t)
     });
     turned.count()
 }
@@ -54,9 +63,9 @@ fn shut_lids_meet_and_nothing_turns_over() {
                 "seed {seed}: {upper} over {lower}: {gap_mm} mm"
             );
         }
-        // Of 7,000 triangles; these few lie in the corners of lids and lips.
         let turned = turned_over(&made, &by);
-        assert!(turned <= 10, "seed {seed}: {turned}");
+        // Of 7,000 triangles; these few are the rims of lids, which roll.
+        assert!(turned <= 3, "seed {seed}: {turned}");
     }
 }
 

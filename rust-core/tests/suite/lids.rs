@@ -4,7 +4,7 @@ use anyface::{
     Face,
     audio::{Prosody, Waveform},
     conditions::EmotionCurve,
-    face::FaceOptions,
+    face::{FaceOptions, Lids},
     job::SILENT,
     mesh::{LandmarkSource, Mesh, PartChoices, PartRole},
     motion::{
@@ -245,15 +245,15 @@ fn asleep(pairs: &[(usize, usize)]) -> (Mesh, head::Points) {
 
 #[test]
 fn eyes_that_are_sculpted_shut_are_noticed_one_by_one() {
-    for (pairs, shut) in [
-        (&head::LIDS[..0], [false, false]),
-        (&head::LIDS[..2], [true, false]),
-        (&head::LIDS[2..], [false, true]),
-        (&head::LIDS[..], [true, true]),
+    for (pairs, lids) in [
+        (&head::LIDS[..0], [Lids::Close, Lids::Close]),
+        (&head::LIDS[..2], [Lids::Shut, Lids::Close]),
+        (&head::LIDS[2..], [Lids::Close, Lids::Shut]),
+        (&head::LIDS[..], [Lids::Shut, Lids::Shut]),
     ] {
         let (mesh, marks) = asleep(pairs);
         let face = head::prepared(&mesh, &marks, PartChoices::default());
-        assert_eq!(face.shut_eyes(), shut);
+        assert_eq!(face.lids(), lids);
     }
 }
 

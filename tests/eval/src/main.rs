@@ -9,6 +9,7 @@ mod console;
 mod face_model;
 mod field;
 mod gallery;
+mod lids;
 mod metrics;
 mod pictures;
 mod quality;
@@ -41,6 +42,7 @@ enum Command {
     Gallery(gallery::Gallery),
     Bench(bench::Bench),
     Field(field::Field),
+    Lids(lids::Lids),
     Template(template::Template),
 }
 
@@ -63,6 +65,7 @@ impl Arguments {
             Command::Quality(command) => command.run(&self.shared, &console),
             Command::Gallery(command) => command.run(&self.shared, &console),
             Command::Bench(command) => command.run(&self.shared, &console),
+            Command::Lids(command) => command.run(&self.shared, &console),
             Command::Field(command) => command.run(&self.shared, &console),
             Command::Template(command) => command.run(&self.shared, &console),
         }
@@ -89,6 +92,7 @@ mod tests {
             "anyface-eval quality --data D --weights W --quick --also B --beside cafe-talk --beside emoface",
             "anyface-eval quality --data D --aligned A --only closures",
             "anyface-eval quality --data D --system cafe-talk --only events",
+            "anyface-eval lids --also D --made 2 --strength 1",
             "anyface-eval gallery --out G.md --no-cache",
             "anyface-eval bench --mesh M.obj --no-proxy --runs 2 --json",
             "anyface-eval bench --mesh M.obj --triangulations",

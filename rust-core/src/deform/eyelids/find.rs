@@ -9,9 +9,9 @@ use super::{
 };
 use crate::{
     face::{
-        Skin,
+        Face, FaceSurface,
         binding::Follows,
-        eyes::{EyeFrame, Head, Opening, SAMPLES},
+        eyes::{EyeFrame, Lids, Opening, SAMPLES},
         lids::follow_share,
         nearest::nearest_between,
     },
@@ -25,38 +25,28 @@ use crate::{
 const CLEAR_CM: (f32, f32) = (0.01, 0.04);
 /// A part whose roots mostly lie so near to the edge of one lid, on an eye of usual size, is lashes.
 const LASH_CM: f32 = 0.35;
-const LASH_SHARE: f32 = 0.8;
+const LASH_SHARE: f32 = 0.6;
 /// An edge of the lids has its vertex within this distance, in widths of the eye.
 const RIM_OF_WIDTH: f32 = 0.2;
 
 /// Finds the lids of a face; an eye without skin about it is left out.
-pub(in crate::deform) fn eyelids(
-    head: &Head<'_>,
-    skin: &Skin,
-    parts: &Parts,
-    follows: &[Follows],
-    to_canonical: &Similarity,
-) -> Vec<Eyelids> {
-    let found = EYES.iter().filter_map(|eye| {
-        let opening = Opening::find(head, eye.lids.start)?;
-        let face = Neutral {
-            head,
-            skin,
-            parts,
-            follows,
-            opening: &opening,
+pub(in crate::deform) fn eyelids(face: &Face, surface: &FaceSurface) -> Vec<Eyelids> {
+    let eyes = EYES.iter().zip(face.openings().each());
+    let found = eyes.filter_map(|(eye, opening)| {
+        let neutral = Neutral {
+            surface,
+            parts: &face.parts.connected,
+            opening: opening.as_ref()?,
         };
-        face.eyelids(eye, to_canonical)
+        neutral.eyelids(eye, &face.to_canonical)
     });
     found.collect()
 }
 
 /// One eye of a neutral head.
 struct Neutral<'a> {
-    head: &'a Head<'a>,
-    skin: &'a Skin,
+    surface: &'a FaceSurface,
     parts: &'a Parts,
-    follows: &'a [Follows],
     opening: &'a Opening,
 }
 
@@ -66,12 +56,11 @@ impl Neutral<'_> {
         let back = to_canonical.inverse();
         let rims = [self.rim(0)?, self.rim(1)?];
         let touched = self.touched();
-        let height = |pair| self.opening.height_at(self.head.landmarks, pair);
         Some(Eyelids {
             first: eye.lids.start,
             pairs: eye.pairs,
-            openings: eye.pairs.map(height),
-            is_shut: self.opening.is_shut,
+            openings: self.opening.heights,
+            at_rest: self.opening.lids != Lids::Close,
             axes: axes.map(|axis| back.rotate(axis)),
             up: back.rotate([0.0, 1.0, 0.0]),
             to_cm: 100.0 * to_canonical.scale as f32,
@@ -103,10 +92,10 @@ impl Neutral<'_> {
     /// The vertex of a lid's skin nearest to each sample of its edge, where one is near.
     fn nearest_to(&self, edge: &[[f32; 3]; SAMPLES], lid: u8) -> Vec<RimVertex> {
         let mut nearest = [(f32::INFINITY, 0u32, [0.0f32; 3]); SAMPLES];
-        for (v, &p) in self.head.positions.iter().enumerate() {
+        for (v, &p) in self.surface.positions.iter().enumerate() {
             let p = self.opening.frame.local(p);
             let far = Vec3::from(p).length_squared() > (2.0 * self.opening.width).powi(2);
-            if far || !self.skin.is_skin[v] || self.lid_of(p) != lid {
+            if far || !self.surface.skin.is_skin[v] || self.lid_of(p) != lid {
                 continue;
             }
             for (best, at) in nearest.iter_mut().zip(edge) {
@@ -134,13 +123,13 @@ impl Neutral<'_> {
     fn touched(&self) -> Vec<Touched> {
         let lashes = self.lashes();
         let mut touched = Vec::new();
-        for v in 0..self.follows.len() {
+        for v in 0..self.surface.follows.len() {
             let Some((place, whole)) = self.root(v) else {
                 continue;
             };
-            let own = self.opening.frame.local(self.head.positions[v]);
+            let own = self.opening.frame.local(self.surface.positions[v]);
             let part = self.parts.of_vertex[v] as usize;
-            let lash = match self.skin.is_skin[v] {
+            let lash = match self.surface.skin.is_skin[v] {
                 true => None,
                 false => lashes.get(part).copied().flatten(),
             };
@@ -154,7 +143,7 @@ impl Neutral<'_> {
                     (lid, place, whole.min(1.0) * self.share(lid, place))
                 }
             };
-            let stem = (!self.skin.is_skin[v]).then(|| Stem {
+            let stem = (!self.surface.skin.is_skin[v]).then(|| Stem {
                 offset: std::array::from_fn(|i| own[i] - place[i]),
                 is_lash: lash.is_some(),
             });
@@ -174,8 +163,8 @@ impl Neutral<'_> {
 
     /// The place of the skin that moves a vertex near the eye, in the eye's frame, and by which share it does.
     fn root(&self, v: usize) -> Option<([f32; 3], f32)> {
-        let local = |v: usize| self.opening.frame.local(self.head.positions[v]);
-        let Follows::Skin(corners) = self.follows[v] else {
+        let local = |v: usize| self.opening.frame.local(self.surface.positions[v]);
+        let Follows::Skin(corners) = self.surface.follows[v] else {
             return None;
         };
         let own = local(v);
@@ -183,7 +172,7 @@ impl Neutral<'_> {
         if whole <= 0.0 || Vec3::from(own).length_squared() > (3.0 * self.opening.width).powi(2) {
             return None;
         }
-        if self.skin.is_skin[v] {
+        if self.surface.skin.is_skin[v] {
             return Some((own, whole));
         }
         let along = |i: usize| {
@@ -198,9 +187,12 @@ impl Neutral<'_> {
     /// For each part the lid whose lashes it is.
     fn lashes(&self) -> Vec<Option<u8>> {
         let mut counts = vec![[0usize; 3]; self.parts.count];
-        for v in 0..self.follows.len() {
+        for v in 0..self.surface.follows.len() {
             let part = self.parts.of_vertex[v] as usize;
-            let Some(counts) = counts.get_mut(part).filter(|_| !self.skin.is_skin[v]) else {
+            let Some(counts) = counts
+                .get_mut(part)
+                .filter(|_| !self.surface.skin.is_skin[v])
+            else {
                 continue;
             };
             counts[2] += 1;

@@ -5,7 +5,7 @@
 //! lets the landmarks of the lids travel as far as a head's eyes are open; what a decoder makes of them is then turned about the
 //! eye's own centre, parallel to the line from corner to corner, until the edges of the lids are as far apart as
 //! the share says. A turn keeps the distance from the centre; where the decoder lost some of it, skin is
-//! pushed out to where it lay over the ball. Lashes turn with the edge. An eye that is sculpted shut rests.
+//! pushed out to where it lay over the ball. Lashes turn with the edge. Lids that are sculpted shut or one with the eye rest.
 //!
 //! Lengths are canonical centimetres.
 
@@ -25,6 +25,9 @@ const OVERLAP_CM: f32 = 0.03;
 const BEFORE_CM: f32 = 0.03;
 /// From this share of closing on they begin to.
 const OVERLAP_FROM: f32 = 0.6;
+
+/// Within so many samples of a corner lids do less and less of their own: the landmarks know better where both meet.
+const FROM_CORNER: f32 = 4.0;
 
 /// Instead of a lid: the eye itself, where that is skin.
 const BETWEEN_LIDS: u8 = 2;
@@ -83,7 +86,8 @@ pub(super) struct Eyelids {
     pairs: [(usize, usize); 2],
     /// Opening of this eye at the pairs.
     openings: [f32; 2],
-    is_shut: bool,
+    /// Whether these lids cannot close.
+    at_rest: bool,
     /// The eye's axes and the canonical way up, in the mesh's own axes.
     axes: [[f32; 3]; 3],
     up: [f32; 3],
@@ -120,11 +124,34 @@ struct Lift {
     hug: f32,
 }
 
+impl Lift {
+    /// The same at a place among the samples.
+    fn at(self, at: f32) -> Lift {
+        let share = off_corners(at);
+        Lift {
+            out: share * self.out,
+            hug: share * self.hug,
+        }
+    }
+}
+
 impl Eyelids {
     /// Vertices by which the opening is known.
     pub(super) fn rims(&self) -> impl Iterator<Item = u32> {
         let both = self.rims.iter().flat_map(|rim| &rim.vertices);
         both.map(|v| v.vertex)
+    }
+
+    /// Those of them that lie between the corners of the eye, and not at these.
+    pub(super) fn edges(&self) -> impl Iterator<Item = u32> {
+        let corner = FROM_CORNER as usize;
+        self.rims.iter().flat_map(move |rim| {
+            let between = rim.edge[corner][0]..rim.edge[SAMPLES - 1 - corner][0];
+            let vertices = rim.vertices.iter();
+            vertices
+                .filter(move |v| between.contains(&v.place[0]))
+                .map(|v| v.vertex)
+        })
     }
 
     /// The same where only some vertices are left; `new` gives their numbers, also those of the rims.
@@ -142,9 +169,9 @@ impl Eyelids {
         lids
     }
 
-    /// Lets the lids of one frame `[204]` rest where the eye is sculpted shut.
+    /// Lets lids rest that cannot close, in one frame `[204]`.
     pub(super) fn own_landmarks(&self, landmarks: &mut [f32]) {
-        if self.is_shut {
+        if self.at_rest {
             landmarks[3 * self.first..3 * (self.first + 6)].fill(0.0);
         }
     }
@@ -157,7 +184,7 @@ impl Eyelids {
 
     /// Corrects the displacements of a frame, `[V * 3]`; `landmarks`: `[204]`. Mesh units.
     pub(super) fn apply(&self, landmarks: &[f32], frame: &mut [f32]) {
-        if self.is_shut {
+        if self.at_rest {
             return;
         }
         let turns = self.turns(self.closed(landmarks), frame);
@@ -195,7 +222,9 @@ impl Eyelids {
             hug: shut,
         });
         let made = self.rims.each_ref().map(|rim| self.elevations(rim, frame));
-        let change = self.shortfall(closed, shut, &made).map(|x| hold * x);
+        let shortfall = self.shortfall(closed, shut, &made);
+        let change: [f32; SAMPLES] =
+            std::array::from_fn(|k| hold * off_corners(k as f32) * shortfall[k]);
         let added = [UPPER_SHARE, UPPER_SHARE - 1.0].map(|share| change.map(|x| share * x));
         let whole: [[f32; SAMPLES]; 2] = std::array::from_fn(|lid| {
             std::array::from_fn(|k| made[lid][k] + added[lid][k] - self.rims[lid].rest[k])
@@ -204,7 +233,8 @@ impl Eyelids {
             std::array::from_fn(|k| {
                 let rim: &Rim = &self.rims[lid];
                 let moved = self.edge_moved(rim, k, frame);
-                let change = self.slide(rim.edge[k], moved, added[lid][k], 1.0, lift[lid]);
+                let lift = lift[lid].at(k as f32);
+                let change = self.slide(rim.edge[k], moved, added[lid][k], 1.0, lift);
                 std::array::from_fn(|i| moved[i] + change[i])
             })
         });
@@ -272,7 +302,7 @@ impl Eyelids {
         };
         let slide = || {
             let angle = share * between_samples(&turns.added[lid], at);
-            self.slide(place, moved, angle, share, turns.lift[lid])
+            self.slide(place, moved, angle, share, turns.lift[lid].at(at))
         };
         match touched.stem {
             None => slide(),
@@ -325,6 +355,11 @@ fn turn(p: [f32; 3], angle: f32) -> [f32; 3] {
         cosine * p[1] + sine * p[2],
         cosine * p[2] - sine * p[1],
     ]
+}
+
+/// 0 at a corner of the eye, 1 from [`FROM_CORNER`] samples on.
+fn off_corners(at: f32) -> f32 {
+    ease(at.min((SAMPLES - 1) as f32 - at) / FROM_CORNER)
 }
 
 /// A value between samples.

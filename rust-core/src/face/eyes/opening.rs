@@ -10,10 +10,14 @@ use glam::Vec3;
 use super::{
     Eyeball, Mix,
     ball::{fit_eyeball, radius_of},
+    joined::are_joined,
 };
 use crate::{
     face::lids::LidEdge,
-    mesh::{FrontView, ibug::LANDMARKS},
+    mesh::{
+        FrontView,
+        ibug::{Eye, LANDMARKS},
+    },
 };
 
 /// Places from corner to corner at which an opening is measured.
@@ -72,9 +76,25 @@ pub(crate) struct Opening {
     /// From corner to corner.
     pub width: f32,
     /// Edges of the upper and of the lower lid from corner to corner, in the eye's frame.
-    pub edges: [[[f32; 3]; SAMPLES]; 2],
-    /// Whether the eye is sculpted shut.
-    pub is_shut: bool,
+    pub edges: Edges,
+    /// How high it is open at both pairs of landmarks of its lids.
+    pub heights: [f32; 2],
+    /// What the lids can do.
+    pub lids: Lids,
+}
+
+/// Edges of the upper and of the lower lid from corner to corner.
+pub(super) type Edges = [[[f32; 3]; SAMPLES]; 2];
+
+/// What the lids of an eye can do.
+#[derive(Debug, Clone, Copy, PartialEq, Eq)]
+pub enum Lids {
+    /// They close.
+    Close,
+    /// They are sculpted shut and rest.
+    Shut,
+    /// They are one surface with the eye, without a slit between, and rest.
+    Joined,
 }
 
 impl EyeFrame {
@@ -115,9 +135,17 @@ impl EyeFrame {
 }
 
 impl Opening {
-    /// The eye whose landmarks begin at `first`.
-    pub(crate) fn find(head: &Head<'_>, first: usize) -> Option<Opening> {
-        let marks = &head.landmarks[first..first + 6];
+    /// Looks for one eye.
+    pub(super) fn find(head: &Head<'_>, eye: &Eye) -> Option<Opening> {
+        let mut opening = Opening::open(head, &head.landmarks[eye.lids.clone()])?;
+        opening.heights = eye
+            .pairs
+            .map(|pair| opening.height_at(head.landmarks, pair));
+        Some(opening)
+    }
+
+    /// The same but for its heights; `marks`: `[6]`, its landmarks.
+    fn open(head: &Head<'_>, marks: &[[f32; 3]]) -> Option<Opening> {
         let (middle, width) = EyeFrame::between(marks[0], marks[3])?;
         let near = |p: [f32; 3]| Vec3::from(p).length_squared() < (NEAR * width).powi(2);
         let locals = |triangles: &[[u32; 3]], frame: &EyeFrame| -> Vec<[[f32; 3]; 3]> {
@@ -142,17 +170,26 @@ impl Opening {
                 ball: Eyeball::new(radius, eyeball.as_flattened()),
                 width,
                 edges,
-                is_shut: seen.is_none() || mean_height(&edges) < LEAST_OPEN * width,
+                heights: [0.0; 2],
+                lids: match seen.is_none() || mean_height(&edges) < LEAST_OPEN * width {
+                    true => Lids::Shut,
+                    false => Lids::Close,
+                },
             });
         }
-        let view = picture(&locals(head.skin, &middle), &[], [0.0; 3], width);
+        let (skin, edges) = (locals(head.skin, &middle), curves(&middle, marks));
+        let view = picture(&skin, &[], [0.0; 3], width);
         let mut opening = without_eyeball(head, &middle, marks, width);
-        opening.is_shut = is_one_surface(&view, &curves(&middle, marks), width);
+        if is_shut(&view, &edges, width) {
+            opening.lids = Lids::Shut;
+        } else if are_joined(&skin, &edges, width) {
+            opening.lids = Lids::Joined;
+        }
         Some(opening)
     }
 
     /// Height of the opening at two landmarks of upper and lower lid.
-    pub(crate) fn height_at(&self, marks: &[[f32; 3]; LANDMARKS], pair: (usize, usize)) -> f32 {
+    fn height_at(&self, marks: &[[f32; 3]; LANDMARKS], pair: (usize, usize)) -> f32 {
         let across = |n: usize| self.frame.local(marks[n])[0];
         let k = self.sample_at(0.5 * (across(pair.0) + across(pair.1)));
         let k = k.round() as usize;
@@ -188,7 +225,8 @@ fn without_eyeball(head: &Head<'_>, middle: &EyeFrame, marks: &[[f32; 3]], width
         ball: Eyeball::new(usual, &[]),
         width,
         edges: [[[0.0; 3]; SAMPLES]; 2],
-        is_shut: false,
+        heights: [0.0; 2],
+        lids: Lids::Close,
     };
     opening.edges = curves(&opening.frame, marks);
     let own = head.positions.iter().map(|p| opening.frame.local(*p));
@@ -311,7 +349,7 @@ fn smoothed(edge: &[[f32; 3]; SAMPLES]) -> [[f32; 3]; SAMPLES] {
 }
 
 /// Whether the skin between two curves is a shut lid; `view`: of skin alone.
-fn is_one_surface(view: &FrontView, edges: &[[[f32; 3]; SAMPLES]; 2], width: f32) -> bool {
+fn is_shut(view: &FrontView, edges: &[[[f32; 3]; SAMPLES]; 2], width: f32) -> bool {
     let inner = SAMPLES / 4..SAMPLES - SAMPLES / 4;
     let [above, below] = edges.each_ref().map(|edge| {
         let mut steps: Vec<f32> = edge[inner.clone()]

@@ -2,7 +2,7 @@
 
 use ndarray::Array3;
 
-use super::{Head, Opening};
+use super::{Head, Lids, Opening, ease};
 use crate::{
     face::PartList,
     mesh::{Landmarks, Mesh, PartRole, Similarity, ibug::EYES},
@@ -14,14 +14,13 @@ pub(crate) const UPPER_SHARE: f32 = 0.9;
 /// built-in face modes, mean of two pairs.
 const CANONICAL_WAY_CM: f32 = 0.789;
 
-/// The openings of the subject's right and left eye.
-pub(crate) struct Openings([Option<Eye>; 2]);
+/// A whole blink of an eye whose lids rest lowers its brow by this much, and from this share of closing on it does,
+/// canonical metres.
+const SQUINT_M: f32 = 0.003;
+const SQUINT_FROM: f32 = 0.4;
 
-struct Eye {
-    /// At both pairs of landmarks, canonical centimetres.
-    heights: [f32; 2],
-    is_shut: bool,
-}
+/// The openings of the subject's right and left eye.
+pub(crate) struct Openings([Option<Opening>; 2]);
 
 impl Openings {
     /// Of the neutral face.
@@ -43,32 +42,48 @@ impl Openings {
             skin: &of(PartRole::Skin),
             eyeballs: &of(PartRole::Gaze),
         };
-        Openings(EYES.each_ref().map(|eye| {
-            let opening = Opening::find(&head, eye.lids.start)?;
-            Some(Eye {
-                heights: eye
-                    .pairs
-                    .map(|pair| opening.height_at(head.landmarks, pair)),
-                is_shut: opening.is_shut,
-            })
-        }))
+        Openings(EYES.each_ref().map(|eye| Opening::find(&head, eye)))
     }
 
-    /// Whether each eye is sculpted shut.
-    pub(crate) fn shut(&self) -> [bool; 2] {
-        let shut = |eye: &Option<Eye>| eye.as_ref().is_some_and(|eye| eye.is_shut);
-        self.0.each_ref().map(shut)
+    /// Those of the right and of the left eye; `None` where there are no corners of an eye.
+    pub(crate) fn each(&self) -> &[Option<Opening>; 2] {
+        &self.0
     }
 
-    /// Lets lids travel as far as these eyes are open, and not at all where they are sculpted shut.
+    /// What the lids of both eyes can do.
+    pub(crate) fn lids(&self) -> [Lids; 2] {
+        let lids = |eye: &Option<Opening>| eye.as_ref().map_or(Lids::Close, |eye| eye.lids);
+        self.0.each_ref().map(lids)
+    }
+
+    /// Lets lids travel as far as these eyes are open. Where lids rest, the brow is lowered instead.
     /// `moved`: `[T, 68, 3]`, canonical metres.
     pub(crate) fn to_own(&self, moved: &mut Array3<f32>) {
+        self.squint(moved);
         self.travel(moved, |height| height / CANONICAL_WAY_CM);
     }
 
-    /// The way back of [`Openings::to_own`]; lids that are sculpted shut rest.
+    /// The way back of [`Openings::to_own`], but for lids that rest.
     pub(crate) fn to_canonical(&self, moved: &mut Array3<f32>) {
         self.travel(moved, |height| CANONICAL_WAY_CM / height);
+    }
+
+    /// Lowers the brows of eyes whose lids rest, by the share that these are asked to close.
+    fn squint(&self, moved: &mut Array3<f32>) {
+        for mut frame in moved.outer_iter_mut() {
+            for (eye, marks) in self.0.iter().zip(&EYES) {
+                if eye.as_ref().is_none_or(|eye| eye.lids == Lids::Close) {
+                    continue;
+                }
+                let ways = marks.pairs.map(|(u, l)| frame[[l, 1]] - frame[[u, 1]]);
+                let closed = 50.0 * (ways[0] + ways[1]) / CANONICAL_WAY_CM;
+                let squint = ease((closed - SQUINT_FROM) / (1.0 - SQUINT_FROM));
+                marks
+                    .brow
+                    .clone()
+                    .for_each(|n| frame[[n, 1]] -= SQUINT_M * squint);
+            }
+        }
     }
 
     /// Makes lids travel so many times as far, told by the height of an opening in centimetres.
@@ -78,7 +93,7 @@ impl Openings {
                 let Some(eye) = eye else {
                     continue;
                 };
-                if eye.is_shut {
+                if eye.lids != Lids::Close {
                     marks.lids.clone().for_each(|n| frame.row_mut(n).fill(0.0));
                     continue;
                 }
@@ -95,7 +110,10 @@ impl Openings {
 
 #[cfg(test)]
 mod tests {
-    use super::*;
+    use super::{
+        super::{EyeFrame, Eyeball, SAMPLES},
+        *,
+    };
     use crate::motion::FaceModes;
 
     #[test]
@@ -110,23 +128,29 @@ mod tests {
     }
 
     #[test]
-    fn lids_travel_by_the_same_share_of_a_wider_eye_and_rest_where_it_is_shut() {
-        let wide = Eye {
-            heights: [2.0 * CANONICAL_WAY_CM; 2],
-            is_shut: false,
+    fn lids_travel_by_the_same_share_of_a_wider_eye_and_rest_where_they_cannot_close() {
+        let eye = |height: f32, lids: Lids| Opening {
+            frame: EyeFrame {
+                origin: [0.0; 3],
+                axes: [[1.0, 0.0, 0.0], [0.0, 1.0, 0.0], [0.0, 0.0, 1.0]],
+            },
+            ball: Eyeball::new(1.2, &[]),
+            width: 2.8,
+            edges: [[[0.0; 3]; SAMPLES]; 2],
+            heights: [height; 2],
+            lids,
         };
-        let shut = Eye {
-            heights: [0.1; 2],
-            is_shut: true,
-        };
+        let wide = eye(2.0 * CANONICAL_WAY_CM, Lids::Close);
+        let joined = eye(CANONICAL_WAY_CM, Lids::Joined);
         let mut moved = Array3::zeros((1, 68, 3));
         for n in [37, 38, 43, 44] {
             moved[[0, n, 1]] = -0.004;
         }
         moved[[0, 19, 1]] = 0.002;
-        Openings([Some(wide), Some(shut)]).to_own(&mut moved);
+        Openings([Some(wide), Some(joined)]).to_own(&mut moved);
         let closing = |u: usize, l: usize| moved[[0, l, 1]] - moved[[0, u, 1]];
         assert!((closing(37, 41) - 0.008f32).abs() < 1e-6 && moved[[0, 19, 1]] == 0.002);
         assert_eq!(closing(43, 47), 0.0);
+        assert!(moved[[0, 24, 1]] < 0.0, "the brow squints instead");
     }
 }

@@ -17,7 +17,7 @@ use crate::{
     motion::{
         FaceModes, LandmarkFrame,
         gestures::{GestureModes, Gestures},
-        upper_face::lids,
+        upper_face::{lids, limit_frame},
     },
 };
 
@@ -88,6 +88,7 @@ impl CausalExpression {
         let shown = frame.to_owned();
         let weights = self.gestures.step(&strengths, 1.0 / self.fps);
         self.gesture_modes.add(&mut frame, &weights);
+        limit_frame(&mut frame, &eyes);
         lips::hold(&mut frame, shown.view(), 1.0);
     }
 

@@ -22,7 +22,7 @@ use anyface::{
     },
 };
 
-const EMOTIONS: [&str; 7] = [
+pub(crate) const EMOTIONS: [&str; 7] = [
     "neutral",
     "happy",
     "sad",
@@ -63,21 +63,7 @@ pub(super) fn blinks(engine: &Engine, subject: &Subject) -> Result<Blinks> {
     let mut rows: [Vec<Picture>; 3] = Default::default();
     let mut in_sight = Vec::new();
     for emotion in EMOTIONS {
-        let clip = blinking(&format!("{emotion}:1"))?;
-        let openings = openings(&clip);
-        let most = (0..FRAMES).max_by(|a, b| openings[*a].total_cmp(&openings[*b]));
-        let open = most.unwrap_or(0);
-        let shut = (0..FRAMES).min_by(|a, b| openings[*a].total_cmp(&openings[*b]));
-        let shut = shut.unwrap_or(0);
-        let middle = 0.5 * (openings[open] + openings[shut]);
-        let away = |t: &usize| (openings[*t] - middle).abs();
-        let half = (0..FRAMES).min_by(|a, b| away(a).total_cmp(&away(b)));
-        let motion = Motion::Landmarks(LandmarkClip {
-            displacements: clip
-                .displacements
-                .select(Axis(0), &[open, half.unwrap_or(0), shut]),
-            fps: FPS,
-        });
+        let motion = extremes(&format!("{emotion}:1"))?;
         let frames = vertex_motion(engine, &face, &motion)?;
         for (row, frame) in rows.iter_mut().zip(frames.outer_iter()) {
             row.push(cells.close_up(Some(frame), &view));
@@ -89,6 +75,24 @@ pub(super) fn blinks(engine: &Engine, subject: &Subject) -> Result<Blinks> {
         picture: under(&rows),
         in_sight: (in_sight.len() == EMOTIONS.len()).then_some(in_sight),
     })
+}
+
+/// The frames of a silent face that feels something in which its eyes are widest open, half shut and shut.
+pub(crate) fn extremes(emotion: &str) -> Result<Motion> {
+    let clip = blinking(emotion)?;
+    let openings = openings(&clip);
+    let most = (0..FRAMES).max_by(|a, b| openings[*a].total_cmp(&openings[*b]));
+    let open = most.unwrap_or(0);
+    let shut = (0..FRAMES).min_by(|a, b| openings[*a].total_cmp(&openings[*b]));
+    let shut = shut.unwrap_or(0);
+    let middle = 0.5 * (openings[open] + openings[shut]);
+    let away = |t: &usize| (openings[*t] - middle).abs();
+    let half = (0..FRAMES).min_by(|a, b| away(a).total_cmp(&away(b)));
+    let frames = [open, half.unwrap_or(0), shut];
+    Ok(Motion::Landmarks(LandmarkClip {
+        displacements: clip.displacements.select(Axis(0), &frames),
+        fps: FPS,
+    }))
 }
 
 /// A silent face that feels something and blinks often.
@@ -132,7 +136,7 @@ fn openings(clip: &LandmarkClip) -> Vec<f32> {
 
 /// What is seen of the eyeballs in a frame to what is seen at rest; `None` without eyeballs. The mesh is
 /// upright with +z out of the face, as the heads of a gallery are.
-fn seen(face: &Face, frame: ArrayView2<'_, f32>) -> Option<f64> {
+pub(crate) fn seen(face: &Face, frame: ArrayView2<'_, f32>) -> Option<f64> {
     let of = |role| -> Vec<[u32; 3]> {
         let all = face.mesh.triangles.iter().copied();
         all.filter(|t| face.parts.is(t[0] as usize, role)).collect()

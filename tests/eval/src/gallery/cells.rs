@@ -25,7 +25,7 @@ const MARK: isize = 1;
 
 /// From where a cell is drawn.
 #[derive(Clone, Copy)]
-pub(super) struct View {
+pub(crate) struct View {
     /// Pixels.
     pub size: (usize, usize),
     /// Canonical metres of half a picture's height, and its middle in view space.
@@ -45,7 +45,7 @@ impl View {
     };
 
     /// Landmarks large, from the front; `metres`: half the height.
-    pub(super) fn about(
+    pub(crate) fn about(
         face: &Face,
         marks: Range<usize>,
         size: (usize, usize),
@@ -61,7 +61,7 @@ impl View {
     }
 
     /// The same with the head turned, radians.
-    pub(super) fn turned(self, face: &Face, marks: Range<usize>, yaw: f32) -> View {
+    pub(crate) fn turned(self, face: &Face, marks: Range<usize>, yaw: f32) -> View {
         let view = View { yaw, ..self };
         let count = marks.len() as f32;
         let marks = &face.landmarks.positions[marks];
@@ -81,13 +81,13 @@ impl View {
     }
 }
 
-pub(super) struct Cells<'a> {
+pub(crate) struct Cells<'a> {
     pub mesh: &'a Mesh,
     pub face: &'a Face,
 }
 
 /// Pictures of one size beside one another.
-pub(super) fn beside(cells: &[Picture]) -> Picture {
+pub(crate) fn beside(cells: &[Picture]) -> Picture {
     let width: usize = cells.iter().map(|cell| cell.width + GAP).sum();
     let height = cells.iter().map(|cell| cell.height).max().unwrap_or(0);
     let mut row = Picture::white(width, height);
@@ -100,7 +100,7 @@ pub(super) fn beside(cells: &[Picture]) -> Picture {
 }
 
 /// Rows under one another.
-pub(super) fn under(rows: &[Picture]) -> Picture {
+pub(crate) fn under(rows: &[Picture]) -> Picture {
     let width = rows.iter().map(|row| row.width).max().unwrap_or(0);
     let mut whole = Picture::white(width, rows.iter().map(|row| row.height + GAP).sum());
     let mut top = 0;
@@ -113,7 +113,7 @@ pub(super) fn under(rows: &[Picture]) -> Picture {
 
 impl Cells<'_> {
     /// Landmarks, the frames `[E, V, 3]`, and `map` `[V]`, red from `scale` on.
-    pub(super) fn row(&self, moved: ArrayView3<'_, f32>, map: &[f32], scale: f32) -> Picture {
+    pub(crate) fn row(&self, moved: ArrayView3<'_, f32>, map: &[f32], scale: f32) -> Picture {
         let plain = vec![SKIN; self.mesh.triangles.len()];
         let mut cells = vec![self.neutral(&plain)];
         for frame in moved.axis_iter(Axis(0)) {
@@ -144,9 +144,23 @@ impl Cells<'_> {
     }
 
     /// One frame `[V, 3]`, or the neutral face, with eyeballs in their own colour.
-    pub(super) fn close_up(&self, moved: Option<ArrayView2<'_, f32>>, view: &View) -> Picture {
+    pub(crate) fn close_up(&self, moved: Option<ArrayView2<'_, f32>>, view: &View) -> Picture {
+        self.marked(moved, &[], view)
+    }
+
+    /// The same with some triangles in red.
+    pub(crate) fn marked(
+        &self,
+        moved: Option<ArrayView2<'_, f32>>,
+        marked: &[[u32; 3]],
+        view: &View,
+    ) -> Picture {
         let is_eyeball = |t: &[u32; 3]| self.face.parts.is(t[0] as usize, PartRole::Gaze);
-        let colour = |t| if is_eyeball(t) { EYEBALL } else { SKIN };
+        let colour = |t| match (marked.contains(t), is_eyeball(t)) {
+            (true, _) => HOT,
+            (false, true) => EYEBALL,
+            (false, false) => SKIN,
+        };
         let colours: Vec<_> = self.mesh.triangles.iter().map(colour).collect();
         self.draw(moved, &colours, view)
     }
@@ -182,7 +196,7 @@ fn heat(corners: &[u32; 3], map: &[f32], scale: f32) -> [f32; 3] {
     std::array::from_fn(|i| SKIN[i] + share * (HOT[i] - SKIN[i]))
 }
 
-pub(super) struct Errors {
+pub(crate) struct Errors {
     /// `[V]`, largest over the frames, millimetres.
     pub worst_of_vertex: Vec<f32>,
     /// Mean over the vertices that truly move, one a frame.
@@ -190,7 +204,7 @@ pub(super) struct Errors {
 }
 
 /// Distance from the truth. `moved`: `[E, V, 3]`, mesh units.
-pub(super) fn error_mm(truth: &Truth, moved: ArrayView3<'_, f32>) -> Errors {
+pub(crate) fn error_mm(truth: &Truth, moved: ArrayView3<'_, f32>) -> Errors {
     let mut errors = Errors {
         worst_of_vertex: vec![0.0; moved.dim().1],
         means: Vec::new(),
@@ -213,7 +227,7 @@ pub(super) fn error_mm(truth: &Truth, moved: ArrayView3<'_, f32>) -> Errors {
 }
 
 /// `[F]`, the largest |ln| of an area's ratio to that of the neutral face. `moved`: `[E, V, 3]`.
-pub(super) fn stretch(mesh: &Mesh, moved: ArrayView3<'_, f32>) -> Vec<f32> {
+pub(crate) fn stretch(mesh: &Mesh, moved: ArrayView3<'_, f32>) -> Vec<f32> {
     let areas = |mesh: &Mesh| mesh.face_areas().into_iter().map(|area| area as f32);
     let neutral: Vec<f32> = areas(mesh).collect();
     let typical = neutral.iter().sum::<f32>() / neutral.len().max(1) as f32;
@@ -230,7 +244,7 @@ pub(super) fn stretch(mesh: &Mesh, moved: ArrayView3<'_, f32>) -> Vec<f32> {
 }
 
 /// `[V]`, the largest of the triangles around.
-pub(super) fn at_vertices(mesh: &Mesh, of_triangles: &[f32]) -> Vec<f32> {
+pub(crate) fn at_vertices(mesh: &Mesh, of_triangles: &[f32]) -> Vec<f32> {
     let mut out = vec![0.0f32; mesh.positions.len()];
     for (corners, value) in mesh.triangles.iter().zip(of_triangles) {
         for &v in corners {

@@ -1,11 +1,11 @@
 //! `anyface-eval gallery`: every mesh with its landmarks, four frames and an error map, as a page.
 
-mod blinks;
-mod cells;
+pub(crate) mod blinks;
+pub(crate) mod cells;
 mod creases;
 mod expressions;
 mod mouths;
-mod subjects;
+pub(crate) mod subjects;
 
 use std::path::PathBuf;
 
@@ -233,7 +233,7 @@ fn sentence(one: &Shown) -> String {
     text + "."
 }
 
-fn file_stem(title: &str) -> String {
+pub(crate) fn file_stem(title: &str) -> String {
     title.replace([' ', ','], "_").to_lowercase()
 }
 

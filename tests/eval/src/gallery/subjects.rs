@@ -17,7 +17,7 @@ use anyface::{
 const IDENTITY_SEED: u64 = 20_261;
 
 /// A mesh, and what is known of it.
-pub(super) struct Subject {
+pub(crate) struct Subject {
     pub title: String,
     pub mesh: Mesh,
     pub options: FaceOptions,
@@ -26,7 +26,7 @@ pub(super) struct Subject {
 
 /// True motion, mesh units.
 #[derive(Clone)]
-pub(super) struct Truth {
+pub(crate) struct Truth {
     /// `[E, V, 3]`, of each expression.
     pub displacements: Array3<f32>,
     /// Vertex of each landmark.
@@ -37,14 +37,14 @@ pub(super) struct Truth {
 
 impl Truth {
     /// `[E, 68, 3]`, of the landmarks.
-    pub(super) fn of_landmarks(&self) -> Array3<f32> {
+    pub(crate) fn of_landmarks(&self) -> Array3<f32> {
         let rows = self.landmarks.map(|v| v as usize);
         self.displacements.select(Axis(1), &rows)
     }
 }
 
 /// Every mesh file in a folder, by name.
-pub(super) fn of_folder(folder: &Path) -> Result<Vec<Subject>> {
+pub(crate) fn of_folder(folder: &Path) -> Result<Vec<Subject>> {
     let entries = std::fs::read_dir(folder).map_err(Error::io(folder))?;
     let mut paths: Vec<_> = entries.flatten().map(|entry| entry.path()).collect();
     paths.retain(|path| {
@@ -68,7 +68,7 @@ pub(super) fn of_folder(folder: &Path) -> Result<Vec<Subject>> {
 }
 
 /// The default head with its own landmarks.
-pub(super) fn default_head(folder: &Path) -> Result<Subject> {
+pub(crate) fn default_head(folder: &Path) -> Result<Subject> {
     Ok(Subject {
         title: "default head".into(),
         mesh: Mesh::read(folder.join("head.obj"))?,
@@ -82,7 +82,7 @@ pub(super) fn default_head(folder: &Path) -> Result<Subject> {
 
 /// An ICT identity that no training drew and MakeHuman's head; each with its own landmarks and
 /// with landmarks that are found.
-pub(super) fn of_known_faces(data: &Path) -> Result<Vec<Subject>> {
+pub(crate) fn of_known_faces(data: &Path) -> Result<Vec<Subject>> {
     let twice = known_faces(data, &MOVEMENTS)?.into_iter().flat_map(|face| {
         let title = |landmarks: &str| format!("{}, landmarks {landmarks}", face.title);
         let searched = Subject {
@@ -101,7 +101,7 @@ pub(super) fn of_known_faces(data: &Path) -> Result<Vec<Subject>> {
 }
 
 /// The same two with six emotions, each with its own landmarks.
-pub(super) fn with_emotions(data: &Path) -> Result<Vec<Subject>> {
+pub(crate) fn with_emotions(data: &Path) -> Result<Vec<Subject>> {
     known_faces(data, &HEARD_EMOTIONS)
 }
 

@@ -1,0 +1,180 @@
+//! Skin about the eyes that would turn over goes with the skin beside it.
+//!
+//! Lids, brows and cheeks each keep to their own landmarks; where two of them press on few triangles these would fold. A
+//! triangle counts the more the further its normal has turned, so what is done to it begins smoothly in time. Which way
+//! the corners of a triangle are ordered does not matter: it is compared with itself at rest.
+//!
+//! Lengths are canonical centimetres.
+
+use glam::Vec3;
+use serde::{Deserialize, Serialize};
+
+use crate::{
+    face::FaceSurface,
+    mesh::{FrontView, ibug::LIDS},
+};
+
+/// Triangles whose centres lie within this distance of a landmark of a lid, in widths of the eyes.
+const NEAR: f32 = 1.2;
+/// Those whose normals lean to the front by less are rims of lids, which roll.
+const LEAST_FRONT: f32 = 0.25;
+/// Those behind others by more are linings, told by a picture of such cells.
+const BEFORE_CM: f32 = 0.05;
+const CELL_CM: f32 = 0.02;
+/// Cosine of a turn from which on a triangle gives way, and does so fully.
+const TURN: (f32, f32) = (0.1, -0.1);
+/// How often each vertex goes this share of the way to the mean of its neighbours.
+const ROUNDS: usize = 16;
+const RATE: f32 = 0.7;
+
+/// Watched skin of one mesh.
+#[derive(Debug, Clone, PartialEq, Serialize, Deserialize)]
+pub(super) struct Untangle {
+    /// Vertices of the mesh, and for each their neighbours among them.
+    vertices: Vec<u32>,
+    neighbours: Vec<Vec<u32>>,
+    /// Whether a vertex is the edge of a lid.
+    is_edge: Vec<bool>,
+    /// At rest, mesh units.
+    places: Vec<[f32; 3]>,
+    /// Numbers among the vertices, with twice the area at rest as a vector.
+    triangles: Vec<([u32; 3], [f32; 3])>,
+    /// Vertices of the mesh in the same place as one of these, with its number.
+    copies: Vec<(u32, u32)>,
+}
+
+impl Untangle {
+    /// Of the skin about the eyes. `positions`: of the mesh, `[V]`; `edges`: vertices that stay where lids put them.
+    pub(super) fn new(surface: &FaceSurface, positions: &[[f32; 3]], edges: &[u32]) -> Untangle {
+        let (at, marks) = (&surface.positions, &surface.landmarks);
+        let apart = |a: usize, b: usize| Vec3::from(marks[a]).distance(marks[b].into());
+        let reach = NEAR * 0.5 * (apart(36, 39) + apart(42, 45));
+        let skin = &surface.skin;
+        let near = |t: &&[u32; 3]| {
+            let centre = t.iter().map(|&v| Vec3::from(at[v as usize])).sum::<Vec3>() / 3.0;
+            LIDS.clone()
+                .any(|n| centre.distance(marks[n].into()) < reach)
+        };
+        let near: Vec<[u32; 3]> = skin
+            .surface
+            .triangles
+            .iter()
+            .filter(near)
+            .copied()
+            .collect();
+        let mut vertices: Vec<u32> = near.iter().flatten().copied().collect();
+        vertices.sort_unstable();
+        vertices.dedup();
+        let number = |v: u32| vertices.binary_search(&v).ok().map(|k| k as u32);
+        let mut neighbours = vec![Vec::new(); vertices.len()];
+        for t in near
+            .iter()
+            .filter_map(|t| Some([number(t[0])?, number(t[1])?, number(t[2])?]))
+        {
+            for (a, b) in [(0, 1), (1, 2), (2, 0)] {
+                neighbours[t[a] as usize].push(t[b]);
+                neighbours[t[b] as usize].push(t[a]);
+            }
+        }
+        for list in &mut neighbours {
+            list.sort_unstable();
+            list.dedup();
+        }
+        let view = front_view(&near, at);
+        let is_outer = |t: &&[u32; 3]| {
+            let corners = t.map(|v| Vec3::from(at[v as usize]));
+            let (normal, centre) = (area(corners), corners.into_iter().sum::<Vec3>() / 3.0);
+            let [column, row] = view.cell_at([centre.x, centre.y]);
+            let is_seen = centre.z > view.depth(column, row) - BEFORE_CM;
+            is_seen && normal.z.abs() > LEAST_FRONT * normal.length()
+        };
+        let triangles = near.iter().filter(is_outer).filter_map(|t| {
+            let rest = area(t.map(|v| positions[v as usize].into()));
+            Some(([number(t[0])?, number(t[1])?, number(t[2])?], rest.into()))
+        });
+        let triangles = triangles.collect();
+        let copies = skin.sewn.iter().enumerate();
+        let copies = copies.filter(|(v, of)| **of != *v as u32 && skin.is_skin[*v]);
+        Untangle {
+            copies: copies
+                .filter_map(|(v, of)| Some((v as u32, number(*of)?)))
+                .collect(),
+            places: vertices.iter().map(|&v| positions[v as usize]).collect(),
+            is_edge: vertices.iter().map(|v| edges.contains(v)).collect(),
+            neighbours,
+            triangles,
+            vertices,
+        }
+    }
+
+    /// Corrects the displacements of a frame, `[V * 3]`, mesh units.
+    pub(super) fn apply(&self, frame: &mut [f32]) {
+        let of = |v: &u32| Vec3::from_slice(&frame[3 * *v as usize..][..3]);
+        let mut moved: Vec<Vec3> = self.vertices.iter().map(of).collect();
+        let mut gives = vec![0.0f32; moved.len()];
+        let mut touched = false;
+        for _ in 0..ROUNDS {
+            if !self.look(&moved, &mut gives) {
+                break;
+            }
+            touched = true;
+            let before = moved.clone();
+            for (v, &share) in gives.iter().enumerate().filter(|(_, share)| **share > 0.0) {
+                let beside = self.neighbours[v].iter().map(|&n| before[n as usize]);
+                let mean = beside.sum::<Vec3>() / self.neighbours[v].len().max(1) as f32;
+                moved[v] = before[v].lerp(mean, RATE * share);
+            }
+        }
+        if !touched {
+            return;
+        }
+        let own = self
+            .vertices
+            .iter()
+            .zip(&moved)
+            .map(|(v, moved)| (*v, *moved));
+        let copies = self.copies.iter().map(|(v, of)| (*v, moved[*of as usize]));
+        for (v, moved) in own.chain(copies) {
+            frame[3 * v as usize..][..3].copy_from_slice(&moved.to_array());
+        }
+    }
+
+    /// By which share each vertex gives way; whether any does.
+    fn look(&self, moved: &[Vec3], gives: &mut [f32]) -> bool {
+        gives.fill(0.0);
+        let mut any = false;
+        for (t, rest) in &self.triangles {
+            let rest = Vec3::from(*rest);
+            let now = area(t.map(|v| Vec3::from(self.places[v as usize]) + moved[v as usize]));
+            let sizes = now.length() * rest.length();
+            let turned = now.dot(rest) / sizes.max(f32::MIN_POSITIVE);
+            let (begins, full) = TURN;
+            let share = ((turned - begins) / (full - begins)).clamp(0.0, 1.0);
+            any |= share > 0.0;
+            for &v in t.iter().filter(|v| !self.is_edge[**v as usize]) {
+                gives[v as usize] = gives[v as usize].max(share);
+            }
+        }
+        any
+    }
+}
+
+/// What is seen of triangles at rest.
+fn front_view(triangles: &[[u32; 3]], at: &[[f32; 3]]) -> FrontView {
+    let corners = |t: &[u32; 3]| t.map(|v| at[v as usize]);
+    let mut bounds = ([f32::INFINITY; 2], [f32::NEG_INFINITY; 2]);
+    for p in triangles.iter().flat_map(corners) {
+        for i in 0..2 {
+            bounds.0[i] = bounds.0[i].min(p[i]);
+            bounds.1[i] = bounds.1[i].max(p[i]);
+        }
+    }
+    let mut view = FrontView::new(bounds.0, bounds.1, CELL_CM);
+    triangles.iter().for_each(|t| view.draw(corners(t), 1));
+    view
+}
+
+/// Twice the area, along the normal.
+fn area([a, b, c]: [Vec3; 3]) -> Vec3 {
+    (b - a).cross(c - a)
+}

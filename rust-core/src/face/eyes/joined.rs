@@ -1,0 +1,191 @@
+//! Whether lids and eye are one surface: no slit lies between them, and a lid that moved would drag the eye along.
+//!
+//! A lid that can move hides where its skin goes on: from its edge back along its lining, and only deep in the socket to the
+//! eye. Of an eye that is one with its lids what is seen goes on from triangle to triangle.
+
+use std::collections::HashMap;
+
+use glam::Vec3;
+
+use super::{SAMPLES, opening::Edges};
+use crate::face::nearest::nearest_between;
+
+/// The surface is followed this far above and below the edge of the upper lid, in widths of the eye, in so many steps.
+const BESIDE: f32 = 0.15;
+const STEPS: usize = 40;
+/// From step to step it goes on where triangles meet this near, in widths of the eye.
+const TUBE: f32 = 0.04;
+/// Places of a step at which its distance from an edge is measured.
+const PLACES: usize = 4;
+/// Lids are joined where this share of the middle half of their edge is.
+const SHARE: f32 = 0.5;
+
+/// Triangles in the frame of an eye.
+struct Surface<'a> {
+    triangles: &'a [[[f32; 3]; 3]],
+    /// By their edges.
+    beside: HashMap<Edge, Vec<u32>>,
+}
+
+/// Both ends, by their bits: scans may have each triangle's corners for itself.
+type Edge = [[u32; 3]; 2];
+
+/// Whether the skin goes on without a break from the upper lid to the eye. `skin`: triangles in the frame of an eye of this
+/// `width`.
+pub(super) fn are_joined(skin: &[[[f32; 3]; 3]], [upper, lower]: &Edges, width: f32) -> bool {
+    let surface = Surface::of(skin);
+    let inner = SAMPLES / 4..SAMPLES - SAMPLES / 4;
+    let joined = inner.clone().filter(|&k| {
+        let [x, y, _] = upper[k];
+        let below = (BESIDE * width).min(0.5 * (y - lower[k][1]));
+        surface.goes_on([x, y + BESIDE * width], [x, y - below], TUBE * width)
+    });
+    joined.count() as f32 >= SHARE * inner.len() as f32
+}
+
+impl Surface<'_> {
+    fn of(triangles: &[[[f32; 3]; 3]]) -> Surface<'_> {
+        let mut beside: HashMap<Edge, Vec<u32>> = HashMap::new();
+        for (number, corners) in triangles.iter().enumerate() {
+            for edge in edges(corners) {
+                let key = edge_key(edge);
+                beside.entry(key).or_default().push(number as u32);
+            }
+        }
+        Surface { triangles, beside }
+    }
+
+    /// Whether what is seen from above goes on to what is seen below.
+    fn goes_on(&self, above: [f32; 2], below: [f32; 2], tube: f32) -> bool {
+        let column: Vec<u32> = (0..self.triangles.len() as u32)
+            .filter(|&t| {
+                let x = self.triangles[t as usize].map(|p| p[0]);
+                let low = x.into_iter().fold(f32::INFINITY, f32::min);
+                let high = x.into_iter().fold(f32::NEG_INFINITY, f32::max);
+                (low..=high).contains(&above[0])
+            })
+            .collect();
+        let at = |step: usize| {
+            let share = step as f32 / STEPS as f32;
+            self.seen(
+                &column,
+                [above[0], above[1] + share * (below[1] - above[1])],
+            )
+        };
+        let seen: Option<Vec<_>> = (0..=STEPS).map(at).collect();
+        seen.is_some_and(|seen| {
+            seen.windows(2)
+                .all(|ends| self.meet(ends[0], ends[1], tube))
+        })
+    }
+
+    /// The foremost of some triangles at a place, and the point of it.
+    fn seen(&self, among: &[u32], [x, y]: [f32; 2]) -> Option<(u32, Vec3)> {
+        let depths = among.iter().filter_map(|&t| {
+            let depth = depth_at(&self.triangles[t as usize], [x, y])?;
+            Some((t, depth))
+        });
+        let (t, z) = depths.max_by(|a, b| a.1.total_cmp(&b.1))?;
+        Some((t, Vec3::new(x, y, z)))
+    }
+
+    /// Whether one triangle leads to another over edges that lie near the way between two points.
+    fn meet(&self, (from, p): (u32, Vec3), (to, q): (u32, Vec3), tube: f32) -> bool {
+        let is_near = |[a, b]: [[f32; 3]; 2]| {
+            (0..=PLACES).any(|k| {
+                let place = p.lerp(q, k as f32 / PLACES as f32);
+                nearest_between(place, a.into(), b.into()).distance(place) < tube
+            })
+        };
+        let mut known = vec![from];
+        let mut next = 0;
+        while next < known.len() {
+            if known[next] == to {
+                return true;
+            }
+            for edge in edges(&self.triangles[known[next] as usize]) {
+                if is_near(edge) {
+                    for &beside in &self.beside[&edge_key(edge)] {
+                        if !known.contains(&beside) {
+                            known.push(beside);
+                        }
+                    }
+                }
+            }
+            next += 1;
+        }
+        false
+    }
+}
+
+fn edges([a, b, c]: &[[f32; 3]; 3]) -> [[[f32; 3]; 2]; 3] {
+    [[*a, *b], [*b, *c], [*c, *a]]
+}
+
+fn edge_key(ends: [[f32; 3]; 2]) -> Edge {
+    let mut key = ends.map(|p| p.map(f32::to_bits));
+    key.sort_unstable();
+    key
+}
+
+/// Depth of a triangle at a place, where it covers that.
+fn depth_at([a, b, c]: &[[f32; 3]; 3], [x, y]: [f32; 2]) -> Option<f32> {
+    let area = (b[0] - a[0]) * (c[1] - a[1]) - (c[0] - a[0]) * (b[1] - a[1]);
+    if area == 0.0 {
+        return None;
+    }
+    let of_a = ((b[0] - x) * (c[1] - y) - (c[0] - x) * (b[1] - y)) / area;
+    let of_b = ((c[0] - x) * (a[1] - y) - (a[0] - x) * (c[1] - y)) / area;
+    let of_c = 1.0 - of_a - of_b;
+    (of_a.min(of_b).min(of_c) >= -1e-6).then(|| of_a * a[2] + of_b * b[2] + of_c * c[2])
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    /// A sheet over x, folded along (y, z).
+    fn sheet(profile: &[[f32; 2]]) -> Vec<[[f32; 3]; 3]> {
+        let strip = |ends: &[[f32; 2]]| {
+            let corner = |x: f32, [y, z]: [f32; 2]| [x, y, z];
+            let [a, b, c, d] = [
+                corner(-2.0, ends[0]),
+                corner(2.0, ends[0]),
+                corner(2.0, ends[1]),
+                corner(-2.0, ends[1]),
+            ];
+            [[a, b, c], [a, c, d]]
+        };
+        profile.windows(2).flat_map(strip).collect()
+    }
+
+    /// Edges of an eye of width 3, 1 high.
+    fn edges_of_eye() -> Edges {
+        [0.5, -0.5].map(|y| {
+            std::array::from_fn(|k| [-1.5 + 3.0 * k as f32 / (SAMPLES - 1) as f32, y, 0.2])
+        })
+    }
+
+    #[test]
+    fn a_crease_is_no_slit_and_a_lid_with_a_lining_has_one() {
+        let crease = sheet(&[[2.0, 0.3], [0.5, 0.3], [0.45, 0.0], [-2.0, 0.0]]);
+        assert!(are_joined(&crease, &edges_of_eye(), 3.0));
+        let lined = [[2.0, 0.3], [0.5, 0.3], [0.45, 0.2], [1.5, 0.1], [1.5, -0.1]];
+        let lined = sheet(&[&lined[..], &[[-2.0, 0.0]]].concat());
+        assert!(!are_joined(&lined, &edges_of_eye(), 3.0));
+        let mut apart = sheet(&[[2.0, 0.3], [0.5, 0.3]]);
+        apart.extend(sheet(&[[1.5, 0.0], [-2.0, 0.0]]));
+        assert!(!are_joined(&apart, &edges_of_eye(), 3.0));
+    }
+
+    #[test]
+    fn landmarks_a_little_beside_the_edge_find_it_all_the_same() {
+        let edge = |off: f32| {
+            let lid = [[2.0, 0.3], [0.5 + off, 0.3], [0.45 + off, 0.2], [1.5, 0.1]];
+            sheet(&[&lid[..], &[[1.5, -0.1], [-2.0, 0.0]]].concat())
+        };
+        for off in [-0.3, 0.3] {
+            assert!(!are_joined(&edge(off), &edges_of_eye(), 3.0), "{off}");
+        }
+    }
+}

@@ -1,0 +1,279 @@
+//! What shut lids do to the skin of many heads: triangles that turn over or grow, and eyeballs that stay in sight.
+
+use std::path::PathBuf;
+
+use anyface::{
+    Engine, Error, Face, Result,
+    face::FaceOptions,
+    head::HeadMaker,
+    job::SILENT,
+    mesh::{FrontView, LandmarkSource, PartRole},
+};
+use clap::Args;
+use ndarray::{ArrayView2, Axis};
+use serde::Serialize;
+
+use crate::{
+    arguments::{DataArgs, SharedArgs},
+    console::Console,
+    gallery::{
+        blinks::{self, EMOTIONS},
+        cells::{Cells, View, beside, under},
+        file_stem,
+        subjects::{self, Subject},
+    },
+    pictures::Album,
+    vertex_motion::{distance, pose, vertex_motion},
+};
+
+/// Measure shut lids on many heads: triangles that turn over or grow, eyeballs that stay in sight
+#[derive(Args)]
+pub(super) struct Lids {
+    #[command(flatten)]
+    data: DataArgs,
+    /// The default head: head.obj and landmarks.json
+    #[arg(
+        long,
+        value_name = "DIR",
+        default_value = "weights/shared/default_head"
+    )]
+    head: PathBuf,
+    /// A folder of further meshes
+    #[arg(long, value_name = "DIR")]
+    also: Vec<PathBuf>,
+    /// Heads that `anyface head` makes, of the seeds from 1 on
+    #[arg(long, value_name = "N", default_value_t = 12)]
+    made: u64,
+    /// Strength of each emotion
+    #[arg(long, value_name = "X", default_value_t = 1.5)]
+    strength: f32,
+    /// Draw every head into this folder, an emotion a column, with what turns over in red
+    #[arg(long, value_name = "DIR")]
+    pictures: Option<PathBuf>,
+}
+
+/// Of a picture of both eyes: pixels, and half its height in metres.
+const SIZE: (usize, usize) = (520, 240);
+const HALF_HEIGHT_M: f32 = 0.032;
+
+/// Triangles whose centre lies within this distance of a landmark of an eye count, in widths of the eyes.
+const NEAR: f32 = 1.2;
+/// Triangles whose normal leans to the front by less than this are rims.
+const LEAST_FRONT: f32 = 0.25;
+/// A triangle is seen where nothing lies before its centre by more than this, and side of a cell, metres.
+const BEFORE_M: f32 = 3e-4;
+const CELL_M: f32 = 2e-4;
+/// A triangle may grow so many times.
+const MOST_GROWTH: f32 = 4.0;
+/// Triangles of less than this share of the mean area are slivers.
+const LEAST_AREA: f32 = 1e-3;
+
+/// One head.
+#[derive(Serialize)]
+struct Row {
+    title: String,
+    lids: [String; 2],
+    /// Triangles that turn over, and that grow, under each emotion while the eyes are open, half shut and shut.
+    turned: Vec<[usize; 3]>,
+    grown: Vec<[usize; 3]>,
+    /// The most of the eyeballs that shut lids leave in sight, of what is seen at rest.
+    in_sight: Option<f64>,
+}
+
+impl Lids {
+    pub(super) fn run(&self, shared: &SharedArgs, console: &Console) -> Result<()> {
+        let engine = shared.engine()?;
+        let mut subjects = vec![subjects::default_head(&self.head)?];
+        let maker = HeadMaker::open(shared.weights.as_deref())?;
+        for seed in 1..=self.made {
+            let made = maker.mesh(&maker.random(seed), true)?;
+            subjects.push(Subject {
+                title: format!("seed {seed}"),
+                mesh: made.mesh,
+                options: FaceOptions {
+                    landmarks: Some(LandmarkSource::Positions(made.landmarks.positions.to_vec())),
+                    ..FaceOptions::default()
+                },
+                truth: None,
+            });
+        }
+        let data = self.data.folder()?;
+        subjects.extend(subjects::of_known_faces(&data)?);
+        subjects.extend(subjects::of_folder(&data.join("meshes"))?);
+        for folder in &self.also {
+            subjects.extend(subjects::of_folder(folder)?);
+        }
+        let album = self.pictures.clone().map(Album::new).transpose()?;
+        let mut rows = Vec::new();
+        for (k, subject) in subjects.iter().enumerate() {
+            console.stage(&subject.title, k as f32 / subjects.len() as f32);
+            match self.row(&engine, subject, album.as_ref()) {
+                Ok(row) => rows.push(row),
+                Err(Error::FaceNotFound(why)) => console.stage(&why, 1.0),
+                Err(other) => return Err(other),
+            }
+        }
+        let mut lines = vec![format!(
+            "open, half shut and shut: {}",
+            EMOTIONS.join(" | ")
+        )];
+        lines.extend(rows.iter().map(line));
+        console.value(&rows, &lines.join("\n"));
+        Ok(())
+    }
+
+    fn row(&self, engine: &Engine, subject: &Subject, album: Option<&Album>) -> Result<Row> {
+        let face = engine.prepare(&subject.mesh, &subject.options, SILENT)?;
+        let skin = near_eyes(&face);
+        let mut row = Row {
+            title: subject.title.clone(),
+            lids: face.lids().map(|lids| format!("{lids:?}").to_lowercase()),
+            turned: Vec::new(),
+            grown: Vec::new(),
+            in_sight: None,
+        };
+        let cells = Cells {
+            mesh: &subject.mesh,
+            face: &face,
+        };
+        let view = View::about(&face, 36..48, SIZE, HALF_HEIGHT_M);
+        let mut columns = Vec::new();
+        for emotion in EMOTIONS {
+            let motion = blinks::extremes(&format!("{emotion}:{}", self.strength))?;
+            let frames = vertex_motion(engine, &face, &motion)?;
+            let changed: Vec<_> = frames
+                .outer_iter()
+                .map(|frame| skin.changed(&face, frame))
+                .collect();
+            row.turned.push(std::array::from_fn(|k| changed[k].0.len()));
+            row.grown.push(std::array::from_fn(|k| changed[k].1));
+            if album.is_some() {
+                let each = frames.outer_iter().zip(&changed);
+                let each = each.map(|(frame, of)| cells.marked(Some(frame), &of.0, &view));
+                columns.push(under(&each.collect::<Vec<_>>()));
+            }
+            let seen = blinks::seen(&face, frames.index_axis(Axis(0), 2));
+            row.in_sight = row.in_sight.into_iter().chain(seen).reduce(f64::max);
+        }
+        if let Some(album) = album {
+            album.picture(&file_stem(&subject.title), &beside(&columns))?;
+        }
+        Ok(row)
+    }
+}
+
+fn line(row: &Row) -> String {
+    let seen = row
+        .in_sight
+        .map_or("-".into(), |x| format!("{:.1} %", 100.0 * x));
+    let of = |counts: &[[usize; 3]]| {
+        let each = counts
+            .iter()
+            .map(|[open, half, shut]| format!("{open} {half} {shut}"));
+        each.collect::<Vec<_>>().join(" | ")
+    };
+    format!(
+        "{:>36} {:>13} in sight {seen:>7} turned {} grown {}",
+        row.title,
+        row.lids.join(" "),
+        of(&row.turned),
+        of(&row.grown)
+    )
+}
+
+/// Triangles of the skin about the eyes.
+struct NearEyes {
+    /// Those that lean to the front.
+    triangles: Vec<[u32; 3]>,
+    /// In the canonical frame, twice their area.
+    rest: Vec<[f32; 3]>,
+}
+
+fn near_eyes(face: &Face) -> NearEyes {
+    let places = canonical(face, &face.mesh.positions);
+    let marks = face.landmarks.positions.map(|p| face.to_canonical.apply(p));
+    let width = 0.5 * (distance(marks[36], marks[39]) + distance(marks[42], marks[45]));
+    let at = |t: &[u32; 3]| t.map(|v| places[v as usize]);
+    let skin = face.mesh.triangles.iter();
+    let skin = skin.filter(|t| face.parts.is(t[0] as usize, PartRole::Skin));
+    let areas: Vec<f32> = skin.clone().map(|t| length(normal(at(t)))).collect();
+    let least = LEAST_AREA * areas.iter().sum::<f32>() / areas.len().max(1) as f32;
+    let triangles = skin.filter(|t| {
+        let centre = centre(at(t));
+        let is_near = (36..48).any(|n| distance(marks[n], centre) < NEAR * width);
+        let rest = normal(at(t));
+        is_near && rest[2].abs() > LEAST_FRONT * length(rest) && length(rest) > least
+    });
+    let triangles: Vec<[u32; 3]> = triangles.copied().collect();
+    NearEyes {
+        rest: triangles.iter().map(|t| normal(at(t))).collect(),
+        triangles,
+    }
+}
+
+impl NearEyes {
+    /// Those that turn over and are seen so in a frame `[V, 3]`, and how many grow.
+    fn changed(&self, face: &Face, frame: ArrayView2<'_, f32>) -> (Vec<[u32; 3]>, usize) {
+        let places = canonical(face, &pose(&face.mesh, frame).positions);
+        let now_seen = seen(&self.triangles, &places);
+        let mut changed = (Vec::new(), 0);
+        for (k, t) in self.triangles.iter().enumerate() {
+            if now_seen[k] {
+                let now = normal(t.map(|v| places[v as usize]));
+                changed
+                    .0
+                    .extend((dot(now, self.rest[k]) < 0.0).then_some(*t));
+                changed.1 += usize::from(length(now) > MOST_GROWTH * length(self.rest[k]));
+            }
+        }
+        changed
+    }
+}
+
+fn canonical(face: &Face, positions: &[[f32; 3]]) -> Vec<[f32; 3]> {
+    positions
+        .iter()
+        .map(|p| face.to_canonical.apply(*p))
+        .collect()
+}
+
+/// Whether each triangle's centre is seen from the front before the others.
+fn seen(triangles: &[[u32; 3]], places: &[[f32; 3]]) -> Vec<bool> {
+    let corners = |t: &[u32; 3]| t.map(|v| places[v as usize]);
+    let mut bounds = ([f32::INFINITY; 2], [f32::NEG_INFINITY; 2]);
+    for p in triangles.iter().flat_map(corners) {
+        for i in 0..2 {
+            bounds.0[i] = bounds.0[i].min(p[i]);
+            bounds.1[i] = bounds.1[i].max(p[i]);
+        }
+    }
+    let mut view = FrontView::new(bounds.0, bounds.1, CELL_M);
+    triangles.iter().for_each(|t| view.draw(corners(t), 1));
+    let is_seen = |t: &[u32; 3]| {
+        let [x, y, z] = centre(corners(t));
+        let [column, row] = view.cell_at([x, y]);
+        z > view.depth(column, row) - BEFORE_M
+    };
+    triangles.iter().map(is_seen).collect()
+}
+
+fn centre(corners: [[f32; 3]; 3]) -> [f32; 3] {
+    std::array::from_fn(|i| corners.iter().map(|p| p[i]).sum::<f32>() / 3.0)
+}
+
+fn normal([a, b, c]: [[f32; 3]; 3]) -> [f32; 3] {
+    let [u, v]: [[f32; 3]; 2] = [b, c].map(|p| std::array::from_fn(|i| p[i] - a[i]));
+    [
+        u[1] * v[2] - u[2] * v[1],
+        u[2] * v[0] - u[0] * v[2],
+        u[0] * v[1] - u[1] * v[0],
+    ]
+}
+
+fn dot(a: [f32; 3], b: [f32; 3]) -> f32 {
+    (0..3).map(|i| a[i] * b[i]).sum()
+}
+
+fn length(a: [f32; 3]) -> f32 {
+    dot(a, a).sqrt()
+}
