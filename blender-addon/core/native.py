@@ -33,8 +33,8 @@ from .native_shapes import Clip, ShapeCalls
 from .native_sounds import SoundCalls
 from .take import (
     EMOTION_SOURCES,
-    MOUTHS,
     LIDS,
+    MOUTHS,
     VISIBILITIES,
     Animation,
     Found,

@@ -37,8 +37,8 @@ class Found:
     """Where a face is, in the frame in which its mesh was given.
 
     `positions` `[68, 3]`, `vertices` `[68]`, `confidence` `[68]` 0 to 1; `mouth` one of `MOUTHS`,
-    `lids` of the right and the left eye, of `LIDS`; `part_roles` an index into `ROLES` for each part,
-    `part_of_vertex` `[V]`.
+    `lids` of the right and the left eye, of `LIDS`; `part_roles` an index into `ROLES` for each
+    part, `part_of_vertex` `[V]`.
     """
 
     positions: np.ndarray
