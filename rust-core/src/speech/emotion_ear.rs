@@ -4,6 +4,7 @@
 //! layers would say of the last two seconds; beside it stand the 118 numbers of [`VoiceTrack`]. A linear layer makes
 //! of both the logits of the emotions.
 
+mod affect;
 mod live;
 
 pub use live::LiveEar;
@@ -12,6 +13,7 @@ use std::{collections::BTreeMap, ops::Range, path::Path};
 
 use ndarray::{Array1, Array2, ArrayView1, ArrayView2, Axis};
 
+use self::affect::valence_and_arousal;
 use super::{
     compact::{CompactConfig, CompactEncoder},
     emotion_encoder::{NUMBERS, VoiceTrack, VoiceWindow},
@@ -82,6 +84,11 @@ pub struct HeardEmotion {
     pub probability: BTreeMap<String, Vec<f64>>,
     /// How strongly a face shows what is heard there: 0 where neutral is as likely as in readings of strangers.
     pub intensity: Vec<f64>,
+    /// How pleasant what is heard is at these instants, −1 to 1: the mean over the probabilities of where people place each
+    /// emotion. It is derived from the probabilities and not measured by itself, as is `arousal`.
+    pub valence: Vec<f64>,
+    /// How excited it is, −1 to 1.
+    pub arousal: Vec<f64>,
 }
 
 impl HeardEmotion {
@@ -128,6 +135,8 @@ impl HeardEmotion {
                 .map(|(name, of)| (name.clone(), cut(of)))
                 .collect(),
             intensity: cut(&self.intensity),
+            valence: cut(&self.valence),
+            arousal: cut(&self.arousal),
         }
     }
 
@@ -144,6 +153,8 @@ impl HeardEmotion {
     pub fn extend(&mut self, next: HeardEmotion) {
         self.time_s.extend(next.time_s);
         self.intensity.extend(next.intensity);
+        self.valence.extend(next.valence);
+        self.arousal.extend(next.arousal);
         for (name, of) in next.probability {
             self.probability.entry(name).or_default().extend(of);
         }
@@ -265,7 +276,13 @@ impl EmotionEar {
             let values = shares.iter().map(|at| rounded(at[place])).collect();
             (name.clone(), values)
         };
+        let along = |axis: usize| {
+            let all = shares.iter().map(valence_and_arousal);
+            all.map(|at| rounded(at[axis])).collect()
+        };
         HeardEmotion {
+            valence: along(0),
+            arousal: along(1),
             probability: self.config.emotions.iter().map(of).collect(),
             intensity: shares
                 .iter()
@@ -435,7 +452,16 @@ mod tests {
         for k in 0..heard.time_s.len() {
             let sum: f64 = heard.probability.values().map(|of| of[k]).sum();
             assert!((sum - 1.0).abs() < 0.01, "{sum}");
+            let [valence, arousal] = valence_and_arousal(&heard.shares(k));
+            assert!((heard.valence[k] - valence).abs() < 0.01, "{valence}");
+            assert!((heard.arousal[k] - arousal).abs() < 0.01, "{arousal}");
         }
+        let mut twice = heard.between(0.0..1.5);
+        let first = twice.time_s.len();
+        twice.extend(heard.between(1.5..9.0).later(1.0));
+        assert_eq!(twice.valence, heard.valence);
+        assert_eq!(twice.arousal, heard.arousal);
+        assert_eq!(twice.time_s[..first], heard.time_s[..first]);
         let EmotionCurve::Keys(keys) = heard.curve() else {
             panic!("expected keys")
         };
