@@ -34,12 +34,16 @@ class HeardEmotion:
     def of_plain(cls, values: dict) -> "HeardEmotion | None":
         """That of `to_plain`; None for what is none, such as what an earlier version has kept."""
         try:
-            heard = cls(**{item.name: values[item.name] for item in fields(cls)})
-            rows = [*heard.probability.values(), heard.intensity, heard.valence, heard.arousal]
-            numbers = np.array([heard.time_s, *rows], dtype=np.float64)
+            names = list(values["probability"])
+            rows = [values[name] for name in ("time_s", "intensity", "valence", "arousal")]
+            rows += [values["probability"][name] for name in names]
+            numbers = np.array(rows, dtype=np.float64)
         except (AttributeError, KeyError, TypeError, ValueError):
             return None
-        return heard if numbers.shape[1] > 0 and np.isfinite(numbers).all() else None
+        if numbers.ndim != 2 or numbers.shape[1] == 0 or not np.isfinite(numbers).all():
+            return None
+        times, intensity, valence, arousal, *shares = numbers.tolist()
+        return cls(times, dict(zip(names, shares, strict=True)), intensity, valence, arousal)
 
     def to_plain(self) -> dict:
         """As plain values; of a long sound instants that lie evenly."""

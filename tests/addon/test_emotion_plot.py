@@ -71,6 +71,7 @@ def test_a_take_keeps_what_was_heard_and_the_panel_draws_it_once(
     bpy.ops.wm.open_mainfile(filepath=path)
     ob = bpy.data.objects["Head"]
     select(ob)
+    bpy.context.window_manager.anyface_more = True
     assert heard(ob) == emotion
     assert "Heard in the Voice" in words(addon) and len(drawings) == 2
 
@@ -120,7 +121,11 @@ def test_a_neutral_voice_that_cannot_be_heard_is_told(addon, speaking, tmp_path,
 
 def test_what_is_no_emotion_is_none_and_a_long_sound_is_thinned_out(addon):
     kind = addon("core.heard_emotion").HeardEmotion
-    for values in ({}, {"time_s": 1}, {"time_s": [0.0], "probability": []}):
+    level = {"time_s": [0.0], "intensity": [0.5], "valence": [0.5], "arousal": [0.5]}
+    for more in (None, {}, {"sad": [0.1, 0.2]}, {"sad": "x"}, {"sad": [float("nan")]}, []):
+        found = kind.of_plain(level | {"probability": more})
+        assert (found is not None) == (more in ({}, []))
+    for values in ({}, "text", [], {"time_s": 1}, {**level, "time_s": [[0.0]]}):
         assert kind.of_plain(values) is None
     assert kind.of_json(None) is None
     times = [0.32 * k for k in range(3000)]

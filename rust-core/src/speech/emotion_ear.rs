@@ -303,6 +303,24 @@ impl EmotionEar {
         }
     }
 
+    /// How a speaker sounds in a recording in which he feels nothing.
+    ///
+    /// Rows of his voice are moved by the way from his mean row there to that of the readers who were taught. A mean over
+    /// little of a voice moves them less.
+    ///
+    /// # Errors
+    /// `Audio` if nobody speaks in it.
+    pub fn neutral_voice(&self, voice: &VoiceTrack) -> Result<NeutralVoice> {
+        let windows = voice.windows(EVERY);
+        let loudest = windows.iter().map(|window| window.loud);
+        let loudest = loudest.fold(f64::NEG_INFINITY, f64::max);
+        let weight = |window: &VoiceWindow| Instant::of(window, Array1::zeros(0)).weight(loudest);
+        let weighed = windows.iter().map(|window| (weight(window), window));
+        let with_voice = weighed.filter(|(weight, _)| *weight > 0.0);
+        let rows = with_voice.map(|(weight, window)| (weight, self.row(window)));
+        NeutralVoice::of_rows(rows, &self.readers)
+    }
+
     /// Instants of a voice in seconds, and the probabilities of [`EMOTIONS`] there.
     fn shares(
         &self,

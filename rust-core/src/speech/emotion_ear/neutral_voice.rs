@@ -2,13 +2,14 @@
 
 use ndarray::Array1;
 
-use super::{EVERY, EmotionEar, Instant};
-use crate::{Error, Result, speech::VoiceTrack};
+use crate::{Error, Result};
 
 /// Windows with a voice of which a speaker's own voice is believed by half.
 ///
 /// The mean of few windows says what was said rather than who said it.
 const HALF_BELIEVED: f64 = 12.0;
+/// Mean weight of the windows that count from which somebody speaks. That of hiss is 0.1, that of speech 0.5 and more.
+const LEAST_VOICE: f64 = 0.25;
 
 /// A speaker's neutral voice, as an ear hears it.
 #[derive(Debug, Clone, PartialEq)]
@@ -17,27 +18,22 @@ pub struct NeutralVoice {
     pub(super) offset: Array1<f64>,
 }
 
-impl EmotionEar {
-    /// How a speaker sounds in a recording in which he feels nothing.
-    ///
-    /// Rows of his voice are moved by the way from his mean row there to that of the readers who were taught. A mean over
-    /// little of a voice moves them less.
+impl NeutralVoice {
+    /// The way from the mean of rows with their weights to that of `readers`; less of it where there is little of a voice.
     ///
     /// # Errors
-    /// `Audio` if nobody speaks in it.
-    pub fn neutral_voice(&self, voice: &VoiceTrack) -> Result<NeutralVoice> {
-        let windows = voice.windows(EVERY);
-        let loudest = windows.iter().map(|window| window.loud);
-        let loudest = loudest.fold(f64::NEG_INFINITY, f64::max);
-        let (mut sum, mut total) = (Array1::zeros(self.readers.len()), 0.0);
-        for window in &windows {
-            let weight = Instant::of(window, Array1::zeros(0)).weight(loudest);
-            if weight > 0.0 {
-                sum.scaled_add(weight, &self.row(window));
-                total += weight;
-            }
+    /// `Audio` if nobody speaks.
+    pub(super) fn of_rows(
+        rows: impl Iterator<Item = (f64, Array1<f64>)>,
+        readers: &Array1<f64>,
+    ) -> Result<NeutralVoice> {
+        let (mut sum, mut total, mut count) = (Array1::zeros(readers.len()), 0.0, 0.0);
+        for (weight, row) in rows {
+            sum.scaled_add(weight, &row);
+            total += weight;
+            count += 1.0;
         }
-        if total == 0.0 {
+        if total <= LEAST_VOICE * count {
             return Err(Error::Audio(
                 "neutral voice: expected somebody who speaks, got a recording without a voice"
                     .into(),
@@ -45,7 +41,7 @@ impl EmotionEar {
         }
         let share = total / (total + HALF_BELIEVED);
         Ok(NeutralVoice {
-            offset: (&self.readers - sum / total) * share,
+            offset: (readers - sum / total) * share,
         })
     }
 }
