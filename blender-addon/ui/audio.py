@@ -177,10 +177,11 @@ def draw_felt(layout, ob, scene) -> None:
 
 def draw_neutral_voice(layout, ob) -> None:
     """Draws the recording of the neutral voice, pale where no emotion is heard."""
-    settings, row = ob.anyface, layout.row()
+    settings, column = ob.anyface, layout.column(align=True)
     hears = systems.by_name(settings.system).hears_emotion
-    row.active = hears or settings.emotion_source == "VOICE"
-    row.prop(ob.anyface_audio, "neutral_voice")
+    column.active = hears or settings.emotion_source == "VOICE"
+    column.label(text="Neutral Voice")
+    column.prop(ob.anyface_audio, "neutral_voice", text="")
 
 
 def draw_heat(layout, ob) -> None:

@@ -20,6 +20,8 @@ SHOWN = (
     ".of(bpy.data.objects['Head'])"
 )
 
+# The faces would push the plot out of sight.
+PICTURES_AWAY = "importlib.import_module('bl_ext.user_default.anyface.ui.pictures')._shown.clear()"
 PLOT = """
 import importlib
 plot = importlib.import_module("bl_ext.user_default.anyface.ui.emotion_plot")
@@ -59,7 +61,7 @@ def test_emotions_are_mixed_and_drawn(screen: Screen, photographs):  # noqa: F81
 
 def test_what_was_heard_is_drawn_once_a_take(screen: Screen, photographs):  # noqa: F811
     screen.ask(f"{FACE}.emotion_source = 'VOICE'\n{REDRAW}")
-    screen.ask(OPEN.format(labels=("Emotion",), suffix="_heard"))
+    screen.ask(OPEN.format(labels=("Emotion",), suffix="_heard") + PICTURES_AWAY)
     screen.press("anyface.generate")
     screen.wait("keys() and not running()")
     screen.ask(MORE.format(True) + f"\n{REDRAW}")
