@@ -17,6 +17,7 @@ from .ui import (
     caches,
     character,
     controls,
+    emotion_plot,
     emotions,
     events,
     expression_keys,
@@ -57,7 +58,7 @@ _MODULES = (
 )  # fmt: skip
 _KINDS = (AddonPreferences, Menu, Operator, Panel, UIList)
 # What has more to add than classes: before them, and after them.
-_SETTINGS = (pictures, properties, scene_list)
+_SETTINGS = (pictures, emotion_plot, properties, scene_list)
 _OTHERS = (landmarks, panel, sample_head, command, running, copies, following)
 # In the order in which Blender gets them.
 _CLASSES = [

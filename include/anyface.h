@@ -525,6 +525,9 @@ typedef struct {
     /// A motion of landmarks in whose last frame the face begins, its tongue too; only until the call returns. NULL, the
     /// default, is rest. Systems that do not go on from a pose refuse: see `anyface_system_starts_from_pose()`.
     const AnyfaceMotion *starts_from;
+    /// A recording in which the same person speaks neutrally, ten seconds or more; only until the call returns. The emotion
+    /// of the voice is heard as what differs from it. NULL, the default, compares the voice with readers.
+    const AnyfaceAudio *neutral_voice;
 } AnyfaceMotionOptions;
 
 /// Takes frames in order; any result but 0 ends the call with `ANYFACE_STATUS_CANCELLED`.
@@ -1229,6 +1232,12 @@ size_t anyface_motion_frame_count(const AnyfaceMotion *motion);
 
 /// Frames per second; 0 for NULL.
 double anyface_motion_fps(const AnyfaceMotion *motion);
+
+/// The emotion that was heard in the voice, as the JSON object that reports of the command have: `time_s`, seconds, and at
+/// each of them the `probability` of every emotion by name, the `intensity` that is shown, and `valence` and `arousal`, -1
+/// to 1, which are derived from the probabilities. NULL where the motion does not depend on it, or for NULL. Lives as long
+/// as the motion.
+const char *anyface_motion_heard_emotion(const AnyfaceMotion *motion);
 
 /// Copies motion of landmarks into the caller's buffer.
 ///

@@ -65,6 +65,7 @@ def _settings(ob, scene, options) -> bake.Settings:
         "axes": options.axes,
         "landmark_file": os.path.abspath(options.landmarks) if options.landmarks else None,
         "emotion_file": os.path.abspath(options.emotion_of) if options.emotion_of else None,
+        "neutral_voice": os.path.abspath(options.neutral_voice) if options.neutral_voice else None,
         "event_file": os.path.abspath(options.events) if options.events else None,
     }
     for name, value in given.items():

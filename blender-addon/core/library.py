@@ -138,6 +138,7 @@ class MotionOptions(Structure):
         ("events", c_void_p),
         ("emotion_of", c_void_p),
         ("starts_from", c_void_p),
+        ("neutral_voice", c_void_p),
     ]
 
 
@@ -240,6 +241,7 @@ SIGNATURES = {
         c_int32,
         [_HANDLE, _HANDLE, _HANDLE, c_size_t, _FLOATS, c_size_t, _OUT],
     ),
+    "anyface_motion_heard_emotion": (c_char_p, [_HANDLE]),
     "anyface_motion_copy_head": (c_int32, [_HANDLE, _FLOATS, c_size_t, _OUT]),
     "anyface_motion_copy_gaze": (c_int32, [_HANDLE, _FLOATS, c_size_t, _OUT]),
     "anyface_motion_copy_tongue": (c_int32, [_HANDLE, _FLOATS, c_size_t, _OUT]),

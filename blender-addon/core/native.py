@@ -13,6 +13,7 @@ import numpy as np
 from . import systems
 from .calls import Calls
 from .errors import AnyfaceError
+from .heard_emotion import HeardEmotion
 from .job import Progress
 from .library import (
     ControlSetting,
@@ -217,6 +218,9 @@ class Engine(
         animation.life = self._life(made, clip.shape[0])
         animation.landmarks = self._landmarks(clip, clip.shape[0])
         animation.shape_weights = self._shape_weights(made[1])
+        animation.heard_emotion = HeardEmotion.of_json(
+            self._library.anyface_motion_heard_emotion(made[1])
+        )
         animation.notes = self._unseen(handles, face, made[1], request.events, watch)
         if request.keeps_clip:
             animation.clip = clip
@@ -397,6 +401,8 @@ class Engine(
         options.events = self._events(handles, request.events)
         if request.emotion_of is not None:
             options.emotion_of = self._audio(handles, request.emotion_of)
+        if request.neutral_voice is not None:
+            options.neutral_voice = self._audio(handles, request.neutral_voice)
         if request.starts_from is not None and face is not None:
             options.starts_from = self._pose(handles, face, request.starts_from)
         given = (self._handle, audio, byref(options), watch.handle)

@@ -74,6 +74,11 @@ def _add_bake(task: argparse.ArgumentParser, modes: str) -> None:
     task.add_argument(
         "--emotion-of", metavar="FILE", help="another recording whose emotion the face shows"
     )
+    task.add_argument(
+        "--neutral-voice",
+        metavar="FILE",
+        help="a recording in which the same person speaks neutrally",
+    )
     task.add_argument("--events", metavar="FILE", help="JSON, instead of strips and markers")
     task.add_argument("--axes", choices=("AUTO", "WORLD", "LOCAL", "LOCAL_Y_UP"))
     task.add_argument("--landmarks", metavar="FILE", help="JSON file with the 68 landmarks")

@@ -5,6 +5,7 @@ from dataclasses import dataclass, field, replace
 import numpy as np
 
 from .events import Event
+from .heard_emotion import HeardEmotion
 from .sliders import NAMES, SliderChange
 from .space import FaceSpace, face_space
 
@@ -93,9 +94,10 @@ class Request:
     itself, on which weights of shapes are solved. The lips close in `closures` `[N, 2]`, seconds;
     with None where that is heard. `events` are for systems that take them, `emotion_of` is another
     recording whose emotion is shown, for those that hear it; where the take is `layered`, what is
-    felt has vectors of its own. `output` names the output that writes it. `starts_from` are
-    displacements `[V, 3]` from rest of the pose in which the face begins, for systems that go on
-    from one.
+    felt has vectors of its own. In `neutral_voice` the same person speaks neutrally: the emotion of
+    the voice is heard as what differs from it. `output` names the output that writes it.
+    `starts_from` are displacements `[V, 3]` from rest of the pose in which the face begins, for
+    systems that go on from one.
     """
 
     fps: float
@@ -110,6 +112,7 @@ class Request:
     closures: np.ndarray | None = None
     events: list[Event] = field(default_factory=list)
     emotion_of: "Sound | None" = None
+    neutral_voice: "Sound | None" = None
     layered: bool = False
     output: str = ""
     starts_from: np.ndarray | None = None
@@ -337,7 +340,8 @@ class Animation:
     `basis`, `displacements` `[T, V, 3]` float32 or a `native_shapes.Clip`, as was asked.
     `largest_mm` is the largest displacement of any vertex in any frame, on a head of human size,
     blinks included; `visibility` is one of `VISIBILITIES`. `shape_weights` is what moves where the
-    system makes weights; `notes` are remarks for the report.
+    system makes weights; `heard_emotion` is what was heard, where the motion depends on it;
+    `notes` are remarks for the report.
     """
 
     largest_mm: float
@@ -348,6 +352,7 @@ class Animation:
     life: Life | None = None
     landmarks: Landmarks | None = None
     shape_weights: ShapeWeights | None = None
+    heard_emotion: HeardEmotion | None = None
     notes: list[str] = field(default_factory=list)
 
 
@@ -360,6 +365,7 @@ class Take:
     leads from the world to the canonical frame.
     `largest_of` is the largest displacement of each piece of the face, mm, where there are several.
     `shape_weights` are those that a system made itself: named keys get them as they are.
+    `heard_emotion` is what was heard in the voice, where the take depends on it.
     `notes` are remarks for the report.
     """
 
@@ -370,6 +376,7 @@ class Take:
     life: Life | None = None
     largest_of: list[float] = field(default_factory=list)
     shape_weights: ShapeWeights | None = None
+    heard_emotion: HeardEmotion | None = None
     notes: list[str] = field(default_factory=list)
 
     def scene_frames(self, start_frame: float, scene_fps: float) -> np.ndarray:

@@ -15,8 +15,8 @@ from pathlib import Path
 from ..core import json_file, model_card, options, schema, wording
 from ..core.errors import AnyfaceError
 
-_PATHS = ("audio", "events", "emotion_of", "landmarks", "out", "weights")
-_READ = ("--audio", "--events", "--emotion-of", "--landmarks")
+_PATHS = ("audio", "events", "emotion_of", "neutral_voice", "landmarks", "out", "weights")
+_READ = ("--audio", "--events", "--emotion-of", "--neutral-voice", "--landmarks")
 _OWN = ("name", "file", "save", "faces")
 _NAME = re.compile(r"[\w.-]+")
 _LONGEST = 200

@@ -73,6 +73,8 @@ class Settings:
     # A sound strip, or a file instead, whose emotion the face shows, for systems that hear it.
     emotion_strip: str = ""
     emotion_file: str = ""
+    # A sound file in which the same person speaks neutrally, for an emotion that is heard.
+    neutral_voice: str = ""
     # Whether the face begins as it stands now, for systems that go on from a pose.
     starts_from_pose: bool = False
     # Objects beside the face, and roles of single connected parts by number.
@@ -103,10 +105,12 @@ class Snapshot:
     sounds: list[tuple[float, float, str]] | None = None
     # Another recording whose emotion is shown.
     felt: SoundSource | None = None
+    # The same person's neutral voice.
+    neutral: SoundSource | None = None
 
     def heard(self, progress: Progress) -> tuple[Sound, Request]:
-        """The sound, decoded, and the request with the lips closed where the strips say so and the
-        other recording that gives the emotion."""
+        """The sound, decoded, and the request with the lips closed where the strips say so, the
+        other recording that gives the emotion, and the neutral voice."""
         progress.check("sound")
         voice, request = self.source.load(decode.decoder(self.engine)), self.request
         if self.sounds is not None:
@@ -114,6 +118,9 @@ class Snapshot:
             request = replace(request, closures=np.array(closed).reshape(-1, 2))
         if self.felt is not None:
             request = replace(request, emotion_of=self.felt.load(decode.decoder(self.engine)))
+        if self.neutral is not None:
+            neutral = self.neutral.load(decode.decoder(self.engine))
+            request = replace(request, neutral_voice=neutral)
         return voice, request
 
     def ask(self, function, progress: Progress, *more):
@@ -191,6 +198,7 @@ def read(ob, scene, settings: Settings, engine) -> Snapshot:
         numbers=_numbers(names, settings),
         sounds=sounds.read(scene, source),
         felt=_felt(scene, settings, engine),
+        neutral=_neutral(settings),
     )
 
 
@@ -269,7 +277,7 @@ def landing(ob, snapshot: Snapshot, take: Take):
     notes += [] if take.motion.files else guard.notes(ob)
     notes += output.notes(ob, asked)
     text = " ".join([describe(take), *(f"({note})" for note in [*turned, *notes])])
-    panel_settings.note(ob, snapshot.asked, text)
+    panel_settings.note(ob, snapshot.asked, text, take.heard_emotion)
     return text
 
 
@@ -320,6 +328,17 @@ def _felt(scene, settings: Settings, engine) -> SoundSource | None:
         return sound_source.from_strip(scene, settings.emotion_strip, decode.decoder(engine))
     except AnyfaceError as error:
         raise AnyfaceError(error.kind, f"Emotion Of: {error}") from error
+
+
+def _neutral(settings: Settings) -> SoundSource | None:
+    """The recording of the neutral voice; it is let be where no emotion is heard."""
+    hears = systems.by_name(settings.system).hears_emotion or settings.emotion_source == "VOICE"
+    if not settings.neutral_voice or not hears:
+        return None
+    try:
+        return sound_source.from_file(settings.neutral_voice, settings.start_frame)
+    except AnyfaceError as error:
+        raise AnyfaceError(error.kind, f"Neutral Voice: {error}") from error
 
 
 def _pose(ob, face: FaceMesh, settings: Settings) -> np.ndarray | None:

@@ -12,6 +12,7 @@ from bpy.props import (
 )
 from bpy.types import Operator, PropertyGroup
 
+from ..core import systems
 from ..core.errors import AnyfaceError
 from ..scene import bake
 from ..scene.face import emotion_mask
@@ -45,6 +46,13 @@ class AnyfaceAudio(PropertyGroup):
         "empty for its own voice",
         options=set(),
     )
+    neutral_voice: StringProperty(
+        name="Neutral Voice",
+        description="Recording in which the same person speaks neutrally, ten seconds or more: the "
+        "emotion of the voice is heard as what differs from it; empty compares it with readers",
+        subtype="FILE_PATH",
+        options=set(),
+    )
     event_channel: IntProperty(
         name="Channel",
         description="Channel of the sequencer whose text strips say what this face does beside its "
@@ -75,7 +83,8 @@ class AnyfaceAudio(PropertyGroup):
 
 def fill(settings, ob, scene=None) -> None:
     """Puts what `ob` is asked to speak into plain settings; `scene` is the sequencer's."""
-    for name in ("event_channel", "event_markers", "marker_s", "emotion_strip"):
+    names = "event_channel", "event_markers", "marker_s", "emotion_strip", "neutral_voice"
+    for name in names:
         setattr(settings, name, getattr(ob.anyface_audio, name))
     source = ob.anyface.source
     settings.strip = strip_of(ob, scene) if source == "STRIP" else ""
@@ -164,6 +173,15 @@ def draw_felt(layout, ob, scene) -> None:
     """Draws which strip gives the emotion, where the sequencer has any."""
     if scene is not None and scene.sequence_editor is not None:
         search_strip(layout, ob.anyface_audio, "emotion_strip", scene.sequence_editor)
+
+
+def draw_neutral_voice(layout, ob) -> None:
+    """Draws the recording of the neutral voice, pale where no emotion is heard."""
+    settings, column = ob.anyface, layout.column(align=True)
+    hears = systems.by_name(settings.system).hears_emotion
+    column.active = hears or settings.emotion_source == "VOICE"
+    column.label(text="Neutral Voice")
+    column.prop(ob.anyface_audio, "neutral_voice", text="")
 
 
 def draw_heat(layout, ob) -> None:

@@ -1,4 +1,4 @@
-"""*Emotion* under *More*: mixtures, and every emotion drawn on the artist's own face."""
+"""*Emotion* under *More*: mixtures, every emotion drawn on the artist's face, what was heard."""
 
 import tempfile
 from pathlib import Path
@@ -7,7 +7,7 @@ from bpy.types import Operator, Panel
 
 from ..core.portraits import Portraits
 from ..scene import bake
-from . import pictures, preferences, running
+from . import audio, emotion_plot, pictures, preferences, running
 from .operators import InThread, redraw
 from .panel import OfFacePanel
 from .settings import from_object
@@ -26,7 +26,7 @@ class ANYFACE_PT_emotion(OfFacePanel, Panel):
     bl_options = {"DEFAULT_CLOSED"}
 
     def draw(self, context):
-        """Draws mixtures, and pictures to choose from where there are some."""
+        """Draws mixtures, pictures to choose from where there are some, and what was heard."""
         layout, ob = self.layout, target(context)
         layout.menu("ANYFACE_MT_mixtures")
         layout.operator("anyface.draw_emotions", icon="USER")
@@ -35,6 +35,8 @@ class ANYFACE_PT_emotion(OfFacePanel, Panel):
             sizes = {"scale": _LINES, "scale_popup": _LINES_EACH}
             layout.template_icon_view(ob.anyface, "emotion_face", show_labels=True, **sizes)
             layout.label(text=f"{ob.anyface.emotion.capitalize()}, at {shown.intensity:.2f}")
+        audio.draw_neutral_voice(layout, ob)
+        emotion_plot.draw(layout, ob)
 
 
 class ANYFACE_OT_draw_emotions(InThread, Operator):

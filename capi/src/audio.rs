@@ -18,6 +18,12 @@ use crate::{
 /// use it at the same time.
 pub struct AnyfaceAudio(pub(crate) Waveform, Option<CString>);
 
+impl From<Waveform> for AnyfaceAudio {
+    fn from(waveform: Waveform) -> AnyfaceAudio {
+        AnyfaceAudio(waveform, None)
+    }
+}
+
 /// A sound from samples in memory, which are copied.
 ///
 /// `samples`: `[frame_count, channels]`, interleaved, nominally -1 to 1; channels are averaged.
@@ -37,7 +43,7 @@ pub unsafe extern "C" fn anyface_audio_new(
         let channels = channels as usize;
         let samples = unsafe { pointer::slice("samples", samples, frame_count, channels) }?;
         let waveform = Waveform::from_interleaved(samples, channels, sample_rate_hz)?;
-        Ok(AnyfaceAudio(waveform, None))
+        Ok(AnyfaceAudio::from(waveform))
     };
     unsafe { guard::give(out, error, make) }
 }

@@ -35,6 +35,8 @@ pub struct AnyfaceMotion {
     pub(crate) made: Made,
     /// What the weights of a motion of weights are called.
     pub(crate) names: Vec<CString>,
+    /// The emotion that was heard, as JSON, where the motion depends on it.
+    pub(crate) heard_emotion: Option<CString>,
 }
 
 /// Where a motion comes from.
@@ -59,7 +61,15 @@ impl Made {
 impl AnyfaceMotion {
     pub(crate) fn new(made: Made) -> AnyfaceMotion {
         let names = AnyfaceMotion::shape_names(made.motion());
-        AnyfaceMotion { made, names }
+        let heard = match &made {
+            Made::Spoken(performance) => performance.heard_emotion(),
+            Made::Redone(..) | Made::Given(..) => None,
+        };
+        AnyfaceMotion {
+            heard_emotion: heard.map(|heard| pointer::c_text(&heard.to_json())),
+            made,
+            names,
+        }
     }
 
     /// What a caller brought, whose head, eyes and tongue rest.
@@ -188,6 +198,9 @@ pub struct AnyfaceMotionOptions {
     /// A motion of landmarks in whose last frame the face begins, its tongue too; only until the call returns. NULL, the
     /// default, is rest. Systems that do not go on from a pose refuse: see `anyface_system_starts_from_pose()`.
     pub starts_from: *const AnyfaceMotion,
+    /// A recording in which the same person speaks neutrally, ten seconds or more; only until the call returns. The emotion
+    /// of the voice is heard as what differs from it. NULL, the default, compares the voice with readers.
+    pub neutral_voice: *const AnyfaceAudio,
 }
 
 unsafe impl Versioned for AnyfaceMotionOptions {
@@ -225,6 +238,7 @@ impl AnyfaceMotionOptions {
             closures: unsafe { self.closures() }?,
             events: unsafe { self.events() }?,
             emotion_of: unsafe { self.emotion_of() }?,
+            neutral_voice: unsafe { self.neutral_voice() }?,
             starts_from: unsafe { self.starts_from() }?,
         })
     }
@@ -253,6 +267,14 @@ impl AnyfaceMotionOptions {
         }
         let sound = unsafe { pointer::handle("emotion_of", self.emotion_of) }?;
         Ok(Some(Arc::new(VoiceTrack::checked(&sound.0)?)))
+    }
+
+    unsafe fn neutral_voice(&self) -> Result<Option<Arc<VoiceTrack>>, Failure> {
+        if self.neutral_voice.is_null() {
+            return Ok(None);
+        }
+        let sound = unsafe { pointer::handle("neutral_voice", self.neutral_voice) }?;
+        Ok(Some(Arc::new(VoiceTrack::neutral(&sound.0)?)))
     }
 
     unsafe fn events(&self) -> Result<Vec<Event>, Failure> {
@@ -563,6 +585,7 @@ fn motion_from(values: &[f32], frames: usize, fps: f64) -> Result<Motion, Failur
 mod tests {
     use super::*;
     use crate::controls::tests::setting;
+    use anyface::audio::Waveform;
     use std::ptr::null;
 
     fn with_emotions(strengths: &[f32], times: &[f64]) -> Result<EmotionCurve, Failure> {
@@ -667,6 +690,29 @@ mod tests {
         assert!(read.events.is_null());
         options.struct_size = size_of::<AnyfaceMotionOptions>() + 5000;
         assert!(unsafe { versioned_options::read(&options) }.is_err());
+    }
+
+    #[test]
+    fn a_neutral_voice_reaches_the_library_or_is_refused_in_words() {
+        let sound = |samples: Vec<f32>| AnyfaceAudio::from(Waveform { samples });
+        let spoken = sound((0..16_000).map(|i| (i as f32 * 0.08).sin()).collect());
+        let mut options = AnyfaceMotionOptions {
+            neutral_voice: &spoken,
+            ..Versioned::defaults()
+        };
+        let request = unsafe { options.to_library() }.unwrap();
+        assert!(request.neutral_voice.is_some() && request.emotion_of.is_none());
+        let silent = sound(vec![0.0; 16_000]);
+        options.neutral_voice = &silent;
+        let message = format!("{:?}", unsafe { options.to_library() }.unwrap_err());
+        assert!(
+            message.contains("neutral voice") && message.contains("silence"),
+            "{message}"
+        );
+        // A header before there was a neutral voice ends where it begins.
+        options.struct_size = std::mem::offset_of!(AnyfaceMotionOptions, neutral_voice);
+        let read: AnyfaceMotionOptions = unsafe { versioned_options::read(&options) }.unwrap();
+        assert!(read.neutral_voice.is_null());
     }
 
     #[test]

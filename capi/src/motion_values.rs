@@ -25,6 +25,17 @@ pub unsafe extern "C" fn anyface_motion_fps(motion: *const AnyfaceMotion) -> f64
     unsafe { motion.as_ref() }.map_or(0.0, |motion| motion.motion().fps())
 }
 
+/// The emotion that was heard in the voice, as the JSON object that reports of the command have: `time_s`, seconds, and at
+/// each of them the `probability` of every emotion by name, the `intensity` that is shown, and `valence` and `arousal`, -1
+/// to 1, which are derived from the probabilities. NULL where the motion does not depend on it, or for NULL. Lives as long
+/// as the motion.
+#[unsafe(no_mangle)]
+pub unsafe extern "C" fn anyface_motion_heard_emotion(
+    motion: *const AnyfaceMotion,
+) -> *const c_char {
+    pointer::lend(unsafe { motion.as_ref() }.and_then(|motion| motion.heard_emotion.as_ref()))
+}
+
 /// Copies motion of landmarks into the caller's buffer.
 ///
 /// `buffer`: `[T, 68, 3]`, canonical metres; `float_count` must be `T * 68 * 3`.

@@ -247,6 +247,10 @@ pub struct MotionArgs {
     /// Another recording of which the emotion is taken (emoface), stretched to the length of the sound
     #[arg(long, value_name = "OTHER")]
     emotion_of: Option<InputPath>,
+    /// A recording in which the same person speaks neutrally, ten seconds or more: the emotion of the voice is heard as
+    /// what differs from it
+    #[arg(long, value_name = "FILE")]
+    neutral_voice: Option<InputPath>,
     /// Motion of `anyface motion` in whose last frame the face begins (emoface)
     #[arg(long, value_name = "M.npz")]
     starts_from: Option<InputPath>,
@@ -297,6 +301,14 @@ impl MotionArgs {
         VoiceTrack::checked(&sound).map(|voice| Some(Arc::new(voice)))
     }
 
+    fn neutral_voice(&self) -> Result<Option<Arc<VoiceTrack>>> {
+        let Some(path) = &self.neutral_voice else {
+            return Ok(None);
+        };
+        let sound = Waveform::from_file(path)?;
+        VoiceTrack::neutral(&sound).map(|voice| Some(Arc::new(voice)))
+    }
+
     pub fn request(&self, shared: &SharedArgs) -> Result<MotionRequest> {
         check_fps(self.fps)?;
         let system = Registration::find(shared.system.as_deref())?;
@@ -315,6 +327,7 @@ impl MotionArgs {
             closures,
             events: self.events(shared.weights())?,
             emotion_of: self.emotion_of()?,
+            neutral_voice: self.neutral_voice()?,
             starts_from: self.starts_from()?,
         })
     }

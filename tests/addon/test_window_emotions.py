@@ -20,6 +20,14 @@ SHOWN = (
     ".of(bpy.data.objects['Head'])"
 )
 
+# The faces would push the plot out of sight.
+PICTURES_AWAY = "importlib.import_module('bl_ext.user_default.anyface.ui.pictures')._shown.clear()"
+PLOT = """
+import importlib
+plot = importlib.import_module("bl_ext.user_default.anyface.ui.emotion_plot")
+answer = [name for name in plot._previews if name.startswith("take ")]
+"""
+
 
 def test_emotions_are_mixed_and_drawn(screen: Screen, photographs):  # noqa: F811
     screen.hand("mousemove", 1000, 500, "sleep", "1")
@@ -48,4 +56,21 @@ def test_emotions_are_mixed_and_drawn(screen: Screen, photographs):  # noqa: F81
     screen.photograph(photographs / "emotion_4_choice.png")
     screen.hand("key", "Escape")
     screen.hand("mousemove", 400, 400, "sleep", "0.2")
+    screen.ask(MORE.format(False))
+
+
+def test_what_was_heard_is_drawn_once_a_take(screen: Screen, photographs):  # noqa: F811
+    screen.ask(f"{FACE}.emotion_source = 'VOICE'\n{REDRAW}")
+    screen.ask(OPEN.format(labels=("Emotion",), suffix="_heard") + PICTURES_AWAY)
+    screen.press("anyface.generate")
+    screen.wait("keys() and not running()")
+    screen.ask(MORE.format(True) + f"\n{REDRAW}")
+    screen.hand("mousemove", 400, 400, "sleep", "1")
+    assert len(screen.ask(PLOT)) == 1
+    screen.photograph(photographs / "emotion_5_heard.png")
+    screen.press("anyface.generate")
+    screen.hand("sleep", "0.5")
+    screen.wait("keys() and not running()")
+    screen.hand("sleep", "1")
+    assert len(screen.ask(PLOT)) == 2
     screen.ask(MORE.format(False))

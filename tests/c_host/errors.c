@@ -275,6 +275,7 @@ static void missing_handles(void) {
     CHECK(anyface_clip_fps(NULL) == 0.0 && anyface_clip_displacements(NULL) == NULL);
     CHECK(anyface_clip_largest_displacement(NULL) == 0.0f && anyface_face_vertex_count(NULL) == 0);
     CHECK(anyface_motion_frame_count(NULL) == 0 && anyface_motion_fps(NULL) == 0.0);
+    CHECK(anyface_motion_heard_emotion(NULL) == NULL);
 }
 
 static void spoken_sounds(void) {

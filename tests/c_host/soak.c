@@ -186,6 +186,7 @@ static void remake_motion(void) {
     options.control_count = draw(2);
     options.events = one_in(4) ? ANY(events) : NULL;
     options.emotion_of = one_in(6) ? ANY(sounds) : NULL;
+    options.neutral_voice = one_in(6) ? ANY(sounds) : NULL;
     options.starts_from = NULL;
     int left = (int)draw(20);
     AnyfaceProgress *progress = one_in(3) ? anyface_progress_new(stop_at, &left) : NULL;

@@ -59,6 +59,18 @@ def test_events_are_read_as_the_command_reads_them(anyface, mesh):
         anyface.animate(mesh, sound, events=[lines[0], "0.4-1.0:the blue car"], engine=engine)
 
 
+def test_the_emotion_that_is_heard_comes_back_and_a_neutral_voice_changes_it(anyface, clip, mesh):
+    assert clip.heard_emotion is None
+    sound = np.tile(spoken(), 2), RATE_HZ
+    alone = anyface.animate(mesh, sound, emotion="auto").heard_emotion
+    beside = anyface.animate(mesh, sound, emotion="auto", neutral_voice=sound).heard_emotion
+    assert len(alone.time_s) == len(alone.valence) == len(alone.probability["neutral"]) > 2
+    assert beside.time_s == alone.time_s and beside.probability != alone.probability
+    with pytest.raises(anyface.AnyfaceError, match="neutral voice: expected a voice"):
+        silent = np.zeros(2 * RATE_HZ, dtype=np.float32), RATE_HZ
+        anyface.animate(mesh, sound, emotion="auto", neutral_voice=silent)
+
+
 def test_arrays_give_what_files_give(anyface, clip, mesh):
     stereo = np.stack([(spoken() * 32767).astype(np.int16)] * 2, axis=1)
     again = anyface.animate(mesh, (stereo, RATE_HZ), fps=25)

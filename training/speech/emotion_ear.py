@@ -39,6 +39,14 @@ LEAST_SPREAD = 1e-5
 STRIDE = 4
 LARGEST = 6.0
 """Deviations of a number that are still counted."""
+EVERY = 2
+"""Of the instants every second one is heard over time: 320 ms."""
+LEAST_VOICED, FULLY_VOICED = 0.1, 0.3
+"""Shares of a window that has a pitch from which it counts, and counts in full."""
+QUIET, SILENT_NEPERS = 2.0, 3.5
+"""Nepers of power under the loudest window from which one counts less, and no longer."""
+HALF_BELIEVED = 12.0
+"""Windows with a voice of which a speaker's own neutral voice is believed by half."""
 
 
 @dataclass
@@ -89,9 +97,16 @@ class EmotionEarNet(nn.Module):
         return self.outer(F.gelu(self.inner(pooled)))
 
 
+ARRAYS = ("mean", "scale", "weight", "bias", "readers")
+"""What an ear has beside its network."""
+
+
 @dataclass
 class EmotionEar:
-    """`mean`, `scale` [told + 118] of what the network tells and the numbers; `weight` [., 7], `bias` [7]."""
+    """`mean`, `scale` [told + 118] of what the network tells and the numbers; `weight` [., 7], `bias` [7].
+
+    `readers` [told + 118] is the mean row of neutral readers, to which a speaker's neutral voice is moved.
+    """
 
     config: EmotionEarConfig
     net: EmotionEarNet
@@ -99,18 +114,47 @@ class EmotionEar:
     scale: np.ndarray
     weight: np.ndarray
     bias: np.ndarray
+    readers: np.ndarray
 
     def arrays(self) -> dict[str, np.ndarray]:
         """What is saved beside the network."""
-        return {name: getattr(self, name) for name in ("mean", "scale", "weight", "bias")}
+        return {name: getattr(self, name) for name in ARRAYS}
 
     def logits(self, rows: np.ndarray) -> np.ndarray:
         """Of `rows_of`, [I, told + 118] → [I, 7]."""
         return ((rows - self.mean) / self.scale).clip(-LARGEST, LARGEST) @ self.weight + self.bias
 
-    def hear(self, voice: Voice) -> np.ndarray:
-        """Logits at each instant of a voice, [I, 7]."""
-        return self.logits(rows_of(self.net, voice))
+    def hear(self, voice: Voice, offset: np.ndarray | float = 0.0) -> np.ndarray:
+        """Logits at each instant of a voice, [I, 7]; `offset` is one of `neutral_offset`."""
+        return self.logits(rows_of(self.net, voice) + offset)
+
+
+def neutral_offset(rows: np.ndarray, weight: np.ndarray, readers: np.ndarray) -> np.ndarray:
+    """What the rows of a speaker get added, [told + 118], of rows [I, told + 118] and weights [I] of his
+    neutral voice: the way from their mean to that of readers, less of it where there is little of a voice."""
+    total = weight.sum()
+    return (readers - weight @ rows / total) * (total / (total + HALF_BELIEVED))
+
+
+def neutral_voice(net: EmotionEarNet, voice: Voice) -> tuple[np.ndarray, np.ndarray]:
+    """Rows [I, told + 118] and weights [I] of a recording, at the instants that are heard over time."""
+    ends = instants(len(voice.mel))[::EVERY]
+    rows = [row_of(net, voice, max(end - WINDOW, 0), end) for end in ends]
+    return np.array(rows).reshape(-1, net.outer.out_features + NUMBERS), window_weights(voice)
+
+
+def window_weights(voice: Voice) -> np.ndarray:
+    """How much of a voice is in the windows that are heard over time, [I], 0 to 1."""
+    loud, share = [], []
+    for end in instants(len(voice.mel))[::EVERY]:
+        part = slice(max(end - WINDOW, 0), end)
+        level = voice.mel[part].mean(axis=1)
+        loud.append(np.quantile(level, LOUD_SHARE))
+        voiced = (level > loud[-1] - ACTIVE_NEPERS) & (voice.periodic[part] > PERIODIC)
+        full = (voiced.mean() - LEAST_VOICED) / (FULLY_VOICED - LEAST_VOICED)
+        share.append(np.clip(full, 0.0, 1.0) * len(level) / WINDOW)
+    under = np.max(loud, initial=-np.inf) - np.array(loud) - QUIET
+    return np.array(share) * (1.0 - under / (SILENT_NEPERS - QUIET)).clip(0.0, 1.0)
 
 
 @torch.no_grad()

@@ -6,13 +6,21 @@ import numpy as np
 import torch
 
 from training.goldens import write_golden
-from training.speech.emotion_ear import EmotionEar, EmotionEarConfig, EmotionEarNet
+from training.speech.emotion_ear import (
+    ARRAYS,
+    EmotionEar,
+    EmotionEarConfig,
+    EmotionEarNet,
+    neutral_offset,
+    neutral_voice,
+)
 from training.systems.emoface.emotion_encoder import NUMBERS, numbers, voice_of
 from training.systems.emoface.golden_emotion_encoder import made_voice
 
 
 def write(out: Path, shared: Path) -> Path:
-    """`weights.*`; `samples` [48000] → `logits` [I, 7] at every instant. `shared` is not used."""
+    """`weights.*`; `samples` [48000] → `logits` [I, 7] at every instant, and `relative_logits` [I, 7] beside
+    the neutral voice of `neutral` [40000]. `shared` is not used."""
     torch.manual_seed(31)
     random = np.random.default_rng(31)
     samples = made_voice()
@@ -26,9 +34,14 @@ def write(out: Path, shared: Path) -> Path:
         np.concatenate([np.zeros(config.told), measured.mean(axis=0)]),
         np.concatenate([np.full(config.told, 0.3), np.maximum(measured.std(axis=0), 0.1)]),
         0.1 * random.standard_normal((rows, classes)), random.standard_normal(classes),
+        np.concatenate([0.1 * random.standard_normal(config.told), measured.mean(axis=0) + 0.05]),
     )  # fmt: skip
-    for name in ("mean", "scale", "weight", "bias"):
+    for name in ARRAYS:
         setattr(ear, name, getattr(ear, name).astype(np.float32).astype(np.float64))
     tensors = {f"weights.{name}": torch.from_numpy(x).float() for name, x in ear.arrays().items()}
-    tensors |= {"samples": torch.from_numpy(samples), "logits": torch.from_numpy(ear.hear(voice)).float()}
+    neutral = samples[8000:].copy()
+    offset = neutral_offset(*neutral_voice(net, voice_of(neutral)), ear.readers)
+    arrays = {"samples": samples, "neutral": neutral, "logits": ear.hear(voice),
+              "relative_logits": ear.hear(voice, offset)}  # fmt: skip
+    tensors |= {name: torch.from_numpy(x).float() for name, x in arrays.items()}
     return write_golden(out / "emotion_ear_debug.safetensors", tensors, "emotion_ear", net, config.to_json())

@@ -20,7 +20,14 @@ from training import shipped
 from training.corpus.emodb import HELD_OUT, SOURCE
 from training.flags import run_command
 from training.nn.checkpoint import write_model
-from training.speech.emotion_ear import LARGEST, EmotionEar, EmotionEarConfig, EmotionEarNet, row_of
+from training.speech.emotion_ear import (
+    ARRAYS,
+    LARGEST,
+    EmotionEar,
+    EmotionEarConfig,
+    EmotionEarNet,
+    row_of,
+)
 from training.systems.emoface.emotion_encoder import HEARD_EMOTIONS, WINDOW, voice_of
 from training.systems.emoface.train_emotion_encoder import scores
 
@@ -89,7 +96,7 @@ def fitted(net: EmotionEarNet, rows: Rows, felt: np.ndarray, seed: int = 0) -> E
         weight[labels == k] *= len(felt) / len(HEARD_EMOTIONS) / weight[labels == k].sum()
     mean, scale = x.mean(0), x.std(0) + LEAST_DEVIATION
     matrix, bias = logistic(((x - mean) / scale).clip(-LARGEST, LARGEST), labels, weight)
-    return EmotionEar(net.config, net, mean, scale, matrix, bias)
+    return EmotionEar(net.config, net, mean, scale, matrix, bias, voices.mean(0))
 
 
 def logistic(x: np.ndarray, labels: np.ndarray, weight: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
@@ -138,7 +145,7 @@ def main(
     ear = fitted(network, rows, rows.felt[~left])
     state = {name: torch.from_numpy(x).float() for name, x in ear.arrays().items()} | network.state_dict()
     folder = models / "emotion_ear" if models else shipped("emotion_ear")
-    print(write_model(folder, state, ear.config.to_json(), exact=("mean", "scale", "bias", "weight")))
+    print(write_model(folder, state, ear.config.to_json(), exact=ARRAYS))
     print("actors held out", scores(ear.logits(rows.x[rows.felt[left]]), rows.label[rows.felt[left]]))
     kept = rows.held_out & (rows.source != SOURCE)
     for source, count in Counter(rows.source[kept]).items():

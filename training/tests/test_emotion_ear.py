@@ -5,7 +5,15 @@ import torch
 
 from training.corpus.emodb import SOURCE
 from training.speech.distil_emotion import cut, directions, moved, pooled
-from training.speech.emotion_ear import EmotionEarConfig, EmotionEarNet, inputs_of, rows_of
+from training.speech.emotion_ear import (
+    HALF_BELIEVED,
+    EmotionEarConfig,
+    EmotionEarNet,
+    inputs_of,
+    neutral_offset,
+    neutral_voice,
+    rows_of,
+)
 from training.speech.train_emotion_ear import Rows, fitted
 from training.systems.emoface.emotion_encoder import HEARD_EMOTIONS, NUMBERS, instants, voice_of
 from training.systems.emoface.golden_emotion_encoder import made_voice
@@ -78,3 +86,23 @@ def test_a_emotion_is_known_in_another_kind_of_recording():
     label = np.arange(70) % len(HEARD_EMOTIONS)
     stranger[np.arange(70), label] += 4.0
     assert (ear.logits(stranger).argmax(axis=1) == label).mean() > 0.9
+
+
+def test_a_neutral_voice_is_moved_to_that_of_readers_the_more_of_it_there_is():
+    random = np.random.default_rng(0)
+    rows, readers = random.standard_normal((5, 9)) + 3.0, np.zeros(9)
+    weight = np.array([1.0, 1.0, 0.0, 1.0, 1.0])
+    offset = neutral_offset(rows, weight, readers)
+    assert np.allclose(offset, -rows[weight > 0].mean(axis=0) * 4.0 / (4.0 + HALF_BELIEVED))
+    much = neutral_offset(np.tile(rows, (50, 1)), np.tile(weight, 50), readers)
+    assert (np.abs(much) > np.abs(offset)).all()
+    voice = voice_of(made_voice())
+    heard, share = neutral_voice(EmotionEarNet(SMALL).eval(), voice)
+    assert heard.shape == (len(share), SMALL.told + NUMBERS) and len(share) == 4 + 3
+    assert ((share >= 0.0) & (share <= 1.0)).all() and share.max() > 0.3
+
+
+def test_an_ear_keeps_the_mean_voice_of_readers():
+    rows = rows_of_strangers(np.random.default_rng(0))
+    ear = fitted(EmotionEarNet(SMALL), rows, rows.felt)
+    assert np.allclose(ear.readers, rows.neutral_voices().mean(axis=0)) and "readers" in ear.arrays()

@@ -31,7 +31,8 @@ class Record:
     take's in the panel; `adjusted` is what `adjust` has made of it. Its frames lie at `first_frame`
     and every `frame_step` after it; `still` is `why_missing` of its basis. `asked` are the panel's
     settings and its report; `shown` are shapes by the artist's keys that show most of them,
-    `factors` by key where it stands at weight 1 of each shape that it shows.
+    `factors` by key where it stands at weight 1 of each shape that it shows. `heard_emotion` is
+    what was heard, as `core.heard_emotion` has it in plain values.
     """
 
     mode: str
@@ -55,6 +56,7 @@ class Record:
     asked: dict = field(default_factory=dict)
     shown: dict[str, str] = field(default_factory=dict)
     factors: dict[str, dict[str, float]] = field(default_factory=dict)
+    heard_emotion: dict = field(default_factory=dict)
     # Curves that were made beforehand, and what is to be written as curves; no fields of a record.
     prepared = None
     waiting = None

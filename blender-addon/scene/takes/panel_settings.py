@@ -1,5 +1,6 @@
 """The panel's settings of a character as plain values, kept with each take."""
 
+from ...core.heard_emotion import HeardEmotion
 from .. import outputs
 from ..shape_keys import record
 
@@ -18,11 +19,14 @@ def read(ob) -> dict:
     return found
 
 
-def note(ob, asked: dict, report: str) -> None:
-    """Keeps settings, and what was said of the result, with the take that plays on `ob`."""
+def note(ob, asked: dict, report: str, heard_emotion: HeardEmotion | None = None) -> None:
+    """Keeps settings, what was said of the result, and the emotion that was heard, with the take
+    that plays on `ob`."""
     taken = record.read(ob.data.shape_keys) if outputs.has_take(ob) else None
     if taken is not None:
         taken.asked = {**asked, _REPORT: report}
+        if heard_emotion is not None:
+            taken.heard_emotion = heard_emotion.to_plain()
         record.write(ob.data.shape_keys, taken)
 
 

@@ -116,6 +116,31 @@ fn the_emotion_that_is_heard_stands_in_every_report() {
 }
 
 #[test]
+fn a_neutral_voice_is_what_an_emotion_differs_from() {
+    let folder = folder_with_sound(&babble(4.0, 16_000), 16_000);
+    let line = "motion --audio a.wav --emotion auto --out m.npz --report r.json";
+    let heard = |more: &str| {
+        done(&folder, &format!("{line} {more}"));
+        let text = fs::read_to_string(folder.path().join("r.json")).unwrap();
+        let report: serde_json::Value = serde_json::from_str(&text).unwrap();
+        report["heard_emotion"].clone()
+    };
+    let (alone, beside) = (heard(""), heard("--neutral-voice a.wav"));
+    assert_ne!(alone["probability"], beside["probability"]);
+    assert_eq!(alone["time_s"], beside["time_s"]);
+    let of = |name: &str| beside[name].as_array().unwrap().clone();
+    for axis in ["valence", "arousal"] {
+        let within = |x: &serde_json::Value| x.as_f64().unwrap().abs() <= 1.0;
+        assert!(of(axis).len() == of("time_s").len() && of(axis).iter().all(within));
+    }
+    let silent = folder_with_sound(&[0.0; 16_000], 16_000);
+    let silent = silent.path().join("a.wav");
+    let line = "motion --audio a.wav --emotion auto --out n.npz --neutral-voice";
+    let line = format!("{line} {}", silent.display());
+    refused(&folder, &line, 4, "neutral voice: expected a voice");
+}
+
+#[test]
 fn silence_keeps_still_and_says_so() {
     let folder = folder_with_sound(&[0.0; 16_000], 16_000);
     let (_, warning) = done(&folder, "motion --audio a.wav --out o.npz --blinks 0");

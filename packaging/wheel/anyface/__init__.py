@@ -14,6 +14,7 @@ from importlib.metadata import version
 from .clip import Clip, Weights
 from .core.emotion import EMOTIONS
 from .core.errors import AnyfaceError, Cancelled
+from .core.heard_emotion import HeardEmotion
 from .core.native import Engine
 from .core.systems import Control, System
 from .core.systems import known as systems
@@ -30,6 +31,7 @@ __all__ = [
     "Control",
     "Engine",
     "Found",
+    "HeardEmotion",
     "Rig",
     "System",
     "Weights",

@@ -6,6 +6,8 @@ from dataclasses import dataclass
 import numpy as np
 from numpy.typing import NDArray
 
+from .core.heard_emotion import HeardEmotion
+
 Floats = NDArray[np.float32]
 
 
@@ -34,7 +36,8 @@ class Clip:
     are shares of the way to contact, 0 to 1: tip to the ridge behind the upper teeth, middle and back to
     the palate, tip at the upper teeth; the displacements hold it where the mesh has a tongue. `largest_mm`
     is the largest displacement on a head of human size; `speaks` is False where nobody would see the
-    lips move, as for a sound without speech. `weights` are there where they were asked for.
+    lips move, as for a sound without speech. `weights` are there where they were asked for,
+    `heard_emotion` where the motion depends on the emotion of the voice.
 
     It is a sequence of its frames: `clip[t]` is `[V, 3]`, the positions of all vertices.
     """
@@ -51,6 +54,7 @@ class Clip:
     largest_mm: float
     speaks: bool
     weights: Weights | None = None
+    heard_emotion: HeardEmotion | None = None
 
     @property
     def vertices(self) -> Floats:

@@ -80,6 +80,7 @@ def request_of(
     style: str,
     controls: Mapping[str, ControlLike],
     events: Sequence[str],
+    neutral_voice: SoundLike | None = None,
 ) -> Request:
     """How the face is asked to speak; the clip stays in the library until all of it is read."""
     request = Request(float(fps), seed=seed, style=style, keeps_clip=True)
@@ -90,6 +91,8 @@ def request_of(
     else:
         rows = [(0.0, emotions)] if isinstance(emotions, str) else emotions
         request.emotion = [(float(second), emotion.parse(text)) for second, text in rows]
+    if neutral_voice is not None:
+        request.neutral_voice = sound_of(neutral_voice, engine)
     known = {control.name: control for control in engine.controls}
     for name, value in controls.items():
         if name not in known:

@@ -44,6 +44,7 @@ def animate(
     style: str = "",
     controls: Mapping[str, ControlLike] | None = None,
     events: Sequence[str] = (),
+    neutral_voice: SoundLike | None = None,
     landmarks: ArrayLike | None = None,
     weights: bool = False,
     forward: str = "+z",
@@ -58,14 +59,15 @@ def animate(
     68 landmarks are found, or given as `[68, 3]` positions or `[68]` vertex numbers. `forward` and
     `up` say how the head stands; it is found however it is turned, but they decide where several places
     look like a face. `controls` are those of `systems()`, `events` such as `1.2-2.0:left wink:0.8` for
-    systems that show them. With `weights` the motion is
+    systems that show them. In `neutral_voice` the same person speaks neutrally, ten seconds or more:
+    an emotion that is heard is what differs from it. With `weights` the motion is
     solved into ARKit weights too. `engine` brings other models than the built-in ones.
 
     `progress` and `cancel` are called in the caller's own thread. Raises `AnyfaceError`, whose `kind`
     says what was wrong, or `Cancelled`.
     """
     own = _facing(engine, forward, up)
-    request = request_of(own, fps, emotion, seed, style, controls or {}, events)
+    request = request_of(own, fps, emotion, seed, style, controls or {}, events, neutral_voice)
     given = landmarks_of(landmarks)
 
     def work(watch: Watch) -> Clip:
@@ -171,4 +173,5 @@ def _clip(fps: float, mesh: Mesh, made: Animation, weights: Weights | None) -> C
         largest_mm=made.largest_mm,
         speaks=made.visibility == "SPEAKS",
         weights=weights,
+        heard_emotion=made.heard_emotion,
     )

@@ -19,7 +19,7 @@ use crate::{
         check_closures, check_fps,
     },
     nn::finite::check_result,
-    speech::{Heard, HeardEmotion},
+    speech::{Heard, HeardEmotion, NeutralVoice},
     spread::{Movement, on_face},
     systems::{Ability, Sampled},
 };
@@ -86,8 +86,8 @@ impl Performance {
     }
 
     /// The same speech with other controls, another emotion, or seed of blinks and accents; nothing is
-    /// heard or sampled again. Style, frame rate and whatever else the system samples with stay, among
-    /// that the emotion where the models have learned it ([`crate::systems::Description::emotion`]).
+    /// heard or sampled again. The speaker's neutral voice, style, frame rate and whatever else the system samples with
+    /// stay, among that the emotion where the models have learned it ([`crate::systems::Description::emotion`]).
     ///
     /// # Errors
     /// `InvalidInput` for a request out of range.
@@ -171,8 +171,8 @@ impl Engine {
     /// The motion has one frame for every started `1 / fps` seconds of sound, at least one.
     ///
     /// # Errors
-    /// `Audio` for a sound too short to use, `InvalidInput` for a request out of range, `Numerics` where the
-    /// weights of a model lead to numbers that are none, `Cancelled`.
+    /// `Audio` for a sound too short to use or a neutral voice without a voice, `InvalidInput` for a request out of range
+    /// or a neutral voice beside another's model of emotions, `Numerics` where the weights of a model lead to numbers that are none, `Cancelled`.
     pub fn perform(
         &self,
         waveform: &Waveform,
@@ -181,7 +181,9 @@ impl Engine {
     ) -> Result<Performance> {
         self.check(request)?;
         self.threads(|| {
+            let neutral_voice = self.neutral_voice(request)?;
             let mut heard = self.hear(waveform, progress)?;
+            heard.neutral_voice = neutral_voice;
             if self.system.description().keeps_sound {
                 heard.voice = heard.voice.with_sound(waveform);
             }
@@ -193,6 +195,20 @@ impl Engine {
             let sampled = self.system.sample(&heard, &request, progress)?;
             self.finished(sampled, Arc::new(heard), request)
         })
+    }
+
+    /// How the speaker sounds while he feels nothing, where the request says so.
+    fn neutral_voice(&self, request: &MotionRequest) -> Result<Option<NeutralVoice>> {
+        let Some(voice) = &request.neutral_voice else {
+            return Ok(None);
+        };
+        if self.emotion_model.is_some() {
+            return Err(Error::InvalidInput(
+                "neutral voice: expected the built-in ear, got another model of emotions, which hears no neutral voice"
+                    .into(),
+            ));
+        }
+        self.ear.neutral_voice(voice).map(Some)
     }
 
     pub(super) fn check(&self, request: &MotionRequest) -> Result<()> {

@@ -46,6 +46,9 @@ pub struct MotionRequest {
     /// Another recording of which the emotion is taken, however long, where a system hears emotion
     /// (`emotion_from` of EmoFace).
     pub emotion_of: Option<Arc<VoiceTrack>>,
+    /// A recording in which the same person speaks neutrally, the longer the better, made by [`VoiceTrack::neutral`]: the
+    /// emotion of the voice is heard as what differs from it. It says nothing where no emotion is heard.
+    pub neutral_voice: Option<Arc<VoiceTrack>>,
     /// How the face stands in the first frame, such as in the last frame of another motion; `None` is rest. For systems
     /// that make one frame from those before.
     pub starts_from: Option<Pose>,
@@ -62,6 +65,7 @@ impl Default for MotionRequest {
             closures: None,
             events: Vec::new(),
             emotion_of: None,
+            neutral_voice: None,
             starts_from: None,
         }
     }

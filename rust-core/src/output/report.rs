@@ -49,8 +49,8 @@ pub struct Report {
     /// How the lips meet: `open`, `slit` or `welded`.
     #[serde(skip_serializing_if = "Option::is_none")]
     pub mouth: Option<String>,
-    /// What `--emotion auto` heard: `time_s`, and at each of them the probability of every emotion and the intensity
-    /// that is shown.
+    /// What `--emotion auto` heard: `time_s`, and at each of them the probability of every emotion, the intensity that
+    /// is shown, and valence and arousal.
     #[serde(skip_serializing_if = "Option::is_none")]
     pub heard_emotion: Option<HeardEmotion>,
     /// Most memory that the job takes at a time, as far as that is known before it starts; MB of 2²⁰ bytes.

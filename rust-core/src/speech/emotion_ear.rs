@@ -4,14 +4,18 @@
 //! layers would say of the last two seconds; beside it stand the 118 numbers of [`VoiceTrack`]. A linear layer makes
 //! of both the logits of the emotions.
 
+mod affect;
 mod live;
+mod neutral_voice;
 
 pub use live::LiveEar;
+pub use neutral_voice::NeutralVoice;
 
 use std::{collections::BTreeMap, ops::Range, path::Path};
 
 use ndarray::{Array1, Array2, ArrayView1, ArrayView2, Axis};
 
+use self::affect::valence_and_arousal;
 use super::{
     compact::{CompactConfig, CompactEncoder},
     emotion_encoder::{NUMBERS, VoiceTrack, VoiceWindow},
@@ -82,9 +86,19 @@ pub struct HeardEmotion {
     pub probability: BTreeMap<String, Vec<f64>>,
     /// How strongly a face shows what is heard there: 0 where neutral is as likely as in readings of strangers.
     pub intensity: Vec<f64>,
+    /// How pleasant what is heard is at these instants, −1 to 1: the mean over the probabilities of where people place each
+    /// emotion. It is derived from the probabilities and not measured by itself, as is `arousal`.
+    pub valence: Vec<f64>,
+    /// How excited it is, −1 to 1.
+    pub arousal: Vec<f64>,
 }
 
 impl HeardEmotion {
+    /// It as reports have it, one JSON object.
+    pub fn to_json(&self) -> String {
+        serde_json::to_string(self).expect("numbers and names")
+    }
+
     /// What a face shows of it: nothing where neutral is as likely as in readings of strangers, weakly where it is
     /// hardly less likely.
     pub fn curve(&self) -> EmotionCurve {
@@ -128,6 +142,8 @@ impl HeardEmotion {
                 .map(|(name, of)| (name.clone(), cut(of)))
                 .collect(),
             intensity: cut(&self.intensity),
+            valence: cut(&self.valence),
+            arousal: cut(&self.arousal),
         }
     }
 
@@ -144,6 +160,8 @@ impl HeardEmotion {
     pub fn extend(&mut self, next: HeardEmotion) {
         self.time_s.extend(next.time_s);
         self.intensity.extend(next.intensity);
+        self.valence.extend(next.valence);
+        self.arousal.extend(next.arousal);
         for (name, of) in next.probability {
             self.probability.entry(name).or_default().extend(of);
         }
@@ -191,6 +209,8 @@ pub struct EmotionEar {
     /// `[told + 118, emotions]`.
     weight: Array2<f64>,
     bias: Array1<f64>,
+    /// The mean row of neutral readers, `[told + 118]`.
+    readers: Array1<f64>,
 }
 
 impl EmotionEar {
@@ -245,6 +265,7 @@ impl EmotionEar {
             scale,
             weight: weights.matrix("weight", rows, classes)?.mapv(f64::from),
             bias: vector("bias", classes)?,
+            readers: vector("readers", rows)?,
             config,
         })
     }
@@ -257,15 +278,22 @@ impl EmotionEar {
     /// How likely each emotion is in a voice over time; nothing of a sound shorter than 0.8 s.
     ///
     /// The logits of an instant are the mean of those a second about it and of the whole sound, in which windows with
-    /// little of a voice count little. The rule is ours.
-    pub fn heard(&self, voice: &VoiceTrack) -> HeardEmotion {
-        let (time_s, shares) = self.shares(voice);
+    /// little of a voice count little. The rule is ours. `neutral` is how the speaker sounds while he feels nothing, where
+    /// that is known.
+    pub fn heard(&self, voice: &VoiceTrack, neutral: Option<&NeutralVoice>) -> HeardEmotion {
+        let (time_s, shares) = self.shares(voice, neutral);
         let of = |name: &String| {
             let place = place_of(name);
             let values = shares.iter().map(|at| rounded(at[place])).collect();
             (name.clone(), values)
         };
+        let along = |axis: usize| {
+            let all = shares.iter().map(valence_and_arousal);
+            all.map(|at| rounded(at[axis])).collect()
+        };
         HeardEmotion {
+            valence: along(0),
+            arousal: along(1),
             probability: self.config.emotions.iter().map(of).collect(),
             intensity: shares
                 .iter()
@@ -275,12 +303,34 @@ impl EmotionEar {
         }
     }
 
+    /// How a speaker sounds in a recording in which he feels nothing.
+    ///
+    /// Rows of his voice are moved by the way from his mean row there to that of the readers who were taught. A mean over
+    /// little of a voice moves them less.
+    ///
+    /// # Errors
+    /// `Audio` if nobody speaks in it.
+    pub fn neutral_voice(&self, voice: &VoiceTrack) -> Result<NeutralVoice> {
+        let windows = voice.windows(EVERY);
+        let loudest = windows.iter().map(|window| window.loud);
+        let loudest = loudest.fold(f64::NEG_INFINITY, f64::max);
+        let weight = |window: &VoiceWindow| Instant::of(window, Array1::zeros(0)).weight(loudest);
+        let weighed = windows.iter().map(|window| (weight(window), window));
+        let with_voice = weighed.filter(|(weight, _)| *weight > 0.0);
+        let rows = with_voice.map(|(weight, window)| (weight, self.row(window)));
+        NeutralVoice::of_rows(rows, &self.readers)
+    }
+
     /// Instants of a voice in seconds, and the probabilities of [`EMOTIONS`] there.
-    fn shares(&self, voice: &VoiceTrack) -> (Vec<f64>, Vec<[f64; EMOTIONS.len()]>) {
+    fn shares(
+        &self,
+        voice: &VoiceTrack,
+        neutral: Option<&NeutralVoice>,
+    ) -> (Vec<f64>, Vec<[f64; EMOTIONS.len()]>) {
         let windows = voice.windows(EVERY);
         let mut logits = Array2::zeros((windows.len(), self.config.emotions.len()));
         for (window, mut row) in windows.iter().zip(logits.outer_iter_mut()) {
-            row.assign(&self.logits(window));
+            row.assign(&self.logits(window, neutral));
         }
         let loudest = windows.iter().map(|window| window.loud);
         let loudest = loudest.fold(f64::NEG_INFINITY, f64::max);
@@ -316,15 +366,19 @@ impl EmotionEar {
     }
 
     /// What one window says of the emotions, `[emotions]`.
-    fn logits(&self, window: &VoiceWindow) -> Array1<f64> {
-        let told = self.told(window);
-        let row = Array1::from_iter(
-            told.into_iter()
-                .map(f64::from)
-                .chain(window.numbers.clone()),
-        );
+    fn logits(&self, window: &VoiceWindow, neutral: Option<&NeutralVoice>) -> Array1<f64> {
+        let mut row = self.row(window);
+        if let Some(neutral) = neutral {
+            row += &neutral.offset;
+        }
         let x = (row - &self.mean) / &self.scale;
         x.mapv(|x| x.clamp(-LARGEST, LARGEST)).dot(&self.weight) + &self.bias
+    }
+
+    /// What the network tells of a window, and its numbers, `[told + 118]`.
+    fn row(&self, window: &VoiceWindow) -> Array1<f64> {
+        let told = self.told(window).into_iter().map(f64::from);
+        told.chain(window.numbers.iter().copied()).collect()
     }
 
     /// What the network tells of a window, `[told]`.
@@ -409,19 +463,61 @@ mod tests {
         let windows = voice(&golden.values("samples")).windows(1);
         let expected = golden.matrix("logits");
         assert_eq!(windows.len(), expected.nrows());
-        for (window, expected) in windows.iter().zip(expected.outer_iter()) {
-            let logits = ear.logits(window).mapv(|x| x as f32);
-            let apart = distance(&logits, expected);
+        let speaker = voice(&golden.values("neutral"));
+        let neutral = ear.neutral_voice(&speaker).unwrap();
+        let relative = golden.matrix("relative_logits");
+        let expected = expected.outer_iter().zip(relative.outer_iter());
+        for (window, (expected, relative)) in windows.iter().zip(expected) {
+            let logits = |neutral| ear.logits(window, neutral).mapv(|x| x as f32);
+            let apart = distance(&logits(None), expected);
+            assert!(apart < 2e-3, "{apart}");
+            let apart = distance(&logits(Some(&neutral)), relative);
             assert!(apart < 2e-3, "{apart}");
         }
+    }
+
+    #[test]
+    fn a_recording_without_a_voice_is_no_neutral_voice() {
+        let ear = EmotionEar::open(None).unwrap();
+        let mut state = 1u32;
+        let mut noise = || {
+            state = state.wrapping_mul(1_664_525).wrapping_add(1_013_904_223);
+            (state >> 16) as f32 / 65_536.0 - 0.5
+        };
+        let noise: Vec<f32> = (0..48_000).map(|_| noise()).collect();
+        for samples in [vec![0.0; 48_000], noise] {
+            let error = ear.neutral_voice(&voice(&samples)).unwrap_err();
+            assert!(error.to_string().contains("without a voice"), "{error}");
+        }
+        let short = Waveform {
+            samples: vec![0.1; 8_000],
+        };
+        let error = VoiceTrack::neutral(&short).unwrap_err().to_string();
+        assert!(
+            error.contains("neutral voice") && error.contains("0.50 s"),
+            "{error}"
+        );
+    }
+
+    #[test]
+    fn more_of_a_neutral_voice_is_believed_more() {
+        let ear = EmotionEar::open(None).unwrap();
+        let samples = Golden::open("emotion_ear_debug").values("samples");
+        let once = ear.neutral_voice(&voice(&samples)).unwrap();
+        let often = ear.neutral_voice(&voice(&samples.repeat(6))).unwrap();
+        let length = |neutral: &NeutralVoice| neutral.offset.dot(&neutral.offset);
+        assert!(length(&often) > length(&once));
     }
 
     #[test]
     fn silence_and_short_sounds_are_neutral() {
         let ear = EmotionEar::open(None).unwrap();
         let short: Vec<f32> = (0..8_000).map(|i| (i as f32 * 0.08).sin()).collect();
-        assert_eq!(ear.heard(&voice(&short)).curve(), EmotionCurve::default());
-        let silent = ear.heard(&voice(&[0.0; 48_000]));
+        assert_eq!(
+            ear.heard(&voice(&short), None).curve(),
+            EmotionCurve::default()
+        );
+        let silent = ear.heard(&voice(&[0.0; 48_000]), None);
         assert!(silent.intensity.iter().all(|x| *x == 0.0), "{silent:?}");
     }
 
@@ -429,13 +525,22 @@ mod tests {
     fn probabilities_are_told_over_time() {
         let ear = EmotionEar::open(None).unwrap();
         let samples = Golden::open("emotion_ear_debug").values("samples");
-        let heard = ear.heard(&voice(&samples));
+        let heard = ear.heard(&voice(&samples), None);
         assert_eq!(heard.probability.len(), ear.emotions().len());
         assert!(heard.time_s.is_sorted() && heard.time_s.len() == heard.intensity.len());
         for k in 0..heard.time_s.len() {
             let sum: f64 = heard.probability.values().map(|of| of[k]).sum();
             assert!((sum - 1.0).abs() < 0.01, "{sum}");
+            let [valence, arousal] = valence_and_arousal(&heard.shares(k));
+            assert!((heard.valence[k] - valence).abs() < 0.01, "{valence}");
+            assert!((heard.arousal[k] - arousal).abs() < 0.01, "{arousal}");
         }
+        let mut twice = heard.between(0.0..1.5);
+        let first = twice.time_s.len();
+        twice.extend(heard.between(1.5..9.0).later(1.0));
+        assert_eq!(twice.valence, heard.valence);
+        assert_eq!(twice.arousal, heard.arousal);
+        assert_eq!(twice.time_s[..first], heard.time_s[..first]);
         let EmotionCurve::Keys(keys) = heard.curve() else {
             panic!("expected keys")
         };
@@ -452,7 +557,7 @@ mod tests {
         windows.iter().for_each(|window| live.hear(window));
         let told = live.emotion();
         assert!((0.0..=1.0).contains(&told.intensity));
-        let (_, shares) = ear.shares(&voice(&samples));
+        let (_, shares) = ear.shares(&voice(&samples), None);
         let whole = shown(&shares[shares.len() - 1]).intensity;
         assert!(
             (told.intensity - whole).abs() < 0.2,

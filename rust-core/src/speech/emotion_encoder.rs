@@ -168,17 +168,17 @@ impl VoiceTrack {
     /// # Errors
     /// `Audio` if it is silent or too short for an emotion to be heard in it.
     pub fn checked(waveform: &Waveform) -> Result<VoiceTrack> {
-        let (least_s, got_s) = (LEAST as f64 / FRAMES_HZ, waveform.duration_s());
-        if waveform.is_silent() || got_s < least_s {
-            let got = match waveform.is_silent() {
-                true => "silence".to_owned(),
-                false => format!("{got_s:.2} s"),
-            };
-            return Err(Error::Audio(format!(
-                "emotion: expected a voice of at least {least_s} s, got {got}"
-            )));
-        }
+        check_voice("emotion", waveform)?;
         Ok(VoiceTrack::of(waveform).with_sound(waveform))
+    }
+
+    /// Of a sound in which the speaker feels nothing; see [`crate::MotionRequest::neutral_voice`].
+    ///
+    /// # Errors
+    /// `Audio` if it is silent or too short for an emotion to be heard in it.
+    pub fn neutral(waveform: &Waveform) -> Result<VoiceTrack> {
+        check_voice("neutral voice", waveform)?;
+        Ok(VoiceTrack::of(waveform))
     }
 
     /// What is measured at each instant, `[I, 118]`; none of a sound shorter than 0.8 s.
@@ -280,6 +280,21 @@ impl VoiceTrack {
             middle_s: (first + end) as f64 / (2.0 * FRAMES_HZ),
         }
     }
+}
+
+/// Whether an emotion can be heard in a sound; `what` begins the message.
+fn check_voice(what: &str, waveform: &Waveform) -> Result<()> {
+    let (least_s, got_s) = (LEAST as f64 / FRAMES_HZ, waveform.duration_s());
+    if !waveform.is_silent() && got_s >= least_s {
+        return Ok(());
+    }
+    let got = match waveform.is_silent() {
+        true => "silence".to_owned(),
+        false => format!("{got_s:.2} s"),
+    };
+    Err(Error::Audio(format!(
+        "{what}: expected a voice of at least {least_s} s, got {got}"
+    )))
 }
 
 impl EmotionEncoder {

@@ -5,7 +5,7 @@ use std::sync::{Arc, OnceLock};
 use ndarray::Array2;
 
 use super::{
-    EmotionEar, FeatureTrack, HeardEmotion, PhoneModel, SpeechEncoder, VoiceTrack,
+    EmotionEar, FeatureTrack, HeardEmotion, NeutralVoice, PhoneModel, SpeechEncoder, VoiceTrack,
     at_motion_frames, encoder::frames_of,
 };
 use crate::{
@@ -42,6 +42,8 @@ pub struct Heard {
     pub emotion: Option<EmotionCurve>,
     /// The ear for emotion, where the engine has it.
     pub ear: Option<Arc<EmotionEar>>,
+    /// How the speaker sounds to the ear while he feels nothing, where that is known.
+    pub neutral_voice: Option<NeutralVoice>,
     /// What the ear hears, once somebody wants to know.
     heard_emotion: OnceLock<HeardEmotion>,
     /// What hears phones in the features, where the engine has it.
@@ -73,6 +75,7 @@ impl Heard {
             voice: VoiceTrack::hear(waveform, &share(ENCODED, 1.0))?,
             emotion: None,
             ear: None,
+            neutral_voice: None,
             heard_emotion: OnceLock::new(),
             phones: None,
             duration_s: waveform.duration_s(),
@@ -84,7 +87,8 @@ impl Heard {
     /// model hears emotions.
     pub fn heard_emotion(&self) -> Option<&HeardEmotion> {
         let ear = self.ear.as_ref().filter(|_| self.emotion.is_none())?;
-        Some(self.heard_emotion.get_or_init(|| ear.heard(&self.voice)))
+        let hear = || ear.heard(&self.voice, self.neutral_voice.as_ref());
+        Some(self.heard_emotion.get_or_init(hear))
     }
 
     /// What [`Heard::heard_emotion`] gave, where somebody asked for it.

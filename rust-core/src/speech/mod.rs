@@ -30,7 +30,9 @@ pub use closures::{Contact, LipClosures};
 pub(crate) use compact::{ACTIVE_RANGE, DEEPEST, QUIETEST_LEVEL, SCALE};
 pub use compact::{CompactConfig, CompactEncoder, normalise};
 pub use contacts::{LipContacts, LipRounding};
-pub use emotion_ear::{EMOTION_EAR, EmotionEar, EmotionEarConfig, HeardEmotion, LiveEar};
+pub use emotion_ear::{
+    EMOTION_EAR, EmotionEar, EmotionEarConfig, HeardEmotion, LiveEar, NeutralVoice,
+};
 pub use emotion_encoder::{
     EMOTION_ENCODER, EmotionEncoder, EmotionEncoderConfig, LiveEmotion, VoiceTrack, VoiceWindow,
 };

@@ -8,7 +8,7 @@ use anyface::{
     conditions::{Controls, EMOTIONS, EmotionCurve},
     job::SILENT,
     motion::Motion,
-    speech::{EmotionEar, VoiceTrack},
+    speech::{EmotionEar, NeutralVoice, VoiceTrack},
 };
 
 /// The intensity from which people see an emotion.
@@ -43,9 +43,17 @@ fn recordings(folder: &str, step: usize, wanted: impl Fn(&str) -> bool) -> Vec<W
 
 /// The largest intensity of any moment, and the emotion that shows most over all.
 fn heard(ear: &EmotionEar, sound: &Waveform) -> (f32, &'static str) {
+    heard_beside(ear, sound, None)
+}
+
+fn heard_beside(
+    ear: &EmotionEar,
+    sound: &Waveform,
+    neutral: Option<&NeutralVoice>,
+) -> (f32, &'static str) {
     let frames = (sound.duration_s() * 10.0) as usize;
     let track = ear
-        .heard(&VoiceTrack::of(sound))
+        .heard(&VoiceTrack::of(sound), neutral)
         .curve()
         .sample(frames, 10.0);
     let strongest = track.column(15).fold(0.0f32, |most, x| most.max(*x));
@@ -102,6 +110,47 @@ fn actors_who_were_never_heard_are_shown_as_they_feel() {
         .iter()
         .fold((0, 0), |sum, x| (sum.0 + x.0, sum.1 + x.1));
     assert!(all >= 50 && 20 * right >= 9 * all, "{counts:?}");
+}
+
+#[test]
+#[ignore = "needs ../shared"]
+fn a_low_voice_is_no_emotion_beside_the_speakers_own() {
+    let ear = EmotionEar::open(None).unwrap();
+    let lower = |sound: &Waveform| {
+        let count = sound.samples.len() * 5 / 4;
+        let at = |i: usize| {
+            let place = i as f32 * 0.8;
+            let (k, share) = (place as usize, place.fract());
+            let next = sound.samples.get(k + 1).unwrap_or(&sound.samples[k]);
+            sound.samples[k] * (1.0 - share) + next * share
+        };
+        Waveform {
+            samples: (0..count - 1).map(at).collect(),
+        }
+    };
+    let readings = recordings("motion/grid_s1/audio", 60, |_| true);
+    for (readings, is_low) in [
+        (readings.iter().map(lower).collect::<Vec<_>>(), true),
+        (readings, false),
+    ] {
+        let (judged, others) = readings.split_at(readings.len() / 2);
+        let samples = others
+            .iter()
+            .flat_map(|sound| sound.samples.iter().copied());
+        let own = Waveform {
+            samples: samples.collect(),
+        };
+        let neutral = ear
+            .neutral_voice(&VoiceTrack::neutral(&own).unwrap())
+            .unwrap();
+        let shown = |neutral: Option<&NeutralVoice>| {
+            let shown = |sound: &&Waveform| heard_beside(&ear, sound, neutral).0 > SEEN;
+            judged.iter().filter(shown).count()
+        };
+        assert!(judged.len() >= 5);
+        assert_eq!(shown(None) > judged.len() / 3, is_low, "{}", shown(None));
+        assert!(shown(Some(&neutral)) <= judged.len() / 5);
+    }
 }
 
 #[test]

@@ -44,7 +44,7 @@ impl LiveEar {
             self.heard.pop_front();
         }
         self.loudest = self.loudest.max(window.loud);
-        let logits = self.ear.logits(window);
+        let logits = self.ear.logits(window, None);
         self.heard.push_back(Instant::of(window, logits));
     }
 

@@ -260,7 +260,7 @@ impl EmoFace {
             VOICE if self.config().emotion_ear => match &request.emotion_of {
                 Some(other) => self
                     .ear
-                    .heard(other)
+                    .heard(other, None)
                     .curve_on_purpose()
                     .over(other.duration_s(), frames as f64 / fps),
                 None => heard.emotion_curve(),

@@ -1,0 +1,113 @@
+"""A picture of the emotion that was heard in a take, in the panel."""
+
+import bpy.utils.previews
+import numpy as np
+from bpy.app.handlers import persistent
+
+from ..core import plot
+from ..core.heard_emotion import HeardEmotion
+from ..scene.shape_keys import record
+
+# The height of the picture in lines of the panel.
+_LINES = 7.0
+# Pictures that are kept; all are dropped where more are made.
+_MOST = 24
+_GREY = (0.62, 0.62, 0.62)
+_COLOURS = {
+    "neutral": _GREY,
+    "happy": (0.98, 0.80, 0.25),
+    "pleased": (0.85, 0.88, 0.35),
+    "calm": (0.45, 0.80, 0.55),
+    "surprised": (0.95, 0.60, 0.85),
+    "sad": (0.35, 0.55, 0.95),
+    "afraid": (0.70, 0.50, 0.95),
+    "angry": (0.95, 0.35, 0.28),
+    "disgusted": (0.50, 0.72, 0.20),
+}
+_previews = None
+# What was heard in a take, by its number; it never changes.
+_heard: dict[str, HeardEmotion | None] = {}
+
+
+def heard(ob) -> tuple[str, HeardEmotion] | None:
+    """The number of the take that plays on `ob` and the emotion that was heard in it; None where
+    nothing was heard."""
+    shape_keys = ob.data.shape_keys if ob is not None and ob.type == "MESH" else None
+    taken = record.read(shape_keys)
+    if taken is None or not taken.heard_emotion:
+        return None
+    if taken.id not in _heard:
+        _heard[taken.id] = HeardEmotion.of_plain(taken.heard_emotion)
+    found = _heard[taken.id]
+    return None if found is None else (taken.id, found)
+
+
+def draw(layout, ob) -> None:
+    """Draws the picture and what its colours mean; nothing where nothing was heard."""
+    found = heard(ob)
+    if found is None:
+        return
+    take_id, emotion = found
+    column = layout.column(align=True)
+    column.label(text="Heard in the Voice", icon="SOUND")
+    column.template_icon(icon_value=icon(take_id, emotion), scale=_LINES)
+    for name, most, second in emotion.likely():
+        text = f"{name.capitalize()}, up to {most:.2f}, at {second:.1f} s"
+        column.label(text=text, icon_value=_swatch(name))
+    shown = max(emotion.intensity)
+    column.label(text=f"The face shows up to {100.0 * shown:.0f} % of it")
+
+
+def icon(take_id: str, emotion: HeardEmotion) -> int:
+    """The number of the picture of a take, which is drawn once."""
+    name = f"take {take_id}"
+    if name not in _previews:
+        if len(_previews) >= _MOST:
+            _previews.clear()
+        times = np.array(emotion.time_s)
+        # The likeliest lies over the others, and neutral under all.
+        names = [name for name, *_ in reversed(emotion.likely())]
+        names.sort(key=lambda name: name != "neutral")
+        curves = [
+            (np.array(emotion.probability[name]), _COLOURS.get(name, _GREY)) for name in names
+        ]
+        _put(name, plot.draw(times, curves))
+    return _previews[name].icon_id
+
+
+def _swatch(emotion: str) -> int:
+    name = f"colour of {emotion}"
+    if name not in _previews:
+        _put(name, plot.swatch(_COLOURS.get(emotion, _GREY)))
+    return _previews[name].icon_id
+
+
+def _put(name: str, pixels: np.ndarray) -> None:
+    made = _previews.new(name)
+    upright = np.ascontiguousarray(pixels[::-1])
+    for kind in ("image", "icon"):
+        setattr(made, f"{kind}_size", pixels.shape[:2])
+        numbers = (upright.astype(np.float32) / 255.0).ravel()
+        getattr(made, f"{kind}_pixels_float").foreach_set(numbers)
+
+
+@persistent
+def _on_load(*_) -> None:
+    _heard.clear()
+    _previews.clear()
+
+
+def register() -> None:
+    """Makes room for pictures."""
+    global _previews
+    _previews = bpy.utils.previews.new()
+    bpy.app.handlers.load_pre.append(_on_load)
+
+
+def unregister() -> None:
+    """Frees them."""
+    global _previews
+    bpy.app.handlers.load_pre.remove(_on_load)
+    _heard.clear()
+    bpy.utils.previews.remove(_previews)
+    _previews = None

@@ -1,0 +1,214 @@
+"""Whether the ear for emotion gains by a recording in which the same person speaks neutrally.
+
+    python -m training.speech.neutral_voice --data ../shared/data --windows runs/ear/windows.pt
+
+Recordings of emodb_de are judged with as many seconds of other neutral recordings of their actor as are
+asked for: by layers that never heard the actor, and the two held-out actors by the shipped one. Then readers
+whom nobody taught an emotion, also played slower, which makes a low voice of theirs. Shown is an intensity
+over 0.1 at any moment.
+
+`--write` measures nothing: it puts the mean neutral voice of `windows` into the shipped model as `readers`
+and leaves all other arrays as they are.
+"""
+
+from collections import defaultdict
+from collections.abc import Callable, Iterable
+from dataclasses import dataclass
+from pathlib import Path
+from typing import Annotated
+
+import numpy as np
+import torch
+from safetensors.torch import load, save
+from scipy.signal import resample_poly
+
+from training import shipped
+from training.corpus.clip import read_sound
+from training.corpus.emodb import HELD_OUT, read_felt
+from training.flags import run_command
+from training.nn.checkpoint import PACKED, pack, read_bytes, read_model
+from training.speech.emotion_ear import (
+    ARRAYS,
+    EmotionEar,
+    EmotionEarConfig,
+    EmotionEarNet,
+    neutral_offset,
+    neutral_voice,
+    row_of,
+)
+from training.speech.emotion_windows import SAMPLES
+from training.speech.log_mel import SAMPLE_RATE_HZ
+from training.speech.train_emotion_ear import Rows, fitted
+from training.systems.emoface.emotion_encoder import HEARD_EMOTIONS, WINDOW, voice_of
+
+SECONDS = (0.0, 2.0, 10.0, 20.0)
+"""Of a neutral voice; 0 is none."""
+DRAWS = 4
+"""Times that neutral recordings are drawn for each that is judged."""
+BEFORE, BEFORE_NEUTRAL = 0.3, 3.0
+AROUND, WHOLE_SHARE = 3, 0.5
+FLOOR, FULL = 0.7, 0.95
+SHOWN = 0.1
+"""As in `rust-core/src/speech/emotion_ear.rs` and `shown_emotion.rs`."""
+READERS = {"grid_s1": ("motion/grid_s1/audio", 22), "nathalie_nl": ("speech/nathalie_nl", 28)}
+"""Folders, and that every so many recordings are taken."""
+SLOWER = {"as they are": (1, 1), "a major third lower": (5, 4), "a fourth lower": (4, 3)}
+LONGEST_S = 5
+JOY, ANGER = HEARD_EMOTIONS.index("happy"), HEARD_EMOTIONS.index("angry")
+
+
+@dataclass
+class Heard:
+    """A recording: `rows` [I, told + 118] and their weights [I], that of the first two seconds [told + 118],
+    the number of its emotion."""
+
+    first: np.ndarray
+    rows: np.ndarray
+    weight: np.ndarray
+    emotion: int
+    seconds: float
+
+
+def heard_of(net: EmotionEarNet, samples: np.ndarray, emotion: int = 0) -> Heard:
+    """A recording as the ear hears it over time."""
+    samples = samples.astype(np.float32)
+    rows, weight = neutral_voice(net, voice_of(samples))
+    start = voice_of(samples[:SAMPLES])
+    first = row_of(net, start, max(len(start.mel) - WINDOW, 0), len(start.mel))
+    return Heard(first, rows, weight, emotion, len(samples) / SAMPLE_RATE_HZ)
+
+
+def offset_of(others: list[Heard], seconds: float, readers: np.ndarray, random) -> np.ndarray | float:
+    """What so many seconds of neutral recordings add to rows, [told + 118]; whole recordings are taken."""
+    taken, got = [], 0.0
+    for k in random.permutation(len(others)):
+        if got >= seconds:
+            break
+        taken.append(others[k])
+        got += others[k].seconds
+    weight = np.concatenate([other.weight for other in taken] or [np.zeros(0)])
+    if weight.sum() == 0.0:
+        return 0.0
+    return neutral_offset(np.concatenate([other.rows for other in taken]), weight, readers)
+
+
+def probabilities(ear: EmotionEar, rows: np.ndarray, weight: np.ndarray) -> np.ndarray:
+    """Of the emotions over time, [I, 7]: the moment and the whole together."""
+    logits = ear.logits(rows)
+    before = BEFORE_NEUTRAL * (np.arange(logits.shape[1]) == 0)
+
+    def evidence(part: slice) -> np.ndarray:
+        return (BEFORE * before + weight[part] @ logits[part]) / (BEFORE + weight[part].sum())
+
+    whole = evidence(slice(None))
+    near = [evidence(slice(max(k - AROUND, 0), k + AROUND + 1)) for k in range(len(logits))]
+    mixed = WHOLE_SHARE * whole + (1.0 - WHOLE_SHARE) * np.array(near).reshape(-1, logits.shape[1])
+    return torch.from_numpy(mixed).softmax(dim=1).numpy()
+
+
+def shown(shares: np.ndarray) -> tuple[float, int]:
+    """The largest intensity of any moment of [I, 7], and the emotion that shows most."""
+    above = ((1.0 - shares[:, 0] - FLOOR) / (FULL - FLOOR)).clip(0.0, 1.0)
+    intensity = above * above * (3.0 - 2.0 * above)
+    felt = shares[:, 1:] ** 2
+    felt = felt / felt.sum(axis=1, keepdims=True)
+    return float(intensity.max(initial=0.0)), 1 + int((felt * intensity[:, None]).sum(axis=0).argmax())
+
+
+class Count:
+    """How often something holds."""
+
+    def __init__(self):
+        self.right, self.all = 0, 0
+
+    def add(self, is_so: bool) -> None:
+        """Counts one."""
+        self.right, self.all = self.right + bool(is_so), self.all + 1
+
+    def __str__(self):
+        return f"{100 * self.right / max(self.all, 1):.1f} %"
+
+
+def judge(
+    actors: dict[str, list[Heard]], ear_of: Callable[[str], EmotionEar], seconds: float
+) -> dict[str, Count]:
+    """Recordings of actors: seven classes and joy against anger in the first two seconds; what is shown."""
+    counts: dict[str, Count] = defaultdict(Count)
+    for draw in range(DRAWS if seconds else 1):
+        random = np.random.default_rng(draw)
+        for actor, clips in actors.items():
+            ear, neutral = ear_of(actor), [clip for clip in clips if clip.emotion == 0]
+            for clip in (clip for clip in clips if len(clip.rows)):
+                others = [other for other in neutral if other is not clip]
+                offset = offset_of(others, seconds, ear.readers, random)
+                first = ear.logits(clip.first + offset)
+                counts["seven classes"].add(first.argmax() == clip.emotion)
+                if clip.emotion in (JOY, ANGER):
+                    counts["joy from anger"].add((first[JOY] > first[ANGER]) == (clip.emotion == JOY))
+                intensity, most = shown(probabilities(ear, clip.rows + offset, clip.weight))
+                if clip.emotion == 0:
+                    counts["neutral, shown"].add(intensity > SHOWN)
+                else:
+                    counts["felt, shown"].add(intensity > SHOWN)
+                    counts["felt, shown as it was"].add(intensity > SHOWN and most == clip.emotion)
+    return counts
+
+
+def strangers(net: EmotionEarNet, ear: EmotionEar, data: Path) -> Iterable[str]:
+    """How many readings show an emotion, for each number of seconds of the reader's own voice."""
+    for source, (folder, step) in READERS.items():
+        sounds = [read_sound(path) for path in sorted((data / folder).glob("*.ogg"))[::step]]
+        for how, (up, down) in SLOWER.items():
+            cut = [resample_poly(sound[: SAMPLE_RATE_HZ * LONGEST_S], up, down) for sound in sounds]
+            clips = [heard_of(net, sound) for sound in cut]
+            told = []
+            for seconds in SECONDS:
+                random, count = np.random.default_rng(0), Count()
+                for clip in (clip for clip in clips if len(clip.rows)):
+                    others = [other for other in clips if other is not clip]
+                    rows = clip.rows + offset_of(others, seconds, ear.readers, random)
+                    count.add(shown(probabilities(ear, rows, clip.weight))[0] > SHOWN)
+                told.append(f"{seconds:.0f} s {count.right}")
+            yield f"  {source}, {how}: of {count.all} are shown with " + ", ".join(told)
+
+
+def write_readers(folder: Path, readers: np.ndarray) -> None:
+    """Adds `readers` to a shipped model or replaces them; every other byte stays."""
+    state = load(read_bytes(folder)) | {"readers": torch.from_numpy(readers).float()}
+    (folder / PACKED).write_bytes(pack(save(state)))
+
+
+def main(
+    data: Path,
+    windows: Annotated[Path, "of training.speech.emotion_windows"],
+    write: Annotated[bool, "put `readers` into the shipped model instead of measuring"] = False,
+) -> None:
+    """Command line."""
+    folder = shipped("emotion_ear")
+    config, state = read_model(folder)
+    net = EmotionEarNet(EmotionEarConfig.from_json(config)).eval()
+    net.load_state_dict({name: value for name, value in state.items() if name not in ARRAYS})
+    rows = Rows(windows, net)
+    if write:
+        write_readers(folder, rows.neutral_voices().mean(axis=0))
+        return
+    ear = EmotionEar(net.config, net, *(state[name].double().numpy() for name in ARRAYS))
+    actors: dict[str, list[Heard]] = defaultdict(list)
+    for clip in read_felt(data):
+        actors[clip.actor].append(heard_of(net, clip.samples, HEARD_EMOTIONS.index(clip.emotion)))
+    speaker = rows.speaker[rows.felt]
+    ears = {actor: fitted(net, rows, rows.felt[speaker != actor]) for actor in actors}
+    held_out = {actor: actors[actor] for actor in HELD_OUT}
+    for name, judged, ear_of in (
+        ("an actor left out", actors, ears.__getitem__),
+        ("actors held out", held_out, lambda _: ear),
+    ):
+        for seconds in SECONDS:
+            told = judge(judged, ear_of, seconds).items()
+            print(f"{name}, {seconds:.0f} s:", ", ".join(f"{what} {count}" for what, count in told))
+    for text in strangers(net, ear, data):
+        print(text, flush=True)
+
+
+if __name__ == "__main__":
+    run_command(main)
