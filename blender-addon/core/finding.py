@@ -68,5 +68,6 @@ def naming(face: FaceMesh):
             raise
         hints = "".join(f"{hint}. " for hint in face.hints)
         mirrored = ("apply_mirror",) if any("Mirror" in hint for hint in face.hints) else ()
-        text = f"{face.name}: {hints}{error} (or choose a file with the points of the face)"
-        raise AnyfaceError("face", text, ("direction", "points_file", *mirrored)) from error
+        text = f"{face.name}: {hints}{error} (or place five points of the face)"
+        mends = ("place_points", "direction", "points_file", *mirrored)
+        raise AnyfaceError("face", text, mends) from error

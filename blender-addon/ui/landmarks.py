@@ -1,4 +1,4 @@
-"""Find Face, and landmarks in the viewport: drawn, dragged over the surface, reset."""
+"""Find Face, and landmarks in the viewport: drawn, clicked, dragged over the surface, reset."""
 
 import itertools
 
@@ -9,19 +9,21 @@ from bpy.types import Operator, SpaceView3D
 from bpy_extras import view3d_utils
 from mathutils import Vector
 
-from ..core.errors import AnyfaceError, plain
-from ..core.job import Job, Progress
+from ..core.errors import AnyfaceError
+from ..core.job import Progress
 from ..scene import bake
 from ..scene.face import landmarks
 from ..scene.shape_keys import guard
-from ..scene.way_back import unharmed
 from . import character, running
-from .operators import Acting, Alone, InThread, redraw
+from .in_view import InView
+from .operators import Acting, Alone, InThread
 from .settings import from_object
 from .target import target
 
 # A landmark is taken from this far, in pixels.
 _REACH_PX = 14.0
+# The colour of points that were put by hand.
+_PLACED = (0.3, 1.0, 0.3, 1.0)
 _handle = None
 
 
@@ -102,56 +104,23 @@ class ANYFACE_OT_move_landmark(Alone, Operator):
         return keep(ob, found, drag.stored.fixed)
 
 
-class ANYFACE_OT_edit_landmarks(Alone, Operator):
+class ANYFACE_OT_edit_landmarks(InView, Operator):
     """Drag points over the face with the left mouse button; Return or Esc ends"""
 
     bl_idname = "anyface.edit_landmarks"
     bl_label = "Edit Face Points"
-    # Every drag is an undo step of its own; ending the operator is none.
-    bl_options = {"REGISTER", "BLOCKING"}
-    _job = _timer = None
+    words = "Drag the points of the face; Return or Esc ends"
 
     def execute(self, context):
         """Without a window there is nothing to drag with."""
         return self.fail("points are dragged in the 3D view; use Move Face Point in scripts")
 
-    def invoke(self, context, event):
-        """Shows the landmarks and waits for the pointer."""
-        if bpy.app.background or context.region_data is None:
-            return self.execute(context)
-        self._name = target(context).name
-        try:
-            self._drag = landmarks.Drag(target(context))
-            context.window_manager.anyface_show_landmarks = True
-            context.workspace.status_text_set("Drag the points of the face; Return or Esc ends")
-            self._timer = context.window_manager.event_timer_add(0.05, window=context.window)
-            context.window_manager.modal_handler_add(self)
-            return {"RUNNING_MODAL"}
-        except BaseException as error:
-            return self._break(context, error)
+    def begin(self, ob):
+        """Shows the landmarks."""
+        self._drag = landmarks.Drag(ob)
 
-    def modal(self, context, event):
+    def follow(self, context, ob, event, view):
         """One drag is one undo step."""
-        try:
-            return self._modal(context, event)
-        except BaseException as error:
-            return self._break(context, error)
-
-    def _break(self, context, raised: BaseException):
-        """Ends the dragging whatever was raised, and tells the artist; points that were let go
-        stay where they are."""
-        self._end(context)
-        return self.fail(plain(raised))
-
-    def _modal(self, context, event):
-        redraw(context)
-        ob = bpy.data.objects.get(self._name)
-        ends = event.type in {"ESC", "RET", "NUMPAD_ENTER"} and event.value == "PRESS"
-        if ob is None or ends:
-            return self._end(context)
-        if self._job is not None:
-            return self._follow(ob)
-        view = _view_under(context, event)
         if self._drag.held is not None and event.type == "MOUSEMOVE":
             if view is not None:
                 self._move(ob, view)
@@ -174,11 +143,7 @@ class ANYFACE_OT_edit_landmarks(Alone, Operator):
         return {"RUNNING_MODAL"} if taken else {"PASS_THROUGH"}
 
     def _move(self, ob, view):
-        region, data, at = view
-        back = ob.matrix_world.inverted_safe()
-        origin = view3d_utils.region_2d_to_origin_3d(region, data, at)
-        direction = view3d_utils.region_2d_to_vector_3d(region, data, at)
-        self._drag.move(back @ origin, back.to_3x3() @ direction)
+        self._drag.move(*ray(ob, view))
         shown[ob.name] = self._drag.stored.positions
 
     def _release(self, ob):
@@ -186,62 +151,107 @@ class ANYFACE_OT_edit_landmarks(Alone, Operator):
         try:
             search = self._drag.search(*_read(ob))
         except AnyfaceError as error:
-            shown.clear()
+            self.clear()
             self.fail(error)
             return {"RUNNING_MODAL"}
         self._drag.held = None
-        self._job = running.start(Job(search.work), ob.name)
+        self.search(ob, search)
         return {"RUNNING_MODAL"}
 
-    def _follow(self, ob):
-        if not self._job.done:
-            return {"RUNNING_MODAL"}
-        job, self._job = self._job, None
-        running.finish()
-        shown.clear()
+    def finish(self, ob, job):
+        """Keeps where all of them are; more may be dragged."""
         try:
             keep(ob, job.result(), self._drag.stored.fixed)
             bpy.ops.ed.undo_push(message="Move Landmark")
         except AnyfaceError as error:
             self.fail(error)
+        return False
+
+    def clear(self):
+        """Draws the points that are stored again."""
+        shown.clear()
+
+
+class ANYFACE_OT_place_points(InView, Operator):
+    """Click five points of the face where it is not found: eyes, nose and mouth"""
+
+    bl_idname = "anyface.place_points"
+    bl_label = "Place Points"
+
+    places: FloatVectorProperty(
+        name="Places",
+        description="Five points in the object's space, in the order of the clicks",
+        size=15,
+        options={"SKIP_SAVE"},
+    )
+
+    def act(self, ob):
+        """Finds the face by places that a script has set."""
+        places = np.array(self.places).reshape(5, 3)
+        if not np.ptp(places, axis=0).any():
+            text = "places: expected five points of the face, in a window by clicks, got none"
+            raise AnyfaceError("input", text)
+        surface = landmarks.Surface(ob)
+        return self._keep(
+            ob, self._search(ob, [surface.nearest(p) for p in places]).work(Progress())
+        )
+
+    def begin(self, ob):
+        """Nothing is clicked yet."""
+        self._surface, self._places = landmarks.Surface(ob), []
+        self.words = landmarks.ask_for_click(0)
+
+    def follow(self, context, ob, event, view):
+        """A click places a point, Backspace takes the last one back."""
+        if event.value == "PRESS" and event.type == "BACK_SPACE" and self._places:
+            self._places.pop()
+        elif event.value == "PRESS" and event.type == "LEFTMOUSE" and view is not None:
+            place = self._surface.hit(*ray(ob, view))
+            if place is None:
+                return {"PASS_THROUGH"}
+            self._places.append(place)
+        else:
+            return {"PASS_THROUGH"}
+        placed[ob.name] = list(self._places)
+        if len(self._places) == len(landmarks.CLICKS):
+            self.search(ob, self._search(ob, self._places))
+        else:
+            context.workspace.status_text_set(landmarks.ask_for_click(len(self._places)))
         return {"RUNNING_MODAL"}
 
-    def _end(self, context):
-        self.cancel(context)
-        with unharmed():
-            redraw(context)
-        return {"FINISHED"}
+    def finish(self, ob, job):
+        """Keeps the face; one undo step."""
+        self._keep(ob, job.result())
+        bpy.ops.ed.undo_push(message="Place Points")
+        return True
 
-    def cancel(self, context):
-        """Blender closes or loads another file, or the artist ends it."""
-        shown.clear()
-        job, timer = self._job, self._timer
-        self._job = self._timer = None
-        if job is not None:
-            running.finish()
-            with unharmed():
-                job.cancel()
-        with unharmed():
-            context.workspace.status_text_set(None)
-        with unharmed():
-            if timer is not None:
-                context.window_manager.event_timer_remove(timer)
+    def clear(self):
+        """Takes the clicked points off the view."""
+        placed.clear()
+
+    def _search(self, ob, places):
+        face, engine = _read(ob)
+        face.landmarks = face.landmark_vertices = None
+        numbers = [number for number, _ in landmarks.CLICKS]
+        return landmarks.Search(face, engine, dict(zip(numbers, places, strict=True)))
+
+    def _keep(self, ob, found):
+        return keep(ob, found, {number for number, _ in landmarks.CLICKS})
 
 
 # Positions `[68, 3]` by object name that are drawn instead of the stored ones, during a drag.
 shown: dict[str, np.ndarray] = {}
+# Points that were clicked so far, by object name.
+placed: dict[str, list] = {}
 
 
-def _view_under(context, event):
-    """Region, its view and the pointer in it, or None where the pointer is in no 3D view."""
-    for area in context.window.screen.areas:
-        if area.type != "VIEW_3D":
-            continue
-        for region in area.regions:
-            x, y = event.mouse_x - region.x, event.mouse_y - region.y
-            if region.type == "WINDOW" and 0 <= x < region.width and 0 <= y < region.height:
-                return region, area.spaces.active.region_3d, (x, y)
-    return None
+def ray(ob, view) -> tuple[Vector, Vector]:
+    """Origin and direction of the ray under the pointer, in object space."""
+    region, data, at = view
+    back = ob.matrix_world.inverted_safe()
+    origin = view3d_utils.region_2d_to_origin_3d(region, data, at)
+    direction = view3d_utils.region_2d_to_vector_3d(region, data, at)
+    return back @ origin, back.to_3x3() @ direction
 
 
 def on_screen(region, data, ob, positions: np.ndarray) -> np.ndarray:
@@ -267,6 +277,9 @@ def _draw() -> None:
     ob = target(context) if context.window_manager.anyface_show_landmarks else None
     if ob is None or not ob.visible_get():
         return
+    if ob.name in placed:
+        _paint_layers(ob, (("POINTS", [p.tolist() for p in placed[ob.name]], _PLACED),))
+        return
     try:
         stored = landmarks.load(ob)
     except AnyfaceError:
@@ -283,21 +296,26 @@ def kinds(stored: landmarks.Stored) -> tuple[list[int], list[int], list[int]]:
 
 
 def _paint(ob, positions: np.ndarray, stored: landmarks.Stored) -> None:
+    found, doubtful, held = (positions[numbers].tolist() for numbers in kinds(stored))
+    layers = (
+        ("LINES", segments(positions), (0.1, 0.8, 1.0, 0.5)),
+        ("POINTS", found, (0.1, 0.9, 1.0, 1.0)),
+        ("POINTS", doubtful, (1.0, 0.5, 0.0, 1.0)),
+        ("POINTS", held, _PLACED),
+    )
+    _paint_layers(ob, layers)
+
+
+def _paint_layers(ob, layers) -> None:
+    """Draws layers of lines or points in object space: kind, places and colour of each."""
     import gpu
     from gpu_extras.batch import batch_for_shader
 
-    found, doubtful, held = (positions[numbers].tolist() for numbers in kinds(stored))
     shader = gpu.shader.from_builtin("UNIFORM_COLOR")
     shader.bind()
     gpu.state.depth_test_set("NONE")
     with gpu.matrix.push_pop():
         gpu.matrix.multiply_matrix(ob.matrix_world)
-        layers = (
-            ("LINES", segments(positions), (0.1, 0.8, 1.0, 0.5)),
-            ("POINTS", found, (0.1, 0.9, 1.0, 1.0)),
-            ("POINTS", doubtful, (1.0, 0.5, 0.0, 1.0)),
-            ("POINTS", held, (0.3, 1.0, 0.3, 1.0)),
-        )
         gpu.state.blend_set("ALPHA")
         gpu.state.point_size_set(7.0)
         for kind, points, colour in layers:
@@ -324,4 +342,5 @@ def unregister() -> None:
         SpaceView3D.draw_handler_remove(_handle, "WINDOW")
         _handle = None
     shown.clear()
+    placed.clear()
     del bpy.types.WindowManager.anyface_show_landmarks

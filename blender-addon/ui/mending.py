@@ -33,6 +33,7 @@ _OPERATORS = {
     "choose_sound": ("anyface.choose_sound", "Choose a Sound File…", "FILE_SOUND"),
     "save": ("wm.save_mainfile", "Save the File", "FILE_TICK"),
     "find_parts": ("anyface.find_parts", "Find Parts", "VIEWZOOM"),
+    "place_points": ("anyface.place_points", "Place Points", "PIVOT_CURSOR"),
     "open_mouth": ("anyface.open_mouth", "Open Mouth", "MOD_BOOLEAN"),
 }
 # Settings that mend something: the property of `Object.anyface`.

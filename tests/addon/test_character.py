@@ -145,6 +145,38 @@ def test_dragging_needs_a_face(stage, addon):
         bpy.ops.anyface.edit_landmarks()
 
 
+PLACES = (
+    (-0.03, 0.0, 0.02),
+    (0.03, 0.0, 0.02),
+    (0.0, 0.0, 0.0),
+    (-0.02, 0.0, -0.03),
+    (0.02, 0.0, -0.03),
+)
+
+
+def test_five_points_say_where_a_face_is(stage, addon):
+    ob = grid()
+    assert bpy.ops.anyface.place_points(places=np.ravel(PLACES).tolist()) == {"FINISHED"}
+    numbers = [number for number, _ in addon("scene.face.landmarks").CLICKS]
+    fixed = stage.searches[-1][3]
+    assert list(fixed) == numbers == [36, 45, 30, 48, 54]
+    assert np.array(list(fixed.values())) == pytest.approx(np.array(PLACES), abs=1e-6)
+    assert addon("scene.face.landmarks").load(ob).fixed == set(numbers)
+
+
+def test_without_places_it_says_what_it_wants(stage, addon):
+    grid()
+    with pytest.raises(RuntimeError, match="expected five points of the face"):
+        bpy.ops.anyface.place_points()
+
+
+def test_a_message_that_no_face_was_found_offers_places(stage, addon):
+    text, label, _ = addon("ui.mending")._OPERATORS["place_points"]
+    assert (text, label) == ("anyface.place_points", "Place Points")
+    texts = [addon("scene.face.landmarks").ask_for_click(number) for number in range(5)]
+    assert texts[2].startswith("Click 3 of 5: the tip of the nose") and len(set(texts)) == 5
+
+
 def with_teeth(ob, scale=0.1):
     """Lower teeth beside the face, turned and scaled, as an object of their own."""
     teeth = grid("Teeth_low", side=5, scale=scale)

@@ -119,7 +119,7 @@ def test_a_face_that_was_not_found_is_named_with_the_reason_first(addon):
     words = r"^Head: Half .*apply it\. no face .* points of the face"
     with pytest.raises(errors.AnyfaceError, match=words) as caught:
         perform.perform(*ask, nowhere, addon("core.job").Progress())
-    assert caught.value.mends == ("direction", "points_file", "apply_mirror")
+    assert caught.value.mends == ("place_points", "direction", "points_file", "apply_mirror")
 
 
 def test_weights_are_loaded_by_the_first_who_needs_them_and_once(addon):

@@ -302,11 +302,12 @@ def test_a_script_is_told_and_finds_the_scene_as_it_was(addon, monkeypatch, read
 def test_dragging_points_ends_whatever_is_raised(addon, installed, monkeypatch, tmp_path):
     made = Set(addon, monkeypatch, tmp_path, "find face")
     assert made.press()[0] == "FINISHED"
-    module = addon("ui.landmarks")
-    monkeypatch.setattr(module, "bpy", _Through())
+    module, in_view = addon("ui.landmarks"), addon("ui.in_view")
+    for each in (module, in_view):
+        monkeypatch.setattr(each, "bpy", _Through())
     before, failures = made.state(), []
     view = (None, None, (0.0, 0.0))
-    monkeypatch.setattr(module, "_view_under", lambda context, event: view)
+    monkeypatch.setattr(in_view, "view_under", lambda context, event: view)
     monkeypatch.setattr(module, "on_screen", lambda *_: np.zeros((68, 2)))
 
     def drag():

@@ -127,7 +127,12 @@ def test_a_face_that_is_not_found_offers_its_direction_and_a_file(addon, tmp_pat
     with pytest.raises(errors.AnyfaceError) as caught, finding.naming(face):
         raise errors.AnyfaceError("face", "no face")
     addon("ui.mending").keep(ob, caught.value.mends)
-    assert addon("ui.mending").kept(ob) == ["direction", "points_file", "apply_mirror"]
+    assert addon("ui.mending").kept(ob) == [
+        "place_points",
+        "direction",
+        "points_file",
+        "apply_mirror",
+    ]
     assert offered(addon, ob) == ["Apply Mirror"]
 
 

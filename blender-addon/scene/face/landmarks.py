@@ -30,6 +30,14 @@ REGIONS = {
     "nose": range(27, 36),
     "jaw": range(17),
 }
+# Points that say where a face is: the landmark, and which it is for one who looks at the face.
+CLICKS = (
+    (36, "the outer corner of the eye on the left of the picture"),
+    (45, "the outer corner of the eye on the right of the picture"),
+    (30, "the tip of the nose"),
+    (48, "the corner of the mouth on the left of the picture"),
+    (54, "the corner of the mouth on the right of the picture"),
+)
 DOUBTFUL = 0.4
 """Mean confidence of a region's landmarks below which an artist should look at them."""
 
@@ -158,6 +166,12 @@ class Search:
         if self.confidence is not None:
             found.confidence = np.maximum(found.confidence, self.confidence)
         return found
+
+
+def ask_for_click(number: int) -> str:
+    """What to click next, after `number` points."""
+    what = CLICKS[number][1]
+    return f"Click {number + 1} of {len(CLICKS)}: {what}; Backspace takes one back, Esc ends"
 
 
 class Surface:
