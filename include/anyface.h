@@ -175,6 +175,16 @@ typedef enum {
     ANYFACE_MOUTH_WELDED = 2,
 } AnyfaceMouth;
 
+/// What the lids of an eye can do.
+typedef enum {
+    /// They close.
+    ANYFACE_LIDS_CLOSE = 0,
+    /// They are sculpted shut and rest.
+    ANYFACE_LIDS_SHUT = 1,
+    /// They are one surface with the eye, without a slit between, and rest.
+    ANYFACE_LIDS_JOINED = 2,
+} AnyfaceLids;
+
 /// Where the emotion of a performance comes from; for `AnyfaceMotionOptions`.
 typedef enum {
     /// `emotion_strengths`; the default.

@@ -35,8 +35,8 @@ pub struct Corrections {
     joined: Option<JoinedLips>,
     /// The eyes, where their lids were found.
     lids: Vec<Eyelids>,
-    /// The skin about them; none where only some vertices are moved.
-    about_eyes: Option<Untangle>,
+    /// The skin about them.
+    about_eyes: Untangle,
 }
 
 impl Corrections {
@@ -62,7 +62,7 @@ impl Corrections {
         let lids = eyelids(face, surface);
         let edges: Vec<u32> = lids.iter().flat_map(Eyelids::edges).collect();
         Corrections {
-            about_eyes: Some(Untangle::new(surface, &face.mesh.positions, &edges)),
+            about_eyes: Untangle::new(surface, &face.mesh.positions, &edges),
             mouth: can_part.then(rims).flatten(),
             joined: JoinedLips::of(face.mouth(), landmarks),
             lids,
@@ -83,7 +83,7 @@ impl Corrections {
                 .collect(),
             mouth: self.mouth.as_ref().map(|slit| slit.renumbered(new)),
             lids: self.lids.iter().map(|lids| lids.renumbered(new)).collect(),
-            about_eyes: None,
+            about_eyes: self.about_eyes.renumbered(new),
             ..self.clone()
         }
     }
@@ -119,9 +119,7 @@ impl Corrections {
         for lids in &self.lids {
             lids.apply(landmarks, frame);
         }
-        if let Some(skin) = &self.about_eyes {
-            skin.apply(frame);
-        }
+        self.about_eyes.apply(frame);
     }
 
     /// Landmarks `[T, 68, 3]` for the decoder: lids that cannot close rest.
@@ -134,10 +132,11 @@ impl Corrections {
         own
     }
 
-    /// Vertices by which the openings of mouth and eyes are known.
+    /// Vertices by which the openings of mouth and eyes are known, and the skin about these.
     fn rims(&self) -> impl Iterator<Item = u32> {
         let mouth = self.mouth.iter().flat_map(Slit::rims);
-        mouth.chain(self.lids.iter().flat_map(Eyelids::rims))
+        let lids = self.lids.iter().flat_map(Eyelids::rims);
+        mouth.chain(lids).chain(self.about_eyes.vertices())
     }
 
     /// Moves what follows the jaw.

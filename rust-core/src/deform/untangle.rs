@@ -107,6 +107,22 @@ impl Untangle {
         }
     }
 
+    /// Vertices of the mesh that it moves or moves others by.
+    pub(super) fn vertices(&self) -> impl Iterator<Item = u32> {
+        let copies = self.copies.iter().map(|(vertex, _)| *vertex);
+        self.vertices.iter().copied().chain(copies)
+    }
+
+    /// The same where only some vertices are left, all of these among them; `new` gives their numbers.
+    pub(super) fn renumbered(&self, new: impl Fn(u32) -> Option<u32>) -> Untangle {
+        let mut skin = self.clone();
+        let copies = skin.copies.iter_mut().map(|(vertex, _)| vertex);
+        for v in skin.vertices.iter_mut().chain(copies) {
+            *v = new(*v).expect("the skin about the eyes is left");
+        }
+        skin
+    }
+
     /// Corrects the displacements of a frame, `[V * 3]`, mesh units.
     pub(super) fn apply(&self, frame: &mut [f32]) {
         let of = |v: &u32| Vec3::from_slice(&frame[3 * *v as usize..][..3]);

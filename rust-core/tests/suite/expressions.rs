@@ -46,7 +46,8 @@ fn what_is_asked_is_what_is_seen() {
         };
         let (full, most) = (shown(1.0), shown(1.5));
         assert!((0.95..1.12).contains(&full), "{emotion}: {full}");
-        assert!((1.4..1.5 * 1.12).contains(&most), "{emotion}: {most}");
+        // Brows and wide lids give way where a face could not go further: those of anger and surprise do.
+        assert!((1.25..1.5 * 1.12).contains(&most), "{emotion}: {most}");
     }
 }
 

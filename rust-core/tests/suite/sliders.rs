@@ -380,7 +380,8 @@ fn some_vertices_move_as_they_do_among_all() {
     // The tongue speaks beside all of them.
     let without_tongue = spread(&take.engine, &take.face, &take.performance.motion);
     let all = without_tongue.displacements.select(Axis(1), &rows);
-    assert!(few.vertices.len() < 600, "{} vertices", few.vertices.len());
+    // The skin about the eyes is among them: it goes together.
+    assert!(few.vertices.len() < 3000, "{} vertices", few.vertices.len());
     assert!(
         distance(&moved, &all).1 < 1e-4,
         "{:?} mm",

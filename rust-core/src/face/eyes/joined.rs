@@ -7,7 +7,6 @@ use std::collections::HashMap;
 
 use glam::Vec3;
 
-use super::{SAMPLES, opening::Edges};
 use crate::face::nearest::nearest_between;
 
 /// The surface is followed this far above and below the edge of the upper lid, in widths of the eye, in so many steps.
@@ -31,10 +30,15 @@ struct Surface<'a> {
 type Edge = [[u32; 3]; 2];
 
 /// Whether the skin goes on without a break from the upper lid to the eye. `skin`: triangles in the frame of an eye of this
-/// `width`.
-pub(super) fn are_joined(skin: &[[[f32; 3]; 3]], [upper, lower]: &Edges, width: f32) -> bool {
+/// `width`; edges of the lids from corner to corner.
+pub(super) fn are_joined(
+    skin: &[[[f32; 3]; 3]],
+    upper: &[[f32; 3]],
+    lower: &[[f32; 3]],
+    width: f32,
+) -> bool {
     let surface = Surface::of(skin);
-    let inner = SAMPLES / 4..SAMPLES - SAMPLES / 4;
+    let inner = upper.len() / 4..upper.len() - upper.len() / 4;
     let joined = inner.clone().filter(|&k| {
         let [x, y, _] = upper[k];
         let below = (BESIDE * width).min(0.5 * (y - lower[k][1]));
@@ -159,23 +163,24 @@ mod tests {
         profile.windows(2).flat_map(strip).collect()
     }
 
-    /// Edges of an eye of width 3, 1 high.
-    fn edges_of_eye() -> Edges {
-        [0.5, -0.5].map(|y| {
-            std::array::from_fn(|k| [-1.5 + 3.0 * k as f32 / (SAMPLES - 1) as f32, y, 0.2])
-        })
+    /// Whether a sheet is one with an eye of width 3 that is 1 high.
+    fn joins(sheet: &[[[f32; 3]; 3]]) -> bool {
+        let edge = |y: f32| -> Vec<[f32; 3]> {
+            (0..24).map(|k| [-1.5 + k as f32 / 8.0, y, 0.2]).collect()
+        };
+        are_joined(sheet, &edge(0.5), &edge(-0.5), 3.0)
     }
 
     #[test]
     fn a_crease_is_no_slit_and_a_lid_with_a_lining_has_one() {
         let crease = sheet(&[[2.0, 0.3], [0.5, 0.3], [0.45, 0.0], [-2.0, 0.0]]);
-        assert!(are_joined(&crease, &edges_of_eye(), 3.0));
+        assert!(joins(&crease));
         let lined = [[2.0, 0.3], [0.5, 0.3], [0.45, 0.2], [1.5, 0.1], [1.5, -0.1]];
         let lined = sheet(&[&lined[..], &[[-2.0, 0.0]]].concat());
-        assert!(!are_joined(&lined, &edges_of_eye(), 3.0));
+        assert!(!joins(&lined));
         let mut apart = sheet(&[[2.0, 0.3], [0.5, 0.3]]);
         apart.extend(sheet(&[[1.5, 0.0], [-2.0, 0.0]]));
-        assert!(!are_joined(&apart, &edges_of_eye(), 3.0));
+        assert!(!joins(&apart));
     }
 
     #[test]
@@ -185,7 +190,7 @@ mod tests {
             sheet(&[&lid[..], &[[1.5, -0.1], [-2.0, 0.0]]].concat())
         };
         for off in [-0.3, 0.3] {
-            assert!(!are_joined(&edge(off), &edges_of_eye(), 3.0), "{off}");
+            assert!(!joins(&edge(off)), "{off}");
         }
     }
 }

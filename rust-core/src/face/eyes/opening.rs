@@ -84,7 +84,7 @@ pub(crate) struct Opening {
 }
 
 /// Edges of the upper and of the lower lid from corner to corner.
-pub(super) type Edges = [[[f32; 3]; SAMPLES]; 2];
+type Edges = [[[f32; 3]; SAMPLES]; 2];
 
 /// What the lids of an eye can do.
 #[derive(Debug, Clone, Copy, PartialEq, Eq)]
@@ -182,7 +182,7 @@ impl Opening {
         let mut opening = without_eyeball(head, &middle, marks, width);
         if is_shut(&view, &edges, width) {
             opening.lids = Lids::Shut;
-        } else if are_joined(&skin, &edges, width) {
+        } else if are_joined(&skin, &edges[0], &edges[1], width) {
             opening.lids = Lids::Joined;
         }
         Some(opening)
