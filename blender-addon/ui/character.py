@@ -210,9 +210,9 @@ class ANYFACE_PT_character(OfFacePanel, Panel):
         layout, ob = self.layout, target(context)
         layout.use_property_split, layout.use_property_decorate = True, False
         _draw_status(layout, ob, context.region.width)
-        row = layout.row(align=True)
-        row.operator("anyface.find_face", icon="VIEWZOOM")
-        row.operator("anyface.place_points", icon="PIVOT_CURSOR")
+        column = layout.column(align=True)
+        column.operator("anyface.find_face", icon="VIEWZOOM")
+        column.operator("anyface.place_points", icon="PIVOT_CURSOR")
         if mouth.is_welded(ob):
             layout.operator("anyface.open_mouth", icon="MOD_BOOLEAN")
         layout.operator("anyface.head_like", icon="USER")

@@ -85,7 +85,8 @@ class InView(Alone):
 
     def cancel(self, context):
         """Blender closes or loads another file, or the artist ends it."""
-        self.clear()
+        with unharmed():
+            self.clear()
         job, timer = self._job, self._timer
         self._job = self._timer = None
         if job is not None:

@@ -40,7 +40,7 @@ _NET = {
     "running.py": {"finish", "is_running", "_on_undo", "_on_load"},
     "job.py": {"__init__", "start", "done", "_run", "discard", "result", "cancelled", "cancel"},
     "operators.py": {"modal", "invoke", "execute", "_break", "_end", "fail", "cancel"},
-    "landmarks.py": {"invoke", "modal", "_break", "_end", "cancel"},
+    "in_view.py": {"invoke", "modal", "_break", "_end", "cancel"},
     "target.py": None,
 }
 _HANDLERS = {"_on_frame", "_on_end", "_on_save", "_on_load", "_on_undo"}

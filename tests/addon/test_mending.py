@@ -78,7 +78,7 @@ def test_half_a_face_offers_to_apply_its_mirror(addon, tmp_path):
         vertex.co.x -= seam
     ob.modifiers.new("Mirror", "MIRROR")
     fails("apply the modifier first")
-    assert offered(addon, ob) == ["Apply Mirror"]
+    assert offered(addon, ob) == ["Place Points", "Apply Mirror"]
     assert not mends("apply_mirror").modifiers
 
 
@@ -133,7 +133,7 @@ def test_a_face_that_is_not_found_offers_its_direction_and_a_file(addon, tmp_pat
         "points_file",
         "apply_mirror",
     ]
-    assert offered(addon, ob) == ["Apply Mirror"]
+    assert offered(addon, ob) == ["Place Points", "Apply Mirror"]
 
 
 def test_only_what_is_known_is_mended(addon):
