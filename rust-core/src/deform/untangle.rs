@@ -18,9 +18,9 @@ use crate::{
 const NEAR: f32 = 1.2;
 /// Those whose normals lean to the front by less are rims of lids, which roll.
 const LEAST_FRONT: f32 = 0.25;
-/// Those behind others by more are linings, told by a picture of such cells.
+/// Those behind others by more are linings, told by a picture of so many columns.
 const BEFORE_CM: f32 = 0.05;
-const CELL_CM: f32 = 0.02;
+const CELLS: f32 = 700.0;
 /// Cosine of a turn from which on a triangle gives way, and does so fully.
 const TURN: (f32, f32) = (0.1, -0.1);
 /// How often each vertex goes this share of the way to the mean of its neighbours.
@@ -80,7 +80,7 @@ impl Untangle {
             list.sort_unstable();
             list.dedup();
         }
-        let view = front_view(&near, at);
+        let view = front_view(&near, surface, reach);
         let is_outer = |t: &&[u32; 3]| {
             let corners = t.map(|v| Vec3::from(at[v as usize]));
             let (normal, centre) = (area(corners), corners.into_iter().sum::<Vec3>() / 3.0);
@@ -175,18 +175,20 @@ impl Untangle {
     }
 }
 
-/// What is seen of triangles at rest.
-fn front_view(triangles: &[[u32; 3]], at: &[[f32; 3]]) -> FrontView {
-    let corners = |t: &[u32; 3]| t.map(|v| at[v as usize]);
+/// What is seen of triangles at rest, within `reach` of the lids: a single one may be as large as a house.
+fn front_view(triangles: &[[u32; 3]], surface: &FaceSurface, reach: f32) -> FrontView {
     let mut bounds = ([f32::INFINITY; 2], [f32::NEG_INFINITY; 2]);
-    for p in triangles.iter().flat_map(corners) {
+    for mark in &surface.landmarks[LIDS] {
         for i in 0..2 {
-            bounds.0[i] = bounds.0[i].min(p[i]);
-            bounds.1[i] = bounds.1[i].max(p[i]);
+            bounds.0[i] = bounds.0[i].min(mark[i] - reach);
+            bounds.1[i] = bounds.1[i].max(mark[i] + reach);
         }
     }
-    let mut view = FrontView::new(bounds.0, bounds.1, CELL_CM);
-    triangles.iter().for_each(|t| view.draw(corners(t), 1));
+    let width = bounds.1[0] - bounds.0[0];
+    let mut view = FrontView::new(bounds.0, bounds.1, width / CELLS);
+    for t in triangles {
+        view.draw(t.map(|v| surface.positions[v as usize]), 1);
+    }
     view
 }
 
