@@ -57,7 +57,14 @@ def test_two_processes_train_as_one_and_go_on_with_the_same_bits(corpus, tmp_pat
         command = [sys.executable, "-m", "torch.distributed.run", "--standalone", "--nproc_per_node", "2"]
         command += ["-m", "training.systems.freetalk.train", *FLAGS, "--device", "cpu", "--steps", "4"]
         flags = ["--corpus", corpus, "--out", tmp_path / out, *more]
-        return subprocess.run([*command, *map(str, flags)], cwd=REPOSITORY, capture_output=True, text=True)
+        for _ in range(6):
+            done = subprocess.run(
+                [*command, *map(str, flags)], cwd=REPOSITORY, capture_output=True, text=True
+            )
+            # PyTorch's own threads abort a process that is done now and then; what it wrote is there.
+            if "terminate called without an active exception" not in done.stderr:
+                break
+        return done
 
     for out, more in (("whole", ()), ("parts", ("--stop-at", "2")), ("parts", ())):
         done = launch(out, *more)
