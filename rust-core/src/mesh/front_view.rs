@@ -73,11 +73,8 @@ impl FrontView {
     }
 
     /// Draws one triangle, seen from either side.
-    pub fn draw(&mut self, [a, b, c]: [[f32; 3]; 3], kind: u8) {
-        let area = (b[0] - a[0]) * (c[1] - a[1]) - (c[0] - a[0]) * (b[1] - a[1]);
-        if area == 0.0 {
-            return;
-        }
+    pub fn draw(&mut self, triangle: [[f32; 3]; 3], kind: u8) {
+        let [a, b, c] = triangle;
         let span = |i: usize, count: usize| {
             let low = a[i].min(b[i]).min(c[i]) - self.low[i];
             let high = a[i].max(b[i]).max(c[i]) - self.low[i];
@@ -87,14 +84,9 @@ impl FrontView {
         let (columns, rows) = (span(0, self.columns), span(1, self.rows));
         for row in rows {
             for column in columns.clone() {
-                let [x, y] = self.centre(column, row);
-                let of_a = ((b[0] - x) * (c[1] - y) - (c[0] - x) * (b[1] - y)) / area;
-                let of_b = ((c[0] - x) * (a[1] - y) - (a[0] - x) * (c[1] - y)) / area;
-                let of_c = 1.0 - of_a - of_b;
-                if of_a.min(of_b).min(of_c) < -1e-6 {
+                let Some(depth) = depth_at(&triangle, self.centre(column, row)) else {
                     continue;
-                }
-                let depth = of_a * a[2] + of_b * b[2] + of_c * c[2];
+                };
                 let cell = &mut self.nearest[row * self.columns + column];
                 if depth > cell.0 {
                     *cell = (depth, kind);
@@ -102,4 +94,18 @@ impl FrontView {
             }
         }
     }
+}
+
+/// Depth of a triangle at a place, where it covers that, seen from either side.
+#[inline]
+pub(crate) fn depth_at([a, b, c]: &[[f32; 3]; 3], [x, y]: [f32; 2]) -> Option<f32> {
+    let area = (b[0] - a[0]) * (c[1] - a[1]) - (c[0] - a[0]) * (b[1] - a[1]);
+    if area == 0.0 {
+        return None;
+    }
+    let of_a = ((b[0] - x) * (c[1] - y) - (c[0] - x) * (b[1] - y)) / area;
+    let of_b = ((c[0] - x) * (a[1] - y) - (a[0] - x) * (c[1] - y)) / area;
+    let of_c = 1.0 - of_a - of_b;
+    let covers = of_a.min(of_b).min(of_c) >= -1e-6;
+    covers.then(|| of_a * a[2] + of_b * b[2] + of_c * c[2])
 }

@@ -33,6 +33,7 @@ pub use check::MeshReport;
 pub use find_landmarks::{LandmarkFinder, MODEL as LANDMARK_MODEL};
 pub use fixed::{FixedLandmark, LandmarkPlace};
 pub use front_view::FrontView;
+pub(crate) use front_view::depth_at;
 pub use mouth::Mouth;
 pub(crate) use obj::obj_text;
 pub use parts::Parts;

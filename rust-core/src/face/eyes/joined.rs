@@ -3,11 +3,11 @@
 //! A lid that can move hides where its skin goes on: from its edge back along its lining, and only deep in the socket to the
 //! eye. Of an eye that is one with its lids what is seen goes on from triangle to triangle.
 
-use std::collections::HashMap;
+use std::collections::{HashMap, HashSet};
 
 use glam::Vec3;
 
-use crate::face::nearest::nearest_between;
+use crate::{face::nearest::nearest_between, mesh::depth_at};
 
 /// The surface is followed this far above and below the edge of the upper lid, in widths of the eye, in so many steps.
 const BESIDE: f32 = 0.15;
@@ -101,22 +101,17 @@ impl Surface<'_> {
                 nearest_between(place, a.into(), b.into()).distance(place) < tube
             })
         };
-        let mut known = vec![from];
-        let mut next = 0;
-        while next < known.len() {
-            if known[next] == to {
+        let (mut known, mut open) = (HashSet::from([from]), vec![from]);
+        while let Some(triangle) = open.pop() {
+            if triangle == to {
                 return true;
             }
-            for edge in edges(&self.triangles[known[next] as usize]) {
+            for edge in edges(&self.triangles[triangle as usize]) {
                 if is_near(edge) {
-                    for &beside in &self.beside[&edge_key(edge)] {
-                        if !known.contains(&beside) {
-                            known.push(beside);
-                        }
-                    }
+                    let beside = self.beside[&edge_key(edge)].iter();
+                    open.extend(beside.filter(|&&next| known.insert(next)));
                 }
             }
-            next += 1;
         }
         false
     }
@@ -130,18 +125,6 @@ fn edge_key(ends: [[f32; 3]; 2]) -> Edge {
     let mut key = ends.map(|p| p.map(f32::to_bits));
     key.sort_unstable();
     key
-}
-
-/// Depth of a triangle at a place, where it covers that.
-fn depth_at([a, b, c]: &[[f32; 3]; 3], [x, y]: [f32; 2]) -> Option<f32> {
-    let area = (b[0] - a[0]) * (c[1] - a[1]) - (c[0] - a[0]) * (b[1] - a[1]);
-    if area == 0.0 {
-        return None;
-    }
-    let of_a = ((b[0] - x) * (c[1] - y) - (c[0] - x) * (b[1] - y)) / area;
-    let of_b = ((c[0] - x) * (a[1] - y) - (a[0] - x) * (c[1] - y)) / area;
-    let of_c = 1.0 - of_a - of_b;
-    (of_a.min(of_b).min(of_c) >= -1e-6).then(|| of_a * a[2] + of_b * b[2] + of_c * c[2])
 }
 
 #[cfg(test)]
