@@ -363,8 +363,9 @@ typedef struct {
     /// What turns speech into motion: a name of `anyface_system_name()`, UTF-8; NULL, the default, for
     /// the first.
     const char *system;
-    /// Folder of a classifier of emotions on HuBERT or wav2vec2 (`config.json` with labels, weights) that hears them
-    /// instead of the built-in one where the emotion is that of the voice, UTF-8; NULL, the default, for the built-in one.
+    /// Folder of Whisper base (`openai/whisper-base`), or of a classifier of emotions on HuBERT or wav2vec2
+    /// (`config.json` with labels, weights), that hears emotions instead of the built-in ear where the emotion is that of
+    /// the voice, UTF-8; NULL, the default, for the built-in one.
     const char *emotion_model_dir;
 } AnyfaceEngineOptions;
 

@@ -34,8 +34,9 @@ class AnyfacePreferences(AddonPreferences):
 
     emotion_model: StringProperty(
         name="Emotion Model",
-        description="Folder of a classifier of emotions on HuBERT or wav2vec2, as Hugging Face has "
-        "it, that hears the emotion From the Voice; empty takes the built-in one",
+        description="Folder of Whisper base (openai/whisper-base), or of a classifier of emotions "
+        "on HuBERT or wav2vec2, as Hugging Face has it, that hears the emotion From the Voice; "
+        "empty takes the built-in one",
         subtype="DIR_PATH",
     )
 

@@ -42,8 +42,8 @@ pub struct SharedArgs {
     /// instead of the embedded speech encoder
     #[arg(long, global = true, value_name = "DIR")]
     speech: Option<InputPath>,
-    /// Folder with a classifier of emotions on HuBERT or wav2vec2 (config.json with labels, weights) that hears them
-    /// instead of the embedded one where the emotion is `auto`
+    /// Folder of Whisper base (openai/whisper-base), or of a classifier of emotions on HuBERT or wav2vec2 (config.json
+    /// with labels, weights), that hears emotions instead of the embedded ear where the emotion is `auto`
     #[arg(long, global = true, value_name = "DIR")]
     emotion_model: Option<InputPath>,
     /// Folder that keeps per-mesh work between runs [default: the user's cache folder]

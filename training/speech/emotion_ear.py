@@ -102,14 +102,12 @@ ARRAYS = ("mean", "scale", "weight", "bias", "readers")
 
 
 @dataclass
-class EmotionEar:
-    """`mean`, `scale` [told + 118] of what the network tells and the numbers; `weight` [., 7], `bias` [7].
+class EmotionLayer:
+    """Logistic regression over rows of R numbers: `mean`, `scale` [R], `weight` [R, 7], `bias` [7].
 
-    `readers` [told + 118] is the mean row of neutral readers, to which a speaker's neutral voice is moved.
+    `readers` [R] is the mean row of neutral readers, to which a speaker's neutral voice is moved.
     """
 
-    config: EmotionEarConfig
-    net: EmotionEarNet
     mean: np.ndarray
     scale: np.ndarray
     weight: np.ndarray
@@ -121,8 +119,16 @@ class EmotionEar:
         return {name: getattr(self, name) for name in ARRAYS}
 
     def logits(self, rows: np.ndarray) -> np.ndarray:
-        """Of `rows_of`, [I, told + 118] → [I, 7]."""
+        """Of rows [I, R], [I, 7]."""
         return ((rows - self.mean) / self.scale).clip(-LARGEST, LARGEST) @ self.weight + self.bias
+
+
+@dataclass
+class EmotionEar(EmotionLayer):
+    """The layer on what the network tells and the 118 numbers, R = told + 118."""
+
+    config: EmotionEarConfig
+    net: EmotionEarNet
 
     def hear(self, voice: Voice, offset: np.ndarray | float = 0.0) -> np.ndarray:
         """Logits at each instant of a voice, [I, 7]; `offset` is one of `neutral_offset`."""

@@ -30,11 +30,11 @@ def write(out: Path, shared: Path) -> Path:
     measured = numbers(voice)
     rows, classes = config.told + NUMBERS, len(config.emotions)
     ear = EmotionEar(
-        config, net,
         np.concatenate([np.zeros(config.told), measured.mean(axis=0)]),
         np.concatenate([np.full(config.told, 0.3), np.maximum(measured.std(axis=0), 0.1)]),
         0.1 * random.standard_normal((rows, classes)), random.standard_normal(classes),
         np.concatenate([0.1 * random.standard_normal(config.told), measured.mean(axis=0) + 0.05]),
+        config, net,
     )  # fmt: skip
     for name in ARRAYS:
         setattr(ear, name, getattr(ear, name).astype(np.float32).astype(np.float64))

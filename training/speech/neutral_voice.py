@@ -14,6 +14,7 @@ and leaves all other arrays as they are.
 from collections import defaultdict
 from collections.abc import Callable, Iterable
 from dataclasses import dataclass
+from functools import partial
 from pathlib import Path
 from typing import Annotated
 
@@ -32,13 +33,14 @@ from training.speech.emotion_ear import (
     EmotionEar,
     EmotionEarConfig,
     EmotionEarNet,
+    EmotionLayer,
     neutral_offset,
     neutral_voice,
     row_of,
 )
 from training.speech.emotion_windows import SAMPLES
 from training.speech.log_mel import SAMPLE_RATE_HZ
-from training.speech.train_emotion_ear import Rows, fitted
+from training.speech.train_emotion_ear import Rows, fitted, heard_row
 from training.systems.emoface.emotion_encoder import HEARD_EMOTIONS, WINDOW, voice_of
 
 SECONDS = (0.0, 2.0, 10.0, 20.0)
@@ -92,7 +94,7 @@ def offset_of(others: list[Heard], seconds: float, readers: np.ndarray, random) 
     return neutral_offset(np.concatenate([other.rows for other in taken]), weight, readers)
 
 
-def probabilities(ear: EmotionEar, rows: np.ndarray, weight: np.ndarray) -> np.ndarray:
+def probabilities(ear: EmotionLayer, rows: np.ndarray, weight: np.ndarray) -> np.ndarray:
     """Of the emotions over time, [I, 7]: the moment and the whole together."""
     logits = ear.logits(rows)
     before = BEFORE_NEUTRAL * (np.arange(logits.shape[1]) == 0)
@@ -130,7 +132,7 @@ class Count:
 
 
 def judge(
-    actors: dict[str, list[Heard]], ear_of: Callable[[str], EmotionEar], seconds: float
+    actors: dict[str, list[Heard]], ear_of: Callable[[str], EmotionLayer], seconds: float
 ) -> dict[str, Count]:
     """Recordings of actors: seven classes and joy against anger in the first two seconds; what is shown."""
     counts: dict[str, Count] = defaultdict(Count)
@@ -188,16 +190,16 @@ def main(
     config, state = read_model(folder)
     net = EmotionEarNet(EmotionEarConfig.from_json(config)).eval()
     net.load_state_dict({name: value for name, value in state.items() if name not in ARRAYS})
-    rows = Rows(windows, net)
+    rows = Rows(windows, partial(heard_row, net))
     if write:
         write_readers(folder, rows.neutral_voices().mean(axis=0))
         return
-    ear = EmotionEar(net.config, net, *(state[name].double().numpy() for name in ARRAYS))
+    ear = EmotionEar(*(state[name].double().numpy() for name in ARRAYS), net.config, net)
     actors: dict[str, list[Heard]] = defaultdict(list)
     for clip in read_felt(data):
         actors[clip.actor].append(heard_of(net, clip.samples, HEARD_EMOTIONS.index(clip.emotion)))
     speaker = rows.speaker[rows.felt]
-    ears = {actor: fitted(net, rows, rows.felt[speaker != actor]) for actor in actors}
+    ears = {actor: fitted(rows, rows.felt[speaker != actor]) for actor in actors}
     held_out = {actor: actors[actor] for actor in HELD_OUT}
     for name, judged, ear_of in (
         ("an actor left out", actors, ears.__getitem__),

@@ -9,6 +9,8 @@ seed says.
 """
 
 from collections import Counter
+from collections.abc import Callable
+from functools import partial
 from pathlib import Path
 from typing import Annotated
 
@@ -23,9 +25,9 @@ from training.nn.checkpoint import write_model
 from training.speech.emotion_ear import (
     ARRAYS,
     LARGEST,
-    EmotionEar,
     EmotionEarConfig,
     EmotionEarNet,
+    EmotionLayer,
     row_of,
 )
 from training.systems.emoface.emotion_encoder import HEARD_EMOTIONS, WINDOW, voice_of
@@ -43,21 +45,25 @@ LEAST_DEVIATION = 1e-4
 
 
 class Rows:
-    """What is heard of all windows, `x` [N, told + 118], with `label` [N] in `HEARD_EMOTIONS`."""
+    """What is heard of all windows, `x` [N, R], with `label` [N] in `HEARD_EMOTIONS`.
 
-    def __init__(self, windows: Path, net: EmotionEarNet):
+    `row_of_samples` makes the row [R] of samples [S] at 16 kHz.
+    """
+
+    def __init__(self, windows: Path, row_of_samples: Callable[[np.ndarray], np.ndarray]):
         saved = torch.load(windows)
         about = saved["about"]
         self.source = np.array([a["source"] for a in about])
         self.speaker = np.array([a["speaker"] for a in about])
         self.held_out = np.array([a["held_out"] for a in about])
         self.label = np.array([HEARD_EMOTIONS.index(a["emotion"]) for a in about])
-        self.x = np.stack([_row(net, s[: a["samples"]]) for s, a in zip(saved["sounds"], about, strict=True)])
+        sounds = (s[: a["samples"]].numpy() for s, a in zip(saved["sounds"], about, strict=True))
+        self.x = np.stack([row_of_samples(s.astype(np.float32) / 32768.0) for s in sounds])
         self.felt = np.flatnonzero(self.source == SOURCE)
         self.readers = np.flatnonzero((self.source != SOURCE) & ~self.held_out)
 
     def neutral_voices(self) -> np.ndarray:
-        """Of speakers who are not actors, [speakers, told + 118]."""
+        """Of speakers who are not actors, [speakers, R]."""
         found = []
         for source in sorted(set(self.source[self.readers])):
             own = self.readers[self.source[self.readers] == source]
@@ -70,13 +76,14 @@ class Rows:
         return np.array(found)
 
 
-def _row(net: EmotionEarNet, samples: torch.Tensor) -> np.ndarray:
-    voice = voice_of(samples.numpy().astype(np.float32) / 32768.0)
+def heard_row(net: EmotionEarNet, samples: np.ndarray) -> np.ndarray:
+    """The row of two seconds [S], [told + 118]."""
+    voice = voice_of(samples)
     end = len(voice.mel)
     return row_of(net, voice, max(end - WINDOW, 0), end)
 
 
-def fitted(net: EmotionEarNet, rows: Rows, felt: np.ndarray, seed: int = 0) -> EmotionEar:
+def fitted(rows: Rows, felt: np.ndarray, seed: int = 0) -> EmotionLayer:
     """The layer, from the actors' clips `felt` (numbers of rows) and all readers who are not held out."""
     random = np.random.default_rng(seed)
     neutral = {
@@ -96,7 +103,7 @@ def fitted(net: EmotionEarNet, rows: Rows, felt: np.ndarray, seed: int = 0) -> E
         weight[labels == k] *= len(felt) / len(HEARD_EMOTIONS) / weight[labels == k].sum()
     mean, scale = x.mean(0), x.std(0) + LEAST_DEVIATION
     matrix, bias = logistic(((x - mean) / scale).clip(-LARGEST, LARGEST), labels, weight)
-    return EmotionEar(net.config, net, mean, scale, matrix, bias, voices.mean(0))
+    return EmotionLayer(mean, scale, matrix, bias, voices.mean(0))
 
 
 def logistic(x: np.ndarray, labels: np.ndarray, weight: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
@@ -117,13 +124,13 @@ def logistic(x: np.ndarray, labels: np.ndarray, weight: np.ndarray) -> tuple[np.
     return matrix.detach().numpy(), bias.detach().numpy()
 
 
-def leave_one_out(net: EmotionEarNet, rows: Rows) -> dict[str, float]:
-    """Every actor judged by a layer that never heard him; the network heard all but those left out."""
+def leave_one_out(rows: Rows) -> dict[str, float]:
+    """Every actor judged by a layer that never heard him."""
     logits = np.zeros((len(rows.felt), len(HEARD_EMOTIONS)))
     for actor in sorted(set(rows.speaker[rows.felt])):
         is_own = rows.speaker[rows.felt] == actor
-        ear = fitted(net, rows, rows.felt[~is_own])
-        logits[is_own] = ear.logits(rows.x[rows.felt[is_own]])
+        layer = fitted(rows, rows.felt[~is_own])
+        logits[is_own] = layer.logits(rows.x[rows.felt[is_own]])
     return scores(logits, rows.label[rows.felt])
 
 
@@ -137,19 +144,25 @@ def main(
     saved = torch.load(net)
     network = EmotionEarNet(EmotionEarConfig.from_json(saved["config"])).eval()
     network.load_state_dict(saved["state"])
-    rows = Rows(windows, network)
+    rows = Rows(windows, partial(heard_row, network))
     if measure:
-        print("an actor left out", leave_one_out(network, rows))
+        print("an actor left out", leave_one_out(rows))
         return
     left = np.isin(rows.speaker[rows.felt], HELD_OUT)
-    ear = fitted(network, rows, rows.felt[~left])
-    state = {name: torch.from_numpy(x).float() for name, x in ear.arrays().items()} | network.state_dict()
+    layer = fitted(rows, rows.felt[~left])
+    state = {name: torch.from_numpy(x).float() for name, x in layer.arrays().items()} | network.state_dict()
     folder = models / "emotion_ear" if models else shipped("emotion_ear")
-    print(write_model(folder, state, ear.config.to_json(), exact=ARRAYS))
-    print("actors held out", scores(ear.logits(rows.x[rows.felt[left]]), rows.label[rows.felt[left]]))
+    print(write_model(folder, state, network.config.to_json(), exact=ARRAYS))
+    report_held_out(rows, layer)
+
+
+def report_held_out(rows: Rows, layer: EmotionLayer) -> None:
+    """Prints how the held-out actors and readers fare."""
+    left = np.isin(rows.speaker[rows.felt], HELD_OUT)
+    print("actors held out", scores(layer.logits(rows.x[rows.felt[left]]), rows.label[rows.felt[left]]))
     kept = rows.held_out & (rows.source != SOURCE)
     for source, count in Counter(rows.source[kept]).items():
-        logits = ear.logits(rows.x[kept & (rows.source == source)])
+        logits = layer.logits(rows.x[kept & (rows.source == source)])
         neutral = torch.from_numpy(logits).softmax(dim=1)[:, 0].numpy()
         doubted = np.mean(neutral < 0.4)
         print(f"{source}: {count} windows, neutral {neutral.mean():.2f}, under 0.4 {doubted:.3f}")

@@ -78,10 +78,10 @@ def rows_of_strangers(random: np.random.Generator) -> Rows:
     return rows
 
 
-def test_a_emotion_is_known_in_another_kind_of_recording():
+def test_an_emotion_is_known_in_another_kind_of_recording():
     random = np.random.default_rng(0)
     rows = rows_of_strangers(random)
-    ear = fitted(EmotionEarNet(SMALL), rows, rows.felt)
+    ear = fitted(rows, rows.felt)
     stranger = 0.5 * random.standard_normal((70, rows.x.shape[1]))
     label = np.arange(70) % len(HEARD_EMOTIONS)
     stranger[np.arange(70), label] += 4.0
@@ -104,5 +104,5 @@ def test_a_neutral_voice_is_moved_to_that_of_readers_the_more_of_it_there_is():
 
 def test_an_ear_keeps_the_mean_voice_of_readers():
     rows = rows_of_strangers(np.random.default_rng(0))
-    ear = fitted(EmotionEarNet(SMALL), rows, rows.felt)
+    ear = fitted(rows, rows.felt)
     assert np.allclose(ear.readers, rows.neutral_voices().mean(axis=0)) and "readers" in ear.arrays()

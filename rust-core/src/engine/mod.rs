@@ -28,7 +28,7 @@ use crate::{
     motion::{FaceModes, LandmarkClip, Motion, MotionKind, MotionRequest, WeightClip},
     nn::finite::check_result,
     rig::{self, FieldOfFace, RigModel, ShapeSource},
-    speech::{self, EmotionEar, EmotionModel, PhoneModel, SpeechEncoder},
+    speech::{self, EmotionEar, PhoneModel, SpeechEncoder, UserEar},
     spread::{self, FrameSink, Movement, Spread, SpreadReport, WeightedShapes},
     systems::{Description, Registration, SYSTEMS, System, built_in_models},
 };
@@ -55,8 +55,8 @@ pub struct EngineOptions {
     /// speech encoder; the system's weights must have been trained with it. A folder `hubert` or
     /// `wav2vec2` among the models is found where their config names it.
     pub speech: Option<PathBuf>,
-    /// A folder of a classifier of emotions in voices as Hugging Face has it, which hears them instead of the built-in
-    /// encoder where the emotion is that of the voice; see [`speech::EmotionModel`].
+    /// A Hugging Face folder whose model hears emotions instead of the built-in ear where the emotion is that of the voice:
+    /// Whisper base or a classifier; see [`speech::UserEar`].
     pub emotion_model: Option<PathBuf>,
 }
 
@@ -105,7 +105,7 @@ pub struct Engine {
     /// What hears emotions in a voice.
     ear: Arc<EmotionEar>,
     /// Another's model that hears emotions instead.
-    emotion_model: Option<EmotionModel>,
+    user_ear: Option<UserEar>,
     /// Loaded where shapes are asked for.
     rig_model: OnceLock<RigModel>,
     /// What hears phones: it says when lips touch.
@@ -173,8 +173,8 @@ impl Engine {
             finder: LandmarkFinder::load(folder)?,
             face_modes: FaceModes::open(folder)?,
             ear: Arc::new(EmotionEar::open(folder)?),
-            emotion_model: match &options.emotion_model {
-                Some(folder) => Some(EmotionModel::load_folder(folder)?),
+            user_ear: match &options.emotion_model {
+                Some(own) => Some(UserEar::open(own, folder)?),
                 None => None,
             },
             rig_model: OnceLock::new(),

@@ -19,7 +19,7 @@ use crate::{
         check_closures, check_fps,
     },
     nn::finite::check_result,
-    speech::{Heard, HeardEmotion, NeutralVoice},
+    speech::{Heard, HeardEmotion, NeutralVoice, UserEar},
     spread::{Movement, on_face},
     systems::{Ability, Sampled},
 };
@@ -181,14 +181,22 @@ impl Engine {
     ) -> Result<Performance> {
         self.check(request)?;
         self.threads(|| {
-            let neutral_voice = self.neutral_voice(request)?;
+            let neutral_voice = self.neutral_voice(request, progress)?;
             let mut heard = self.hear(waveform, progress)?;
             heard.neutral_voice = neutral_voice;
             if self.system.description().keeps_sound {
                 heard.voice = heard.voice.with_sound(waveform);
             }
-            if let Some(model) = &self.emotion_model {
-                heard.emotion = Some(model.emotion(waveform, progress)?);
+            match &self.user_ear {
+                Some(UserEar::Classifier(model)) => {
+                    heard.emotion = Some(model.emotion(waveform, progress)?);
+                }
+                Some(UserEar::Whisper(ear)) => {
+                    let neutral = heard.neutral_voice.as_ref();
+                    let emotion = ear.heard(waveform, &heard.voice, neutral, progress)?;
+                    heard.hear_emotion(emotion);
+                }
+                None => {}
             }
             report(progress, "speech", 1.0)?;
             let request = self.resolved(request, &heard);
@@ -198,17 +206,24 @@ impl Engine {
     }
 
     /// How the speaker sounds while he feels nothing, where the request says so.
-    fn neutral_voice(&self, request: &MotionRequest) -> Result<Option<NeutralVoice>> {
+    fn neutral_voice(
+        &self,
+        request: &MotionRequest,
+        progress: ProgressFn<'_>,
+    ) -> Result<Option<NeutralVoice>> {
         let Some(voice) = &request.neutral_voice else {
             return Ok(None);
         };
-        if self.emotion_model.is_some() {
-            return Err(Error::InvalidInput(
-                "neutral voice: expected the built-in ear, got another model of emotions, which hears no neutral voice"
+        match (&self.user_ear, voice.sound()) {
+            (Some(UserEar::Classifier(_)), _) => Err(Error::InvalidInput(
+                "neutral voice: expected the built-in ear or Whisper, got a classifier of emotions, which hears no neutral voice"
                     .into(),
-            ));
+            )),
+            (Some(UserEar::Whisper(ear)), Some(sound)) => {
+                ear.neutral_voice(sound, voice, progress).map(Some)
+            }
+            _ => self.ear.neutral_voice(voice).map(Some),
         }
-        self.ear.neutral_voice(voice).map(Some)
     }
 
     pub(super) fn check(&self, request: &MotionRequest) -> Result<()> {

@@ -65,6 +65,11 @@ impl Conv1d {
         Conv1d { padding, ..self }
     }
 
+    /// `[out]`.
+    pub fn bias(&self) -> &Array1<f32> {
+        &self.bias
+    }
+
     /// Number of output channels.
     pub fn outputs(&self) -> usize {
         self.weight.ncols()

@@ -5,17 +5,20 @@
 //! of both the logits of the emotions.
 
 mod affect;
+mod layer;
 mod live;
 mod neutral_voice;
+mod whisper_ear;
 
 pub use live::LiveEar;
 pub use neutral_voice::NeutralVoice;
+pub use whisper_ear::{EMOTION_OF_WHISPER, WhisperEar};
 
 use std::{collections::BTreeMap, ops::Range, path::Path};
 
-use ndarray::{Array1, Array2, ArrayView1, ArrayView2, Axis};
+use ndarray::{Array1, Array2, ArrayView2, Axis};
 
-use self::affect::valence_and_arousal;
+use self::layer::{EmotionLayer, rounded};
 use super::{
     compact::{CompactConfig, CompactEncoder},
     emotion_encoder::{NUMBERS, VoiceTrack, VoiceWindow},
@@ -41,25 +44,8 @@ const MIDDLE_OCTAVE: f32 = 7.5;
 const LEAST_WEIGHT: f32 = 0.01;
 const LEAST_SPREAD: f32 = 1e-5;
 const STRIDE: usize = 4;
-/// Deviations of a number that are still counted.
-const LARGEST: f64 = 6.0;
 /// Of the instants of [`VoiceTrack`] every second one is heard: 320 ms.
 const EVERY: usize = 2;
-/// Shares of a window that has a pitch from which it counts, and counts in full.
-const LEAST_VOICED: f64 = 0.1;
-const FULLY_VOICED: f64 = 0.3;
-/// Nepers of power under the loudest window from which one counts less, and no longer.
-const QUIET: f64 = 2.0;
-const SILENT: f64 = 3.5;
-/// A neutral instant that is heard before all others: its weight, and its logit.
-const BEFORE: f64 = 0.3;
-const BEFORE_NEUTRAL: f64 = 3.0;
-const WINDOW_ROWS: f64 = 200.0;
-/// Weight of the whole sound beside that of the moment.
-const WHOLE_SHARE: f64 = 0.5;
-/// Instants before and after that are heard with one, about a second.
-const AROUND: usize = 3;
-
 /// `config.json` beside the weights.
 #[derive(Debug, Clone, PartialEq, serde::Deserialize)]
 pub struct EmotionEarConfig {
@@ -168,49 +154,12 @@ impl HeardEmotion {
     }
 }
 
-/// What one window says.
-#[derive(Clone)]
-struct Instant {
-    logits: Array1<f64>,
-    /// Level of the window's loud frames, nepers of power.
-    loud: f64,
-    /// How much of a voice is in the window, 0 to 1.
-    voice: f64,
-}
-
-impl Instant {
-    fn of(window: &VoiceWindow, logits: Array1<f64>) -> Instant {
-        let rows = window.voiced.len() as f64;
-        let voiced = window.voiced.iter().filter(|voiced| **voiced).count() as f64 / rows;
-        let share = (voiced - LEAST_VOICED) / (FULLY_VOICED - LEAST_VOICED);
-        Instant {
-            logits,
-            loud: window.loud,
-            voice: share.clamp(0.0, 1.0) * rows / WINDOW_ROWS,
-        }
-    }
-
-    /// How much it counts beside a window that is as loud as the loudest.
-    fn weight(&self, loudest: f64) -> f64 {
-        let under = (loudest - self.loud - QUIET) / (SILENT - QUIET);
-        self.voice * (1.0 - under).clamp(0.0, 1.0)
-    }
-}
-
 /// The network and the layer upon it.
 pub struct EmotionEar {
-    config: EmotionEarConfig,
     encoder: CompactEncoder,
     inner: Linear,
     outer: Linear,
-    /// `[told + 118]`.
-    mean: Array1<f64>,
-    scale: Array1<f64>,
-    /// `[told + 118, emotions]`.
-    weight: Array2<f64>,
-    bias: Array1<f64>,
-    /// The mean row of neutral readers, `[told + 118]`.
-    readers: Array1<f64>,
+    layer: EmotionLayer,
 }
 
 impl EmotionEar {
@@ -224,31 +173,9 @@ impl EmotionEar {
     }
 
     fn load(weights: &Weights, config: &str) -> Result<Self> {
-        let wrong = |told: String| Error::Weights(format!("emotion_ear config.json: {told}"));
-        let config: EmotionEarConfig =
-            serde_json::from_str(config).map_err(|e| wrong(e.to_string()))?;
-        let mut names = config.emotions.iter();
-        if let Some(name) = names.find(|name| !EMOTIONS.contains(&name.as_str())) {
-            return Err(wrong(format!(
-                "emotions: expected names of {EMOTIONS:?}, got {name:?}"
-            )));
-        }
-        if !config.emotions.iter().any(|name| *name == EMOTIONS[0]) {
-            return Err(wrong(format!(
-                "emotions: expected {} among them",
-                EMOTIONS[0]
-            )));
-        }
-        let (rows, classes) = (config.told + NUMBERS, config.emotions.len());
-        let vector = |name: &str, length| -> Result<Array1<f64>> {
-            Ok(weights.vector(name, length)?.mapv(f64::from))
-        };
-        let scale = vector("scale", rows)?;
-        if let Some(value) = scale.iter().find(|value| **value <= 0.0) {
-            return Err(Error::Weights(format!(
-                "emotion_ear: scale: expected more than 0, got {value}"
-            )));
-        }
+        let config: EmotionEarConfig = serde_json::from_str(config)
+            .map_err(|e| Error::Weights(format!("emotion_ear config.json: {e}")))?;
+        let numbers = config.told + NUMBERS;
         let sizes = CompactConfig {
             model: "emotion_ear".into(),
             bands: INPUTS,
@@ -261,46 +188,22 @@ impl EmotionEar {
             encoder: CompactEncoder::of_weights(sizes, &weights.pp("encoder"))?,
             inner: Linear::load(&weights.pp("inner"), 2 * config.channels, config.hidden)?,
             outer: Linear::load(&weights.pp("outer"), config.hidden, config.told)?,
-            mean: vector("mean", rows)?,
-            scale,
-            weight: weights.matrix("weight", rows, classes)?.mapv(f64::from),
-            bias: vector("bias", classes)?,
-            readers: vector("readers", rows)?,
-            config,
+            layer: EmotionLayer::load("emotion_ear", weights, &config.emotions, numbers)?,
         })
     }
 
     /// Emotions that it was taught.
     pub fn emotions(&self) -> &[String] {
-        &self.config.emotions
+        &self.layer.emotions
     }
 
     /// How likely each emotion is in a voice over time; nothing of a sound shorter than 0.8 s.
     ///
-    /// The logits of an instant are the mean of those a second about it and of the whole sound, in which windows with
-    /// little of a voice count little. The rule is ours. `neutral` is how the speaker sounds while he feels nothing, where
-    /// that is known.
+    /// `neutral` is how the speaker sounds while he feels nothing, where that is known.
     pub fn heard(&self, voice: &VoiceTrack, neutral: Option<&NeutralVoice>) -> HeardEmotion {
-        let (time_s, shares) = self.shares(voice, neutral);
-        let of = |name: &String| {
-            let place = place_of(name);
-            let values = shares.iter().map(|at| rounded(at[place])).collect();
-            (name.clone(), values)
-        };
-        let along = |axis: usize| {
-            let all = shares.iter().map(valence_and_arousal);
-            all.map(|at| rounded(at[axis])).collect()
-        };
-        HeardEmotion {
-            valence: along(0),
-            arousal: along(1),
-            probability: self.config.emotions.iter().map(of).collect(),
-            intensity: shares
-                .iter()
-                .map(|at| rounded(shown(at).intensity.into()))
-                .collect(),
-            time_s: time_s.into_iter().map(rounded).collect(),
-        }
+        let windows = voice.windows(EVERY);
+        let rows = windows.iter().map(|window| self.row(window));
+        self.layer.heard(&windows, rows, neutral)
     }
 
     /// How a speaker sounds in a recording in which he feels nothing.
@@ -312,67 +215,8 @@ impl EmotionEar {
     /// `Audio` if nobody speaks in it.
     pub fn neutral_voice(&self, voice: &VoiceTrack) -> Result<NeutralVoice> {
         let windows = voice.windows(EVERY);
-        let loudest = windows.iter().map(|window| window.loud);
-        let loudest = loudest.fold(f64::NEG_INFINITY, f64::max);
-        let weight = |window: &VoiceWindow| Instant::of(window, Array1::zeros(0)).weight(loudest);
-        let weighed = windows.iter().map(|window| (weight(window), window));
-        let with_voice = weighed.filter(|(weight, _)| *weight > 0.0);
-        let rows = with_voice.map(|(weight, window)| (weight, self.row(window)));
-        NeutralVoice::of_rows(rows, &self.readers)
-    }
-
-    /// Instants of a voice in seconds, and the probabilities of [`EMOTIONS`] there.
-    fn shares(
-        &self,
-        voice: &VoiceTrack,
-        neutral: Option<&NeutralVoice>,
-    ) -> (Vec<f64>, Vec<[f64; EMOTIONS.len()]>) {
-        let windows = voice.windows(EVERY);
-        let mut logits = Array2::zeros((windows.len(), self.config.emotions.len()));
-        for (window, mut row) in windows.iter().zip(logits.outer_iter_mut()) {
-            row.assign(&self.logits(window, neutral));
-        }
-        let loudest = windows.iter().map(|window| window.loud);
-        let loudest = loudest.fold(f64::NEG_INFINITY, f64::max);
-        let heard = windows.iter().zip(logits.outer_iter());
-        let heard: Vec<_> = heard
-            .map(|(window, row)| Instant::of(window, row.to_owned()))
-            .collect();
-        let whole = self.evidence(heard.iter(), loudest);
-        let near = |k: usize| {
-            let around = &heard[k.saturating_sub(AROUND)..(k + AROUND + 1).min(heard.len())];
-            self.evidence(around.iter(), loudest)
-        };
-        let mixed = |k: usize| self.by_emotion(mixed(near(k).view(), whole.view()).view());
-        let times = windows.iter().map(|window| window.middle_s);
-        (times.collect(), (0..windows.len()).map(mixed).collect())
-    }
-
-    /// The mean of instants by how much of a voice each hears, `[emotions]`.
-    fn evidence<'a>(&self, heard: impl Iterator<Item = &'a Instant>, loudest: f64) -> Array1<f64> {
-        let (mut sum, mut total) = (Array1::zeros(self.config.emotions.len()), BEFORE);
-        let neutral = self
-            .config
-            .emotions
-            .iter()
-            .position(|name| *name == EMOTIONS[0]);
-        sum[neutral.expect("checked when it was loaded")] = BEFORE * BEFORE_NEUTRAL;
-        for instant in heard {
-            let weight = instant.weight(loudest);
-            sum.scaled_add(weight, &instant.logits);
-            total += weight;
-        }
-        sum / total
-    }
-
-    /// What one window says of the emotions, `[emotions]`.
-    fn logits(&self, window: &VoiceWindow, neutral: Option<&NeutralVoice>) -> Array1<f64> {
-        let mut row = self.row(window);
-        if let Some(neutral) = neutral {
-            row += &neutral.offset;
-        }
-        let x = (row - &self.mean) / &self.scale;
-        x.mapv(|x| x.clamp(-LARGEST, LARGEST)).dot(&self.weight) + &self.bias
+        let rows = windows.iter().map(|window| self.row(window));
+        self.layer.neutral_voice(&windows, rows)
     }
 
     /// What the network tells of a window, and its numbers, `[told + 118]`.
@@ -390,33 +234,6 @@ impl EmotionEar {
         gelu_all(hidden.as_slice_mut().expect("a matrix is contiguous"));
         self.outer.forward(&hidden).into_raw_vec_and_offset().0
     }
-
-    /// Logits of the emotions as probabilities of [`EMOTIONS`].
-    fn by_emotion(&self, logits: ArrayView1<'_, f64>) -> [f64; EMOTIONS.len()] {
-        let largest = logits.fold(f64::NEG_INFINITY, |a, b| a.max(*b));
-        let powers = logits.mapv(|logit| (logit - largest).exp());
-        let sum = powers.sum();
-        let mut shares = [0.0; EMOTIONS.len()];
-        for (name, power) in self.config.emotions.iter().zip(powers) {
-            shares[place_of(name)] = power / sum;
-        }
-        shares
-    }
-}
-
-/// The place of an emotion that was checked when the ear was loaded.
-fn place_of(name: &str) -> usize {
-    let place = EMOTIONS.iter().position(|known| *known == name);
-    place.expect("checked when it was loaded")
-}
-
-/// The moment and the whole together.
-fn mixed(near: ArrayView1<'_, f64>, whole: ArrayView1<'_, f64>) -> Array1<f64> {
-    &whole * WHOLE_SHARE + &near * (1.0 - WHOLE_SHARE)
-}
-
-fn rounded(x: f64) -> f64 {
-    (x * 1e3).round() / 1e3
 }
 
 /// `[T, 66]` of a window.
@@ -468,7 +285,11 @@ mod tests {
         let relative = golden.matrix("relative_logits");
         let expected = expected.outer_iter().zip(relative.outer_iter());
         for (window, (expected, relative)) in windows.iter().zip(expected) {
-            let logits = |neutral| ear.logits(window, neutral).mapv(|x| x as f32);
+            let logits = |neutral| {
+                ear.layer
+                    .logits(ear.row(window), neutral)
+                    .mapv(|x| x as f32)
+            };
             let apart = distance(&logits(None), expected);
             assert!(apart < 2e-3, "{apart}");
             let apart = distance(&logits(Some(&neutral)), relative);
@@ -531,7 +352,7 @@ mod tests {
         for k in 0..heard.time_s.len() {
             let sum: f64 = heard.probability.values().map(|of| of[k]).sum();
             assert!((sum - 1.0).abs() < 0.01, "{sum}");
-            let [valence, arousal] = valence_and_arousal(&heard.shares(k));
+            let [valence, arousal] = affect::valence_and_arousal(&heard.shares(k));
             assert!((heard.valence[k] - valence).abs() < 0.01, "{valence}");
             assert!((heard.arousal[k] - arousal).abs() < 0.01, "{arousal}");
         }
@@ -557,12 +378,9 @@ mod tests {
         windows.iter().for_each(|window| live.hear(window));
         let told = live.emotion();
         assert!((0.0..=1.0).contains(&told.intensity));
-        let (_, shares) = ear.shares(&voice(&samples), None);
-        let whole = shown(&shares[shares.len() - 1]).intensity;
-        assert!(
-            (told.intensity - whole).abs() < 0.2,
-            "{} {whole}",
-            told.intensity
-        );
+        let heard = ear.heard(&voice(&samples), None);
+        let whole = *heard.intensity.last().unwrap();
+        let apart = (f64::from(told.intensity) - whole).abs();
+        assert!(apart < 0.2, "{} {whole}", told.intensity);
     }
 }

@@ -8,7 +8,7 @@ mod live;
 
 pub use live::LiveEmotion;
 
-use std::{f64::consts::PI, path::Path};
+use std::{f64::consts::PI, ops::Range, path::Path};
 
 use ndarray::{Array1, Array2, ArrayView2, Axis, concatenate, s};
 
@@ -90,6 +90,8 @@ pub struct VoiceWindow {
     pub(super) voiced: Vec<bool>,
     /// [`NUMBERS`] of them.
     pub(super) numbers: Vec<f64>,
+    /// Frames of 10 ms from the start of the voice.
+    pub(super) frames: Range<usize>,
     /// Seconds from the start of the voice.
     pub(super) middle_s: f64,
 }
@@ -120,10 +122,7 @@ impl VoiceTrack {
     /// # Errors
     /// `Cancelled`.
     pub fn hear(waveform: &Waveform, progress: ProgressFn<'_>) -> Result<VoiceTrack> {
-        let samples = &waveform.samples;
-        let peak = samples.iter().fold(0.0f32, |peak, x| peak.max(x.abs()));
-        let gain = if peak > SILENT { PEAK / peak } else { 1.0 };
-        let scaled: Vec<f32> = samples.iter().map(|x| x * gain).collect();
+        let scaled = scaled_samples(waveform);
         let (mut ear, mut stretch) = (Ear::new(), [0.0; FRAME]);
         let frames = frames_of_samples(scaled.len());
         let mut voice = VoiceTrack {
@@ -178,7 +177,7 @@ impl VoiceTrack {
     /// `Audio` if it is silent or too short for an emotion to be heard in it.
     pub fn neutral(waveform: &Waveform) -> Result<VoiceTrack> {
         check_voice("neutral voice", waveform)?;
-        Ok(VoiceTrack::of(waveform))
+        Ok(VoiceTrack::of(waveform).with_sound(waveform))
     }
 
     /// What is measured at each instant, `[I, 118]`; none of a sound shorter than 0.8 s.
@@ -277,9 +276,18 @@ impl VoiceTrack {
             active,
             voiced,
             numbers: out,
+            frames: first..end,
             middle_s: (first + end) as f64 / (2.0 * FRAMES_HZ),
         }
     }
+}
+
+/// A sound at the level at which voices are heard, so that its own level says nothing.
+pub(super) fn scaled_samples(waveform: &Waveform) -> Vec<f32> {
+    let samples = &waveform.samples;
+    let peak = samples.iter().fold(0.0f32, |peak, x| peak.max(x.abs()));
+    let gain = if peak > SILENT { PEAK / peak } else { 1.0 };
+    samples.iter().map(|x| x * gain).collect()
 }
 
 /// Whether an emotion can be heard in a sound; `what` begins the message.

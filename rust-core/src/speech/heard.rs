@@ -91,6 +91,11 @@ impl Heard {
         Some(self.heard_emotion.get_or_init(hear))
     }
 
+    /// Takes what another ear heard in the voice in place of what the built-in one would hear.
+    pub(crate) fn hear_emotion(&mut self, emotion: HeardEmotion) {
+        self.heard_emotion = OnceLock::from(emotion);
+    }
+
     /// What [`Heard::heard_emotion`] gave, where somebody asked for it.
     pub(crate) fn heard_before(&self) -> Option<&HeardEmotion> {
         self.heard_emotion.get()

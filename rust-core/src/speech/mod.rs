@@ -20,6 +20,7 @@ mod resample;
 mod shown_emotion;
 mod tongue;
 mod transformer_encoder;
+mod user_ear;
 pub mod wav2vec2;
 pub mod whisper;
 mod whisper_mel;
@@ -31,7 +32,8 @@ pub(crate) use compact::{ACTIVE_RANGE, DEEPEST, QUIETEST_LEVEL, SCALE};
 pub use compact::{CompactConfig, CompactEncoder, normalise};
 pub use contacts::{LipContacts, LipRounding};
 pub use emotion_ear::{
-    EMOTION_EAR, EmotionEar, EmotionEarConfig, HeardEmotion, LiveEar, NeutralVoice,
+    EMOTION_EAR, EMOTION_OF_WHISPER, EmotionEar, EmotionEarConfig, HeardEmotion, LiveEar,
+    NeutralVoice, WhisperEar,
 };
 pub use emotion_encoder::{
     EMOTION_ENCODER, EmotionEncoder, EmotionEncoderConfig, LiveEmotion, VoiceTrack, VoiceWindow,
@@ -44,6 +46,7 @@ pub use phones::{PHONE_MODEL, PhoneConfig, PhoneModel, Said};
 pub use resample::at_motion_frames;
 pub use tongue::TONGUE_PLACES;
 pub use transformer_encoder::HiddenStates;
+pub use user_ear::UserEar;
 
 use std::path::Path;
 

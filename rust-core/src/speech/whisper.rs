@@ -5,7 +5,7 @@
 
 use std::path::Path;
 
-use ndarray::{Array2, ArrayRef2, Axis, Slice, s};
+use ndarray::{Array1, Array2, ArrayRef2, Axis, Slice, s};
 use serde::Deserialize;
 
 use super::{
@@ -27,7 +27,7 @@ use crate::{
 };
 
 /// Features a second.
-const RATE_HZ: f64 = 50.0;
+pub(super) const RATE_HZ: f64 = 50.0;
 /// Features that are heard together: 12 s.
 const SPAN: usize = 600;
 /// Features of context on either side of a span: 1.5 s.
@@ -35,6 +35,8 @@ const CONTEXT: usize = 75;
 /// Frames of log-mel of a feature.
 const STRIDE: usize = 2;
 const EPSILON: f32 = 1e-5;
+/// How far biases of one checkpoint lie apart when one of them is in f16.
+const BIAS_TOLERANCE: f32 = 1e-3;
 /// Samples of the first feature.
 const LEAST_SAMPLES: usize = 400;
 
@@ -147,18 +149,80 @@ impl Whisper {
         })
     }
 
-    /// What log-mel `[T, 80]` at 100 Hz becomes, in one piece: `[⌈T / 2⌉, C]`.
-    fn run(&self, mel: &ArrayRef2<f32>) -> Array2<f32> {
+    /// Number of its layers.
+    pub(super) fn layers(&self) -> usize {
+        self.layers.len()
+    }
+
+    /// Whether these are the weights of a checkpoint whose first convolution has this bias, `[C]`.
+    pub(super) fn has_first_bias(&self, bias: &Array1<f32>) -> bool {
+        let own = self.first.bias();
+        own.len() == bias.len()
+            && (own - bias)
+                .iter()
+                .all(|apart| apart.abs() < BIAS_TOLERANCE)
+    }
+
+    /// What comes out of `layers`, in their order, of log-mel `[T, 80]` at 100 Hz, in one piece: `[⌈T / 2⌉, C]` each.
+    ///
+    /// Layers above the highest are not computed. `layers` must not be above the last, and ascend.
+    fn run(&self, mel: &ArrayRef2<f32>, layers: &[usize]) -> Vec<Array2<f32>> {
         let x = self.first.forward_then(mel, gelu_all);
         let mut x = self.second.forward_then(&x, gelu_all);
         x += &self.places.slice(s![..x.nrows(), ..]);
-        for layer in &self.layers[..self.depth] {
-            x = layer.forward(x);
+        let (mut depth, mut outputs) = (0, Vec::with_capacity(layers.len()));
+        for &layer in layers {
+            for next in &self.layers[depth..layer] {
+                x = next.forward(x);
+            }
+            depth = layer;
+            let mut output = x.clone();
+            if layer == self.layers.len() {
+                self.norm.forward_in_place(&mut output);
+            }
+            outputs.push(output);
         }
-        if self.depth == self.layers.len() {
-            self.norm.forward_in_place(&mut x);
+        outputs
+    }
+
+    /// What comes out of `layers`, ascending, of a sound, `[T, C]` each at 50 Hz: in spans of 12 s with 1.5 s of context
+    /// on either side.
+    ///
+    /// # Errors
+    /// `Audio` for a sound shorter than 25 ms; `Cancelled`.
+    pub(super) fn hear(
+        &self,
+        waveform: &Waveform,
+        layers: &[usize],
+        progress: ProgressFn<'_>,
+    ) -> Result<Vec<Array2<f32>>> {
+        let got = waveform.samples.len();
+        if got < LEAST_SAMPLES {
+            return Err(Error::Audio(format!(
+                "expected at least {LEAST_SAMPLES} samples at 16 kHz, got {got}"
+            )));
         }
-        x
+        let mel = whisper_mel(&waveform.samples);
+        let total = mel.nrows().div_ceil(STRIDE);
+        let mut features = vec![Array2::zeros((total, self.channels())); layers.len()];
+        let mut start = 0;
+        while start < total {
+            report(progress, "speech", start as f32 / total as f32)?;
+            let end = match total - start < SPAN + CONTEXT {
+                true => total,
+                false => start + SPAN,
+            };
+            let first = start.saturating_sub(CONTEXT);
+            let last = (end + CONTEXT).min(total);
+            let seen = Slice::from(STRIDE * first..(STRIDE * last).min(mel.nrows()));
+            let heard = self.run(&mel.slice_axis(Axis(0), seen), layers);
+            for (to, from) in features.iter_mut().zip(heard) {
+                to.slice_mut(s![start..end, ..])
+                    .assign(&from.slice(s![start - first..end - first, ..]));
+            }
+            start = end;
+        }
+        Ok(features)
     }
 }
 
@@ -171,35 +235,10 @@ impl SpeechEncoder for Whisper {
         self.places.ncols()
     }
 
-    /// In spans of 12 s with 1.5 s of context on either side.
     fn encode(&self, waveform: &Waveform, progress: ProgressFn<'_>) -> Result<FeatureTrack> {
-        let got = waveform.samples.len();
-        if got < LEAST_SAMPLES {
-            return Err(Error::Audio(format!(
-                "expected at least {LEAST_SAMPLES} samples at 16 kHz, got {got}"
-            )));
-        }
-        let mel = whisper_mel(&waveform.samples);
-        let total = mel.nrows().div_ceil(STRIDE);
-        let mut features = Array2::zeros((total, self.channels()));
-        let mut start = 0;
-        while start < total {
-            report(progress, "speech", start as f32 / total as f32)?;
-            let end = match total - start < SPAN + CONTEXT {
-                true => total,
-                false => start + SPAN,
-            };
-            let first = start.saturating_sub(CONTEXT);
-            let last = (end + CONTEXT).min(total);
-            let seen = Slice::from(STRIDE * first..(STRIDE * last).min(mel.nrows()));
-            let heard = self.run(&mel.slice_axis(Axis(0), seen));
-            features
-                .slice_mut(s![start..end, ..])
-                .assign(&heard.slice(s![start - first..end - first, ..]));
-            start = end;
-        }
+        let mut outputs = self.hear(waveform, &[self.depth], progress)?;
         Ok(FeatureTrack {
-            features,
+            features: outputs.pop().expect("one layer"),
             rate_hz: RATE_HZ,
             first_s: 0.0,
         })
@@ -277,7 +316,7 @@ mod tests {
         let model = encoder(&golden, None);
         let second = heard(&golden).samples;
         let samples: Vec<f32> = second.iter().copied().cycle().take(16_000 * 14).collect();
-        let whole = model.run(&whisper_mel(&samples));
+        let whole = model.run(&whisper_mel(&samples), &[model.depth]).remove(0);
         let parts = model
             .encode(&Waveform { samples }, SILENT)
             .unwrap()

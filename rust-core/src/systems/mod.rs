@@ -83,6 +83,7 @@ pub fn built_in_models() -> impl Iterator<Item = &'static BuiltIn> {
         &speech::PHONE_MODEL,
         &speech::EMOTION_ENCODER,
         &speech::EMOTION_EAR,
+        &speech::EMOTION_OF_WHISPER,
         &mesh::LANDMARK_MODEL,
         &head::MODEL,
         &head::TOPOLOGY_MODEL,

@@ -3,6 +3,7 @@
 use std::{
     fs,
     path::{Path, PathBuf},
+    sync::Arc,
 };
 
 use anyface::{
@@ -13,6 +14,7 @@ use anyface::{
     mesh::PartChoices,
     motion::{Motion, PerformanceControls},
     rig::ShapeSource,
+    speech::VoiceTrack,
 };
 use ndarray::Axis;
 use safetensors::{SafeTensors, tensor::TensorView};
@@ -132,41 +134,73 @@ fn shapes_come_from_the_models_of_the_engine() {
     assert!(refused.contains("rig/model.safetensors"), "{refused}");
 }
 
-/// The golden's HuBERT as a Hugging Face folder, of which every sound is angry.
-fn always_angry() -> TempDir {
-    let golden = Path::new(env!("CARGO_MANIFEST_DIR"))
-        .join("../tests/goldens/emotion_model_debug.safetensors");
-    let bytes = fs::read(golden).unwrap();
-    let (_, about) = SafeTensors::read_metadata(&bytes).unwrap();
-    let config = &about.metadata().as_ref().unwrap()["hubert.config"];
-    let file = SafeTensors::deserialize(&bytes).unwrap();
+fn golden(name: &str) -> Vec<u8> {
+    let goldens = Path::new(env!("CARGO_MANIFEST_DIR")).join("../tests/goldens");
+    fs::read(goldens.join(name).with_extension("safetensors")).unwrap()
+}
+
+/// Writes a model folder: the text of `config` in the metadata of a golden, and its arrays whose names begin with
+/// `prefix`, without it, after `edit` has seen the name and the bytes of each.
+fn write_model(
+    golden: &[u8],
+    folder: &Path,
+    config: &str,
+    prefix: &str,
+    edit: impl Fn(&str, &mut [u8]),
+) {
+    let (_, about) = SafeTensors::read_metadata(golden).unwrap();
+    let config = &about.metadata().as_ref().unwrap()[config];
+    let file = SafeTensors::deserialize(golden).unwrap();
     let arrays: Vec<_> = file
         .iter()
         .filter_map(|(name, view)| {
-            let name = name.strip_prefix("hubert.weights.")?.to_owned();
+            let name = name.strip_prefix(prefix)?.to_owned();
             let mut data = view.data().to_vec();
-            match name.as_str() {
-                "classifier.weight" => data.fill(0),
-                "classifier.bias" => {
-                    data.fill(0);
-                    data[..4].copy_from_slice(&9.0f32.to_le_bytes());
-                }
-                _ => (),
-            }
+            edit(&name, &mut data);
             Some((name, view.dtype(), view.shape().to_vec(), data))
         })
         .collect();
     let views = arrays.iter().map(|(name, dtype, shape, data)| {
         (name, TensorView::new(*dtype, shape.clone(), data).unwrap())
     });
+    fs::create_dir_all(folder).unwrap();
+    fs::write(folder.join("config.json"), config).unwrap();
+    let bytes = safetensors::serialize(views, None).unwrap();
+    fs::write(folder.join("model.safetensors"), bytes).unwrap();
+}
+
+/// Sets the layer `name` so that class `class` is sure, whatever is heard.
+fn always(name: &str, class: usize) -> impl Fn(&str, &mut [u8]) {
+    let (weight, bias) = (format!("{name}weight"), format!("{name}bias"));
+    move |array, data| {
+        if array == weight || array == bias {
+            data.fill(0);
+        }
+        if array == bias {
+            data[4 * class..4 * class + 4].copy_from_slice(&9.0f32.to_le_bytes());
+        }
+    }
+}
+
+/// The golden's HuBERT as a Hugging Face folder, of which every sound is angry.
+fn always_angry() -> TempDir {
     let folder = tempfile::tempdir().unwrap();
-    let write = |name: &str, bytes: &[u8]| fs::write(folder.path().join(name), bytes).unwrap();
-    write("config.json", config.as_bytes());
-    write(
-        "model.safetensors",
-        &safetensors::serialize(views, None).unwrap(),
+    write_model(
+        &golden("emotion_model_debug"),
+        folder.path(),
+        "hubert.config",
+        "hubert.weights.",
+        always("classifier.", 0),
     );
     folder
+}
+
+fn tone() -> Waveform {
+    Waveform {
+        samples: (0..32_000)
+            .map(|i| 0.3 * f32::sin(0.08 * i as f32))
+            .collect(),
+    }
 }
 
 #[test]
@@ -179,12 +213,7 @@ fn a_classifier_of_the_users_hears_the_emotion() {
             ..Default::default()
         })
     };
-    let samples: Vec<f32> = (0..32_000)
-        .map(|i| 0.3 * f32::sin(0.08 * i as f32))
-        .collect();
-    let waveform = Waveform {
-        samples: samples.clone(),
-    };
+    let waveform = tone();
     let motion = |engine: &Engine, emotion: EmotionCurve| {
         let request = MotionRequest {
             emotion,
@@ -217,4 +246,42 @@ fn a_classifier_of_the_users_hears_the_emotion() {
     fs::remove_file(model.path().join("model.safetensors")).unwrap();
     let error = engine(Some(model.path().into())).err().unwrap();
     assert!(error.to_string().contains("model.safetensors"), "{error}");
+}
+
+#[test]
+fn whisper_from_a_folder_hears_the_emotion() {
+    let golden = golden("emotion_of_whisper_debug");
+    let (whisper, models) = (tempfile::tempdir().unwrap(), tempfile::tempdir().unwrap());
+    let angry = 1;
+    write_model(&golden, whisper.path(), "whisper", "whisper.", |_, _| ());
+    write_model(
+        &golden,
+        &models.path().join("emotion_of_whisper"),
+        "config",
+        "weights.",
+        always("", angry),
+    );
+    let engine = Engine::new(EngineOptions {
+        cache: CachePolicy::Off,
+        models: Some(models.path().into()),
+        emotion_model: Some(whisper.path().into()),
+        ..Default::default()
+    })
+    .unwrap();
+    let waveform = tone();
+    let request = MotionRequest {
+        emotion: EmotionCurve::Auto,
+        ..Default::default()
+    };
+    let performance = engine.perform(&waveform, &request, SILENT).unwrap();
+    let heard = performance.heard_emotion().unwrap();
+    assert!(!heard.time_s.is_empty());
+    assert!(heard.probability["angry"].iter().all(|share| *share > 0.9));
+    assert!(heard.intensity.iter().all(|intensity| *intensity > 0.5));
+
+    let request = MotionRequest {
+        neutral_voice: Some(Arc::new(VoiceTrack::neutral(&waveform).unwrap())),
+        ..request
+    };
+    engine.perform(&waveform, &request, SILENT).unwrap();
 }

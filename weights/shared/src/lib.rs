@@ -49,6 +49,8 @@ pub static PHONES: Model = model!("phones");
 pub static EMOTION_ENCODER: Model = model!("emotion_encoder");
 /// Which emotion is heard in a voice.
 pub static EMOTION_EAR: Model = model!("emotion_ear");
+/// Which emotion is heard in what Whisper says of a voice.
+pub static EMOTION_OF_WHISPER: Model = model!("emotion_of_whisper");
 /// Finds landmarks on meshes.
 pub static LANDMARKS: Model = model!("landmarks");
 /// How far vertices follow landmarks.

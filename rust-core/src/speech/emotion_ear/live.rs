@@ -2,7 +2,10 @@
 
 use std::{collections::VecDeque, sync::Arc};
 
-use super::{AROUND, EVERY, EmotionEar, Instant, mixed};
+use super::{
+    EVERY, EmotionEar,
+    layer::{AROUND, Instant},
+};
 use crate::{
     conditions::Emotion,
     speech::{VoiceWindow, shown_emotion::shown},
@@ -44,15 +47,16 @@ impl LiveEar {
             self.heard.pop_front();
         }
         self.loudest = self.loudest.max(window.loud);
-        let logits = self.ear.logits(window, None);
+        let logits = self.ear.layer.logits(self.ear.row(window), None);
         self.heard.push_back(Instant::of(window, logits));
     }
 
     /// What is felt now; neutral before 0.8 s were heard.
     pub fn emotion(&self) -> Emotion {
-        let whole = self.ear.evidence(self.heard.iter(), self.loudest);
+        let layer = &self.ear.layer;
+        let whole = layer.evidence(self.heard.iter(), self.loudest);
         let newest = self.heard.iter().rev().take(AROUND + 1);
-        let near = self.ear.evidence(newest, self.loudest);
-        shown(&self.ear.by_emotion(mixed(near.view(), whole.view()).view()))
+        let near = layer.evidence(newest, self.loudest);
+        shown(&layer.probabilities(&near, &whole))
     }
 }

@@ -1,0 +1,145 @@
+"""Fits the layer that tells emotions from what Whisper base says of a voice, and measures it.
+
+    python -m training.speech.train_emotion_of_whisper --windows runs/ear/windows.pt \
+        --whisper runs/whisper-base
+
+`training.speech.train_emotion_ear` fits such a layer to the small network that learned from Whisper; this one
+is fitted to Whisper itself, in the same way on the same windows. `--measure` writes no model: it leaves
+actors out in turn, and counts how many readings of strangers would show an emotion.
+"""
+
+from collections import defaultdict
+from functools import partial
+from pathlib import Path
+from typing import Annotated
+
+import numpy as np
+import torch
+
+from training import shipped
+from training.corpus.clip import read_sound
+from training.corpus.emodb import HELD_OUT, read_felt
+from training.flags import run_command
+from training.nn.checkpoint import write_model
+from training.speech.distil_emotion import LAYERS, pooled
+from training.speech.emotion_ear import ARRAYS, EVERY, EmotionLayer, window_weights
+from training.speech.log_mel import SAMPLE_RATE_HZ
+from training.speech.neutral_voice import SHOWN, Count, probabilities, shown
+from training.speech.train_emotion_ear import Rows, fitted, leave_one_out, report_held_out
+from training.speech.whisper import WhisperEncoder, load, whisper_mel
+from training.systems.emoface.emotion_encoder import (
+    HEARD_EMOTIONS,
+    PEAK,
+    SILENT,
+    WINDOW,
+    cepstral_basis,
+    instants,
+    of_window,
+    voice_of,
+)
+
+EXACT = ("mean", "scale", "bias", "readers", "first_bias")
+"""Arrays that are kept in f32; `weight` is the layer itself."""
+READINGS = (
+    ("motion/grid_s1/audio", 25, 40), ("speech/kathleen_en", 40, 30), ("speech/kerstin_de", 20, 30),
+    ("speech/picovoice_en", 10, 60), ("speech/nathalie_nl", 30, 40), ("clips/librivox", 1, 5),
+    ("clips", 1, 5),
+)  # fmt: skip
+"""Folders of recordings, which of them are heard (one in so many), and how many at most."""
+LONGEST_S = 6
+FRAMES = 2
+"""Frames of 10 ms of a feature of Whisper."""
+LEAST_FEATURES = 2
+
+
+def rows_over_time(encoder: WhisperEncoder, samples: np.ndarray, layers: list[int] = LAYERS) -> np.ndarray:
+    """Of a sound [S] that Whisper hears as a whole, at instants 320 ms apart: [I, R]."""
+    peak = np.abs(samples).max(initial=0.0)
+    scaled = torch.from_numpy(samples * (PEAK / peak if peak > SILENT else 1.0)).float()
+    outputs = encoder.hear(whisper_mel(scaled), layers)
+    voice, total = voice_of(samples), len(outputs[0])
+    cepstra = voice.mel @ cepstral_basis()
+    rows = []
+    for frame in instants(len(voice.mel))[::EVERY]:
+        start = max(frame - WINDOW, 0)
+        end = min(max(frame // FRAMES, min(LEAST_FEATURES, total)), total)
+        first = min(start // FRAMES, max(end - LEAST_FEATURES, 0))
+        statistics = pooled([output[None, first:end] for output in outputs])[0].numpy()
+        rows.append(np.concatenate([statistics, of_window(voice, cepstra, start, frame)]))
+    return np.array(rows)
+
+
+def last_row(encoder: WhisperEncoder, samples: np.ndarray) -> np.ndarray:
+    """The row of two seconds [S] or less, [R]."""
+    peak = max(float(np.abs(samples).max(initial=0.0)), SILENT)
+    layers = encoder.hear(whisper_mel(torch.from_numpy(samples * (PEAK / peak)).float()), LAYERS)
+    voice = voice_of(samples)
+    end = len(voice.mel)
+    numbers = of_window(voice, voice.mel @ cepstral_basis(), max(end - WINDOW, 0), end)
+    return np.concatenate([pooled([layer[None] for layer in layers])[0].numpy(), numbers])
+
+
+def measure_over_time(encoder: WhisperEncoder, rows: Rows, data: Path) -> None:
+    """Prints how often emotions are shown, of actors who are left out in turn and of other speakers."""
+    felt, speaker = rows.felt, rows.speaker[rows.felt]
+    layers = {actor: fitted(rows, felt[speaker != actor]) for actor in sorted(set(speaker))}
+    counts = defaultdict(Count)
+    for clip in read_felt(data):
+        emotion = HEARD_EMOTIONS.index(clip.emotion)
+        intensity, most = shown_of(encoder, layers[clip.actor], clip.samples.astype(np.float32))
+        counts["neutral, shown" if emotion == 0 else "felt, shown"].add(intensity > SHOWN)
+        if emotion != 0:
+            counts["felt, shown as it was"].add(intensity > SHOWN and most == emotion)
+    print("an actor left out:", ", ".join(f"{what} {count}" for what, count in counts.items()))
+    layer = fitted(rows, felt[~np.isin(speaker, HELD_OUT)])
+    for folder, step, limit in READINGS:
+        sounds = sorted(p for p in (data / folder).iterdir() if p.suffix in (".ogg", ".wav"))
+        paths = sounds[::step][:limit]
+        cut = (read_sound(path)[: LONGEST_S * SAMPLE_RATE_HZ].astype(np.float32) for path in paths)
+        found = [shown_of(encoder, layer, samples) for samples in cut]
+        names = [
+            f"{path.stem} as {HEARD_EMOTIONS[most]} {intensity:.2f}"
+            for path, (intensity, most) in zip(paths, found, strict=True)
+            if intensity > SHOWN
+        ]
+        print(f"{folder}: {len(names)} of {len(paths)} are shown", *names, flush=True)
+
+
+def shown_of(encoder: WhisperEncoder, layer: EmotionLayer, samples: np.ndarray) -> tuple[float, int]:
+    """The largest intensity that a sound shows, and as what."""
+    rows = rows_over_time(encoder, samples)
+    if not len(rows):
+        return 0.0, 0
+    return shown(probabilities(layer, rows, window_weights(voice_of(samples))))
+
+
+def main(
+    windows: Annotated[Path, "of training.speech.emotion_windows"],
+    whisper: Annotated[Path, "folder of training.speech.whisper"],
+    models: Annotated[Path | None, "folder of models; none: the embedded ones"] = None,
+    measure: Annotated[Path | None, "folder of data to measure on instead of writing the model"] = None,
+) -> None:
+    """Command line."""
+    encoder = load(whisper)
+    rows = Rows(windows, partial(last_row, encoder))
+    left = np.isin(rows.speaker[rows.felt], HELD_OUT)
+    if measure is not None:
+        print("an actor left out", leave_one_out(rows))
+        measure_over_time(encoder, rows, measure)
+        return
+    layer = fitted(rows, rows.felt[~left])
+    folder = models / "emotion_of_whisper" if models else shipped("emotion_of_whisper")
+    print(write(folder, layer, encoder))
+    report_held_out(rows, layer)
+
+
+def write(folder: Path, layer: EmotionLayer, encoder: WhisperEncoder) -> Path:
+    """The layer's arrays, and the bias of the first convolution by which its Whisper is known."""
+    state = {name: torch.from_numpy(getattr(layer, name)).float() for name in ARRAYS}
+    state["first_bias"] = encoder.first.bias.detach()
+    config = {"channels": encoder.config.width, "layers": LAYERS, "emotions": HEARD_EMOTIONS}
+    return write_model(folder, state, config, exact=EXACT)
+
+
+if __name__ == "__main__":
+    run_command(main)
