@@ -2,7 +2,11 @@
 
 use ndarray::{Array1, Array2, ArrayView1};
 
-use super::{HeardEmotion, NeutralVoice, affect::valence_and_arousal};
+use super::{
+    affect::valence_and_arousal,
+    heard_emotion::{HeardEmotion, rounded},
+    neutral_voice::NeutralVoice,
+};
 use crate::{
     Error, Result,
     conditions::EMOTIONS,
@@ -24,6 +28,8 @@ const BEFORE_NEUTRAL: f64 = 3.0;
 const WINDOW_ROWS: f64 = 200.0;
 /// Weight of the whole sound beside that of the moment.
 const WHOLE_SHARE: f64 = 0.5;
+/// Of the instants of a voice every second one is heard: 320 ms.
+pub(super) const EVERY: usize = 2;
 /// Instants before and after that are heard with one, about a second.
 pub(super) const AROUND: usize = 3;
 
@@ -226,9 +232,4 @@ fn loudest(levels: impl Iterator<Item = f64>) -> f64 {
 fn place_of(name: &str) -> usize {
     let place = EMOTIONS.iter().position(|known| *known == name);
     place.expect("checked when it was loaded")
-}
-
-/// To thousandths.
-pub(super) fn rounded(x: f64) -> f64 {
-    (x * 1e3).round() / 1e3
 }

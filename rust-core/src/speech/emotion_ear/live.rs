@@ -3,8 +3,8 @@
 use std::{collections::VecDeque, sync::Arc};
 
 use super::{
-    EVERY, EmotionEar,
-    layer::{AROUND, Instant},
+    EmotionEar,
+    layer::{AROUND, EVERY, Instant},
 };
 use crate::{
     conditions::Emotion,

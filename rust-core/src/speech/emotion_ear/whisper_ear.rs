@@ -5,7 +5,11 @@ use std::path::Path;
 use ndarray::{Array1, ArrayView2, Axis, concatenate, s};
 use serde::Deserialize;
 
-use super::{EVERY, HeardEmotion, NeutralVoice, layer::EmotionLayer};
+use super::{
+    heard_emotion::HeardEmotion,
+    layer::{EVERY, EmotionLayer},
+    neutral_voice::NeutralVoice,
+};
 use crate::{
     Error, Result,
     audio::Waveform,
