@@ -5,22 +5,14 @@ from bpy.props import FloatProperty, FloatVectorProperty, IntProperty
 from bpy.types import Operator
 
 from ..core.errors import plain
-from ..core.native_head import FARTHEST, Heads, Recipe
+from ..core.native_head import FARTHEST, Recipe
 from ..scene.face import made_head, mesh
 from . import running
+from .add_head import AddHead, heads
 from .operators import InThread
-from .sample_head import AddHead
 from .settings import from_object
 
 SLIDERS = 22
-_HEADS: list[Heads] = []
-
-
-def heads() -> Heads:
-    """The model; the library is loaded with the first head."""
-    if not _HEADS:
-        _HEADS.append(Heads())
-    return _HEADS[0]
 
 
 class ANYFACE_OT_add_head(AddHead, Operator):

@@ -1,31 +1,20 @@
-"""Add > Mesh > Anyface Sample Head, and what it shares with Anyface Head."""
+"""Add > Mesh > Anyface Sample Heads."""
 
 import bpy
-from bpy.props import FloatProperty
-from bpy.types import Operator
-from bpy_extras import object_utils
+from bpy.props import EnumProperty, FloatProperty
+from bpy.types import Menu, Operator
 
-from ..scene.face import sample_head
+from ..core.errors import plain
+from ..scene.face import characters, made_head, sample_head
+from .add_head import AddHead, heads
 
-
-class AddHead(object_utils.AddObjectHelper):
-    """Adds a head at the 3D cursor, as the active object."""
-
-    bl_options = {"REGISTER", "UNDO"}
-
-    @classmethod
-    def poll(cls, context):
-        """In edit mode it would become part of another mesh."""
-        if context.mode != "OBJECT":
-            cls.poll_message_set("Leave this mode first (Object Mode)")
-        return context.mode == "OBJECT"
-
-    def add(self, context, data):
-        """The new object of a mesh."""
-        if self.align == "VIEW" and context.region_data is None:
-            # Scripts have no view to turn it to.
-            self.align = "WORLD"
-        return object_utils.object_data_add(context, data, operator=self)
+PLAIN = "PLAIN"
+_ITEMS = [
+    (PLAIN, "Default Head", "The head of the shipped tests and pictures, without hair"),
+    ("WOMAN", "Young Woman", "A young woman with her hair up"),
+    ("MAN", "Old Man", "An old man with short grey hair"),
+    ("CARTOON", "Big Eyes", "A stylised child with big eyes and red hair"),
+]
 
 
 class ANYFACE_OT_add_sample_head(AddHead, Operator):
@@ -34,6 +23,7 @@ class ANYFACE_OT_add_sample_head(AddHead, Operator):
     bl_idname = "anyface.add_sample_head"
     bl_label = "Add a Sample Head"
 
+    character: EnumProperty(name="Character", description="Which head", items=_ITEMS, default=PLAIN)
     height: FloatProperty(
         name="Height",
         description="Of head and shoulders; 0.38 m is that of a human",
@@ -45,17 +35,39 @@ class ANYFACE_OT_add_sample_head(AddHead, Operator):
 
     def execute(self, context):
         """Adds it."""
-        self.add(context, sample_head.mesh(self.height))
+        if self.character == PLAIN:
+            self.add(context, sample_head.mesh(self.height))
+            return {"FINISHED"}
+        try:
+            made = characters.make(heads(), self.character)
+            ob = self.add(context, made_head.mesh(made, self.height))
+            characters.dress(ob, made, self.character, self.height)
+        except BaseException as error:
+            self.report({"ERROR"}, f"Anyface: {plain(error)}")
+            return {"CANCELLED"}
         return {"FINISHED"}
+
+
+class ANYFACE_MT_sample_heads(Menu):
+    """Heads to try Anyface on."""
+
+    bl_idname = "ANYFACE_MT_sample_heads"
+    bl_label = "Anyface Sample Heads"
+
+    def draw(self, _context):
+        """One entry a head."""
+        for key, name, _ in _ITEMS:
+            entry = self.layout.operator("anyface.add_sample_head", text=name, icon="USER")
+            entry.character = key
 
 
 def _draw(menu, _context) -> None:
     menu.layout.operator("anyface.add_head", text="Anyface Head", icon="USER")
-    menu.layout.operator("anyface.add_sample_head", text="Anyface Sample Head", icon="USER")
+    menu.layout.menu(ANYFACE_MT_sample_heads.bl_idname, icon="USER")
 
 
 def register() -> None:
-    """Adds both heads to Blender's menu."""
+    """Adds the heads to Blender's menu."""
     bpy.types.VIEW3D_MT_mesh_add.append(_draw)
 
 

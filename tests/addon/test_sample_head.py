@@ -1,9 +1,10 @@
-"""Add > Mesh > Anyface Sample Head: the default head of the library, upright in Blender."""
+"""Add > Mesh > Anyface Sample Heads: the default head of the library and three characters."""
 
 import importlib.util
 
 import bpy
 import numpy as np
+import pytest
 
 from conftest import ROOT
 
@@ -61,3 +62,34 @@ def test_it_speaks(addon, tmp_path):
     bpy.ops.anyface.add_sample_head()
     heard(tmp_path, bpy.context.object)
     assert bpy.ops.anyface.generate() == {"FINISHED"}
+
+
+@pytest.mark.parametrize("character", ["WOMAN", "MAN", "CARTOON"])
+def test_a_character_has_a_face_and_hair_that_follows_it(addon, character):
+    bpy.context.scene.cursor.location = (1.0, 2.0, 3.0)
+    assert bpy.ops.anyface.add_sample_head(character=character, height=0.4) == {"FINISHED"}
+    ob = bpy.context.object
+    assert np.isclose(ob.dimensions.z, 0.4, atol=1e-3) and not ob.data.validate()
+    assert addon("scene.face.landmarks").load(ob) is not None
+    (hair,) = ob.children
+    assert hair.location.length == 0.0 and not hair.data.validate()
+    head, cap = corners(ob), corners(hair)
+    # It covers the crown and the back, and leaves the lower half of the face.
+    assert cap[:, 2].max() > head[:, 2].max() and cap[:, 1].max() > head[:, 1].mean()
+    front = cap[cap[:, 1] < np.median(head[:, 1])]
+    assert (front[:, 2] > head[:, 2].mean()).all()
+
+
+def corners(ob):
+    points = np.empty(len(ob.data.vertices) * 3)
+    ob.data.vertices.foreach_get("co", points)
+    return points.reshape(-1, 3)
+
+
+def test_eyes_of_the_cartoon_are_larger(addon):
+    widths = []
+    for character in ("WOMAN", "CARTOON"):
+        bpy.ops.anyface.add_sample_head(character=character)
+        face = addon("scene.face.landmarks").load(bpy.context.object)
+        widths.append(np.linalg.norm(face.positions[36] - face.positions[39]))
+    assert widths[1] > 1.2 * widths[0]
