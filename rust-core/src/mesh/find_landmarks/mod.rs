@@ -399,9 +399,9 @@ impl LandmarkFinder {
 
 fn advice(seen: &str) -> String {
     format!(
-        "{seen}. Give a mesh with a head of its own whose eyes, nose and mouth are modelled, fix \
-         {ENOUGH_FIXED} or more landmarks (corners of eyes and mouth, tip of the nose), or give \
-         all 68"
+        "{seen}. Give a mesh with a head of its own whose eyes, nose and mouth are modelled, say where \
+         five points of it are (outer corners of the eyes, landmarks 36 and 45; tip of the nose, 30; \
+         corners of the mouth, 48 and 54), or give all 68"
     )
 }
 
