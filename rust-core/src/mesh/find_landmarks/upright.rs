@@ -128,15 +128,17 @@ mod tests {
         let upright = frame.from_mesh.inverse();
         assert!(turned_away(&frame, &upright).is_none());
         let (sin, cos) = 100f64.to_radians().sin_cos();
+        let [x, y, _] = middle().map(f64::from);
         let roll = Similarity {
             rotation: [[cos, -sin, 0.0], [sin, cos, 0.0], [0.0, 0.0, 1.0]],
+            translation: [x - cos * x + sin * y, y - sin * x - cos * y, 0.0],
             ..Similarity::IDENTITY
         };
         let turned = roll.compose(&upright);
         let plane = turned_away(&frame, &turned).unwrap();
         let poses = poses_across(&plane, &turned);
         let ups = poses.map(|pose| pose.compose(&upright.inverse()).rotation[1][1]);
-        assert!(ups.iter().any(|up| *up > 0.99), "{ups:?}");
-        assert!(ups.iter().any(|up| *up < -0.99), "{ups:?}");
+        assert!(ups.iter().any(|up| *up > 0.97), "{ups:?}");
+        assert!(ups.iter().any(|up| *up < -0.97), "{ups:?}");
     }
 }
