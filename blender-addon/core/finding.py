@@ -68,6 +68,6 @@ def naming(face: FaceMesh):
             raise
         hints = "".join(f"{hint}. " for hint in face.hints)
         mirrored = ("apply_mirror",) if any("Mirror" in hint for hint in face.hints) else ()
-        text = f"{face.name}: {hints}{error} (or place five points of the face)"
+        text = f"{face.name}: {hints}{error}. Place Points asks for the five"
         mends = ("place_points", "direction", "points_file", *mirrored)
         raise AnyfaceError("face", text, mends) from error

@@ -14,7 +14,10 @@ use anyface::{
     conditions::Event,
     face::{DEFAULT_PROXY, FaceOptions},
     job::ProgressFn,
-    mesh::{Axis, FixedLandmark, LandmarkSource, ObjectNames, PartChoices, PartRole, PartSelector},
+    mesh::{
+        Axis, FIVE_POINTS, FixedLandmark, LandmarkPlace, LandmarkSource, ObjectNames, PartChoices,
+        PartRole, PartSelector,
+    },
     motion::{Life, Pose, check_fps},
     output::{read_landmark_motion, read_life},
     speech::VoiceTrack,
@@ -125,6 +128,11 @@ pub struct FaceArgs {
     /// Some landmarks as JSON that stay where they are; the others follow
     #[arg(long, value_name = "F.json")]
     fix: Option<InputPath>,
+    /// Five points that say where the face is, as x,y,z in the mesh's own units with spaces between: outer corner of its
+    /// right eye, outer corner of its left eye, tip of its nose, right and left corner of its mouth. Right is the face's
+    /// own right, which is on the left for who looks at it
+    #[arg(long, value_name = "POINTS", allow_hyphen_values = true)]
+    points: Option<FivePoints>,
     /// Axis out of the face where several places look alike: x, -x, y, -y, z or -z
     #[arg(long, default_value = "z", value_parser = axis, allow_hyphen_values = true)]
     forward: Axis,
@@ -140,6 +148,37 @@ pub struct FaceArgs {
     /// Work on a skin of more vertices through a coarser one of N; "off": on every vertex
     #[arg(long, value_name = "N", default_value_t = ProxySize(Some(DEFAULT_PROXY)))]
     proxy: ProxySize,
+}
+
+/// Places of [`FIVE_POINTS`], mesh units.
+#[derive(Debug, Clone, Copy, PartialEq)]
+struct FivePoints([[f32; 3]; 5]);
+
+impl FromStr for FivePoints {
+    type Err = String;
+
+    fn from_str(text: &str) -> std::result::Result<Self, String> {
+        let place = |word: &str| -> std::result::Result<[f32; 3], String> {
+            let numbers: Vec<f32> = word.split(',').map_while(|x| x.parse().ok()).collect();
+            let place = <[f32; 3]>::try_from(numbers);
+            let place = place.ok().filter(|p| p.iter().all(|x| x.is_finite()));
+            let is_whole = word.split(',').count() == 3;
+            place
+                .filter(|_| is_whole)
+                .ok_or_else(|| format!("expected x,y,z, got {word:?}"))
+        };
+        let places = text.split_whitespace().map(place);
+        let places: Vec<[f32; 3]> = places.collect::<std::result::Result<_, _>>()?;
+        <[[f32; 3]; 5]>::try_from(places)
+            .map(FivePoints)
+            .map_err(|places| {
+                format!(
+                    "expected five points: outer corner of the right and of the left eye, tip of the nose, right and left \
+                     corner of the mouth; got {}",
+                    places.len()
+                )
+            })
+    }
 }
 
 /// `off` or a number of vertices.
@@ -177,10 +216,17 @@ impl FaceArgs {
             Some(path) => Some(LandmarkSource::read(path)?),
             None => known,
         };
-        let fixed = match &self.fix {
+        let mut fixed = match &self.fix {
             Some(path) => FixedLandmark::read(path)?,
             None => Vec::new(),
         };
+        if let Some(FivePoints(places)) = self.points {
+            let points = FIVE_POINTS.into_iter().zip(places);
+            fixed.extend(points.map(|(index, place)| FixedLandmark {
+                index,
+                place: LandmarkPlace::Position(place),
+            }));
+        }
         Ok(FaceOptions {
             landmarks,
             fixed,
@@ -349,4 +395,33 @@ fn axis(text: &str) -> std::result::Result<Axis, String> {
 /// A path as text for reports.
 pub fn shown(path: &Path) -> String {
     path.display().to_string()
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    #[test]
+    fn five_points_are_read_and_four_are_not() {
+        let five = "-3,1.5,0 3,1.5,0 0,0,2e0 -1,-2,1 1,-2,1";
+        let places = [
+            [-3.0, 1.5, 0.0],
+            [3.0, 1.5, 0.0],
+            [0.0, 0.0, 2.0],
+            [-1.0, -2.0, 1.0],
+            [1.0, -2.0, 1.0],
+        ];
+        assert_eq!(five.parse(), Ok(FivePoints(places)));
+        for (text, words) in [
+            ("-3,1.5,0 3,1.5,0 0,0,2 -1,-2,1", "got 4"),
+            ("", "got 0"),
+            ("1,2 3,4,5", "expected x,y,z, got \"1,2\""),
+            ("1,2,3,4", "expected x,y,z"),
+            ("1,nan,3", "expected x,y,z"),
+            ("1,2,x", "expected x,y,z"),
+        ] {
+            let error = text.parse::<FivePoints>().unwrap_err();
+            assert!(error.contains(words), "{text}: {error}");
+        }
+    }
 }

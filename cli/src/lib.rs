@@ -29,7 +29,7 @@ mod units;
 
 use std::{path::PathBuf, process::ExitCode};
 
-use anyface::{Result, job::all_or_none};
+use anyface::{Error, Result, job::all_or_none};
 use clap::{ArgMatches, CommandFactory, FromArgMatches, Parser, Subcommand};
 
 use arguments::SharedArgs;
@@ -74,13 +74,30 @@ pub fn main() -> ExitCode {
     let files = arguments.files(&matches);
     let run = || {
         files.check()?;
-        arguments.run(&console)
+        let done = arguments.run(&console);
+        done.map_err(|error| arguments.command.with_remedy(error))
     };
     match all_or_none(files.inputs(), signals::are_to_end, run) {
         Ok(()) => ExitCode::SUCCESS,
         Err(error) => {
             console.error(&error);
             ExitCode::from(error.exit_code())
+        }
+    }
+}
+
+impl Command {
+    /// The error that no face was found also says which argument helps.
+    fn with_remedy(&self, error: Error) -> Error {
+        let remedy = match self {
+            Command::Head(_) => {
+                "`anyface landmarks --points` makes all 68 of five, and --like-landmarks reads them"
+            }
+            _ => "--points takes the five",
+        };
+        match error {
+            Error::FaceNotFound(why) => Error::FaceNotFound(format!("{why}. {remedy}")),
+            other => other,
         }
     }
 }

@@ -198,7 +198,8 @@ class Drag:
     def __init__(self, ob, surface: Surface | None = None):
         self.stored = load(ob)
         if self.stored is None:
-            raise AnyfaceError("face", f"{ob.name}: find the face first")
+            text = f"{ob.name}: find the face first, or place five points of it where none is found"
+            raise AnyfaceError("face", text, ("place_points",))
         self._before = self.stored.positions.copy()
         self.surface = surface or Surface(ob)
         self.held: int | None = None

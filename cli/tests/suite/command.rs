@@ -16,6 +16,7 @@ const USAGE: i32 = 2;
 const INVALID_INPUT: i32 = 3;
 const AUDIO: i32 = 4;
 const MESH: i32 = 5;
+const FACE_NOT_FOUND: i32 = 6;
 const IO: i32 = 8;
 
 fn anyface(folder: &Path, arguments: &[&str]) -> Output {
@@ -372,6 +373,31 @@ fn info_says_the_version() {
     assert_eq!(info["version"], env!("CARGO_PKG_VERSION"));
     let output = anyface(folder.path(), &["info"]);
     assert!(text(&output.stdout).starts_with("anyface "));
+}
+
+/// Five points say where a face is, on a mesh that is not seen to have one too.
+#[test]
+fn five_points_say_where_a_face_is() {
+    let folder = tempfile::tempdir().unwrap();
+    let cube = "v 0 0 0\nv 1 0 0\nv 0 1 0\nv 1 1 0\nv 0 0 1\nv 1 0 1\nv 0 1 1\nv 1 1 1\nf 1 3 4 2\nf 5 6 8 7\n\
+                f 1 2 6 5\nf 3 7 8 4\nf 1 5 7 3\nf 2 4 8 6\n";
+    fs::write(folder.path().join("cube.obj"), cube).unwrap();
+    let find = ["landmarks", "--mesh", "cube.obj", "--out", "l.json"];
+    refused(&folder, &find, FACE_NOT_FOUND, "--points takes the five");
+    let five = "0.2,0.8,1 0.8,0.8,1 0.5,0.5,1 0.3,0.3,1 0.7,0.3,1";
+    done(&folder, &[&find[..], &["--points", five]].concat());
+    let written = fs::read_to_string(folder.path().join("l.json")).unwrap();
+    let found: serde_json::Value = serde_json::from_str(&written).unwrap();
+    let corner = &found["landmarks"][48];
+    let place: [f64; 3] = serde_json::from_value(corner["position"].clone()).unwrap();
+    assert!(
+        place
+            .iter()
+            .zip([0.3, 0.3, 1.0])
+            .all(|(a, b)| (a - b).abs() < 1e-5),
+        "{corner}"
+    );
+    assert_eq!(corner["confidence"], 1.0);
 }
 
 fn done(folder: &TempDir, arguments: &[&str]) {

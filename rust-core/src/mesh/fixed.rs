@@ -16,6 +16,10 @@ pub struct FixedLandmark {
     pub place: LandmarkPlace,
 }
 
+/// The five landmarks that say where a face is: the outer corners of its right and left eye, the tip of its nose, and
+/// the right and left corner of its mouth. Right and left are the subject's own.
+pub const FIVE_POINTS: [usize; 5] = [36, 45, 30, 48, 54];
+
 /// Where a fixed landmark is.
 #[derive(Debug, Clone, Copy, PartialEq)]
 pub enum LandmarkPlace {

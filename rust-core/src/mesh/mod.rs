@@ -31,7 +31,7 @@ pub use align::{Fit, Similarity};
 pub use canonical::{align_to_canonical, canonical_landmarks};
 pub use check::MeshReport;
 pub use find_landmarks::{LandmarkFinder, MODEL as LANDMARK_MODEL};
-pub use fixed::{FixedLandmark, LandmarkPlace};
+pub use fixed::{FIVE_POINTS, FixedLandmark, LandmarkPlace};
 pub use front_view::FrontView;
 pub(crate) use front_view::depth_at;
 pub use mouth::Mouth;

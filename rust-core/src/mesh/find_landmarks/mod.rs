@@ -11,6 +11,8 @@
 //!    "Multi-view Consensus CNN for 3D Facial Landmark Placement", with three fixed views and
 //!    depth in place of many views and colour). Three times, each in a better frame. Where none is
 //!    sure (blocks, noise or folds on the surface), 2 and 3 again with softened pictures.
+//!    A face that is not sure must stand across the plane in which the mesh about it mirrors itself, or it is
+//!    looked for across that plane (upright).
 //! 4. *Shape*: a Gaussian over landmark shapes pulls in what cannot be; landmarks that the caller
 //!    fixed are exact and the others follow them.
 //! 5. *Snap*: to the nearest skin, inner-lip landmarks to their own lip.
@@ -22,6 +24,7 @@ mod pose_network;
 mod prior;
 mod search;
 mod symmetry;
+mod upright;
 mod view;
 
 use std::{path::Path, sync::OnceLock};
@@ -34,6 +37,7 @@ use self::{
     pose_network::PoseNetwork,
     prior::{Measured, ShapePrior},
     search::{Candidate, Looks, Search},
+    upright::{poses_across, turned_away},
     view::{Frame, stated_frame},
 };
 use super::{
@@ -296,9 +300,44 @@ impl LandmarkFinder {
             ))));
         };
         match found.doubt() {
-            None => Ok(found),
+            None => self.upright(frame, found, fixed, looks),
             Some(doubt) => Err(Error::FaceNotFound(advice(&doubt))),
         }
+    }
+
+    /// The same face where it stands across the plane in which the mesh mirrors itself, else one that does. A face
+    /// that is sure is not asked.
+    ///
+    /// # Errors
+    /// `FaceNotFound` if there is none; `Cancelled`.
+    fn upright(
+        &self,
+        frame: &Frame,
+        found: Settled,
+        fixed: &[(usize, [f32; 3])],
+        looks: &Looks<'_>,
+    ) -> Result<Settled> {
+        if found.rank() > SURE {
+            return Ok(found);
+        }
+        let Some(plane) = turned_away(frame, &found.to_canonical) else {
+            return Ok(found);
+        };
+        let mut best: Option<Settled> = None;
+        for pose in poses_across(&plane, &found.to_canonical) {
+            let settled = self.settle(frame, &pose, fixed, looks)?;
+            let upright = settled
+                .filter(|s| s.doubt().is_none() && turned_away(frame, &s.to_canonical).is_none());
+            let better = |s: &Settled| best.as_ref().is_none_or(|b| s.rank() > b.rank());
+            best = upright.filter(better).or(best);
+        }
+        best.ok_or_else(|| {
+            let degrees = plane.normal.x.abs().acos().to_degrees();
+            Error::FaceNotFound(advice(&format!(
+                "the best place has a face that lies at {degrees:.0}° to the plane in which the mesh about it mirrors \
+                 itself (expected: left and right of a face mirror each other), so that its mouth may be an eye"
+            )))
+        })
     }
 
     /// The most convincing candidate.
@@ -399,9 +438,9 @@ impl LandmarkFinder {
 
 fn advice(seen: &str) -> String {
     format!(
-        "{seen}. Give a mesh with a head of its own whose eyes, nose and mouth are modelled, fix \
-         {ENOUGH_FIXED} or more landmarks (corners of eyes and mouth, tip of the nose), or give \
-         all 68"
+        "{seen}. Give a mesh with a head of its own whose eyes, nose and mouth are modelled, say where \
+         five points of it are (outer corners of the eyes, landmarks 36 and 45; tip of the nose, 30; \
+         corners of the mouth, 48 and 54), or give all 68"
     )
 }
 

@@ -36,7 +36,7 @@ pub(super) struct Plane {
 }
 
 impl Plane {
-    fn reflect(&self, p: DVec3) -> DVec3 {
+    pub fn reflect(&self, p: DVec3) -> DVec3 {
         p - 2.0 * (p.dot(self.normal) - self.offset) * self.normal
     }
 
@@ -73,8 +73,8 @@ impl Plane {
 
 /// The best plane, if the mesh mirrors itself well in one.
 pub(super) fn symmetry(frame: &Frame) -> Option<Plane> {
-    let surface = spread(frame, SURFACE);
-    let points = spread(frame, REFLECTED);
+    let surface = spread(&frame.points, &frame.triangles, SURFACE);
+    let points = spread(&frame.points, &frame.triangles, REFLECTED);
     let count = points.len() as f64;
     let centre = points.iter().sum::<DVec3>() / count;
     let spread = scatter(points.iter().map(|p| (1.0, *p - centre)));
@@ -86,7 +86,8 @@ pub(super) fn symmetry(frame: &Frame) -> Option<Plane> {
                 normal,
                 offset: normal.dot(centre),
             };
-            let plane = (0..ROUNDS).fold(plane, |p, _| better(&p, &points, &surface, radius));
+            let near = |p| nearest(p, &surface);
+            let plane = (0..ROUNDS).fold(plane, |p, _| better(&p, &points, near, ROBUST * radius));
             (miss(&plane, &points, &surface) / radius, plane)
         })
         .min_by(|a, b| a.0.total_cmp(&b.0))?;
@@ -94,29 +95,29 @@ pub(super) fn symmetry(frame: &Frame) -> Option<Plane> {
 }
 
 /// `count` points spread evenly over the surface's area, the same every time.
-fn spread(frame: &Frame, count: usize) -> Vec<DVec3> {
-    let corners = |t: &[u32; 3]| t.map(|v| Vec3::from(frame.points[v as usize]).as_dvec3());
+pub(super) fn spread(points: &[[f32; 3]], triangles: &[[u32; 3]], count: usize) -> Vec<DVec3> {
+    let corners = |t: &[u32; 3]| t.map(|v| Vec3::from(points[v as usize]).as_dvec3());
     let area = |t: &[u32; 3]| {
         let [a, b, c] = corners(t);
         (b - a).cross(c - a).length()
     };
-    let total: f64 = frame.triangles.iter().map(area).sum();
-    let mut points = Vec::with_capacity(count);
+    let total: f64 = triangles.iter().map(area).sum();
+    let mut places = Vec::with_capacity(count);
     let mut passed = 0.0;
-    for t in frame.triangles.iter() {
+    for t in triangles {
         passed += area(t);
-        while (points.len() as f64 + 0.5) * total < passed * count as f64 && points.len() < count {
+        while (places.len() as f64 + 0.5) * total < passed * count as f64 && places.len() < count {
             // Low-discrepancy places in the triangle (the plastic number's sequence).
-            let k = points.len() as f64;
+            let k = places.len() as f64;
             let (mut u, mut v) = ((k * 0.754_877_666).fract(), (k * 0.569_840_291).fract());
             if u + v > 1.0 {
                 (u, v) = (1.0 - u, 1.0 - v);
             }
             let [a, b, c] = corners(t);
-            points.push(a + u * (b - a) + v * (c - a));
+            places.push(a + u * (b - a) + v * (c - a));
         }
     }
-    points
+    places
 }
 
 /// Σ w v vᵀ.
@@ -156,13 +157,19 @@ fn nearest(p: DVec3, surface: &[DVec3]) -> (DVec3, f64) {
 }
 
 /// The plane that mirrors each point best into what its reflection is nearest to: across the
-/// differences, through the middles.
-fn better(plane: &Plane, points: &[DVec3], surface: &[DVec3], radius: f64) -> Plane {
+/// differences, through the middles. `nearest`: the point of the surface nearest to another, with their
+/// distance squared; `robust`: a distance that counts half.
+pub(super) fn better(
+    plane: &Plane,
+    points: &[DVec3],
+    nearest: impl Fn(DVec3) -> (DVec3, f64),
+    robust: f64,
+) -> Plane {
     let pairs: Vec<(f64, DVec3, DVec3)> = points
         .iter()
         .map(|p| {
-            let (q, d2) = nearest(plane.reflect(*p), surface);
-            let weight = 1.0 / (1.0 + d2 / (ROBUST * radius).powi(2));
+            let (q, d2) = nearest(plane.reflect(*p));
+            let weight = 1.0 / (1.0 + d2 / robust.powi(2));
             (weight, 0.5 * (p + q), q - p)
         })
         .collect();

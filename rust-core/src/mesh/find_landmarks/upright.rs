@@ -1,0 +1,144 @@
+//! Whether a face stands across the plane in which the mesh about it mirrors itself.
+//!
+//! On a round toy two eyes and a mouth lie like the corners of a triangle, and the networks may take the mouth for an
+//! eye. The mesh tells: its left and right mirror each other across one plane, not across that of a turned face.
+//! Points are those of the face, in canonical metres.
+
+use glam::{DVec3, Vec3};
+use rayon::prelude::*;
+
+use super::{
+    symmetry::{Plane, better, spread},
+    view::{Frame, middle, turned},
+};
+use crate::mesh::{Mesh, Similarity, SurfaceTree, direction::unit};
+
+/// Surface within this distance of the middle of the face counts: to brows, chin and cheeks.
+const REACH_M: f64 = 0.14;
+/// Surface that leans to the front by less than this, as a cosine, does not count.
+const LEAST_FRONT: f64 = 0.1;
+/// Points that are reflected.
+const REFLECTED: usize = 600;
+/// Planes are tried at so many angles about the face's own front axis, each in so many rounds.
+const ANGLES: usize = 12;
+const ROUNDS: usize = 10;
+/// A miss that counts half while a plane is fitted, and the most that one point counts of, metres.
+const ROBUST_M: f64 = 0.004;
+const MOST_MISS_M: f64 = 0.011;
+/// Planes within this angle of the face's own are its own, those beyond the second one are others.
+const OWN_DEG: f64 = 25.0;
+const OTHER_DEG: f64 = 35.0;
+/// A plane that leans to the front by more than this, as a sine, parts front and back instead of left and right.
+const MOST_FORWARD: f64 = 0.5;
+/// The face is turned where its own plane misses by more than this share of what another one does.
+const SHARE: f64 = 0.8;
+
+/// A plane and by how much the surface misses itself across it, metres.
+type Mirror = (f64, Plane);
+
+/// The plane in which the mesh about a face mirrors itself, where that is not the one between the face's eyes.
+pub(super) fn turned_away(frame: &Frame<'_>, to_canonical: &Similarity) -> Option<Plane> {
+    let mirrors = mirrors(frame, to_canonical)?;
+    let best = |holds: &dyn Fn(&Plane) -> bool| -> Option<Mirror> {
+        let held = mirrors.iter().filter(|(_, plane)| holds(plane));
+        held.copied().min_by(|a, b| a.0.total_cmp(&b.0))
+    };
+    let across = |plane: &Plane| plane.normal.x.abs();
+    let own = best(&|plane| across(plane) > OWN_DEG.to_radians().cos());
+    let (other, plane) = best(&|plane| {
+        across(plane) < OTHER_DEG.to_radians().cos() && plane.normal.z.abs() < MOST_FORWARD
+    })?;
+    let own = own.map_or(f64::INFINITY, |own| own.0);
+    (own > SHARE * other).then_some(plane)
+}
+
+/// Poses of a face across a plane, both ways up, from the pose in which the plane was found.
+pub(super) fn poses_across(plane: &Plane, to_canonical: &Similarity) -> [Similarity; 2] {
+    let middle = Vec3::from(middle()).as_dvec3();
+    let on_plane = middle - (middle.dot(plane.normal) - plane.offset) * plane.normal;
+    [1.0, -1.0].map(|side| {
+        let x = side * plane.normal;
+        let z = unit(DVec3::Z - x.z * x);
+        let turn = Similarity {
+            rotation: [x, z.cross(x), z].map(Into::into),
+            ..Similarity::IDENTITY
+        };
+        let moved = Vec3::from(turn.apply(on_plane.as_vec3().into())).as_dvec3();
+        let turn = Similarity {
+            translation: (middle - moved).into(),
+            ..turn
+        };
+        turn.compose(to_canonical)
+    })
+}
+
+/// The planes near which those at [`ANGLES`] come to lie; `None` where nothing lies before the face.
+fn mirrors(frame: &Frame<'_>, to_canonical: &Similarity) -> Option<Vec<Mirror>> {
+    let mesh = Mesh {
+        positions: turned(frame, to_canonical),
+        triangles: frame.triangles.to_vec(),
+    };
+    let middle = Vec3::from(middle()).as_dvec3();
+    let in_face = |t: &&[u32; 3]| {
+        let [a, b, c] = t.map(|v| Vec3::from(mesh.positions[v as usize]).as_dvec3());
+        let normal = (b - a).cross(c - a);
+        (a + b + c).distance(3.0 * middle) < 3.0 * REACH_M
+            && normal.z > LEAST_FRONT * normal.length()
+    };
+    let face: Vec<[u32; 3]> = mesh.triangles.iter().filter(in_face).copied().collect();
+    if face.is_empty() {
+        return None;
+    }
+    let points = spread(&mesh.positions, &face, REFLECTED);
+    let tree = SurfaceTree::new(&mesh);
+    let nearest = |p: DVec3| {
+        let place = tree.closest(p.as_vec3().into());
+        place.map_or((p, f64::INFINITY), |place| {
+            let corners = mesh.triangles[place.face as usize];
+            let corners = corners.map(|v| Vec3::from(mesh.positions[v as usize]).as_dvec3());
+            let shares = corners.iter().zip(place.barycentric);
+            let q: DVec3 = shares.map(|(corner, share)| share * *corner).sum();
+            (q, place.distance.powi(2))
+        })
+    };
+    let fitted = |k: usize| {
+        let (sin, cos) = (std::f64::consts::PI * k as f64 / ANGLES as f64).sin_cos();
+        let normal = DVec3::new(cos, sin, 0.0);
+        let offset = normal.dot(middle);
+        let start = Plane { normal, offset };
+        let plane = (0..ROUNDS).fold(start, |p, _| better(&p, &points, nearest, ROBUST_M));
+        let misses = points
+            .iter()
+            .map(|p| nearest(plane.reflect(*p)).1.sqrt().min(MOST_MISS_M));
+        (misses.sum::<f64>() / points.len() as f64, plane)
+    };
+    Some((0..ANGLES).into_par_iter().map(fitted).collect())
+}
+
+#[cfg(test)]
+mod tests {
+    use super::{super::view::stated_frame, *};
+    use crate::mesh::Axis;
+
+    #[test]
+    fn a_turned_face_is_noticed_and_turned_back() {
+        let folder = std::path::Path::new(env!("CARGO_MANIFEST_DIR"));
+        let head = Mesh::read(folder.join("../weights/shared/default_head/head.obj")).unwrap();
+        let frame = stated_frame(&head, Axis::PosZ, Axis::PosY).unwrap();
+        let upright = frame.from_mesh.inverse();
+        assert!(turned_away(&frame, &upright).is_none());
+        let (sin, cos) = 100f64.to_radians().sin_cos();
+        let [x, y, _] = middle().map(f64::from);
+        let roll = Similarity {
+            rotation: [[cos, -sin, 0.0], [sin, cos, 0.0], [0.0, 0.0, 1.0]],
+            translation: [x - cos * x + sin * y, y - sin * x - cos * y, 0.0],
+            ..Similarity::IDENTITY
+        };
+        let turned = roll.compose(&upright);
+        let plane = turned_away(&frame, &turned).unwrap();
+        let poses = poses_across(&plane, &turned);
+        let ups = poses.map(|pose| pose.compose(&upright.inverse()).rotation[1][1]);
+        assert!(ups.iter().any(|up| *up > 0.97), "{ups:?}");
+        assert!(ups.iter().any(|up| *up < -0.97), "{ups:?}");
+    }
+}
