@@ -24,6 +24,7 @@ use anyface::{
 use clap::Args;
 
 use crate::controls::{EmotionArgs, FaceControls, MotionControls};
+use crate::open_mouth::landmarks_beside;
 use crate::paths::{CachePath, InputPath};
 
 /// A coarser skin than this has no lips to speak of.
@@ -175,6 +176,7 @@ impl FaceArgs {
     pub fn options(&self, mesh: &Path, known: Option<LandmarkSource>) -> Result<FaceOptions> {
         let landmarks = match &self.landmarks {
             Some(path) => Some(LandmarkSource::read(path)?),
+            None if known.is_none() => landmarks_of_opened(mesh)?,
             None => known,
         };
         let fixed = match &self.fix {
@@ -200,6 +202,15 @@ impl FaceArgs {
             },
             proxy: self.proxy.0,
         })
+    }
+}
+
+/// The landmarks that `open-mouth` has written beside a mesh.
+fn landmarks_of_opened(mesh: &Path) -> Result<Option<LandmarkSource>> {
+    let beside = landmarks_beside(mesh);
+    match beside.is_file() {
+        true => LandmarkSource::read(&beside).map(Some),
+        false => Ok(None),
     }
 }
 
