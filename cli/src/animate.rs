@@ -61,9 +61,9 @@ pub struct Animate {
 impl Animate {
     /// Results whose names come from that of the animation.
     pub fn outputs_beside(&self) -> Vec<PathBuf> {
-        let opened = self.open_mouth.then(|| open_mouth::beside(&self.out));
-        opened
-            .into_iter()
+        let mesh = open_mouth::beside(&self.out);
+        let opened = [open_mouth::landmarks_beside(&mesh), mesh];
+        (opened.into_iter().filter(|_| self.open_mouth))
             .chain(self.layers.outputs_beside(&self.out))
             .collect()
     }

@@ -120,7 +120,8 @@ impl SoundArgs {
 /// How the face is found and moved.
 #[derive(Args)]
 pub struct FaceArgs {
-    /// Landmarks as JSON: 68 positions or 68 vertex numbers [default: found on the mesh]
+    /// Landmarks as JSON: 68 positions or 68 vertex numbers [default: M.landmarks.json beside the mesh
+    /// M.obj, else found on it]
     #[arg(long, value_name = "L.json")]
     landmarks: Option<InputPath>,
     /// Some landmarks as JSON that stay where they are; the others follow
@@ -205,7 +206,7 @@ impl FaceArgs {
     }
 }
 
-/// The landmarks that `open-mouth` has written beside a mesh.
+/// The landmarks that `open-mouth` or `head` has written beside a mesh.
 fn landmarks_of_opened(mesh: &Path) -> Result<Option<LandmarkSource>> {
     let beside = landmarks_beside(mesh);
     match beside.is_file() {

@@ -37,6 +37,11 @@ pub struct OpenMouth {
 }
 
 impl OpenMouth {
+    /// The landmarks of the new mesh.
+    pub fn outputs_beside(&self) -> Vec<PathBuf> {
+        vec![landmarks_beside(&self.out)]
+    }
+
     pub fn run(&self, shared: &SharedArgs, console: &Console) -> Result<()> {
         check_name(&self.out)?;
         let options = self.face.options(&self.mesh, None)?;
