@@ -988,13 +988,18 @@ AnyfaceStatus anyface_face_write_landmarks(const AnyfaceFace *face,
 void anyface_face_free(AnyfaceFace *face);
 
 /// Parts the lips of a face along the valley between them and sews the inside of a mouth behind them. At
-/// rest the surface stays the same.
+/// rest the surface stays the same. The jaw of the result is dropped by 20 mm once, to see that the lips
+/// part smoothly and alike on both sides. Long: accepts a progress handle, which may be NULL.
 ///
+/// Whether there is anything to part says `anyface_face_mouth()`: `ANYFACE_MOUTH_WELDED`.
 /// Free with `anyface_opened_mouth_free()`. The new mesh is made ready as any other, with the landmarks of
 /// `anyface_opened_mouth_copy_landmarks()`.
 /// Fails with `ANYFACE_STATUS_INVALID_INPUT` if the lips part already or the landmarks name no mouth,
-/// `ANYFACE_STATUS_MESH` if no line leads from corner to corner between the lips.
-AnyfaceStatus anyface_opened_mouth_new(const AnyfaceFace *face,
+/// `ANYFACE_STATUS_MESH` if no line leads from corner to corner between the lips or they do not part well,
+/// `ANYFACE_STATUS_CANCELLED`.
+AnyfaceStatus anyface_opened_mouth_new(const AnyfaceEngine *engine,
+                                       const AnyfaceFace *face,
+                                       const AnyfaceProgress *progress,
                                        AnyfaceOpenedMouth **out,
                                        AnyfaceError **error);
 
@@ -1003,7 +1008,11 @@ AnyfaceStatus anyface_opened_mouth_mesh(const AnyfaceOpenedMouth *opened,
                                         AnyfaceMesh **out,
                                         AnyfaceError **error);
 
-/// Number of the first triangle of the mouth's inside; 0 for NULL.
+/// Number of the first triangle behind the slit: the inner sides of the lips, which are of the lips' colour,
+/// up to `anyface_opened_mouth_first_inside_triangle()`; 0 for NULL.
+size_t anyface_opened_mouth_first_inner_lip_triangle(const AnyfaceOpenedMouth *opened);
+
+/// Number of the first triangle of the mouth's inside behind the lips; 0 for NULL.
 size_t anyface_opened_mouth_first_inside_triangle(const AnyfaceOpenedMouth *opened);
 
 /// Copies of which old vertices each vertex is a mixture, for groups and shape keys. Vertices of the

@@ -195,8 +195,9 @@ SIGNATURES = {
     "anyface_face_copy_to_canonical": (c_int32, [_HANDLE, _FLOATS, c_size_t, _OUT]),
     "anyface_face_part_count": (c_size_t, [_HANDLE]),
     "anyface_face_copy_parts": (c_int32, [_HANDLE, POINTER(c_int32), _INDICES, _OUT]),
-    "anyface_opened_mouth_new": (c_int32, [_HANDLE, _OUT, _OUT]),
+    "anyface_opened_mouth_new": (c_int32, [_HANDLE, _HANDLE, _HANDLE, _OUT, _OUT]),
     "anyface_opened_mouth_mesh": (c_int32, [_HANDLE, _OUT, _OUT]),
+    "anyface_opened_mouth_first_inner_lip_triangle": (c_size_t, [_HANDLE]),
     "anyface_opened_mouth_first_inside_triangle": (c_size_t, [_HANDLE]),
     "anyface_opened_mouth_copy_landmarks": (c_int32, [_HANDLE, _FLOATS, _INDICES, _OUT]),
     "anyface_opened_mouth_copy_vertex_sources": (

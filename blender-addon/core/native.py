@@ -215,6 +215,7 @@ class Engine(
         largest = self._library.anyface_clip_largest_displacement(clip)
         visibility = VISIBILITIES[self._library.anyface_clip_visibility(clip)]
         animation = Animation(largest * mm_per_unit, visibility)
+        animation.mouth = MOUTHS[self._library.anyface_face_mouth(face)]
         animation.life = self._life(made, clip.shape[0])
         animation.landmarks = self._landmarks(clip, clip.shape[0])
         animation.shape_weights = self._shape_weights(made[1])

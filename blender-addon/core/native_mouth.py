@@ -17,7 +17,7 @@ class MouthCalls:
     def open_mouth(
         self, positions, triangles, landmarks, landmark_vertices, progress: Progress
     ) -> OpenedMouth:
-        """Parts the lips of a mesh and sews the inside of a mouth behind them.
+        """Parts the lips of a mesh and sews the inside of a mouth behind them; tries it once.
 
         The arguments are those of `native.Engine.find`. Raises `AnyfaceError`, or `Cancelled`.
         """
@@ -25,13 +25,15 @@ class MouthCalls:
             watch = handles.enter_context(self._watch(progress))
             marks = landmarks, landmark_vertices
             face = self._found_face(handles, positions, triangles, marks, watch)
-            opened = self._own(handles, "opened_mouth", "anyface_opened_mouth_new", face)
+            parts = self._handle, face, watch.handle
+            opened = self._own(handles, "opened_mouth", "anyface_opened_mouth_new", *parts)
             new = self._own(handles, "mesh", "anyface_opened_mouth_mesh", opened)
             return self._opened(opened, new)
 
     def _opened(self, opened, mesh) -> OpenedMouth:
         vertices = self._library.anyface_mesh_vertex_count(mesh)
         faces = self._library.anyface_mesh_triangle_count(mesh)
+        first_of_lips = self._library.anyface_opened_mouth_first_inner_lip_triangle(opened)
         out = OpenedMouth(
             positions=np.empty((vertices, 3), dtype=np.float32),
             triangles=np.empty((faces, 3), dtype=np.uint32),
@@ -41,6 +43,7 @@ class MouthCalls:
             vertex_shares=np.empty((vertices, 3), dtype=np.float32),
             triangle_sources=np.empty(faces, dtype=np.uint32),
             corner_shares=np.empty((faces, 3, 3), dtype=np.float32),
+            first_inner_lip_triangle=first_of_lips,
             first_inside_triangle=self._library.anyface_opened_mouth_first_inside_triangle(opened),
         )
         self._copy("anyface_mesh_copy_positions", mesh, out.positions)

@@ -20,7 +20,7 @@ from ..core.source import SoundSource
 from ..core.take import FaceMesh, Request, Sound, Take, WrittenFile
 from . import event_strips, identity, live, outputs
 from .animation import emotion
-from .face import mesh, pieces
+from .face import mesh, mouth, pieces
 from .life import head_and_eyes
 from .life.settings import LifeSettings
 from .outputs import OutputSettings
@@ -276,6 +276,10 @@ def landing(ob, snapshot: Snapshot, take: Take):
     notes = snapshot.notes + take.notes + snapshot.source.notes
     notes += [] if take.motion.files else guard.notes(ob)
     notes += output.notes(ob, asked)
+    if ob.library is None:
+        ob.anyface.mouth = take.mouth
+    if take.mouth == "welded":
+        notes.append(mouth.WELDED)
     text = " ".join([describe(take), *(f"({note})" for note in [*turned, *notes])])
     panel_settings.note(ob, snapshot.asked, text, take.heard_emotion)
     return text

@@ -2,7 +2,7 @@
 
 from bpy.types import Operator
 
-from ..scene.face import mesh, mouth
+from ..scene.face import landmarks, mesh, mouth
 from ..scene.shape_keys import guard
 from . import running
 from .operators import InThread
@@ -23,7 +23,7 @@ class ANYFACE_OT_open_mouth(InThread, Operator):
         reason = super().why_not(context)
         if reason or mouth.is_welded(target(context)):
             return reason
-        return "Find the face first; this parts lips that are one surface"
+        return "This parts lips that are one surface; Find Face and Generate see whether they are"
 
     def read(self, context, ob):
         """The mesh and its landmarks."""
@@ -31,8 +31,8 @@ class ANYFACE_OT_open_mouth(InThread, Operator):
         settings = from_object(ob)
         face = mesh.read_face(ob, settings.landmark_file)
         face.axes = settings.axes
-        return mouth.Opening(face, running.engine(settings.system))
+        return mouth.Opening(face, running.engine(settings.system), landmarks.load(ob))
 
     def finish(self, ob, opening, opened):
         """Changes the mesh."""
-        return mouth.write(ob, opening.face, opened)
+        return mouth.write(ob, opening, opened)

@@ -3,7 +3,7 @@
 use std::path::PathBuf;
 
 use anyface::{
-    Engine, Face, Result, face,
+    Engine, Face, Result,
     job::ProgressFn,
     mesh::{Mesh, Mouth},
     output::Report,
@@ -61,9 +61,9 @@ pub struct Animate {
 impl Animate {
     /// Results whose names come from that of the animation.
     pub fn outputs_beside(&self) -> Vec<PathBuf> {
-        let opened = self.open_mouth.then(|| open_mouth::beside(&self.out));
-        opened
-            .into_iter()
+        let mesh = open_mouth::beside(&self.out);
+        let opened = [open_mouth::landmarks_beside(&mesh), mesh];
+        (opened.into_iter().filter(|_| self.open_mouth))
             .chain(self.layers.outputs_beside(&self.out))
             .collect()
     }
@@ -166,14 +166,12 @@ impl Animate {
         if face.mouth() != Mouth::Welded {
             return engine.prepare(&face.mesh, &face.options, progress);
         }
-        let opened = timed(report, "open", || {
-            face::open_mouth(&face.mesh, &face.landmarks)
-        })?;
+        let opened = timed(report, "open", || engine.open_mouth(face, progress))?;
         let out = open_mouth::beside(&self.out);
         timed(report, "write", || {
             open_mouth::write(&out, &self.mesh, &face.mesh, &opened)
         })?;
-        let options = open_mouth::options_after(face, &opened);
+        let options = opened.face_options(face);
         timed(report, "prepare", || {
             engine.prepare(&opened.mesh, &options, progress)
         })

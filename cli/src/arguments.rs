@@ -27,6 +27,7 @@ use anyface::{
 use clap::Args;
 
 use crate::controls::{EmotionArgs, FaceControls, MotionControls};
+use crate::open_mouth::landmarks_beside;
 use crate::paths::{CachePath, InputPath};
 
 /// A coarser skin than this has no lips to speak of.
@@ -122,7 +123,8 @@ impl SoundArgs {
 /// How the face is found and moved.
 #[derive(Args)]
 pub struct FaceArgs {
-    /// Landmarks as JSON: 68 positions or 68 vertex numbers [default: found on the mesh]
+    /// Landmarks as JSON: 68 positions or 68 vertex numbers [default: M.landmarks.json beside the mesh
+    /// M.obj, else found on it]
     #[arg(long, value_name = "L.json")]
     landmarks: Option<InputPath>,
     /// Some landmarks as JSON that stay where they are; the others follow
@@ -214,6 +216,7 @@ impl FaceArgs {
     pub fn options(&self, mesh: &Path, known: Option<LandmarkSource>) -> Result<FaceOptions> {
         let landmarks = match &self.landmarks {
             Some(path) => Some(LandmarkSource::read(path)?),
+            None if known.is_none() => landmarks_of_opened(mesh)?,
             None => known,
         };
         let mut fixed = match &self.fix {
@@ -246,6 +249,15 @@ impl FaceArgs {
             },
             proxy: self.proxy.0,
         })
+    }
+}
+
+/// The landmarks that `open-mouth` or `head` has written beside a mesh.
+fn landmarks_of_opened(mesh: &Path) -> Result<Option<LandmarkSource>> {
+    let beside = landmarks_beside(mesh);
+    match beside.is_file() {
+        true => LandmarkSource::read(&beside).map(Some),
+        false => Ok(None),
     }
 }
 

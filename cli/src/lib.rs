@@ -115,6 +115,7 @@ impl Arguments {
         match &self.command {
             Command::Animate(command) => command.outputs_beside(),
             Command::Head(command) => command.outputs_beside(),
+            Command::OpenMouth(command) => command.outputs_beside(),
             Command::Rig(command) => command.outputs_beside(),
             _ => Vec::new(),
         }

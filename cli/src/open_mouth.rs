@@ -1,12 +1,15 @@
 //! `anyface open-mouth`: lips that are one surface, parted.
 
-use std::path::{Path, PathBuf};
+use std::{
+    io::Write,
+    path::{Path, PathBuf},
+};
 
 use anyface::{
-    Error, Face, Result,
-    face::{FaceOptions, OpenedMouth, open_mouth},
-    job::{InputKind, read_file},
-    mesh::{LandmarkSource, Mesh},
+    Error, Result,
+    face::OpenedMouth,
+    job::{InputKind, read_file, write_atomically},
+    mesh::{Mesh, Mouth},
     output::write_opened_obj,
 };
 use clap::Args;
@@ -25,7 +28,8 @@ pub struct OpenMouth {
     #[arg(long, value_name = "M")]
     mesh: InputPath,
     /// The new mesh, .obj: the old vertices keep their numbers and places; texture coordinates,
-    /// normals, materials and groups of an OBJ stay
+    /// normals, materials and groups of an OBJ stay. Its landmarks are written beside it, O.landmarks.json,
+    /// where every command finds them
     #[arg(long, value_name = "O.obj")]
     out: OutputPath,
     #[command(flatten)]
@@ -33,6 +37,11 @@ pub struct OpenMouth {
 }
 
 impl OpenMouth {
+    /// The landmarks of the new mesh.
+    pub fn outputs_beside(&self) -> Vec<PathBuf> {
+        vec![landmarks_beside(&self.out)]
+    }
+
     pub fn run(&self, shared: &SharedArgs, console: &Console) -> Result<()> {
         check_name(&self.out)?;
         let options = self.face.options(&self.mesh, None)?;
@@ -42,7 +51,9 @@ impl OpenMouth {
         let face = timed(&mut report, "landmarks", || {
             engine.find(&mesh, &options, &|p| console.progress(p))
         })?;
-        let opened = timed(&mut report, "open", || open_mouth(&mesh, &face.landmarks))?;
+        let opened = timed(&mut report, "open", || {
+            engine.open_mouth(&face, &|p| console.progress(p))
+        })?;
         timed(&mut report, "write", || {
             write(&self.out, &self.mesh, &mesh, &opened)
         })?;
@@ -75,29 +86,25 @@ fn check_name(path: &Path) -> Result<()> {
     }
 }
 
-/// Writes an opened mesh; `source`: the file that the old one was read from.
+/// Writes an opened mesh, and its landmarks beside it; `source`: the file that the old one was read from.
 pub fn write(out: &Path, source: &Path, old: &Mesh, opened: &OpenedMouth) -> Result<()> {
     let bytes = read_file(source, InputKind::Mesh)?;
     let is_obj = !bytes.starts_with(b"ply") && !bytes.starts_with(b"glTF");
-    write_opened_obj(out, is_obj.then_some(bytes.as_slice()), old, opened)
+    write_opened_obj(out, is_obj.then_some(bytes.as_slice()), old, opened)?;
+    let json = opened.landmarks.to_json_with_mouth(Mouth::Slit);
+    write_atomically(&landmarks_beside(out), |file| {
+        file.write_all(json.as_bytes())
+    })?;
+    Ok(())
+}
+
+/// The landmarks of an opened mesh: a search that sees its lips closed might put them on the wrong lip.
+pub fn landmarks_beside(mesh: &Path) -> PathBuf {
+    mesh.with_extension("landmarks.json")
 }
 
 /// Where `animate` puts the opened mesh: beside its result.
 pub fn beside(result: &Path) -> PathBuf {
     let stem = result.file_stem().unwrap_or_default().to_string_lossy();
     result.with_file_name(format!("{stem}_open_mouth.obj"))
-}
-
-/// How the opened mesh is prepared after its face was found.
-pub fn options_after(face: &Face, opened: &OpenedMouth) -> FaceOptions {
-    let mut options = face.options.clone();
-    options.landmarks = Some(LandmarkSource::from(&opened.landmarks));
-    options.fixed.clear();
-    let names = &mut options.parts.names.of_vertex;
-    if !names.is_empty() {
-        let new = &opened.vertex_sources[names.len()..];
-        let like: Vec<u32> = new.iter().map(|from| names[from[0].0 as usize]).collect();
-        names.extend(like);
-    }
-    options
 }

@@ -192,6 +192,7 @@ class WholeStage(Stage):
             vertex_shares=np.tile([1.0, 0.0, 0.0], (len(vertices), 1)),
             triangle_sources=faces,
             corner_shares=corners,
+            first_inner_lip_triangle=len(faces),
             first_inside_triangle=len(faces),
         )
 

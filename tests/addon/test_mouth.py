@@ -8,6 +8,8 @@ import pytest
 from mathutils import Vector
 from mathutils.bvhtree import BVHTree
 
+from figures import tone
+
 HEAD = Path(__file__).resolve().parents[2] / "weights" / "shared" / "default_head" / "head.obj"
 COLUMNS, ROWS = 70, 80
 
@@ -27,6 +29,10 @@ def _depths() -> np.ndarray:
         for column, x in enumerate(np.linspace(-0.08, 0.08, COLUMNS)):
             hit = tree.ray_cast(Vector((x, y, 1.0)), Vector((0.0, 0.0, -1.0)))[0]
             places[row, column] = (x, y, -0.02 if hit is None else hit.z)
+    # Rays meet stairs where the lips of the head part; sealed lips have none.
+    depth = np.pad(places[..., 2], 1, mode="edge")
+    beside = depth[1:-1, 2:] + depth[1:-1, :-2] + depth[2:, 1:-1] + depth[:-2, 1:-1]
+    places[..., 2] = 0.5 * places[..., 2] + 0.125 * beside
     return places
 
 
@@ -78,16 +84,23 @@ def test_the_lips_part_and_everything_goes_along(mask):
     assert polygons - 200 < quads < polygons
     inside = data.materials.find("Mouth Inside")
     skin = [polygon for polygon in data.polygons if polygon.material_index != inside]
+    front, rolled = set(), set()
     for polygon in skin:
         assert polygon.material_index in (0, 1)
+        uvs = {tuple(data.uv_layers["UVMap"].data[loop].uv) for loop in polygon.loop_indices}
+        if len(uvs) == 1:
+            # The inner side of a lip has the colour of the rim before it.
+            rolled.update(vertex for vertex in polygon.vertices if vertex >= count)
+            continue
+        front.update(polygon.vertices)
         for loop in polygon.loop_indices:
             place = data.vertices[data.loops[loop].vertex_index].co
             uv = data.uv_layers["UVMap"].data[loop].uv
             assert abs(uv.x - place.x) < 1e-5 and abs(uv.y - place.z) < 1e-5
-    on_skin = {vertex for polygon in skin for vertex in polygon.vertices}
+    assert len(rolled - front) > 100
     wide = data.shape_keys.key_blocks["Wide"].data
     basis = data.shape_keys.key_blocks["Basis"].data
-    for vertex in on_skin:
+    for vertex in front:
         place = data.vertices[vertex].co
         assert (basis[vertex].co - place).length < 1e-6
         assert abs(wide[vertex].co.x - 1.5 * place.x) < 1e-5
@@ -124,3 +137,32 @@ def test_normals_of_the_artist_stay(mask):
     skin = [polygon for polygon in data.polygons if polygon.material_index != inside]
     turned = [data.corner_normals[loop].vector.y for p in skin for loop in p.loop_indices]
     assert max(turned) < -0.99
+
+
+def test_a_take_on_sealed_lips_offers_to_open_them(mask, addon, tmp_path):
+    bpy.context.scene.render.fps = 24
+    mask.anyface.source, mask.anyface.sound_file = "FILE", tone(tmp_path / "tone.wav", 0.5)
+    offered = addon("ui.mending").kept
+    assert bpy.ops.anyface.generate() == {"FINISHED"}
+    assert addon("scene.face.landmarks").load(mask) is None, "nobody has looked for the face"
+    assert addon("scene.face.mouth").WELDED in mask.anyface.report
+    assert offered(mask) == ["open_mouth"]
+    assert bpy.ops.anyface.open_mouth() == {"FINISHED"}
+    assert addon("scene.face.landmarks").load(mask).mouth == "slit"
+    assert offered(mask) == []
+    assert bpy.ops.anyface.generate() == {"FINISHED"}
+    assert "one surface" not in mask.anyface.report and offered(mask) == []
+
+
+def test_lips_roll_inward_in_the_colour_of_the_skin(mask):
+    before = len(mask.data.vertices)
+    _opened(mask)
+    data = mask.data
+    inside = data.materials.find("Mouth Inside")
+    skin = [set(p.vertices) for p in data.polygons if p.material_index != inside]
+    bag = {vertex for p in data.polygons if p.material_index == inside for vertex in p.vertices}
+    edge = bag & set.union(*skin)
+    front = {vertex for corners in skin for vertex in corners if vertex < before}
+    depth = [data.vertices[vertex].co.y for vertex in edge]
+    lips = [data.vertices[vertex].co.y for vertex in front]
+    assert max(depth) - min(lips) > 0.002, "the dark inside begins behind the lips"

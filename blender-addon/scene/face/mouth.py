@@ -13,6 +13,8 @@ from ...core.take import FaceMesh, Found, OpenedMouth
 from ..shape_keys import guard
 from . import landmarks
 
+# What a report says of lips that are one surface.
+WELDED = "the lips are one surface and cannot part: Open Mouth parts them"
 # The material of the mouth's inside.
 INSIDE = "Mouth Inside"
 _COLOUR = (0.16, 0.03, 0.03, 1.0)
@@ -21,24 +23,33 @@ _NORMALS = "anyface_normals"
 
 
 def is_welded(ob) -> bool:
-    """Whether the lips of `ob` were found to be one surface."""
+    """Whether the lips of `ob` are one surface, as its points say, or else its last take."""
     try:
         stored = landmarks.load(ob)
     except AnyfaceError:
         return False
-    return stored is not None and stored.mouth == "welded"
+    known = stored.mouth if stored is not None else ""
+    return (known or ob.anyface.mouth) == "welded"
 
 
 @dataclass
 class Opening:
-    """A snapshot for opening a mouth; `work` needs nothing of Blender: any thread may run it."""
+    """A snapshot for opening a mouth; `work` needs nothing of Blender: any thread may run it.
+
+    `stored` are the landmarks of the object; where it has none, they are found.
+    """
 
     face: FaceMesh
     engine: object
+    stored: landmarks.Stored | None
 
     def work(self, progress: Progress) -> OpenedMouth:
         """The opened mesh in object space; raises `AnyfaceError`."""
         own = self.face.space
+        if self.stored is None:
+            found = finding.find(self.face, {}, self.engine.find, progress)
+            self.face.landmarks, self.face.landmark_vertices = found.positions, found.vertices
+            self.stored = landmarks.Stored(found.positions, found.confidence, lids=found.lids)
         with finding.naming(self.face):
             opened = self.engine.open_mouth(*own.seen(self.face), progress)
         opened.positions = own.points_to_object(opened.positions)
@@ -49,15 +60,15 @@ class Opening:
         return opened
 
 
-def write(ob, face: FaceMesh, opened: OpenedMouth) -> str:
+def write(ob, opening: Opening, opened: OpenedMouth) -> str:
     """Puts an opened mouth on `ob`; returns what was done, in words.
 
-    `face` is what was read. Texture coordinates, vertex groups, attributes, materials, normals of
+    Texture coordinates, vertex groups, attributes, materials, normals of
     the artist's own and shape keys stay. Raises `AnyfaceError` where the mesh has changed since.
     """
     guard.check_local(ob)
+    face, stored = opening.face, opening.stored
     guard.check_size(ob, len(face.positions))
-    stored = landmarks.load(ob)
     if ob.data.users > 1:
         ob.data = ob.data.copy()
     mode = ob.mode
@@ -67,11 +78,11 @@ def write(ob, face: FaceMesh, opened: OpenedMouth) -> str:
         _Rewriter(ob.data, face, opened, layer).write()
     if mode != "OBJECT":
         bpy.ops.object.mode_set(mode=mode)
-    if stored is not None:
-        places, nearest = opened.landmarks, opened.landmark_vertices
-        none = np.empty(0, dtype=np.int64)
-        found = Found(places, nearest, stored.confidence, "slit", none, none, stored.lids)
-        landmarks.store(ob, found, stored.fixed)
+    places, nearest = opened.landmarks, opened.landmark_vertices
+    none = np.empty(0, dtype=np.int64)
+    found = Found(places, nearest, stored.confidence, "slit", none, none, stored.lids)
+    landmarks.store(ob, found, stored.fixed)
+    ob.anyface.mouth = "slit"
     return f"the lips of {ob.name} part now"
 
 
@@ -172,7 +183,9 @@ class _Rewriter:
         loops = self._loops_of(beside)
         for number in changed:
             self._cut(number, pieces, loops)
-        first = self._opened.first_inside_triangle
+        lips, first = self._opened.first_inner_lip_triangle, self._opened.first_inside_triangle
+        for new in range(lips, first):
+            self._add(new, loops)
         news = range(first, len(self._opened.triangles))
         bag = {face for face in (self._add(new, loops) for new in news) if face is not None}
         for face in bag:
@@ -188,7 +201,7 @@ class _Rewriter:
     def _changed(self) -> tuple[list[int], list[int], dict[int, list[int]]]:
         """Polygons that change, these and others beside the mouth's inside, and by old triangle the
         new ones of what changes."""
-        opened, first = self._opened, self._opened.first_inside_triangle
+        opened, first = self._opened, self._opened.first_inner_lip_triangle
         sources = opened.triangle_sources[:first].astype(np.int64)
         counts = np.bincount(sources, minlength=len(self._old))
         same = (opened.triangles[:first] == self._old[sources]).all(axis=1)

@@ -488,6 +488,15 @@ fn a_result_never_replaces_what_it_is_made_from() {
         ],
         // Results whose names come from those of others.
         &[
+            "open-mouth",
+            "--mesh",
+            "grid.obj",
+            "--landmarks",
+            "h.landmarks.json",
+            "--out",
+            "h.obj",
+        ],
+        &[
             "animate",
             "--mesh",
             "t_open_mouth.obj",

@@ -41,7 +41,7 @@ use eyes::Openings;
 pub use face_options::{DEFAULT_PROXY, FaceOptions};
 pub use landmarks::{locate_landmarks, locate_landmarks_with};
 pub(crate) use nearest::PointGrid;
-pub use open_mouth::{OpenedMouth, TriangleSource, open_mouth};
+pub use open_mouth::{MouthTrial, OpenedMouth, TriangleSource, open_mouth};
 pub use part_list::PartList;
 pub use shapes::{Rig, ShapeReport};
 pub use skin::Skin;

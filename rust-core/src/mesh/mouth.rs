@@ -261,5 +261,6 @@ mod tests {
     fn welded_lips_say_what_still_moves() {
         assert!(Mouth::Welded.sentence().contains("cannot part"));
         assert!(Mouth::Welded.sentence().contains("still move"));
+        assert!(Mouth::Welded.sentence().contains("anyface open-mouth"));
     }
 }

@@ -47,7 +47,7 @@ fn plain(opened: &OpenedMouth) -> String {
         .iter()
         .for_each(|p| add_numbers(&mut text, "v", p));
     for (number, [a, b, c]) in opened.mesh.triangles.iter().enumerate() {
-        if number == opened.first_bag_triangle {
+        if number == opened.first_inside_triangle {
             let _ = writeln!(text, "g {BAG}");
         }
         let _ = writeln!(text, "f {} {} {}", a + 1, b + 1, c + 1);
@@ -99,7 +99,7 @@ impl<'a> Rewriter<'a> {
             group: "g head".into(),
             material: None,
             bag: String::new(),
-            bag_left: opened.triangle_sources.len() - opened.first_bag_triangle,
+            bag_left: opened.triangle_sources.len() - opened.first_inside_triangle,
             old,
             opened,
             lines: Default::default(),
@@ -167,7 +167,8 @@ impl<'a> Rewriter<'a> {
         triangulate(&self.old.positions, &polygon, &mut triangles);
         let next = first + triangles.len();
         let own: Vec<usize> = self.pieces[first..next].iter().flatten().copied().collect();
-        let of_skin = own.iter().filter(|&&n| n < self.opened.first_bag_triangle);
+        let is_skin = |number: usize| number < self.opened.first_inner_lip_triangle;
+        let of_skin = own.iter().filter(|&&n| is_skin(n));
         let is_whole = of_skin.count() == triangles.len();
         if is_whole {
             let renamed: Vec<Corner> = corners
@@ -177,8 +178,8 @@ impl<'a> Rewriter<'a> {
             write_face(text, &renamed);
         }
         for number in own {
-            let in_bag = number >= self.opened.first_bag_triangle;
-            if is_whole && !in_bag {
+            let in_bag = number >= self.opened.first_inside_triangle;
+            if is_whole && is_skin(number) {
                 continue;
             }
             let from = self.opened.triangle_sources[number];
@@ -344,7 +345,8 @@ f 1/1 2/2 4/3
                 source(2, [half; 3]),
             ],
             first_bag_vertex: 6,
-            first_bag_triangle: 5,
+            first_inner_lip_triangle: 5,
+            first_inside_triangle: 5,
             upper_rim: Vec::new(),
             lower_rim: Vec::new(),
         };

@@ -11,6 +11,7 @@ mod field;
 mod gallery;
 mod lids;
 mod metrics;
+mod mouths;
 mod pictures;
 mod quality;
 mod stopwatch;
@@ -43,6 +44,7 @@ enum Command {
     Bench(bench::Bench),
     Field(field::Field),
     Lids(lids::Lids),
+    Mouths(mouths::Mouths),
     Template(template::Template),
 }
 
@@ -66,6 +68,7 @@ impl Arguments {
             Command::Gallery(command) => command.run(&self.shared, &console),
             Command::Bench(command) => command.run(&self.shared, &console),
             Command::Lids(command) => command.run(&self.shared, &console),
+            Command::Mouths(command) => command.run(&self.shared, &console),
             Command::Field(command) => command.run(&self.shared, &console),
             Command::Template(command) => command.run(&self.shared, &console),
         }
@@ -92,6 +95,7 @@ mod tests {
             "anyface-eval quality --data D --weights W --quick --also B --beside cafe-talk --beside emoface",
             "anyface-eval quality --data D --aligned A --only closures",
             "anyface-eval quality --data D --system cafe-talk --only events",
+            "anyface-eval mouths --also D --pictures P",
             "anyface-eval lids --also D --made 2 --strength 1",
             "anyface-eval gallery --out G.md --no-cache",
             "anyface-eval bench --mesh M.obj --no-proxy --runs 2 --json",

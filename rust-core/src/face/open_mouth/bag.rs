@@ -1,9 +1,16 @@
 //! The inside of a mouth: a bag sewn behind the parted lips.
 //!
-//! From the slit it goes straight back for the thickness of the lips, widens up and down behind them
-//! and closes at the throat. Each of its rings has one vertex for each of the slit.
+//! Each lip first rolls inward: an arc goes on where the lip's own front leads at the slit, until it leads
+//! straight back. A lip that is flat there, such as a painted one, so gets a round edge; one that dives
+//! into a valley hardly bends any more. At rest each arc lies behind the front of the other lip. Behind the
+//! lips the bag widens up and down and closes at the throat. Each ring has one vertex for each of the slit.
 
-use glam::DVec3;
+use std::{
+    f64::consts::FRAC_PI_2,
+    ops::{Add, Mul},
+};
+
+use glam::{DVec2, DVec3};
 
 use super::{cut::CutMesh, patch::MouthFrame};
 use crate::mesh::Mesh;
@@ -23,41 +30,152 @@ const HEIGHT: f64 = 0.22;
 const DEPTH_AT_CORNERS: f64 = 0.35;
 /// By how much it is narrower at its back.
 const NARROWED: f64 = 0.3;
+/// Radius of the arc by which a lip rolls inward in the middle, in widths (2.5 mm).
+const ROLL: f64 = 0.05;
+/// Of the arc the parts at which rings lie.
+const ROLL_RINGS: [f64; 3] = [0.33, 0.67, 1.0];
+/// Where the arc's way up or down is gone, as a part of the bag's depth.
+const ROLL_GONE: f64 = 0.3;
+/// How far from the slit the slope of a lip's front is taken, in widths (2 mm).
+const SLOPE_REACH: f64 = 0.04;
+/// An arc begins so much further inward than the front of the other lip, radians (10 degrees).
+const CLEARANCE: f64 = 0.17;
+/// A steeper front counts as this steep, radians (70 degrees): every arc has a length.
+const STEEPEST: f64 = 1.22;
+/// Radius at the corners of the mouth, as a part of that in the middle: no ring may fall on the slit.
+const ROLL_AT_CORNERS: f64 = 0.1;
+/// Passes of a binomial filter along the slopes of a lip.
+const SLOPE_SMOOTHING: usize = 6;
 /// Passes of a binomial filter from ring to ring: a wavy slit ends in a smooth throat.
 const SMOOTHING: usize = 2;
 
+/// Faces behind a slit.
+pub(super) struct Bag {
+    /// The inner sides of the lips first.
+    pub faces: Vec<[u32; 3]>,
+    /// How many of them are of the lips.
+    pub lip_faces: usize,
+}
+
 /// Adds the vertices of a bag behind the slit of `cut` and returns its faces.
-pub(super) fn sew_bag(cut: &mut CutMesh, mesh: &Mesh, frame: &MouthFrame) -> Vec<[u32; 3]> {
+pub(super) fn sew_bag(cut: &mut CutMesh, mesh: &Mesh, frame: &MouthFrame) -> Bag {
     let at = |&v: &u32| frame.local_of(cut.positions[v as usize]);
     let mut line: Vec<DVec3> = cut.upper.iter().map(at).collect();
     let shape = Shape {
         places: places(&line),
         depth: depth(mesh, frame, line[line.len() / 2]),
     };
-    let mut faces = Vec::new();
-    let (mut upper, mut lower) = (cut.upper.clone(), cut.lower.clone());
-    let last = line.len() - 1;
+    let rolls = Roll::of_lips(cut, &line, &shape, frame);
+    let mut rings = Rings {
+        cut,
+        frame,
+        faces: Vec::new(),
+    };
+    let mut rims = [rings.cut.upper.clone(), rings.cut.lower.clone()];
+    for part in ROLL_RINGS {
+        let [above, below] = rolls.each_ref().map(|roll| roll.row(&line, part, 1.0));
+        rims = rings.add(rims, &above, &below);
+    }
+    let lip_faces = rings.faces.len();
     for (number, back) in RINGS.into_iter().enumerate() {
         (0..SMOOTHING * number.min(1)).for_each(|_| smooth(&mut line));
-        let (above, below) = (shape.row(&line, back, 1.0), shape.row(&line, back, -1.0));
+        let left = 1.0 - ramp(back / ROLL_GONE);
+        let row = |roll: &Roll| roll.row(&shape.row(&line, back, roll.side), 1.0, left);
+        let [above, below] = rolls.each_ref().map(row);
+        rims = rings.add(rims, &above, &below);
+    }
+    let [upper, lower] = rims;
+    let mut faces = rings.faces;
+    strip(&mut faces, &lower, &upper);
+    if cut.is_inside_out {
+        faces.iter_mut().for_each(|face| face.swap(1, 2));
+    }
+    Bag { faces, lip_faces }
+}
+
+/// Rings of a bag in the making.
+struct Rings<'a> {
+    cut: &'a mut CutMesh,
+    frame: &'a MouthFrame,
+    faces: Vec<[u32; 3]>,
+}
+
+impl Rings<'_> {
+    /// Sews rows of new vertices, which share their ends, to the upper and the lower row before them.
+    fn add(
+        &mut self,
+        [upper, lower]: [Vec<u32>; 2],
+        above: &[DVec3],
+        below: &[DVec3],
+    ) -> [Vec<u32>; 2] {
+        let last = upper.len() - 1;
         let mut add = |local: DVec3, like: u32| {
-            cut.positions.push(frame.point(local).as_vec3().into());
-            cut.sources.push(cut.sources[like as usize]);
-            cut.positions.len() as u32 - 1
+            let place = self.frame.point(local).as_vec3().into();
+            self.cut.positions.push(place);
+            self.cut.sources.push(self.cut.sources[like as usize]);
+            self.cut.positions.len() as u32 - 1
         };
         let inner_upper: Vec<u32> = (0..=last).map(|i| add(above[i], upper[i])).collect();
         let mut inner_lower: Vec<u32> = (1..last).map(|i| add(below[i], lower[i])).collect();
         inner_lower.insert(0, inner_upper[0]);
         inner_lower.push(inner_upper[last]);
-        strip(&mut faces, &inner_upper, &upper);
-        strip(&mut faces, &lower, &inner_lower);
-        (upper, lower) = (inner_upper, inner_lower);
+        strip(&mut self.faces, &inner_upper, &upper);
+        strip(&mut self.faces, &lower, &inner_lower);
+        [inner_upper, inner_lower]
     }
-    strip(&mut faces, &lower, &upper);
-    if cut.is_inside_out {
-        faces.iter_mut().for_each(|face| face.swap(1, 2));
+}
+
+/// The arcs by which one lip rolls inward.
+struct Roll {
+    /// 1 for the upper lip, −1 for the lower one.
+    side: f64,
+    /// Of each vertex of the slit: the angle at which the front leads inward, 0 along the face and a
+    /// quarter turn straight back.
+    slopes: Vec<f64>,
+    /// Of each vertex: the radius of its arc, in widths.
+    radii: Vec<f64>,
+}
+
+impl Roll {
+    /// The upper lip and the lower one.
+    fn of_lips(cut: &CutMesh, line: &[DVec3], shape: &Shape, frame: &MouthFrame) -> [Roll; 2] {
+        let fronts = cut.fronts(frame);
+        let slopes = [1.0, -1.0].map(|side| {
+            let slope = |p: &DVec3| {
+                let beside = DVec2::new(p.x, p.y + side * SLOPE_REACH);
+                let front = fronts.depth(beside).unwrap_or(p.z);
+                (front - p.z).atan2(SLOPE_REACH)
+            };
+            let mut slopes: Vec<f64> = line.iter().map(slope).collect();
+            (0..SLOPE_SMOOTHING).for_each(|_| smooth(&mut slopes));
+            slopes
+        });
+        [(0, 1.0), (1, -1.0)].map(|(own, side)| {
+            let pairs = slopes[own].iter().zip(&slopes[1 - own]);
+            let clear = pairs.map(|(own, other)| own.max(CLEARANCE - other));
+            Roll {
+                side,
+                slopes: clear.map(|slope| slope.clamp(0.0, STEEPEST)).collect(),
+                radii: shape
+                    .places
+                    .iter()
+                    .map(|place| ROLL * inward(*place).max(ROLL_AT_CORNERS))
+                    .collect(),
+            }
+        })
     }
-    faces
+
+    /// A row of vertices moved along `part` of the arc; `height`: the share of its way up or down that is left.
+    fn row(&self, line: &[DVec3], part: f64, height: f64) -> Vec<DVec3> {
+        let arcs = self.slopes.iter().zip(&self.radii);
+        let moved = line.iter().zip(arcs).map(|(p, (&slope, radius))| {
+            let angle = slope + part * (FRAC_PI_2 - slope);
+            let across = radius * (angle.sin() - slope.sin());
+            let deep = radius * (slope.cos() - angle.cos());
+            *p - DVec3::new(0.0, self.side * height * across, deep)
+        });
+        moved.collect()
+    }
 }
 
 struct Shape {
@@ -75,7 +193,7 @@ impl Shape {
         let height = HEIGHT * (self.depth / DEPTH).min(1.0) * rise;
         let row = line.iter().zip(&self.places);
         row.map(|(&DVec3 { x, y, z }, place)| {
-            let inward = (4.0 * place * (1.0 - place)).max(0.0).sqrt();
+            let inward = inward(*place);
             let deep = DEPTH_AT_CORNERS + (1.0 - DEPTH_AT_CORNERS) * inward;
             DVec3::new(
                 middle + (x - middle) * (1.0 - NARROWED * back),
@@ -85,6 +203,11 @@ impl Shape {
         })
         .collect()
     }
+}
+
+/// 0 at the corners, 1 in the middle, like half a circle.
+fn inward(place: f64) -> f64 {
+    (4.0 * place * (1.0 - place)).max(0.0).sqrt()
 }
 
 /// From 0 at 0 to 1 at 1, level at both.
@@ -124,10 +247,10 @@ fn depth(mesh: &Mesh, frame: &MouthFrame, middle: DVec3) -> f64 {
     (SHARE_OF_HEAD * nearest).clamp(LEAST_DEPTH, DEPTH)
 }
 
-fn smooth(line: &mut [DVec3]) {
+fn smooth<T: Copy + Add<Output = T> + Mul<f64, Output = T>>(line: &mut [T]) {
     let old = line.to_vec();
     for i in 1..line.len() - 1 {
-        line[i] = 0.25 * old[i - 1] + 0.5 * old[i] + 0.25 * old[i + 1];
+        line[i] = old[i - 1] * 0.25 + old[i] * 0.5 + old[i + 1] * 0.25;
     }
 }
 

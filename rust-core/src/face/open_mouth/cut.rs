@@ -2,9 +2,12 @@
 
 use std::collections::{HashMap, HashSet};
 
-use glam::DVec3;
+use glam::{DVec2, DVec3};
 
-use super::{patch::Patch, trace::Node};
+use super::{
+    patch::{MouthFrame, Patch},
+    trace::Node,
+};
 use crate::{
     Error, Result,
     mesh::{Mesh, tree::blend},
@@ -17,6 +20,26 @@ pub struct TriangleSource {
     pub triangle: u32,
     /// For each corner the shares of that triangle's three corners: at least 0, sum 1.
     pub corners: [[f32; 3]; 3],
+}
+
+impl TriangleSource {
+    /// A triangle that stays.
+    pub(super) fn whole(triangle: u32) -> TriangleSource {
+        let corners = [[1.0, 0.0, 0.0], [0.0, 1.0, 0.0], [0.0, 0.0, 1.0]];
+        TriangleSource { triangle, corners }
+    }
+
+    /// What a piece of this piece was cut from.
+    pub(super) fn piece(self, shares: [[f32; 3]; 3]) -> TriangleSource {
+        let mixed = |of: [f32; 3]| {
+            let share = |i: usize| (0..3).map(|k| of[k] * self.corners[k][i]).sum();
+            [0, 1, 2].map(share)
+        };
+        TriangleSource {
+            triangle: self.triangle,
+            corners: shares.map(mixed),
+        }
+    }
 }
 
 /// A triangle of the new mesh inside of one of the old.
@@ -88,7 +111,7 @@ impl CutMesh {
                 None => self.pieces.push(Piece {
                     corners,
                     source: face as u32,
-                    shares: [[1.0, 0.0, 0.0], [0.0, 1.0, 0.0], [0.0, 0.0, 1.0]],
+                    shares: TriangleSource::whole(face as u32).corners,
                     points: [u32::MAX; 3],
                 }),
             }
@@ -146,6 +169,20 @@ impl CutMesh {
 }
 
 impl CutMesh {
+    /// The skin about the mouth as it is seen from the front.
+    pub fn fronts(&self, frame: &MouthFrame) -> Fronts {
+        let pieces = self
+            .pieces
+            .iter()
+            .filter(|piece| piece.points[0] != u32::MAX);
+        let place = |v: u32| frame.local_of(self.positions[v as usize]);
+        Fronts {
+            triangles: pieces
+                .map(|piece| (piece.corners, piece.corners.map(place)))
+                .collect(),
+        }
+    }
+
     /// Where the faces of a bag take their material and texture: the piece beside the rim before them.
     pub fn sources_of_bag(&self, bag: &[[u32; 3]]) -> Vec<TriangleSource> {
         let rims: HashSet<u32> = self.upper.iter().chain(&self.lower).copied().collect();
@@ -172,6 +209,35 @@ impl CutMesh {
     /// Names what a vertex is made of.
     fn key_of(&self, vertex: u32) -> [(u32, u32); 3] {
         self.sources[vertex as usize].map(|(v, share)| (v, share.to_bits()))
+    }
+}
+
+/// Triangles of the skin about the mouth and their corners in the mouth's frame.
+pub(super) struct Fronts {
+    triangles: Vec<([u32; 3], [DVec3; 3])>,
+}
+
+impl Fronts {
+    /// The foremost place at `[x, y]`, and the vertex nearest to it.
+    pub fn place(&self, at: DVec2) -> Option<(DVec3, u32)> {
+        let hit = |(vertices, corners): &([u32; 3], [DVec3; 3])| {
+            let [a, b, c] = corners.map(DVec3::truncate);
+            let twice = (b - a).perp_dot(c - a);
+            let v = (at - a).perp_dot(c - a) / twice;
+            let w = (b - a).perp_dot(at - a) / twice;
+            let is_inside = v >= 0.0 && w >= 0.0 && v + w <= 1.0;
+            is_inside.then(|| (blend(*corners, [1.0 - v - w, v, w]), *vertices, *corners))
+        };
+        let hits = self.triangles.iter().filter_map(hit);
+        let (place, vertices, corners) = hits.max_by(|a, b| a.0.z.total_cmp(&b.0.z))?;
+        let away = |k: &usize| corners[*k].distance(place);
+        let nearest = (0..3).min_by(|a, b| away(a).total_cmp(&away(b)))?;
+        Some((place, vertices[nearest]))
+    }
+
+    /// How far out of the face the foremost place lies, in widths.
+    pub fn depth(&self, at: DVec2) -> Option<f64> {
+        self.place(at).map(|(place, _)| place.z)
     }
 }
 

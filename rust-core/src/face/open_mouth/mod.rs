@@ -1,33 +1,45 @@
 //! Lips that are one surface, parted: a seam, a cut along it, a bag behind it.
 //!
-//! The seam is the valley between the lips (`valley`), drawn over the surface as a level set (`trace`)
-//! so that it crosses triangles where no edge follows it. The surface is cut there (`cut`) and a bag is
-//! sewn to both banks (`bag`). No old vertex moves and none is lost: at rest the surface is the same.
+//! The seam is the valley between the lips (`valley`). Large triangles beside it are divided (`refine`), and
+//! it is drawn over the surface as a level set (`trace`), so that it crosses triangles where no edge
+//! follows it. The surface is cut there (`cut`), and lips that roll inward and a bag are sewn to both banks
+//! (`bag`). What the rims do when the jaw drops says whether the mouth is good (`trial`). No old vertex moves and none is lost: at rest the surface is the same.
 //! Every new vertex and every corner of a new triangle says what it is made of, so that a caller can
 //! carry texture coordinates, groups, normals, materials and shape keys over.
 
 mod bag;
 mod cut;
 mod patch;
+mod refine;
 mod trace;
+mod trial;
 mod valley;
 
 #[cfg(test)]
 mod tests;
 
-use glam::DVec3;
+use glam::{DVec2, DVec3};
 
+use super::{Face, FaceOptions};
 use crate::{
     Error, Result,
-    mesh::{Landmarks, Mesh, Mouth, align_to_canonical},
+    mesh::{
+        LandmarkSource, Landmarks, Mesh, Mouth, align_to_canonical,
+        ibug::{CORNERS, MIRROR, OUTER_LIPS},
+        lips::{Lip, lip_of_landmark},
+    },
 };
-use bag::sew_bag;
+use bag::{Bag, sew_bag};
 use cut::CutMesh;
 pub use cut::TriangleSource;
 use patch::{MouthFrame, Patch, Sewing};
+use refine::{FineMesh, mixed};
 use trace::{Node, trace};
+pub use trial::MouthTrial;
 use valley::SeamLine;
 
+/// The border of a lip lies at least so far from the seam in the middle of the mouth, in widths (6 mm).
+const LEAST_LIP: f64 = 0.12;
 /// Fewest vertices of a slit that can open, both corners included.
 const LEAST_VERTICES: usize = 3;
 
@@ -37,7 +49,7 @@ pub struct OpenedMouth {
     /// The old vertices with their numbers, where they were; then the new ones. The old triangles in
     /// their order, those that were cut in pieces; then the bag.
     pub mesh: Mesh,
-    /// The landmarks, those of the inner lips on the rim of their own lip.
+    /// The landmarks, those of the lips on their own lip, inner ones on its rim.
     pub landmarks: Landmarks,
     /// `[V', 3]`: old vertices and their shares, sum 1, of which each vertex is a mixture. Vertices of
     /// the bag take what lies before them at the rim.
@@ -46,8 +58,10 @@ pub struct OpenedMouth {
     pub triangle_sources: Vec<TriangleSource>,
     /// From here on vertices are those of the bag.
     pub first_bag_vertex: usize,
-    /// From here on triangles are those of the bag.
-    pub first_bag_triangle: usize,
+    /// From here on triangles are those of the lips' inner sides, which are of the lips' colour.
+    pub first_inner_lip_triangle: usize,
+    /// From here on triangles are those of the mouth's inside behind the lips.
+    pub first_inside_triangle: usize,
     /// Vertices of the upper lip's rim from the subject's right corner to the left one.
     pub upper_rim: Vec<u32>,
     /// The same of the lower lip; both rims share their ends.
@@ -82,69 +96,102 @@ pub fn open_mouth(mesh: &Mesh, landmarks: &Landmarks) -> Result<OpenedMouth> {
     let to_canonical = align_to_canonical(landmarks)?;
     let frame = MouthFrame::of(landmarks, &to_canonical)?;
     let inner: [DVec3; 8] = std::array::from_fn(|i| frame.local_of(landmarks.positions[60 + i]));
-    let found = |sewing: Sewing| -> Result<(Patch, SeamLine, Vec<Node>)> {
+    let found = |sewing: Sewing| -> Result<(FineMesh, Patch, SeamLine, Vec<Node>)> {
         let patch = Patch::around(mesh, landmarks, &frame, sewing)?;
         let seam = SeamLine::find(&patch, &inner)?;
+        let fine = FineMesh::along(&seam, mesh, &patch, &frame);
+        let patch = Patch::around(&fine.mesh, landmarks, &frame, sewing)?;
         let line = trace(&patch, &seam, [inner[0], inner[4]])?;
-        Ok((patch, seam, line))
+        Ok((fine, patch, seam, line))
     };
-    let (patch, seam, line) = found(Sewing::Seams).or_else(|_| found(Sewing::Places))?;
+    let (fine, patch, seam, line) = found(Sewing::Seams).or_else(|_| found(Sewing::Places))?;
     if line.len() < LEAST_VERTICES {
         return Err(Error::Mesh(
             "expected triangles smaller than the mouth, got one as wide as it".into(),
         ));
     }
     let above = |p: DVec3| p[1] - seam.height(p[0]);
-    let mut cut = CutMesh::new(mesh, &patch, &line, above)?;
+    let mut cut = CutMesh::new(&fine.mesh, &patch, &line, above)?;
     let first_bag_vertex = cut.positions.len();
-    let bag = sew_bag(&mut cut, mesh, &frame);
-    let landmarks = landmarks_on_rims(&cut, landmarks, &frame);
-    Ok(OpenedMouth::assemble(cut, bag, first_bag_vertex, landmarks))
+    let bag = sew_bag(&mut cut, &fine.mesh, &frame);
+    let landmarks = landmarks_on_lips(&cut, landmarks, &frame, &seam);
+    Ok(OpenedMouth::assemble(
+        cut,
+        &fine,
+        bag,
+        first_bag_vertex,
+        landmarks,
+    ))
 }
 
 impl OpenedMouth {
+    /// How the new mesh is prepared where `face` is the old one.
+    pub fn face_options(&self, face: &Face) -> FaceOptions {
+        let mut options = face.options.clone();
+        options.landmarks = Some(LandmarkSource::from(&self.landmarks));
+        options.fixed.clear();
+        let names = &mut options.parts.names.of_vertex;
+        if !names.is_empty() {
+            let new = &self.vertex_sources[names.len()..];
+            let like: Vec<u32> = new.iter().map(|from| names[from[0].0 as usize]).collect();
+            names.extend(like);
+        }
+        options
+    }
+
     fn assemble(
         cut: CutMesh,
-        bag: Vec<[u32; 3]>,
+        fine: &FineMesh,
+        bag: Bag,
         first_bag_vertex: usize,
         landmarks: Landmarks,
     ) -> OpenedMouth {
         let mut triangles: Vec<[u32; 3]> = cut.pieces.iter().map(|piece| piece.corners).collect();
-        let source = |piece: &cut::Piece| TriangleSource {
-            triangle: piece.source,
-            corners: piece.shares,
-        };
-        let mut triangle_sources: Vec<TriangleSource> = cut.pieces.iter().map(source).collect();
-        let first_bag_triangle = triangles.len();
-        triangle_sources.extend(cut.sources_of_bag(&bag));
-        triangles.extend(bag);
+        let first_inner_lip_triangle = triangles.len();
+        let skin = cut.pieces.iter().map(|piece| (piece.source, piece.shares));
+        let inside = cut.sources_of_bag(&bag.faces);
+        let inside = inside
+            .iter()
+            .map(|source| (source.triangle, source.corners));
+        let of_old = |(piece, shares)| fine.triangle_sources[piece as usize].piece(shares);
+        let triangle_sources = skin.chain(inside).map(of_old).collect();
+        let first_inside_triangle = first_inner_lip_triangle + bag.lip_faces;
+        triangles.extend(bag.faces);
         OpenedMouth {
             mesh: Mesh {
                 positions: cut.positions,
                 triangles,
             },
             landmarks,
-            vertex_sources: cut.sources,
+            vertex_sources: (cut.sources.iter())
+                .map(|shares| mixed(&fine.vertex_sources, *shares))
+                .collect(),
             triangle_sources,
             first_bag_vertex,
-            first_bag_triangle,
+            first_inner_lip_triangle,
+            first_inside_triangle,
             upper_rim: cut.upper,
             lower_rim: cut.lower,
         }
     }
 }
 
-/// Puts the landmarks of the inner lips on the rims, each at its own place between the corners.
-fn landmarks_on_rims(cut: &CutMesh, landmarks: &Landmarks, frame: &MouthFrame) -> Landmarks {
+/// Puts the landmarks of the inner lips on the rims and those of the borders of the lips on their own side of
+/// the seam: one on the other lip would drag that along. Left and right mirror each other about the
+/// seam, so that the mouth opens alike on both sides.
+fn landmarks_on_lips(
+    cut: &CutMesh,
+    landmarks: &Landmarks,
+    frame: &MouthFrame,
+    seam: &SeamLine,
+) -> Landmarks {
     let mut out = landmarks.clone();
     let local = |v: u32| frame.local_of(cut.positions[v as usize]);
+    let place = |n: usize| frame.local_of(landmarks.positions[n]);
     for n in 60..68 {
-        let rim = if (61..64).contains(&n) {
-            &cut.upper
-        } else {
-            &cut.lower
-        };
-        let wanted = frame.local_of(landmarks.positions[n]).x;
+        let is_upper = lip_of_landmark(n) == Some(Lip::Upper);
+        let rim = if is_upper { &cut.upper } else { &cut.lower };
+        let wanted = 0.5 * (place(n).x + 1.0 - place(MIRROR[n]).x);
         let inner = match n {
             60 => 0..1,
             64 => rim.len() - 1..rim.len(),
@@ -155,6 +202,25 @@ fn landmarks_on_rims(cut: &CutMesh, landmarks: &Landmarks, frame: &MouthFrame) -
         let vertex = *nearest.expect("a slit has vertices between its corners");
         out.vertices[n] = vertex;
         out.positions[n] = cut.positions[vertex as usize];
+    }
+    let fronts = cut.fronts(frame);
+    let borders = OUTER_LIPS
+        .into_iter()
+        .flat_map(|(upper, lower)| [(upper, 1.0), (lower, -1.0)]);
+    for (n, side) in borders.chain(CORNERS.map(|n| (n, 1.0))) {
+        let (own, mirrored) = (place(n), place(MIRROR[n]));
+        let x = 0.5 * (own.x + 1.0 - mirrored.x);
+        let lip = |p: DVec3| side * (p.y - seam.height(p.x));
+        let mean = 0.5 * (lip(own) + lip(mirrored));
+        let height = match CORNERS.contains(&n) {
+            true => mean,
+            false => mean.max(LEAST_LIP * (4.0 * x * (1.0 - x)).clamp(0.0, 1.0).sqrt()),
+        };
+        let wanted = DVec2::new(x, seam.height(x) + side * height);
+        if let Some((place, vertex)) = fronts.place(wanted) {
+            out.vertices[n] = vertex;
+            out.positions[n] = frame.point(place).as_vec3().into();
+        }
     }
     out
 }

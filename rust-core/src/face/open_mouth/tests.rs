@@ -178,7 +178,7 @@ fn check(mesh: &Mesh, opened: &OpenedMouth) -> f32 {
     let own = opened.vertex_sources[..mesh.positions.len()].iter();
     assert!((0..).zip(own).all(|(v, sources)| sources[0] == (v, 1.0)));
     assert_eq!(Mouth::of(&opened.mesh, &opened.landmarks), Mouth::Slit);
-    let skin = area(&opened.mesh, 0..opened.first_bag_triangle);
+    let skin = area(&opened.mesh, 0..opened.first_inner_lip_triangle);
     let whole = area(mesh, 0..mesh.triangles.len());
     assert!((skin / whole - 1.0).abs() < 1e-5, "{skin} of {whole}");
     let [a, b] = [0, opened.upper_rim.len() - 1]
@@ -209,7 +209,7 @@ fn what_belongs_to_vertices_and_corners_is_carried_over() {
         let mixed: Vec3 = sources.map(|&(v, share)| share * at(&mesh, v)).sum();
         assert!(mixed.distance(at(&opened.mesh, v as u32)) < 2e-6);
     }
-    for number in 0..opened.first_bag_triangle {
+    for number in 0..opened.first_inner_lip_triangle {
         let source = opened.triangle_sources[number];
         let old = mesh.triangles[source.triangle as usize];
         for (v, shares) in opened.mesh.triangles[number]
@@ -463,4 +463,135 @@ fn lips_that_stay_one_surface_are_not_pulled_apart() {
     // The borders of the lips still show that the mouth is open.
     let [a, b] = [51, 57].map(|n| ways[found.vertices[n] as usize][1]);
     assert!(a - b > 0.004, "{}", a - b);
+}
+
+#[test]
+fn a_coarse_mesh_gets_a_fine_rim_on_the_same_surface() {
+    let mask = Mask::new(15, 18);
+    let (mesh, opened) = mask.opened();
+    check(&mesh, &opened);
+    let width = mask.landmarks[64][0] - mask.landmarks[60][0];
+    let rim = opened.upper_rim.iter();
+    let rim: Vec<Vec3> = rim
+        .map(|&v| opened.mesh.positions[v as usize].into())
+        .collect();
+    for ends in rim.windows(2) {
+        assert!(ends[0].distance(ends[1]) < 0.08 * width, "{ends:?}");
+    }
+}
+
+#[test]
+fn landmarks_of_the_lower_lip_above_the_seam_go_below_it() {
+    let mut mask = Mask::new(90, 110);
+    let rest = mask.landmarks.clone();
+    for n in 55..60 {
+        mask.landmarks[n][1] = rest[62][1] + 0.003;
+    }
+    let (_, opened) = mask.opened();
+    for (rim, n, side) in [(&opened.lower_rim, 57, -1.0), (&opened.upper_rim, 51, 1.0)] {
+        let middle = opened.mesh.positions[rim[rim.len() / 2] as usize];
+        let apart = opened.landmarks.positions[n][1] - middle[1];
+        assert!(side * apart > 0.003, "{n}: {apart}");
+    }
+    let marks = &opened.landmarks;
+    let ways = moved(&opened.mesh, &marks.positions);
+    let [a, b] = [62, 66].map(|n| ways[marks.vertices[n] as usize][1]);
+    assert!(a - b > 0.85 * 0.022, "{}", a - b);
+}
+
+#[test]
+fn inner_lips_roll_behind_the_front_of_the_other_lip() {
+    for bulge in [0.0, 0.004] {
+        // A flat mouth, and lips that dive into a valley.
+        let lips = |[x, y]: [f32; 2]| {
+            let inside = (1.0 - (x / 0.025).powi(2)).max(0.0);
+            bulge * inside * (1.0 - (-(y / 0.004).powi(2)).exp()) * (-(y / 0.012).powi(2)).exp()
+        };
+        let (_, opened) = Mask::new(120, 140).moved(lips).opened();
+        let front = &opened.mesh.triangles[..opened.first_inner_lip_triangle];
+        let at = |v: u32| Vec3::from(opened.mesh.positions[v as usize]);
+        let covers = |p: Vec3| {
+            front.iter().any(|t| {
+                let [a, b, c] = t.map(at);
+                let twice = (b - a).truncate().perp_dot((c - a).truncate());
+                let v = (p - a).truncate().perp_dot((c - a).truncate()) / twice;
+                let w = (b - a).truncate().perp_dot((p - a).truncate()) / twice;
+                let inside = v >= -1e-3 && w >= -1e-3 && v + w <= 1.001;
+                inside && a.z + v * (b.z - a.z) + w * (c.z - a.z) > p.z - 1e-4
+            })
+        };
+        let lips = opened.first_inner_lip_triangle..opened.first_inside_triangle;
+        assert!(!lips.is_empty());
+        for &v in opened.mesh.triangles[lips].as_flattened() {
+            assert!(covers(at(v)), "{bulge}: {}", at(v));
+        }
+    }
+}
+
+#[test]
+fn an_engine_refuses_a_mouth_that_opens_crookedly_and_opens_a_good_one() {
+    let engine = Engine::new(EngineOptions {
+        cache: CachePolicy::Off,
+        ..EngineOptions::default()
+    });
+    let engine = engine.unwrap();
+    let face = |mask: &Mask| {
+        let options = FaceOptions {
+            landmarks: Some(LandmarkSource::Positions(mask.landmarks.clone())),
+            ..FaceOptions::default()
+        };
+        engine.find(&mask.mesh(), &options, SILENT).unwrap()
+    };
+    let good = Mask::new(90, 110);
+    assert!(engine.open_mouth(&face(&good), SILENT).is_ok());
+    // On the left side the lips meet 5 mm higher.
+    let crooked = Mask::new(200, 240).moved(|[x, y]| {
+        let ramp = |x: f32| (x / 0.006).clamp(0.0, 1.0);
+        let seam = 0.005 * ramp(x) * (1.0 - ramp(x - 0.018));
+        match x.abs() < 0.024 {
+            true => -0.008 * (-((y - seam) / 0.0015).powi(2)).exp(),
+            false => 0.0,
+        }
+    });
+    let refused = engine.open_mouth(&face(&crooked), SILENT).err();
+    let message = refused.map(|error| error.to_string()).unwrap_or_default();
+    assert!(message.contains("the mesh is as it was"), "{message}");
+}
+
+#[test]
+fn a_trial_says_what_is_wrong() {
+    let good = MouthTrial {
+        parted: 0.9,
+        bend_deg: [10.0, 25.0],
+        asymmetry: 0.05,
+        turned: 0,
+    };
+    assert!(good.check().is_ok());
+    let bad = [
+        (
+            MouthTrial {
+                parted: 0.7,
+                ..good
+            },
+            "part by 0.70",
+        ),
+        (
+            MouthTrial {
+                asymmetry: 0.2,
+                ..good
+            },
+            "differ by 0.20",
+        ),
+        (
+            MouthTrial {
+                bend_deg: [10.0, 60.0],
+                ..good
+            },
+            "bends by 60",
+        ),
+    ];
+    for (trial, words) in bad {
+        let error = trial.check().unwrap_err().to_string();
+        assert!(error.contains(words), "{error}");
+    }
 }

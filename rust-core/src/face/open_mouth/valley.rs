@@ -32,6 +32,11 @@ const STEP: f64 = 3.0;
 const PIT: f64 = 0.15;
 const CLIFF: i64 = 10;
 const FLOOR: i64 = 15;
+/// Triangles so near to the seam show its shape, in widths (4 mm).
+const BESIDE: f64 = 0.08;
+/// Edges up to the first length show how the halves of a seam differ, those from the second on do not, in
+/// widths (3 and 8 mm).
+const COARSE: [f64; 2] = [0.06, 0.16];
 /// Passes of a binomial filter over the line that was found.
 const SMOOTHING: usize = 12;
 
@@ -64,7 +69,32 @@ impl SeamLine {
                 heights[c] = 0.25 * old[c - 1] + 0.5 * old[c] + 0.25 * old[c + 1];
             }
         }
-        Ok(SeamLine { heights })
+        let line = SeamLine { heights };
+        let coarseness = line.coarseness(patch);
+        Ok(line.evened(coarseness))
+    }
+
+    /// 0 where triangles along the seam are fine enough to show how its halves differ, 1 where they are not.
+    fn coarseness(&self, patch: &Patch) -> f64 {
+        let corners = patch
+            .triangles
+            .iter()
+            .map(|t| t.map(|v| patch.points[v as usize]));
+        let along = corners.filter(|corners| corners.iter().any(|p| self.distance(*p) < BESIDE));
+        let longest = |[a, b, c]: [DVec3; 3]| a.distance(b).max(b.distance(c)).max(c.distance(a));
+        let mut edges: Vec<f64> = along.map(longest).collect();
+        edges.sort_by(f64::total_cmp);
+        let middle = edges.get(edges.len() / 2).copied().unwrap_or(COARSE[1]);
+        ((middle - COARSE[0]) / (COARSE[1] - COARSE[0])).clamp(0.0, 1.0)
+    }
+
+    /// The line with so much of the difference between its halves taken away.
+    fn evened(&self, share: f64) -> SeamLine {
+        let mirrored = self.heights.iter().rev();
+        let even = |(own, other): (&f64, &f64)| own + 0.5 * share * (other - own);
+        SeamLine {
+            heights: self.heights.iter().zip(mirrored).map(even).collect(),
+        }
     }
 
     /// Height at a place, 0 at the right corner and 1 at the left one, level beyond.
@@ -72,6 +102,12 @@ impl SeamLine {
         let at = (place.clamp(0.0, 1.0) * (COLUMNS - 1) as f64).min((COLUMNS - 1) as f64 - 1e-9);
         let (first, rest) = (at as usize, at.fract());
         self.heights[first] * (1.0 - rest) + self.heights[first + 1] * rest
+    }
+
+    /// How far a point lies from the seam, seen from the front.
+    pub fn distance(&self, point: DVec3) -> f64 {
+        let beyond = (-point.x).max(point.x - 1.0).max(0.0);
+        beyond.hypot(point.y - self.height(point.x))
     }
 }
 

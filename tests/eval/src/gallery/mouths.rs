@@ -12,9 +12,8 @@ use crate::{
 };
 use anyface::{
     Engine, Error, Face, Result,
-    face::{FaceOptions, open_mouth},
     job::SILENT,
-    mesh::{LandmarkSource, Mesh, Mouth},
+    mesh::{Mesh, Mouth},
     motion::{LandmarkClip, Motion},
 };
 
@@ -66,14 +65,11 @@ pub(super) fn welded_lips(
 
 /// The same head with its mouth opened, or why it cannot be.
 fn opened(engine: &Engine, face: &Face) -> Result<std::result::Result<Face, String>> {
-    let opened = match open_mouth(&face.mesh, &face.landmarks) {
+    let opened = match engine.open_mouth(face, SILENT) {
         Ok(opened) => opened,
         Err(why) => return Ok(Err(why.to_string())),
     };
-    let options = FaceOptions {
-        landmarks: Some(LandmarkSource::from(&opened.landmarks)),
-        ..FaceOptions::default()
-    };
+    let options = opened.face_options(face);
     engine.prepare(&opened.mesh, &options, SILENT).map(Ok)
 }
 

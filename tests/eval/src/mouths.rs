@@ -1,0 +1,165 @@
+//! Lips that are one surface, parted on many heads: what their rims do when the jaw drops by 20 mm.
+
+use std::path::PathBuf;
+
+use anyface::{
+    Engine, Error, Face, Result,
+    face::{MouthTrial, OpenedMouth, open_mouth},
+    job::SILENT,
+    mesh::Mouth,
+};
+use clap::Args;
+use ndarray::{Array3, Axis};
+use serde::Serialize;
+
+use crate::{
+    arguments::{DataArgs, SharedArgs},
+    console::Console,
+    gallery::{
+        cells::{Cells, View, beside, under},
+        file_stem,
+        subjects::{self, Subject},
+    },
+    pictures::{Album, raster::Picture},
+    vertex_motion::own_motion,
+};
+
+/// Measure lips that are one surface on many heads: how they part when they are opened
+#[derive(Args)]
+pub(super) struct Mouths {
+    #[command(flatten)]
+    data: DataArgs,
+    /// A folder of further meshes
+    #[arg(long, value_name = "DIR")]
+    also: Vec<PathBuf>,
+    /// Draw every mouth into this folder, at rest and open, from the front and turned
+    #[arg(long, value_name = "DIR")]
+    pictures: Option<PathBuf>,
+}
+
+/// Of a picture of a mouth: pixels, and half its height in metres.
+const SIZE: (usize, usize) = (420, 360);
+const HALF_HEIGHT_M: f32 = 0.045;
+/// Turned, radians: what a bag or a pulled skin looks like from the side.
+const TURNED: f32 = 0.7;
+
+/// One head.
+#[derive(Serialize)]
+struct Row {
+    title: String,
+    /// How its lips meet.
+    mouth: &'static str,
+    /// Why it was refused.
+    refused: Option<String>,
+    trial: Option<Trial>,
+}
+
+/// Twin of [`MouthTrial`].
+#[derive(Serialize)]
+struct Trial {
+    parted: f64,
+    bend_deg: [f64; 2],
+    asymmetry: f64,
+    turned: usize,
+    rim: usize,
+}
+
+impl Mouths {
+    pub(super) fn run(&self, shared: &SharedArgs, console: &Console) -> Result<()> {
+        let engine = shared.engine()?;
+        let mut subjects = subjects::of_folder(&self.data.folder()?.join("meshes"))?;
+        for folder in &self.also {
+            subjects.extend(subjects::of_folder(folder)?);
+        }
+        let album = self.pictures.clone().map(Album::new).transpose()?;
+        let mut rows = Vec::new();
+        for (k, subject) in subjects.iter().enumerate() {
+            console.stage(&subject.title, k as f32 / subjects.len() as f32);
+            match engine.find(&subject.mesh, &subject.options, SILENT) {
+                Ok(face) => rows.push(row(&engine, subject, &face, album.as_ref())?),
+                Err(Error::FaceNotFound(why)) => console.stage(&why, 1.0),
+                Err(other) => return Err(other),
+            }
+        }
+        let lines: Vec<String> = rows.iter().map(line).collect();
+        console.value(&rows, &lines.join("\n"));
+        Ok(())
+    }
+}
+
+fn row(engine: &Engine, subject: &Subject, face: &Face, album: Option<&Album>) -> Result<Row> {
+    let mut row = Row {
+        title: subject.title.clone(),
+        mouth: face.mouth().name(),
+        refused: None,
+        trial: None,
+    };
+    if face.mouth() != Mouth::Welded {
+        return Ok(row);
+    }
+    row.refused = engine.open_mouth(face, SILENT).err().map(|e| e.to_string());
+    let Ok(opened) = open_mouth(&face.mesh, &face.landmarks) else {
+        return Ok(row);
+    };
+    let trial = engine.mouth_trial(face, &opened, SILENT)?;
+    let MouthTrial {
+        parted,
+        bend_deg,
+        asymmetry,
+        turned,
+    } = trial;
+    row.trial = Some(Trial {
+        parted,
+        bend_deg,
+        asymmetry,
+        turned,
+        rim: opened.upper_rim.len(),
+    });
+    if let Some(album) = album {
+        let picture = picture(engine, face, &opened)?;
+        album.picture(&file_stem(&subject.title), &picture)?;
+    }
+    Ok(row)
+}
+
+/// At rest and open, from the front above and turned below, the inside of the mouth red.
+fn picture(engine: &Engine, face: &Face, opened: &OpenedMouth) -> Result<Picture> {
+    let after = engine.prepare(&opened.mesh, &opened.face_options(face), SILENT)?;
+    let drop: Array3<f32> = after.own_motion(MouthTrial::jaw_drop().view());
+    let frames = own_motion(engine, &after, drop)?;
+    let cells = Cells {
+        mesh: &opened.mesh,
+        face: &after,
+    };
+    let front = View::about(&after, 48..68, SIZE, HALF_HEIGHT_M);
+    let views = [front, front.turned(&after, 48..68, TURNED)];
+    let open = frames.index_axis(Axis(0), 0);
+    let inside = &opened.mesh.triangles[opened.first_inside_triangle..];
+    let rows = views.map(|view| {
+        beside(&[
+            cells.marked(None, inside, &view),
+            cells.marked(Some(open), inside, &view),
+        ])
+    });
+    Ok(under(&rows))
+}
+
+fn line(row: &Row) -> String {
+    let measured = row.trial.as_ref().map_or(String::new(), |trial| {
+        format!(
+            "rim {:3}  parted {:5.2}  bends {:3.0} {:3.0}  asymmetry {:.2}  turned {}",
+            trial.rim,
+            trial.parted,
+            trial.bend_deg[0],
+            trial.bend_deg[1],
+            trial.asymmetry,
+            trial.turned
+        )
+    });
+    format!(
+        "{:>26} {:>6} {measured} {}",
+        row.title,
+        row.mouth,
+        row.refused.as_deref().unwrap_or_default()
+    )
+}
