@@ -16,7 +16,7 @@ use crate::{
     console::Console,
     layers::{LayerArgs, Layered},
     open_mouth,
-    paths::{InputPath, OutputPath},
+    paths::{InputPath, OutputPath, landmarks_beside},
     redo::{Redo, RedoArgs},
     stages::{
         Frames, new_report, note_face, note_memory, note_result, read_sound, speak_into, timed,
@@ -62,7 +62,7 @@ impl Animate {
     /// Results whose names come from that of the animation.
     pub fn outputs_beside(&self) -> Vec<PathBuf> {
         let mesh = open_mouth::beside(&self.out);
-        let opened = [open_mouth::landmarks_beside(&mesh), mesh];
+        let opened = [landmarks_beside(&mesh), mesh];
         (opened.into_iter().filter(|_| self.open_mouth))
             .chain(self.layers.outputs_beside(&self.out))
             .collect()

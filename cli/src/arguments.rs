@@ -27,8 +27,7 @@ use anyface::{
 use clap::Args;
 
 use crate::controls::{EmotionArgs, FaceControls, MotionControls};
-use crate::open_mouth::landmarks_beside;
-use crate::paths::{CachePath, InputPath};
+use crate::paths::{CachePath, InputPath, landmarks_beside};
 
 /// A coarser skin than this has no lips to speak of.
 const LEAST_PROXY: usize = 500;

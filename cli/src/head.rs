@@ -18,7 +18,7 @@ use serde::Serialize;
 use crate::{
     arguments::{SharedArgs, shown},
     console::Console,
-    paths::{InputPath, OutputPath},
+    paths::{InputPath, OutputPath, landmarks_beside},
     stages::{new_report, timed},
 };
 
@@ -132,7 +132,7 @@ impl MakeHead {
     }
 
     fn landmarks_path(&self) -> PathBuf {
-        self.out.with_extension("landmarks.json")
+        landmarks_beside(&self.out)
     }
 
     fn check(&self) -> Result<()> {

@@ -17,7 +17,7 @@ use clap::Args;
 use crate::{
     arguments::{FaceArgs, SharedArgs, shown},
     console::Console,
-    paths::{InputPath, OutputPath},
+    paths::{InputPath, OutputPath, landmarks_beside},
     stages::{new_report, note_face, timed},
 };
 
@@ -96,11 +96,6 @@ pub fn write(out: &Path, source: &Path, old: &Mesh, opened: &OpenedMouth) -> Res
         file.write_all(json.as_bytes())
     })?;
     Ok(())
-}
-
-/// The landmarks of an opened mesh: a search that sees its lips closed might put them on the wrong lip.
-pub fn landmarks_beside(mesh: &Path) -> PathBuf {
-    mesh.with_extension("landmarks.json")
 }
 
 /// Where `animate` puts the opened mesh: beside its result.

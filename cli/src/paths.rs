@@ -53,6 +53,13 @@ path_type! {
     CachePath
 }
 
+/// The landmarks that every command reads with a mesh, where they are there.
+///
+/// Of an opened mouth they are more than a help: a search that sees its lips closed might put them on the wrong lip.
+pub fn landmarks_beside(mesh: &Path) -> PathBuf {
+    mesh.with_extension("landmarks.json")
+}
+
 /// What a path belongs to, as an error names it.
 struct Named {
     option: String,

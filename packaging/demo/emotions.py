@@ -1,4 +1,4 @@
-"""The picture of README.md: a made head says the same with five emotions.
+"""The picture of README.md: a head says the same with five emotions.
 
     target/venvs/bpy/bin/python packaging/demo/emotions.py --extension target/anyface-….zip \
         --audio demo-output/voice.wav --out docs/images/emotions.jpg
@@ -32,9 +32,9 @@ def main() -> None:
     make_demo.stage(scene, 25)
     make_demo.sound(scene, options.audio.resolve())
     scene.render.resolution_x, scene.render.resolution_y = SIZE
-    scene.cycles.samples = 24
-    head = make_demo.made_head()
-    scene.camera.location, scene.camera.data.lens = (1.38, -11.2, 0.0), 118
+    scene.cycles.samples = 16
+    head = make_demo.character("WOMAN", (0.0, 0.0, 0.0))
+    scene.camera.location, scene.camera.data.lens = (0.0, -19.0, 0.25), 205
     with tempfile.TemporaryDirectory() as folder:
         for number, emotion in enumerate(EMOTIONS):
             make_demo.animate(head, argparse.Namespace(emotion=emotion, intensity=1.0))

@@ -1,4 +1,4 @@
-"""Renders every frame of a .blend: `render.py FILE.blend FOLDER` writes FOLDER/####.png.
+"""Renders a .blend: `render.py FILE.blend FOLDER STILL.png` writes FOLDER/####.png and one large still.
 
 Run by `cargo xtask demo` in Blender's Python module. The shapes and their keys are the file's own:
 nothing of the extension is needed.
@@ -10,10 +10,13 @@ from pathlib import Path
 
 import bpy
 
+STILL_AT, STILL_SAMPLES = 0.5, 10
+"""Of the length of the film."""
+
 
 def main() -> None:
     """Renders and says how long it still takes."""
-    blend, folder = sys.argv[1], Path(sys.argv[2])
+    blend, folder, still = sys.argv[1], Path(sys.argv[2]), sys.argv[3]
     bpy.ops.wm.open_mainfile(filepath=blend)
     scene = bpy.context.scene
     folder.mkdir(parents=True, exist_ok=True)
@@ -27,6 +30,16 @@ def main() -> None:
         bpy.ops.render.render(write_still=True)
         left_s = (time.monotonic() - began) / done * (total - done)
         print(f"rendered {done} of {total} frames, {left_s / 60:.1f} min left", flush=True)
+    render_still(scene, scene.frame_start + round(STILL_AT * (total - 1)), still)
+
+
+def render_still(scene, frame: int, path: str) -> None:
+    """One frame, twice as large and with more samples."""
+    scene.frame_set(frame)
+    scene.render.resolution_percentage = 200
+    scene.cycles.samples = STILL_SAMPLES
+    scene.render.filepath = path
+    bpy.ops.render.render(write_still=True)
 
 
 if __name__ == "__main__":

@@ -1,4 +1,4 @@
-//! `cargo xtask demo`: speech to a talking head in a .blend, a contact sheet and a film.
+//! `cargo xtask demo`: speech to talking heads in a .blend, a picture and a film.
 
 use std::{
     path::{Path, PathBuf},
@@ -13,10 +13,14 @@ use crate::{apt, extension, machine, python::Venv, steps::Steps};
 const SENTENCE: &str = "Hello. My name is Anyface, and I can make almost any mesh talk.";
 const FPS: u32 = 25;
 const BLEND: &str = "talking_heads.blend";
+const STILL: &str = "talking_heads.png";
+const FILM: &str = "talking_heads.mp4";
+/// For pages, which play no sound.
+const MOVING: &str = "talking_heads.webp";
 /// Without the link-time optimisation of `release`; the library computes the same.
 const PROFILE: &str = "demo";
 
-/// Animates the default head and Suzanne with a sentence. On two idle cores the first time takes
+/// Animates three heads and Suzanne with a sentence. On two idle cores the first time takes
 /// about 6 minutes (it builds the library while it installs Blender's Python module; the heads
 /// speak in the .blend after 4), later ones 2, which it renders.
 #[derive(Args)]
@@ -27,9 +31,9 @@ pub struct Demo {
     /// A recording to use instead; any common format.
     #[arg(long)]
     audio: Option<PathBuf>,
-    /// Emotion and intensity, such as `happy:0.7`.
-    #[arg(long, default_value = "neutral:0")]
-    emotion: String,
+    /// Emotion and intensity of the whole sentence, such as `happy:0.7` [default: several in turn].
+    #[arg(long)]
+    emotion: Option<String>,
     /// Render at most this many frames (0: all).
     #[arg(long, default_value_t = 0)]
     frames: u32,
@@ -58,7 +62,7 @@ impl Demo {
         println!("speaks   {blend}, {after} after the start; what follows makes a film of it");
         render(&mut steps, &python, &out)?;
         film(&mut steps, &audio, &out)?;
-        for name in [BLEND, "contact_sheet.png", "talking_heads.mp4"] {
+        for name in [BLEND, STILL, FILM, MOVING] {
             println!("{}", out.join(name).display());
         }
         steps.finish()
@@ -95,7 +99,6 @@ impl Demo {
         audio: &Path,
         blend: &Path,
     ) -> Result<()> {
-        let (emotion, intensity) = self.emotion.split_once(':').unwrap_or((&self.emotion, "1"));
         let mut command = Command::new(python);
         command
             .arg(machine::root().join("packaging/demo/make_demo.py"))
@@ -105,7 +108,6 @@ impl Demo {
             .arg(audio)
             .arg("--suzanne-landmarks")
             .arg(machine::root().join("packaging/demo/suzanne_landmarks.json"))
-            .args(["--emotion", emotion, "--intensity", intensity])
             .args([
                 "--fps",
                 &FPS.to_string(),
@@ -114,6 +116,10 @@ impl Demo {
             ])
             .arg("--out")
             .arg(blend);
+        if let Some(emotion) = &self.emotion {
+            let (emotion, intensity) = emotion.split_once(':').unwrap_or((emotion, "1"));
+            command.args(["--emotion", emotion, "--intensity", intensity]);
+        }
         let output = steps.run("animate in Blender", &mut command)?;
         for line in output.lines().filter(|line| line.starts_with("demo: ")) {
             println!("         {}", &line[6..]);
@@ -122,19 +128,19 @@ impl Demo {
     }
 }
 
-/// Every frame of the scene as a picture.
+/// Every frame of the scene as a picture, and a still.
 fn render(steps: &mut Steps, python: &Path, out: &Path) -> Result<()> {
     let mut command = Command::new(python);
     command.arg(machine::root().join("packaging/demo/render.py"));
     command.arg(out.join(BLEND)).arg(out.join("frames"));
+    command.arg(out.join(STILL));
     steps.run("render", &mut command)?;
     Ok(())
 }
 
-/// The frames as a film with sound, and twelve of them on one sheet.
+/// The frames as a film with sound, and as a moving picture without.
 fn film(steps: &mut Steps, audio: &Path, out: &Path) -> Result<()> {
     let frames = out.join("frames/%04d.png");
-    let count = std::fs::read_dir(out.join("frames"))?.count().max(1);
     let rate = FPS.to_string();
     steps.run(
         "film",
@@ -145,20 +151,16 @@ fn film(steps: &mut Steps, audio: &Path, out: &Path) -> Result<()> {
             .arg(audio)
             .args(["-c:v", "libx264", "-pix_fmt", "yuv420p", "-crf", "20"])
             .args(["-c:a", "aac", "-shortest"])
-            .arg(out.join("talking_heads.mp4")),
+            .arg(out.join(FILM)),
     )?;
-    let every = (count / 12).max(1);
     steps.run(
-        "contact sheet",
+        "moving picture",
         Command::new("ffmpeg")
             .args(["-y", "-loglevel", "error", "-framerate", &rate, "-i"])
             .arg(&frames)
-            .args([
-                "-vf",
-                &format!("select=not(mod(n\\,{every})),scale=320:-1,tile=4x3"),
-            ])
-            .args(["-frames:v", "1"])
-            .arg(out.join("contact_sheet.png")),
+            .args(["-vf", "fps=12.5,scale=560:-1"])
+            .args(["-loop", "0", "-quality", "60"])
+            .arg(out.join(MOVING)),
     )?;
     Ok(())
 }

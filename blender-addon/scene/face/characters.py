@@ -52,7 +52,7 @@ CHARACTERS = {
     ),
     "MAN": Character(
         "Old Man", 3, {"sex": 2.0, "age": 2.6, "african": 0.6},
-        (0.36, 0.18, 0.11), (0.40, 0.375, 0.34), (0.06, 0.035, 0.02), 0.010, 0.80, 1.0,
+        (0.36, 0.18, 0.11), (0.42, 0.36, 0.28), (0.06, 0.035, 0.02), 0.010, 0.80, 1.0,
     ),
     "CARTOON": Character(
         "Big Eyes", 9, {"age": -1.6, "sex": -0.4, "nose breadth": -1.5, "nose forward": -1.0},
@@ -93,7 +93,7 @@ def with_large_eyes(made: MadeHead, scale: float) -> np.ndarray:
         centre = marks[eye].mean(axis=0)
         width = np.ptp(marks[eye][:, 0])
         away = np.linalg.norm((positions - centre) / width, axis=1)
-        share = np.exp(-((away / 1.05) ** 4))
+        share = np.exp(-((away / 1.2) ** 2.6))
         grown += share[:, None] * (scale - 1.0) * (positions - centre)
     return grown
 
@@ -124,7 +124,7 @@ def hair(ob, made: MadeHead, character: Character, height: float) -> None:
         collection.objects.link(cap)
     cap.parent = ob
     smooth = cap.modifiers.new("Smooth", "SUBSURF")
-    smooth.levels = smooth.render_levels = 2
+    smooth.levels = smooth.render_levels = 1
 
 
 def placing(positions: np.ndarray, height: float) -> tuple[float, np.ndarray]:
