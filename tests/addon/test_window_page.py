@@ -63,6 +63,8 @@ drawn = []
 class Layout:
     def operator(self, name, **_):
         drawn.append(name)
+        return self
+    menu = operator
     def separator(self, **_):
         pass
 for draw in bpy.types.VIEW3D_MT_mesh_add._dyn_ui_initialize():
@@ -85,7 +87,7 @@ def show(screen, *labels, suffix=""):  # noqa: F811
 
 
 def test_a_first_talking_head(screen, photographs):  # noqa: F811
-    assert "anyface.add_sample_head" in screen.ask(MENU)
+    assert "ANYFACE_MT_sample_heads" in screen.ask(MENU)
     assert screen.ask(ADD_HEAD) == "MESH"
     screen.hand("sleep", "0.5")
     assert not screen.ask("answer = bpy.ops.anyface.generate.poll()"), "no sound yet"
