@@ -107,6 +107,57 @@ def speak(ob, path):
     return film(ob, frames) - rest
 
 
+BONE = "f_index.01_master.L"
+NO_NUMBERS = (
+    f'pose.bones["{BONE}"].matrix.y',
+    f'pose.bones["{BONE}"].scale.q',
+    f'pose.bones["{BONE}"].scale[7]',
+    f'pose.bones["{BONE}"].bone.name',
+    'pose.bones["gone"].scale.y',
+    "animation_data.action",
+    "nothing.x",
+    ".x",
+    "",
+)
+
+
+@pytest.fixture
+def bone_that_drives():
+    """A head with a shape key whose driver reads the scale of a bone by its letter, and the rig."""
+    ob = rigs.head()
+    data = bpy.data.armatures.new("Rig")
+    rig = bpy.data.objects.new("Rig", data)
+    bpy.context.scene.collection.objects.link(rig)
+    bpy.context.view_layer.objects.active = rig
+    bpy.ops.object.mode_set(mode="EDIT")
+    bone = data.edit_bones.new(BONE)
+    bone.tail = (0.0, 0.0, 0.1)
+    bpy.ops.object.mode_set(mode="OBJECT")
+    ob.shape_key_add(name="Basis")
+    driver = ob.shape_key_add(name="Wide").driver_add("value").driver
+    driver.type = "SUM"
+    target = driver.variables.new().targets[0]
+    target.id, target.data_path = rig, f'pose.bones["{BONE}"].scale.y'
+    return ob, rig
+
+
+def test_components_that_drivers_read_by_a_letter_are_controls(addon, bone_that_drives):
+    ob, rig = bone_that_drives
+    sources = addon("scene.rig_controls.control_sources")
+    (source,) = [s for s in sources.propose(ob, rig, []) if s.kind == sources.NUMBER]
+    (control,) = source.controls(0.1)
+    assert (control.curve_path, control.indices) == (f'pose.bones["{BONE}"].scale', [1])
+    control.set([0.5])
+    assert rig.pose.bones[BONE].scale[1] == pytest.approx(1.5)
+    assert control.read() == [pytest.approx(1.5)]
+
+
+@pytest.mark.parametrize("path", NO_NUMBERS)
+def test_paths_that_are_no_number_are_no_controls(addon, bone_that_drives, path):
+    _, rig = bone_that_drives
+    assert addon("scene.rig_controls.control_kinds").number(rig, path) is None
+
+
 def test_a_crude_rig_speaks_and_is_left_as_it_was(voice, addon):
     ob = ready(rigs.head(), voice)
     wanted = truth(ob, voice)

@@ -8,12 +8,14 @@ from dataclasses import dataclass
 
 import bpy
 import numpy as np
-from mathutils import Quaternion, Vector
+from mathutils import Color, Euler, Quaternion, Vector
 
 from ...core import turn
 
 # A bone of no limit turns no farther than this, radians; a number goes no farther than this.
 MOST_TURN, MOST_VALUE = 1.0, 10.0
+# Letters by which data paths name components.
+_LETTERS = {Vector: "xyzw", Euler: "xyz", Quaternion: "wxyz", Color: "rgb"}
 # Kinds of data-blocks that hold controls, by `ID.id_type`.
 COLLECTIONS = {"OBJECT": "objects", "ARMATURE": "armatures", "MESH": "meshes"}
 
@@ -186,6 +188,7 @@ def put(block, path: str, values: list[float]) -> None:
 
 def number(block, path: str) -> Number | None:
     """The control of a number by its data path; None where it is none that moves smoothly."""
+    path = _indexed(block, path)
     try:
         owner, key, index = split(block, path)
         custom = _is_custom(path)
@@ -195,11 +198,25 @@ def number(block, path: str) -> Number | None:
         return None
     if not isinstance(value, float) or _driven(block, path, index):
         return None
-    low, high = _limits(owner, key, custom)
+    try:
+        low, high = _limits(owner, key, custom)
+    except (AttributeError, KeyError):
+        return None
     low, high = max(low, value - MOST_VALUE), min(high, value + MOST_VALUE)
     found = Number(block, path, [index or 0], [low - value], [high - value])
     found.rest = value
     return found
+
+
+def _indexed(block, path: str) -> str:
+    """The path with the index of a component that has a letter: `scale[1]` for `scale.y`."""
+    owner, _, letter = path.rpartition(".")
+    try:
+        letters = _LETTERS.get(type(block.path_resolve(owner)), "")
+    except ValueError:
+        return path
+    is_component = len(letter) == 1 and letter in letters
+    return f"{owner}[{letters.index(letter)}]" if is_component else path
 
 
 def _limits(owner, key: str, custom: bool) -> tuple[float, float]:
