@@ -3,6 +3,7 @@
 An `AnyfaceError` names its mends; they are kept with the report on the object.
 """
 
+import re
 from collections.abc import Callable
 from dataclasses import dataclass
 
@@ -26,6 +27,7 @@ class Mend:
     icon: str
     help: str
     act: Callable
+    keeps_report: bool = False
 
 
 # Buttons that are operators of their own: the operator, its label, its icon.
@@ -93,9 +95,22 @@ class ANYFACE_OT_mend(Alone, Operator):
             _MENDS[self.name].act(ob)
         except RuntimeError as error:
             raise AnyfaceError("mesh", str(error).strip()) from error
-        if ob.library is None:
+        if ob.library is None and not _MENDS[self.name].keeps_report:
             ob.anyface.report, ob.anyface.report_mends = "", ""
             ob.anyface.report_is_error = False
+
+
+def late_take(frames: int) -> str:
+    """What a report says of a take that goes on so many frames behind the end of the scene."""
+    return f" (the scene ends {frames} frames before the take)"
+
+
+def _extend_scene(ob) -> None:
+    scene = bpy.context.scene
+    late = _LATE.search(ob.anyface.report)
+    scene.frame_end += int(late[1]) if late else 0
+    ob.anyface.report = _LATE.sub("", ob.anyface.report)
+    keep(ob, [name for name in ob.anyface.report_mends.split() if name != "scene_range"])
 
 
 def _use(mode: str) -> Mend:
@@ -144,6 +159,8 @@ def _unmute(ob) -> None:
             strip.mute = False
 
 
+_LATE = re.compile(re.escape(late_take(0)).replace("0", r"(\d+)"))
+
 _MENDS = {
     "use_basis": _use("basis"),
     "use_keys": _use("keys"),
@@ -169,6 +186,13 @@ _MENDS = {
     ),
     "drop_lost_parts": Mend(
         "Drop Lost Parts", "TRASH", "Take deleted objects off the list of parts", _drop_lost_parts
+    ),
+    "scene_range": Mend(
+        "Set Scene Range",
+        "PREVIEW_RANGE",
+        "Let the scene end with the take",
+        _extend_scene,
+        keeps_report=True,
     ),
     "unmute": Mend("Unmute", "PLAY_SOUND", "Unmute the strips that speak", _unmute),
 }

@@ -95,6 +95,22 @@ def test_a_silent_sound_offers_to_choose_another(addon, tmp_path):
         bpy.ops.anyface.choose_sound(filepath=str(tmp_path / "none.wav"))
 
 
+def test_a_take_that_outlasts_the_scene_offers_to_extend_it(addon, tmp_path):
+    ob, scene = heard(tmp_path, grid()), bpy.context.scene
+    scene.frame_end = 20
+    assert bpy.ops.anyface.generate() == {"FINISHED"}
+    # The take begins at frame 1.
+    last = int(ob.anyface.report.split(" frames")[0])
+    assert f"the scene ends {last - 20} frames before the take" in ob.anyface.report
+    assert offered(addon, ob) == ["Set Scene Range"]
+    assert bpy.ops.anyface.mend(name="scene_range") == {"FINISHED"}
+    assert scene.frame_end == last
+    assert "new keys" in ob.anyface.report and "scene ends" not in ob.anyface.report
+    assert offered(addon, ob) == []
+    assert bpy.ops.anyface.generate() == {"FINISHED"}
+    assert "scene ends" not in ob.anyface.report
+
+
 def test_a_part_that_was_deleted_is_dropped(addon, tmp_path):
     teeth = grid("Teeth_lower", 5, 0.02)
     heard(tmp_path, grid())
