@@ -33,6 +33,7 @@ class Mend:
 # Buttons that are operators of their own: the operator, its label, its icon.
 _OPERATORS = {
     "choose_sound": ("anyface.choose_sound", "Choose a Sound File…", "FILE_SOUND"),
+    "find_files": ("file.find_missing_files", "Find Missing Files…", "FILE_REFRESH"),
     "save": ("wm.save_mainfile", "Save the File", "FILE_TICK"),
     "find_parts": ("anyface.find_parts", "Find Parts", "VIEWZOOM"),
     "place_points": ("anyface.place_points", "Place Points", "PIVOT_CURSOR"),

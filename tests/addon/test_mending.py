@@ -5,7 +5,7 @@ from types import SimpleNamespace
 import bpy
 import pytest
 
-from figures import grid, own_keys, stand_in, tone
+from figures import grid, own_keys, stand_in, strip, tone
 from test_first_minutes import heard
 from test_panels import Paper
 
@@ -93,6 +93,24 @@ def test_a_silent_sound_offers_to_choose_another(addon, tmp_path):
     assert bpy.ops.anyface.generate() == {"FINISHED"}
     with pytest.raises(RuntimeError, match="no sound file at"):
         bpy.ops.anyface.choose_sound(filepath=str(tmp_path / "none.wav"))
+
+
+def test_a_strip_whose_file_is_gone_offers_to_find_it(addon, tmp_path):
+    ob = heard(tmp_path, grid())
+    sound = tmp_path / "moved.wav"
+    try:
+        strip(tone(sound), "Voice", 1, 1)
+    except RuntimeError:
+        pytest.skip("this Blender has no sound")
+    ob.anyface.source, ob.anyface.strip = "STRIP", "Voice"
+    sound.unlink()
+    fails("no sound file at")
+    assert offered(addon, ob) == ["Find Missing Files…", "Choose a Sound File…"]
+    tone(sound)
+    assert bpy.ops.anyface.generate() == {"FINISHED"}
+    ob.anyface.strip = "Vocie"
+    fails("got 'Vocie'")
+    assert offered(addon, ob) == ["Choose a Sound File…"]
 
 
 def test_a_take_that_outlasts_the_scene_offers_to_extend_it(addon, tmp_path):

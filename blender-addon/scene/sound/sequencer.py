@@ -68,7 +68,8 @@ def sound_strip(scene, name: str):
         if strip.name == name:
             return strip
     known = ", ".join(strip.name for strip in strips) or "none"
-    raise AnyfaceError("audio", f"expected a sound strip of {scene.name} ({known}), got {name!r}")
+    text = f"expected a sound strip of {scene.name} ({known}), got {name!r}"
+    raise AnyfaceError("audio", text, ("choose_sound",))
 
 
 def is_retimed(strip, sound_frames: Callable[[], float]) -> bool:

@@ -41,7 +41,8 @@ def _file_of(sound, name: str, start_frame: float) -> SoundSource:
     if sound.packed_file is None:
         path = bpy.path.abspath(sound.filepath, library=sound.library)
         if not os.path.isfile(path):
-            raise AnyfaceError("audio", f"{sound.name}: no sound file at {path}")
+            text = f"{sound.name}: no sound file at {path}"
+            raise AnyfaceError("audio", text, ("find_files", "choose_sound"))
         return SoundSource(path, name, start_frame)
     folder = tempfile.TemporaryDirectory(prefix="anyface-")
     suffix = os.path.splitext(sound.filepath)[1] or ".wav"
