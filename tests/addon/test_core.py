@@ -116,7 +116,7 @@ def test_a_face_that_was_not_found_is_named_with_the_reason_first(addon):
 
     sound = take.Sound(np.ones(1600, dtype=np.float32), 16000, "Voice")
     ask = (face, sound, take.Request(24.0, error_mm=None))
-    words = r"^Head: Half .*apply it\. no face .* points of the face"
+    words = r"^Head: Half .*apply it\. no face .*Place Points asks for the five"
     with pytest.raises(errors.AnyfaceError, match=words) as caught:
         perform.perform(*ask, nowhere, addon("core.job").Progress())
     assert caught.value.mends == ("place_points", "direction", "points_file", "apply_mirror")

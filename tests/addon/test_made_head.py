@@ -68,7 +68,7 @@ def test_one_undo_step_takes_it_away_and_edit_mode_is_refused(addon):
 
 def test_without_the_library_it_says_so(addon, monkeypatch):
     monkeypatch.setenv("ANYFACE_LIBRARY", "/nowhere/libanyface.so")
-    monkeypatch.setattr(addon("ui.made_head"), "_HEADS", [])
+    monkeypatch.setattr(addon("ui.add_head"), "_HEADS", [])
     with pytest.raises(RuntimeError, match="the native library cannot be used"):
         bpy.ops.anyface.add_head()
     assert not bpy.data.meshes
