@@ -13,7 +13,7 @@ from ...core.native_head import Heads, MadeHead, Recipe
 from . import made_head, sample_head
 
 BROWS, NOSE_TIP, EYES = slice(17, 27), 30, (slice(36, 42), slice(42, 48))
-MOUTH, CHIN = slice(48, 68), 8
+MOUTH = slice(48, 68)
 """Of the 68 landmarks."""
 EDGE_M = 0.03
 """Hair is flat on the skin at its border, and full so far from it."""
@@ -112,12 +112,14 @@ def hair(ob, made: MadeHead, character: Character, height: float) -> None:
     share = np.clip(distance_to_border(points, kept) / EDGE_M, 0.0, 1.0)
     share = share * share * (3.0 - 2.0 * share)
     points = points + normals * (share * thickness(points, marks, character) - SUNK_M)[:, None]
-    scale, middle = placing(positions, height)
-    upright = (points[:, [0, 2, 1]] * [1.0, -1.0, 1.0] - middle) * scale
+    upright = sample_head.standing(points, height, positions)
     material = hair_material(character)
-    quads = [face[:3] if face[2] == face[3] else face for face in kept.tolist()]
     data = sample_head.smooth_mesh(
-        f"{character.name} Hair", upright, quads, [material], np.zeros(len(quads), np.int32)
+        f"{character.name} Hair",
+        upright,
+        made_head.polygons(kept),
+        [material],
+        np.zeros(len(kept), np.int32),
     )
     cap = bpy.data.objects.new(data.name, data)
     for collection in ob.users_collection:
@@ -125,13 +127,6 @@ def hair(ob, made: MadeHead, character: Character, height: float) -> None:
     cap.parent = ob
     smooth = cap.modifiers.new("Smooth", "SUBSURF")
     smooth.levels = smooth.render_levels = 1
-
-
-def placing(positions: np.ndarray, height: float) -> tuple[float, np.ndarray]:
-    """By how much and about which point `sample_head.standing` scales."""
-    turned = positions[:, [0, 2, 1]] * [1.0, -1.0, 1.0]
-    low, high = turned.min(axis=0), turned.max(axis=0)
-    return height / (high[2] - low[2]), (low + high) / 2.0
 
 
 def scalp(positions: np.ndarray, marks: np.ndarray, character: Character) -> np.ndarray:

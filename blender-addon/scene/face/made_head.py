@@ -22,14 +22,17 @@ def mesh(made: MadeHead, height: float):
     """
     materials = sample_head.materials(NAME, made.material_names)
     points = sample_head.standing(made.positions.astype(np.float64), height)
-    # The last corner of a triangle comes twice.
-    faces = [face[:3] if face[2] == face[3] else face for face in made.faces.tolist()]
     numbers = made.materials.astype(np.int32)
-    data = sample_head.smooth_mesh(NAME, points, faces, materials, numbers)
+    data = sample_head.smooth_mesh(NAME, points, polygons(made.faces), materials, numbers)
     places = np.zeros((len(data.loops), 2), dtype=np.float32)
     places[: made.uv.size // 2] = made.uv.reshape(-1, 2)
     data.uv_layers.new(name="UVMap").data.foreach_set("uv", places.ravel())
     return data
+
+
+def polygons(faces: np.ndarray) -> list[list[int]]:
+    """Faces `[F, 4]` as Blender takes them: the last corner of a triangle comes twice."""
+    return [face[:3] if face[2] == face[3] else face for face in faces.tolist()]
 
 
 @dataclass

@@ -41,11 +41,19 @@ def smooth_mesh(name: str, points: np.ndarray, faces: list[list[int]], materials
     return made
 
 
-def standing(points: np.ndarray, height: float) -> np.ndarray:
-    """Points `[V, 3]` of the file (+y up, +z out of the face) upright in Blender."""
-    turned = points[:, [0, 2, 1]] * [1.0, -1.0, 1.0]
-    low, high = turned.min(axis=0), turned.max(axis=0)
-    return (turned - (low + high) / 2.0) * (height / (high[2] - low[2]))
+def standing(points: np.ndarray, height: float, head: np.ndarray | None = None) -> np.ndarray:
+    """Points `[V, 3]` of the file (+y up, +z out of the face) upright in Blender.
+
+    They are all of the head, or lie on it where `head` `[W, 3]` is; its box is `height` tall and
+    centred on the origin.
+    """
+    whole = _turned(points if head is None else head)
+    low, high = whole.min(axis=0), whole.max(axis=0)
+    return (_turned(points) - (low + high) / 2.0) * (height / (high[2] - low[2]))
+
+
+def _turned(points: np.ndarray) -> np.ndarray:
+    return points[:, [0, 2, 1]] * [1.0, -1.0, 1.0]
 
 
 def materials(name: str, words: tuple[str, ...]) -> list:

@@ -118,7 +118,7 @@ impl WhisperEar {
         progress: ProgressFn<'_>,
     ) -> Result<HeardEmotion> {
         let windows = voice.windows(EVERY);
-        let rows = self.rows(waveform, voice, progress)?;
+        let rows = self.rows(waveform, &windows, progress)?;
         Ok(self.layer.heard(&windows, rows.into_iter(), neutral))
     }
 
@@ -133,18 +133,17 @@ impl WhisperEar {
         progress: ProgressFn<'_>,
     ) -> Result<NeutralVoice> {
         let windows = voice.windows(EVERY);
-        let rows = self.rows(waveform, voice, progress)?;
+        let rows = self.rows(waveform, &windows, progress)?;
         self.layer.neutral_voice(&windows, rows.into_iter())
     }
 
-    /// Of every window of a voice, statistics of the layers and its 118 numbers, `[R]`.
+    /// Of every window of the voice in a sound, statistics of the layers and its 118 numbers, `[R]`.
     fn rows(
         &self,
         waveform: &Waveform,
-        voice: &VoiceTrack,
+        windows: &[VoiceWindow],
         progress: ProgressFn<'_>,
     ) -> Result<Vec<Array1<f64>>> {
-        let windows = voice.windows(EVERY);
         if windows.is_empty() {
             return Ok(Vec::new());
         }
@@ -210,15 +209,21 @@ mod tests {
         WhisperEar::load(whisper, &golden.weights(), &golden.metadata("config"))
     }
 
-    #[test]
-    fn agrees_with_python() {
-        let golden = Golden::open(GOLDEN);
-        let ear = load(&golden, folder(&golden, |x| x).path()).unwrap();
+    /// The golden's ear, its sound, and the voice in it.
+    fn heard(golden: &Golden) -> (WhisperEar, Waveform, VoiceTrack) {
+        let ear = load(golden, folder(golden, |x| x).path()).unwrap();
         let sound = Waveform {
             samples: golden.values("samples"),
         };
         let voice = VoiceTrack::of(&sound);
-        let rows = ear.rows(&sound, &voice, SILENT).unwrap();
+        (ear, sound, voice)
+    }
+
+    #[test]
+    fn agrees_with_python() {
+        let golden = Golden::open(GOLDEN);
+        let (ear, sound, voice) = heard(&golden);
+        let rows = ear.rows(&sound, &voice.windows(EVERY), SILENT).unwrap();
         let expected = golden.matrix("logits");
         assert_eq!(rows.len(), expected.nrows());
         for (row, expected) in rows.into_iter().zip(expected.outer_iter()) {
@@ -231,11 +236,7 @@ mod tests {
     #[test]
     fn its_own_neutral_voice_moves_what_is_heard_towards_readers() {
         let golden = Golden::open(GOLDEN);
-        let ear = load(&golden, folder(&golden, |x| x).path()).unwrap();
-        let sound = Waveform {
-            samples: golden.values("samples"),
-        };
-        let voice = VoiceTrack::of(&sound);
+        let (ear, sound, voice) = heard(&golden);
         let neutral = ear.neutral_voice(&sound, &voice, SILENT).unwrap();
         let plain = ear.heard(&sound, &voice, None, SILENT).unwrap();
         let relative = ear.heard(&sound, &voice, Some(&neutral), SILENT).unwrap();
