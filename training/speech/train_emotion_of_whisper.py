@@ -52,11 +52,16 @@ FRAMES = 2
 LEAST_FEATURES = 2
 
 
-def rows_over_time(encoder: WhisperEncoder, samples: np.ndarray, layers: list[int] = LAYERS) -> np.ndarray:
-    """Of a sound [S] that Whisper hears as a whole, at instants 320 ms apart: [I, R]."""
+def heard_layers(encoder: WhisperEncoder, samples: np.ndarray, layers: list[int]) -> list[torch.Tensor]:
+    """Layers of Whisper [T, C] of a sound [S], whatever its level."""
     peak = np.abs(samples).max(initial=0.0)
     scaled = torch.from_numpy(samples * (PEAK / peak if peak > SILENT else 1.0)).float()
-    outputs = encoder.hear(whisper_mel(scaled), layers)
+    return encoder.hear(whisper_mel(scaled), layers)
+
+
+def rows_over_time(encoder: WhisperEncoder, samples: np.ndarray, layers: list[int] = LAYERS) -> np.ndarray:
+    """Of a sound [S] that Whisper hears as a whole, at instants 320 ms apart: [I, R]."""
+    outputs = heard_layers(encoder, samples, layers)
     voice, total = voice_of(samples), len(outputs[0])
     cepstra = voice.mel @ cepstral_basis()
     rows = []
@@ -71,8 +76,7 @@ def rows_over_time(encoder: WhisperEncoder, samples: np.ndarray, layers: list[in
 
 def last_row(encoder: WhisperEncoder, samples: np.ndarray) -> np.ndarray:
     """The row of two seconds [S] or less, [R]."""
-    peak = max(float(np.abs(samples).max(initial=0.0)), SILENT)
-    layers = encoder.hear(whisper_mel(torch.from_numpy(samples * (PEAK / peak)).float()), LAYERS)
+    layers = heard_layers(encoder, samples, LAYERS)
     voice = voice_of(samples)
     end = len(voice.mel)
     numbers = of_window(voice, voice.mel @ cepstral_basis(), max(end - WINDOW, 0), end)

@@ -3,7 +3,7 @@
 use std::path::PathBuf;
 
 use anyface::{
-    Engine, Error, Face, Result,
+    Engine, Face, Result,
     face::FaceOptions,
     head::HeadMaker,
     job::SILENT,
@@ -104,15 +104,9 @@ impl Lids {
             subjects.extend(subjects::of_folder(folder)?);
         }
         let album = self.pictures.clone().map(Album::new).transpose()?;
-        let mut rows = Vec::new();
-        for (k, subject) in subjects.iter().enumerate() {
-            console.stage(&subject.title, k as f32 / subjects.len() as f32);
-            match self.row(&engine, subject, album.as_ref()) {
-                Ok(row) => rows.push(row),
-                Err(Error::FaceNotFound(why)) => console.stage(&why, 1.0),
-                Err(other) => return Err(other),
-            }
-        }
+        let rows = subjects::measured(&subjects, console, |subject| {
+            self.row(&engine, subject, album.as_ref())
+        })?;
         let mut lines = vec![format!(
             "open, half shut and shut: {}",
             EMOTIONS.join(" | ")

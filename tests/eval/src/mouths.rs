@@ -3,7 +3,7 @@
 use std::path::PathBuf;
 
 use anyface::{
-    Engine, Error, Face, Result,
+    Engine, Face, Result,
     face::{MouthTrial, OpenedMouth, open_mouth},
     job::SILENT,
     mesh::Mouth,
@@ -72,22 +72,17 @@ impl Mouths {
             subjects.extend(subjects::of_folder(folder)?);
         }
         let album = self.pictures.clone().map(Album::new).transpose()?;
-        let mut rows = Vec::new();
-        for (k, subject) in subjects.iter().enumerate() {
-            console.stage(&subject.title, k as f32 / subjects.len() as f32);
-            match engine.find(&subject.mesh, &subject.options, SILENT) {
-                Ok(face) => rows.push(row(&engine, subject, &face, album.as_ref())?),
-                Err(Error::FaceNotFound(why)) => console.stage(&why, 1.0),
-                Err(other) => return Err(other),
-            }
-        }
+        let rows = subjects::measured(&subjects, console, |subject| {
+            row(&engine, subject, album.as_ref())
+        })?;
         let lines: Vec<String> = rows.iter().map(line).collect();
         console.value(&rows, &lines.join("\n"));
         Ok(())
     }
 }
 
-fn row(engine: &Engine, subject: &Subject, face: &Face, album: Option<&Album>) -> Result<Row> {
+fn row(engine: &Engine, subject: &Subject, album: Option<&Album>) -> Result<Row> {
+    let face = &engine.find(&subject.mesh, &subject.options, SILENT)?;
     let mut row = Row {
         title: subject.title.clone(),
         mouth: face.mouth().name(),

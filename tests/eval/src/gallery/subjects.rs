@@ -5,7 +5,7 @@ use std::path::Path;
 use ndarray::{Array3, Axis};
 
 use super::expressions::{Expression, HEARD_EMOTIONS, MOVEMENTS};
-use crate::face_model::FaceModel;
+use crate::{console::Console, face_model::FaceModel};
 use anyface::{
     Error, Result,
     diffusion::frame_noise,
@@ -41,6 +41,24 @@ impl Truth {
         let rows = self.landmarks.map(|v| v as usize);
         self.displacements.select(Axis(1), &rows)
     }
+}
+
+/// What `measure` says of each subject. One whose face is not found is named and left out.
+pub(crate) fn measured<T>(
+    subjects: &[Subject],
+    console: &Console,
+    measure: impl Fn(&Subject) -> Result<T>,
+) -> Result<Vec<T>> {
+    let mut rows = Vec::new();
+    for (k, subject) in subjects.iter().enumerate() {
+        console.stage(&subject.title, k as f32 / subjects.len() as f32);
+        match measure(subject) {
+            Ok(row) => rows.push(row),
+            Err(Error::FaceNotFound(why)) => console.stage(&why, 1.0),
+            Err(other) => return Err(other),
+        }
+    }
+    Ok(rows)
 }
 
 /// Every mesh file in a folder, by name.
