@@ -147,7 +147,11 @@ impl Face {
 
     /// Which of brows, eyes and nose were found: what the face lacks rests.
     pub(crate) fn features(&self) -> Features {
-        Features::of(&self.landmarks)
+        let features = Features::of(&self.landmarks);
+        match self.openings().is_one() {
+            true => features.of_one_eye(),
+            false => features,
+        }
     }
 
     /// In words what of the face was not found, or hardly, and so rests or is weaker; `None` where nothing
@@ -156,7 +160,7 @@ impl Face {
         self.features().sentence()
     }
 
-    /// What the lids of the subject's right and left eye can do.
+    /// What the lids of the subject's right and left eye can do. The eye of a cyclops is both.
     pub fn lids(&self) -> [Lids; 2] {
         self.openings().lids()
     }

@@ -41,6 +41,15 @@ impl Features {
         Features { shares }
     }
 
+    /// The same of a face with one eye in its middle: the eye is there, and it has one brow.
+    pub(crate) fn of_one_eye(self) -> Features {
+        let [right_brow, left_brow, _, _, nose] = self.shares;
+        let brow = right_brow.max(left_brow);
+        Features {
+            shares: [brow, brow, 1.0, 1.0, nose],
+        }
+    }
+
     /// Whether every feature takes part as a whole.
     pub(crate) fn are_all(&self) -> bool {
         self.shares.iter().all(|share| *share == 1.0)

@@ -17,6 +17,7 @@ mod kept_faces;
 mod landmarks;
 mod lids;
 mod life;
+mod one_eye;
 mod parts;
 mod performance;
 mod rim_crossing;

@@ -11,14 +11,11 @@ use crate::{
     face::{
         Face, FaceSurface,
         binding::Follows,
-        eyes::{EyeFrame, Lids, Opening, SAMPLES},
+        eyes::{EyeFrame, LidDrive, Lids, Opening, SAMPLES},
         lids::follow_share,
         nearest::nearest_between,
     },
-    mesh::{
-        Parts, Similarity, canonical_landmarks,
-        ibug::{EYES, Eye},
-    },
+    mesh::{Parts, Similarity, canonical_landmarks, ibug::EYES},
 };
 
 /// Lids keep at least this distance from the ball, and at most so much of it is added to what they had.
@@ -31,14 +28,14 @@ const RIM_OF_WIDTH: f32 = 0.2;
 
 /// Finds the lids of a face; an eye without skin about it is left out.
 pub(in crate::deform) fn eyelids(face: &Face, surface: &FaceSurface) -> Vec<Eyelids> {
-    let eyes = EYES.iter().zip(face.openings().each());
-    let found = eyes.filter_map(|(eye, opening)| {
+    let drives = face.openings().drives();
+    let found = drives.iter().filter_map(|drive| {
         let neutral = Neutral {
             surface,
             parts: &face.parts.connected,
-            opening: opening.as_ref()?,
+            opening: drive.opening,
         };
-        neutral.eyelids(eye, &face.to_canonical)
+        neutral.eyelids(drive, &face.to_canonical)
     });
     found.collect()
 }
@@ -51,15 +48,18 @@ struct Neutral<'a> {
 }
 
 impl Neutral<'_> {
-    fn eyelids(&self, eye: &Eye, to_canonical: &Similarity) -> Option<Eyelids> {
+    fn eyelids(&self, drive: &LidDrive<'_>, to_canonical: &Similarity) -> Option<Eyelids> {
         let EyeFrame { axes, .. } = self.opening.frame;
         let back = to_canonical.inverse();
         let rims = [self.rim(0)?, self.rim(1)?];
         let touched = self.touched();
         Some(Eyelids {
-            first: eye.lids.start,
-            pairs: eye.pairs,
-            openings: self.opening.heights,
+            eyes: (drive.eyes.iter())
+                .map(|&(eye, openings)| (EYES[eye].pairs, openings))
+                .collect(),
+            larger: drive.larger,
+            silent: drive.silent.clone(),
+            alone: drive.is_alone,
             at_rest: self.opening.lids != Lids::Close,
             axes: axes.map(|axis| back.rotate(axis)),
             up: back.rotate([0.0, 1.0, 0.0]),

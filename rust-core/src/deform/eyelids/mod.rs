@@ -11,6 +11,8 @@
 
 mod find;
 
+use std::ops::Range;
+
 use glam::Vec3;
 use serde::{Deserialize, Serialize};
 
@@ -19,6 +21,8 @@ pub(super) use find::eyelids;
 
 /// From this share of closing on the opening is exactly what the landmarks ask for.
 const EXACT_FROM: f32 = 0.5;
+/// Lids that the decoder does not move open wider by at most this share.
+const MOST_WIDE: f32 = 0.4;
 /// Shut lids overlap by this much, so that no sliver between two vertices of their edges stays open.
 const OVERLAP_CM: f32 = 0.03;
 /// The upper lid then lies this far before the lower one: two edges at one depth would cross in a zigzag.
@@ -26,11 +30,16 @@ const BEFORE_CM: f32 = 0.03;
 /// From this share of closing on they begin to.
 const OVERLAP_FROM: f32 = 0.6;
 
-/// Within so many samples of a corner lids do less and less of their own: the landmarks know better where both meet.
+/// Within so many samples of a corner lids do less and less of their own: the landmarks know better where both meet;
+/// and where there are none.
 const FROM_CORNER: f32 = 4.0;
+const FROM_CORNER_ALONE: f32 = 1.0;
 
 /// Instead of a lid: the eye itself, where that is skin.
 const BETWEEN_LIDS: u8 = 2;
+
+/// Landmarks of upper and lower lid that face each other.
+type LidPairs = [(usize, usize); 2];
 
 /// Two vertices of a rim with their shares.
 type Between = [(u32, f32); 2];
@@ -81,11 +90,15 @@ struct Stem {
 /// The lids of one eye.
 #[derive(Debug, Clone, PartialEq, Serialize, Deserialize)]
 pub(super) struct Eyelids {
-    /// Numbers of the landmarks.
-    first: usize,
-    pairs: [(usize, usize); 2],
-    /// Opening of this eye at the pairs.
-    openings: [f32; 2],
+    /// Of the eyes of the landmarks that say how far these lids close: pairs of upper and lower landmark, and how
+    /// far that eye is open there.
+    eyes: Vec<(LidPairs, [f32; 2])>,
+    /// Of several eyes the one that closes further counts, else the one that closes less.
+    larger: bool,
+    /// Landmarks that say how far lids close, or nothing, and move no skin.
+    silent: Range<usize>,
+    /// Whether the decoder does not move these lids, since no landmarks lie on them.
+    alone: bool,
     /// Whether these lids cannot close.
     at_rest: bool,
     /// The eye's axes and the canonical way up, in the mesh's own axes.
@@ -125,9 +138,8 @@ struct Lift {
 }
 
 impl Lift {
-    /// The same at a place among the samples.
-    fn at(self, at: f32) -> Lift {
-        let share = off_corners(at);
+    /// The same where a place near the corners takes this share.
+    fn times(self, share: f32) -> Lift {
         Lift {
             out: share * self.out,
             hug: share * self.hug,
@@ -169,11 +181,9 @@ impl Eyelids {
         lids
     }
 
-    /// Lets lids rest that cannot close, in one frame `[204]`.
+    /// Takes away, in one frame `[204]`, what landmarks do that move no skin.
     pub(super) fn own_landmarks(&self, landmarks: &mut [f32]) {
-        if self.at_rest {
-            landmarks[3 * self.first..3 * (self.first + 6)].fill(0.0);
-        }
+        landmarks[3 * self.silent.start..3 * self.silent.end].fill(0.0);
     }
 
     /// By how much a landmark rises, centimetres.
@@ -201,11 +211,28 @@ impl Eyelids {
 
     /// By which share the lids are asked to close: 0 as in the neutral face, 1 shut, below 0 wide open.
     fn closed(&self, landmarks: &[f32]) -> f32 {
-        let closing = |&(upper, lower): &(usize, usize)| {
-            self.height(landmarks, lower) - self.height(landmarks, upper)
+        let share = |(pairs, openings): &(LidPairs, [f32; 2])| {
+            let closing = |&(upper, lower): &(usize, usize)| {
+                self.height(landmarks, lower) - self.height(landmarks, upper)
+            };
+            let whole = openings[0] + openings[1];
+            pairs.iter().map(closing).sum::<f32>() / whole.max(1e-6)
         };
-        let whole = self.openings[0] + self.openings[1];
-        (self.pairs.iter().map(closing).sum::<f32>() / whole.max(1e-6)).min(1.0)
+        let shares = self.eyes.iter().map(share);
+        let of_all = match self.larger {
+            true => shares.reduce(f32::max),
+            false => shares.reduce(f32::min),
+        };
+        of_all.unwrap_or(0.0).min(1.0)
+    }
+
+    /// What a place among the samples has of what these lids do of their own.
+    fn off_corners(&self, at: f32) -> f32 {
+        let from_corner = match self.alone {
+            true => FROM_CORNER_ALONE,
+            false => FROM_CORNER,
+        };
+        off_corners(at, from_corner)
     }
 
     /// A displacement in the eye's frame, centimetres.
@@ -215,7 +242,10 @@ impl Eyelids {
     }
 
     fn turns(&self, closed: f32, frame: &[f32]) -> Turns {
-        let hold = ease(closed / EXACT_FROM);
+        let (closed, hold) = match self.alone {
+            true => (closed.max(-MOST_WIDE), 1.0),
+            false => (closed, ease(closed / EXACT_FROM)),
+        };
         let shut = ease((closed - OVERLAP_FROM) / (1.0 - OVERLAP_FROM));
         let lift = [BEFORE_CM * shut, 0.0].map(|before| Lift {
             out: before + hold * self.lift,
@@ -224,7 +254,7 @@ impl Eyelids {
         let made = self.rims.each_ref().map(|rim| self.elevations(rim, frame));
         let shortfall = self.shortfall(closed, shut, &made);
         let change: [f32; SAMPLES] =
-            std::array::from_fn(|k| hold * off_corners(k as f32) * shortfall[k]);
+            std::array::from_fn(|k| hold * self.off_corners(k as f32) * shortfall[k]);
         let added = [UPPER_SHARE, UPPER_SHARE - 1.0].map(|share| change.map(|x| share * x));
         let whole: [[f32; SAMPLES]; 2] = std::array::from_fn(|lid| {
             std::array::from_fn(|k| made[lid][k] + added[lid][k] - self.rims[lid].rest[k])
@@ -233,7 +263,7 @@ impl Eyelids {
             std::array::from_fn(|k| {
                 let rim: &Rim = &self.rims[lid];
                 let moved = self.edge_moved(rim, k, frame);
-                let lift = lift[lid].at(k as f32);
+                let lift = lift[lid].times(self.off_corners(k as f32));
                 let change = self.slide(rim.edge[k], moved, added[lid][k], 1.0, lift);
                 std::array::from_fn(|i| moved[i] + change[i])
             })
@@ -302,7 +332,13 @@ impl Eyelids {
         };
         let slide = || {
             let angle = share * between_samples(&turns.added[lid], at);
-            self.slide(place, moved, angle, share, turns.lift[lid].at(at))
+            self.slide(
+                place,
+                moved,
+                angle,
+                share,
+                turns.lift[lid].times(self.off_corners(at)),
+            )
         };
         match touched.stem {
             None => slide(),
@@ -357,9 +393,9 @@ fn turn(p: [f32; 3], angle: f32) -> [f32; 3] {
     ]
 }
 
-/// 0 at a corner of the eye, 1 from [`FROM_CORNER`] samples on.
-fn off_corners(at: f32) -> f32 {
-    ease(at.min((SAMPLES - 1) as f32 - at) / FROM_CORNER)
+/// 0 at a corner of the eye, 1 from so many samples on.
+fn off_corners(at: f32, from_corner: f32) -> f32 {
+    ease(at.min((SAMPLES - 1) as f32 - at) / from_corner)
 }
 
 /// A value between samples.

@@ -3,6 +3,7 @@
 //! Lengths are canonical centimetres.
 
 mod ball;
+mod balls;
 mod joined;
 mod mix;
 mod opening;
@@ -10,6 +11,7 @@ mod openings;
 
 pub(crate) use ball::Eyeball;
 pub(crate) use mix::{Mix, ease};
+use opening::Head;
 pub use opening::Lids;
-pub(crate) use opening::{EyeFrame, Head, Opening, SAMPLES};
-pub(crate) use openings::{Openings, UPPER_SHARE};
+pub(crate) use opening::{EyeFrame, Opening, SAMPLES};
+pub(crate) use openings::{LidDrive, Openings, UPPER_SHARE};

@@ -10,6 +10,7 @@ use glam::Vec3;
 use super::{
     Eyeball, Mix,
     ball::{fit_eyeball, radius_of},
+    balls::Ball,
     joined::are_joined,
 };
 use crate::{
@@ -57,8 +58,24 @@ pub(crate) struct Head<'a> {
     pub landmarks: &'a [[f32; 3]; LANDMARKS],
     /// Triangles of the skin.
     pub skin: &'a [[u32; 3]],
-    /// Triangles of the parts that are eyeballs.
-    pub eyeballs: &'a [[u32; 3]],
+}
+
+impl Head<'_> {
+    /// Triangles about `middle`, the middle of an eye of this `width`, in its frame.
+    fn near(
+        &self,
+        triangles: &[[u32; 3]],
+        (middle, width): ([f32; 3], f32),
+        frame: &EyeFrame,
+    ) -> Vec<[[f32; 3]; 3]> {
+        let away = |p: [f32; 3]| Vec3::from(p).distance_squared(middle.into());
+        let is_near = |p: &[f32; 3]| away(*p) < (NEAR * width).powi(2);
+        let corners = triangles
+            .iter()
+            .map(|t| t.map(|v| self.positions[v as usize]));
+        let near = corners.filter(|t| t.iter().all(is_near));
+        near.map(|t| t.map(|p| frame.local(p))).collect()
+    }
 }
 
 /// Axes of one eye: across from corner to corner, up, and out of the face.
@@ -135,31 +152,64 @@ impl EyeFrame {
 }
 
 impl Opening {
-    /// Looks for one eye.
-    pub(super) fn find(head: &Head<'_>, eye: &Eye) -> Option<Opening> {
-        let mut opening = Opening::open(head, &head.landmarks[eye.lids.clone()])?;
+    /// Looks for one eye of the landmarks; `eyeball`: the triangles of its ball, where it has one.
+    pub(super) fn find(head: &Head<'_>, eye: &Eye, eyeball: &[[u32; 3]]) -> Option<Opening> {
+        let mut opening = Opening::open(head, &head.landmarks[eye.lids.clone()], eyeball)?;
         opening.heights = eye
             .pairs
             .map(|pair| opening.height_at(head.landmarks, pair));
         Some(opening)
     }
 
-    /// The same but for its heights; `marks`: `[6]`, its landmarks.
-    fn open(head: &Head<'_>, marks: &[[f32; 3]]) -> Option<Opening> {
-        let (middle, width) = EyeFrame::between(marks[0], marks[3])?;
-        let near = |p: [f32; 3]| Vec3::from(p).length_squared() < (NEAR * width).powi(2);
-        let locals = |triangles: &[[u32; 3]], frame: &EyeFrame| -> Vec<[[f32; 3]; 3]> {
-            let all = triangles.iter();
-            let corners = all.map(|t| t.map(|v| middle.local(head.positions[v as usize])));
-            let close = corners.filter(|t| t.iter().all(|p| near(*p)));
-            let shift = middle.local(frame.origin);
-            let moved = close.map(|t| t.map(|p| std::array::from_fn(|i| p[i] - shift[i])));
-            moved.collect()
+    /// Looks for an eye that no landmarks lie about: skin covers its ball from above and from below.
+    pub(super) fn about(head: &Head<'_>, ball: &Ball) -> Option<Opening> {
+        let canonical = EyeFrame {
+            origin: [0.0; 3],
+            axes: [[1.0, 0.0, 0.0], [0.0, 1.0, 0.0], [0.0, 0.0, 1.0]],
         };
-        let eyeball = locals(head.eyeballs, &middle);
-        if let Some((centre, radius)) = fit_eyeball(eyeball.as_flattened(), width) {
+        let points = ball.triangles.as_flattened().iter();
+        let points: Vec<[f32; 3]> = points.map(|&v| head.positions[v as usize]).collect();
+        let across = 2.0 * ball.radius;
+        let (centre, radius) = fit_eyeball(&points, across)?;
+        let frame = canonical.about(centre);
+        let skin = head.near(head.skin, (frame.origin, across), &frame);
+        let eyeball = head.near(&ball.triangles, (frame.origin, across), &frame);
+        let view = picture(&skin, &eyeball, [0.0; 3], across);
+        let edges = seen(&view, [[0.0; 3]; 2], across)?;
+        let width = edges[0][SAMPLES - 1][0] - edges[0][0][0];
+        let mut inner = SAMPLES / 4..SAMPLES - SAMPLES / 4;
+        let has_lids = inner.all(|k| {
+            let x = edges[0][k][0];
+            let column = view.cell_at([x, 0.0])[0];
+            let is_skin = |row: usize| view.kind(column, row) == SKIN;
+            ball_rows(&view, column)
+                .is_some_and(|run| lid_rows(&view, run).into_iter().all(is_skin))
+        });
+        if !has_lids || mean_height(&edges) < LEAST_OPEN * width {
+            return None;
+        }
+        let height = |share: f32| {
+            let k = (share * (SAMPLES - 1) as f32).round() as usize;
+            edges[0][k][1] - edges[1][k][1]
+        };
+        Some(Opening {
+            frame,
+            ball: Eyeball::new(radius, eyeball.as_flattened()),
+            width,
+            edges,
+            heights: [1.0 / 3.0, 2.0 / 3.0].map(height),
+            lids: Lids::Close,
+        })
+    }
+
+    /// The same but for its heights; `marks`: `[6]`, its landmarks.
+    fn open(head: &Head<'_>, marks: &[[f32; 3]], eyeball: &[[u32; 3]]) -> Option<Opening> {
+        let (middle, width) = EyeFrame::between(marks[0], marks[3])?;
+        let size = (middle.origin, width);
+        let eyeball_of = |frame: &EyeFrame| head.near(eyeball, size, frame);
+        if let Some((centre, radius)) = fit_eyeball(eyeball_of(&middle).as_flattened(), width) {
             let frame = middle.about(centre);
-            let (skin, eyeball) = (locals(head.skin, &frame), locals(head.eyeballs, &frame));
+            let (skin, eyeball) = (head.near(head.skin, size, &frame), eyeball_of(&frame));
             let view = picture(&skin, &eyeball, frame.local(middle.origin), width);
             let corners = [marks[0], marks[3]].map(|p| frame.local(p));
             // Of an eyeball behind shut lids nothing is seen.
@@ -177,7 +227,7 @@ impl Opening {
                 },
             });
         }
-        let (skin, edges) = (locals(head.skin, &middle), curves(&middle, marks));
+        let (skin, edges) = (head.near(head.skin, size, &middle), curves(&middle, marks));
         let view = picture(&skin, &[], [0.0; 3], width);
         let mut opening = without_eyeball(head, &middle, marks, width);
         if is_shut(&view, &edges, width) {
@@ -285,7 +335,7 @@ fn picture(
 /// The edges of the eyeball's part that is seen, and on to the corners of the eye; `None` where nothing is.
 /// `marks`: the landmarks of the corners.
 fn seen(view: &FrontView, marks: [[f32; 3]; 2], width: f32) -> Option<[[[f32; 3]; SAMPLES]; 2]> {
-    let rows = |column| longest_run(view.rows(), |row| view.kind(column, row) == BALL);
+    let rows = |column| ball_rows(view, column);
     let (first, last) = longest_run(view.columns(), |column| rows(column).is_some())?;
     if last - first < SAMPLES {
         return None;
@@ -314,10 +364,20 @@ fn seen(view: &FrontView, marks: [[f32; 3]; 2], width: f32) -> Option<[[[f32; 3]
     Some(edges)
 }
 
+/// The rows of a column that show the eyeball.
+fn ball_rows(view: &FrontView, column: usize) -> Option<(usize, usize)> {
+    longest_run(view.rows(), |row| view.kind(column, row) == BALL)
+}
+
+/// The rows above and below those that show the eyeball.
+fn lid_rows(view: &FrontView, (low, high): (usize, usize)) -> [usize; 2] {
+    [(high + 1).min(view.rows() - 1), low.saturating_sub(1)]
+}
+
 /// The skin above and below a column of cells that show the eyeball.
 fn lids_beside(view: &FrontView, column: usize, (low, high): (usize, usize)) -> [[f32; 3]; 2] {
-    [(high, high + 1), (low, low.saturating_sub(1))].map(|(row, beside)| {
-        let lid = beside.min(view.rows() - 1);
+    let lids = lid_rows(view, (low, high));
+    [(high, lids[0]), (low, lids[1])].map(|(row, lid)| {
         let [x, y] = view.centre(column, row);
         match view.kind(column, lid) {
             SKIN => [x, y, view.depth(column, lid)],

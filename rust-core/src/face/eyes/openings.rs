@@ -1,11 +1,21 @@
-//! How far both eyes of a head are open, beside those of the canonical face.
+//! How far the eyes of a head are open, beside those of the canonical face; a head may have one eye, or more than two.
 
-use ndarray::Array3;
+use std::ops::Range;
 
-use super::{Head, Lids, Opening, ease};
+use glam::Vec3;
+use ndarray::{Array3, ArrayViewMut2};
+
+use super::{
+    Head, Lids, Opening,
+    balls::{Ball, Owner},
+    ease,
+};
 use crate::{
     face::PartList,
-    mesh::{Landmarks, Mesh, PartRole, Similarity, ibug::EYES},
+    mesh::{
+        Landmarks, Mesh, PartRole, Similarity,
+        ibug::{EYES, Eye, LANDMARKS, MIRROR},
+    },
 };
 
 /// What the upper lid does of a change of the opening; the lower lid does the rest.
@@ -19,8 +29,28 @@ const CANONICAL_WAY_CM: f32 = 0.789;
 const SQUINT_M: f32 = 0.003;
 const SQUINT_FROM: f32 = 0.4;
 
-/// The openings of the subject's right and left eye.
-pub(crate) struct Openings([Option<Opening>; 2]);
+/// The eyes of a head.
+pub(crate) struct Openings {
+    /// Of the subject's right and left eye; `None` where there are no corners of an eye, or both are one.
+    own: [Option<Opening>; 2],
+    /// Eyes beside these: one in the middle for both, or a third.
+    more: Vec<Opening>,
+    /// Whether the eye of a cyclops is both.
+    is_one: bool,
+}
+
+/// Lids, and the eyes of the landmarks that say how far they close.
+pub(crate) struct LidDrive<'a> {
+    pub opening: &'a Opening,
+    /// Numbers in [`EYES`], and how far each of these is open at its pairs, centimetres.
+    pub eyes: Vec<(usize, [f32; 2])>,
+    /// Of several eyes that say different shares the larger counts, else the smaller.
+    pub larger: bool,
+    /// Landmarks that say this, and move no skin.
+    pub silent: Range<usize>,
+    /// Whether no landmarks lie on these lids.
+    pub is_alone: bool,
+}
 
 impl Openings {
     /// Of the neutral face.
@@ -32,35 +62,107 @@ impl Openings {
     ) -> Openings {
         let cm = |p: &[f32; 3]| to_canonical.apply(*p).map(|x| 100.0 * x);
         let positions: Vec<[f32; 3]> = mesh.positions.iter().map(cm).collect();
-        let of = |role| -> Vec<[u32; 3]> {
-            let all = mesh.triangles.iter().copied();
-            all.filter(|t| parts.is(t[0] as usize, role)).collect()
-        };
+        let skin = mesh.triangles.iter().copied();
+        let skin: Vec<[u32; 3]> = skin
+            .filter(|t| parts.is(t[0] as usize, PartRole::Skin))
+            .collect();
+        let marks = landmarks.positions.map(|p| cm(&p));
         let head = Head {
             positions: &positions,
-            landmarks: &landmarks.positions.map(|p| cm(&p)),
-            skin: &of(PartRole::Skin),
-            eyeballs: &of(PartRole::Gaze),
+            landmarks: &marks,
+            skin: &skin,
         };
-        Openings(EYES.each_ref().map(|eye| Opening::find(&head, eye)))
+        let balls = Ball::of(&positions, &mesh.triangles, parts);
+        let owners = Ball::owners(&balls, EYES.each_ref().map(|eye| eye_at(&marks, eye)));
+        let about = |owner: Owner| {
+            let own = owners.iter().zip(&balls);
+            own.filter(move |(of, _)| **of == owner)
+                .map(|(_, ball)| ball)
+        };
+        let one = about(Owner::Both).find_map(|ball| Opening::about(&head, ball));
+        let own = |eye: usize| {
+            let ball = about(Owner::Eye(eye)).next();
+            let ball = ball.or_else(|| about(Owner::Both).next());
+            let triangles = ball.map_or(&[][..], |ball| &ball.triangles);
+            Opening::find(&head, &EYES[eye], triangles)
+        };
+        let third = about(Owner::Nobody).filter_map(|ball| Opening::about(&head, ball));
+        match one {
+            Some(one) => Openings {
+                own: [None, None],
+                more: std::iter::once(one).chain(third).collect(),
+                is_one: true,
+            },
+            None => Openings {
+                own: [0, 1].map(own),
+                more: third.collect(),
+                is_one: false,
+            },
+        }
     }
 
-    /// Those of the right and of the left eye; `None` where there are no corners of an eye.
-    pub(crate) fn each(&self) -> &[Option<Opening>; 2] {
-        &self.0
+    /// All lids of the head with what drives them.
+    pub(crate) fn drives(&self) -> Vec<LidDrive<'_>> {
+        let closing: Vec<(usize, [f32; 2])> = (0..2)
+            .filter_map(|eye| {
+                let opening = self.own[eye]
+                    .as_ref()
+                    .filter(|own| own.lids == Lids::Close)?;
+                Some((eye, opening.heights))
+            })
+            .collect();
+        let canonical = [0, 1].map(|eye| (eye, [CANONICAL_WAY_CM; 2]));
+        let own = (0..2).filter_map(|eye| {
+            let opening = self.own[eye].as_ref()?;
+            Some(LidDrive {
+                opening,
+                eyes: vec![(eye, opening.heights)],
+                larger: true,
+                silent: match opening.lids {
+                    Lids::Close => 0..0,
+                    Lids::Shut | Lids::Joined => EYES[eye].lids.clone(),
+                },
+                is_alone: false,
+            })
+        });
+        let more = self.more.iter().map(|opening| LidDrive {
+            opening,
+            eyes: match closing.is_empty() {
+                true => canonical.to_vec(),
+                false => closing.clone(),
+            },
+            larger: closing.is_empty(),
+            silent: match self.is_one {
+                true => EYES[0].lids.start..EYES[1].lids.end,
+                false => 0..0,
+            },
+            is_alone: true,
+        });
+        own.chain(more).collect()
+    }
+
+    /// Whether one eye in the middle is both.
+    pub(crate) fn is_one(&self) -> bool {
+        self.is_one
     }
 
     /// What the lids of both eyes can do.
     pub(crate) fn lids(&self) -> [Lids; 2] {
         let lids = |eye: &Option<Opening>| eye.as_ref().map_or(Lids::Close, |eye| eye.lids);
-        self.0.each_ref().map(lids)
+        self.own.each_ref().map(lids)
     }
 
     /// Lets lids travel as far as these eyes are open. Where lids rest, the brow is lowered instead.
+    /// One eye in the middle has one brow.
     /// `moved`: `[T, 68, 3]`, canonical metres.
     pub(crate) fn to_own(&self, moved: &mut Array3<f32>) {
-        self.squint(moved);
-        self.travel(moved, |height| height / CANONICAL_WAY_CM);
+        match self.is_one {
+            true => moved.outer_iter_mut().for_each(join_brows),
+            false => {
+                self.squint(moved);
+                self.travel(moved, |height| height / CANONICAL_WAY_CM);
+            }
+        }
     }
 
     /// The way back of [`Openings::to_own`], but for lids that rest.
@@ -68,11 +170,19 @@ impl Openings {
         self.travel(moved, |height| CANONICAL_WAY_CM / height);
     }
 
+    /// Whether other eyes alone blink.
+    fn is_elsewhere(&self) -> bool {
+        let closes =
+            |eye: &Option<Opening>| eye.as_ref().is_some_and(|eye| eye.lids == Lids::Close);
+        !self.more.is_empty() && !self.own.iter().any(closes)
+    }
+
     /// Lowers the brows of eyes whose lids rest, by the share that these are asked to close.
     fn squint(&self, moved: &mut Array3<f32>) {
         for mut frame in moved.outer_iter_mut() {
-            for (eye, marks) in self.0.iter().zip(&EYES) {
-                if eye.as_ref().is_none_or(|eye| eye.lids == Lids::Close) {
+            for (eye, marks) in self.own.iter().zip(&EYES) {
+                let is_seen = eye.as_ref().is_none_or(|eye| eye.lids == Lids::Close);
+                if is_seen || self.is_elsewhere() {
                     continue;
                 }
                 let ways = marks.pairs.map(|(u, l)| frame[[l, 1]] - frame[[u, 1]]);
@@ -89,11 +199,14 @@ impl Openings {
     /// Makes lids travel so many times as far, told by the height of an opening in centimetres.
     fn travel(&self, moved: &mut Array3<f32>, times: impl Fn(f32) -> f32) {
         for mut frame in moved.outer_iter_mut() {
-            for (eye, marks) in self.0.iter().zip(&EYES) {
+            for (eye, marks) in self.own.iter().zip(&EYES) {
                 let Some(eye) = eye else {
                     continue;
                 };
                 if eye.lids != Lids::Close {
+                    if self.is_elsewhere() {
+                        continue;
+                    }
                     marks.lids.clone().for_each(|n| frame.row_mut(n).fill(0.0));
                     continue;
                 }
@@ -104,6 +217,27 @@ impl Openings {
                     frame[[lower, 1]] += (1.0 - UPPER_SHARE) * more;
                 }
             }
+        }
+    }
+}
+
+/// Middle between the corners and width of an eye of the landmarks.
+fn eye_at(marks: &[[f32; 3]; LANDMARKS], eye: &Eye) -> Option<([f32; 3], f32)> {
+    let [start, end] = [eye.lids.start, eye.lids.start + 3].map(|n| Vec3::from(marks[n]));
+    let width = start.distance(end);
+    (width > 0.0).then(|| (start.midpoint(end).into(), width))
+}
+
+/// Lets both brows do what the one does that moves more; `frame`: `[68, 3]`.
+fn join_brows(mut frame: ArrayViewMut2<'_, f32>) {
+    for n in EYES[0].brow.clone() {
+        for (axis, side) in [(0, -1.0), (1, 1.0), (2, 1.0)] {
+            let (right, left) = (frame[[n, axis]], side * frame[[MIRROR[n], axis]]);
+            // Their mean, weighted by how far each moves.
+            let whole = right.abs() + left.abs();
+            let both = (right * right.abs() + left * left.abs()) / whole.max(1e-9);
+            frame[[n, axis]] = both;
+            frame[[MIRROR[n], axis]] = side * both;
         }
     }
 }
@@ -147,7 +281,12 @@ mod tests {
             moved[[0, n, 1]] = -0.004;
         }
         moved[[0, 19, 1]] = 0.002;
-        Openings([Some(wide), Some(joined)]).to_own(&mut moved);
+        let openings = Openings {
+            own: [Some(wide), Some(joined)],
+            more: Vec::new(),
+            is_one: false,
+        };
+        openings.to_own(&mut moved);
         let closing = |u: usize, l: usize| moved[[0, l, 1]] - moved[[0, u, 1]];
         assert!((closing(37, 41) - 0.008f32).abs() < 1e-6 && moved[[0, 19, 1]] == 0.002);
         assert_eq!(closing(43, 47), 0.0);
