@@ -32,7 +32,7 @@ from .ui import (
     mending,
     mixture,
     models,
-    mouth,
+    opening,
     outputs,
     panel,
     performance,
@@ -51,7 +51,7 @@ from .ui import (
 
 _MODULES = (
     preferences, generate, remove, mending, made_head, sample_head, panel, character,
-    expression_keys, landmarks, mouth, audio, presets, mixture, emotions,
+    expression_keys, landmarks, opening, audio, presets, mixture, emotions,
     performance, events, life, outputs,
     key_list, controls, find_controls, caches, takes, sounds, sounds_file, scene_list,
     models, heat, live,

@@ -298,12 +298,12 @@ typedef struct AnyfaceMesh AnyfaceMesh;
 /// changes after it was made.
 typedef struct AnyfaceMotion AnyfaceMotion;
 
-/// A mesh whose lips were one surface and can part now, and what each of its pieces was before. Never
+/// A mesh whose lips or lids were one surface and can part now, and what each of its pieces was before. Never
 /// changes after it was made: any number of threads may use it at the same time.
 ///
 /// Old vertices come first, with their numbers and where they were. Old triangles stand in their order,
-/// those that were cut in pieces; then the mouth's inside.
-typedef struct AnyfaceOpenedMouth AnyfaceOpenedMouth;
+/// those that were cut in pieces; then what was sewn behind the cut.
+typedef struct AnyfaceOpenedFace AnyfaceOpenedFace;
 
 /// Watches and stops jobs.
 ///
@@ -430,7 +430,7 @@ typedef struct {
     /// fitting place of the surface, unless its vertex is given as well. NULL otherwise.
     const float *landmark_positions;
     /// `[68]` vertex numbers, NULL otherwise. With positions: a point at the very place of its vertex stays
-    /// on that vertex, as those of `anyface_opened_mouth_copy_landmarks()` on rims that touch.
+    /// on that vertex, as those of `anyface_opened_face_copy_landmarks()` on rims that touch.
     const uint32_t *landmark_vertices;
     /// The text of a landmark file as `anyface_face_write_landmarks()` writes it, UTF-8. NULL
     /// otherwise.
@@ -992,39 +992,54 @@ void anyface_face_free(AnyfaceFace *face);
 /// part smoothly and alike on both sides. Long: accepts a progress handle, which may be NULL.
 ///
 /// Whether there is anything to part says `anyface_face_mouth()`: `ANYFACE_MOUTH_WELDED`.
-/// Free with `anyface_opened_mouth_free()`. The new mesh is made ready as any other, with the landmarks of
-/// `anyface_opened_mouth_copy_landmarks()`.
+/// Free with `anyface_opened_face_free()`. The new mesh is made ready as any other, with the landmarks of
+/// `anyface_opened_face_copy_landmarks()`.
 /// Fails with `ANYFACE_STATUS_INVALID_INPUT` if the lips part already or the landmarks name no mouth,
 /// `ANYFACE_STATUS_MESH` if no line leads from corner to corner between the lips or they do not part well,
 /// `ANYFACE_STATUS_CANCELLED`.
-AnyfaceStatus anyface_opened_mouth_new(const AnyfaceEngine *engine,
-                                       const AnyfaceFace *face,
-                                       const AnyfaceProgress *progress,
-                                       AnyfaceOpenedMouth **out,
-                                       AnyfaceError **error);
+AnyfaceStatus anyface_open_mouth(const AnyfaceEngine *engine,
+                                 const AnyfaceFace *face,
+                                 const AnyfaceProgress *progress,
+                                 AnyfaceOpenedFace **out,
+                                 AnyfaceError **error);
+
+/// Cuts free the eyes of a face that are one surface with their lids: the lids get a lining, the eyes become the fronts of
+/// balls. At rest the surface stays the same. The result blinks once, to see that lids shut over the whole eye.
+/// Long: accepts a progress handle, which may be NULL.
+///
+/// Whether there is such an eye says `anyface_face_lids()`: `ANYFACE_LIDS_JOINED`.
+/// Free with `anyface_opened_face_free()`. The new mesh is made ready as any other, with the landmarks of
+/// `anyface_opened_face_copy_landmarks()`.
+/// Fails with `ANYFACE_STATUS_INVALID_INPUT` if no eye is one with its lids, `ANYFACE_STATUS_MESH` if no line leads
+/// around an eye or its lids do not shut well, `ANYFACE_STATUS_CANCELLED`.
+AnyfaceStatus anyface_open_eyes(const AnyfaceEngine *engine,
+                                const AnyfaceFace *face,
+                                const AnyfaceProgress *progress,
+                                AnyfaceOpenedFace **out,
+                                AnyfaceError **error);
 
 /// The new mesh, a copy: `V` vertices and `F` triangles. Free with `anyface_mesh_free()`.
-AnyfaceStatus anyface_opened_mouth_mesh(const AnyfaceOpenedMouth *opened,
-                                        AnyfaceMesh **out,
-                                        AnyfaceError **error);
+AnyfaceStatus anyface_opened_face_mesh(const AnyfaceOpenedFace *opened,
+                                       AnyfaceMesh **out,
+                                       AnyfaceError **error);
 
-/// Number of the first triangle behind the slit: the inner sides of the lips, which are of the lips' colour,
-/// up to `anyface_opened_mouth_first_inside_triangle()`; 0 for NULL.
-size_t anyface_opened_mouth_first_inner_lip_triangle(const AnyfaceOpenedMouth *opened);
+/// Number of the first triangle behind the cut that has the colour of what is before it: the inner sides of lips and lids,
+/// and the rest of eyeballs, up to `anyface_opened_face_first_inside_triangle()`; 0 for NULL.
+size_t anyface_opened_face_first_lining_triangle(const AnyfaceOpenedFace *opened);
 
-/// Number of the first triangle of the mouth's inside behind the lips; 0 for NULL.
-size_t anyface_opened_mouth_first_inside_triangle(const AnyfaceOpenedMouth *opened);
+/// Number of the first triangle of the mouth's inside behind the lips, `F` where eyes were opened; 0 for NULL.
+size_t anyface_opened_face_first_inside_triangle(const AnyfaceOpenedFace *opened);
 
-/// Copies of which old vertices each vertex is a mixture, for groups and shape keys. Vertices of the
-/// mouth's inside take what lies before them at the lips.
+/// Copies of which old vertices each vertex is a mixture, for groups and shape keys. Vertices behind
+/// the cut take what lies before them at its rim.
 ///
 /// `vertices`: `[V, 3]`, numbers of old vertices. `shares`: `[V, 3]`, sum 1. `count` must be `V * 3`.
 /// Fails with `ANYFACE_STATUS_INVALID_INPUT` for another `count`.
-AnyfaceStatus anyface_opened_mouth_copy_vertex_sources(const AnyfaceOpenedMouth *opened,
-                                                       uint32_t *vertices,
-                                                       float *shares,
-                                                       size_t count,
-                                                       AnyfaceError **error);
+AnyfaceStatus anyface_opened_face_copy_vertex_sources(const AnyfaceOpenedFace *opened,
+                                                      uint32_t *vertices,
+                                                      float *shares,
+                                                      size_t count,
+                                                      AnyfaceError **error);
 
 /// Copies which old triangle each triangle was cut from, for materials, and where in it its corners lie,
 /// for texture coordinates and normals.
@@ -1032,23 +1047,23 @@ AnyfaceStatus anyface_opened_mouth_copy_vertex_sources(const AnyfaceOpenedMouth 
 /// `triangles`: `[F]`, numbers of old triangles. `shares`: `[F, 3, 3]`, for each corner the shares of the
 /// old triangle's corners, sum 1. `triangle_count` must be `F`, `share_count` `F * 9`. Fails with
 /// `ANYFACE_STATUS_INVALID_INPUT` for other counts.
-AnyfaceStatus anyface_opened_mouth_copy_triangle_sources(const AnyfaceOpenedMouth *opened,
-                                                         uint32_t *triangles,
-                                                         size_t triangle_count,
-                                                         float *shares,
-                                                         size_t share_count,
-                                                         AnyfaceError **error);
+AnyfaceStatus anyface_opened_face_copy_triangle_sources(const AnyfaceOpenedFace *opened,
+                                                        uint32_t *triangles,
+                                                        size_t triangle_count,
+                                                        float *shares,
+                                                        size_t share_count,
+                                                        AnyfaceError **error);
 
-/// Copies the landmarks of the new mesh, those of the inner lips on the rim of their own lip.
+/// Copies the landmarks of the new mesh, those of the inner lips, or of the lids, on their own rim.
 ///
 /// `positions`: `[68, 3]`, mesh units. `vertices`: `[68]`, numbers of the nearest vertices.
-AnyfaceStatus anyface_opened_mouth_copy_landmarks(const AnyfaceOpenedMouth *opened,
-                                                  float *positions,
-                                                  uint32_t *vertices,
-                                                  AnyfaceError **error);
+AnyfaceStatus anyface_opened_face_copy_landmarks(const AnyfaceOpenedFace *opened,
+                                                 float *positions,
+                                                 uint32_t *vertices,
+                                                 AnyfaceError **error);
 
-/// Frees an opened mouth that no running call uses; nothing happens for NULL.
-void anyface_opened_mouth_free(AnyfaceOpenedMouth *opened);
+/// Frees an opened face that no running call uses; nothing happens for NULL.
+void anyface_opened_face_free(AnyfaceOpenedFace *opened);
 
 /// Name of an emotion: "neutral" (0), "happy" (1), ... "drunk" (14); NULL from
 /// `ANYFACE_EMOTION_COUNT` on. Lives as long as the library is loaded.

@@ -195,16 +195,17 @@ SIGNATURES = {
     "anyface_face_copy_to_canonical": (c_int32, [_HANDLE, _FLOATS, c_size_t, _OUT]),
     "anyface_face_part_count": (c_size_t, [_HANDLE]),
     "anyface_face_copy_parts": (c_int32, [_HANDLE, POINTER(c_int32), _INDICES, _OUT]),
-    "anyface_opened_mouth_new": (c_int32, [_HANDLE, _HANDLE, _HANDLE, _OUT, _OUT]),
-    "anyface_opened_mouth_mesh": (c_int32, [_HANDLE, _OUT, _OUT]),
-    "anyface_opened_mouth_first_inner_lip_triangle": (c_size_t, [_HANDLE]),
-    "anyface_opened_mouth_first_inside_triangle": (c_size_t, [_HANDLE]),
-    "anyface_opened_mouth_copy_landmarks": (c_int32, [_HANDLE, _FLOATS, _INDICES, _OUT]),
-    "anyface_opened_mouth_copy_vertex_sources": (
+    "anyface_open_mouth": (c_int32, [_HANDLE, _HANDLE, _HANDLE, _OUT, _OUT]),
+    "anyface_open_eyes": (c_int32, [_HANDLE, _HANDLE, _HANDLE, _OUT, _OUT]),
+    "anyface_opened_face_mesh": (c_int32, [_HANDLE, _OUT, _OUT]),
+    "anyface_opened_face_first_lining_triangle": (c_size_t, [_HANDLE]),
+    "anyface_opened_face_first_inside_triangle": (c_size_t, [_HANDLE]),
+    "anyface_opened_face_copy_landmarks": (c_int32, [_HANDLE, _FLOATS, _INDICES, _OUT]),
+    "anyface_opened_face_copy_vertex_sources": (
         c_int32,
         [_HANDLE, _INDICES, _FLOATS, c_size_t, _OUT],
     ),
-    "anyface_opened_mouth_copy_triangle_sources": (
+    "anyface_opened_face_copy_triangle_sources": (
         c_int32,
         [_HANDLE, _INDICES, c_size_t, _FLOATS, c_size_t, _OUT],
     ),
@@ -336,7 +337,7 @@ SIGNATURES = {
 
 _FREED = (
     "audio", "basis", "clip", "engine", "error", "event_notes", "events", "expression", "face",
-    "head", "mesh", "motion", "opened_mouth", "progress", "rig", "sliders", "sounds", "stream",
+    "head", "mesh", "motion", "opened_face", "progress", "rig", "sliders", "sounds", "stream",
     "weights",
 )  # fmt: skip
 SIGNATURES |= {f"anyface_{noun}_free": (None, [_HANDLE]) for noun in _FREED}

@@ -29,7 +29,7 @@ from .native_events import EventCalls
 from .native_head import HeadCalls
 from .native_live import LiveCalls
 from .native_mesh import MeshCalls
-from .native_mouth import MouthCalls
+from .native_opening import OpeningCalls
 from .native_shapes import Clip, ShapeCalls
 from .native_sounds import SoundCalls
 from .take import (
@@ -63,7 +63,7 @@ class Engine(
     HeadCalls,
     LiveCalls,
     MeshCalls,
-    MouthCalls,
+    OpeningCalls,
     ShapeCalls,
     SoundCalls,
 ):
@@ -215,7 +215,7 @@ class Engine(
         largest = self._library.anyface_clip_largest_displacement(clip)
         visibility = VISIBILITIES[self._library.anyface_clip_visibility(clip)]
         animation = Animation(largest * mm_per_unit, visibility)
-        animation.mouth = MOUTHS[self._library.anyface_face_mouth(face)]
+        animation.mouth, animation.lids = self._mouth(face), self._lids(face)
         animation.life = self._life(made, clip.shape[0])
         animation.landmarks = self._landmarks(clip, clip.shape[0])
         animation.shape_weights = self._shape_weights(made[1])
@@ -320,9 +320,14 @@ class Engine(
         owners = np.empty(vertex_count, dtype=np.uint32)
         buffers = (roles.ctypes.data_as(POINTER(c_int32)), _indices(owners))
         self._call("anyface_face_copy_parts", face, *buffers)
-        mouth = MOUTHS[self._library.anyface_face_mouth(face)]
-        lids = tuple(LIDS[self._library.anyface_face_lids(face, side)] for side in (0, 1))
-        return Found(places, vertices, sure, mouth, roles, owners, lids)
+        return Found(places, vertices, sure, self._mouth(face), roles, owners, self._lids(face))
+
+    def _mouth(self, face) -> str:
+        return MOUTHS[self._library.anyface_face_mouth(face)]
+
+    def _lids(self, face) -> tuple[str, str]:
+        right, left = (LIDS[self._library.anyface_face_lids(face, side)] for side in (0, 1))
+        return right, left
 
     def _face_options(self, landmarks, vertices, roles, fixed=None):
         """The options, and the arrays that must live as long as they are used."""

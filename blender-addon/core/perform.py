@@ -38,7 +38,8 @@ def perform(
         motion.vectors = found.to_object(motion.vectors)
     take = Take(request.fps, animation.largest_mm, request.output, motion)
     take.shape_weights, take.notes = animation.shape_weights, animation.notes
-    take.heard_emotion, take.mouth = animation.heard_emotion, animation.mouth
+    take.heard_emotion = animation.heard_emotion
+    take.mouth, take.lids = animation.mouth, animation.lids
     if animation.life is not None:
         way = found.from_world(face.matrix_world)
         take.life = replace(animation.life, way=animation.life.way @ way)

@@ -52,15 +52,15 @@ class Found:
 
 
 @dataclass
-class OpenedMouth:
-    """A mesh whose lips were parted: old vertices first, where they were; old triangles in their
-    order, those that were cut in pieces, then the inner sides of the lips and the mouth's inside.
+class OpenedFace:
+    """A mesh whose lips were parted, or whose eyes were cut free: old vertices first, where they
+    were; old triangles in their order, those that were cut in pieces, then what lies behind the cut.
 
     `positions` `[V, 3]`, `triangles` `[F, 3]`, `landmarks` `[68, 3]` near `landmark_vertices`. Each
     vertex is a mixture of the old `vertex_sources` `[V, 3]` with `vertex_shares` `[V, 3]`. Each
     triangle lies in the old one `triangle_sources` `[F]`, whose corners have `corner_shares`
-    `[F, 3, 3]` in each of its own. From `first_inner_lip_triangle` on triangles are new: of the
-    lips, and from `first_inside_triangle` on of the inside of the mouth.
+    `[F, 3, 3]` in each of its own. From `first_lining_triangle` on triangles are new and
+    have the colour of what is before them, from `first_inside_triangle` on that of a mouth's inside.
     """
 
     positions: np.ndarray
@@ -71,7 +71,7 @@ class OpenedMouth:
     vertex_shares: np.ndarray
     triangle_sources: np.ndarray
     corner_shares: np.ndarray
-    first_inner_lip_triangle: int
+    first_lining_triangle: int
     first_inside_triangle: int
 
 
@@ -343,7 +343,8 @@ class Animation:
     `largest_mm` is the largest displacement of any vertex in any frame, on a head of human size,
     blinks included; `visibility` is one of `VISIBILITIES`. `shape_weights` is what moves where the
     system makes weights; `heard_emotion` is what was heard, where the motion depends on it;
-    `mouth` is how the lips meet, one of `MOUTHS`; `notes` are remarks for the report.
+    `mouth` is how the lips meet, one of `MOUTHS`, `lids` what both eyes' lids do, of `LIDS`;
+    `notes` are remarks for the report.
     """
 
     largest_mm: float
@@ -356,6 +357,7 @@ class Animation:
     shape_weights: ShapeWeights | None = None
     heard_emotion: HeardEmotion | None = None
     mouth: str = ""
+    lids: tuple[str, str] = ("close", "close")
     notes: list[str] = field(default_factory=list)
 
 
@@ -369,7 +371,8 @@ class Take:
     `largest_of` is the largest displacement of each piece of the face, mm, where there are several.
     `shape_weights` are those that a system made itself: named keys get them as they are.
     `heard_emotion` is what was heard in the voice, where the take depends on it.
-    `mouth` is how the lips meet, one of `MOUTHS`; `notes` are remarks for the report.
+    `mouth` is how the lips meet, one of `MOUTHS`, `lids` what both eyes' lids do, of `LIDS`;
+    `notes` are remarks for the report.
     """
 
     fps: float
@@ -381,6 +384,7 @@ class Take:
     shape_weights: ShapeWeights | None = None
     heard_emotion: HeardEmotion | None = None
     mouth: str = ""
+    lids: tuple[str, str] = ("close", "close")
     notes: list[str] = field(default_factory=list)
 
     def scene_frames(self, start_frame: float, scene_fps: float) -> np.ndarray:

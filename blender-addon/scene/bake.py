@@ -20,7 +20,7 @@ from ..core.source import SoundSource
 from ..core.take import FaceMesh, Request, Sound, Take, WrittenFile
 from . import event_strips, identity, live, outputs
 from .animation import emotion
-from .face import mesh, mouth, pieces
+from .face import mesh, opening, pieces
 from .life import head_and_eyes
 from .life.settings import LifeSettings
 from .outputs import OutputSettings
@@ -277,9 +277,11 @@ def landing(ob, snapshot: Snapshot, take: Take):
     notes += [] if take.motion.files else guard.notes(ob)
     notes += output.notes(ob, asked)
     if ob.library is None:
-        ob.anyface.mouth = take.mouth
+        ob.anyface.mouth, ob.anyface.lids = take.mouth, " ".join(take.lids)
     if take.mouth == "welded":
-        notes.append(mouth.WELDED)
+        notes.append(opening.WELDED)
+    if "joined" in take.lids:
+        notes.append(opening.JOINED)
     text = " ".join([describe(take), *(f"({note})" for note in [*turned, *notes])])
     panel_settings.note(ob, snapshot.asked, text, take.heard_emotion)
     return text

@@ -14,7 +14,7 @@ from bpy.types import Object, Operator, Panel, PropertyGroup, UIList
 from ..core.errors import AnyfaceError
 from ..core.take import ROLES
 from ..scene import identity
-from ..scene.face import landmarks, mouth, pieces
+from ..scene.face import landmarks, opening, pieces
 from . import words
 from .operators import Acting
 from .panel import OfFacePanel
@@ -213,8 +213,10 @@ class ANYFACE_PT_character(OfFacePanel, Panel):
         column = layout.column(align=True)
         column.operator("anyface.find_face", icon="VIEWZOOM")
         column.operator("anyface.place_points", icon="PIVOT_CURSOR")
-        if mouth.is_welded(ob):
+        if opening.is_welded(ob):
             layout.operator("anyface.open_mouth", icon="MOD_BOOLEAN")
+        if opening.has_joined_eyes(ob):
+            layout.operator("anyface.open_eyes", icon="HIDE_OFF")
         layout.operator("anyface.head_like", icon="USER")
         layout.operator_menu_enum("anyface.expression_keys", "by", icon="SHAPEKEY_DATA")
         row = layout.row(align=True)

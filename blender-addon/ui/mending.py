@@ -13,7 +13,7 @@ from bpy.types import Operator
 
 from ..core.errors import AnyfaceError
 from ..scene import outputs
-from ..scene.face import mouth
+from ..scene.face import opening
 from ..scene.sound import sequencer
 from .operators import Alone
 from .target import is_there, sequencer_scene
@@ -38,6 +38,7 @@ _OPERATORS = {
     "find_parts": ("anyface.find_parts", "Find Parts", "VIEWZOOM"),
     "place_points": ("anyface.place_points", "Place Points", "PIVOT_CURSOR"),
     "open_mouth": ("anyface.open_mouth", "Open Mouth", "MOD_BOOLEAN"),
+    "open_eyes": ("anyface.open_eyes", "Open Eyes", "HIDE_OFF"),
 }
 # Settings that mend something: the property of `Object.anyface`.
 _SETTINGS = {"direction": "axes", "points_file": "landmark_file"}
@@ -49,8 +50,9 @@ def kept(ob) -> list[str]:
     if ob.library is not None:
         return ["make_local"]
     names = ob.anyface.report_mends.split()
-    if ob.anyface.report and "open_mouth" not in names and mouth.is_welded(ob):
-        names.append("open_mouth")
+    closed = {"open_mouth": opening.is_welded, "open_eyes": opening.has_joined_eyes}
+    if ob.anyface.report:
+        names += [name for name, holds in closed.items() if name not in names and holds(ob)]
     return [name for name in names if name in (*_OPERATORS, *_SETTINGS, *_MENDS)]
 
 

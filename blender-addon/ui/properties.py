@@ -168,6 +168,8 @@ class AnyfaceCharacter(PropertyGroup):
     report_is_error: BoolProperty(options={"HIDDEN"})
     # How the lips met in the last take, one of `core.take.MOUTHS`.
     mouth: StringProperty(options={"HIDDEN"})
+    # What the lids of both eyes did in the last take, of `core.take.LIDS`.
+    lids: StringProperty(options={"HIDDEN"})
     # What is offered with the report: names of `ui.mending`.
     report_mends: StringProperty(options={"HIDDEN"})
 

@@ -83,7 +83,7 @@ pub struct AnyfaceFaceOptions {
     /// fitting place of the surface, unless its vertex is given as well. NULL otherwise.
     pub landmark_positions: *const f32,
     /// `[68]` vertex numbers, NULL otherwise. With positions: a point at the very place of its vertex stays
-    /// on that vertex, as those of `anyface_opened_mouth_copy_landmarks()` on rims that touch.
+    /// on that vertex, as those of `anyface_opened_face_copy_landmarks()` on rims that touch.
     pub landmark_vertices: *const u32,
     /// The text of a landmark file as `anyface_face_write_landmarks()` writes it, UTF-8. NULL
     /// otherwise.

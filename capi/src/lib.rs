@@ -32,7 +32,7 @@ mod mesh;
 mod motion;
 mod motion_values;
 mod motion_weights;
-mod open_mouth;
+mod opened_face;
 mod progress;
 mod rig;
 mod sliders;

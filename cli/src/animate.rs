@@ -15,7 +15,7 @@ use crate::{
     arguments::{FaceArgs, MotionArgs, SharedArgs, SoundArgs},
     console::Console,
     layers::{LayerArgs, Layered},
-    open_mouth,
+    opened,
     paths::{InputPath, OutputPath, landmarks_beside},
     redo::{Redo, RedoArgs},
     stages::{
@@ -61,7 +61,7 @@ pub struct Animate {
 impl Animate {
     /// Results whose names come from that of the animation.
     pub fn outputs_beside(&self) -> Vec<PathBuf> {
-        let mesh = open_mouth::beside(&self.out);
+        let mesh = opened::beside(&self.out);
         let opened = [landmarks_beside(&mesh), mesh];
         (opened.into_iter().filter(|_| self.open_mouth))
             .chain(self.layers.outputs_beside(&self.out))
@@ -166,14 +166,14 @@ impl Animate {
         if face.mouth() != Mouth::Welded {
             return engine.prepare(&face.mesh, &face.options, progress);
         }
-        let opened = timed(report, "open", || engine.open_mouth(face, progress))?;
-        let out = open_mouth::beside(&self.out);
+        let new = timed(report, "open", || engine.open_mouth(face, progress))?;
+        let out = opened::beside(&self.out);
         timed(report, "write", || {
-            open_mouth::write(&out, &self.mesh, &face.mesh, &opened)
+            opened::write(&out, &self.mesh, &face.mesh, &new, Mouth::Slit)
         })?;
-        let options = opened.face_options(face);
+        let options = new.face_options(face);
         timed(report, "prepare", || {
-            engine.prepare(&opened.mesh, &options, progress)
+            engine.prepare(&new.mesh, &options, progress)
         })
     }
 }

@@ -15,7 +15,7 @@ mod landmarks;
 mod layers;
 mod memory;
 mod motion;
-mod open_mouth;
+mod opened;
 mod parts;
 mod paths;
 mod redo;
@@ -34,6 +34,7 @@ use clap::{ArgMatches, CommandFactory, FromArgMatches, Parser, Subcommand};
 
 use arguments::SharedArgs;
 use console::Console;
+use opened::Feature;
 use paths::Files;
 
 /// Makes any face mesh talk: speech in, facial animation with emotion out, on a plain CPU.
@@ -52,7 +53,10 @@ enum Command {
     Motion(motion::Motion),
     Deform(deform::Deform),
     Landmarks(landmarks::FindLandmarks),
-    OpenMouth(open_mouth::OpenMouth),
+    /// Part lips that are one surface, and sew the inside of a mouth behind them
+    OpenMouth(opened::Open),
+    /// Cut free eyes that are one surface with their lids, so that they blink
+    OpenEyes(opened::Open),
     Head(head::MakeHead),
     Rig(rig::MakeRig),
     Solve(solve::Solve),
@@ -115,7 +119,7 @@ impl Arguments {
         match &self.command {
             Command::Animate(command) => command.outputs_beside(),
             Command::Head(command) => command.outputs_beside(),
-            Command::OpenMouth(command) => command.outputs_beside(),
+            Command::OpenMouth(command) | Command::OpenEyes(command) => command.outputs_beside(),
             Command::Rig(command) => command.outputs_beside(),
             _ => Vec::new(),
         }
@@ -128,7 +132,8 @@ impl Arguments {
             Command::Motion(command) => command.run(&self.shared, console),
             Command::Deform(command) => command.run(&self.shared, console),
             Command::Landmarks(command) => command.run(&self.shared, console),
-            Command::OpenMouth(command) => command.run(&self.shared, console),
+            Command::OpenMouth(command) => command.run(Feature::Mouth, &self.shared, console),
+            Command::OpenEyes(command) => command.run(Feature::Eyes, &self.shared, console),
             Command::Head(command) => command.run(&self.shared, console),
             Command::Rig(command) => command.run(&self.shared, console),
             Command::Solve(command) => command.run(&self.shared, console),

@@ -266,6 +266,10 @@ pub fn note_face(report: &mut Report, face: &Face) {
 /// Which eyes do not blink and why, where any do not.
 pub fn lids_sentence(face: &Face) -> Option<String> {
     let [right, left] = face.lids();
+    let cut = match [right, left].contains(&Lids::Joined) {
+        true => "; anyface open-eyes cuts lids and eyes apart",
+        false => "",
+    };
     let why = |lids: Lids, many: bool| match (lids, many) {
         (Lids::Close, _) => None,
         (Lids::Shut, true) => Some("are sculpted shut"),
@@ -276,7 +280,7 @@ pub fn lids_sentence(face: &Face) -> Option<String> {
     let of = |which: &str, lids: Lids, many: bool| {
         let why = why(lids, many)?;
         Some(format!(
-            "{which} {why}: brows squint where lids would blink"
+            "{which} {why}: brows squint where lids would blink{cut}"
         ))
     };
     match right == left {

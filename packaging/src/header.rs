@@ -21,7 +21,7 @@ const SOURCES: &[&str] = &[
     "controls",
     "face_options",
     "face",
-    "open_mouth",
+    "opened_face",
     "emotion",
     "expression",
     "events",

@@ -183,7 +183,7 @@ class WholeStage(Stage):
         package = self.take_module
         vertices, faces = np.arange(len(positions)), np.arange(len(triangles))
         corners = np.tile(np.eye(3), (len(faces), 1, 1))
-        return package.OpenedMouth(
+        return package.OpenedFace(
             positions=np.array(positions),
             triangles=np.array(triangles),
             landmarks=np.array(positions[:68], dtype=np.float64),
@@ -192,9 +192,13 @@ class WholeStage(Stage):
             vertex_shares=np.tile([1.0, 0.0, 0.0], (len(vertices), 1)),
             triangle_sources=faces,
             corner_shares=corners,
-            first_inner_lip_triangle=len(faces),
+            first_lining_triangle=len(faces),
             first_inside_triangle=len(faces),
         )
+
+    def open_eyes(self, positions, triangles, *marks_and_progress):
+        """The mesh as it was: its eyes blink already."""
+        return self.open_mouth(positions, triangles, *marks_and_progress)
 
     def head_like(self, positions, triangles, *_):
         """The face itself."""

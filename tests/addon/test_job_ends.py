@@ -42,13 +42,14 @@ JOBS = {
     "heat": ("ui.heat", "ANYFACE_OT_heat_map", "basis"),
     "live": ("ui.live", "ANYFACE_OT_live", "basis"),
     "sounds": ("ui.sounds", "ANYFACE_OT_sounds_show", "basis"),
-    "open mouth": ("ui.mouth", "ANYFACE_OT_open_mouth", "basis"),
+    "open mouth": ("ui.opening", "ANYFACE_OT_open_mouth", "basis"),
+    "open eyes": ("ui.opening", "ANYFACE_OT_open_eyes", "basis"),
     "controls": ("ui.generate", "ANYFACE_OT_generate", "controls"),
     "redo controls": ("ui.sounds", "ANYFACE_OT_redo", "controls"),
     "find controls": ("ui.find_controls", "ANYFACE_OT_controls_find", "controls"),
 }
 OPTIONS = {"expression keys": {"by": "NETWORK"}}
-NO_TAKE = ("find face", "expression keys", "live", "heat", "open mouth")
+NO_TAKE = ("find face", "expression keys", "live", "heat", "open mouth", "open eyes")
 
 
 class Set:

@@ -145,8 +145,8 @@ def test_a_take_on_sealed_lips_offers_to_open_them(mask, addon, tmp_path):
     offered = addon("ui.mending").kept
     assert bpy.ops.anyface.generate() == {"FINISHED"}
     assert addon("scene.face.landmarks").load(mask) is None, "nobody has looked for the face"
-    assert addon("scene.face.mouth").WELDED in mask.anyface.report
-    assert offered(mask) == ["open_mouth"]
+    assert addon("scene.face.opening").WELDED in mask.anyface.report
+    assert offered(mask) == ["open_mouth", "open_eyes"]
     assert bpy.ops.anyface.open_mouth() == {"FINISHED"}
     assert addon("scene.face.landmarks").load(mask).mouth == "slit"
     assert offered(mask) == []

@@ -3,6 +3,7 @@
 mod causal;
 mod events;
 mod listen;
+mod open_eyes;
 mod open_mouth;
 mod perform;
 mod sliders;

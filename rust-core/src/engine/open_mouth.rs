@@ -2,7 +2,7 @@
 
 use crate::{
     Engine, Result,
-    face::{Face, MouthTrial, OpenedMouth, open_mouth},
+    face::{Face, MouthTrial, OpenedFace, open_mouth},
     job::ProgressFn,
     motion::{LandmarkClip, Motion},
     spread::Collector,
@@ -14,7 +14,7 @@ impl Engine {
     ///
     /// # Errors
     /// Those of [`open_mouth`] and [`Engine::prepare`]; `Mesh` where the trial fails.
-    pub fn open_mouth(&self, face: &Face, progress: ProgressFn<'_>) -> Result<OpenedMouth> {
+    pub fn open_mouth(&self, face: &Face, progress: ProgressFn<'_>) -> Result<OpenedFace> {
         let opened = open_mouth(&face.mesh, &face.landmarks)?;
         self.mouth_trial(face, &opened, progress)?.check()?;
         Ok(opened)
@@ -27,7 +27,7 @@ impl Engine {
     pub fn mouth_trial(
         &self,
         face: &Face,
-        opened: &OpenedMouth,
+        opened: &OpenedFace,
         progress: ProgressFn<'_>,
     ) -> Result<MouthTrial> {
         let after = self.prepare(&opened.mesh, &opened.face_options(face), progress)?;

@@ -5,7 +5,7 @@ use std::{fmt::Write as _, path::Path};
 
 use crate::{
     Result,
-    face::OpenedMouth,
+    face::OpenedFace,
     job::write_atomically,
     mesh::{Mesh, obj_text, polygons::triangulate},
 };
@@ -28,7 +28,7 @@ pub fn write_opened_obj(
     path: &Path,
     source: Option<&[u8]>,
     old: &Mesh,
-    opened: &OpenedMouth,
+    opened: &OpenedFace,
 ) -> Result<()> {
     let text = match source {
         Some(source) => Rewriter::new(&obj_text(source), old, opened).text(),
@@ -39,7 +39,7 @@ pub fn write_opened_obj(
     })
 }
 
-fn plain(opened: &OpenedMouth) -> String {
+fn plain(opened: &OpenedFace) -> String {
     let mut text = String::from("g head\n");
     opened
         .mesh
@@ -66,7 +66,7 @@ fn add_numbers(text: &mut String, word: &str, numbers: &[f32]) {
 struct Rewriter<'a> {
     source: String,
     old: &'a Mesh,
-    opened: &'a OpenedMouth,
+    opened: &'a OpenedFace,
     /// Lines of vertices, texture coordinates and normals so far, and their numbers.
     lines: [Vec<String>; 3],
     values: [Vec<Vec<f32>>; 3],
@@ -85,7 +85,7 @@ struct Rewriter<'a> {
 }
 
 impl<'a> Rewriter<'a> {
-    fn new(source: &str, old: &'a Mesh, opened: &'a OpenedMouth) -> Self {
+    fn new(source: &str, old: &'a Mesh, opened: &'a OpenedFace) -> Self {
         let mut pieces = vec![Vec::new(); old.triangles.len()];
         for (number, from) in opened.triangle_sources.iter().enumerate() {
             pieces[from.triangle as usize].push(number);
@@ -167,7 +167,7 @@ impl<'a> Rewriter<'a> {
         triangulate(&self.old.positions, &polygon, &mut triangles);
         let next = first + triangles.len();
         let own: Vec<usize> = self.pieces[first..next].iter().flatten().copied().collect();
-        let is_skin = |number: usize| number < self.opened.first_inner_lip_triangle;
+        let is_skin = |number: usize| number < self.opened.first_lining_triangle;
         let of_skin = own.iter().filter(|&&n| is_skin(n));
         let is_whole = of_skin.count() == triangles.len();
         if is_whole {
@@ -311,14 +311,14 @@ f 1/1 2/2 4/3
 ";
 
     /// The second face cut in two between vertices 2 and 5, and one face of a bag.
-    fn opened() -> (Mesh, OpenedMouth) {
+    fn opened() -> (Mesh, OpenedFace) {
         let old = Mesh::parse(SOURCE.as_bytes()).unwrap();
         let own = [[1.0, 0.0, 0.0], [0.0, 1.0, 0.0], [0.0, 0.0, 1.0]];
         let half = [0.5, 0.5, 0.0];
         let source = |triangle: u32, corners: [[f32; 3]; 3]| TriangleSource { triangle, corners };
         let mut positions = old.positions.clone();
         positions.extend([[1.5, 0.0, 0.0], [1.5, 0.0, -1.0]]);
-        let opened = OpenedMouth {
+        let opened = OpenedFace {
             mesh: Mesh {
                 positions,
                 triangles: vec![
@@ -344,8 +344,8 @@ f 1/1 2/2 4/3
                 source(3, own),
                 source(2, [half; 3]),
             ],
-            first_bag_vertex: 6,
-            first_inner_lip_triangle: 5,
+            first_inside_vertex: 6,
+            first_lining_triangle: 5,
             first_inside_triangle: 5,
             upper_rim: Vec::new(),
             lower_rim: Vec::new(),

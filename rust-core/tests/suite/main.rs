@@ -18,6 +18,7 @@ mod landmarks;
 mod lids;
 mod life;
 mod one_eye;
+mod open_eyes;
 mod parts;
 mod performance;
 mod rim_crossing;

@@ -4,7 +4,7 @@ use std::path::PathBuf;
 
 use anyface::{
     Engine, Face, Result,
-    face::{MouthTrial, OpenedMouth, open_mouth},
+    face::{MouthTrial, OpenedFace, open_mouth},
     job::SILENT,
     mesh::Mouth,
 };
@@ -118,7 +118,7 @@ fn row(engine: &Engine, subject: &Subject, album: Option<&Album>) -> Result<Row>
 }
 
 /// At rest and open, from the front above and turned below, the inside of the mouth red.
-fn picture(engine: &Engine, face: &Face, opened: &OpenedMouth) -> Result<Picture> {
+fn picture(engine: &Engine, face: &Face, opened: &OpenedFace) -> Result<Picture> {
     let after = engine.prepare(&opened.mesh, &opened.face_options(face), SILENT)?;
     let drop: Array3<f32> = after.own_motion(MouthTrial::jaw_drop().view());
     let frames = own_motion(engine, &after, drop)?;

@@ -141,6 +141,11 @@ impl Openings {
         own.chain(more).collect()
     }
 
+    /// The right (0) or left (1) eye of the landmarks, where these are corners of an eye.
+    pub(crate) fn own(&self, eye: usize) -> Option<&Opening> {
+        self.own[eye].as_ref()
+    }
+
     /// Whether one eye in the middle is both.
     pub(crate) fn is_one(&self) -> bool {
         self.is_one

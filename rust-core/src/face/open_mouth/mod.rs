@@ -10,7 +10,6 @@
 mod bag;
 mod cut;
 mod patch;
-mod refine;
 mod trace;
 mod trial;
 mod valley;
@@ -20,20 +19,18 @@ mod tests;
 
 use glam::{DVec2, DVec3};
 
-use super::{Face, FaceOptions};
+use super::opened::{FineMesh, OpenedFace, mixed};
 use crate::{
     Error, Result,
     mesh::{
-        LandmarkSource, Landmarks, Mesh, Mouth, align_to_canonical,
+        Landmarks, Mesh, Mouth, align_to_canonical,
         ibug::{CORNERS, MIRROR, OUTER_LIPS},
         lips::{Lip, lip_of_landmark},
     },
 };
 use bag::{Bag, sew_bag};
 use cut::CutMesh;
-pub use cut::TriangleSource;
 use patch::{MouthFrame, Patch, Sewing};
-use refine::{FineMesh, mixed};
 use trace::{Node, trace};
 pub use trial::MouthTrial;
 use valley::SeamLine;
@@ -42,31 +39,6 @@ use valley::SeamLine;
 const LEAST_LIP: f64 = 0.12;
 /// Fewest vertices of a slit that can open, both corners included.
 const LEAST_VERTICES: usize = 3;
-
-/// A mesh whose lips were one surface and can part now.
-#[derive(Debug, Clone, PartialEq)]
-pub struct OpenedMouth {
-    /// The old vertices with their numbers, where they were; then the new ones. The old triangles in
-    /// their order, those that were cut in pieces; then the bag.
-    pub mesh: Mesh,
-    /// The landmarks, those of the lips on their own lip, inner ones on its rim.
-    pub landmarks: Landmarks,
-    /// `[V', 3]`: old vertices and their shares, sum 1, of which each vertex is a mixture. Vertices of
-    /// the bag take what lies before them at the rim.
-    pub vertex_sources: Vec<[(u32, f32); 3]>,
-    /// `[F']`.
-    pub triangle_sources: Vec<TriangleSource>,
-    /// From here on vertices are those of the bag.
-    pub first_bag_vertex: usize,
-    /// From here on triangles are those of the lips' inner sides, which are of the lips' colour.
-    pub first_inner_lip_triangle: usize,
-    /// From here on triangles are those of the mouth's inside behind the lips.
-    pub first_inside_triangle: usize,
-    /// Vertices of the upper lip's rim from the subject's right corner to the left one.
-    pub upper_rim: Vec<u32>,
-    /// The same of the lower lip; both rims share their ends.
-    pub lower_rim: Vec<u32>,
-}
 
 /// Parts lips that are one surface and sews a bag behind them.
 ///
@@ -85,7 +57,7 @@ pub struct OpenedMouth {
 /// # Errors
 /// `InvalidInput` where the lips part already, stand apart before a pit, or the landmarks name no mouth; `Mesh` where the surface
 /// between the lips has no line from corner to corner.
-pub fn open_mouth(mesh: &Mesh, landmarks: &Landmarks) -> Result<OpenedMouth> {
+pub fn open_mouth(mesh: &Mesh, landmarks: &Landmarks) -> Result<OpenedFace> {
     let mouth = Mouth::of(mesh, landmarks);
     if mouth != Mouth::Welded {
         return Err(Error::InvalidInput(format!(
@@ -99,7 +71,10 @@ pub fn open_mouth(mesh: &Mesh, landmarks: &Landmarks) -> Result<OpenedMouth> {
     let found = |sewing: Sewing| -> Result<(FineMesh, Patch, SeamLine, Vec<Node>)> {
         let patch = Patch::around(mesh, landmarks, &frame, sewing)?;
         let seam = SeamLine::find(&patch, &inner)?;
-        let fine = FineMesh::along(&seam, mesh, &patch, &frame);
+        let fine = FineMesh::beside(mesh, &patch.faces, |p| {
+            let local = frame.local(p);
+            (local, seam.distance(local))
+        });
         let patch = Patch::around(&fine.mesh, landmarks, &frame, sewing)?;
         let line = trace(&patch, &seam, [inner[0], inner[4]])?;
         Ok((fine, patch, seam, line))
@@ -112,42 +87,28 @@ pub fn open_mouth(mesh: &Mesh, landmarks: &Landmarks) -> Result<OpenedMouth> {
     }
     let above = |p: DVec3| p[1] - seam.height(p[0]);
     let mut cut = CutMesh::new(&fine.mesh, &patch, &line, above)?;
-    let first_bag_vertex = cut.positions.len();
+    let first_inside_vertex = cut.positions.len();
     let bag = sew_bag(&mut cut, &fine.mesh, &frame);
     let landmarks = landmarks_on_lips(&cut, landmarks, &frame, &seam);
-    Ok(OpenedMouth::assemble(
+    Ok(OpenedFace::assemble(
         cut,
         &fine,
         bag,
-        first_bag_vertex,
+        first_inside_vertex,
         landmarks,
     ))
 }
 
-impl OpenedMouth {
-    /// How the new mesh is prepared where `face` is the old one.
-    pub fn face_options(&self, face: &Face) -> FaceOptions {
-        let mut options = face.options.clone();
-        options.landmarks = Some(LandmarkSource::from(&self.landmarks));
-        options.fixed.clear();
-        let names = &mut options.parts.names.of_vertex;
-        if !names.is_empty() {
-            let new = &self.vertex_sources[names.len()..];
-            let like: Vec<u32> = new.iter().map(|from| names[from[0].0 as usize]).collect();
-            names.extend(like);
-        }
-        options
-    }
-
+impl OpenedFace {
     fn assemble(
         cut: CutMesh,
         fine: &FineMesh,
         bag: Bag,
-        first_bag_vertex: usize,
+        first_inside_vertex: usize,
         landmarks: Landmarks,
-    ) -> OpenedMouth {
+    ) -> OpenedFace {
         let mut triangles: Vec<[u32; 3]> = cut.pieces.iter().map(|piece| piece.corners).collect();
-        let first_inner_lip_triangle = triangles.len();
+        let first_lining_triangle = triangles.len();
         let skin = cut.pieces.iter().map(|piece| (piece.source, piece.shares));
         let inside = cut.sources_of_bag(&bag.faces);
         let inside = inside
@@ -155,9 +116,9 @@ impl OpenedMouth {
             .map(|source| (source.triangle, source.corners));
         let of_old = |(piece, shares)| fine.triangle_sources[piece as usize].piece(shares);
         let triangle_sources = skin.chain(inside).map(of_old).collect();
-        let first_inside_triangle = first_inner_lip_triangle + bag.lip_faces;
+        let first_inside_triangle = first_lining_triangle + bag.lip_faces;
         triangles.extend(bag.faces);
-        OpenedMouth {
+        OpenedFace {
             mesh: Mesh {
                 positions: cut.positions,
                 triangles,
@@ -167,8 +128,8 @@ impl OpenedMouth {
                 .map(|shares| mixed(&fine.vertex_sources, *shares))
                 .collect(),
             triangle_sources,
-            first_bag_vertex,
-            first_inner_lip_triangle,
+            first_inside_vertex,
+            first_lining_triangle,
             first_inside_triangle,
             upper_rim: cut.upper,
             lower_rim: cut.lower,

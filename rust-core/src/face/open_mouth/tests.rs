@@ -145,7 +145,7 @@ impl Mask {
         mesh
     }
 
-    fn opened(&self) -> (Mesh, OpenedMouth) {
+    fn opened(&self) -> (Mesh, OpenedFace) {
         let mesh = self.mesh();
         let opened = open_mouth(&mesh, &self.found(&mesh)).unwrap();
         (mesh, opened)
@@ -165,7 +165,7 @@ fn area(mesh: &Mesh, triangles: std::ops::Range<usize>) -> f64 {
 }
 
 /// What every opened mouth must be. Returns the width of the slit, metres.
-fn check(mesh: &Mesh, opened: &OpenedMouth) -> f32 {
+fn check(mesh: &Mesh, opened: &OpenedFace) -> f32 {
     let report = opened.mesh.report();
     let before = mesh.report();
     assert_eq!(report.boundary_edges, before.boundary_edges);
@@ -178,7 +178,7 @@ fn check(mesh: &Mesh, opened: &OpenedMouth) -> f32 {
     let own = opened.vertex_sources[..mesh.positions.len()].iter();
     assert!((0..).zip(own).all(|(v, sources)| sources[0] == (v, 1.0)));
     assert_eq!(Mouth::of(&opened.mesh, &opened.landmarks), Mouth::Slit);
-    let skin = area(&opened.mesh, 0..opened.first_inner_lip_triangle);
+    let skin = area(&opened.mesh, 0..opened.first_lining_triangle);
     let whole = area(mesh, 0..mesh.triangles.len());
     assert!((skin / whole - 1.0).abs() < 1e-5, "{skin} of {whole}");
     let [a, b] = [0, opened.upper_rim.len() - 1]
@@ -204,12 +204,12 @@ fn a_closed_head_stays_closed_and_its_surface_the_same() {
 fn what_belongs_to_vertices_and_corners_is_carried_over() {
     let (mesh, opened) = Mask::new(80, 90).opened();
     let at = |mesh: &Mesh, v: u32| Vec3::from(mesh.positions[v as usize]);
-    for v in 0..opened.first_bag_vertex {
+    for v in 0..opened.first_inside_vertex {
         let sources = opened.vertex_sources[v].iter();
         let mixed: Vec3 = sources.map(|&(v, share)| share * at(&mesh, v)).sum();
         assert!(mixed.distance(at(&opened.mesh, v as u32)) < 2e-6);
     }
-    for number in 0..opened.first_inner_lip_triangle {
+    for number in 0..opened.first_lining_triangle {
         let source = opened.triangle_sources[number];
         let old = mesh.triangles[source.triangle as usize];
         for (v, shares) in opened.mesh.triangles[number]
@@ -508,7 +508,7 @@ fn inner_lips_roll_behind_the_front_of_the_other_lip() {
             bulge * inside * (1.0 - (-(y / 0.004).powi(2)).exp()) * (-(y / 0.012).powi(2)).exp()
         };
         let (_, opened) = Mask::new(120, 140).moved(lips).opened();
-        let front = &opened.mesh.triangles[..opened.first_inner_lip_triangle];
+        let front = &opened.mesh.triangles[..opened.first_lining_triangle];
         let at = |v: u32| Vec3::from(opened.mesh.positions[v as usize]);
         let covers = |p: Vec3| {
             front.iter().any(|t| {
@@ -520,7 +520,7 @@ fn inner_lips_roll_behind_the_front_of_the_other_lip() {
                 inside && a.z + v * (b.z - a.z) + w * (c.z - a.z) > p.z - 1e-4
             })
         };
-        let lips = opened.first_inner_lip_triangle..opened.first_inside_triangle;
+        let lips = opened.first_lining_triangle..opened.first_inside_triangle;
         assert!(!lips.is_empty());
         for &v in opened.mesh.triangles[lips].as_flattened() {
             assert!(covers(at(v)), "{bulge}: {}", at(v));

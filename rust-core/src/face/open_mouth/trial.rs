@@ -3,7 +3,7 @@
 use glam::{DVec2, DVec3};
 use ndarray::{Array3, ArrayView2};
 
-use super::{OpenedMouth, patch::MouthFrame};
+use super::{OpenedFace, patch::MouthFrame};
 use crate::{
     Error, Result,
     mesh::{align_to_canonical, ibug::LANDMARKS},
@@ -35,7 +35,7 @@ pub struct MouthTrial {
     pub turned: usize,
 }
 
-impl OpenedMouth {
+impl OpenedFace {
     /// Measures the opening that displaces the vertices by `moved` `[V', 3]`, mesh units and axes.
     ///
     /// # Errors
@@ -93,7 +93,7 @@ impl OpenedMouth {
 
     /// Triangles of the skin around the mouth whose normal turns by more than a right angle.
     fn turned(&self, frame: &MouthFrame, open: impl Fn(u32) -> DVec3) -> usize {
-        let skin = &self.mesh.triangles[..self.first_inner_lip_triangle];
+        let skin = &self.mesh.triangles[..self.first_lining_triangle];
         let normal = |corners: [DVec3; 3]| (corners[1] - corners[0]).cross(corners[2] - corners[0]);
         let turns = |t: &&[u32; 3]| {
             let rest = t.map(|v| self.mesh.point(v));

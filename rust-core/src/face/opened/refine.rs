@@ -1,29 +1,27 @@
-//! Finer triangles along the seam where a mesh is coarse: a rim bends no finer than its edges are.
+//! Finer triangles along a cut where a mesh is coarse: a rim bends no finer than its edges are.
 //!
-//! Long edges near the seam are halved until they are short; the surface stays the same. An edge is
+//! Long edges near the cut are halved until they are short; the surface stays the same. An edge is
 //! known by its two places, so that both banks of a texture seam are halved alike.
 
 use std::collections::HashSet;
 
-use super::{
-    cut::TriangleSource,
-    patch::{MouthFrame, Patch},
-    valley::SeamLine,
-};
+use glam::DVec3;
+
+use super::source::TriangleSource;
 use crate::mesh::Mesh;
 
-/// Longest edge at the seam, in widths of the mouth (2 mm), and how much longer it may be for each width
+/// Longest edge at the cut, in widths of the mouth or the eye (2 mm), and how much longer it may be for each width
 /// that it lies away from it.
 const LONGEST: f64 = 0.04;
 const GROWTH: f64 = 0.5;
-/// Rounds of halving: an edge of ten widths comes down to the longest at the seam.
+/// Rounds of halving: an edge of ten widths comes down to the longest at the cut.
 const MOST_ROUNDS: usize = 8;
 
 /// Two places, the smaller first.
 type Edge = [[u32; 3]; 2];
 
 /// A mesh with more triangles on the same surface: old vertices first, pieces of old triangles in their order.
-pub(super) struct FineMesh {
+pub(in crate::face) struct FineMesh {
     pub mesh: Mesh,
     /// Old vertices and their shares, three for each vertex.
     pub vertex_sources: Vec<[(u32, f32); 3]>,
@@ -31,21 +29,32 @@ pub(super) struct FineMesh {
 }
 
 impl FineMesh {
-    /// Halves long edges of `patch` near `seam`.
-    pub fn along(seam: &SeamLine, mesh: &Mesh, patch: &Patch, frame: &MouthFrame) -> FineMesh {
-        let mut fine = FineMesh::unchanged(mesh);
-        let mut near: HashSet<u32> = patch.faces.iter().copied().collect();
+    /// Halves long edges of some triangles beside a cut. `place`: a point of the mesh in widths, and how many widths
+    /// it lies from the cut.
+    pub fn beside(
+        mesh: &Mesh,
+        triangles: &[u32],
+        place: impl Fn(DVec3) -> (DVec3, f64),
+    ) -> FineMesh {
+        FineMesh::unchanged(mesh).refined(triangles, place)
+    }
+
+    /// [`FineMesh::beside`] of a mesh that may be finer elsewhere.
+    pub fn refined(mut self, triangles: &[u32], place: impl Fn(DVec3) -> (DVec3, f64)) -> FineMesh {
+        let fine = &mut self;
+        let mut near: HashSet<u32> = triangles.iter().copied().collect();
         for _ in 0..MOST_ROUNDS {
-            let edges = fine.long_edges(&near, seam, frame);
+            let edges = fine.long_edges(&near, &place);
             if edges.is_empty() {
                 break;
             }
             fine.halve(&mut near, &edges);
         }
-        fine
+        self
     }
 
-    fn unchanged(mesh: &Mesh) -> FineMesh {
+    /// The mesh itself.
+    pub fn unchanged(mesh: &Mesh) -> FineMesh {
         let vertices = (0..mesh.positions.len() as u32).map(|v| [(v, 1.0), (v, 0.0), (v, 0.0)]);
         let triangles = (0..mesh.triangles.len() as u32).map(TriangleSource::whole);
         FineMesh {
@@ -59,19 +68,17 @@ impl FineMesh {
     fn long_edges(
         &self,
         near: &HashSet<u32>,
-        seam: &SeamLine,
-        frame: &MouthFrame,
+        place: &impl Fn(DVec3) -> (DVec3, f64),
     ) -> HashSet<Edge> {
         let mut edges = HashSet::new();
         for &face in near {
             let t = self.mesh.triangles[face as usize];
             for (a, b) in [(t[0], t[1]), (t[1], t[2]), (t[2], t[0])] {
-                let [p, q] = [a, b].map(|v| frame.local(self.mesh.point(v)));
-                // The place of the edge that is nearest to the seam, of five.
-                let places = (0..5).map(|i| p.lerp(q, 0.25 * f64::from(i)));
-                let away = places.map(|place| seam.distance(place));
-                let away = away.fold(f64::INFINITY, f64::min);
-                if p.distance(q) > LONGEST + GROWTH * away {
+                let [p, q] = [a, b].map(|v| self.mesh.point(v));
+                // The place of the edge that is nearest to the cut, of five.
+                let places = (0..5).map(|i| place(p.lerp(q, 0.25 * f64::from(i))).1);
+                let away = places.fold(f64::INFINITY, f64::min);
+                if place(p).0.distance(place(q).0) > LONGEST + GROWTH * away {
                     edges.insert(self.edge(a, b));
                 }
             }
@@ -161,7 +168,10 @@ impl FineMesh {
 }
 
 /// What a mixture of some vertices is of the vertices that these are mixtures of; all lie in one triangle.
-pub(super) fn mixed(sources: &[[(u32, f32); 3]], shares: [(u32, f32); 3]) -> [(u32, f32); 3] {
+pub(in crate::face) fn mixed(
+    sources: &[[(u32, f32); 3]],
+    shares: [(u32, f32); 3],
+) -> [(u32, f32); 3] {
     let mut sum: Vec<(u32, f32)> = Vec::with_capacity(3);
     for (vertex, share) in shares.into_iter().filter(|(_, share)| *share > 0.0) {
         for (old, part) in sources[vertex as usize] {

@@ -1,4 +1,4 @@
-//! `anyface open-mouth`: lips that are one surface, parted.
+//! `anyface open-mouth` and `anyface open-eyes`: lips, or lids and eyes, that are one surface, cut apart.
 
 use std::{
     io::Write,
@@ -7,8 +7,8 @@ use std::{
 
 use anyface::{
     Error, Result,
-    face::OpenedMouth,
-    job::{InputKind, read_file, write_atomically},
+    face::OpenedFace,
+    job::{InputKind, Progress, read_file, write_atomically},
     mesh::{Mesh, Mouth},
     output::write_opened_obj,
 };
@@ -21,9 +21,9 @@ use crate::{
     stages::{new_report, note_face, timed},
 };
 
-/// Part lips that are one surface, and sew the inside of a mouth behind them
+/// Which mesh is cut, and where the new one goes
 #[derive(Args)]
-pub struct OpenMouth {
+pub struct Open {
     /// The mesh: OBJ, PLY or GLB
     #[arg(long, value_name = "M")]
     mesh: InputPath,
@@ -36,13 +36,22 @@ pub struct OpenMouth {
     face: FaceArgs,
 }
 
-impl OpenMouth {
+/// What is cut open.
+#[derive(Clone, Copy, PartialEq, Eq)]
+pub enum Feature {
+    /// Lips that are one surface.
+    Mouth,
+    /// Eyes that are one surface with their lids.
+    Eyes,
+}
+
+impl Open {
     /// The landmarks of the new mesh.
     pub fn outputs_beside(&self) -> Vec<PathBuf> {
         vec![landmarks_beside(&self.out)]
     }
 
-    pub fn run(&self, shared: &SharedArgs, console: &Console) -> Result<()> {
+    pub fn run(&self, feature: Feature, shared: &SharedArgs, console: &Console) -> Result<()> {
         check_name(&self.out)?;
         let options = self.face.options(&self.mesh, None)?;
         let mut report = new_report();
@@ -51,21 +60,30 @@ impl OpenMouth {
         let face = timed(&mut report, "landmarks", || {
             engine.find(&mesh, &options, &|p| console.progress(p))
         })?;
-        let opened = timed(&mut report, "open", || {
-            engine.open_mouth(&face, &|p| console.progress(p))
+        let progress = |p: Progress| console.progress(p);
+        let opened = timed(&mut report, "open", || match feature {
+            Feature::Mouth => engine.open_mouth(&face, &progress),
+            Feature::Eyes => engine.open_eyes(&face, &progress),
         })?;
+        let mouth = match feature {
+            Feature::Mouth => Mouth::Slit,
+            Feature::Eyes => face.mouth(),
+        };
         timed(&mut report, "write", || {
-            write(&self.out, &self.mesh, &mesh, &opened)
+            write(&self.out, &self.mesh, &mesh, &opened, mouth)
         })?;
         note_face(&mut report, &face);
         report.warnings.clear();
-        report.mouth = Some("slit".into());
+        report.mouth = Some(mouth.name().into());
         report.out = Some(shown(&self.out));
         report.vertices = Some(opened.mesh.positions.len());
+        let what = match feature {
+            Feature::Mouth => format!("lips parted along {} vertices", opened.upper_rim.len()),
+            Feature::Eyes => "eyes cut free of their lids".to_owned(),
+        };
         let summary = format!(
-            "wrote {}: lips parted along {} vertices, {} vertices and {} triangles more",
+            "wrote {}: {what}, {} vertices and {} triangles more",
             self.out.display(),
-            opened.upper_rim.len(),
             opened.mesh.positions.len() - mesh.positions.len(),
             opened.mesh.triangles.len() - mesh.triangles.len(),
         );
@@ -86,12 +104,19 @@ fn check_name(path: &Path) -> Result<()> {
     }
 }
 
-/// Writes an opened mesh, and its landmarks beside it; `source`: the file that the old one was read from.
-pub fn write(out: &Path, source: &Path, old: &Mesh, opened: &OpenedMouth) -> Result<()> {
+/// Writes an opened mesh, and its landmarks beside it; `source`: the file that the old one was read from. `mouth`: how
+/// its lips meet.
+pub fn write(
+    out: &Path,
+    source: &Path,
+    old: &Mesh,
+    opened: &OpenedFace,
+    mouth: Mouth,
+) -> Result<()> {
     let bytes = read_file(source, InputKind::Mesh)?;
     let is_obj = !bytes.starts_with(b"ply") && !bytes.starts_with(b"glTF");
     write_opened_obj(out, is_obj.then_some(bytes.as_slice()), old, opened)?;
-    let json = opened.landmarks.to_json_with_mouth(Mouth::Slit);
+    let json = opened.landmarks.to_json_with_mouth(mouth);
     write_atomically(&landmarks_beside(out), |file| {
         file.write_all(json.as_bytes())
     })?;

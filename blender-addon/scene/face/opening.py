@@ -1,4 +1,4 @@
-"""Lips that are one surface, parted on a Blender mesh; everything that lies on it goes along."""
+"""Lips, or lids and eyes, that are one surface, cut apart on a Blender mesh; all that lies on it goes along."""
 
 from dataclasses import dataclass
 
@@ -9,12 +9,14 @@ import numpy as np
 from ...core import finding
 from ...core.errors import AnyfaceError
 from ...core.job import Progress
-from ...core.take import FaceMesh, Found, OpenedMouth
+from ...core.take import FaceMesh, Found, OpenedFace
 from ..shape_keys import guard
 from . import landmarks
 
 # What a report says of lips that are one surface.
 WELDED = "the lips are one surface and cannot part: Open Mouth parts them"
+# The same of eyes that are one surface with their lids.
+JOINED = "eyes and lids are one surface and cannot blink: Open Eyes cuts them apart"
 # The material of the mouth's inside.
 INSIDE = "Mouth Inside"
 _COLOUR = (0.16, 0.03, 0.03, 1.0)
@@ -32,26 +34,42 @@ def is_welded(ob) -> bool:
     return (known or ob.anyface.mouth) == "welded"
 
 
+def has_joined_eyes(ob) -> bool:
+    """Whether an eye of `ob` is one surface with its lids, as its points say, or else its last take."""
+    try:
+        stored = landmarks.load(ob)
+    except AnyfaceError:
+        return False
+    if stored is not None and stored.mouth:
+        return "joined" in stored.lids
+    return "joined" in ob.anyface.lids.split()
+
+
 @dataclass
 class Opening:
-    """A snapshot for opening a mouth; `work` needs nothing of Blender: any thread may run it.
+    """A snapshot for opening a face; `work` needs nothing of Blender: any thread may run it.
 
-    `stored` are the landmarks of the object; where it has none, they are found.
+    `feature` is "mouth" or "eyes". `stored` are the landmarks of the object; where it has none, they
+    are found.
     """
 
     face: FaceMesh
     engine: object
     stored: landmarks.Stored | None
+    feature: str
 
-    def work(self, progress: Progress) -> OpenedMouth:
+    def work(self, progress: Progress) -> OpenedFace:
         """The opened mesh in object space; raises `AnyfaceError`."""
+        opens = {"mouth": self.engine.open_mouth, "eyes": self.engine.open_eyes}[self.feature]
         own = self.face.space
         if self.stored is None:
             found = finding.find(self.face, {}, self.engine.find, progress)
             self.face.landmarks, self.face.landmark_vertices = found.positions, found.vertices
-            self.stored = landmarks.Stored(found.positions, found.confidence, lids=found.lids)
+            self.stored = landmarks.Stored(
+                found.positions, found.confidence, found.mouth, lids=found.lids
+            )
         with finding.naming(self.face):
-            opened = self.engine.open_mouth(*own.seen(self.face), progress)
+            opened = opens(*own.seen(self.face), progress)
         opened.positions = own.points_to_object(opened.positions)
         opened.landmarks = own.points_to_object(opened.landmarks)
         if own.mirrored:
@@ -60,8 +78,8 @@ class Opening:
         return opened
 
 
-def write(ob, opening: Opening, opened: OpenedMouth) -> str:
-    """Puts an opened mouth on `ob`; returns what was done, in words.
+def write(ob, opening: Opening, opened: OpenedFace) -> str:
+    """Puts an opened face on `ob`; returns what was done, in words.
 
     Texture coordinates, vertex groups, attributes, materials, normals of
     the artist's own and shape keys stay. Raises `AnyfaceError` where the mesh has changed since.
@@ -80,10 +98,15 @@ def write(ob, opening: Opening, opened: OpenedMouth) -> str:
         bpy.ops.object.mode_set(mode=mode)
     places, nearest = opened.landmarks, opened.landmark_vertices
     none = np.empty(0, dtype=np.int64)
-    found = Found(places, nearest, stored.confidence, "slit", none, none, stored.lids)
+    mouth, lids, done = stored.mouth, stored.lids, f"the eyes of {ob.name} can blink now"
+    if opening.feature == "mouth":
+        mouth, done = "slit", f"the lips of {ob.name} part now"
+    else:
+        lids = tuple("close" if own == "joined" else own for own in lids)
+    found = Found(places, nearest, stored.confidence, mouth, none, none, lids)
     landmarks.store(ob, found, stored.fixed)
-    ob.anyface.mouth = "slit"
-    return f"the lips of {ob.name} part now"
+    ob.anyface.mouth, ob.anyface.lids = mouth, " ".join(lids)
+    return done
 
 
 class _travelling_normals:
@@ -112,9 +135,9 @@ class _travelling_normals:
 
 
 class _Rewriter:
-    """The faces of a mesh at its mouth, written anew."""
+    """The faces of a mesh at its mouth or its eyes, written anew."""
 
-    def __init__(self, mesh, face: FaceMesh, opened: OpenedMouth, normals: str | None):
+    def __init__(self, mesh, face: FaceMesh, opened: OpenedFace, normals: str | None):
         self._mesh, self._opened, self._count = mesh, opened, len(face.positions)
         self._old = face.triangles
         self._normals = normals
@@ -126,7 +149,8 @@ class _Rewriter:
 
     def write(self) -> None:
         """Changes the mesh."""
-        inside = self._material()
+        has_inside = self._opened.first_inside_triangle < len(self._opened.triangles)
+        inside = self._material() if has_inside else 0
         self._bm = bmesh.new()
         try:
             self._bm.from_mesh(self._mesh)
@@ -183,7 +207,7 @@ class _Rewriter:
         loops = self._loops_of(beside)
         for number in changed:
             self._cut(number, pieces, loops)
-        lips, first = self._opened.first_inner_lip_triangle, self._opened.first_inside_triangle
+        lips, first = self._opened.first_lining_triangle, self._opened.first_inside_triangle
         for new in range(lips, first):
             self._add(new, loops)
         news = range(first, len(self._opened.triangles))
@@ -199,9 +223,9 @@ class _Rewriter:
             edge.smooth = all(face in bag for face in edge.link_faces)
 
     def _changed(self) -> tuple[list[int], list[int], dict[int, list[int]]]:
-        """Polygons that change, these and others beside the mouth's inside, and by old triangle the
+        """Polygons that change, these and others beside what lies behind the cut, and by old triangle the
         new ones of what changes."""
-        opened, first = self._opened, self._opened.first_inner_lip_triangle
+        opened, first = self._opened, self._opened.first_lining_triangle
         sources = opened.triangle_sources[:first].astype(np.int64)
         counts = np.bincount(sources, minlength=len(self._old))
         same = (opened.triangles[:first] == self._old[sources]).all(axis=1)

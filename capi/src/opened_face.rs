@@ -1,6 +1,6 @@
-//! Lips that are one surface, parted.
+//! Lips, or lids and eyes, that are one surface, cut apart.
 
-use anyface::face::OpenedMouth;
+use anyface::{Engine, Face, Result, face::OpenedFace, job::ProgressFn};
 
 use crate::{
     engine::AnyfaceEngine,
@@ -13,46 +13,76 @@ use crate::{
     status::AnyfaceStatus,
 };
 
-/// A mesh whose lips were one surface and can part now, and what each of its pieces was before. Never
+/// A mesh whose lips or lids were one surface and can part now, and what each of its pieces was before. Never
 /// changes after it was made: any number of threads may use it at the same time.
 ///
 /// Old vertices come first, with their numbers and where they were. Old triangles stand in their order,
-/// those that were cut in pieces; then the mouth's inside.
-pub struct AnyfaceOpenedMouth(OpenedMouth);
+/// those that were cut in pieces; then what was sewn behind the cut.
+pub struct AnyfaceOpenedFace(OpenedFace);
 
-const _: () = guard::shared_by_threads::<AnyfaceOpenedMouth>();
+const _: () = guard::shared_by_threads::<AnyfaceOpenedFace>();
 
 /// Parts the lips of a face along the valley between them and sews the inside of a mouth behind them. At
 /// rest the surface stays the same. The jaw of the result is dropped by 20 mm once, to see that the lips
 /// part smoothly and alike on both sides. Long: accepts a progress handle, which may be NULL.
 ///
 /// Whether there is anything to part says `anyface_face_mouth()`: `ANYFACE_MOUTH_WELDED`.
-/// Free with `anyface_opened_mouth_free()`. The new mesh is made ready as any other, with the landmarks of
-/// `anyface_opened_mouth_copy_landmarks()`.
+/// Free with `anyface_opened_face_free()`. The new mesh is made ready as any other, with the landmarks of
+/// `anyface_opened_face_copy_landmarks()`.
 /// Fails with `ANYFACE_STATUS_INVALID_INPUT` if the lips part already or the landmarks name no mouth,
 /// `ANYFACE_STATUS_MESH` if no line leads from corner to corner between the lips or they do not part well,
 /// `ANYFACE_STATUS_CANCELLED`.
 #[unsafe(no_mangle)]
-pub unsafe extern "C" fn anyface_opened_mouth_new(
+pub unsafe extern "C" fn anyface_open_mouth(
     engine: *const AnyfaceEngine,
     face: *const AnyfaceFace,
     progress: *const AnyfaceProgress,
-    out: *mut *mut AnyfaceOpenedMouth,
+    out: *mut *mut AnyfaceOpenedFace,
     error: *mut *mut AnyfaceError,
+) -> AnyfaceStatus {
+    unsafe { opened(Engine::open_mouth, (engine, face), progress, (out, error)) }
+}
+
+/// Cuts free the eyes of a face that are one surface with their lids: the lids get a lining, the eyes become the fronts of
+/// balls. At rest the surface stays the same. The result blinks once, to see that lids shut over the whole eye.
+/// Long: accepts a progress handle, which may be NULL.
+///
+/// Whether there is such an eye says `anyface_face_lids()`: `ANYFACE_LIDS_JOINED`.
+/// Free with `anyface_opened_face_free()`. The new mesh is made ready as any other, with the landmarks of
+/// `anyface_opened_face_copy_landmarks()`.
+/// Fails with `ANYFACE_STATUS_INVALID_INPUT` if no eye is one with its lids, `ANYFACE_STATUS_MESH` if no line leads
+/// around an eye or its lids do not shut well, `ANYFACE_STATUS_CANCELLED`.
+#[unsafe(no_mangle)]
+pub unsafe extern "C" fn anyface_open_eyes(
+    engine: *const AnyfaceEngine,
+    face: *const AnyfaceFace,
+    progress: *const AnyfaceProgress,
+    out: *mut *mut AnyfaceOpenedFace,
+    error: *mut *mut AnyfaceError,
+) -> AnyfaceStatus {
+    unsafe { opened(Engine::open_eyes, (engine, face), progress, (out, error)) }
+}
+
+/// Opens a face in one way.
+unsafe fn opened(
+    open: impl FnOnce(&Engine, &Face, ProgressFn<'_>) -> Result<OpenedFace>,
+    (engine, face): (*const AnyfaceEngine, *const AnyfaceFace),
+    progress: *const AnyfaceProgress,
+    (out, error): (*mut *mut AnyfaceOpenedFace, *mut *mut AnyfaceError),
 ) -> AnyfaceStatus {
     let make = || {
         let engine = &unsafe { pointer::handle("engine", engine) }?.0;
         let face = &unsafe { pointer::handle("face", face) }?.0;
-        let opened = unsafe { watched(progress, |watch| engine.open_mouth(face, watch)) }?;
-        Ok(AnyfaceOpenedMouth(opened))
+        let opened = unsafe { watched(progress, |watch| open(engine, face, watch)) }?;
+        Ok(AnyfaceOpenedFace(opened))
     };
     unsafe { guard::give(out, error, make) }
 }
 
 /// The new mesh, a copy: `V` vertices and `F` triangles. Free with `anyface_mesh_free()`.
 #[unsafe(no_mangle)]
-pub unsafe extern "C" fn anyface_opened_mouth_mesh(
-    opened: *const AnyfaceOpenedMouth,
+pub unsafe extern "C" fn anyface_opened_face_mesh(
+    opened: *const AnyfaceOpenedFace,
     out: *mut *mut AnyfaceMesh,
     error: *mut *mut AnyfaceError,
 ) -> AnyfaceStatus {
@@ -63,31 +93,31 @@ pub unsafe extern "C" fn anyface_opened_mouth_mesh(
     unsafe { guard::give(out, error, make) }
 }
 
-/// Number of the first triangle behind the slit: the inner sides of the lips, which are of the lips' colour,
-/// up to `anyface_opened_mouth_first_inside_triangle()`; 0 for NULL.
+/// Number of the first triangle behind the cut that has the colour of what is before it: the inner sides of lips and lids,
+/// and the rest of eyeballs, up to `anyface_opened_face_first_inside_triangle()`; 0 for NULL.
 #[unsafe(no_mangle)]
-pub unsafe extern "C" fn anyface_opened_mouth_first_inner_lip_triangle(
-    opened: *const AnyfaceOpenedMouth,
+pub unsafe extern "C" fn anyface_opened_face_first_lining_triangle(
+    opened: *const AnyfaceOpenedFace,
 ) -> usize {
-    unsafe { opened.as_ref() }.map_or(0, |opened| opened.0.first_inner_lip_triangle)
+    unsafe { opened.as_ref() }.map_or(0, |opened| opened.0.first_lining_triangle)
 }
 
-/// Number of the first triangle of the mouth's inside behind the lips; 0 for NULL.
+/// Number of the first triangle of the mouth's inside behind the lips, `F` where eyes were opened; 0 for NULL.
 #[unsafe(no_mangle)]
-pub unsafe extern "C" fn anyface_opened_mouth_first_inside_triangle(
-    opened: *const AnyfaceOpenedMouth,
+pub unsafe extern "C" fn anyface_opened_face_first_inside_triangle(
+    opened: *const AnyfaceOpenedFace,
 ) -> usize {
     unsafe { opened.as_ref() }.map_or(0, |opened| opened.0.first_inside_triangle)
 }
 
-/// Copies of which old vertices each vertex is a mixture, for groups and shape keys. Vertices of the
-/// mouth's inside take what lies before them at the lips.
+/// Copies of which old vertices each vertex is a mixture, for groups and shape keys. Vertices behind
+/// the cut take what lies before them at its rim.
 ///
 /// `vertices`: `[V, 3]`, numbers of old vertices. `shares`: `[V, 3]`, sum 1. `count` must be `V * 3`.
 /// Fails with `ANYFACE_STATUS_INVALID_INPUT` for another `count`.
 #[unsafe(no_mangle)]
-pub unsafe extern "C" fn anyface_opened_mouth_copy_vertex_sources(
-    opened: *const AnyfaceOpenedMouth,
+pub unsafe extern "C" fn anyface_opened_face_copy_vertex_sources(
+    opened: *const AnyfaceOpenedFace,
     vertices: *mut u32,
     shares: *mut f32,
     count: usize,
@@ -114,8 +144,8 @@ pub unsafe extern "C" fn anyface_opened_mouth_copy_vertex_sources(
 /// old triangle's corners, sum 1. `triangle_count` must be `F`, `share_count` `F * 9`. Fails with
 /// `ANYFACE_STATUS_INVALID_INPUT` for other counts.
 #[unsafe(no_mangle)]
-pub unsafe extern "C" fn anyface_opened_mouth_copy_triangle_sources(
-    opened: *const AnyfaceOpenedMouth,
+pub unsafe extern "C" fn anyface_opened_face_copy_triangle_sources(
+    opened: *const AnyfaceOpenedFace,
     triangles: *mut u32,
     triangle_count: usize,
     shares: *mut f32,
@@ -136,12 +166,12 @@ pub unsafe extern "C" fn anyface_opened_mouth_copy_triangle_sources(
     unsafe { guard::guard(error, work) }
 }
 
-/// Copies the landmarks of the new mesh, those of the inner lips on the rim of their own lip.
+/// Copies the landmarks of the new mesh, those of the inner lips, or of the lids, on their own rim.
 ///
 /// `positions`: `[68, 3]`, mesh units. `vertices`: `[68]`, numbers of the nearest vertices.
 #[unsafe(no_mangle)]
-pub unsafe extern "C" fn anyface_opened_mouth_copy_landmarks(
-    opened: *const AnyfaceOpenedMouth,
+pub unsafe extern "C" fn anyface_opened_face_copy_landmarks(
+    opened: *const AnyfaceOpenedFace,
     positions: *mut f32,
     vertices: *mut u32,
     error: *mut *mut AnyfaceError,
@@ -157,9 +187,9 @@ pub unsafe extern "C" fn anyface_opened_mouth_copy_landmarks(
     unsafe { guard::guard(error, work) }
 }
 
-/// Frees an opened mouth that no running call uses; nothing happens for NULL.
+/// Frees an opened face that no running call uses; nothing happens for NULL.
 #[unsafe(no_mangle)]
-pub unsafe extern "C" fn anyface_opened_mouth_free(opened: *mut AnyfaceOpenedMouth) {
+pub unsafe extern "C" fn anyface_opened_face_free(opened: *mut AnyfaceOpenedFace) {
     unsafe { guard::free(opened) }
 }
 
@@ -174,13 +204,13 @@ mod tests {
     use std::ptr::{null, null_mut};
 
     /// Two triangles, of which the second was cut from the first.
-    fn example() -> AnyfaceOpenedMouth {
+    fn example() -> AnyfaceOpenedFace {
         let source = |corners| TriangleSource {
             triangle: 0,
             corners,
         };
         let own = [[1.0, 0.0, 0.0], [0.0, 1.0, 0.0], [0.0, 0.0, 1.0]];
-        AnyfaceOpenedMouth(OpenedMouth {
+        AnyfaceOpenedFace(OpenedFace {
             mesh: Mesh {
                 positions: vec![[0.0; 3], [1.0, 0.0, 0.0], [0.0, 1.0, 0.0], [0.5, 0.5, 0.0]],
                 triangles: vec![[0, 1, 3], [0, 3, 2]],
@@ -197,8 +227,8 @@ mod tests {
                 [(1, 0.5), (2, 0.5), (1, 0.0)],
             ],
             triangle_sources: vec![source([own[0], own[1], [0.0, 0.5, 0.5]]), source(own)],
-            first_bag_vertex: 4,
-            first_inner_lip_triangle: 2,
+            first_inside_vertex: 4,
+            first_lining_triangle: 2,
             first_inside_triangle: 2,
             upper_rim: vec![0, 3],
             lower_rim: vec![0, 3],
@@ -211,7 +241,7 @@ mod tests {
         let (mut numbers, mut shares) = (vec![0u32; 12], vec![0.0f32; 18]);
         unsafe {
             let n = numbers.as_mut_ptr();
-            let status = anyface_opened_mouth_copy_vertex_sources(
+            let status = anyface_opened_face_copy_vertex_sources(
                 &opened,
                 n,
                 shares.as_mut_ptr(),
@@ -220,7 +250,7 @@ mod tests {
             );
             assert_eq!(status, AnyfaceStatus::Ok);
             assert_eq!((numbers[9..].to_vec(), shares[9]), (vec![1, 2, 1], 0.5));
-            let status = anyface_opened_mouth_copy_triangle_sources(
+            let status = anyface_opened_face_copy_triangle_sources(
                 &opened,
                 n,
                 2,
@@ -232,16 +262,16 @@ mod tests {
             assert_eq!((numbers[1], shares[8], shares[17]), (0, 0.5, 1.0));
             let (mut places, mut nearest) = (vec![0.0f32; 204], vec![9u32; 68]);
             let (p, v): (*mut f32, *mut u32) = (places.as_mut_ptr(), null_mut());
-            let status = anyface_opened_mouth_copy_landmarks(&opened, p, v, &mut error);
+            let status = anyface_opened_face_copy_landmarks(&opened, p, v, &mut error);
             assert_eq!(status, AnyfaceStatus::NullPointer);
             anyface_error_free(error);
             let v = nearest.as_mut_ptr();
-            let status = anyface_opened_mouth_copy_landmarks(&opened, p, v, null_mut());
+            let status = anyface_opened_face_copy_landmarks(&opened, p, v, null_mut());
             assert_eq!(
                 (status, places[203], nearest[67]),
                 (AnyfaceStatus::Ok, 0.25, 0)
             );
-            assert_eq!(anyface_opened_mouth_first_inside_triangle(null()), 0);
+            assert_eq!(anyface_opened_face_first_inside_triangle(null()), 0);
         }
     }
 
@@ -251,7 +281,7 @@ mod tests {
         let (mut numbers, mut shares) = ([0u32; 12], [0.0f32; 12]);
         unsafe {
             let (to, of) = (numbers.as_mut_ptr(), shares.as_mut_ptr());
-            let status = anyface_opened_mouth_copy_vertex_sources(&opened, to, of, 3, &mut error);
+            let status = anyface_opened_face_copy_vertex_sources(&opened, to, of, 3, &mut error);
             assert_eq!(status, AnyfaceStatus::InvalidInput);
             assert_eq!(anyface_error_status(error), AnyfaceStatus::InvalidInput);
             anyface_error_free(error);
