@@ -54,13 +54,13 @@ class Found:
 @dataclass
 class OpenedFace:
     """A mesh whose lips were parted, or whose eyes were cut free: old vertices first, where they
-    were; old triangles in their order, those that were cut in pieces, then what lies behind the cut.
+    were; old triangles in their order, those that were cut in pieces, then what lies behind.
 
     `positions` `[V, 3]`, `triangles` `[F, 3]`, `landmarks` `[68, 3]` near `landmark_vertices`. Each
     vertex is a mixture of the old `vertex_sources` `[V, 3]` with `vertex_shares` `[V, 3]`. Each
     triangle lies in the old one `triangle_sources` `[F]`, whose corners have `corner_shares`
     `[F, 3, 3]` in each of its own. From `first_lining_triangle` on triangles are new and
-    have the colour of what is before them, from `first_inside_triangle` on that of a mouth's inside.
+    have the colour of what is before them, from `first_inside_triangle` on a mouth's inside.
     """
 
     positions: np.ndarray

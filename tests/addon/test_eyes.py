@@ -1,4 +1,4 @@
-"""Open Eyes: eyes that are one surface with their lids are cut free, and all that lies on the mesh goes along."""
+"""Open Eyes: eyes that are one surface with their lids are cut free; textures go along."""
 
 import json
 
@@ -7,7 +7,7 @@ import numpy as np
 import pytest
 
 from figures import tone
-from test_mouth import mask  # noqa: F401: a fixture
+from test_mouth import mask  # noqa: F401
 
 
 def _lids(ob) -> list:

@@ -1,4 +1,7 @@
-"""Lips, or lids and eyes, that are one surface, cut apart on a Blender mesh; all that lies on it goes along."""
+"""Lips, or lids and eyes, that are one surface, cut apart on a Blender mesh.
+
+All that lies on the mesh goes along.
+"""
 
 from dataclasses import dataclass
 
@@ -35,7 +38,7 @@ def is_welded(ob) -> bool:
 
 
 def has_joined_eyes(ob) -> bool:
-    """Whether an eye of `ob` is one surface with its lids, as its points say, or else its last take."""
+    """Whether an eye of `ob` is one with its lids, as its points say, or else its last take."""
     try:
         stored = landmarks.load(ob)
     except AnyfaceError:
@@ -49,8 +52,8 @@ def has_joined_eyes(ob) -> bool:
 class Opening:
     """A snapshot for opening a face; `work` needs nothing of Blender: any thread may run it.
 
-    `feature` is "mouth" or "eyes". `stored` are the landmarks of the object; where it has none, they
-    are found.
+    `feature` is "mouth" or "eyes". `stored` are the landmarks of the object; where it has none,
+    they are found.
     """
 
     face: FaceMesh
@@ -223,8 +226,8 @@ class _Rewriter:
             edge.smooth = all(face in bag for face in edge.link_faces)
 
     def _changed(self) -> tuple[list[int], list[int], dict[int, list[int]]]:
-        """Polygons that change, these and others beside what lies behind the cut, and by old triangle the
-        new ones of what changes."""
+        """Polygons that change, these and others at the cut, and by old triangle the new ones of what
+        changes."""
         opened, first = self._opened, self._opened.first_lining_triangle
         sources = opened.triangle_sources[:first].astype(np.int64)
         counts = np.bincount(sources, minlength=len(self._old))
