@@ -226,8 +226,7 @@ class _Rewriter:
             edge.smooth = all(face in bag for face in edge.link_faces)
 
     def _changed(self) -> tuple[list[int], list[int], dict[int, list[int]]]:
-        """Polygons that change, these and others at the cut, and the new triangles of each old one that
-        changes."""
+        """Polygons that change, these and others at the cut, and by old triangle the new ones."""
         opened, first = self._opened, self._opened.first_lining_triangle
         sources = opened.triangle_sources[:first].astype(np.int64)
         counts = np.bincount(sources, minlength=len(self._old))
