@@ -16,6 +16,7 @@ from .ui import (
     audio,
     caches,
     character,
+    choose_sound,
     controls,
     emotion_plot,
     emotions,
@@ -51,7 +52,7 @@ from .ui import (
 
 _MODULES = (
     preferences, generate, remove, mending, made_head, sample_head, panel, character,
-    expression_keys, landmarks, mouth, audio, presets, mixture, emotions,
+    expression_keys, landmarks, mouth, audio, choose_sound, presets, mixture, emotions,
     performance, events, life, outputs,
     key_list, controls, find_controls, caches, takes, sounds, sounds_file, scene_list,
     models, heat, live,

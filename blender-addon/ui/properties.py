@@ -30,7 +30,7 @@ from . import (
 
 _SOURCES = [
     ("STRIP", "Strip", "A sound strip of the video sequencer, with its trim and place", 0),
-    ("FILE", "File", "A sound file", 1),
+    ("FILE", "File", "A sound file that the sequencer does not play", 1),
     ("CHANNEL", "Channel", "All sound strips of a channel of the sequencer, as one take", 2),
     ("CHOSEN", "Several", "The strips that you chose, as one take", 3),
 ]
