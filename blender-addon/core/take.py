@@ -370,6 +370,7 @@ class Take:
     `shape_weights` are those that a system made itself: named keys get them as they are.
     `heard_emotion` is what was heard in the voice, where the take depends on it.
     `mouth` is how the lips meet, one of `MOUTHS`; `notes` are remarks for the report.
+    No keyframe lies before the scene frame `earliest`, unless the sound does.
     """
 
     fps: float
@@ -382,6 +383,7 @@ class Take:
     heard_emotion: HeardEmotion | None = None
     mouth: str = ""
     notes: list[str] = field(default_factory=list)
+    earliest: float = -np.inf
 
     def scene_frames(self, start_frame: float, scene_fps: float) -> np.ndarray:
         """The scene frames `[T]` of its frames, of which the first lies at `start_frame`."""

@@ -95,6 +95,7 @@ class Snapshot:
     settings: Settings
     plan: Plan
     scene_fps: float
+    scene_start: int
     engine: object = field(repr=False)
     # What is said besides, and the panel's settings as they were.
     notes: list[str] = field(default_factory=list)
@@ -192,6 +193,7 @@ def read(ob, scene, settings: Settings, engine) -> Snapshot:
         settings=settings,
         plan=output.plan(ob, settings.output, request.fps, names),
         scene_fps=scene_fps,
+        scene_start=scene.frame_start,
         engine=engine,
         notes=notes,
         asked=panel_settings.read(ob),
@@ -263,6 +265,7 @@ def landing(ob, snapshot: Snapshot, take: Take):
     """
     follow_names(snapshot, take.motion.files)
     asked = snapshot.settings.output
+    take.earliest = float(snapshot.scene_start)
     start, scene_fps = snapshot.source.start_frame, snapshot.scene_fps
     output = outputs.of_take(take)
     yield from head_and_eyes.look(take, snapshot.settings, start, scene_fps)

@@ -110,6 +110,16 @@ def remove():
     bpy.context.scene.frame_set(START)
 
 
+def test_no_control_moves_before_the_scene_begins(face):
+    face.anyface.start_frame = 1
+    generate()
+    found = curves(rig_of(face).animation_data.action)
+    assert found and {curve.range()[0] for curve in found} == {1.0}
+    at_first = shape(face, 1)
+    assert np.abs(at_first - shape(face, -3)).max() < 1e-6
+    assert np.abs(at_first - shape(face, 2)).max() < 2e-3
+
+
 def shown(ob):
     """The share of the motion, as the report says."""
     return int(re.search(r"show (-?\d+)%", ob.anyface.report)[1]) / 100

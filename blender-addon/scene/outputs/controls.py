@@ -97,7 +97,7 @@ class Controls(Output):
 
     def prepare_files(self, take, start_frame, scene_fps):
         frames = take.scene_frames(start_frame, scene_fps)
-        ends = curves.with_rest(frames, scene_fps)[[0, -1]]
+        ends = curves.with_rest(frames, scene_fps, take.earliest)[[0, -1]]
         fitted = take.motion.fitted
         fitted.actions = yield from control_actions.prepare(fitted, ends, frames)
 

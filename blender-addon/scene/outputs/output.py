@@ -114,8 +114,8 @@ class Output:
     def write(self, ob, take: Take, rest, at, taken: record.Record) -> None:
         """Writes keys and curves on `ob` and notes them in `taken`.
 
-        `rest` `[V, 3]` are the positions of the Basis, `at` `[T + 2]` the scene frames of rest, of
-        each frame, and of rest again.
+        `rest` `[V, 3]` are the positions of the Basis, `at` the scene frames of `curves.with_rest`:
+        of rest, of each frame, and of rest again.
         """
         raise NotImplementedError
 
@@ -198,7 +198,7 @@ def play(ob, taken: record.Record):
         return
     for name, column in zip(names, weights.T, strict=True):
         bag = curves.key_channels(ob, taken)
-        curves.write(bag, curves.value_path(name), at, curves.from_rest(column))
+        curves.write(bag, curves.value_path(name), at, curves.from_rest(column, at))
         yield
 
 

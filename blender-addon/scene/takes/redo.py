@@ -195,13 +195,13 @@ def _add(part, taken, fit: redo.Fit, at: np.ndarray, stretch: redo.Stretch) -> N
         return
     strength = adjust.factor("", taken.adjusted)
     bag = curves.key_channels(part, taken)
+    earliest = min(curve.range()[0] for curve in _curves(part, taken).values())
+    frames = curves.with_rest(at, stretch.fps, earliest)
     with guard.object_mode(part), guard.selection_kept(part):
         rest, shares = mesh.read_basis(part.data), stretch.shares(at)
         for vector, column in zip(fit.more, fit.more_weights.T, strict=True):
             block = mesh.add_key(part, f"{PREFIX}.{len(taken.keys) + 1:03d}", rest + vector)
             block.slider_min = -1.0
             taken.keys.append(block.name)
-            values = curves.from_rest(shares * column * strength)
-            curves.write(
-                bag, curves.value_path(block.name), curves.with_rest(at, stretch.fps), values
-            )
+            values = curves.from_rest(shares * column * strength, frames)
+            curves.write(bag, curves.value_path(block.name), frames, values)

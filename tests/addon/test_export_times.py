@@ -1,0 +1,128 @@
+"""Exports against the sound: what comes back moves in the same frames, whatever the frame rate."""
+
+import addon_utils
+import bpy
+import numpy as np
+import pytest
+
+from figures import curves, grid, motion, own_keys, shape, stand_in, tone
+from test_export import fbx_in, fbx_out, gltf_in
+from test_key_names import carrying
+
+# Frames a second, as Blender keeps them.
+RATES = {"24": (24, 1.0), "25": (25, 1.0), "29.97": (30, 1.001), "30": (30, 1.0), "60": (60, 1.0)}
+SECONDS = 1.5
+MOST_MM = 0.1
+NAMES = ("browDownLeft", "browDownRight", "browInnerUp", "browOuterUpLeft")
+
+
+def gltf_out(path):
+    """As the menu does it, but for the size of curves."""
+    bpy.ops.export_scene.gltf(filepath=path, export_format="GLB")
+
+
+FORMATS = {
+    "gltf": ("io_scene_gltf2", "glb", gltf_out, gltf_in),
+    "fbx": ("io_scene_fbx", "fbx", fbx_out, fbx_in),
+    "usd": (
+        "",
+        "usdc",
+        lambda path: bpy.ops.wm.usd_export(filepath=path, export_animation=True),
+        lambda path: bpy.ops.wm.usd_import(filepath=path),
+    ),
+    "abc": (
+        "",
+        "abc",
+        lambda path: bpy.ops.wm.alembic_export(filepath=path),
+        lambda path: bpy.ops.wm.alembic_import(filepath=path, as_background_job=False),
+    ),
+}
+
+
+@pytest.fixture
+def stage(addon):
+    """A stage in the engine's place."""
+    return stand_in(addon)
+
+
+def speaking(stage, tmp_path, rate, start=1, mode="basis"):
+    """A face that speaks from scene frame `start` on; the sound's last frame."""
+    scene = bpy.context.scene
+    scene.render.fps, scene.render.fps_base = RATES[rate]
+    ob = grid()
+    if mode == "keys":
+        own_keys(ob, *NAMES)
+        carrying(stage, ob)
+    ob.anyface.source, ob.anyface.start_frame, ob.anyface.mode = "FILE", start, mode
+    ob.anyface.sound_file = tone(tmp_path / "tone.wav", SECONDS)
+    fps = scene.render.fps / scene.render.fps_base
+    scene.frame_end = start + int(np.ceil(SECONDS * fps)) + 20
+    assert bpy.ops.anyface.generate() == {"FINISHED"}
+    return ob, start + int(SECONDS * fps) - 2
+
+
+def world(ob, frames):
+    """Positions `[N, V, 3]` in the world."""
+    found = []
+    for frame in frames:
+        points = shape(ob, frame)
+        matrix = np.array(ob.matrix_world)
+        found.append(points @ matrix[:3, :3].T + matrix[:3, 3])
+    return np.array(found)
+
+
+@pytest.mark.parametrize("rate", RATES)
+@pytest.mark.parametrize("kind", FORMATS)
+def test_what_comes_back_moves_with_the_sound(stage, tmp_path, kind, rate):
+    module, ending, write, read = FORMATS[kind]
+    if module:
+        addon_utils.enable(module, default_set=False)
+    ob, last = speaking(stage, tmp_path, rate)
+    before = world(ob, range(1, last + 1))
+    assert np.abs(before - before[:1]).max() > 0.2 * stage.size
+    path = str(tmp_path / f"head.{ending}")
+    bpy.context.scene.frame_set(1)
+    write(path)
+    bpy.ops.wm.read_homefile(use_empty=True, use_factory_startup=True)
+    if module:
+        addon_utils.enable(module, default_set=False)
+    bpy.context.scene.render.fps, bpy.context.scene.render.fps_base = RATES[rate]
+    read(path)
+    other = next(one for one in bpy.data.objects if one.type == "MESH")
+    back = world(other, range(1 - 4, last + 1 + 4))
+    # Importers may split and renumber vertices: the nearest ones in a frame belong together.
+    frame = len(before) // 3
+    way = np.linalg.norm(back[4 + frame][:, None] - before[frame][None], axis=2)
+    nearest = np.argmin(way, axis=1)
+    expected = before[:, nearest]
+    errors = {
+        lag: np.linalg.norm(back[4 + lag :][: len(before)] - expected, axis=2).max()
+        for lag in range(-4, 5)
+    }
+    assert min(errors, key=errors.get) == 0, errors
+    assert 1000.0 * errors[0] <= MOST_MM, errors
+
+
+def first_keys(blocks):
+    """The first frame of each curve of data-blocks."""
+    found = [curves(one.animation_data.action) for one in blocks if one.animation_data]
+    return [curve.range()[0] for every in found for curve in every]
+
+
+@pytest.mark.parametrize("mode", ["basis", "arkit", "keys", "frames"])
+@pytest.mark.parametrize("start", [1, 2, 40])
+def test_no_keyframe_lies_before_the_scene(stage, tmp_path, mode, start):
+    ob, _ = speaking(stage, tmp_path, "24", start, mode)
+    firsts = first_keys([ob.data.shape_keys])
+    # It comes out of rest where there is room for that; else it begins in its first pose.
+    assert set(firsts) == {36.0 if start == 40 else float(start)}
+    if start == 40:
+        assert np.allclose(shape(ob, 1), shape(ob, 36), atol=1e-6)
+        return
+    earlier, first, then = shape(ob, start - 1), shape(ob, start), shape(ob, start + 1)
+    assert np.allclose(earlier, first, atol=1e-6)
+    if mode in ("basis", "frames"):
+        moved = motion(int(np.ceil(SECONDS * 24)), len(first), stage.rank, stage.size)[0]
+        rest = np.array([vertex.co for vertex in ob.data.vertices])
+        assert np.allclose(first - rest, moved, atol=1e-5)
+    assert np.abs(then - first).max() < 0.5 * stage.size
