@@ -5,14 +5,15 @@ import bpy
 import numpy as np
 import pytest
 
-from figures import curves, grid, motion, own_keys, shape, stand_in, tone
-from test_export import fbx_in, fbx_out, gltf_in
+from figures import curves, everything, grid, motion, own_keys, shape, stand_in, tone
+from test_export import fbx_in, fbx_out, gltf_in, mask
 from test_key_names import carrying
 
 # Frames a second, as Blender keeps them.
 RATES = {"24": (24, 1.0), "25": (25, 1.0), "29.97": (30, 1.001), "30": (30, 1.0), "60": (60, 1.0)}
 SECONDS = 1.5
 MOST_MM = 0.1
+FRAMES = (1, 8, 16, 30)
 NAMES = ("browDownLeft", "browDownRight", "browInnerUp", "browOuterUpLeft")
 
 
@@ -101,6 +102,29 @@ def test_what_comes_back_moves_with_the_sound(stage, tmp_path, kind, rate):
     }
     assert min(errors, key=errors.get) == 0, errors
     assert 1000.0 * errors[0] <= MOST_MM, errors
+
+
+def test_a_usd_file_has_weights_that_nobody_clamps(stage, addon, tmp_path):
+    ob, _ = speaking(stage, tmp_path, "24")
+    mask(addon, ob)
+    before, path = world(ob, FRAMES), str(tmp_path / "head.usdc")
+    bpy.context.scene.frame_set(1)
+    untouched = everything()
+    bpy.ops.wm.usd_export(filepath=path, export_animation=True)
+    assert everything() == untouched
+    bpy.utils.expose_bundled_modules()
+    from pxr import Usd
+
+    prims = list(Usd.Stage.Open(path).Traverse())
+    (animation,) = [prim for prim in prims if prim.GetTypeName() == "SkelAnimation"]
+    weights = animation.GetAttribute("blendShapeWeights")
+    found = np.array([weights.Get(time) for time in weights.GetTimeSamples()])
+    assert found.min() >= 0.0 and found.max() <= 1.0 and np.ptp(found, axis=0).max() > 0.9
+    bpy.ops.wm.read_homefile(use_empty=True, use_factory_startup=True)
+    bpy.context.scene.render.fps = 24
+    bpy.ops.wm.usd_import(filepath=path)
+    other = next(one for one in bpy.data.objects if one.type == "MESH")
+    assert 1000.0 * np.linalg.norm(world(other, FRAMES) - before, axis=2).max() <= MOST_MM
 
 
 def first_keys(blocks):
