@@ -21,6 +21,7 @@ from .ui import (
     emotion_plot,
     emotions,
     events,
+    export,
     expression_keys,
     find_controls,
     generate,
@@ -53,7 +54,7 @@ from .ui import (
 _MODULES = (
     preferences, generate, remove, mending, made_head, sample_head, panel, character,
     expression_keys, landmarks, mouth, audio, choose_sound, presets, mixture, emotions,
-    performance, events, life, outputs,
+    performance, events, life, outputs, export,
     key_list, controls, find_controls, caches, takes, sounds, sounds_file, scene_list,
     models, heat, live,
 )  # fmt: skip

@@ -34,6 +34,7 @@ class ANYFACE_PT_output(OfFacePanel, Panel):
         scene = sequencer_scene(context)
         text = estimate.describe(ob, scene, audio.seconds(ob, scene), ob.anyface, asked)
         _draw_words(layout, text, context.region.width)
+        layout.operator("anyface.export", text="Export Talking Head…", icon="EXPORT")
 
 
 def _draw_modes(layout, ob, asked) -> str:

@@ -5,7 +5,7 @@ import bpy
 import numpy as np
 import pytest
 
-from figures import curves, everything, grid, motion, own_keys, shape, stand_in, tone
+from figures import curves, everything, grid, motion, own_keys, select, shape, stand_in, tone
 from test_export import fbx_in, fbx_out, gltf_in, mask
 from test_key_names import carrying
 
@@ -72,10 +72,17 @@ def world(ob, frames):
     return np.array(found)
 
 
+def button(path):
+    """What *Export Talking Head…* does."""
+    assert bpy.ops.anyface.export(filepath=path) == {"FINISHED"}
+
+
+@pytest.mark.parametrize("by", ["menu", "button"])
 @pytest.mark.parametrize("rate", RATES)
 @pytest.mark.parametrize("kind", FORMATS)
-def test_what_comes_back_moves_with_the_sound(stage, tmp_path, kind, rate):
+def test_what_comes_back_moves_with_the_sound(stage, tmp_path, kind, rate, by):
     module, ending, write, read = FORMATS[kind]
+    write = write if by == "menu" else button
     if module:
         addon_utils.enable(module, default_set=False)
     ob, last = speaking(stage, tmp_path, rate)
@@ -115,7 +122,8 @@ def test_a_usd_file_has_weights_that_nobody_clamps(stage, addon, tmp_path):
     bpy.utils.expose_bundled_modules()
     from pxr import Usd
 
-    prims = list(Usd.Stage.Open(path).Traverse())
+    file = Usd.Stage.Open(path)
+    prims = list(file.Traverse())
     (animation,) = [prim for prim in prims if prim.GetTypeName() == "SkelAnimation"]
     weights = animation.GetAttribute("blendShapeWeights")
     found = np.array([weights.Get(time) for time in weights.GetTimeSamples()])
@@ -150,3 +158,38 @@ def test_no_keyframe_lies_before_the_scene(stage, tmp_path, mode, start):
         rest = np.array([vertex.co for vertex in ob.data.vertices])
         assert np.allclose(first - rest, moved, atol=1e-5)
     assert np.abs(then - first).max() < 0.5 * stage.size
+
+
+def test_the_button_exports_the_face_with_its_parts_or_all(stage, addon, tmp_path):
+    teeth = grid("Teeth_lower", 5, 0.02)
+    ob, _ = speaking(stage, tmp_path, "24")
+    lamp = bpy.data.objects.new("Lamp", None)
+    bpy.context.scene.collection.objects.link(lamp)
+    assert [part.object for part in ob.anyface_face.parts] == [teeth]
+    select(lamp)
+    bpy.context.view_layer.objects.active = ob
+    before = everything()
+    for whole, names in ((False, {"Head", "Teeth_lower"}), (True, {"Head", "Lamp", "Teeth_lower"})):
+        path = tmp_path / f"{whole}.usdc"
+        assert bpy.ops.anyface.export(filepath=str(path), whole_scene=whole) == {"FINISHED"}
+        bpy.utils.expose_bundled_modules()
+        from pxr import Usd
+
+        file = Usd.Stage.Open(str(path))
+        found = {prim.GetName() for prim in file.Traverse() if prim.GetParent().GetName() == "root"}
+        assert {name for name in found if name in ("Head", "Lamp", "Teeth_lower")} == names
+    assert everything() == before and lamp.select_get() and not ob.select_get()
+
+
+def test_what_a_format_cannot_hold_is_said(stage, tmp_path):
+    addon_utils.enable("io_scene_gltf2", default_set=False)
+    speaking(stage, tmp_path, "24", 1, "frames")
+    with pytest.raises(RuntimeError, match="one key per frame, which glTF cannot play"):
+        bpy.ops.anyface.export(filepath=str(tmp_path / "head.glb"))
+    assert bpy.ops.anyface.export(filepath=str(tmp_path / "head"), kind="ABC") == {"FINISHED"}
+    assert (tmp_path / "head.abc").is_file()
+    addon_utils.disable("io_scene_fbx", default_set=False)
+    with pytest.raises(RuntimeError, match="turn the add-on io_scene_fbx on"):
+        bpy.ops.anyface.export(filepath=str(tmp_path / "head.fbx"))
+    bpy.ops.anyface.remove()
+    assert not bpy.ops.anyface.export.poll()
