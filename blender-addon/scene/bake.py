@@ -281,6 +281,7 @@ def landing(ob, snapshot: Snapshot, take: Take):
     notes += output.notes(ob, asked)
     if ob.library is None:
         ob.anyface.mouth = take.mouth
+        ob.anyface.last_frame = int(take.scene_frames(start, scene_fps)[-1])
     if take.mouth == "welded":
         notes.append(mouth.WELDED)
     text = " ".join([describe(take), *(f"({note})" for note in [*turned, *notes])])

@@ -3,7 +3,7 @@
 An `AnyfaceError` names its mends; they are kept with the report on the object.
 """
 
-import re
+import math
 from collections.abc import Callable
 from dataclasses import dataclass
 
@@ -49,6 +49,8 @@ def kept(ob) -> list[str]:
     if ob.library is not None:
         return ["make_local"]
     names = ob.anyface.report_mends.split()
+    if not ob.anyface.report_is_error and frames_behind(ob, bpy.context.scene) > 0:
+        names.append("scene_range")
     if ob.anyface.report and "open_mouth" not in names and mouth.is_welded(ob):
         names.append("open_mouth")
     return [name for name in names if name in (*_OPERATORS, *_SETTINGS, *_MENDS)]
@@ -63,6 +65,8 @@ def draw(layout, ob) -> None:
     """Draws a button for each mend."""
     column = layout.column(align=True)
     for name in kept(ob):
+        if name == "scene_range":
+            column.label(text=late_take(frames_behind(ob, bpy.context.scene)), icon="INFO")
         if name in _SETTINGS:
             column.prop(ob.anyface, _SETTINGS[name])
         elif name in _OPERATORS:
@@ -101,17 +105,20 @@ class ANYFACE_OT_mend(Alone, Operator):
             ob.anyface.report_is_error = False
 
 
+def frames_behind(ob, scene) -> int:
+    """How many frames of the take of `ob` lie behind the end of the scene, 0 or less for none."""
+    last = ob.anyface.last_frame
+    return math.ceil(last + ob.anyface_output.shift) - scene.frame_end if last else 0
+
+
 def late_take(frames: int) -> str:
-    """What a report says of a take that goes on so many frames behind the end of the scene."""
-    return f" (the scene ends {frames} frames before the take)"
+    """What is said of a take that goes on so many frames behind the end of the scene."""
+    return f"The scene ends {frames} frames before the take"
 
 
 def _extend_scene(ob) -> None:
     scene = bpy.context.scene
-    late = _LATE.search(ob.anyface.report)
-    scene.frame_end += int(late[1]) if late else 0
-    ob.anyface.report = _LATE.sub("", ob.anyface.report)
-    keep(ob, [name for name in ob.anyface.report_mends.split() if name != "scene_range"])
+    scene.frame_end += max(frames_behind(ob, scene), 0)
 
 
 def _use(mode: str) -> Mend:
@@ -159,8 +166,6 @@ def _unmute(ob) -> None:
         if strip.name in names or strip.channel == ob.anyface_audio.channel:
             strip.mute = False
 
-
-_LATE = re.compile(re.escape(late_take(0)).replace("0", r"(\d+)"))
 
 _MENDS = {
     "use_basis": _use("basis"),

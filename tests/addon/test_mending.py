@@ -119,15 +119,32 @@ def test_a_take_that_outlasts_the_scene_offers_to_extend_it(addon, tmp_path):
     scene.frame_end = 20
     assert bpy.ops.anyface.generate() == {"FINISHED"}
     # The take begins at frame 1.
-    last = int(ob.anyface.report.split(" frames")[0])
-    assert f"the scene ends {last - 20} frames before the take" in ob.anyface.report
-    assert offered(addon, ob) == ["Set Scene Range"]
+    last = ob.anyface.last_frame
+    assert last == int(ob.anyface.report.split(" frames")[0])
+    late = f"The scene ends {last - 20} frames before the take"
+    assert offered(addon, ob) == [late, "Set Scene Range"]
+    # What the artist does about it himself counts, and the report may say what it likes.
+    scene.frame_end, ob.anyface.report = 30, "Spricht"
+    assert offered(addon, ob)[0] == late.replace(str(last - 20), str(last - 30))
     assert bpy.ops.anyface.mend(name="scene_range") == {"FINISHED"}
-    assert scene.frame_end == last
-    assert "new keys" in ob.anyface.report and "scene ends" not in ob.anyface.report
+    assert scene.frame_end == last and ob.anyface.report == "Spricht"
     assert offered(addon, ob) == []
+    ob.anyface_output.shift = 5.0
+    assert offered(addon, ob)[0] == "The scene ends 5 frames before the take"
+    assert bpy.ops.anyface.remove() == {"FINISHED"}
+    assert offered(addon, ob) == []
+
+
+def test_each_take_knows_its_last_frame(addon, tmp_path):
+    ob = heard(tmp_path, grid())
     assert bpy.ops.anyface.generate() == {"FINISHED"}
-    assert "scene ends" not in ob.anyface.report
+    first = ob.anyface.last_frame
+    ob.anyface_output.new_take, ob.anyface.start_frame = True, 101
+    assert bpy.ops.anyface.generate() == {"FINISHED"}
+    assert ob.anyface.last_frame == first + 100
+    waits = next(row for row in addon("scene.takes.take_list").rows(ob) if row.state == "WAITS")
+    assert bpy.ops.anyface.take_switch(take=waits.id) == {"FINISHED"}
+    assert ob.anyface.last_frame == first
 
 
 def test_a_part_that_was_deleted_is_dropped(addon, tmp_path):
