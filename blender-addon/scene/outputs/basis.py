@@ -3,6 +3,7 @@
 from ...core import systems
 from ...core.estimate import KEYFRAME, VERTEX, Cost, between
 from ...core.plan import PackSliders
+from ..animation import curves
 from ..face import emotion_mask, mesh
 from ..shape_keys import slider_changes
 from .output import PREFIX, Output, write_weights
@@ -40,8 +41,9 @@ class Basis(Output):
 
     def write(self, ob, take, rest, at, taken):
         basis = take.motion
-        taken.first_frame = float(at[1])
-        taken.frame_step = float(at[-2] - at[1]) / max(take.frame_count - 1, 1)
+        first = at[curves.rests_before(at, take.frame_count)]
+        taken.first_frame = float(first)
+        taken.frame_step = float(at[-2] - first) / max(take.frame_count - 1, 1)
         taken.still = basis.why_missing
         slider_changes.write(ob.data.shape_keys, taken, basis.packed)
         lowest = basis.weights.min(axis=0, initial=0.0)
