@@ -13,8 +13,6 @@ from . import identity, outputs
 class Kind:
     """A kind of file: its ending, the exporter's operator, the add-on that brings it, and what it
     is told beside the path.
-
-    `lacks` are names of outputs whose motion such a file cannot hold.
     """
 
     label: str
@@ -24,7 +22,6 @@ class Kind:
     module: str
     selection: str
     switches: dict
-    lacks: tuple[str, ...] = ()
 
 
 KINDS = {
@@ -46,7 +43,6 @@ KINDS = {
             # Frames before 0 go, rather than that everything else is late.
             "export_negative_frame": "CROP",
         },
-        ("cache", "frames"),
     ),
     "FBX": Kind(
         "FBX",
@@ -62,7 +58,6 @@ KINDS = {
             "bake_anim": True,
             "bake_anim_simplify_factor": 0.0,
         },
-        ("cache", "frames"),
     ),
     "USD": Kind(
         "USD",
@@ -72,7 +67,6 @@ KINDS = {
         "",
         "selected_objects_only",
         {"export_animation": True, "export_shapekeys": True},
-        ("frames",),
     ),
     "ABC": Kind(
         "Alembic",
@@ -83,12 +77,6 @@ KINDS = {
         "selected",
         {"as_background_job": False},
     ),
-}
-_REMEDY = {
-    "cache": "the motion lies in a point cache, which {} does not hold: choose USD or Alembic, or "
-    "generate New Keys",
-    "frames": "the take has one key per frame, which {} cannot play: choose Alembic, or generate "
-    "New Keys",
 }
 
 
@@ -107,8 +95,8 @@ def write(ob, kind: Kind, path: str, whole_scene: bool) -> None:
         on = f": turn the add-on {kind.module} on" if kind.module else ""
         raise AnyfaceError("input", f"this Blender has no exporter for {kind.label}{on}")
     output = outputs.of_object(ob)
-    if output is not None and output.name in kind.lacks:
-        raise AnyfaceError("input", _REMEDY[output.name].format(kind.label))
+    if output is not None and kind.label in output.lost_in:
+        raise AnyfaceError("input", output.lost_in[kind.label])
     group, name = kind.operator.split(".")
     call = getattr(getattr(bpy.ops, group), name)
     known = call.get_rna_type().properties.keys()

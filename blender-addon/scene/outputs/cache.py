@@ -38,6 +38,11 @@ class Cache(Output):
     )
     finished = "a cache holds the finished motion: use New Keys"
     in_files = True
+    lost_in = {
+        name: f"the motion lies in a point cache, which {name} does not hold: choose USD or "
+        "Alembic, or generate New Keys"
+        for name in ("glTF", "FBX")
+    }
     options = ("cache_folder",)
 
     def check_object(self, ob):

@@ -19,6 +19,11 @@ class Frames(Output):
     label = "Every Frame"
     help = "One absolute shape key per frame; exact and large, needs a mesh without own keys"
     finished = "a key for every frame holds the finished motion: use New Keys"
+    lost_in = {
+        name: f"the take has one key per frame, which {name} cannot play: choose Alembic, or "
+        "generate New Keys"
+        for name in ("glTF", "FBX", "USD")
+    }
     cannot_wait = "one key per frame cannot wait beside others: use New Keys"
 
     def check_object(self, ob):

@@ -1,6 +1,8 @@
 """What all ways to write a take have in common."""
 
+from collections.abc import Mapping
 from dataclasses import dataclass, field
+from types import MappingProxyType
 
 import bpy
 import numpy as np
@@ -61,6 +63,8 @@ class Output:
     redoes = False
     # Why a written take cannot be changed, or cannot wait beside others, in words.
     finished = cannot_wait = ""
+    # Formats of `scene.export` that cannot hold its motion, and what to do instead.
+    lost_in: Mapping[str, str] = MappingProxyType({})
 
     def check_object(self, ob) -> None:
         """Raises `AnyfaceError` with the remedy where `ob`, or one beside it, cannot be written."""
