@@ -8,7 +8,7 @@ import bpy
 from bpy.types import AddonPreferences, Menu, Operator, Panel, UIList
 
 from . import command
-from .scene import copies, usd
+from .scene import copies, stale, usd
 from .scene import live as following
 from .scene.gltf import after_export as glTF2_post_export_callback  # noqa: F401 - glTF's exporter
 from .scene.gltf import before_export as glTF2_pre_export_callback  # noqa: F401 - calls them
@@ -61,7 +61,7 @@ _MODULES = (
 _KINDS = (AddonPreferences, Menu, Operator, Panel, UIList)
 # What has more to add than classes: before them, and after them.
 _SETTINGS = (pictures, emotion_plot, properties, scene_list)
-_OTHERS = (landmarks, panel, sample_head, command, running, copies, following, usd)
+_OTHERS = (landmarks, panel, sample_head, command, running, copies, following, usd, stale)
 # In the order in which Blender gets them.
 _CLASSES = [
     cls

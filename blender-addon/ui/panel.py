@@ -8,7 +8,7 @@ import bpy
 from bpy.props import BoolProperty
 from bpy.types import Panel
 
-from ..scene import live, outputs
+from ..scene import live, outputs, stale
 from . import audio, mending, mixture, presets, running, words
 from .operators import redraw
 from .target import sequencer_scene, target
@@ -126,6 +126,11 @@ def _draw_report(layout, ob, width: int) -> None:
         box.alert = settings.report_is_error
         icon = "ERROR" if settings.report_is_error else "CHECKMARK"
         words.draw(box, settings.report, width, icon)
+    old = stale.of(ob)
+    if old and not running.is_running():
+        box = layout.box().column(align=True)
+        box.alert = True
+        words.draw(box, old, width, "ERROR")
     mending.draw(layout, ob)
 
 
