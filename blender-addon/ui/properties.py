@@ -14,7 +14,7 @@ from bpy.types import PropertyGroup
 
 from ..core import systems
 from ..core.emotion import MAX_INTENSITY
-from ..scene import identity, outputs
+from ..scene import identity, live, outputs
 from . import (
     audio,
     character,
@@ -83,10 +83,18 @@ class AnyfaceCharacter(PropertyGroup):
         options=set(),
     )
     emotion_source: EnumProperty(
-        name="Emotion", items=_EMOTION_SOURCES, default="GIVEN", options=set()
+        name="Emotion",
+        items=_EMOTION_SOURCES,
+        default="GIVEN",
+        options=set(),
+        update=live.feel,
     )
     emotion: EnumProperty(
-        name="Emotion", description="Can be animated", items=mixture.ITEMS, default="neutral"
+        name="Emotion",
+        description="Can be animated",
+        items=mixture.ITEMS,
+        default="neutral",
+        update=live.feel,
     )
     emotion_face: EnumProperty(
         name="Emotion",
@@ -105,6 +113,7 @@ class AnyfaceCharacter(PropertyGroup):
         min=0.0,
         max=MAX_INTENSITY,
         subtype="FACTOR",
+        update=live.feel,
     )
     # Emotions beside the first one, and the same as text, for presets and takes.
     mixture: CollectionProperty(type=mixture.AnyfaceEmotion, options=set())
