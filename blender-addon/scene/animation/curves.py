@@ -166,6 +166,13 @@ def remove(animation_data, data_paths: set[str]) -> None:
         bag.groups.remove(group)
 
 
+def of_group(animation_data) -> list:
+    """The curves that we have made in the assigned action."""
+    bag = channels(animation_data)
+    group = bag.groups.get(_GROUP) if bag is not None else None
+    return list(group.channels) if group is not None else []
+
+
 def assign(holder, action) -> None:
     """Lets animation data, or a strip of the NLA, play an action of ours."""
     if holder.action != action:
