@@ -51,8 +51,7 @@ class ANYFACE_OT_generate(WithSound, InThread, Operator):
         ob.anyface.report, ob.anyface.report_is_error = text, False
         mending.keep(ob, mends)
         panel_settings.note(ob, snapshot.asked, text)
-        late = mending.frames_behind(ob, bpy.context.scene)
-        return f"{text} ({mending.late_take(late)})" if late > 0 else text
+        return " ".join([text, *(f"({more})" for more in mending.said_of_scene(ob))])
 
     def fail(self, error, ob=None):
         """Keeps the error in the panel as well."""

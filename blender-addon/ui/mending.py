@@ -15,6 +15,7 @@ from ..core.errors import AnyfaceError
 from ..scene import outputs
 from ..scene.face import mouth
 from ..scene.sound import sequencer
+from . import words
 from .operators import Alone
 from .target import is_there, sequencer_scene
 
@@ -49,8 +50,7 @@ def kept(ob) -> list[str]:
     if ob.library is not None:
         return ["make_local"]
     names = ob.anyface.report_mends.split()
-    if not ob.anyface.report_is_error and frames_behind(ob, bpy.context.scene) > 0:
-        names.append("scene_range")
+    names += [] if ob.anyface.report_is_error else [name for name, text in _of_scene(ob) if text]
     if ob.anyface.report and "open_mouth" not in names and mouth.is_welded(ob):
         names.append("open_mouth")
     return [name for name in names if name in (*_OPERATORS, *_SETTINGS, *_MENDS)]
@@ -61,12 +61,26 @@ def keep(ob, names) -> None:
     ob.anyface.report_mends = " ".join(names)
 
 
-def draw(layout, ob) -> None:
+def _of_scene(ob) -> list[tuple[str, str]]:
+    """Mends that the scene may need for the take of `ob`, and what is to be said of each."""
+    scene = bpy.context.scene
+    behind = frames_behind(ob, scene)
+    late = late_take(behind) if behind > 0 else ""
+    return [("scene_range", late), ("stretching_off", stretched(ob, scene))]
+
+
+def said_of_scene(ob) -> list[str]:
+    """What the scene may need for the take of `ob`, in words."""
+    return [text for _, text in _of_scene(ob) if text]
+
+
+def draw(layout, ob, width: int) -> None:
     """Draws a button for each mend."""
     column = layout.column(align=True)
     for name in kept(ob):
-        if name == "scene_range":
-            column.label(text=late_take(frames_behind(ob, bpy.context.scene)), icon="INFO")
+        text = dict(_of_scene(ob)).get(name, "")
+        if text:
+            words.draw(column, text, width, "INFO")
         if name in _SETTINGS:
             column.prop(ob.anyface, _SETTINGS[name])
         elif name in _OPERATORS:
@@ -114,6 +128,22 @@ def frames_behind(ob, scene) -> int:
 def late_take(frames: int) -> str:
     """What is said of a take that goes on so many frames behind the end of the scene."""
     return f"The scene ends {frames} frames before the take"
+
+
+def stretched(ob, scene) -> str:
+    """What is said of a scene that plays a take at another speed than its sound; else empty."""
+    old, new = scene.render.frame_map_old, scene.render.frame_map_new
+    if old == new or not ob.anyface.last_frame:
+        return ""
+    return (
+        f"Time Stretching (Output properties) plays the face at {old / new:.3g} times its speed, "
+        "and its sound at its own"
+    )
+
+
+def _turn_stretching_off(ob) -> None:
+    render = bpy.context.scene.render
+    render.frame_map_old = render.frame_map_new = 100
 
 
 def _extend_scene(ob) -> None:
@@ -198,6 +228,13 @@ _MENDS = {
         "PREVIEW_RANGE",
         "Let the scene end with the take",
         _extend_scene,
+        keeps_report=True,
+    ),
+    "stretching_off": Mend(
+        "Turn Time Stretching Off",
+        "TIME",
+        "Let the scene play at the speed of its sound",
+        _turn_stretching_off,
         keeps_report=True,
     ),
     "unmute": Mend("Unmute", "PLAY_SOUND", "Unmute the strips that speak", _unmute),

@@ -131,7 +131,7 @@ def _draw_report(layout, ob, width: int) -> None:
         box = layout.box().column(align=True)
         box.alert = True
         words.draw(box, old, width, "ERROR")
-    mending.draw(layout, ob)
+    mending.draw(layout, ob, width)
 
 
 def register() -> None:

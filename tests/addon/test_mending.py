@@ -3,9 +3,10 @@
 from types import SimpleNamespace
 
 import bpy
+import numpy as np
 import pytest
 
-from figures import grid, own_keys, stand_in, strip, tone
+from figures import grid, own_keys, shape, stand_in, strip, tone
 from test_first_minutes import heard
 from test_panels import Paper
 
@@ -19,7 +20,7 @@ def stage(addon):
 def offered(addon, ob):
     """The texts of the buttons below the report."""
     words = []
-    addon("ui.mending").draw(Paper(words), ob)
+    addon("ui.mending").draw(Paper(words), ob, 4000)
     return [text for text, _ in words if text]
 
 
@@ -133,6 +134,20 @@ def test_a_take_that_outlasts_the_scene_offers_to_extend_it(addon, tmp_path):
     assert offered(addon, ob)[0] == "The scene ends 5 frames before the take"
     assert bpy.ops.anyface.remove() == {"FINISHED"}
     assert offered(addon, ob) == []
+
+
+def test_time_stretching_is_told_and_turned_off(addon, tmp_path):
+    ob, render = heard(tmp_path, grid()), bpy.context.scene.render
+    assert bpy.ops.anyface.generate() == {"FINISHED"}
+    assert offered(addon, ob) == []
+    there = shape(ob, 21)
+    render.frame_map_old, render.frame_map_new = 200, 100
+    assert not np.allclose(shape(ob, 21), there)
+    said, button = offered(addon, ob)
+    assert "plays the face at 2 times its speed" in said and button == "Turn Time Stretching Off"
+    assert bpy.ops.anyface.mend(name="stretching_off") == {"FINISHED"}
+    assert offered(addon, ob) == [] and np.array_equal(shape(ob, 21), there)
+    assert "new keys" in ob.anyface.report
 
 
 def test_each_take_knows_its_last_frame(addon, tmp_path):
