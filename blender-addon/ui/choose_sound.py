@@ -26,6 +26,8 @@ class ANYFACE_OT_choose_sound(WithFile, Operator):
         """Adds the strip and lets the face follow it; what an earlier report said is past."""
         if not self.path.is_file():
             raise AnyfaceError("audio", f"no sound file at {self.filepath or 'an empty path'}")
+        if self.path.stat().st_size == 0:
+            raise AnyfaceError("audio", f"{self.path.name} is empty: choose another sound file")
         scene = sequencer_scene(bpy.context)
         for block in (ob, scene):
             if block.library is not None:
