@@ -1,7 +1,5 @@
 """The N-panel "Anyface" of the 3D view: one screen that suffices, and the rest under *More*."""
 
-import tomllib
-from functools import cache
 from pathlib import Path
 
 import bpy
@@ -13,15 +11,10 @@ from . import audio, mending, mixture, presets, running, words
 from .operators import redraw
 from .target import sequencer_scene, target
 
-_MANIFEST = Path(__file__).resolve().parents[1] / "blender_manifest.toml"
+# The manual, which the zip brings along.
+HELP = Path(__file__).resolve().parents[1] / "help.txt"
 # The share of a line that its name takes, as Blender splits properties.
 _NAME_SHARE = 0.4
-
-
-@cache
-def website() -> str:
-    """The address of the documentation, as the manifest tells it."""
-    return tomllib.loads(_MANIFEST.read_text(encoding="utf-8"))["website"]
 
 
 class Sidebar:
@@ -58,9 +51,10 @@ class ANYFACE_PT_main(Sidebar, Panel):
     bl_label = "Anyface"
 
     def draw_header_preset(self, _context):
-        """Draws the way to the documentation at the right of the header."""
-        link = self.layout.operator("wm.url_open", text="", icon="HELP", emboss=False)
-        link.url = website()
+        """Draws the way to the manual at the right of the header."""
+        if HELP.is_file():
+            link = self.layout.operator("wm.path_open", text="", icon="HELP", emboss=False)
+            link.filepath = str(HELP)
 
     def draw(self, context):
         """Draws the panel."""

@@ -1,5 +1,6 @@
 """Every panel is drawn on paper: a layout that knows what Blender's own takes."""
 
+import tomllib
 from types import SimpleNamespace
 
 import bpy
@@ -229,8 +230,21 @@ def test_shares_are_said_in_words(addon):
     assert share(1.0).startswith("nearly all") and share(0.1).startswith("less than half")
 
 
-def test_the_documentation_is_linked(addon, stage):
-    assert addon("ui.panel").website().startswith("https://")
+def test_the_manual_is_there_without_internet(addon, stage, installed):
+    path, words = addon("ui.panel").HELP, []
+    assert path.parent == installed and path.read_text(encoding="utf-8").startswith("# Anyface in")
+    panel = SimpleNamespace(layout=Paper(words))
+    addon("ui.panel").ANYFACE_PT_main.draw_header_preset(panel, None)
+    assert len(words) == 1
+
+
+def test_the_manifest_tells_what_is_true(installed):
+    manifest = tomllib.loads((installed / "blender_manifest.toml").read_text(encoding="utf-8"))
+    # There is no page of it yet.
+    assert "website" not in manifest
+    assert manifest["copyright"] == ["2026 The Anyface authors"]
+    files = manifest["permissions"]["files"]
+    assert len(files) <= 64 and "exports" in files and "caches" in files
 
 
 def test_size_and_time_are_told_before(addon, stage, tmp_path):
