@@ -84,7 +84,7 @@ class ANYFACE_OT_why_not(Operator):
     """Why this output cannot work here"""
 
     bl_idname = "anyface.why_not"
-    bl_label = "Why Not"
+    bl_label = "Why Unavailable?"
     bl_options = {"INTERNAL"}
 
     reason: StringProperty()

@@ -128,6 +128,7 @@ def test_controls_are_drawn_where_they_belong(addon, stage, monkeypatch):
 
         return noted
 
+    monkeypatch.setattr(addon("ui.preferences"), "shows_research", lambda: True)
     draw_all(addon)
     assert ("system" in shown) == (len(addon("core.systems").known()) > 1)
     more = shown.index("seed")
@@ -142,6 +143,49 @@ def test_controls_are_drawn_where_they_belong(addon, stage, monkeypatch):
     shown.clear()
     draw_all(addon)
     assert "emotion" in shown and "articulation" not in shown
+
+
+RESEARCH = ("guidance", "template", "decoder", "field", "noise", "steps")
+
+
+@pytest.mark.parametrize("system", ["freetalk", "cafe-talk", "emoface", "facetalk"])
+def test_words_of_research_are_shown_to_whoever_wants_them(addon, stage, monkeypatch, system):
+    ob, systems = grid(), addon("core.systems")
+    ob.anyface.system = system
+    assert not addon("ui.preferences").shows_research(), "off unless it is wanted"
+    shown = []
+    draw = Paper.__getattr__
+
+    def noting(self, name):
+        call = draw(self, name)
+        return lambda *a, **b: (shown.extend(a[1:2] if name == "prop" else ()), call(*a, **b))[1]
+
+    monkeypatch.setattr(Paper, "__getattr__", noting)
+    draw_all(addon)
+    told = systems.by_name(system).controls
+    wanted = [c.name for c in told if any(word in c.name for word in RESEARCH)]
+    assert wanted and not set(wanted) & set(shown) and "articulation" in shown
+    # What somebody has changed does not act unseen.
+    first = next(c for c in told if c.name in wanted and not c.choices)
+    name = first.name
+    other = first.high if first.default < first.high else first.low
+    setattr(ob.anyface, name, int(other) if first.values == systems.WHOLE else other)
+    shown.clear()
+    draw_all(addon)
+    assert set(wanted) & set(shown) == {name}
+    addons = bpy.context.preferences.addons["bl_ext.user_default.anyface"]
+    addons.preferences.research = True
+    try:
+        shown.clear()
+        draw_all(addon)
+        assert set(wanted) <= set(shown)
+    finally:
+        addons.preferences.research = False
+
+
+def test_buttons_are_called_what_they_do(addon):
+    assert addon("ui.sounds").ANYFACE_OT_redo.bl_label == "Redo Stretch"
+    assert addon("ui.outputs").ANYFACE_OT_why_not.bl_label == "Why Unavailable?"
 
 
 def drawn_main(addon):
