@@ -11,7 +11,7 @@ from functools import partial
 import bpy
 import numpy as np
 
-from ..core import measure, perform, plan, systems
+from ..core import measure, perform, plan, systems, wording
 from ..core.emotion import Share
 from ..core.errors import AnyfaceError
 from ..core.job import BEGUN, Progress, at_once
@@ -280,7 +280,7 @@ def landing(ob, snapshot: Snapshot, take: Take):
     notes += [] if take.motion.files else guard.notes(ob)
     notes += output.notes(ob, asked)
     if ob.library is None:
-        ob.anyface.mouth = take.mouth
+        ob.anyface.mouth, ob.anyface.report_details = take.mouth, details(ob, take)
         ob.anyface.last_frame = int(take.scene_frames(start, scene_fps)[-1])
     if take.mouth == "welded":
         notes.append(mouth.WELDED)
@@ -309,9 +309,15 @@ def _takes(made) -> list[Take]:
 
 
 def describe(take: Take) -> str:
-    """One line: "150 frames, moves by up to 9.1 mm, 31 new keys, exact to 0.10 mm"."""
-    text = f"{take.frame_count} frames, moves by up to {take.largest_mm:.1f} mm"
-    return f"{text}, {outputs.of_take(take).describe(take)}"
+    """One line of counts: "150 frames, 31 shape keys"."""
+    return f"{take.frame_count} frames, {outputs.of_take(take).describe(take)}"
+
+
+def details(ob, take: Take) -> str:
+    """What only some want to know: "moves by up to 9.1 mm, exact to 0.10 mm"."""
+    is_human = mesh.is_of_human_size(ob)
+    found = [f"moves by up to {wording.length(take.largest_mm, is_human)}"]
+    return ", ".join(found + outputs.of_take(take).details(take, is_human))
 
 
 def find_sound(scene, settings: Settings, engine) -> SoundSource:

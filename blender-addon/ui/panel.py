@@ -120,6 +120,8 @@ def _draw_report(layout, ob, width: int) -> None:
         box.alert = settings.report_is_error
         icon = "ERROR" if settings.report_is_error else "CHECKMARK"
         words.draw(box, settings.report, width, icon)
+        if settings.report_details and not settings.report_is_error:
+            _draw_details(box, settings.report_details, width)
     old = stale.of(ob)
     if old and not running.is_running():
         box = layout.box().column(align=True)
@@ -128,15 +130,32 @@ def _draw_report(layout, ob, width: int) -> None:
     mending.draw(layout, ob, width)
 
 
+def _draw_details(box, text: str, width: int) -> None:
+    manager = bpy.context.window_manager
+    icon = "DISCLOSURE_TRI_DOWN" if manager.anyface_details else "DISCLOSURE_TRI_RIGHT"
+    row = box.row()
+    row.alignment = "LEFT"
+    row.prop(manager, "anyface_details", icon=icon, emboss=False)
+    if manager.anyface_details:
+        words.draw(box, text, width)
+
+
 def register() -> None:
-    """Adds whether *More* is open."""
+    """Adds whether *More*, and what the report says in detail, is open."""
     bpy.types.WindowManager.anyface_more = BoolProperty(
         name="More",
         description="Face, performance, life, output and takes in detail",
         update=lambda _self, context: redraw(context),
     )
 
+    bpy.types.WindowManager.anyface_details = BoolProperty(
+        name="Details",
+        description="How far the face moves, and how exact the take is",
+        update=lambda _self, context: redraw(context),
+    )
+
 
 def unregister() -> None:
-    """Takes it away."""
+    """Takes both away."""
+    del bpy.types.WindowManager.anyface_details
     del bpy.types.WindowManager.anyface_more

@@ -177,6 +177,8 @@ class AnyfaceCharacter(PropertyGroup):
     report_is_error: BoolProperty(options={"HIDDEN"})
     # The last scene frame of the take as it was made, 0 without one.
     last_frame: IntProperty(options={"HIDDEN"})
+    # What only some want to know of it.
+    report_details: StringProperty(options={"HIDDEN"})
     # How the lips met in the last take, one of `core.take.MOUTHS`.
     mouth: StringProperty(options={"HIDDEN"})
     # What is offered with the report: names of `ui.mending`.

@@ -121,4 +121,5 @@ class ANYFACE_OT_redo(WithSound, InThread, Operator):
         """Writes the new frames."""
         text = yield from redo.landing(ob, bpy.data.scenes[self._scene], wanted, made)
         ob.anyface.report, ob.anyface.report_is_error = text, False
+        ob.anyface.report_details = ""
         return text

@@ -147,7 +147,7 @@ def test_time_stretching_is_told_and_turned_off(addon, tmp_path):
     assert "plays the face at 2 times its speed" in said and button == "Turn Time Stretching Off"
     assert bpy.ops.anyface.mend(name="stretching_off") == {"FINISHED"}
     assert offered(addon, ob) == [] and np.array_equal(shape(ob, 21), there)
-    assert "new keys" in ob.anyface.report
+    assert "shape keys" in ob.anyface.report
 
 
 def test_each_take_knows_its_last_frame(addon, tmp_path):

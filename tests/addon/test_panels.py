@@ -308,3 +308,33 @@ def test_long_text_is_wrapped_to_what_fits_beside_an_icon(addon):
     letters = addon("ui.words").letters
     assert letters(280, False) == 37 and letters(280, True) == 34
     assert letters(560, False) > 70 and letters(90, True) == 20
+
+
+def test_the_report_counts_and_has_details_on_demand(addon, stage, tmp_path):
+    ob = grid()
+    ob.anyface.source, ob.anyface.sound_file = "FILE", tone(tmp_path / "tone.wav")
+    assert bpy.ops.anyface.generate() == {"FINISHED"}
+    manager, said = bpy.context.window_manager, " ".join(drawn_main(addon))
+    assert ob.anyface.report.startswith("48 frames, 6 shape keys") and "mm" not in said
+    assert "Details" not in said, "the name of the property is drawn"
+    manager.anyface_details = True
+    try:
+        said = " ".join(drawn_main(addon))
+        assert "moves by up to 5.0 mm" in said and "exact to 0.00 mm" in said
+    finally:
+        manager.anyface_details = False
+
+
+def test_lengths_are_those_of_the_face_that_is_there(addon, stage, tmp_path):
+    for scale, said in ((0.2, "5.0 mm"), (40.0, "2.2 % of the head's height"), (0.01, "2.2 %")):
+        ob = grid(scale=scale)
+        ob.anyface.source, ob.anyface.sound_file = "FILE", tone(tmp_path / "tone.wav")
+        assert bpy.ops.anyface.generate() == {"FINISHED"}
+        assert f"moves by up to {said}" in ob.anyface.report_details
+        assert ("mm" in ob.anyface.report_details) == (scale == 0.2)
+    # Units of the scene count: 40 of them may be centimetres.
+    bpy.context.scene.unit_settings.scale_length = 0.01
+    ob = grid(scale=40.0)
+    ob.anyface.source, ob.anyface.sound_file = "FILE", tone(tmp_path / "tone.wav")
+    assert bpy.ops.anyface.generate() == {"FINISHED"}
+    assert "mm" in ob.anyface.report_details

@@ -104,7 +104,7 @@ def test_a_first_talking_head(screen, photographs):  # noqa: F811
     screen.press("anyface.generate")
     screen.wait("keys() and not running()")
     report = screen.ask(REPORT)
-    assert "new keys" in report and "Sync to Audio" in report
+    assert "shape keys" in report and "Sync to Audio" in report
     assert screen.ask("answer = bpy.context.scene.sync_mode") == "AUDIO_SYNC"
     screen.ask("bpy.context.scene.frame_set(50)")
     screen.hand("sleep", "1.5")

@@ -1,6 +1,6 @@
 """A few shape keys whose animated weights add up to the motion."""
 
-from ...core import systems
+from ...core import systems, wording
 from ...core.estimate import KEYFRAME, VERTEX, Cost, between
 from ...core.plan import PackSliders
 from ..animation import curves
@@ -37,7 +37,10 @@ class Basis(Output):
         return PackSliders()
 
     def describe(self, take):
-        return f"{len(take.motion.vectors)} new keys, exact to {take.motion.error_mm:.2f} mm"
+        return f"{len(take.motion.vectors)} shape keys"
+
+    def details(self, take, is_human):
+        return [f"exact to {wording.length(take.motion.error_mm, is_human, 2)}"]
 
     def write(self, ob, take, rest, at, taken):
         basis = take.motion

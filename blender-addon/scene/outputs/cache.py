@@ -81,7 +81,11 @@ class Cache(Output):
         return WriteCaches(paths, math.ceil(curves.EASE_S * fps))
 
     def describe(self, take):
-        return f"cache {', '.join(bpy.path.basename(file.path) for file in take.motion.files)}"
+        files = take.motion.files
+        return "a cache" if len(files) == 1 else f"caches of {len(files)} objects"
+
+    def details(self, take, is_human):
+        return [bpy.path.basename(file.path) for file in take.motion.files]
 
     def check_files(self, take):
         for file in take.motion.files:

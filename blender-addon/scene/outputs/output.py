@@ -99,8 +99,12 @@ class Output:
         return Plan()
 
     def describe(self, take: Take) -> str:
-        """What was made: "31 new keys, exact to 0.10 mm"."""
+        """What was made, as counts: "31 shape keys"."""
         raise NotImplementedError
+
+    def details(self, take: Take, is_human: bool) -> list[str]:
+        """What only some want to know: "exact to 0.10 mm"; lengths as `wording.length` has them."""
+        return []
 
     def notes(self, ob, asked: OutputSettings) -> list[str]:
         """What the artist should know besides."""

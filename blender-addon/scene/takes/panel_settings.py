@@ -6,7 +6,7 @@ from ..shape_keys import record
 
 # Property groups of an object; those of the output that act on a take are no settings.
 GROUPS = ("anyface", "anyface_audio", "anyface_life_settings")
-_REPORT, _LAST = "report", "last_frame"
+_REPORT, _LAST, _DETAILS = "report", "last_frame", "report_details"
 # What shows a setting in another way.
 _SHOWN = ("emotion_face",)
 _KINDS = {"BOOLEAN", "INT", "FLOAT", "STRING", "ENUM"}
@@ -24,7 +24,12 @@ def note(ob, asked: dict, report: str, heard_emotion: HeardEmotion | None = None
     with the take that plays on `ob`."""
     taken = record.read(ob.data.shape_keys) if outputs.has_take(ob) else None
     if taken is not None:
-        taken.asked = {**asked, _REPORT: report, _LAST: ob.anyface.last_frame}
+        taken.asked = {
+            **asked,
+            _REPORT: report,
+            _LAST: ob.anyface.last_frame,
+            _DETAILS: ob.anyface.report_details,
+        }
         if heard_emotion is not None:
             taken.heard_emotion = heard_emotion.to_plain()
         record.write(ob.data.shape_keys, taken)
@@ -46,13 +51,16 @@ def bring_back(ob) -> None:
     if _REPORT in asked:
         ob.anyface.report, ob.anyface.report_is_error = asked[_REPORT], False
     ob.anyface.last_frame = asked.get(_LAST, 0)
+    ob.anyface.report_details = asked.get(_DETAILS, "")
 
 
 def _values(group) -> dict:
     names = [p.identifier for p in group.bl_rna.properties if p.type in _KINDS]
     own = [name for name in names if not group.is_property_readonly(name)]
     return {
-        name: getattr(group, name) for name in own if name not in ("name", _REPORT, _LAST, *_SHOWN)
+        name: getattr(group, name)
+        for name in own
+        if name not in ("name", _REPORT, _LAST, _DETAILS, *_SHOWN)
     }
 
 

@@ -2,7 +2,7 @@
 
 import numpy as np
 
-from ...core import redo, sliders
+from ...core import redo, sliders, wording
 from ...core.errors import AnyfaceError
 from ...core.job import BEGUN
 from ...core.redo_film import FilmRedo
@@ -109,7 +109,8 @@ def write(ob, scene, wanted: redo.Redo, made: redo.Redone) -> str:
     if by_mm < _NOTHING_MM:
         return f"{text} as they were: change the seed, the emotion or the strips first"
     left_out = max(fit.left_out for fit in made.fits.values())
-    text += f", other by {by_mm:.1f} mm at most" + (f", {more} more keys" if more else "")
+    by = wording.length(by_mm, mesh.is_of_human_size(ob))
+    text += f", other by {by} at most" + (f", {more} more keys" if more else "")
     return text + (f", keys show {1.0 - left_out:.0%} of it" if left_out > 0.1 else "")
 
 
