@@ -129,7 +129,7 @@ def _hook():
     if not hasattr(bpy.types, "USDHook"):
         return None
     # Where Blender is a Python module its USD has to be asked for.
-    if bpy.app.module and hasattr(bpy.utils, "expose_bundled_modules"):
+    if getattr(bpy.app, "module", False) and hasattr(bpy.utils, "expose_bundled_modules"):
         bpy.utils.expose_bundled_modules()
     # Without it Blender would end at the first export.
     if importlib.util.find_spec("pxr") is None:

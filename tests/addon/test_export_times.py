@@ -72,6 +72,12 @@ def world(ob, frames):
     return np.array(found)
 
 
+def needs_usd(addon, kind="usd"):
+    """Some Blenders, as a Python module too, have no USD that Python reaches."""
+    if kind == "usd" and not addon("scene.usd")._registered:
+        pytest.skip("no USD here")
+
+
 def button(path):
     """What *Export Talking Head…* does."""
     assert bpy.ops.anyface.export(filepath=path) == {"FINISHED"}
@@ -80,7 +86,8 @@ def button(path):
 @pytest.mark.parametrize("by", ["menu", "button"])
 @pytest.mark.parametrize("rate", RATES)
 @pytest.mark.parametrize("kind", FORMATS)
-def test_what_comes_back_moves_with_the_sound(stage, tmp_path, kind, rate, by):
+def test_what_comes_back_moves_with_the_sound(stage, addon, tmp_path, kind, rate, by):
+    needs_usd(addon, kind)
     module, ending, write, read = FORMATS[kind]
     write = write if by == "menu" else button
     if module:
@@ -112,6 +119,7 @@ def test_what_comes_back_moves_with_the_sound(stage, tmp_path, kind, rate, by):
 
 
 def test_a_usd_file_has_weights_that_nobody_clamps(stage, addon, tmp_path):
+    needs_usd(addon)
     ob, _ = speaking(stage, tmp_path, "24")
     mask(addon, ob)
     before, path = world(ob, FRAMES), str(tmp_path / "head.usdc")
@@ -161,6 +169,7 @@ def test_no_keyframe_lies_before_the_scene(stage, tmp_path, mode, start):
 
 
 def test_the_button_exports_the_face_with_its_parts_or_all(stage, addon, tmp_path):
+    needs_usd(addon)
     teeth = grid("Teeth_lower", 5, 0.02)
     ob, _ = speaking(stage, tmp_path, "24")
     lamp = bpy.data.objects.new("Lamp", None)
