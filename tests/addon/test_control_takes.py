@@ -143,7 +143,7 @@ def test_curves_lie_on_whole_frames_in_an_action_of_its_own(face):
     frames = {point.co[0] for curve in curves(action) for point in curve.keyframe_points}
     assert all(frame == int(frame) for frame in frames)
     assert np.abs(shape(face, START + 20) - shape(face, START - 20)).max() > 1e-4
-    assert shown(face) > 0.3 and "mouth" in face.anyface.report
+    assert shown(face) > 0.3 and "mouth" in face.anyface.report_details
     remove()
     assert state(face) == before
 
