@@ -8,7 +8,7 @@ import bpy
 from bpy.types import AddonPreferences, Menu, Operator, Panel, UIList
 
 from . import command
-from .scene import copies
+from .scene import copies, stale, usd
 from .scene import live as following
 from .scene.gltf import after_export as glTF2_post_export_callback  # noqa: F401 - glTF's exporter
 from .scene.gltf import before_export as glTF2_pre_export_callback  # noqa: F401 - calls them
@@ -16,10 +16,12 @@ from .ui import (
     audio,
     caches,
     character,
+    choose_sound,
     controls,
     emotion_plot,
     emotions,
     events,
+    export,
     expression_keys,
     find_controls,
     generate,
@@ -51,15 +53,15 @@ from .ui import (
 
 _MODULES = (
     preferences, generate, remove, mending, made_head, sample_head, panel, character,
-    expression_keys, landmarks, opening, audio, presets, mixture, emotions,
-    performance, events, life, outputs,
+    expression_keys, landmarks, opening, audio, choose_sound, presets, mixture, emotions,
+    performance, events, life, outputs, export,
     key_list, controls, find_controls, caches, takes, sounds, sounds_file, scene_list,
     models, heat, live,
 )  # fmt: skip
 _KINDS = (AddonPreferences, Menu, Operator, Panel, UIList)
 # What has more to add than classes: before them, and after them.
 _SETTINGS = (pictures, emotion_plot, properties, scene_list)
-_OTHERS = (landmarks, panel, sample_head, command, running, copies, following)
+_OTHERS = (landmarks, panel, sample_head, command, running, copies, following, usd, stale)
 # In the order in which Blender gets them.
 _CLASSES = [
     cls

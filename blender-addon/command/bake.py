@@ -8,7 +8,7 @@ import bpy
 from ..core import emotion, systems
 from ..core.errors import AnyfaceError
 from ..core.take import EMOTION_WORDS, Basis
-from ..scene import bake
+from ..scene import bake, stale
 from ..ui import preferences, running
 from ..ui.settings import from_object
 from . import telling
@@ -32,7 +32,9 @@ def run(options: argparse.Namespace) -> dict:
     bake.settle(take)
     if ob.library is None:
         ob.anyface.report, ob.anyface.report_is_error = text, False
-    return {"message": text, **_numbers(take)}
+    old = stale.everywhere()
+    text = " ".join([text, *(f"({note})" for note in old)])
+    return {"message": text, **_numbers(take), **({"stale_caches": old} if old else {})}
 
 
 def _numbers(take) -> dict:

@@ -68,6 +68,15 @@ def plain(error: BaseException) -> AnyfaceError:
     return found
 
 
+def details(error: AnyfaceError) -> str:
+    """The traceback of a fault that `plain` has put into words; "" for what is no fault."""
+    cause = error.__cause__
+    if error.kind != "internal" or cause is None:
+        return ""
+    lines = "".join(traceback.format_exception(cause))
+    return lines.replace("\0", " ").encode("utf-8", "backslashreplace").decode("utf-8")
+
+
 def readable(value) -> str:
     """`value` as text that can be shown and written anywhere, however it is broken."""
     try:

@@ -62,7 +62,9 @@ class LiveFace:
         self._strengths: np.ndarray | None = None
         # Numbers of the frames that `_rows` ends with, and of the sample that is pushed next.
         self._next = self._first = self._pushed = 0
-        self._ended = False
+        self._ended = self._feels_anew = False
+        # The instant that was asked for last.
+        self._shown_s = -1.0
         self._rows = np.zeros((2, _LANDMARKS, 3), dtype=np.float32)
 
     def keep(self, handles: ExitStack) -> None:
@@ -75,10 +77,13 @@ class LiveFace:
         self._handles.close()
 
     def feel(self, strengths) -> None:
-        """The emotion from the next frame on: `[15]` strengths. Raises `AnyfaceError`."""
+        """The emotion from the frame on that is next asked for: `[15]` strengths.
+
+        Raises `AnyfaceError`.
+        """
         wanted = np.ascontiguousarray(strengths, dtype=np.float32)
         if self._strengths is None or not np.array_equal(wanted, self._strengths):
-            self._strengths = wanted
+            self._strengths, self._feels_anew = wanted, True
             self._set_emotion()
 
     def at(self, seconds: float) -> np.ndarray:
@@ -91,6 +96,10 @@ class LiveFace:
             return np.zeros((self._vertices, 3), dtype=np.float32)
         # The last two rows are those of the frames `_next - 2` and `_next - 1`.
         is_behind = frame + 2 < self._next
+        # What stands still and feels anew shows it where it is.
+        if seconds == self._shown_s and self._feels_anew:
+            is_behind = True
+        self._shown_s, self._feels_anew = seconds, False
         if is_behind or frame + 2 > self._next + _MOST_AHEAD:
             self.start(max(frame - _WARM_FRAMES, 0))
         self._pull(frame + 2)

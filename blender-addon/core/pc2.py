@@ -58,6 +58,21 @@ def patched(path: Path, vertices: int, ease: int) -> np.ndarray:
     return np.memmap(path, "<f4", "r+", struct.calcsize(_HEADER), shape)
 
 
+def first_frame(path: Path, vertices: int) -> np.ndarray:
+    """The first frame `[V, 3]` of a cache of `vertices`, the mesh at rest.
+
+    Raises `AnyfaceError("file")`.
+    """
+    frames_in(path, vertices)
+    try:
+        read = np.fromfile(path, "<f4", 3 * vertices, offset=struct.calcsize(_HEADER))
+    except OSError as error:
+        raise AnyfaceError("file", f"{path}: {error.strerror or error}") from error
+    if len(read) != 3 * vertices:
+        raise AnyfaceError("file", f"{path.stem}: not a whole cache: generate again")
+    return read.reshape(-1, 3)
+
+
 def frames_in(path: Path, vertices: int) -> int:
     """How many frames a cache of `vertices` has; raises `AnyfaceError("file")`."""
     try:

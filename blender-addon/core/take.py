@@ -372,7 +372,8 @@ class Take:
     `shape_weights` are those that a system made itself: named keys get them as they are.
     `heard_emotion` is what was heard in the voice, where the take depends on it.
     `mouth` is how the lips meet, one of `MOUTHS`, `lids` what both eyes' lids do, of `LIDS`;
-    `notes` are remarks for the report.
+    `notes` are remarks for the report. No keyframe lies before the scene frame `earliest`, unless
+    the sound does.
     """
 
     fps: float
@@ -386,6 +387,7 @@ class Take:
     mouth: str = ""
     lids: tuple[str, str] = ("close", "close")
     notes: list[str] = field(default_factory=list)
+    earliest: float = -np.inf
 
     def scene_frames(self, start_frame: float, scene_fps: float) -> np.ndarray:
         """The scene frames `[T]` of its frames, of which the first lies at `start_frame`."""

@@ -11,7 +11,7 @@ from functools import partial
 import bpy
 import numpy as np
 
-from ..core import measure, perform, plan, systems
+from ..core import measure, perform, plan, systems, wording
 from ..core.emotion import Share
 from ..core.errors import AnyfaceError
 from ..core.job import BEGUN, Progress, at_once
@@ -95,6 +95,7 @@ class Snapshot:
     settings: Settings
     plan: Plan
     scene_fps: float
+    scene_start: int
     engine: object = field(repr=False)
     # What is said besides, and the panel's settings as they were.
     notes: list[str] = field(default_factory=list)
@@ -192,6 +193,7 @@ def read(ob, scene, settings: Settings, engine) -> Snapshot:
         settings=settings,
         plan=output.plan(ob, settings.output, request.fps, names),
         scene_fps=scene_fps,
+        scene_start=scene.frame_start,
         engine=engine,
         notes=notes,
         asked=panel_settings.read(ob),
@@ -263,6 +265,7 @@ def landing(ob, snapshot: Snapshot, take: Take):
     """
     follow_names(snapshot, take.motion.files)
     asked = snapshot.settings.output
+    take.earliest = float(snapshot.scene_start)
     start, scene_fps = snapshot.source.start_frame, snapshot.scene_fps
     output = outputs.of_take(take)
     yield from head_and_eyes.look(take, snapshot.settings, start, scene_fps)
@@ -278,6 +281,8 @@ def landing(ob, snapshot: Snapshot, take: Take):
     notes += output.notes(ob, asked)
     if ob.library is None:
         ob.anyface.mouth, ob.anyface.lids = take.mouth, " ".join(take.lids)
+        ob.anyface.report_details = details(ob, take)
+        ob.anyface.last_frame = int(take.scene_frames(start, scene_fps)[-1])
     if take.mouth == "welded":
         notes.append(opening.WELDED)
     if "joined" in take.lids:
@@ -307,9 +312,15 @@ def _takes(made) -> list[Take]:
 
 
 def describe(take: Take) -> str:
-    """One line: "150 frames, moves by up to 9.1 mm, 31 new keys, exact to 0.10 mm"."""
-    text = f"{take.frame_count} frames, moves by up to {take.largest_mm:.1f} mm"
-    return f"{text}, {outputs.of_take(take).describe(take)}"
+    """One line of counts: "150 frames, 31 shape keys"."""
+    return f"{take.frame_count} frames, {outputs.of_take(take).describe(take)}"
+
+
+def details(ob, take: Take) -> str:
+    """What only some want to know: "moves by up to 9.1 mm, exact to 0.10 mm"."""
+    is_human = mesh.is_of_human_size(ob)
+    found = [f"moves by up to {wording.length(take.largest_mm, is_human)}"]
+    return ", ".join(found + outputs.of_take(take).details(take, is_human))
 
 
 def find_sound(scene, settings: Settings, engine) -> SoundSource:

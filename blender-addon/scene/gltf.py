@@ -19,7 +19,7 @@ from .face.mesh import add_key, read_basis, read_key
 from .shape_keys import guard, record
 from .takes import nla, take_list
 
-_STANDING = "Anyface.standing"
+STANDING = "Anyface.standing"
 # Marks shape keys that are changed, with the number of the change.
 _MARK = "anyface_one_sided"
 
@@ -119,7 +119,7 @@ def _scale(ob, block, factor: float, changed: _Changed) -> np.ndarray:
 
 def _add_standing(ob, bag, vector: np.ndarray, span: np.ndarray) -> str:
     """A key of the displacements `vector` `[V, 3]` that stays at 1 through the take; its name."""
-    block = add_key(ob, _STANDING, read_basis(ob.data) + vector)
+    block = add_key(ob, STANDING, read_basis(ob.data) + vector)
     curves.write(bag, curves.value_path(block.name), span, np.ones(2), constant=True)
     return block.name
 

@@ -34,6 +34,8 @@ class Follower:
     face: object
     found: space.FaceSpace
     start_frame: float
+    # Strengths `[15]` of the emotion that it shows, None where it hears its own.
+    felt: np.ndarray | None = None
 
 
 _followers: list[Follower] = []
@@ -128,6 +130,13 @@ def _drop_key(ob) -> None:
             ob.shape_key_clear()
 
 
+def feel(_group=None, _context=None) -> None:
+    """The emotion of the panel was changed, maybe while nothing plays: faces show it at once."""
+    with unharmed():
+        if any(map(_shows_another, _followers)):
+            show(bpy.context.scene)
+
+
 def show(scene) -> None:
     """Moves every face that follows to where it is in the current frame."""
     for follower in list(_followers):
@@ -147,9 +156,9 @@ def show(scene) -> None:
 def _show(ob, scene, follower: Follower) -> None:
     scene_fps = scene.render.fps / scene.render.fps_base
     seconds = (scene.frame_current_final - follower.start_frame) / scene_fps
-    settings = ob.anyface
-    if settings.emotion_source == "GIVEN":
-        follower.face.feel(mix(emotion.shares(settings)))
+    follower.felt = _feels(ob)
+    if follower.felt is not None:
+        follower.face.feel(follower.felt)
     moved = follower.found.to_object(follower.face.at(seconds))
     for number, name, piece, rested in follower.parts:
         one = identity.with_number(number, name)
@@ -163,6 +172,17 @@ def _show(ob, scene, follower: Follower) -> None:
         block.points.foreach_set("co", np.ascontiguousarray(at, dtype=np.float32).ravel())
         one.data.shape_keys.update_tag()
         one.data.update_tag()
+
+
+def _feels(ob) -> np.ndarray | None:
+    settings = ob.anyface
+    return mix(emotion.shares(settings)) if settings.emotion_source == "GIVEN" else None
+
+
+def _shows_another(follower: Follower) -> bool:
+    """Whether the panel asks for another emotion than the one that is shown."""
+    ob = identity.with_number(follower.number, follower.name)
+    return ob is not None and not np.array_equal(_feels(ob), follower.felt)
 
 
 def _say(ob, text: str) -> None:

@@ -55,7 +55,7 @@ class WayBack:
             return error
         ob = identity.with_number(self._number, self._name) if self._name else None
         if not self._open:
-            return AnyfaceError(error.kind, f"{error} ({NO_UNDO})", error.mends)
+            return _more(error, NO_UNDO)
         self._open = False
         with _object_mode(ob):
             bpy.ops.ed.undo_push(message="Failed")
@@ -66,7 +66,7 @@ class WayBack:
                 break
         _enter_modes(modes)
         if self._rub_out():
-            return AnyfaceError(error.kind, f"{error} (undo it to go back)", error.mends)
+            return _more(error, "undo it to go back")
         return error
 
     def _rub_out(self) -> bool:
@@ -75,6 +75,12 @@ class WayBack:
         if marked:
             del bpy.context.scene[self._mark]
         return marked
+
+
+def _more(error: AnyfaceError, text: str) -> AnyfaceError:
+    found = AnyfaceError(error.kind, f"{error} ({text})", error.mends)
+    found.__cause__ = error.__cause__
+    return found
 
 
 def _can_mark() -> bool:

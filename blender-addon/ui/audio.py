@@ -1,7 +1,5 @@
 """Audio: one strip, a file, a channel, or several strips as one take; where it begins and ends."""
 
-from pathlib import Path
-
 import bpy
 from bpy.props import (
     BoolProperty,
@@ -18,10 +16,8 @@ from ..scene import bake
 from ..scene.face import emotion_mask
 from ..scene.sound import sequencer, strips
 from . import words
-from .operators import Acting, Alone, WithFile
+from .operators import Acting, Alone
 from .target import sequencer_scene, target
-
-_SOUNDS = "*.wav;*.mp3;*.flac;*.ogg;*.m4a;*.aac;*.aif;*.aiff;*.opus;*.mp4;*.mov;*.mkv"
 
 
 class AnyfaceStrip(PropertyGroup):
@@ -131,26 +127,6 @@ class ANYFACE_OT_use_selected_strips(Acting, Operator):
         ob.anyface.source = "CHOSEN"
 
 
-class ANYFACE_OT_choose_sound(WithFile, Operator):
-    """Choose the sound file that the face speaks"""
-
-    bl_idname = "anyface.choose_sound"
-    bl_label = "Choose a Sound File"
-
-    filter_glob: StringProperty(default=_SOUNDS, options={"HIDDEN"})
-
-    def act(self, ob):
-        """Sets the source; what an earlier report said is past."""
-        if not Path(bpy.path.abspath(self.filepath)).is_file():
-            raise AnyfaceError("audio", f"no sound file at {self.filepath or 'an empty path'}")
-        if ob.library is not None:
-            raise AnyfaceError("mesh", f"{ob.name} is linked and keeps no settings: make it local")
-        ob.anyface.source, ob.anyface.sound_file = "FILE", self.filepath
-        if ob.anyface.report_is_error:
-            ob.anyface.report, ob.anyface.report_mends = "", ""
-            ob.anyface.report_is_error = False
-
-
 def draw(layout, ob, scene, width: int) -> None:
     """Draws what the face says: the source, what is chosen there, its length."""
     layout.prop(ob.anyface, "source")
@@ -160,7 +136,7 @@ def draw(layout, ob, scene, width: int) -> None:
             layout.prop(ob.anyface, "start_frame")
     elif scene.sequence_editor is None or not sequencer.sound_strips(scene):
         layout.operator("anyface.choose_sound", text="Choose a Sound File…", icon="FILE_SOUND")
-        text = "Or add a strip to the sequencer"
+        text = "It becomes a strip of the sequencer at the current frame"
         words.draw(layout.column(align=True), text, width, "INFO")
         return
     else:
@@ -203,7 +179,9 @@ def search_strip(layout, group, name: str, editor, **shown) -> None:
 
 def _draw_strips(column, ob, scene) -> None:
     if ob.anyface.source == "STRIP":
-        search_strip(column, ob.anyface, "strip", scene.sequence_editor)
+        row = column.row(align=True)
+        search_strip(row, ob.anyface, "strip", scene.sequence_editor)
+        row.operator("anyface.choose_sound", text="", icon="FILE_SOUND")
     elif ob.anyface.source == "CHANNEL":
         column.prop(ob.anyface_audio, "channel")
     else:

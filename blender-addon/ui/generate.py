@@ -48,14 +48,10 @@ class ANYFACE_OT_generate(WithSound, InThread, Operator):
         for more in _said_once(self._along, bpy.context.scene):
             text = f"{text} ({more})"
         mends = ["find_parts"] if left else []
-        late = _frames_behind_scene(snapshot, take, bpy.context.scene)
-        if late > 0:
-            text = f"{text}{mending.late_take(late)}"
-            mends.append("scene_range")
         ob.anyface.report, ob.anyface.report_is_error = text, False
         mending.keep(ob, mends)
         panel_settings.note(ob, snapshot.asked, text)
-        return text
+        return " ".join([text, *(f"({more})" for more in mending.said_of_scene(ob))])
 
     def fail(self, error, ob=None):
         """Keeps the error in the panel as well."""
@@ -65,12 +61,6 @@ class ANYFACE_OT_generate(WithSound, InThread, Operator):
             mending.keep(ob, getattr(error, "mends", ()))
         redraw(bpy.context)
         return super().fail(error)
-
-
-def _frames_behind_scene(snapshot, take, scene) -> int:
-    """How many frames of a take lie behind the end of the scene."""
-    fps = scene.render.fps / scene.render.fps_base
-    return int(take.scene_frames(snapshot.source.start_frame, fps)[-1]) - scene.frame_end
 
 
 def _said_once(along: list[str], scene) -> list[str]:

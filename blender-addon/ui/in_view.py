@@ -5,7 +5,7 @@ import bpy
 from ..core.errors import plain
 from ..core.job import Job
 from ..scene.way_back import unharmed
-from . import running
+from . import details, running
 from .operators import Alone, redraw
 from .target import target
 
@@ -75,7 +75,10 @@ class InView(Alone):
     def _break(self, context, raised: BaseException):
         """Ends it whatever was raised, and tells the artist; what is done stays."""
         self._end(context)
-        return self.fail(plain(raised))
+        error = plain(raised)
+        with unharmed():
+            error = details.kept(error)
+        return self.fail(error)
 
     def _end(self, context):
         self.cancel(context)

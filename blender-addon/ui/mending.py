@@ -3,7 +3,7 @@
 An `AnyfaceError` names its mends; they are kept with the report on the object.
 """
 
-import re
+import math
 from collections.abc import Callable
 from dataclasses import dataclass
 
@@ -15,6 +15,7 @@ from ..core.errors import AnyfaceError
 from ..scene import outputs
 from ..scene.face import opening
 from ..scene.sound import sequencer
+from . import words
 from .operators import Alone
 from .target import is_there, sequencer_scene
 
@@ -50,6 +51,7 @@ def kept(ob) -> list[str]:
     if ob.library is not None:
         return ["make_local"]
     names = ob.anyface.report_mends.split()
+    names += [] if ob.anyface.report_is_error else [name for name, text in _of_scene(ob) if text]
     closed = {"open_mouth": opening.is_welded, "open_eyes": opening.has_joined_eyes}
     if ob.anyface.report:
         names += [name for name, holds in closed.items() if name not in names and holds(ob)]
@@ -61,10 +63,26 @@ def keep(ob, names) -> None:
     ob.anyface.report_mends = " ".join(names)
 
 
-def draw(layout, ob) -> None:
+def _of_scene(ob) -> list[tuple[str, str]]:
+    """Mends that the scene may need for the take of `ob`, and what is to be said of each."""
+    scene = bpy.context.scene
+    behind = frames_behind(ob, scene)
+    late = late_take(behind) if behind > 0 else ""
+    return [("scene_range", late), ("stretching_off", stretched(ob, scene))]
+
+
+def said_of_scene(ob) -> list[str]:
+    """What the scene may need for the take of `ob`, in words."""
+    return [text for _, text in _of_scene(ob) if text]
+
+
+def draw(layout, ob, width: int) -> None:
     """Draws a button for each mend."""
     column = layout.column(align=True)
     for name in kept(ob):
+        text = dict(_of_scene(ob)).get(name, "")
+        if text:
+            words.draw(column, text, width, "INFO")
         if name in _SETTINGS:
             column.prop(ob.anyface, _SETTINGS[name])
         elif name in _OPERATORS:
@@ -103,17 +121,36 @@ class ANYFACE_OT_mend(Alone, Operator):
             ob.anyface.report_is_error = False
 
 
+def frames_behind(ob, scene) -> int:
+    """How many frames of the take of `ob` lie behind the end of the scene, 0 or less for none."""
+    last = ob.anyface.last_frame
+    return math.ceil(last + ob.anyface_output.shift) - scene.frame_end if last else 0
+
+
 def late_take(frames: int) -> str:
-    """What a report says of a take that goes on so many frames behind the end of the scene."""
-    return f" (the scene ends {frames} frames before the take)"
+    """What is said of a take that goes on so many frames behind the end of the scene."""
+    return f"The scene ends {frames} frames before the take"
+
+
+def stretched(ob, scene) -> str:
+    """What is said of a scene that plays a take at another speed than its sound; else empty."""
+    old, new = scene.render.frame_map_old, scene.render.frame_map_new
+    if old == new or not ob.anyface.last_frame:
+        return ""
+    return (
+        f"Time Stretching (Output properties) plays the face at {old / new:.3g} times its speed, "
+        "and its sound at its own"
+    )
+
+
+def _turn_stretching_off(ob) -> None:
+    render = bpy.context.scene.render
+    render.frame_map_old = render.frame_map_new = 100
 
 
 def _extend_scene(ob) -> None:
     scene = bpy.context.scene
-    late = _LATE.search(ob.anyface.report)
-    scene.frame_end += int(late[1]) if late else 0
-    ob.anyface.report = _LATE.sub("", ob.anyface.report)
-    keep(ob, [name for name in ob.anyface.report_mends.split() if name != "scene_range"])
+    scene.frame_end += max(frames_behind(ob, scene), 0)
 
 
 def _use(mode: str) -> Mend:
@@ -162,8 +199,6 @@ def _unmute(ob) -> None:
             strip.mute = False
 
 
-_LATE = re.compile(re.escape(late_take(0)).replace("0", r"(\d+)"))
-
 _MENDS = {
     "use_basis": _use("basis"),
     "use_keys": _use("keys"),
@@ -195,6 +230,13 @@ _MENDS = {
         "PREVIEW_RANGE",
         "Let the scene end with the take",
         _extend_scene,
+        keeps_report=True,
+    ),
+    "stretching_off": Mend(
+        "Turn Time Stretching Off",
+        "TIME",
+        "Let the scene play at the speed of its sound",
+        _turn_stretching_off,
         keeps_report=True,
     ),
     "unmute": Mend("Unmute", "PLAY_SOUND", "Unmute the strips that speak", _unmute),

@@ -6,6 +6,7 @@ from bpy.types import Menu, Operator, PropertyGroup
 from ..core import emotion
 from ..core.emotion import EMOTIONS, MAX_INTENSITY, MIXTURES
 from ..core.errors import AnyfaceError
+from ..scene import live
 from ..scene.animation import curves, sliders
 from ..scene.animation.emotion import WEIGHT_PATH, shares
 from .operators import OnList
@@ -20,7 +21,9 @@ _ADDED = 0.5
 class AnyfaceEmotion(PropertyGroup):
     """One emotion of a mixture beside the first one."""
 
-    emotion: EnumProperty(name="Emotion", items=ITEMS, default="happy", options=set())
+    emotion: EnumProperty(
+        name="Emotion", items=ITEMS, default="happy", options=set(), update=live.feel
+    )
     weight: FloatProperty(
         name="Weight",
         description="How strongly this emotion shows; 1 is a full expression, and all of them "
@@ -29,6 +32,7 @@ class AnyfaceEmotion(PropertyGroup):
         min=0.0,
         max=MAX_INTENSITY,
         subtype="FACTOR",
+        update=live.feel,
     )
 
 
@@ -81,6 +85,7 @@ class ANYFACE_OT_emotion_remove(OnList, Operator):
             )
         _drop_curves(ob, self.number, len(rows))
         rows.remove(self.number)
+        live.feel()
 
 
 def _drop_curves(ob, number: int, count: int) -> None:

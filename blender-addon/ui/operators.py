@@ -10,7 +10,7 @@ from ..core.errors import AnyfaceError, plain, readable
 from ..core.job import BEGUN, Job, Progress
 from ..scene import bake, copies, identity
 from ..scene.way_back import WayBack, unharmed
-from . import running
+from . import details, running
 from .target import OfFace, target
 
 # So long a take is written before the interface is asked again, seconds.
@@ -33,7 +33,7 @@ class Acting(OfFace):
             copies.settle()
             return self.tell(self.act(target(context)))
         except BaseException as error:
-            return self.fail(plain(error))
+            return self.fail(_kept(plain(error)))
 
     def tell(self, text):
         """Says what was done, where there is something to say."""
@@ -264,7 +264,7 @@ class InThread(Alone):
         with unharmed():
             if way_back is not None:
                 error = way_back.go(error, isinstance(raised, AnyfaceError))
-        ob = None
+        error, ob = _kept(error), None
         with unharmed():
             ob = identity.with_number(self._number, self._name) if self._name else None
         try:
@@ -293,6 +293,12 @@ class InThread(Alone):
                 context.window_manager.event_timer_remove(timer)
         with unharmed():
             redraw(context)
+
+
+def _kept(error: AnyfaceError) -> AnyfaceError:
+    with unharmed():
+        return details.kept(error)
+    return error
 
 
 def redraw(context) -> None:

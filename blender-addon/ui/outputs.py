@@ -34,6 +34,7 @@ class ANYFACE_PT_output(OfFacePanel, Panel):
         scene = sequencer_scene(context)
         text = estimate.describe(ob, scene, audio.seconds(ob, scene), ob.anyface, asked)
         _draw_words(layout, text, context.region.width)
+        layout.operator("anyface.export", text="Export Talking Head…", icon="EXPORT")
 
 
 def _draw_modes(layout, ob, asked) -> str:
@@ -83,7 +84,7 @@ class ANYFACE_OT_why_not(Operator):
     """Why this output cannot work here"""
 
     bl_idname = "anyface.why_not"
-    bl_label = "Why Not"
+    bl_label = "Why Unavailable?"
     bl_options = {"INTERNAL"}
 
     reason: StringProperty()

@@ -1,27 +1,20 @@
 """The N-panel "Anyface" of the 3D view: one screen that suffices, and the rest under *More*."""
 
-import tomllib
-from functools import cache
 from pathlib import Path
 
 import bpy
 from bpy.props import BoolProperty
 from bpy.types import Panel
 
-from ..scene import live, outputs
+from ..scene import live, outputs, stale
 from . import audio, mending, mixture, presets, running, words
 from .operators import redraw
 from .target import sequencer_scene, target
 
-_MANIFEST = Path(__file__).resolve().parents[1] / "blender_manifest.toml"
+# The manual, which the zip brings along.
+HELP = Path(__file__).resolve().parents[1] / "help.txt"
 # The share of a line that its name takes, as Blender splits properties.
 _NAME_SHARE = 0.4
-
-
-@cache
-def website() -> str:
-    """The address of the documentation, as the manifest tells it."""
-    return tomllib.loads(_MANIFEST.read_text(encoding="utf-8"))["website"]
 
 
 class Sidebar:
@@ -58,9 +51,10 @@ class ANYFACE_PT_main(Sidebar, Panel):
     bl_label = "Anyface"
 
     def draw_header_preset(self, _context):
-        """Draws the way to the documentation at the right of the header."""
-        link = self.layout.operator("wm.url_open", text="", icon="HELP", emboss=False)
-        link.url = website()
+        """Draws the way to the manual at the right of the header."""
+        if HELP.is_file():
+            link = self.layout.operator("wm.path_open", text="", icon="HELP", emboss=False)
+            link.filepath = str(HELP)
 
     def draw(self, context):
         """Draws the panel."""
@@ -126,18 +120,42 @@ def _draw_report(layout, ob, width: int) -> None:
         box.alert = settings.report_is_error
         icon = "ERROR" if settings.report_is_error else "CHECKMARK"
         words.draw(box, settings.report, width, icon)
-    mending.draw(layout, ob)
+        if settings.report_details and not settings.report_is_error:
+            _draw_details(box, settings.report_details, width)
+    old = stale.of(ob)
+    if old and not running.is_running():
+        box = layout.box().column(align=True)
+        box.alert = True
+        words.draw(box, old, width, "ERROR")
+    mending.draw(layout, ob, width)
+
+
+def _draw_details(box, text: str, width: int) -> None:
+    manager = bpy.context.window_manager
+    icon = "DISCLOSURE_TRI_DOWN" if manager.anyface_details else "DISCLOSURE_TRI_RIGHT"
+    row = box.row()
+    row.alignment = "LEFT"
+    row.prop(manager, "anyface_details", icon=icon, emboss=False)
+    if manager.anyface_details:
+        words.draw(box, text, width)
 
 
 def register() -> None:
-    """Adds whether *More* is open."""
+    """Adds whether *More*, and what the report says in detail, is open."""
     bpy.types.WindowManager.anyface_more = BoolProperty(
         name="More",
         description="Face, performance, life, output and takes in detail",
         update=lambda _self, context: redraw(context),
     )
 
+    bpy.types.WindowManager.anyface_details = BoolProperty(
+        name="Details",
+        description="How far the face moves, and how exact the take is",
+        update=lambda _self, context: redraw(context),
+    )
+
 
 def unregister() -> None:
-    """Takes it away."""
+    """Takes both away."""
+    del bpy.types.WindowManager.anyface_details
     del bpy.types.WindowManager.anyface_more

@@ -1,15 +1,27 @@
 """Performance in detail; what can change over time has a keyframe button."""
 
+import math
+
 from bpy.types import Panel
 
 from ..core import systems
 from ..scene.life.settings import CONTROLS
-from . import audio
+from . import audio, preferences, words
 from .panel import OfFacePanel
 from .target import sequencer_scene, target
 
 _MORE = ("seed", "style", "fps")
 _OF_FACE = ("axes", "landmark_file")
+
+
+def _is_shown(control, settings) -> bool:
+    """Whether a control stands here: those of life do not, and those of research where wanted."""
+    if control.name in CONTROLS:
+        return False
+    now, usual = control.number(getattr(settings, control.name)), control.number(control.default)
+    # Blender keeps float32.
+    changed = not math.isclose(now, usual, rel_tol=1e-5, abs_tol=1e-6)
+    return changed or preferences.shows_research() or not words.is_research(control)
 
 
 class ANYFACE_PT_performance(OfFacePanel, Panel):
@@ -32,7 +44,7 @@ class ANYFACE_PT_performance(OfFacePanel, Panel):
         if systems.by_name(settings.system).starts_from_pose:
             layout.prop(settings, "starts_from_pose")
         column = layout.column(align=True)
-        controls = [c for c in systems.by_name(settings.system).controls if c.name not in CONTROLS]
+        controls = [c for c in systems.by_name(settings.system).controls if _is_shown(c, settings)]
         for control in controls:
             if control.is_slider:
                 row = column.row(align=True)

@@ -3,7 +3,7 @@
 from pathlib import Path
 
 import bpy
-from bpy.props import IntProperty, StringProperty
+from bpy.props import BoolProperty, IntProperty, StringProperty
 from bpy.types import AddonPreferences
 
 from ..core import native
@@ -40,17 +40,30 @@ class AnyfacePreferences(AddonPreferences):
         subtype="DIR_PATH",
     )
 
+    research: BoolProperty(
+        name="Research Controls",
+        description="Show controls that speak of how a model works: guidance, noise, steps, fields "
+        "and templates. Those that were changed are always shown",
+        default=False,
+    )
+
     def draw(self, context):
         """Draws the preferences."""
         self.layout.prop(self, "model_folder", placeholder="Built-In")
         self.layout.prop(self, "emotion_model", placeholder="Built-In")
         self.layout.prop(self, "threads")
+        self.layout.prop(self, "research")
         self.layout.label(text=f"Library: {native.library_path()}")
 
 
 def threads() -> int:
     """The number of threads that the artist set; 0 where there are no preferences."""
     return _stored("threads", 0)
+
+
+def shows_research() -> bool:
+    """Whether the artist wants to see controls that speak of how a model works."""
+    return _stored("research", False)
 
 
 def usual_folder() -> str:

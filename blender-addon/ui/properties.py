@@ -14,7 +14,7 @@ from bpy.types import PropertyGroup
 
 from ..core import systems
 from ..core.emotion import MAX_INTENSITY
-from ..scene import identity, outputs
+from ..scene import identity, live, outputs
 from . import (
     audio,
     character,
@@ -30,7 +30,7 @@ from . import (
 
 _SOURCES = [
     ("STRIP", "Strip", "A sound strip of the video sequencer, with its trim and place", 0),
-    ("FILE", "File", "A sound file", 1),
+    ("FILE", "File", "A sound file that the sequencer does not play", 1),
     ("CHANNEL", "Channel", "All sound strips of a channel of the sequencer, as one take", 2),
     ("CHOSEN", "Several", "The strips that you chose, as one take", 3),
 ]
@@ -83,10 +83,18 @@ class AnyfaceCharacter(PropertyGroup):
         options=set(),
     )
     emotion_source: EnumProperty(
-        name="Emotion", items=_EMOTION_SOURCES, default="GIVEN", options=set()
+        name="Emotion",
+        items=_EMOTION_SOURCES,
+        default="GIVEN",
+        options=set(),
+        update=live.feel,
     )
     emotion: EnumProperty(
-        name="Emotion", description="Can be animated", items=mixture.ITEMS, default="neutral"
+        name="Emotion",
+        description="Can be animated",
+        items=mixture.ITEMS,
+        default="neutral",
+        update=live.feel,
     )
     emotion_face: EnumProperty(
         name="Emotion",
@@ -105,6 +113,7 @@ class AnyfaceCharacter(PropertyGroup):
         min=0.0,
         max=MAX_INTENSITY,
         subtype="FACTOR",
+        update=live.feel,
     )
     # Emotions beside the first one, and the same as text, for presets and takes.
     mixture: CollectionProperty(type=mixture.AnyfaceEmotion, options=set())
@@ -166,6 +175,10 @@ class AnyfaceCharacter(PropertyGroup):
     )
     report: StringProperty(name="Last Take", options={"HIDDEN"})
     report_is_error: BoolProperty(options={"HIDDEN"})
+    # The last scene frame of the take as it was made, 0 without one.
+    last_frame: IntProperty(options={"HIDDEN"})
+    # What only some want to know of it.
+    report_details: StringProperty(options={"HIDDEN"})
     # How the lips met in the last take, one of `core.take.MOUTHS`.
     mouth: StringProperty(options={"HIDDEN"})
     # What the lids of both eyes did in the last take, of `core.take.LIDS`.

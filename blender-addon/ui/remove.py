@@ -24,4 +24,5 @@ class ANYFACE_OT_remove(Acting, Operator):
         for output in outputs.ALL:
             output.remove(ob)
         ob.anyface.report, ob.anyface.report_is_error = "", False
-        ob.anyface.report_mends = ""
+        ob.anyface.report_mends = ob.anyface.report_details = ""
+        ob.anyface.last_frame = 0

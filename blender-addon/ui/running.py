@@ -1,5 +1,7 @@
 """The one job that may run, and the engines that all jobs share."""
 
+import atexit
+import time
 from pathlib import Path
 from weakref import WeakSet
 
@@ -10,6 +12,9 @@ from ..core import model_card, native
 from ..core.job import Job
 from ..core.lazy import LazyEngine
 from . import preferences
+
+# So long a job has to end before Blender ends without it, seconds.
+PATIENCE_S = 30.0
 
 current: Job | None = None
 # The object that the current job animates.
@@ -61,11 +66,15 @@ def finish() -> None:
 
 
 def stop() -> None:
-    """Ends all jobs and frees the engines; for the moment the add-on is disabled."""
-    for job in list(_started):
-        job.cancel(wait_s=None)
+    """Ends all jobs and frees the engines: the add-on is disabled, or Python ends."""
+    jobs = list(_started)
+    for job in jobs:
+        job.progress.cancel()
+    last = time.monotonic() + PATIENCE_S
+    ended = [job.wait(max(0.0, last - time.monotonic())) for job in jobs]
     finish()
-    for loaded in _engines.values():
+    # What does not end may still use them.
+    for loaded in _engines.values() if all(ended) else ():
         loaded.close()
     _engines.clear()
 
@@ -89,6 +98,8 @@ def _on_undo(*_) -> None:
 
 def register() -> None:
     """Watches for files being opened, and for undo."""
+    # Not every way in which Python ends disables add-ons before.
+    atexit.register(stop)
     bpy.app.handlers.load_pre.append(_on_load)
     bpy.app.handlers.undo_post.append(_on_undo)
     bpy.app.handlers.redo_post.append(_on_undo)
@@ -96,6 +107,7 @@ def register() -> None:
 
 def unregister() -> None:
     """Stops the job and the watching."""
+    atexit.unregister(stop)
     stop()
     bpy.app.handlers.load_pre.remove(_on_load)
     bpy.app.handlers.undo_post.remove(_on_undo)

@@ -51,8 +51,8 @@ def _listen(source, engine, text: str, progress) -> tuple:
 
 
 class ANYFACE_OT_sounds_show(WithSound, InThread, Operator):
-    """Show where lips close (p, b, m) as text strips: move, delete, copy, rename, then Redo. \
-Above them stand the words of the text"""
+    """Show where lips close (p, b, m) as text strips: move, delete, copy, rename, then Redo \
+Stretch. Above them stand the words of the text"""
 
     bl_idname = "anyface.sounds_show"
     bl_label = "Show Sounds"
@@ -99,7 +99,7 @@ class ANYFACE_OT_redo(WithSound, InThread, Operator):
     """Make the take anew between two markers, or in the preview range; the rest of it stays"""
 
     bl_idname = "anyface.redo"
-    bl_label = "Redo"
+    bl_label = "Redo Stretch"
 
     @classmethod
     def why_not(cls, context):
@@ -121,4 +121,5 @@ class ANYFACE_OT_redo(WithSound, InThread, Operator):
         """Writes the new frames."""
         text = yield from redo.landing(ob, bpy.data.scenes[self._scene], wanted, made)
         ob.anyface.report, ob.anyface.report_is_error = text, False
+        ob.anyface.report_details = ""
         return text

@@ -50,6 +50,18 @@ _CONTROLS = {
 }
 
 
+# Controls that say something to whoever knows how the model works.
+_RESEARCH = {
+    "steps", "noise", "decoder", "guidance", "coarse_guidance", "speech_guidance", "template",
+    "field", "field_reach",
+}  # fmt: skip
+
+
+def is_research(control) -> bool:
+    """Whether a control (`core.systems.Control`) is one for research alone."""
+    return control.name in _RESEARCH
+
+
 def of_stage(name: str) -> str:
     """What is being done; "starting" before the first stage, "working" in one that has no words."""
     return _STAGES.get(name, "working") if name else "starting"

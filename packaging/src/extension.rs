@@ -26,7 +26,7 @@ pub struct Extension {
     /// Optimised for shipping; takes minutes.
     #[arg(long)]
     release: bool,
-    /// Where the zip goes; default `target/anyface-<version>-<system>.zip`.
+    /// Where the zip goes; default `target/anyface-<version>-this-machine.zip`.
     #[arg(long)]
     out: Option<PathBuf>,
 }
@@ -46,12 +46,15 @@ impl Extension {
     }
 }
 
-/// The zip's usual place.
+/// The usual place of a zip whose library runs on systems like this one: older ones may lack its glibc.
 pub fn default_zip() -> PathBuf {
-    machine::target().join(zip_name(Platform::here().unwrap_or(Platform::LinuxX64)))
+    machine::target().join(LOCAL_ZIP)
 }
 
-/// The zip's name.
+/// Not the name of what is handed out.
+const LOCAL_ZIP: &str = concat!("anyface-", env!("CARGO_PKG_VERSION"), "-this-machine.zip");
+
+/// The name of the zip that is handed out.
 pub fn zip_name(platform: Platform) -> String {
     format!(
         "anyface-{}-{}.zip",
@@ -108,6 +111,7 @@ pub fn build_zip(steps: &mut Steps, library: &Path, zip: &Path) -> Result<()> {
         fs::remove_dir_all(&stage)?;
     }
     copy_folder(&machine::root().join("blender-addon"), &stage)?;
+    fs::copy(machine::root().join("docs/blender.md"), stage.join(HELP))?;
     let platform = Platform::here()?;
     name_platform(&stage.join("blender_manifest.toml"), platform)?;
     let inside = stage.join("lib").join(platform.shared_library());
@@ -118,6 +122,9 @@ pub fn build_zip(steps: &mut Steps, library: &Path, zip: &Path) -> Result<()> {
     pack(steps, &stage, zip)?;
     validate(steps, zip)
 }
+
+/// The manual inside the zip; systems know what opens a text.
+const HELP: &str = "help.txt";
 
 /// Writes into the manifest for which system the zip is.
 fn name_platform(manifest: &Path, platform: Platform) -> Result<()> {
@@ -209,4 +216,22 @@ fn copy_folder(from: &Path, to: &Path) -> Result<()> {
 
 fn absolute(path: &Path) -> Result<PathBuf> {
     Ok(std::path::absolute(path)?)
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    #[test]
+    fn what_runs_here_alone_is_not_named_like_what_is_handed_out() {
+        let local = default_zip();
+        let every = [
+            Platform::LinuxX64,
+            Platform::WindowsX64,
+            Platform::MacosArm64,
+        ];
+        for platform in every {
+            assert_ne!(local.file_name().unwrap(), zip_name(platform).as_str());
+        }
+    }
 }

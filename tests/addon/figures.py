@@ -255,7 +255,8 @@ def everything():
     """All data-blocks, shape keys, values, curves, drivers and custom properties, as text rows."""
     rows = []
     for kind in ("objects", "meshes", "shape_keys", "actions", "sounds", "scenes", "texts"):
-        for block in getattr(bpy.data, kind):
+        # What is known of a fault stays, whatever else goes back.
+        for block in [one for one in getattr(bpy.data, kind) if one.name != "Anyface Fault"]:
             names = sorted(
                 set(block.keys()) - (SETTINGS if kind in ("objects", "scenes") else set())
             )

@@ -31,7 +31,7 @@ def test_generate_and_remove(stage, tmp_path):
     ob = ready(tmp_path)
     before = everything()
     assert bpy.ops.anyface.generate() == {"FINISHED"}
-    assert "48 frames" in ob.anyface.report and "new keys" in ob.anyface.report
+    assert "48 frames" in ob.anyface.report and "shape keys" in ob.anyface.report
     assert np.abs(shape(ob, 10) - shape(ob, 0)).max() > 1e-3
     bpy.context.scene.frame_set(1)
     assert bpy.ops.anyface.remove() == {"FINISHED"}

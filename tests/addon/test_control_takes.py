@@ -110,6 +110,16 @@ def remove():
     bpy.context.scene.frame_set(START)
 
 
+def test_no_control_moves_before_the_scene_begins(face):
+    face.anyface.start_frame = 1
+    generate()
+    found = curves(rig_of(face).animation_data.action)
+    assert found and {curve.range()[0] for curve in found} == {1.0}
+    at_first = shape(face, 1)
+    assert np.abs(at_first - shape(face, -3)).max() < 1e-6
+    assert np.abs(at_first - shape(face, 2)).max() < 2e-3
+
+
 def shown(ob):
     """The share of the motion, as the report says."""
     return int(re.search(r"show (-?\d+)%", ob.anyface.report)[1]) / 100
@@ -133,7 +143,7 @@ def test_curves_lie_on_whole_frames_in_an_action_of_its_own(face):
     frames = {point.co[0] for curve in curves(action) for point in curve.keyframe_points}
     assert all(frame == int(frame) for frame in frames)
     assert np.abs(shape(face, START + 20) - shape(face, START - 20)).max() > 1e-4
-    assert shown(face) > 0.3 and "mouth" in face.anyface.report
+    assert shown(face) > 0.3 and "mouth" in face.anyface.report_details
     remove()
     assert state(face) == before
 

@@ -133,7 +133,9 @@ def test_keys_lie_on_whole_frames_at_the_ends_too(stage, tmp_path):
         for curve in curves(ob.data.shape_keys.animation_data.action):
             frames = np.array([point.co[0] for point in curve.keyframe_points])
             assert (frames == np.round(frames)).all()
-            assert frames[1] - frames[0] >= 0.15 * fps and frames[-1] - frames[-2] >= 0.15 * fps
+            # Nothing lies before the scene.
+            assert frames[1] - frames[0] >= min(0.15 * fps, frames[1] - 1)
+            assert frames[-1] - frames[-2] >= 0.15 * fps
 
 
 def test_a_search_that_failed_is_not_made_again_for_the_same_mesh(stage, addon, tmp_path):

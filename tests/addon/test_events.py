@@ -407,7 +407,7 @@ def test_every_output_of_a_bare_mesh_speaks_with_events(addon, tmp_path):
     for mode in ("basis", "arkit"):
         ob.anyface.mode = mode
         assert bpy.ops.anyface.generate() == {"FINISHED"}, ob.anyface.report
-        assert "moves by up to" in ob.anyface.report
+        assert "moves by up to" in ob.anyface.report_details
         # Of basis keys what may be changed is drawn, of named keys the groups.
         sliders = set(addon("scene.takes.adjust").names_of(ob)) & {"articulation", "emotion"}
         assert len(sliders) == (2 if mode == "basis" else 0)

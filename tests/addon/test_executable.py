@@ -72,7 +72,7 @@ def test_the_command_bakes_a_strip(blender, voice):  # noqa: F811
     bake = ("--command", "anyface", "bake", "--object", "Head", "--strip")
     done = blender(shot, *bake, "Voice", "--save", out)
     assert done.returncode == 0, done.stdout + done.stderr
-    assert "new keys" in done.stdout
+    assert "shape keys" in done.stdout
     done = blender(out, "--python-exit-code", "1", "--python-expr", LOOK)
     assert "KEYS ['Basis', 'Anyface.001']" in done.stdout, done.stdout + done.stderr
     first, last = (float(word) for word in re.search(r"RANGE (\S+) (\S+)", done.stdout).groups())

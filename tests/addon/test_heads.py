@@ -83,7 +83,7 @@ def test_the_default_head_speaks(voice):
     vowel = shape(ob, 1 + loudest_s(samples, rate) * 24)
     pause = shape(ob, 1 + SILENCE_S * 0.5 * 24)
     assert lip_gap(ob, vowel) > lip_gap(ob, pause) + 0.003
-    error_mm = float(re.search(r"exact to ([\d.]+) mm", ob.anyface.report)[1])
+    error_mm = float(re.search(r"exact to ([\d.]+) mm", ob.anyface.report_details)[1])
     assert 0.0 < error_mm <= ob.anyface.error_mm
     bpy.context.scene.frame_set(1)
     assert bpy.ops.anyface.remove() == {"FINISHED"}
@@ -382,7 +382,7 @@ def test_the_batch_module_writes_a_file(installed, voice, tmp_path):
     command = [sys.executable, "-m", "anyface_batch", shot, "bake", *words]
     done = subprocess.run(command, env=environment, capture_output=True, text=True, check=False)
     assert done.returncode == 0, done.stdout + done.stderr
-    assert "new keys" in done.stdout
+    assert "shape keys" in done.stdout
     assert json.loads(Path(report).read_text())["ok"]
     bpy.ops.wm.open_mainfile(filepath=out)
     blocks = bpy.data.objects["Head"].data.shape_keys.key_blocks

@@ -95,7 +95,7 @@ def test_a_head_of_another_tool_speaks_without_a_list(stage, tmp_path):
     carrying(stage, ob)
     before = everything()
     assert bpy.ops.anyface.generate() == {"FINISHED"}
-    assert "6 keys driven" in ob.anyface.report
+    assert "6 shape keys driven" in ob.anyface.report
     assert (curve(ob, "MouthNarrow_Left") == curve(ob, "MouthNarrow_Right")).all()
     assert np.abs(shape(ob, START + 20) - shape(ob, START - 30)).max() > 1e-4
     lids, lips = curve(ob, "Blink_Left"), curve(ob, "MouthNarrow_Left")

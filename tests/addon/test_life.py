@@ -105,6 +105,18 @@ def test_an_empty_turns_as_the_head_however_it_stands(stage, tmp_path, mode):
     assert np.abs(turned(control, START + 10, rest)).max() < 1e-5
 
 
+def test_head_and_eyes_turn_no_earlier_than_the_scene_begins(stage, tmp_path):
+    ob, control = ready(tmp_path), empty("Control")
+    ob.anyface.start_frame = 1
+    stored = ob.anyface_life_settings
+    stored.head, stored.head_object = "OBJECT", control
+    rest = world(control, 1)
+    generate(ob)
+    assert {curve.range()[0] for curve in curves(control.animation_data.action)} == {1.0}
+    for frame in (-5, 1, 11):
+        assert np.abs(turned(control, frame, rest) - head_in_world()).max() < 1e-4, frame
+
+
 def test_the_artists_own_keys_stay_and_add_up(stage, tmp_path):
     ob = ready(tmp_path)
     control = empty("Control")

@@ -55,6 +55,34 @@ def test_the_emotion_may_change_meanwhile(talker):
     assert np.abs(shape(talker, 44) - plain).max() > 0.003
 
 
+def now(ob):
+    """Positions `[V, 3]` as Blender shows them, without going to another frame."""
+    bpy.context.view_layer.update()
+    mesh = ob.evaluated_get(bpy.context.evaluated_depsgraph_get()).data
+    points = np.empty(len(mesh.vertices) * 3, dtype=np.float32)
+    mesh.vertices.foreach_get("co", points)
+    return points.reshape(-1, 3)
+
+
+def test_the_emotion_shows_while_nothing_plays(talker):
+    talker.anyface.emotion, talker.anyface.intensity = "happy", 0.0
+    bpy.ops.anyface.live()
+    bpy.context.scene.frame_set(20)
+    plain = now(talker)
+    talker.anyface.intensity = 1.0
+    happy = now(talker)
+    assert np.abs(happy - plain).max() > 0.002
+    assert np.array_equal(now(talker), happy), "nothing else has changed"
+    talker.anyface.emotion = "angry"
+    assert np.abs(now(talker) - happy).max() > 0.002
+    bpy.ops.anyface.emotion_add()
+    mixed = now(talker)
+    bpy.ops.anyface.emotion_remove(number=0)
+    assert np.abs(now(talker) - mixed).max() > 0.001
+    talker.anyface.intensity = 0.0
+    assert np.abs(now(talker) - plain).max() < 0.0005
+
+
 def test_keys_of_the_artist_stay_and_the_chosen_one_stays_chosen(talker):
     own_keys(talker, "Smile", "Frown")
     talker.active_shape_key_index = 1

@@ -1,5 +1,6 @@
 """Every panel is drawn on paper: a layout that knows what Blender's own takes."""
 
+import tomllib
 from types import SimpleNamespace
 
 import bpy
@@ -127,6 +128,7 @@ def test_controls_are_drawn_where_they_belong(addon, stage, monkeypatch):
 
         return noted
 
+    monkeypatch.setattr(addon("ui.preferences"), "shows_research", lambda: True)
     draw_all(addon)
     assert ("system" in shown) == (len(addon("core.systems").known()) > 1)
     more = shown.index("seed")
@@ -141,6 +143,49 @@ def test_controls_are_drawn_where_they_belong(addon, stage, monkeypatch):
     shown.clear()
     draw_all(addon)
     assert "emotion" in shown and "articulation" not in shown
+
+
+RESEARCH = ("guidance", "template", "decoder", "field", "noise", "steps")
+
+
+@pytest.mark.parametrize("system", ["freetalk", "cafe-talk", "emoface", "facetalk"])
+def test_words_of_research_are_shown_to_whoever_wants_them(addon, stage, monkeypatch, system):
+    ob, systems = grid(), addon("core.systems")
+    ob.anyface.system = system
+    assert not addon("ui.preferences").shows_research(), "off unless it is wanted"
+    shown = []
+    draw = Paper.__getattr__
+
+    def noting(self, name):
+        call = draw(self, name)
+        return lambda *a, **b: (shown.extend(a[1:2] if name == "prop" else ()), call(*a, **b))[1]
+
+    monkeypatch.setattr(Paper, "__getattr__", noting)
+    draw_all(addon)
+    told = systems.by_name(system).controls
+    wanted = [c.name for c in told if any(word in c.name for word in RESEARCH)]
+    assert wanted and not set(wanted) & set(shown) and "articulation" in shown
+    # What somebody has changed does not act unseen.
+    first = next(c for c in told if c.name in wanted and not c.choices)
+    name = first.name
+    other = first.high if first.default < first.high else first.low
+    setattr(ob.anyface, name, int(other) if first.values == systems.WHOLE else other)
+    shown.clear()
+    draw_all(addon)
+    assert set(wanted) & set(shown) == {name}
+    addons = bpy.context.preferences.addons["bl_ext.user_default.anyface"]
+    addons.preferences.research = True
+    try:
+        shown.clear()
+        draw_all(addon)
+        assert set(wanted) <= set(shown)
+    finally:
+        addons.preferences.research = False
+
+
+def test_buttons_are_called_what_they_do(addon):
+    assert addon("ui.sounds").ANYFACE_OT_redo.bl_label == "Redo Stretch"
+    assert addon("ui.outputs").ANYFACE_OT_why_not.bl_label == "Why Unavailable?"
 
 
 def drawn_main(addon):
@@ -229,8 +274,21 @@ def test_shares_are_said_in_words(addon):
     assert share(1.0).startswith("nearly all") and share(0.1).startswith("less than half")
 
 
-def test_the_documentation_is_linked(addon, stage):
-    assert addon("ui.panel").website().startswith("https://")
+def test_the_manual_is_there_without_internet(addon, stage, installed):
+    path, words = addon("ui.panel").HELP, []
+    assert path.parent == installed and path.read_text(encoding="utf-8").startswith("# Anyface in")
+    panel = SimpleNamespace(layout=Paper(words))
+    addon("ui.panel").ANYFACE_PT_main.draw_header_preset(panel, None)
+    assert len(words) == 1
+
+
+def test_the_manifest_tells_what_is_true(installed):
+    manifest = tomllib.loads((installed / "blender_manifest.toml").read_text(encoding="utf-8"))
+    # There is no page of it yet.
+    assert "website" not in manifest
+    assert manifest["copyright"] == ["2026 The Anyface authors"]
+    files = manifest["permissions"]["files"]
+    assert len(files) <= 64 and "exports" in files and "caches" in files
 
 
 def test_size_and_time_are_told_before(addon, stage, tmp_path):
@@ -250,3 +308,33 @@ def test_long_text_is_wrapped_to_what_fits_beside_an_icon(addon):
     letters = addon("ui.words").letters
     assert letters(280, False) == 37 and letters(280, True) == 34
     assert letters(560, False) > 70 and letters(90, True) == 20
+
+
+def test_the_report_counts_and_has_details_on_demand(addon, stage, tmp_path):
+    ob = grid()
+    ob.anyface.source, ob.anyface.sound_file = "FILE", tone(tmp_path / "tone.wav")
+    assert bpy.ops.anyface.generate() == {"FINISHED"}
+    manager, said = bpy.context.window_manager, " ".join(drawn_main(addon))
+    assert ob.anyface.report.startswith("48 frames, 6 shape keys") and "mm" not in said
+    assert "Details" not in said, "the name of the property is drawn"
+    manager.anyface_details = True
+    try:
+        said = " ".join(drawn_main(addon))
+        assert "moves by up to 5.0 mm" in said and "exact to 0.00 mm" in said
+    finally:
+        manager.anyface_details = False
+
+
+def test_lengths_are_those_of_the_face_that_is_there(addon, stage, tmp_path):
+    for scale, said in ((0.2, "5.0 mm"), (40.0, "2.2 % of the head's height"), (0.01, "2.2 %")):
+        ob = grid(scale=scale)
+        ob.anyface.source, ob.anyface.sound_file = "FILE", tone(tmp_path / "tone.wav")
+        assert bpy.ops.anyface.generate() == {"FINISHED"}
+        assert f"moves by up to {said}" in ob.anyface.report_details
+        assert ("mm" in ob.anyface.report_details) == (scale == 0.2)
+    # Units of the scene count: 40 of them may be centimetres.
+    bpy.context.scene.unit_settings.scale_length = 0.01
+    ob = grid(scale=40.0)
+    ob.anyface.source, ob.anyface.sound_file = "FILE", tone(tmp_path / "tone.wav")
+    assert bpy.ops.anyface.generate() == {"FINISHED"}
+    assert "mm" in ob.anyface.report_details

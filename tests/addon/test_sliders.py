@@ -65,10 +65,12 @@ def test_a_slider_shows_what_its_variation_is(stage, tmp_path, addon, name):
         assert np.abs(moved - wanted(addon, stage, position, name, frame)).max() < 2e-6, position
 
 
-def test_blinks_leave_the_other_frames_alone(stage, tmp_path):
+@pytest.mark.parametrize("start", [1, START])
+def test_blinks_leave_the_other_frames_alone(stage, tmp_path, start):
     ob = ready(tmp_path)
+    ob.anyface.start_frame = start
     generate()
-    frames = START + np.arange(2 * FPS)
+    frames = start + np.arange(2 * FPS)
     before = film(ob, frames)
     ob.anyface_output.closing = 0.0
     changed = np.abs(film(ob, frames) - before).max(axis=(1, 2)) > 1e-6

@@ -4,7 +4,7 @@ import bpy
 import numpy as np
 import pytest
 
-from figures import Stage, strip, tone, write_wav
+from figures import Stage, grid, strip, tone, write_wav
 
 RATE = 16000
 
@@ -115,3 +115,41 @@ def test_aud_averages_channels(addon, tmp_path):
     samples, rate = addon("scene.sound.decode").decode_with_aud(path)
     assert rate == RATE and samples.shape == (RATE,)
     assert samples.mean() == pytest.approx(0.6, abs=1e-3)
+
+
+@pytest.mark.parametrize(
+    "raised", [ValueError("cannot reshape"), SystemError("no data"), OSError()]
+)
+def test_an_empty_sound_is_told_in_the_words_of_the_library(addon, monkeypatch, tmp_path, raised):
+    module, errors = addon("scene.sound.decode"), addon("core.errors")
+    path = tmp_path / "empty.wav"
+    write_wav(path, np.zeros(0), 16000)
+
+    class Library:
+        def decode(self, _path):
+            raise errors.AnyfaceError("audio", f"{path.name}: expected sound, got no samples")
+
+        def is_damaged(self, _path):
+            return False
+
+    def breaks(_path):
+        raise raised
+
+    monkeypatch.setattr(module, "decode_with_aud", breaks)
+    with pytest.raises(errors.AnyfaceError, match="expected sound, got no samples"):
+        module.decoder(Library())(str(path))
+
+
+def test_an_empty_sound_is_told_by_the_real_library(addon, tmp_path):
+    ob = grid()
+    path = tmp_path / "empty.wav"
+    write_wav(path, np.zeros(0), 16000)
+    ob.anyface.source, ob.anyface.sound_file = "FILE", str(path)
+    engine, errors = addon("ui.running").engine(""), addon("core.errors")
+    decode = addon("scene.sound.decode").decoder(engine)
+    with pytest.raises(errors.AnyfaceError, match="no samples") as caught:
+        addon("scene.sound.sound_source").from_file(str(path), 1).load(decode)
+    assert caught.value.kind == "audio"
+    path.write_bytes(b"")
+    with pytest.raises(RuntimeError, match=r"empty\.wav is empty"):
+        bpy.ops.anyface.choose_sound(filepath=str(path))

@@ -99,11 +99,12 @@ def test_a_first_talking_head(screen, photographs):  # noqa: F811
     screen.hand("key", "Escape", "sleep", "0.5")
     path = str(screen.folder / "voice.wav")
     screen.ask(f"bpy.ops.anyface.choose_sound(filepath={path!r})\n{REDRAW}")
+    assert screen.ask(f"answer = {HEAD}.anyface.strip") == "voice"
     screen.hand("sleep", "0.5")
     screen.press("anyface.generate")
     screen.wait("keys() and not running()")
     report = screen.ask(REPORT)
-    assert "new keys" in report and "Sync to Audio" in report
+    assert "shape keys" in report and "Sync to Audio" in report
     assert screen.ask("answer = bpy.context.scene.sync_mode") == "AUDIO_SYNC"
     screen.ask("bpy.context.scene.frame_set(50)")
     screen.hand("sleep", "1.5")
@@ -111,15 +112,8 @@ def test_a_first_talking_head(screen, photographs):  # noqa: F811
 
 
 def test_sounds_are_shown_mended_redone_and_written(screen, photographs):  # noqa: F811
-    # A strip, so that there is something to put the others above.
-    path = str(screen.folder / "voice.wav")
-    screen.ask(
-        "scene = bpy.context.scene\neditor = scene.sequence_editor_create()\n"
-        f"editor.sequences.new_sound('Voice', {path!r}, 1, 1)\n"
-        f"{HEAD}.anyface.source, {HEAD}.anyface.strip = 'STRIP', 'Voice'\n"
-    )
-    screen.press("anyface.generate")
-    screen.wait("keys() and not running()")
+    # The strips of sounds stand above that of the voice.
+    assert screen.ask(f"answer = {HEAD}.anyface.source") == "STRIP"
     show(screen, "Mend", suffix="_a")
     screen.ask(SEQUENCER)
     screen.hand("sleep", "0.5")

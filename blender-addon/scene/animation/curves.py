@@ -19,6 +19,8 @@ _PREPARED = "anyface_{}"
 KEY_VECTORS = ("co", "handle_left", "handle_right")
 # The face comes out of rest before the first frame and goes back after the last.
 EASE_S = 0.15
+# In less than this part of it a face would jump.
+_LEAST_EASE = 0.5
 
 
 def value_path(name: str) -> str:
@@ -103,9 +105,9 @@ class Prepared:
 
     def make(self, frames: np.ndarray, weights: np.ndarray):
         """Makes a curve for each column of `weights` `[T, K]`, from rest and back to it at
-        `frames` `[T + 2]`; yields after each."""
+        `frames` of `with_rest`; yields after each."""
         for number, column in enumerate(weights.T):
-            write(self._bag, _PREPARED.format(number), frames, from_rest(column))
+            write(self._bag, _PREPARED.format(number), frames, from_rest(column, frames))
             yield
 
     def play(self, shape_keys, names: list[str]) -> bool:
@@ -128,19 +130,28 @@ class Prepared:
         self.action = None
 
 
-def with_rest(frames: np.ndarray, scene_fps: float) -> np.ndarray:
+def with_rest(frames: np.ndarray, scene_fps: float, earliest: float = -np.inf) -> np.ndarray:
     """Scene frames of rest, of each frame of a take `[T]`, and of rest again, `[T + 2]`.
 
-    It rests at whole frames, where keys can be seen and taken hold of.
+    It rests at whole frames, where keys can be seen and taken hold of, and at none before
+    `earliest`. Where that leaves no room to come out of rest, the take begins in its first pose,
+    which holds before: `[T + 1]`.
     """
     ease = EASE_S * scene_fps
-    first, last = np.floor(frames[0] - ease), np.ceil(frames[-1] + ease)
-    return np.concatenate([[first], frames, [last]])
+    first = max(np.floor(frames[0] - ease), np.ceil(earliest))
+    lead = [first] if frames[0] - first >= _LEAST_EASE * ease else []
+    return np.concatenate([lead, frames, [np.ceil(frames[-1] + ease)]])
 
 
-def from_rest(values: np.ndarray) -> np.ndarray:
-    """Values `[T]` of a take with rest before and after, `[T + 2]`."""
-    return np.concatenate([[0.0], values, [0.0]])
+def rests_before(at: np.ndarray, count: int) -> int:
+    """How many of the scene frames `at` of `with_rest` lie before the `count` frames of a take."""
+    return len(at) - count - 1
+
+
+def from_rest(values: np.ndarray, at: np.ndarray) -> np.ndarray:
+    """Values `[T, …]` of a take as they are at the scene frames `at` of `with_rest`."""
+    rest = np.zeros((1, *values.shape[1:]))
+    return np.concatenate([rest[: rests_before(at, len(values))], values, rest])
 
 
 def remove(animation_data, data_paths: set[str]) -> None:
@@ -153,6 +164,13 @@ def remove(animation_data, data_paths: set[str]) -> None:
     group = bag.groups.get(_GROUP)
     if group is not None and len(group.channels) == 0:
         bag.groups.remove(group)
+
+
+def of_group(animation_data) -> list:
+    """The curves that we have made in the assigned action."""
+    bag = channels(animation_data)
+    group = bag.groups.get(_GROUP) if bag is not None else None
+    return list(group.channels) if group is not None else []
 
 
 def assign(holder, action) -> None:

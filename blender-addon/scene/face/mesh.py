@@ -13,6 +13,8 @@ from . import emotion_mask, rest
 LANDMARKS_PROPERTY = "anyface_landmarks"
 # No face can be found on fewer vertices, and looking for one would take half a minute.
 _FEWEST = 60
+# Between these an object may be a human head, with or without its body.
+_SMALLEST_M, _LARGEST_M = 0.08, 3.0
 
 
 def read_face(ob, landmark_file: str = "") -> FaceMesh:
@@ -108,6 +110,13 @@ def add_key(ob, name: str, positions: np.ndarray):
     block.value = 0.0
     block.points.foreach_set("co", np.ascontiguousarray(positions, dtype=np.float32).ravel())
     return block
+
+
+def is_of_human_size(ob) -> bool:
+    """Whether `ob` in the world is about as large as a human head or body, or a part of one."""
+    points = np.array(ob.bound_box) @ np.array(ob.matrix_world)[:3, :3].T
+    metres = np.ptp(points, axis=0).max() * bpy.context.scene.unit_settings.scale_length
+    return _SMALLEST_M <= metres <= _LARGEST_M
 
 
 def read_basis(mesh) -> np.ndarray:

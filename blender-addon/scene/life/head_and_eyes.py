@@ -61,7 +61,8 @@ def writing(ob, take: Take, settings, start_frame: float, scene_fps: float):
     asked = settings.life
     if take.life is None or not asked.use:
         return []
-    at = curves.with_rest(take.scene_frames(start_frame, scene_fps), scene_fps)
+    frames = take.scene_frames(start_frame, scene_fps)
+    at = curves.with_rest(frames, scene_fps, take.earliest)
     turned = _turned(ob, take.life, settings, at)
     for other, channels in turned.items():
         turns.put(ob, other, channels, at)
@@ -92,7 +93,7 @@ def _turned(ob, life: Life, settings, at) -> dict:
     asked, found = settings.life, {}
     axes = _axes(life)
     if asked.head in ("OBJECT", "BONE"):
-        vectors = _eased(life.head) @ axes.T
+        vectors = curves.from_rest(life.head, at) @ axes.T
         other = _object(asked.head_object, "the head turns")
         one = asked.head == "BONE"
         channels = (
@@ -105,10 +106,11 @@ def _turned(ob, life: Life, settings, at) -> dict:
         angles = life.gaze[:, side].astype(np.float64)
         if asked.look_at:
             if life.looked_at is None:
-                life.looked_at = at_once(_points(asked.look_at, life, at[1:-1]))
+                lead = curves.rests_before(at, len(angles))
+                life.looked_at = at_once(_points(asked.look_at, life, at[lead:-1]))
             angles = turn.to_object(angles, life.looked_at, _EYES[side])
         angles = np.clip(angles, -_MOST, _MOST)
-        vectors = _eased(turn.of_gaze(angles)) @ axes.T
+        vectors = curves.from_rest(turn.of_gaze(angles), at) @ axes.T
         if asked.gaze == "BONES":
             armature = _object(asked.eye_armature, "the eyes turn")
             bone = turning.of_bone(
@@ -121,11 +123,6 @@ def _turned(ob, life: Life, settings, at) -> dict:
             channels = turning.of_object(eye, vectors, turns.paths_of(ob, eye), middle)
             found.setdefault(eye, []).extend(channels)
     return found
-
-
-def _eased(vectors: np.ndarray) -> np.ndarray:
-    """From rest and back to it, `[T + 2, 3]`."""
-    return np.concatenate([np.zeros((1, 3)), vectors, np.zeros((1, 3))])
 
 
 def _axes(life: Life) -> np.ndarray:
@@ -182,7 +179,7 @@ def _alone(ob, life: Life, at):
     """The head's rotation in an action of its own, which any object may be given."""
     action, bag = curves.new_action(f"{ob.name} Head", "OBJECT")
     action.use_fake_user = True
-    vectors = _eased(life.head) @ _axes(life).T
+    vectors = curves.from_rest(life.head, at) @ _axes(life).T
     angles = turning.eulers(turn.of_vectors(vectors))
     for index, column in enumerate(angles.T):
         curves.write(bag, "delta_rotation_euler", at, column, index=index)

@@ -1,8 +1,9 @@
 """A few shape keys whose animated weights add up to the motion."""
 
-from ...core import systems
+from ...core import systems, wording
 from ...core.estimate import KEYFRAME, VERTEX, Cost, between
 from ...core.plan import PackSliders
+from ..animation import curves
 from ..face import emotion_mask, mesh
 from ..shape_keys import slider_changes
 from .output import PREFIX, Output, write_weights
@@ -36,12 +37,16 @@ class Basis(Output):
         return PackSliders()
 
     def describe(self, take):
-        return f"{len(take.motion.vectors)} new keys, exact to {take.motion.error_mm:.2f} mm"
+        return f"{len(take.motion.vectors)} shape keys"
+
+    def details(self, take, is_human):
+        return [f"exact to {wording.length(take.motion.error_mm, is_human, 2)}"]
 
     def write(self, ob, take, rest, at, taken):
         basis = take.motion
-        taken.first_frame = float(at[1])
-        taken.frame_step = float(at[-2] - at[1]) / max(take.frame_count - 1, 1)
+        first = at[curves.rests_before(at, take.frame_count)]
+        taken.first_frame = float(first)
+        taken.frame_step = float(at[-2] - first) / max(take.frame_count - 1, 1)
         taken.still = basis.why_missing
         slider_changes.write(ob.data.shape_keys, taken, basis.packed)
         lowest = basis.weights.min(axis=0, initial=0.0)

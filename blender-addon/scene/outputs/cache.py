@@ -38,6 +38,11 @@ class Cache(Output):
     )
     finished = "a cache holds the finished motion: use New Keys"
     in_files = True
+    lost_in = {
+        name: f"the motion lies in a point cache, which {name} does not hold: choose USD or "
+        "Alembic, or generate New Keys"
+        for name in ("glTF", "FBX")
+    }
     options = ("cache_folder",)
 
     def check_object(self, ob):
@@ -76,7 +81,11 @@ class Cache(Output):
         return WriteCaches(paths, math.ceil(curves.EASE_S * fps))
 
     def describe(self, take):
-        return f"cache {', '.join(bpy.path.basename(file.path) for file in take.motion.files)}"
+        files = take.motion.files
+        return "a cache" if len(files) == 1 else f"caches of {len(files)} objects"
+
+    def details(self, take, is_human):
+        return [bpy.path.basename(file.path) for file in take.motion.files]
 
     def check_files(self, take):
         for file in take.motion.files:

@@ -4,6 +4,7 @@ from dataclasses import dataclass
 
 import bpy
 
+from ...core import wording
 from ...core.controls_plan import FollowPoints
 from ...core.errors import AnyfaceError
 from ...core.estimate import KEYFRAME, Cost
@@ -74,12 +75,12 @@ class Controls(Output):
 
     def describe(self, take):
         fitted = take.motion.fitted
-        worst = sorted(fitted.missed.items(), key=lambda pair: -pair[1])
-        missed = ", ".join(f"{name} {mm:.1f} mm" for name, mm in worst)
-        return (
-            f"{len(fitted.moved)} controls of the rig show {fitted.shown:.0%} of the motion; "
-            f"farthest off: {missed}"
-        )
+        return f"{len(fitted.moved)} controls of the rig show {fitted.shown:.0%} of the motion"
+
+    def details(self, take, is_human):
+        worst = sorted(take.motion.fitted.missed.items(), key=lambda pair: -pair[1])
+        missed = [f"{name} {wording.length(mm, is_human)}" for name, mm in worst]
+        return [f"farthest off: {', '.join(missed)}"] if missed else []
 
     def sources(self, ob, asked) -> list[control_sources.Source]:
         """What is tried: the artist's list, or what is found."""
@@ -97,7 +98,7 @@ class Controls(Output):
 
     def prepare_files(self, take, start_frame, scene_fps):
         frames = take.scene_frames(start_frame, scene_fps)
-        ends = curves.with_rest(frames, scene_fps)[[0, -1]]
+        ends = curves.with_rest(frames, scene_fps, take.earliest)[[0, -1]]
         fitted = take.motion.fitted
         fitted.actions = yield from control_actions.prepare(fitted, ends, frames)
 

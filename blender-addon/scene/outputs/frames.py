@@ -19,6 +19,11 @@ class Frames(Output):
     label = "Every Frame"
     help = "One absolute shape key per frame; exact and large, needs a mesh without own keys"
     finished = "a key for every frame holds the finished motion: use New Keys"
+    lost_in = {
+        name: f"the take has one key per frame, which {name} cannot play: choose Alembic, or "
+        "generate New Keys"
+        for name in ("glTF", "FBX", "USD")
+    }
     cannot_wait = "one key per frame cannot wait beside others: use New Keys"
 
     def check_object(self, ob):
@@ -54,7 +59,8 @@ class Frames(Output):
         ]
         blocks.append(mesh.add_key(ob, f"{PREFIX}.rest", rest))
         taken.keys += [block.name for block in blocks]
-        blocks.insert(0, shape_keys.reference_key)
+        if curves.rests_before(at, take.frame_count):
+            blocks.insert(0, shape_keys.reference_key)
         for block in blocks:
             block.interpolation = "KEY_LINEAR"
         times = np.array([block.frame for block in blocks])
@@ -63,10 +69,12 @@ class Frames(Output):
     def span(self, ob, snapshot):
         curve = curves.find(ob.data.shape_keys.animation_data, "eval_time")
         frames = curves.places(curve)[0::2] if curve is not None else ()
-        if len(frames) != len(record.read(ob.data.shape_keys).keys) + 1:
+        count = len(record.read(ob.data.shape_keys).keys) - 1
+        lead = curves.rests_before(frames, count)
+        if lead not in (0, 1):
             raise AnyfaceError("mesh", f"{ob.name}: its curve was changed: generate again")
-        first, last = float(frames[1]), float(frames[-2])
-        return first, (last - first) / max(len(frames) - 3, 1), len(frames) - 2
+        first, last = float(frames[lead]), float(frames[-2])
+        return first, (last - first) / max(count - 1, 1), count
 
     def redo_write(self, parts, snapshot, take, first, at, stretch):
         shares = stretch.of_keyframes(at)

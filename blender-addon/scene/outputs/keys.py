@@ -91,9 +91,9 @@ class Keys(Output):
 
 
 def describe(take: Take, what: str) -> str:
-    """What was done with named keys: "52 keys driven, they show most of the motion (80 %)"."""
+    """What was done with named keys: "52 shape keys driven, they show most of …"."""
     motion = take.motion
-    return f"{len(motion.keys)} keys {what}, they show {wording.share(1.0 - motion.left_out)}"
+    return f"{len(motion.keys)} shape keys {what}, they show {wording.share(1.0 - motion.left_out)}"
 
 
 def _of_object(take: Take, piece: Piece) -> Take | None:

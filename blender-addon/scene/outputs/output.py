@@ -1,6 +1,8 @@
 """What all ways to write a take have in common."""
 
+from collections.abc import Mapping
 from dataclasses import dataclass, field
+from types import MappingProxyType
 
 import bpy
 import numpy as np
@@ -61,6 +63,8 @@ class Output:
     redoes = False
     # Why a written take cannot be changed, or cannot wait beside others, in words.
     finished = cannot_wait = ""
+    # Formats of `scene.export` that cannot hold its motion, and what to do instead.
+    lost_in: Mapping[str, str] = MappingProxyType({})
 
     def check_object(self, ob) -> None:
         """Raises `AnyfaceError` with the remedy where `ob`, or one beside it, cannot be written."""
@@ -95,8 +99,12 @@ class Output:
         return Plan()
 
     def describe(self, take: Take) -> str:
-        """What was made: "31 new keys, exact to 0.10 mm"."""
+        """What was made, as counts: "31 shape keys"."""
         raise NotImplementedError
+
+    def details(self, take: Take, is_human: bool) -> list[str]:
+        """What only some want to know: "exact to 0.10 mm"; lengths as `wording.length` has them."""
+        return []
 
     def notes(self, ob, asked: OutputSettings) -> list[str]:
         """What the artist should know besides."""
@@ -114,8 +122,8 @@ class Output:
     def write(self, ob, take: Take, rest, at, taken: record.Record) -> None:
         """Writes keys and curves on `ob` and notes them in `taken`.
 
-        `rest` `[V, 3]` are the positions of the Basis, `at` `[T + 2]` the scene frames of rest, of
-        each frame, and of rest again.
+        `rest` `[V, 3]` are the positions of the Basis, `at` the scene frames of `curves.with_rest`:
+        of rest, of each frame, and of rest again.
         """
         raise NotImplementedError
 
@@ -198,7 +206,7 @@ def play(ob, taken: record.Record):
         return
     for name, column in zip(names, weights.T, strict=True):
         bag = curves.key_channels(ob, taken)
-        curves.write(bag, curves.value_path(name), at, curves.from_rest(column))
+        curves.write(bag, curves.value_path(name), at, curves.from_rest(column, at))
         yield
 
 

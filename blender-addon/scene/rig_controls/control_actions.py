@@ -60,7 +60,7 @@ def prepare(fitted: Fitted, at: np.ndarray, times: np.ndarray):
     """Makes an action with curves of all controls on whole frames, from rest and back to it, for
     each data-block; yields between controls. Closed before its end it leaves nothing.
 
-    `times` `[T]` are the scene frames of the values, `at` the first and the last frame of all.
+    `times` `[T]` are the scene frames of the values, `at` `[2]` the first and the last of all.
     """
     by_block, made = {}, {}
     for control, moved in fitted.moved:
@@ -174,11 +174,12 @@ def _write_on(ob, block, controls: list[Control], action) -> None:
 
 def _write_curves(bag, control: Control, rows: np.ndarray, at, times) -> None:
     whole = np.arange(np.ceil(times[0]), np.floor(times[-1]) + 1.0)
-    frames = np.concatenate([[at[0]], whole, [at[1]]])
+    frames = np.concatenate([at[:1][at[:1] < whole[0]], whole, at[1:]])
     rest = control.columns(np.zeros((1, rows.shape[1])))
     for index, column in control.columns(rows).items():
         values = np.interp(whole, times, column)
-        values = np.concatenate([rest[index], values, rest[index]])
+        lead = curves.rests_before(frames, len(whole))
+        values = np.concatenate([rest[index][:lead], values, rest[index]])
         curves.write(bag, control.curve_path, frames, values, index=index)
 
 

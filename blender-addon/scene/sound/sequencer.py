@@ -4,11 +4,14 @@
 new names alone.
 """
 
+import os
 from collections.abc import Callable
 
 import bpy
 
 from ...core.errors import AnyfaceError
+
+MOST_CHANNELS = 128
 
 
 def all_strips(scene) -> list:
@@ -23,6 +26,67 @@ def sound_strips(scene) -> list:
     """The sound strips of a scene, first to last."""
     found = [strip for strip in all_strips(scene) if strip.type == "SOUND"]
     return sorted(found, key=lambda strip: (ends(strip)[0], strip.channel))
+
+
+def outer_strips(editor):
+    """The strips of a sequencer that lie in no meta strip, as a collection."""
+    return editor.strips if hasattr(editor, "strips") else editor.sequences
+
+
+def add_sound(scene, path: str, frame: int):
+    """A strip of the sound file at `path` that begins at `frame` and is heard.
+
+    One that stands there already is taken instead. Raises `RuntimeError` where Blender cannot
+    read the file, and `AnyfaceError("audio")` where no channel is free.
+    """
+    strip = _standing(scene, path, frame)
+    if strip is None:
+        strip = _new_sound(scene.sequence_editor_create(), path, frame)
+    strip.mute = False
+    return strip
+
+
+def _standing(scene, path: str, frame: int):
+    """A sound strip of the file at `path` that plays from `frame` on, or None."""
+    full = os.path.normcase(os.path.abspath(bpy.path.abspath(path)))
+    for strip in sound_strips(scene):
+        sound = strip.sound
+        if sound is None or ends(strip)[0] != frame:
+            continue
+        own = bpy.path.abspath(sound.filepath, library=sound.library)
+        if os.path.normcase(os.path.abspath(own)) == full:
+            return strip
+    return None
+
+
+def _new_sound(editor, path: str, frame: int):
+    strips = outer_strips(editor)
+    taken = [(strip.channel, *ends(strip)) for strip in strips]
+    highest = min(max((channel for channel, *_ in taken), default=0) + 1, MOST_CHANNELS)
+    # How long it is Blender says only of a strip that is there.
+    name = os.path.splitext(os.path.basename(path))[0]
+    strip = strips.new_sound(name, path, highest, frame)
+    if strip.sound is None or strip.sound.samplerate == 0:
+        _drop(strips, strip)
+        raise RuntimeError("no sound that it knows")
+    first, last = ends(strip)
+    for channel in range(1, MOST_CHANNELS + 1):
+        row = editor.channels[channel]
+        if row.mute or row.lock:
+            continue
+        if all(last <= a or b <= first for at, a, b in taken if at == channel):
+            strip.channel = channel
+            return strip
+    _drop(strips, strip)
+    text = f"no channel of the sequencer is free at frame {frame}: unmute or clear one"
+    raise AnyfaceError("audio", text)
+
+
+def _drop(strips, strip) -> None:
+    sound = strip.sound
+    strips.remove(strip)
+    if sound is not None and sound.users == 0:
+        bpy.data.sounds.remove(sound)
 
 
 def ends(strip) -> tuple[int, int]:
@@ -45,8 +109,7 @@ def place(strip, first: int, last: int) -> None:
 
 def new_text(scene, name: str, channel: int, first: int, last: int):
     """A new text strip from frame `first` to `last`, which is the one after its last."""
-    editor = scene.sequence_editor_create()
-    strips = editor.strips if hasattr(editor, "strips") else editor.sequences
+    strips = outer_strips(scene.sequence_editor_create())
     place = {"name": name, "type": "TEXT", "channel": channel, "frame_start": first}
     if bpy.app.version >= (5, 0, 0):
         return strips.new_effect(**place, length=last - first)

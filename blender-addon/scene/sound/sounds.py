@@ -84,10 +84,8 @@ def _word_of(closure, words) -> int | None:
 
 def clear(scene, name: str) -> None:
     """Takes the strips of a sound away."""
-    editor = scene.sequence_editor
     for strip in _of(scene, name):
-        owner = editor.strips if hasattr(editor, "strips") else editor.sequences
-        owner.remove(strip)
+        sequencer.outer_strips(scene.sequence_editor).remove(strip)
 
 
 def read(scene, source) -> list[tuple[float, float, str]] | None:

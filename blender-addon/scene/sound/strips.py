@@ -126,7 +126,7 @@ def _seconds(path: str, _changed: int) -> float | None:
     try:
         with wave.open(path, "rb") as file:
             return file.getnframes() / file.getframerate()
-    except (wave.Error, EOFError, OSError):
+    except (wave.Error, EOFError, OSError, ZeroDivisionError):
         pass
     try:
         import aud

@@ -38,7 +38,7 @@ def prepare(ob, take: Take, start_frame: float, scene_fps: float):
 def _times(take: Take, start_frame: float, scene_fps: float) -> np.ndarray:
     """Scene frames of rest, each frame and rest again; frame `t` lies at
     `start_frame + t · scene_fps / take.fps`."""
-    return curves.with_rest(take.scene_frames(start_frame, scene_fps), scene_fps)
+    return curves.with_rest(take.scene_frames(start_frame, scene_fps), scene_fps, take.earliest)
 
 
 def write(ob, take: Take, start_frame: float, scene_fps: float) -> record.Record:

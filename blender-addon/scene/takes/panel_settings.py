@@ -6,7 +6,7 @@ from ..shape_keys import record
 
 # Property groups of an object; those of the output that act on a take are no settings.
 GROUPS = ("anyface", "anyface_audio", "anyface_life_settings")
-_REPORT = "report"
+_REPORT, _LAST, _DETAILS = "report", "last_frame", "report_details"
 # What shows a setting in another way.
 _SHOWN = ("emotion_face",)
 _KINDS = {"BOOLEAN", "INT", "FLOAT", "STRING", "ENUM"}
@@ -20,11 +20,16 @@ def read(ob) -> dict:
 
 
 def note(ob, asked: dict, report: str, heard_emotion: HeardEmotion | None = None) -> None:
-    """Keeps settings, what was said of the result, and the emotion that was heard, with the take
-    that plays on `ob`."""
+    """Keeps settings, what was said of the result, its last frame, and the emotion that was heard,
+    with the take that plays on `ob`."""
     taken = record.read(ob.data.shape_keys) if outputs.has_take(ob) else None
     if taken is not None:
-        taken.asked = {**asked, _REPORT: report}
+        taken.asked = {
+            **asked,
+            _REPORT: report,
+            _LAST: ob.anyface.last_frame,
+            _DETAILS: ob.anyface.report_details,
+        }
         if heard_emotion is not None:
             taken.heard_emotion = heard_emotion.to_plain()
         record.write(ob.data.shape_keys, taken)
@@ -45,12 +50,18 @@ def bring_back(ob) -> None:
             ob.anyface_audio.chosen.add().name = name
     if _REPORT in asked:
         ob.anyface.report, ob.anyface.report_is_error = asked[_REPORT], False
+    ob.anyface.last_frame = asked.get(_LAST, 0)
+    ob.anyface.report_details = asked.get(_DETAILS, "")
 
 
 def _values(group) -> dict:
     names = [p.identifier for p in group.bl_rna.properties if p.type in _KINDS]
     own = [name for name in names if not group.is_property_readonly(name)]
-    return {name: getattr(group, name) for name in own if name not in ("name", _REPORT, *_SHOWN)}
+    return {
+        name: getattr(group, name)
+        for name in own
+        if name not in ("name", _REPORT, _LAST, _DETAILS, *_SHOWN)
+    }
 
 
 def _set(group, values: dict) -> None:

@@ -2,7 +2,7 @@
 
 import numpy as np
 
-from ...core import redo, sliders
+from ...core import redo, sliders, wording
 from ...core.errors import AnyfaceError
 from ...core.job import BEGUN
 from ...core.redo_film import FilmRedo
@@ -109,7 +109,8 @@ def write(ob, scene, wanted: redo.Redo, made: redo.Redone) -> str:
     if by_mm < _NOTHING_MM:
         return f"{text} as they were: change the seed, the emotion or the strips first"
     left_out = max(fit.left_out for fit in made.fits.values())
-    text += f", other by {by_mm:.1f} mm at most" + (f", {more} more keys" if more else "")
+    by = wording.length(by_mm, mesh.is_of_human_size(ob))
+    text += f", other by {by} at most" + (f", {more} more keys" if more else "")
     return text + (f", keys show {1.0 - left_out:.0%} of it" if left_out > 0.1 else "")
 
 
@@ -195,13 +196,13 @@ def _add(part, taken, fit: redo.Fit, at: np.ndarray, stretch: redo.Stretch) -> N
         return
     strength = adjust.factor("", taken.adjusted)
     bag = curves.key_channels(part, taken)
+    earliest = min(curve.range()[0] for curve in _curves(part, taken).values())
+    frames = curves.with_rest(at, stretch.fps, earliest)
     with guard.object_mode(part), guard.selection_kept(part):
         rest, shares = mesh.read_basis(part.data), stretch.shares(at)
         for vector, column in zip(fit.more, fit.more_weights.T, strict=True):
             block = mesh.add_key(part, f"{PREFIX}.{len(taken.keys) + 1:03d}", rest + vector)
             block.slider_min = -1.0
             taken.keys.append(block.name)
-            values = curves.from_rest(shares * column * strength)
-            curves.write(
-                bag, curves.value_path(block.name), curves.with_rest(at, stretch.fps), values
-            )
+            values = curves.from_rest(shares * column * strength, frames)
+            curves.write(bag, curves.value_path(block.name), frames, values)

@@ -12,9 +12,9 @@ from ..shape_keys import artist_keys, guard, record, slider_changes
 def remove(ob) -> bool:
     """Takes the generated keys, curves, action and copies away; False where there were none.
 
-    A generated key that was renamed belongs to the artist and stays, as do keys, curves and
-    drivers that were added since. A mesh or action that had been shared is shared again, unless
-    somebody has changed the copy.
+    A generated key that was renamed belongs to the artist and stays, at rest and without its curve,
+    as do keys, curves and drivers that were added since. A mesh or action that had been shared is
+    shared again, unless somebody has changed the copy.
     """
     if not record.is_generated(ob):
         return False
@@ -49,11 +49,28 @@ def _remove_curves(shape_keys, taken: record.Record) -> None:
     animation = shape_keys.animation_data
     if animation is None:
         return
+    _rest_renamed(shape_keys, taken)
     curves.remove(animation, outputs.of_record(taken).paths(taken))
     artist_keys.restore(shape_keys, taken)
     original = _original(shape_keys, record.SHARED_ACTION, taken.shared_action_print)
     _release_action(animation, taken, original)
     curves.drop_idle_animation(shape_keys, taken.made_animation_data)
+
+
+def _rest_renamed(shape_keys, taken: record.Record) -> None:
+    """Brings keys of the take that have other names by now to where they were before it.
+
+    Blender renames their curves along, and these lie in our group, in the order of the keys.
+    """
+    names, blocks = (*taken.keys, *taken.values), shape_keys.key_blocks
+    lost = [name for name in names if name not in blocks]
+    others = {curves.value_path(block.name): block for block in blocks if block.name not in names}
+    found = [curve for curve in curves.of_group(shape_keys.animation_data) if lost]
+    renamed = [curve for curve in found if curve.data_path in others]
+    for number, curve in enumerate(renamed):
+        block = others[curve.data_path]
+        curves.remove(shape_keys.animation_data, {curve.data_path})
+        block.value = taken.values.get(lost[number], 0.0) if len(renamed) == len(lost) else 0.0
 
 
 def _original(shape_keys, name: str, wanted: str):

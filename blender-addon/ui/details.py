@@ -1,0 +1,23 @@
+"""What is known of a fault, as a text in the file: few artists see a console."""
+
+import platform
+
+import bpy
+
+from ..core.errors import AnyfaceError, details
+
+NAME = "Anyface Fault"
+
+
+def kept(error: AnyfaceError) -> AnyfaceError:
+    """Writes what is known of a fault into a text, and says where; other errors stay."""
+    found = details(error)
+    if not found:
+        return error
+    text = bpy.data.texts.get(NAME) or bpy.data.texts.new(NAME)
+    text.clear()
+    blender = f"Blender {bpy.app.version_string}, {platform.platform()}"
+    text.write(f"{error}\n\n{blender}\n\n{found}")
+    more = AnyfaceError(error.kind, f"{error} (or the text {NAME} in the Text Editor)", error.mends)
+    more.__cause__ = error.__cause__
+    return more
