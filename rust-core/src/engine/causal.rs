@@ -6,7 +6,7 @@ use crate::{
     audio::Waveform,
     conditions::{ControlStage, EmotionCurve},
     job::ProgressFn,
-    motion::{LandmarkClip, MotionRequest, MotionStream, check_fps, stream_whole},
+    motion::{LandmarkClip, MotionRequest, MotionStream, WeightStream, check_fps, stream_whole},
     nn::finite::check_result,
     speech::frames_of,
 };
@@ -23,6 +23,18 @@ impl Engine {
             let name = self.registration.name;
             Error::InvalidInput(format!("stream: {name} needs the whole sound"))
         })
+    }
+
+    /// Weights of ARKit's shapes and of visemes in real time, with blinks, eyes and head: push samples, pull frames.
+    ///
+    /// # Errors
+    /// `InvalidInput` for a system that needs the whole sound, `Weights` or `Io` where a model is damaged.
+    pub fn weight_stream(&self) -> Result<WeightStream> {
+        WeightStream::new(
+            self.stream()?,
+            &self.face_modes,
+            self.rig_model()?.visemes(),
+        )
     }
 
     /// What [`Engine::stream`] makes of a whole sound; at the stream's own rate bit for bit the same.

@@ -18,6 +18,7 @@ mod frame_stream;
 mod gaze;
 mod gestures;
 mod head;
+mod idle;
 mod join;
 mod life;
 mod liveliness;
@@ -27,6 +28,7 @@ mod phrases;
 mod redo;
 mod request;
 mod resample;
+mod shape_fit;
 mod silence;
 mod slow_noise;
 mod smooth;
@@ -34,6 +36,7 @@ mod template;
 mod upper_face;
 mod variety;
 mod visibility;
+mod weight_stream;
 mod weights;
 
 use std::{fmt, sync::Arc};
@@ -60,6 +63,7 @@ pub use request::{FPS, MotionRequest, check_closures, check_fps, style_number};
 pub(crate) use resample::at_rate;
 pub use template::{Template, TemplateMask};
 pub use visibility::{Extent, SPOKEN_MM, VISIBLE_MM, Visibility, lip_travel};
+pub use weight_stream::{WeightFrame, WeightStream};
 pub use weights::{LipGaps, LowerLip, WeightCues};
 
 /// What a system gives: motion of one of the kinds that [`crate::spread`] can put on a mesh.

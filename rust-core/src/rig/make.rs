@@ -156,7 +156,7 @@ impl RigModel {
     }
 
     /// Weight of each ARKit shape in each viseme, `[15, 52]`.
-    pub(super) fn visemes(&self) -> &Array2<f32> {
+    pub(crate) fn visemes(&self) -> &Array2<f32> {
         &self.visemes
     }
 

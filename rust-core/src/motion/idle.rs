@@ -1,0 +1,123 @@
+//! What a face does beside speech while nobody knows what comes: blinks, eyes that move, a head that drifts.
+//!
+//! The twins of [`super::blinks`], [`super::gaze`] and [`super::head`] see the whole sound and follow its pauses; these see
+//! nothing ahead. Sizes and rates are theirs. Same seed, same motion.
+
+use super::{blinks::Blink, chance::Chance, phrases::smooth_step, slow_noise::SlowNoise};
+
+/// Number of this process among the streams of a seed.
+const STREAM: u64 = u64::MAX - 9;
+/// Mean time between two blinks, seconds; they lie between a quarter and seven quarters of it.
+const BLINK_S: f64 = 3.5;
+const HOLD_S: (f64, f64) = (0.03, 0.1);
+const APART_S: f64 = 0.02;
+/// How long eyes rest on a point, seconds, and how far points lie beside the middle, degrees.
+const REST_S: (f64, f64) = (0.4, 2.2);
+const BESIDE_DEG: [f64; 2] = [4.0, 2.0];
+/// A leap takes so long, seconds.
+const LEAP_S: f64 = 0.03;
+/// Deviation of the head's drift about x, y and z, degrees, and its frequencies.
+const DRIFT_DEG: [f64; 3] = [0.8, 0.9, 0.45];
+const DRIFT_HZ: (f64, f64) = (0.1, 0.8);
+/// Share of it that stays in pauses.
+const DRIFT_AT_REST: f64 = 0.5;
+
+/// One instant.
+#[derive(Debug, Clone, Copy, PartialEq)]
+pub(super) struct Idle {
+    /// How far the right and the left eye are closed, 0 to 1.
+    pub closed: [f32; 2],
+    /// Where both eyes look, to the subject's left and up, degrees.
+    pub look_deg: [f64; 2],
+    /// Rotation vector of the head, radians.
+    pub head: [f32; 3],
+}
+
+/// The process; its times rise.
+pub(super) struct IdleMotion {
+    chance: Chance,
+    drift: [SlowNoise; 3],
+    blink: Blink,
+    next_blink: Blink,
+    /// When the last leap began, from where to where.
+    leap_s: f64,
+    points_deg: [[f64; 2]; 2],
+    next_leap_s: f64,
+    /// How much is being said, 0 to 1, of late.
+    speaking: f64,
+}
+
+impl IdleMotion {
+    pub(super) fn new(seed: u64) -> IdleMotion {
+        let mut chance = Chance::new(seed, STREAM);
+        let drift = [(); 3].map(|()| SlowNoise::new(&mut chance, DRIFT_HZ.0, DRIFT_HZ.1));
+        let first = blink_after(0.0, &mut chance);
+        let next_blink = blink_after(first.end_s(), &mut chance);
+        IdleMotion {
+            next_leap_s: chance.between(REST_S.0, REST_S.1),
+            chance,
+            drift,
+            blink: first,
+            next_blink,
+            leap_s: 0.0,
+            points_deg: [[0.0; 2]; 2],
+            speaking: 0.0,
+        }
+    }
+
+    /// The face at a time later than all before; `opening`: of the mouth, 0 to 1.
+    pub(super) fn at(&mut self, time_s: f64, opening: f64) -> Idle {
+        while time_s >= self.next_blink.start_s {
+            self.blink = self.next_blink;
+            self.next_blink = blink_after(self.blink.end_s(), &mut self.chance);
+        }
+        while time_s >= self.next_leap_s {
+            self.leap_s = self.next_leap_s;
+            let to = BESIDE_DEG.map(|most| self.chance.between(-most, most));
+            self.points_deg = [self.points_deg[1], to];
+            self.next_leap_s += self.chance.between(REST_S.0, REST_S.1);
+        }
+        self.speaking += 0.05 * ((8.0 * opening).min(1.0) - self.speaking);
+        let share = smooth_step((time_s - self.leap_s) / LEAP_S);
+        let [from, to] = self.points_deg;
+        let size = DRIFT_AT_REST + (1.0 - DRIFT_AT_REST) * self.speaking;
+        let turn =
+            |axis: usize| (size * DRIFT_DEG[axis] * self.drift[axis].at(time_s)).to_radians();
+        Idle {
+            closed: [true, false].map(|right| self.blink.closure(time_s, right)),
+            look_deg: [0, 1].map(|i| from[i] + share * (to[i] - from[i])),
+            head: [0, 1, 2].map(|axis| turn(axis) as f32),
+        }
+    }
+}
+
+fn blink_after(end_s: f64, chance: &mut Chance) -> Blink {
+    Blink {
+        start_s: end_s + BLINK_S * (0.25 + 1.5 * chance.bell()),
+        hold_s: chance.between(HOLD_S.0, HOLD_S.1),
+        right_later_s: chance.between(-APART_S, APART_S),
+    }
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    #[test]
+    fn it_blinks_some_fifteen_times_a_minute_and_stays_small() {
+        let mut idle = IdleMotion::new(0);
+        let frames: Vec<Idle> = (0..15_000)
+            .map(|t| idle.at(f64::from(t) / 25.0, 0.0))
+            .collect();
+        let shut = |idle: &Idle| idle.closed[0] > 0.5;
+        let blinks = frames
+            .windows(2)
+            .filter(|w| !shut(&w[0]) && shut(&w[1]))
+            .count();
+        assert!((100..220).contains(&blinks), "{blinks} in ten minutes");
+        for frame in &frames {
+            assert!(frame.head.iter().all(|x| x.abs() < 0.04), "{frame:?}");
+            assert!(frame.look_deg[0].abs() <= BESIDE_DEG[0], "{frame:?}");
+        }
+    }
+}

@@ -1,0 +1,131 @@
+//! Weights of shapes that follow landmarks, a frame at a time.
+//!
+//! Least squares with bounds and a memory of the frame before:
+//!
+//! `|D w − x|² + Σ_s g_s (ρ w_s² + μ (w_s − w′_s)²) + σ Σ_pairs g (w_l − w_r)²` with `0 ≤ w ≤ 1`
+//!
+//! `D` the shapes at the landmarks, `x` a frame, `w′` the weights of the frame before, `g_s = |d_s|²`. The gaps between the
+//! lips count beside the landmarks themselves, since a mouth that should be shut is seen first. Cyclic coordinate
+//! descent begins at the frame before, as in [`crate::rig::solve`], which sees all frames at once.
+
+use ndarray::{Array2, Array3, ArrayView1};
+
+use crate::mesh::ibug::{INNER_LIPS, LANDMARKS};
+
+/// `ρ`, `μ` and `σ`.
+const RIDGE: f64 = 1e-3;
+const SMOOTHNESS: f64 = 0.02;
+const SYMMETRY: f64 = 5e-3;
+/// What a gap between the lips counts, in landmarks.
+const GAP: f32 = 3.0;
+/// Change of a weight below which the descent has arrived, and the most sweeps.
+const ARRIVED: f64 = 1e-5;
+const MOST_SWEEPS: usize = 200;
+const MM: f32 = 1e3;
+/// Coordinates of the landmarks, and a gap for each pair of inner lips.
+const ROWS: usize = 3 * LANDMARKS + INNER_LIPS.len();
+
+/// Shapes at the landmarks, and the weights of the last frame.
+pub(super) struct ShapeFit {
+    /// `[S, ROWS]`, millimetres.
+    shapes: Array2<f32>,
+    /// `[S, S]`.
+    gram: Array2<f64>,
+    /// For each shape the one on the other side.
+    mirror: Vec<Option<usize>>,
+    /// `[S]`.
+    last: Vec<f64>,
+}
+
+impl ShapeFit {
+    /// `shapes`: `[S, 68, 3]`, canonical metres.
+    pub(super) fn new(shapes: &Array3<f32>, mirror: Vec<Option<usize>>) -> ShapeFit {
+        let count = shapes.dim().0;
+        let mut rows = Array2::zeros((count, ROWS));
+        for (mut row, shape) in rows.outer_iter_mut().zip(shapes.outer_iter()) {
+            let shape = shape.as_standard_layout();
+            row.assign(&seen(shape.as_slice().expect("standard layout")));
+        }
+        let wide = rows.mapv(f64::from);
+        ShapeFit {
+            gram: wide.dot(&wide.t()),
+            shapes: rows,
+            mirror,
+            last: vec![0.0; count],
+        }
+    }
+
+    /// The weights `[S]` of the next frame; `frame`: `[204]`, canonical metres.
+    pub(super) fn next(&mut self, frame: &[f32]) -> &[f64] {
+        let seen = seen(frame);
+        let right: Vec<f64> = (self.shapes.outer_iter())
+            .map(|shape| f64::from(dot(shape, seen.view())))
+            .collect();
+        let before = self.last.clone();
+        for _ in 0..MOST_SWEEPS {
+            let mut moved: f64 = 0.0;
+            for s in 0..right.len() {
+                let own = self.gram[[s, s]];
+                if own < 1e-6 {
+                    continue;
+                }
+                let row = self.gram.row(s);
+                let all: f64 = row.iter().zip(&self.last).map(|(g, w)| g * w).sum();
+                let others = all - own * self.last[s];
+                let (mut pull, mut weight) = (right[s] - others, own * (1.0 + RIDGE + SMOOTHNESS));
+                pull += SMOOTHNESS * own * before[s];
+                if let Some(other) = self.mirror[s] {
+                    pull += SYMMETRY * own * self.last[other];
+                    weight += SYMMETRY * own;
+                }
+                let best = (pull / weight).clamp(0.0, 1.0);
+                moved = moved.max((best - self.last[s]).abs());
+                self.last[s] = best;
+            }
+            if moved < ARRIVED {
+                break;
+            }
+        }
+        &self.last
+    }
+}
+
+fn dot(a: ArrayView1<'_, f32>, b: ArrayView1<'_, f32>) -> f32 {
+    a.iter().zip(b).map(|(x, y)| x * y).sum()
+}
+
+/// What counts of a frame `[204]`: its coordinates and the gaps between its lips, millimetres.
+fn seen(frame: &[f32]) -> ndarray::Array1<f32> {
+    let gap = |&(upper, lower): &(usize, usize)| frame[3 * upper + 1] - frame[3 * lower + 1];
+    let gaps = INNER_LIPS.iter().map(|pair| GAP * gap(pair));
+    frame.iter().copied().chain(gaps).map(|x| MM * x).collect()
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    /// Two shapes that move one landmark each, mirrored.
+    fn fit() -> ShapeFit {
+        let mut shapes = Array3::zeros((2, LANDMARKS, 3));
+        shapes[[0, 48, 0]] = 0.01;
+        shapes[[1, 54, 0]] = -0.01;
+        ShapeFit::new(&shapes, vec![Some(1), Some(0)])
+    }
+
+    #[test]
+    fn weights_follow_landmarks_within_their_bounds() {
+        let mut fit = fit();
+        let mut frame = [0.0; 3 * LANDMARKS];
+        frame[3 * 48] = 0.005;
+        frame[3 * 54] = -0.02;
+        let weights = (0..20).map(|_| fit.next(&frame).to_vec()).last().unwrap();
+        assert!(
+            (weights[0] - 0.5).abs() < 0.02 && weights[1] == 1.0,
+            "{weights:?}"
+        );
+        frame[3 * 48] = -0.005;
+        let weights = fit.next(&frame);
+        assert_eq!(weights[0], 0.0);
+    }
+}

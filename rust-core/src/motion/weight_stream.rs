@@ -1,0 +1,185 @@
+//! Weights of ARKit's shapes and of visemes while somebody is speaking, for characters that are no mesh of ours.
+
+use ndarray::Array2;
+
+use super::{
+    FaceModes, MotionStream,
+    idle::{Idle, IdleMotion},
+    shape_fit::ShapeFit,
+};
+use crate::{
+    Result,
+    conditions::Emotion,
+    mesh::ibug::LANDMARKS,
+    rig::{ARKIT, VISEMES, mirrored_name},
+};
+
+/// Eyes that look this far to a side have the weight 1, degrees.
+const FULL_LOOK_DEG: f64 = 30.0;
+
+/// A face at one instant.
+#[derive(Debug, Clone, PartialEq)]
+pub struct WeightFrame {
+    /// Number of the frame; it stands at `index / fps` seconds of the sound.
+    pub index: usize,
+    /// Weights of [`ARKIT`]'s shapes, 0 to 1: what is said and felt, blinks, and where the eyes look.
+    pub shapes: [f32; ARKIT.len()],
+    /// Weights of [`VISEMES`], 0 to 1, for characters that have no more: what is said alone. Of `sil` what the others leave.
+    pub visemes: [f32; VISEMES.len()],
+    /// Rotation vector of the head, radians, in the canonical frame: x to the subject's left, y up, z to the front. A nod
+    /// down turns about +x.
+    pub head: [f32; 3],
+}
+
+/// A performance in progress: push samples, pull weights. They are the same bit for bit however the samples were cut
+/// into pushes.
+///
+/// The landmarks of a [`MotionStream`] are followed by least squares on the mean face, a frame at a time from where
+/// the last one was.
+///
+/// ```
+/// # use anyface::{Engine, EngineOptions};
+/// # let engine = Engine::new(EngineOptions::default())?;
+/// let mut stream = engine.weight_stream()?;
+/// stream.push(&[0.0; 16_000])?;
+/// stream.finish()?;
+/// let frames: Vec<_> = std::iter::from_fn(|| stream.pull()).collect();
+/// assert_eq!(frames.len(), 25);
+/// # Ok::<(), anyface::Error>(())
+/// ```
+pub struct WeightStream {
+    motion: Box<dyn MotionStream>,
+    shapes: ShapeFit,
+    visemes: ShapeFit,
+    idle: IdleMotion,
+    places: Places,
+}
+
+/// Numbers among [`ARKIT`]'s shapes, the subject's right side first.
+struct Places {
+    jaw_open: usize,
+    blink: [usize; 2],
+    /// Outward, inward, up and down.
+    look: [[usize; 4]; 2],
+}
+
+impl WeightStream {
+    /// `mixtures`: `[15, 52]`, weight of each shape in each viseme.
+    ///
+    /// # Errors
+    /// `Weights` if the modes of the face lack one.
+    pub(crate) fn new(
+        motion: Box<dyn MotionStream>,
+        modes: &FaceModes,
+        mixtures: &Array2<f32>,
+    ) -> Result<WeightStream> {
+        let shapes = modes.of_shapes(&ARKIT.map(str::to_owned))?;
+        let flat = shapes
+            .to_shape((ARKIT.len(), 3 * LANDMARKS))
+            .expect("row-major array");
+        let visemes = mixtures
+            .dot(&flat)
+            .into_shape_with_order((VISEMES.len(), LANDMARKS, 3));
+        let visemes = visemes.expect("as many numbers as before");
+        let place = |name: &str| ARKIT.iter().position(|known| *known == name);
+        let mirror = ARKIT.iter().map(|name| place(&mirrored_name(name)));
+        let mirror = mirror
+            .enumerate()
+            .map(|(s, other)| other.filter(|other| *other != s));
+        let known = |name: String| place(&name).expect("ARKit has this shape");
+        let sides = ["Right", "Left"];
+        Ok(WeightStream {
+            shapes: ShapeFit::new(&shapes, mirror.collect()),
+            visemes: ShapeFit::new(&visemes, vec![None; VISEMES.len()]),
+            idle: IdleMotion::new(0),
+            places: Places {
+                jaw_open: known("jawOpen".into()),
+                blink: sides.map(|side| known(format!("eyeBlink{side}"))),
+                look: sides.map(|side| {
+                    ["Out", "In", "Up", "Down"].map(|way| known(format!("eyeLook{way}{side}")))
+                }),
+            },
+            motion,
+        })
+    }
+
+    /// Takes samples: mono, 16 kHz, nominally in [−1, 1].
+    ///
+    /// # Errors
+    /// Those of [`MotionStream::push`].
+    pub fn push(&mut self, samples: &[f32]) -> Result<()> {
+        self.motion.push(samples)
+    }
+
+    /// The next frame, or `None` until more samples are there.
+    pub fn pull(&mut self) -> Option<WeightFrame> {
+        let frame = self.motion.pull()?;
+        let landmarks = frame.displacements.as_flattened();
+        let mut shapes = [0.0; ARKIT.len()];
+        let fitted = self.shapes.next(landmarks);
+        shapes
+            .iter_mut()
+            .zip(fitted)
+            .for_each(|(to, w)| *to = *w as f32);
+        let mut visemes = [0.0; VISEMES.len()];
+        let fitted = self.visemes.next(landmarks);
+        visemes
+            .iter_mut()
+            .zip(fitted)
+            .for_each(|(to, w)| *to = *w as f32);
+        // The first is silence.
+        let said: f32 = visemes[1..].iter().sum();
+        visemes[0] = (1.0 - said).max(0.0);
+        let time_s = frame.index as f64 / self.motion.fps();
+        let opening = f64::from(shapes[self.places.jaw_open]);
+        let idle = self.idle.at(time_s, opening);
+        self.places.add(&idle, &mut shapes);
+        Some(WeightFrame {
+            index: frame.index,
+            shapes,
+            visemes,
+            head: idle.head,
+        })
+    }
+
+    /// Ends the sound: silence follows, and every frame that began can be pulled.
+    ///
+    /// # Errors
+    /// `InvalidInput` the second time.
+    pub fn finish(&mut self) -> Result<()> {
+        self.motion.finish()
+    }
+
+    /// Emotion from the next frame on.
+    ///
+    /// # Errors
+    /// `InvalidInput` for an emotion that is not finite.
+    pub fn set_emotion(&mut self, emotion: &Emotion) -> Result<()> {
+        self.motion.set_emotion(emotion)
+    }
+
+    /// Frames per second.
+    pub fn fps(&self) -> f64 {
+        self.motion.fps()
+    }
+
+    /// Seconds of sound after a frame's own instant that it waits for.
+    pub fn latency_s(&self) -> f64 {
+        self.motion.latency_s()
+    }
+}
+
+impl Places {
+    /// Lets lids blink and eyes look.
+    fn add(&self, idle: &Idle, shapes: &mut [f32; ARKIT.len()]) {
+        let [left_deg, up_deg] = idle.look_deg;
+        for (side, outward_deg) in [(0, -left_deg), (1, left_deg)] {
+            let blink = &mut shapes[self.blink[side]];
+            *blink = blink.max(idle.closed[side]);
+            let ways = [outward_deg, -outward_deg, up_deg, -up_deg];
+            for (shape, way_deg) in self.look[side].into_iter().zip(ways) {
+                shapes[shape] = (way_deg / FULL_LOOK_DEG).clamp(0.0, 1.0) as f32;
+            }
+        }
+    }
+}
