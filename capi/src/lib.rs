@@ -41,4 +41,5 @@ mod status;
 mod stream;
 mod system;
 mod version;
+mod weight_stream;
 mod weights;

@@ -37,6 +37,7 @@ const SOURCES: &[&str] = &[
     "weights",
     "head",
     "stream",
+    "weight_stream",
 ];
 
 /// Writes include/anyface.h from capi/src.
