@@ -16,6 +16,7 @@ from ctypes import (
     c_float,
     c_int32,
     c_size_t,
+    c_uint8,
     c_uint32,
     c_uint64,
     c_void_p,
@@ -263,6 +264,31 @@ SIGNATURES = {
     "anyface_basis_max_error": (c_float, [_HANDLE]),
     "anyface_basis_copy_shapes": (c_int32, [_HANDLE, _FLOATS, c_size_t, _OUT]),
     "anyface_basis_copy_weights": (c_int32, [_HANDLE, _FLOATS, c_size_t, _OUT]),
+    "anyface_curves_new": (
+        c_int32,
+        [
+            _FLOATS,
+            c_size_t,
+            c_size_t,
+            _FLOATS,
+            c_size_t,
+            c_float,
+            POINTER(c_uint8),
+            _HANDLE,
+            _OUT,
+            _OUT,
+        ],
+    ),
+    "anyface_curves_new_each": (
+        c_int32,
+        [_FLOATS, c_size_t, c_size_t, _FLOATS, POINTER(c_uint8), _OUT, _OUT],
+    ),
+    "anyface_curves_max_error": (c_float, [_HANDLE]),
+    "anyface_curves_key_count": (c_size_t, [_HANDLE, c_size_t]),
+    "anyface_curves_copy_keys": (
+        c_int32,
+        [_HANDLE, c_size_t, POINTER(c_uint32), _FLOATS, c_size_t, _OUT],
+    ),
     "anyface_progress_new": (_HANDLE, [c_void_p, c_void_p]),
     "anyface_progress_read": (c_int32, [_HANDLE, POINTER(c_char_p), _FLOATS]),
     "anyface_progress_cancel": (None, [_HANDLE]),
@@ -335,9 +361,9 @@ SIGNATURES = {
 }
 
 _FREED = (
-    "audio", "basis", "clip", "engine", "error", "event_notes", "events", "expression", "face",
-    "head", "mesh", "motion", "opened_mouth", "progress", "rig", "sliders", "sounds", "stream",
-    "weights",
+    "audio", "basis", "clip", "curves", "engine", "error", "event_notes", "events", "expression",
+    "face", "head", "mesh", "motion", "opened_mouth", "progress", "rig", "sliders", "sounds",
+    "stream", "weights",
 )  # fmt: skip
 SIGNATURES |= {f"anyface_{noun}_free": (None, [_HANDLE]) for noun in _FREED}
 

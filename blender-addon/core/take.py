@@ -210,6 +210,15 @@ class Motion:
 
 
 @dataclass
+class CurveKeys:
+    """The keys of one curve: frames `rows` `[N]` of the take, which rise from the first to the
+    last, and the `slopes` `[N]` of their handles, per frame."""
+
+    rows: np.ndarray
+    slopes: np.ndarray
+
+
+@dataclass
 class Frames(Motion):
     """The `displacements` of every frame, `[T, V, 3]`."""
 
@@ -244,7 +253,13 @@ class ClipMotion(Motion):
 
 
 class VectorSum(Motion):
-    """`vectors` `[K, V, 3]` whose `weights` `[T, K]` add up to the motion."""
+    """`vectors` `[K, V, 3]` whose `weights` `[T, K]` add up to the motion.
+
+    `keys_of_curves` `[K]` are the keys of their curves; None, as a whole or for one of them, for a
+    key a frame.
+    """
+
+    keys_of_curves = None
 
     @property
     def frame_count(self):
@@ -273,6 +288,7 @@ class Basis(VectorSum):
     packed: bytes = b""
     offered: tuple[str, ...] = NAMES
     emotion_first: int | None = None
+    keys_of_curves: list[CurveKeys | None] | None = None
 
     def of_piece(self, piece):
         # The mask of the emotion is painted on the face alone.
@@ -343,7 +359,9 @@ class Animation:
     `largest_mm` is the largest displacement of any vertex in any frame, on a head of human size,
     blinks included; `visibility` is one of `VISIBILITIES`. `shape_weights` is what moves where the
     system makes weights; `heard_emotion` is what was heard, where the motion depends on it;
-    `mouth` is how the lips meet, one of `MOUTHS`; `notes` are remarks for the report.
+    `mouth` is how the lips meet, one of `MOUTHS`; `notes` are remarks for the report. A unit of the
+    mesh is `unit_mm` long on a head of human size; in frames that are `touching` `[T]` the lips
+    touch.
     """
 
     largest_mm: float
@@ -357,6 +375,8 @@ class Animation:
     heard_emotion: HeardEmotion | None = None
     mouth: str = ""
     notes: list[str] = field(default_factory=list)
+    unit_mm: float = 1000.0
+    touching: np.ndarray | None = None
 
 
 @dataclass
@@ -369,7 +389,9 @@ class Take:
     `largest_of` is the largest displacement of each piece of the face, mm, where there are several.
     `shape_weights` are those that a system made itself: named keys get them as they are.
     `heard_emotion` is what was heard in the voice, where the take depends on it.
-    `mouth` is how the lips meet, one of `MOUTHS`; `notes` are remarks for the report.
+    `mouth` is how the lips meet, one of `MOUTHS`; `notes` are remarks for the report. A unit of the
+    object is `unit_mm` long on a head of human size; in frames that are `touching` `[T]` the lips
+    touch.
     """
 
     fps: float
@@ -382,6 +404,10 @@ class Take:
     heard_emotion: HeardEmotion | None = None
     mouth: str = ""
     notes: list[str] = field(default_factory=list)
+    unit_mm: float = 1000.0
+    touching: np.ndarray | None = None
+    # Finds the keys of curves that are made in Blender, a `sparse.Few`; None for every frame.
+    few: object = None
 
     def scene_frames(self, start_frame: float, scene_fps: float) -> np.ndarray:
         """The scene frames `[T]` of its frames, of which the first lies at `start_frame`."""
@@ -449,6 +475,7 @@ class KeyMotion(VectorSum):
     shown: dict[str, str] = field(default_factory=dict)
     factors: dict[str, dict[str, float]] = field(default_factory=dict)
     missing: list[str] = field(default_factory=list)
+    keys_of_curves: list[CurveKeys | None] | None = None
 
     def of_piece(self, piece):
         more = self.visemes

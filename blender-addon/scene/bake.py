@@ -11,7 +11,7 @@ from functools import partial
 import bpy
 import numpy as np
 
-from ..core import measure, perform, plan, systems
+from ..core import measure, perform, plan, sparse, systems
 from ..core.emotion import Share
 from ..core.errors import AnyfaceError
 from ..core.job import BEGUN, Progress, at_once
@@ -57,6 +57,9 @@ class Settings:
     held: dict[str, float] = field(default_factory=dict)
     mode: str = outputs.MODES[0]
     error_mm: float = 0.1
+    # Whether curves get few keys, `core.sparse.SPARSE`, and how far these may move any vertex, mm.
+    curves: str = sparse.SPARSE
+    curves_mm: float = 0.2
     layered: bool = True
     axes: str = "AUTO"
     landmark_file: str = ""
@@ -142,6 +145,9 @@ class Snapshot:
         take = self.perform(progress)
         take = self.plan.finish(self.face, take, self.engine, progress)
         try:
+            moves = self.plan.moves(take)
+            if self.settings.curves == sparse.SPARSE and moves is not None:
+                sparse.thin(take, moves, self.engine, self.settings.curves_mm, progress)
             output = outputs.of_take(take)
             if len(self.face.pieces) > 1 and output.moves_parts and not output.in_files:
                 take.largest_of = measure.largest(take, self.face.pieces, progress)
@@ -267,6 +273,8 @@ def landing(ob, snapshot: Snapshot, take: Take):
     output = outputs.of_take(take)
     yield from head_and_eyes.look(take, snapshot.settings, start, scene_fps)
     take = yield from output.settle(ob, take, asked)
+    if snapshot.settings.curves == sparse.SPARSE:
+        take.few = sparse.Few(snapshot.engine, snapshot.settings.curves_mm)
     keep = output.keep if output.in_files else take_list.keep
     before = (lambda: keep(ob)) if asked.new_take else None
     yield from together.landing(ob, snapshot.face.pieces, take, start, scene_fps, before)
@@ -280,7 +288,9 @@ def landing(ob, snapshot: Snapshot, take: Take):
         ob.anyface.mouth = take.mouth
     if take.mouth == "welded":
         notes.append(mouth.WELDED)
-    text = " ".join([describe(take), *(f"({note})" for note in [*turned, *notes])])
+    text = " ".join(
+        [describe(take, snapshot.settings.curves_mm), *(f"({note})" for note in [*turned, *notes])]
+    )
     panel_settings.note(ob, snapshot.asked, text, take.heard_emotion)
     return text
 
@@ -304,10 +314,12 @@ def _takes(made) -> list[Take]:
     return [take for take in (made if isinstance(made, list) else [made]) if isinstance(take, Take)]
 
 
-def describe(take: Take) -> str:
-    """One line: "150 frames, moves by up to 9.1 mm, 31 new keys, exact to 0.10 mm"."""
+def describe(take: Take, curves_mm: float) -> str:
+    """One line: "150 frames, moves by up to 9.1 mm, 31 new keys, exact to 0.10 mm"; curves with few
+    keys are within `curves_mm`."""
     text = f"{take.frame_count} frames, moves by up to {take.largest_mm:.1f} mm"
-    return f"{text}, {outputs.of_take(take).describe(take)}"
+    told = [text, outputs.of_take(take).describe(take), sparse.describe(take, curves_mm)]
+    return ", ".join(filter(None, told))
 
 
 def find_sound(scene, settings: Settings, engine) -> SoundSource:

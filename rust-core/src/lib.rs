@@ -41,6 +41,7 @@ pub mod annotation;
 pub mod audio;
 pub mod cache;
 pub mod conditions;
+pub mod curves;
 pub mod deform;
 pub mod diffusion;
 mod engine;

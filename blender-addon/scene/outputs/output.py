@@ -59,6 +59,8 @@ class Output:
     in_files = False
     # Its keys can show another motion for some of the frames.
     redoes = False
+    # Its weights are curves, which may have few keys.
+    has_curves = False
     # Why a written take cannot be changed, or cannot wait beside others, in words.
     finished = cannot_wait = ""
 
@@ -176,10 +178,10 @@ def draw_list_buttons(layout, stem: str, find: str) -> None:
     row.operator(f"anyface.{stem}_clear", text="", icon="X")
 
 
-def write_weights(ob, taken: record.Record, names: list[str], at, weights: np.ndarray) -> None:
-    """Notes the curves of the values of keys, which `play` makes: `weights` `[T, K]`, from rest and
-    back to it."""
-    taken.waiting = names, at, weights
+def write_weights(ob, taken: record.Record, names: list[str], at, motion) -> None:
+    """Notes the curves of the values of keys, which `play` makes of the weights of a motion, from
+    rest and back to it."""
+    taken.waiting = names, at, motion
 
 
 def play(ob, taken: record.Record):
@@ -187,7 +189,7 @@ def play(ob, taken: record.Record):
 
     Those that were prepared are used, where no action of the artist's has to hold them.
     """
-    names, at, weights = taken.waiting
+    names, at, motion = taken.waiting
     taken.waiting = None
     shape_keys = ob.data.shape_keys
     if taken.prepared is not None and shape_keys.animation_data is None:
@@ -196,9 +198,10 @@ def play(ob, taken: record.Record):
     if taken.prepared is not None and taken.prepared.play(shape_keys, names):
         taken.made_action = True
         return
-    for name, column in zip(names, weights.T, strict=True):
+    every = curves.keys_of(motion)
+    for name, column, keys in zip(names, motion.weights.T, every, strict=True):
         bag = curves.key_channels(ob, taken)
-        curves.write(bag, curves.value_path(name), at, curves.from_rest(column))
+        curves.write_take(bag, curves.value_path(name), at, curves.from_rest(column), keys)
         yield
 
 
