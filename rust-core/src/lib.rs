@@ -40,6 +40,7 @@
 pub mod annotation;
 pub mod audio;
 pub mod cache;
+pub mod chart;
 pub mod conditions;
 pub mod curves;
 pub mod deform;
