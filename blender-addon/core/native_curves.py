@@ -1,14 +1,14 @@
 """The library's calls that find few keys for curves."""
 
 from contextlib import ExitStack
-from ctypes import POINTER, c_float, c_uint8, c_uint32
+from ctypes import POINTER, c_float, c_uint32, c_void_p
 
 import numpy as np
 
 from .job import Progress
 from .take import CurveKeys
 
-_FLOATS, _BYTES, _ROWS = POINTER(c_float), POINTER(c_uint8), POINTER(c_uint32)
+_FLOATS, _ROWS = POINTER(c_float), POINTER(c_uint32)
 
 
 class CurveCalls:
@@ -59,4 +59,4 @@ class CurveCalls:
 
 
 def _bytes(marks: np.ndarray | None):
-    return None if marks is None else marks.ctypes.data_as(_BYTES)
+    return None if marks is None else marks.ctypes.data_as(c_void_p)

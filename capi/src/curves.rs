@@ -172,7 +172,9 @@ mod tests {
 
     #[test]
     fn an_arch_has_few_keys_and_bad_numbers_are_errors() {
-        let arch: Vec<f32> = (0..41).map(|t| (t as f32 / 40.0 * 3.1416).sin()).collect();
+        let arch: Vec<f32> = (0..41)
+            .map(|t| (t as f32 / 40.0 * std::f32::consts::PI).sin())
+            .collect();
         let (mut curves, mut error) = (null_mut(), null_mut());
         let (values, limit) = (arch.as_ptr(), [0.02f32]);
         let status = unsafe {
