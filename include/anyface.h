@@ -246,7 +246,17 @@ typedef enum {
     ANYFACE_TIER_PHONES = 0,
     /// Words.
     ANYFACE_TIER_WORDS = 1,
+    /// Mouths of a chart.
+    ANYFACE_TIER_MOUTHS = 2,
 } AnyfaceTier;
+
+/// The mouths that a chart is drawn with.
+typedef enum {
+    /// Rhubarb's nine, A to H and X.
+    ANYFACE_MOUTHS_RHUBARB = 0,
+    /// Preston Blair's ten, as Papagayo names them: AI, E, O, U, L, WQ, MBP, FV, etc, rest.
+    ANYFACE_MOUTHS_PRESTON_BLAIR = 1,
+} AnyfaceMouths;
 
 /// A sound, kept as mono at 16 kHz. Never changes after it was made: any number of threads may
 /// use it at the same time.
@@ -260,6 +270,13 @@ typedef struct AnyfaceBasis AnyfaceBasis;
 /// Displacements of every vertex over time, in the mesh's own units, axes and vertex order. Never
 /// changes after it was made: any number of threads may read it at the same time.
 typedef struct AnyfaceClip AnyfaceClip;
+
+/// `K` curves with few keys each. Never changes after it was made: any number of threads may use it
+/// at the same time.
+///
+/// A curve passes through the values at its keys. Between keys `n` frames apart it is a Bézier
+/// segment whose handles lie `0.39 * n` frames beside them, along the slope of the key.
+typedef struct AnyfaceCurves AnyfaceCurves;
 
 /// Loaded weights and settings. Any number of threads may use one engine at the same time.
 typedef struct AnyfaceEngine AnyfaceEngine;
@@ -768,6 +785,21 @@ float anyface_audio_peak(const AnyfaceAudio *audio);
 
 /// Frees a sound that no running call uses; nothing happens for NULL.
 void anyface_audio_free(AnyfaceAudio *audio);
+
+/// Draws a mouth chart: which of a few drawn mouths stands in each frame of a clip, by how far the lips are apart, how wide
+/// the mouth is, and what is said.
+///
+/// `said`: from `anyface_sounds_new_with_text()` or a file, when lips close and which phones are said; may be NULL.
+/// `mouths`: an `AnyfaceMouths`. `on`: mouths change at every so many frames, 1 to 240. `hold`: the fewest frames for
+/// which a mouth stands, 1 to 240. The chart is the tier `ANYFACE_TIER_MOUTHS`; `anyface_sounds_write()` writes it. Free
+/// with `anyface_sounds_free()`. Fails with `ANYFACE_STATUS_INVALID_INPUT` for numbers out of range.
+AnyfaceStatus anyface_sounds_new_chart(const AnyfaceClip *clip,
+                                       const AnyfaceSounds *said,
+                                       int32_t mouths,
+                                       size_t on,
+                                       size_t hold,
+                                       AnyfaceSounds **out,
+                                       AnyfaceError **error);
 
 /// Listens to a sound: where the lips are heard to be together for p, b, m and their kin.
 ///
@@ -1597,6 +1629,63 @@ AnyfaceStatus anyface_sliders_copy_changes(const AnyfaceSliders *sliders,
 /// Frees sliders that no running call uses; nothing happens for NULL.
 void anyface_sliders_free(AnyfaceSliders *sliders);
 
+/// Finds few keys for weights of shapes, so that no vertex is farther than `tolerance` from its
+/// place in any frame. Accepts a progress handle.
+///
+/// `weights`: `[frame_count, curve_count]`. `shapes`: `[curve_count, vertex_count, 3]`,
+/// displacements at weight 1. `tolerance`: above 0, in the unit of the shapes. `touching`:
+/// `[frame_count]`, 1 where lips touch: there a tenth of the tolerance is left, and such a stretch
+/// begins and ends with a key on every curve that moves by more than the tolerance; may be NULL.
+/// `progress` may be NULL. Free with `anyface_curves_free()`.
+/// Fails with `ANYFACE_STATUS_INVALID_INPUT` for values that are not finite, `ANYFACE_STATUS_CANCELLED`.
+AnyfaceStatus anyface_curves_new(const float *weights,
+                                 size_t frame_count,
+                                 size_t curve_count,
+                                 const float *shapes,
+                                 size_t vertex_count,
+                                 float tolerance,
+                                 const uint8_t *touching,
+                                 const AnyfaceProgress *progress,
+                                 AnyfaceCurves **out,
+                                 AnyfaceError **error);
+
+/// Finds few keys for values of any kind, each column by itself.
+///
+/// `values`: `[frame_count, curve_count]`. `limits`: `[curve_count]`, above 0: how far each may be
+/// from its values in any frame, in their units. `touching`: `[frame_count]`, 1 for frames in which
+/// every curve has a key; may be NULL. Free with `anyface_curves_free()`.
+/// Fails with `ANYFACE_STATUS_INVALID_INPUT` for values that are not finite.
+AnyfaceStatus anyface_curves_new_each(const float *values,
+                                      size_t frame_count,
+                                      size_t curve_count,
+                                      const float *limits,
+                                      const uint8_t *touching,
+                                      AnyfaceCurves **out,
+                                      AnyfaceError **error);
+
+/// Largest distance of any vertex in any frame from its place, in the unit of the shapes; 0 for
+/// NULL and for curves of `anyface_curves_new_each()`.
+float anyface_curves_max_error(const AnyfaceCurves *curves);
+
+/// Number of keys of a curve; 0 for NULL and for a curve that there is not.
+size_t anyface_curves_key_count(const AnyfaceCurves *curves, size_t curve);
+
+/// Copies the keys of a curve.
+///
+/// `frames`: the frame of each key, in rising order, the first and the last frame among them.
+/// `slopes`: the slope of its handles, per frame. Both have room for `key_count` values, which must
+/// be `anyface_curves_key_count()`.
+/// Fails with `ANYFACE_STATUS_INVALID_INPUT` for a curve that there is not and another `key_count`.
+AnyfaceStatus anyface_curves_copy_keys(const AnyfaceCurves *curves,
+                                       size_t curve,
+                                       uint32_t *frames,
+                                       float *slopes,
+                                       size_t key_count,
+                                       AnyfaceError **error);
+
+/// Frees curves that no running call uses; nothing happens for NULL.
+void anyface_curves_free(AnyfaceCurves *curves);
+
 /// Takes or finds the landmarks of a mesh and makes its shapes with the engine's network. Long:
 /// accepts a progress handle.
 ///
@@ -1649,8 +1738,9 @@ AnyfaceStatus anyface_rig_copy_shape(const AnyfaceRig *rig,
 /// Frees a rig that no running call uses, with everything it lent; nothing happens for NULL.
 void anyface_rig_free(AnyfaceRig *rig);
 
-/// Finds the weights with which shapes come nearest to a motion: bounded least squares, smooth over
-/// time, left and right alike where they cannot be told apart. Accepts a progress handle.
+/// Finds the weights with which shapes come nearest to a motion: bounded least squares, few and smooth
+/// over time, left and right alike where little tells them apart; of shapes that undo each other, by name or by what they
+/// move, one at a time. Accepts a progress handle.
 ///
 /// `names`: `[shape_count]`, UTF-8; "…Left" and "…Right" are taken as a pair. `shapes`:
 /// `[shape_count, vertex_count, 3]`, displacements at weight 1. `displacements`:

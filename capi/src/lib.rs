@@ -19,6 +19,7 @@ mod basis;
 mod clip;
 mod clip_stream;
 mod controls;
+mod curves;
 mod emotion;
 mod engine;
 mod error;

@@ -33,6 +33,7 @@ const SOURCES: &[&str] = &[
     "event_notes",
     "basis",
     "sliders",
+    "curves",
     "rig",
     "weights",
     "head",
