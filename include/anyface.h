@@ -91,6 +91,11 @@
 /// Number of emotion categories; `anyface_emotion_name()` gives their names.
 #define ANYFACE_EMOTION_COUNT 15
 
+/// Number of ARKit's shapes and of Oculus' visemes in a frame of `anyface_weight_stream_pull()`.
+#define ANYFACE_LIVE_SHAPE_COUNT 52
+
+#define ANYFACE_LIVE_VISEME_COUNT 15
+
 /// How a call ended. Those from 3 on are also the exit codes of the `anyface` command.
 typedef enum {
     /// It did what was asked.
@@ -347,6 +352,13 @@ typedef struct AnyfaceSounds AnyfaceSounds;
 /// The frames are the same bit for bit however the sound is cut into pushes. A stream belongs to
 /// one thread at a time.
 typedef struct AnyfaceStream AnyfaceStream;
+
+/// A performance in progress for characters with shapes of their own: push sound, pull weights of ARKit's shapes and of
+/// visemes, with blinks, eyes that move and a head that drifts.
+///
+/// The frames are the same bit for bit however the sound is cut into pushes. A stream belongs to
+/// one thread at a time.
+typedef struct AnyfaceWeightStream AnyfaceWeightStream;
 
 /// Weights of `S` shapes in `T` frames, 0 to 1. Never changes after it was made: any number of
 /// threads may use it at the same time.
@@ -1991,6 +2003,60 @@ double anyface_stream_latency_s(const AnyfaceStream *stream);
 
 /// Frees a stream that no running call uses; nothing happens for NULL.
 void anyface_stream_free(AnyfaceStream *stream);
+
+/// Starts a performance with a neutral face. Fails with `ANYFACE_STATUS_INVALID_INPUT` for a system that
+/// needs the whole sound.
+///
+/// It may outlive the engine. Free with `anyface_weight_stream_free()`.
+AnyfaceStatus anyface_weight_stream_new(const AnyfaceEngine *engine,
+                                        AnyfaceWeightStream **out,
+                                        AnyfaceError **error);
+
+/// Name of one of the `ANYFACE_LIVE_SHAPE_COUNT` shapes of a frame, such as "jawOpen", and behind them of its
+/// `ANYFACE_LIVE_VISEME_COUNT` visemes, such as "viseme_aa"; NULL from the last one on. Lives as long as the library is loaded.
+const char *anyface_weight_stream_name(size_t index);
+
+/// Takes sound and only keeps it: fit for an audio thread that may allocate.
+///
+/// `samples`: `[S]`, mono at 16 kHz, nominally -1 to 1; any number, also none.
+/// Fails with `ANYFACE_STATUS_AUDIO` for samples that are not finite, of which none is then taken,
+/// `ANYFACE_STATUS_INVALID_INPUT` after `anyface_weight_stream_finish()`.
+AnyfaceStatus anyface_weight_stream_push(AnyfaceWeightStream *stream,
+                                         const float *samples,
+                                         size_t sample_count,
+                                         AnyfaceError **error);
+
+/// Computes the next frame where it is ready; frame `t` stands at `t / 25` seconds of the sound.
+///
+/// `shapes`: `[ANYFACE_LIVE_SHAPE_COUNT]`, weights of ARKit's shapes, 0 to 1, in the order of `anyface_weight_stream_name()`.
+/// `visemes`: `[ANYFACE_LIVE_VISEME_COUNT]`, 0 to 1, in the same order. `head`: `[3]`, rotation vector in
+/// radians: x to the subject's left, y up, z to the front.
+/// `is_ready` receives 1, or 0 where more sound is needed or the performance is over; then nothing else is written.
+AnyfaceStatus anyface_weight_stream_pull(AnyfaceWeightStream *stream,
+                                         float *shapes,
+                                         float *visemes,
+                                         float *head,
+                                         int32_t *is_ready,
+                                         AnyfaceError **error);
+
+/// Ends the sound: silence follows, and every frame that began can be pulled.
+///
+/// Fails with `ANYFACE_STATUS_INVALID_INPUT` the second time.
+AnyfaceStatus anyface_weight_stream_finish(AnyfaceWeightStream *stream, AnyfaceError **error);
+
+/// Emotion from the next frame on.
+///
+/// `strengths`: `[ANYFACE_EMOTION_COUNT]`, 0 or more, at most 1.5 in sum.
+/// Fails with `ANYFACE_STATUS_INVALID_INPUT` for other strengths.
+AnyfaceStatus anyface_weight_stream_set_emotion(AnyfaceWeightStream *stream,
+                                                const float *strengths,
+                                                AnyfaceError **error);
+
+/// Seconds of sound after a frame's own instant that it waits for, at most 0.2; 0 for NULL.
+double anyface_weight_stream_latency_s(const AnyfaceWeightStream *stream);
+
+/// Frees a stream that no running call uses; nothing happens for NULL.
+void anyface_weight_stream_free(AnyfaceWeightStream *stream);
 
 #ifdef __cplusplus
 }  // extern "C"
