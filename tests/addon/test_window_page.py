@@ -8,6 +8,8 @@ import shutil
 import struct
 from pathlib import Path
 
+import pytest
+
 from conftest import ROOT
 from test_heads import voice  # noqa: F401 - a fixture
 from test_window import MORE, REDRAW, photographs, screen  # noqa: F401 - fixtures
@@ -132,7 +134,8 @@ def test_sounds_are_shown_mended_redone_and_written(screen, photographs):  # noq
     screen.press("anyface.redo")
     screen.wait(f"'redone' in {HEAD}.anyface.report and not running()", 60)
     after = screen.ask(f"answer = {outside}")
-    assert after[: len(before)] == before
+    # A curve that is cut at the ends of the stretch is the same but for rounding.
+    assert after[: len(before)] == pytest.approx(before, abs=1e-6)
     written = screen.folder / "shot.TextGrid"
     screen.ask(f"bpy.ops.anyface.sounds_write(filepath={str(written)!r})")
     assert '"MBP"' in written.read_text()
