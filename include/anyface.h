@@ -91,6 +91,11 @@
 /// Number of emotion categories; `anyface_emotion_name()` gives their names.
 #define ANYFACE_EMOTION_COUNT 15
 
+/// Number of ARKit's shapes and of Oculus' visemes in a frame of `anyface_weight_stream_pull()`.
+#define ANYFACE_LIVE_SHAPE_COUNT 52
+
+#define ANYFACE_LIVE_VISEME_COUNT 15
+
 /// How a call ended. Those from 3 on are also the exit codes of the `anyface` command.
 typedef enum {
     /// It did what was asked.
@@ -246,7 +251,17 @@ typedef enum {
     ANYFACE_TIER_PHONES = 0,
     /// Words.
     ANYFACE_TIER_WORDS = 1,
+    /// Mouths of a chart.
+    ANYFACE_TIER_MOUTHS = 2,
 } AnyfaceTier;
+
+/// The mouths that a chart is drawn with.
+typedef enum {
+    /// Rhubarb's nine, A to H and X.
+    ANYFACE_MOUTHS_RHUBARB = 0,
+    /// Preston Blair's ten, as Papagayo names them: AI, E, O, U, L, WQ, MBP, FV, etc, rest.
+    ANYFACE_MOUTHS_PRESTON_BLAIR = 1,
+} AnyfaceMouths;
 
 /// A sound, kept as mono at 16 kHz. Never changes after it was made: any number of threads may
 /// use it at the same time.
@@ -260,6 +275,13 @@ typedef struct AnyfaceBasis AnyfaceBasis;
 /// Displacements of every vertex over time, in the mesh's own units, axes and vertex order. Never
 /// changes after it was made: any number of threads may read it at the same time.
 typedef struct AnyfaceClip AnyfaceClip;
+
+/// `K` curves with few keys each. Never changes after it was made: any number of threads may use it
+/// at the same time.
+///
+/// A curve passes through the values at its keys. Between keys `n` frames apart it is a Bézier
+/// segment whose handles lie `0.39 * n` frames beside them, along the slope of the key.
+typedef struct AnyfaceCurves AnyfaceCurves;
 
 /// Loaded weights and settings. Any number of threads may use one engine at the same time.
 typedef struct AnyfaceEngine AnyfaceEngine;
@@ -330,6 +352,13 @@ typedef struct AnyfaceSounds AnyfaceSounds;
 /// The frames are the same bit for bit however the sound is cut into pushes. A stream belongs to
 /// one thread at a time.
 typedef struct AnyfaceStream AnyfaceStream;
+
+/// A performance in progress for characters with shapes of their own: push sound, pull weights of ARKit's shapes and of
+/// visemes, with blinks, eyes that move and a head that drifts.
+///
+/// The frames are the same bit for bit however the sound is cut into pushes. A stream belongs to
+/// one thread at a time.
+typedef struct AnyfaceWeightStream AnyfaceWeightStream;
 
 /// Weights of `S` shapes in `T` frames, 0 to 1. Never changes after it was made: any number of
 /// threads may use it at the same time.
@@ -768,6 +797,21 @@ float anyface_audio_peak(const AnyfaceAudio *audio);
 
 /// Frees a sound that no running call uses; nothing happens for NULL.
 void anyface_audio_free(AnyfaceAudio *audio);
+
+/// Draws a mouth chart: which of a few drawn mouths stands in each frame of a clip, by how far the lips are apart, how wide
+/// the mouth is, and what is said.
+///
+/// `said`: from `anyface_sounds_new_with_text()` or a file, when lips close and which phones are said; may be NULL.
+/// `mouths`: an `AnyfaceMouths`. `on`: mouths change at every so many frames, 1 to 240. `hold`: the fewest frames for
+/// which a mouth stands, 1 to 240. The chart is the tier `ANYFACE_TIER_MOUTHS`; `anyface_sounds_write()` writes it. Free
+/// with `anyface_sounds_free()`. Fails with `ANYFACE_STATUS_INVALID_INPUT` for numbers out of range.
+AnyfaceStatus anyface_sounds_new_chart(const AnyfaceClip *clip,
+                                       const AnyfaceSounds *said,
+                                       int32_t mouths,
+                                       size_t on,
+                                       size_t hold,
+                                       AnyfaceSounds **out,
+                                       AnyfaceError **error);
 
 /// Listens to a sound: where the lips are heard to be together for p, b, m and their kin.
 ///
@@ -1597,6 +1641,63 @@ AnyfaceStatus anyface_sliders_copy_changes(const AnyfaceSliders *sliders,
 /// Frees sliders that no running call uses; nothing happens for NULL.
 void anyface_sliders_free(AnyfaceSliders *sliders);
 
+/// Finds few keys for weights of shapes, so that no vertex is farther than `tolerance` from its
+/// place in any frame. Accepts a progress handle.
+///
+/// `weights`: `[frame_count, curve_count]`. `shapes`: `[curve_count, vertex_count, 3]`,
+/// displacements at weight 1. `tolerance`: above 0, in the unit of the shapes. `touching`:
+/// `[frame_count]`, 1 where lips touch: there a tenth of the tolerance is left, and such a stretch
+/// begins and ends with a key on every curve that moves by more than the tolerance; may be NULL.
+/// `progress` may be NULL. Free with `anyface_curves_free()`.
+/// Fails with `ANYFACE_STATUS_INVALID_INPUT` for values that are not finite, `ANYFACE_STATUS_CANCELLED`.
+AnyfaceStatus anyface_curves_new(const float *weights,
+                                 size_t frame_count,
+                                 size_t curve_count,
+                                 const float *shapes,
+                                 size_t vertex_count,
+                                 float tolerance,
+                                 const uint8_t *touching,
+                                 const AnyfaceProgress *progress,
+                                 AnyfaceCurves **out,
+                                 AnyfaceError **error);
+
+/// Finds few keys for values of any kind, each column by itself.
+///
+/// `values`: `[frame_count, curve_count]`. `limits`: `[curve_count]`, above 0: how far each may be
+/// from its values in any frame, in their units. `touching`: `[frame_count]`, 1 for frames in which
+/// every curve has a key; may be NULL. Free with `anyface_curves_free()`.
+/// Fails with `ANYFACE_STATUS_INVALID_INPUT` for values that are not finite.
+AnyfaceStatus anyface_curves_new_each(const float *values,
+                                      size_t frame_count,
+                                      size_t curve_count,
+                                      const float *limits,
+                                      const uint8_t *touching,
+                                      AnyfaceCurves **out,
+                                      AnyfaceError **error);
+
+/// Largest distance of any vertex in any frame from its place, in the unit of the shapes; 0 for
+/// NULL and for curves of `anyface_curves_new_each()`.
+float anyface_curves_max_error(const AnyfaceCurves *curves);
+
+/// Number of keys of a curve; 0 for NULL and for a curve that there is not.
+size_t anyface_curves_key_count(const AnyfaceCurves *curves, size_t curve);
+
+/// Copies the keys of a curve.
+///
+/// `frames`: the frame of each key, in rising order, the first and the last frame among them.
+/// `slopes`: the slope of its handles, per frame. Both have room for `key_count` values, which must
+/// be `anyface_curves_key_count()`.
+/// Fails with `ANYFACE_STATUS_INVALID_INPUT` for a curve that there is not and another `key_count`.
+AnyfaceStatus anyface_curves_copy_keys(const AnyfaceCurves *curves,
+                                       size_t curve,
+                                       uint32_t *frames,
+                                       float *slopes,
+                                       size_t key_count,
+                                       AnyfaceError **error);
+
+/// Frees curves that no running call uses; nothing happens for NULL.
+void anyface_curves_free(AnyfaceCurves *curves);
+
 /// Takes or finds the landmarks of a mesh and makes its shapes with the engine's network. Long:
 /// accepts a progress handle.
 ///
@@ -1649,8 +1750,9 @@ AnyfaceStatus anyface_rig_copy_shape(const AnyfaceRig *rig,
 /// Frees a rig that no running call uses, with everything it lent; nothing happens for NULL.
 void anyface_rig_free(AnyfaceRig *rig);
 
-/// Finds the weights with which shapes come nearest to a motion: bounded least squares, smooth over
-/// time, left and right alike where they cannot be told apart. Accepts a progress handle.
+/// Finds the weights with which shapes come nearest to a motion: bounded least squares, few and smooth
+/// over time, left and right alike where little tells them apart; of shapes that undo each other, by name or by what they
+/// move, one at a time. Accepts a progress handle.
 ///
 /// `names`: `[shape_count]`, UTF-8; "…Left" and "…Right" are taken as a pair. `shapes`:
 /// `[shape_count, vertex_count, 3]`, displacements at weight 1. `displacements`:
@@ -1901,6 +2003,60 @@ double anyface_stream_latency_s(const AnyfaceStream *stream);
 
 /// Frees a stream that no running call uses; nothing happens for NULL.
 void anyface_stream_free(AnyfaceStream *stream);
+
+/// Starts a performance with a neutral face. Fails with `ANYFACE_STATUS_INVALID_INPUT` for a system that
+/// needs the whole sound.
+///
+/// It may outlive the engine. Free with `anyface_weight_stream_free()`.
+AnyfaceStatus anyface_weight_stream_new(const AnyfaceEngine *engine,
+                                        AnyfaceWeightStream **out,
+                                        AnyfaceError **error);
+
+/// Name of one of the `ANYFACE_LIVE_SHAPE_COUNT` shapes of a frame, such as "jawOpen", and behind them of its
+/// `ANYFACE_LIVE_VISEME_COUNT` visemes, such as "viseme_aa"; NULL from the last one on. Lives as long as the library is loaded.
+const char *anyface_weight_stream_name(size_t index);
+
+/// Takes sound and only keeps it: fit for an audio thread that may allocate.
+///
+/// `samples`: `[S]`, mono at 16 kHz, nominally -1 to 1; any number, also none.
+/// Fails with `ANYFACE_STATUS_AUDIO` for samples that are not finite, of which none is then taken,
+/// `ANYFACE_STATUS_INVALID_INPUT` after `anyface_weight_stream_finish()`.
+AnyfaceStatus anyface_weight_stream_push(AnyfaceWeightStream *stream,
+                                         const float *samples,
+                                         size_t sample_count,
+                                         AnyfaceError **error);
+
+/// Computes the next frame where it is ready; frame `t` stands at `t / 25` seconds of the sound.
+///
+/// `shapes`: `[ANYFACE_LIVE_SHAPE_COUNT]`, weights of ARKit's shapes, 0 to 1, in the order of `anyface_weight_stream_name()`.
+/// `visemes`: `[ANYFACE_LIVE_VISEME_COUNT]`, 0 to 1, in the same order. `head`: `[3]`, rotation vector in
+/// radians: x to the subject's left, y up, z to the front.
+/// `is_ready` receives 1, or 0 where more sound is needed or the performance is over; then nothing else is written.
+AnyfaceStatus anyface_weight_stream_pull(AnyfaceWeightStream *stream,
+                                         float *shapes,
+                                         float *visemes,
+                                         float *head,
+                                         int32_t *is_ready,
+                                         AnyfaceError **error);
+
+/// Ends the sound: silence follows, and every frame that began can be pulled.
+///
+/// Fails with `ANYFACE_STATUS_INVALID_INPUT` the second time.
+AnyfaceStatus anyface_weight_stream_finish(AnyfaceWeightStream *stream, AnyfaceError **error);
+
+/// Emotion from the next frame on.
+///
+/// `strengths`: `[ANYFACE_EMOTION_COUNT]`, 0 or more, at most 1.5 in sum.
+/// Fails with `ANYFACE_STATUS_INVALID_INPUT` for other strengths.
+AnyfaceStatus anyface_weight_stream_set_emotion(AnyfaceWeightStream *stream,
+                                                const float *strengths,
+                                                AnyfaceError **error);
+
+/// Seconds of sound after a frame's own instant that it waits for, at most 0.2; 0 for NULL.
+double anyface_weight_stream_latency_s(const AnyfaceWeightStream *stream);
+
+/// Frees a stream that no running call uses; nothing happens for NULL.
+void anyface_weight_stream_free(AnyfaceWeightStream *stream);
 
 #ifdef __cplusplus
 }  // extern "C"

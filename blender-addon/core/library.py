@@ -264,6 +264,31 @@ SIGNATURES = {
     "anyface_basis_max_error": (c_float, [_HANDLE]),
     "anyface_basis_copy_shapes": (c_int32, [_HANDLE, _FLOATS, c_size_t, _OUT]),
     "anyface_basis_copy_weights": (c_int32, [_HANDLE, _FLOATS, c_size_t, _OUT]),
+    "anyface_curves_new": (
+        c_int32,
+        [
+            _FLOATS,
+            c_size_t,
+            c_size_t,
+            _FLOATS,
+            c_size_t,
+            c_float,
+            c_void_p,
+            _HANDLE,
+            _OUT,
+            _OUT,
+        ],
+    ),
+    "anyface_curves_new_each": (
+        c_int32,
+        [_FLOATS, c_size_t, c_size_t, _FLOATS, c_void_p, _OUT, _OUT],
+    ),
+    "anyface_curves_max_error": (c_float, [_HANDLE]),
+    "anyface_curves_key_count": (c_size_t, [_HANDLE, c_size_t]),
+    "anyface_curves_copy_keys": (
+        c_int32,
+        [_HANDLE, c_size_t, POINTER(c_uint32), _FLOATS, c_size_t, _OUT],
+    ),
     "anyface_progress_new": (_HANDLE, [c_void_p, c_void_p]),
     "anyface_progress_read": (c_int32, [_HANDLE, POINTER(c_char_p), _FLOATS]),
     "anyface_progress_cancel": (None, [_HANDLE]),
@@ -290,6 +315,10 @@ SIGNATURES = {
     "anyface_weights_write": (c_int32, [_HANDLE, c_char_p, c_double, _OUT]),
     "anyface_sounds_new": (c_int32, [_HANDLE, _HANDLE, _OUT, _OUT]),
     "anyface_sounds_new_with_text": (c_int32, [_HANDLE, _HANDLE, c_char_p, _OUT, _OUT]),
+    "anyface_sounds_new_chart": (
+        c_int32,
+        [_HANDLE, _HANDLE, c_int32, c_size_t, c_size_t, _OUT, _OUT],
+    ),
     "anyface_sounds_interval_count": (c_size_t, [_HANDLE, c_int32]),
     "anyface_sounds_label": (c_char_p, [_HANDLE, c_int32, c_size_t]),
     "anyface_sounds_copy_intervals": (
@@ -336,9 +365,9 @@ SIGNATURES = {
 }
 
 _FREED = (
-    "audio", "basis", "clip", "engine", "error", "event_notes", "events", "expression", "face",
-    "head", "mesh", "motion", "opened_face", "progress", "rig", "sliders", "sounds", "stream",
-    "weights",
+    "audio", "basis", "clip", "curves", "engine", "error", "event_notes", "events", "expression",
+    "face", "head", "mesh", "motion", "opened_face", "progress", "rig", "sliders", "sounds",
+    "stream", "weights",
 )  # fmt: skip
 SIGNATURES |= {f"anyface_{noun}_free": (None, [_HANDLE]) for noun in _FREED}
 

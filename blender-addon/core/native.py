@@ -10,7 +10,7 @@ from pathlib import Path
 
 import numpy as np
 
-from . import systems
+from . import sparse, systems
 from .calls import Calls
 from .errors import AnyfaceError
 from .heard_emotion import HeardEmotion
@@ -25,6 +25,7 @@ from .library import (
     texts,
 )
 from .native_basis import BasisCalls
+from .native_curves import CurveCalls
 from .native_events import EventCalls
 from .native_head import HeadCalls
 from .native_live import LiveCalls
@@ -59,6 +60,7 @@ _CACHE_IN_FOLDER = 2
 class Engine(
     Calls,
     BasisCalls,
+    CurveCalls,
     EventCalls,
     HeadCalls,
     LiveCalls,
@@ -218,6 +220,8 @@ class Engine(
         animation.mouth, animation.lids = self._mouth(face), self._lids(face)
         animation.life = self._life(made, clip.shape[0])
         animation.landmarks = self._landmarks(clip, clip.shape[0])
+        animation.unit_mm = mm_per_unit
+        animation.touching = sparse.touching(animation.landmarks, mm_per_unit)
         animation.shape_weights = self._shape_weights(made[1])
         animation.heard_emotion = HeardEmotion.of_json(
             self._library.anyface_motion_heard_emotion(made[1])

@@ -8,12 +8,15 @@ from dataclasses import replace
 
 import numpy as np
 
+from .errors import AnyfaceError
 from .job import Progress
 from .native_shapes import Clip
 from .take import Animation, Request, Sound
 
-_WORDS = 1
+_WORDS, _MOUTHS = 1, 2
 """`AnyfaceTier` of the C interface."""
+# In the order of `AnyfaceMouths`.
+MOUTHS = ("rhubarb", "preston-blair")
 
 
 class SoundCalls:
@@ -36,13 +39,51 @@ class SoundCalls:
         with ExitStack() as handles:
             given = self._handle, self._audio(handles, sound), text.encode()
             sounds = self._own(handles, "sounds", "anyface_sounds_new_with_text", *given)
-            times = np.empty((self._library.anyface_sounds_interval_count(sounds, _WORDS), 2))
-            doubles = times.ctypes.data_as(POINTER(c_double))
-            self._call("anyface_sounds_copy_intervals", sounds, _WORDS, doubles, times.size)
-            label = self._library.anyface_sounds_label
-            labels = [label(sounds, _WORDS, at).decode() for at in range(len(times))]
-            words = [(*ends, text) for ends, text in zip(times.tolist(), labels, strict=True)]
-            return self._closures(sounds), words
+            return self._closures(sounds), self._intervals(sounds, _WORDS)
+
+    def chart(
+        self,
+        positions: np.ndarray,
+        triangles: np.ndarray,
+        landmarks: np.ndarray | None,
+        landmark_vertices: np.ndarray | None,
+        sound: Sound,
+        request: Request,
+        progress: Progress,
+        mouths: str = "rhubarb",
+        on: int = 1,
+        hold: int = 2,
+        path: str = "",
+    ) -> list[tuple[float, float, str]]:
+        """Start, end in seconds and name of each drawn mouth of a take, one after the other.
+
+        `mouths` is one of `MOUTHS`; they change at every `on` frames, and each stands for `hold`
+        frames or longer. With `path` the chart is also written there, as `write_sounds` does. The
+        rest as for `native.Engine.animate`. Raises `AnyfaceError`, or `Cancelled`.
+        """
+        if mouths not in MOUTHS:
+            known = " or ".join(MOUTHS)
+            raise AnyfaceError("input", f"mouths: expected {known}, got {mouths!r}")
+        with ExitStack() as handles:
+            watch = handles.enter_context(self._watch(progress))
+            marks = landmarks, landmark_vertices
+            face = self._face(handles, positions, triangles, marks, request, watch)
+            _, clip = self._spoken(handles, face, sound, replace(request, keeps_clip=False), watch)
+            given = self._handle, self._audio(handles, sound), None
+            said = self._own(handles, "sounds", "anyface_sounds_new_with_text", *given)
+            given = clip, said, MOUTHS.index(mouths), on, hold
+            drawn = self._own(handles, "sounds", "anyface_sounds_new_chart", *given)
+            if path:
+                self._call("anyface_sounds_write", drawn, os.fsencode(path), request.fps)
+            return self._intervals(drawn, _MOUTHS)
+
+    def _intervals(self, sounds, tier: int) -> list[tuple[float, float, str]]:
+        times = np.empty((self._library.anyface_sounds_interval_count(sounds, tier), 2))
+        doubles = times.ctypes.data_as(POINTER(c_double))
+        self._call("anyface_sounds_copy_intervals", sounds, tier, doubles, times.size)
+        label = self._library.anyface_sounds_label
+        labels = [label(sounds, tier, at).decode() for at in range(len(times))]
+        return [(*ends, text) for ends, text in zip(times.tolist(), labels, strict=True)]
 
     def read_sounds(self, path: str, fps: float) -> np.ndarray:
         """The same of a file of another tool; `fps` is what frames of .dat count."""
@@ -107,6 +148,7 @@ class SoundCalls:
             clip = Clip(self, self._make("anyface_clip_new", *given))
             handles.callback(clip.close)
             animation = Animation(self._millimetres(face, clip))
+            animation.unit_mm = self._unit_mm(face)
             animation.displacements = clip.displacements()
             animation.life = self._life((face, motion, clip), len(part))
         return animation
@@ -118,6 +160,7 @@ class SoundCalls:
         handles.callback(clip.close)
         part = slice(max(rows.start, 0), min(rows.stop, len(made.weights)))
         animation = Animation(self._millimetres(face, clip))
+        animation.unit_mm = self._unit_mm(face)
         animation.displacements = clip.displacements()[part]
         life = self._life((face, spoken, clip), len(made.weights))
         animation.life = replace(
@@ -129,4 +172,8 @@ class SoundCalls:
     def _millimetres(self, face, clip) -> float:
         """The largest displacement of a clip on a head of human size."""
         largest = self._library.anyface_clip_largest_displacement(clip)
-        return 1000.0 * self._library.anyface_face_metres_per_unit(face) * largest
+        return self._unit_mm(face) * largest
+
+    def _unit_mm(self, face) -> float:
+        """The length of a unit of the mesh on a head of human size."""
+        return 1000.0 * self._library.anyface_face_metres_per_unit(face)

@@ -3,6 +3,8 @@
 from collections.abc import Callable
 from dataclasses import replace
 
+import numpy as np
+
 from . import finding, sliders, verdict
 from .job import Progress
 from .take import Animation, ClipMotion, FaceMesh, Frames, Request, Sound, Take
@@ -40,6 +42,9 @@ def perform(
     take.shape_weights, take.notes = animation.shape_weights, animation.notes
     take.heard_emotion = animation.heard_emotion
     take.mouth, take.lids = animation.mouth, animation.lids
+    # How long a unit of the object is in units of the mesh that the library saw.
+    scale = abs(float(np.linalg.det(found.back.astype(np.float64)))) ** (1.0 / 3.0)
+    take.unit_mm, take.touching = animation.unit_mm / scale, animation.touching
     if animation.life is not None:
         way = found.from_world(face.matrix_world)
         take.life = replace(animation.life, way=animation.life.way @ way)

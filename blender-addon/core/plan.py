@@ -40,6 +40,11 @@ class Plan:
         """The take as it is to be written; raises `AnyfaceError`, or `Cancelled`."""
         return take
 
+    def moves(self, take: Take) -> np.ndarray | None:
+        """What the weights of a finished take move, `[K, V, 3]`; None where it has none."""
+        weights = getattr(take.motion, "weights", None)
+        return take.motion.vectors if weights is not None else None
+
 
 class PackSliders(Plan):
     """What the sliders of a basis change is packed, to be kept with the take."""
@@ -138,6 +143,9 @@ class SolveKeys(Plan):
         if take.shape_weights is not None:
             motion.missing = take.shape_weights.missing(self.shapes)
         return replace(take, motion=motion)
+
+    def moves(self, take):
+        return self.vectors
 
 
 def _solved(take: Take, engine, names, vectors, progress: Progress, path: str = "") -> Solved:

@@ -210,6 +210,15 @@ class Motion:
 
 
 @dataclass
+class CurveKeys:
+    """The keys of one curve: frames `rows` `[N]` of the take, which rise from the first to the
+    last, and the `slopes` `[N]` of their handles, per frame."""
+
+    rows: np.ndarray
+    slopes: np.ndarray
+
+
+@dataclass
 class Frames(Motion):
     """The `displacements` of every frame, `[T, V, 3]`."""
 
@@ -244,7 +253,13 @@ class ClipMotion(Motion):
 
 
 class VectorSum(Motion):
-    """`vectors` `[K, V, 3]` whose `weights` `[T, K]` add up to the motion."""
+    """`vectors` `[K, V, 3]` whose `weights` `[T, K]` add up to the motion.
+
+    `keys_of_curves` `[K]` are the keys of their curves; None, as a whole or for one of them, for a
+    key a frame.
+    """
+
+    keys_of_curves = None
 
     @property
     def frame_count(self):
@@ -273,6 +288,7 @@ class Basis(VectorSum):
     packed: bytes = b""
     offered: tuple[str, ...] = NAMES
     emotion_first: int | None = None
+    keys_of_curves: list[CurveKeys | None] | None = None
 
     def of_piece(self, piece):
         # The mask of the emotion is painted on the face alone.
@@ -344,7 +360,8 @@ class Animation:
     blinks included; `visibility` is one of `VISIBILITIES`. `shape_weights` is what moves where the
     system makes weights; `heard_emotion` is what was heard, where the motion depends on it;
     `mouth` is how the lips meet, one of `MOUTHS`, `lids` what both eyes' lids do, of `LIDS`;
-    `notes` are remarks for the report.
+    `notes` are remarks for the report. A unit of the mesh is `unit_mm` long on a head of human
+    size; in frames that are `touching` `[T]` the lips touch.
     """
 
     largest_mm: float
@@ -359,6 +376,8 @@ class Animation:
     mouth: str = ""
     lids: tuple[str, str] = ("close", "close")
     notes: list[str] = field(default_factory=list)
+    unit_mm: float = 1000.0
+    touching: np.ndarray | None = None
 
 
 @dataclass
@@ -373,7 +392,8 @@ class Take:
     `heard_emotion` is what was heard in the voice, where the take depends on it.
     `mouth` is how the lips meet, one of `MOUTHS`, `lids` what both eyes' lids do, of `LIDS`;
     `notes` are remarks for the report. No keyframe lies before the scene frame `earliest`, unless
-    the sound does.
+    the sound does. A unit of the object is `unit_mm` long on a head of human size; in frames that
+    are `touching` `[T]` the lips touch.
     """
 
     fps: float
@@ -388,6 +408,10 @@ class Take:
     lids: tuple[str, str] = ("close", "close")
     notes: list[str] = field(default_factory=list)
     earliest: float = -np.inf
+    unit_mm: float = 1000.0
+    touching: np.ndarray | None = None
+    # Finds the keys of curves that are made in Blender, a `sparse.Few`; None for every frame.
+    few: object = None
 
     def scene_frames(self, start_frame: float, scene_fps: float) -> np.ndarray:
         """The scene frames `[T]` of its frames, of which the first lies at `start_frame`."""
@@ -455,6 +479,7 @@ class KeyMotion(VectorSum):
     shown: dict[str, str] = field(default_factory=dict)
     factors: dict[str, dict[str, float]] = field(default_factory=dict)
     missing: list[str] = field(default_factory=list)
+    keys_of_curves: list[CurveKeys | None] | None = None
 
     def of_piece(self, piece):
         more = self.visemes

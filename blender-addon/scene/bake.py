@@ -11,7 +11,7 @@ from functools import partial
 import bpy
 import numpy as np
 
-from ..core import measure, perform, plan, systems, wording
+from ..core import measure, perform, plan, sparse, systems, wording
 from ..core.emotion import Share
 from ..core.errors import AnyfaceError
 from ..core.job import BEGUN, Progress, at_once
@@ -57,6 +57,9 @@ class Settings:
     held: dict[str, float] = field(default_factory=dict)
     mode: str = outputs.MODES[0]
     error_mm: float = 0.1
+    # Whether curves get few keys, `core.sparse.SPARSE`, and how far these may move any vertex, mm.
+    curves: str = sparse.SPARSE
+    curves_mm: float = 0.2
     layered: bool = True
     axes: str = "AUTO"
     landmark_file: str = ""
@@ -143,6 +146,9 @@ class Snapshot:
         take = self.perform(progress)
         take = self.plan.finish(self.face, take, self.engine, progress)
         try:
+            moves = self.plan.moves(take)
+            if self.settings.curves == sparse.SPARSE and moves is not None:
+                sparse.thin(take, moves, self.engine, self.settings.curves_mm, progress)
             output = outputs.of_take(take)
             if len(self.face.pieces) > 1 and output.moves_parts and not output.in_files:
                 take.largest_of = measure.largest(take, self.face.pieces, progress)
@@ -270,6 +276,8 @@ def landing(ob, snapshot: Snapshot, take: Take):
     output = outputs.of_take(take)
     yield from head_and_eyes.look(take, snapshot.settings, start, scene_fps)
     take = yield from output.settle(ob, take, asked)
+    if snapshot.settings.curves == sparse.SPARSE:
+        take.few = sparse.Few(snapshot.engine, snapshot.settings.curves_mm)
     keep = output.keep if output.in_files else take_list.keep
     before = (lambda: keep(ob)) if asked.new_take else None
     yield from together.landing(ob, snapshot.face.pieces, take, start, scene_fps, before)
@@ -281,7 +289,7 @@ def landing(ob, snapshot: Snapshot, take: Take):
     notes += output.notes(ob, asked)
     if ob.library is None:
         ob.anyface.mouth, ob.anyface.lids = take.mouth, " ".join(take.lids)
-        ob.anyface.report_details = details(ob, take)
+        ob.anyface.report_details = details(ob, take, snapshot.settings.curves_mm)
         ob.anyface.last_frame = int(take.scene_frames(start, scene_fps)[-1])
     if take.mouth == "welded":
         notes.append(opening.WELDED)
@@ -316,11 +324,13 @@ def describe(take: Take) -> str:
     return f"{take.frame_count} frames, {outputs.of_take(take).describe(take)}"
 
 
-def details(ob, take: Take) -> str:
-    """What only some want to know: "moves by up to 9.1 mm, exact to 0.10 mm"."""
+def details(ob, take: Take, curves_mm: float) -> str:
+    """What only some want to know: "moves by up to 9.1 mm, exact to 0.10 mm"; curves with few keys
+    are within `curves_mm`."""
     is_human = mesh.is_of_human_size(ob)
     found = [f"moves by up to {wording.length(take.largest_mm, is_human)}"]
-    return ", ".join(found + outputs.of_take(take).details(take, is_human))
+    found += outputs.of_take(take).details(take, is_human)
+    return ", ".join(filter(None, [*found, sparse.describe(take, curves_mm)]))
 
 
 def find_sound(scene, settings: Settings, engine) -> SoundSource:

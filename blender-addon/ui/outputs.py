@@ -3,6 +3,7 @@
 from bpy.props import StringProperty
 from bpy.types import Operator, Panel
 
+from ..core import sparse
 from ..scene import outputs
 from ..scene.outputs import estimate
 from ..scene.shape_keys import record
@@ -26,6 +27,10 @@ class ANYFACE_PT_output(OfFacePanel, Panel):
         asked = output_properties.read(ob)
         reason = _draw_modes(layout, ob, asked)
         outputs.of(ob.anyface.mode).draw(layout, ob)
+        if outputs.of(ob.anyface.mode).has_curves:
+            layout.prop(ob.anyface, "curves")
+            if ob.anyface.curves == sparse.SPARSE:
+                layout.prop(ob.anyface, "curves_mm", text="Tolerance (mm)")
         if reason:
             _draw_words(layout, reason, context.region.width, alert=True)
             return

@@ -159,6 +159,26 @@ class AnyfaceCharacter(PropertyGroup):
         precision=3,
         options=set(),
     )
+    curves: EnumProperty(
+        name="Curves",
+        description="How many keyframes the curves of a take have",
+        items=(
+            ("SPARSE", "Sparse", "Few keyframes with handles, at extremes and where lips touch"),
+            ("EVERY", "Every Frame", "A keyframe in every frame, linear in between"),
+        ),
+        default="SPARSE",
+        options=set(),
+    )
+    curves_mm: FloatProperty(
+        name="Tolerance",
+        description="How far fewer keyframes may move any point, in mm on a head of human size; "
+        "where lips touch a tenth of it",
+        default=0.2,
+        min=0.01,
+        max=5.0,
+        precision=2,
+        options=set(),
+    )
     axes: EnumProperty(
         name="Face Direction",
         description="How the head looks when the face is searched",

@@ -4,12 +4,14 @@ use std::ffi::CString;
 
 use anyface::{
     annotation::{Annotation, AnnotationFormat, Interval, Symbols},
+    chart::{self, ChartOptions},
     motion::check_fps,
 };
 use libc::c_char;
 
 use crate::{
     audio::AnyfaceAudio,
+    clip::AnyfaceClip,
     engine::AnyfaceEngine,
     error::{AnyfaceError, Failure},
     guard,
@@ -25,6 +27,18 @@ pub enum AnyfaceTier {
     Phones = 0,
     /// Words.
     Words = 1,
+    /// Mouths of a chart.
+    Mouths = 2,
+}
+
+/// The mouths that a chart is drawn with.
+#[repr(C)]
+#[derive(Debug, Clone, Copy, PartialEq, Eq)]
+pub enum AnyfaceMouths {
+    /// Rhubarb's nine, A to H and X.
+    Rhubarb = 0,
+    /// Preston Blair's ten, as Papagayo names them: AI, E, O, U, L, WQ, MBP, FV, etc, rest.
+    PrestonBlair = 1,
 }
 
 /// Sounds of speech and their times: heard in a sound, or read from a file. Never changes after it was made.
@@ -32,15 +46,16 @@ pub struct AnyfaceSounds {
     annotation: Annotation,
     /// `[n][2]`, where the lips are together.
     closures: Vec<[f64; 2]>,
-    /// Labels of phones and of words.
-    labels: [Vec<CString>; 2],
+    /// Labels of phones, of words and of mouths.
+    labels: [Vec<CString>; 3],
 }
 
 impl AnyfaceSounds {
     fn of(annotation: Annotation) -> Result<AnyfaceSounds, Failure> {
         let closures = annotation.closures()?;
         // By the numbers of `AnyfaceTier`.
-        let labels = [Symbols::Phones, Symbols::Words].map(|tier| {
+        let tiers = [Symbols::Phones, Symbols::Words, mouths_of(&annotation)];
+        let labels = tiers.map(|tier| {
             let intervals = annotation.intervals(tier).iter();
             intervals.map(|i| pointer::c_text(&i.label)).collect()
         });
@@ -54,14 +69,69 @@ impl AnyfaceSounds {
     fn intervals(&self, tier: i32) -> Result<&[Interval], Failure> {
         const PHONES: i32 = AnyfaceTier::Phones as i32;
         const WORDS: i32 = AnyfaceTier::Words as i32;
+        const MOUTHS: i32 = AnyfaceTier::Mouths as i32;
         match tier {
             PHONES => Ok(self.annotation.intervals(Symbols::Phones)),
             WORDS => Ok(self.annotation.intervals(Symbols::Words)),
+            MOUTHS => Ok(self.annotation.intervals(mouths_of(&self.annotation))),
             other => Err(Failure::invalid(format!(
-                "tier: expected {PHONES} (phones) or {WORDS} (words), got {other}"
+                "tier: expected {PHONES} (phones), {WORDS} (words) or {MOUTHS} (mouths), got {other}"
             ))),
         }
     }
+}
+
+/// The mouths that are there: Rhubarb's, else Papagayo's.
+fn mouths_of(annotation: &Annotation) -> Symbols {
+    match annotation.intervals(Symbols::Rhubarb).is_empty() {
+        true => Symbols::Papagayo,
+        false => Symbols::Rhubarb,
+    }
+}
+
+/// Draws a mouth chart: which of a few drawn mouths stands in each frame of a clip, by how far the lips are apart, how wide
+/// the mouth is, and what is said.
+///
+/// `said`: from `anyface_sounds_new_with_text()` or a file, when lips close and which phones are said; may be NULL.
+/// `mouths`: an `AnyfaceMouths`. `on`: mouths change at every so many frames, 1 to 240. `hold`: the fewest frames for
+/// which a mouth stands, 1 to 240. The chart is the tier `ANYFACE_TIER_MOUTHS`; `anyface_sounds_write()` writes it. Free
+/// with `anyface_sounds_free()`. Fails with `ANYFACE_STATUS_INVALID_INPUT` for numbers out of range.
+#[unsafe(no_mangle)]
+pub unsafe extern "C" fn anyface_sounds_new_chart(
+    clip: *const AnyfaceClip,
+    said: *const AnyfaceSounds,
+    mouths: i32,
+    on: usize,
+    hold: usize,
+    out: *mut *mut AnyfaceSounds,
+    error: *mut *mut AnyfaceError,
+) -> AnyfaceStatus {
+    const RHUBARB: i32 = AnyfaceMouths::Rhubarb as i32;
+    const PRESTON_BLAIR: i32 = AnyfaceMouths::PrestonBlair as i32;
+    let make = || {
+        let clip = &unsafe { pointer::handle("clip", clip) }?.animation;
+        let mouths = match mouths {
+            RHUBARB => Symbols::Rhubarb,
+            PRESTON_BLAIR => Symbols::Papagayo,
+            other => {
+                return Err(Failure::invalid(format!(
+                    "mouths: expected {RHUBARB} (Rhubarb) or {PRESTON_BLAIR} (Preston Blair), got {other}"
+                )));
+            }
+        };
+        let said = unsafe { said.as_ref() }.map(|said| &said.annotation);
+        let moved = clip.landmark_displacements.view();
+        let options = ChartOptions { mouths, on, hold };
+        let fps = clip.vertices.fps;
+        AnyfaceSounds::of(chart::draw(
+            &clip.landmarks_neutral,
+            moved,
+            fps,
+            said,
+            &options,
+        )?)
+    };
+    unsafe { guard::give(out, error, make) }
 }
 
 /// Listens to a sound: where the lips are heard to be together for p, b, m and their kin.

@@ -20,8 +20,9 @@ use crate::{
 /// threads may use it at the same time.
 pub struct AnyfaceWeights(SolvedWeights);
 
-/// Finds the weights with which shapes come nearest to a motion: bounded least squares, smooth over
-/// time, left and right alike where they cannot be told apart. Accepts a progress handle.
+/// Finds the weights with which shapes come nearest to a motion: bounded least squares, few and smooth
+/// over time, left and right alike where little tells them apart; of shapes that undo each other, by name or by what they
+/// move, one at a time. Accepts a progress handle.
 ///
 /// `names`: `[shape_count]`, UTF-8; "…Left" and "…Right" are taken as a pair. `shapes`:
 /// `[shape_count, vertex_count, 3]`, displacements at weight 1. `displacements`:
@@ -108,7 +109,7 @@ fn solved(
             rig,
             rig.names.len(),
             motion,
-            &SolveOptions::default(),
+            &SolveOptions::editable(),
             watch,
         )
     };

@@ -366,13 +366,16 @@ impl MotionArgs {
         VoiceTrack::neutral(&sound).map(|voice| Some(Arc::new(voice)))
     }
 
+    /// What the file of --sounds says.
+    pub fn said(&self) -> Result<Option<Annotation>> {
+        let read = |path: &InputPath| Annotation::read(path, self.fps);
+        self.sounds.as_ref().map(read).transpose()
+    }
+
     pub fn request(&self, shared: &SharedArgs) -> Result<MotionRequest> {
         check_fps(self.fps)?;
         let system = Registration::find(shared.system.as_deref())?;
-        let closures = match &self.sounds {
-            Some(path) => Some(Annotation::read(path, self.fps)?.closures()?),
-            None => None,
-        };
+        let closures = self.said()?.map(|said| said.closures()).transpose()?;
         Ok(MotionRequest {
             emotion: self
                 .emotion

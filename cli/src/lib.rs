@@ -6,6 +6,7 @@
 mod animate;
 pub mod any_words;
 mod arguments;
+mod chart;
 mod console;
 mod controls;
 mod deform;
@@ -63,6 +64,7 @@ enum Command {
     Rig(rig::MakeRig),
     Solve(solve::Solve),
     Sounds(sounds::Sounds),
+    Chart(chart::Chart),
     Parts(parts::ListParts),
     Units(units::Units),
     Info(info::Info),
@@ -141,6 +143,7 @@ impl Arguments {
             Command::Rig(command) => command.run(&self.shared, console),
             Command::Solve(command) => command.run(&self.shared, console),
             Command::Sounds(command) => command.run(&self.shared, console),
+            Command::Chart(command) => command.run(&self.shared, console),
             Command::Parts(command) => command.run(&self.shared, console),
             Command::Units(command) => command.run(&self.shared, console),
             Command::Info(command) => command.run(&self.shared, console),
@@ -182,6 +185,8 @@ mod tests {
             "anyface parts --mesh M.obj --landmarks L.json --part 3=jaw --json",
             "anyface sounds --audio A.wav --out A.TextGrid",
             "anyface sounds --sounds A.TextGrid --out A.dat --fps 25",
+            "anyface chart --audio A.wav --out C.tsv --fps 24 --on 2 --hold 3 --sounds A.TextGrid",
+            "anyface chart --audio A.wav --out C.dat --mouths preston-blair",
             "anyface animate --mesh M.obj --audio A.wav --out O.npz --sounds A.TextGrid",
             "anyface animate --mesh M.obj --audio A.wav --out O.npz --redo 1.2-2.0 --from T.npz --seed 2",
             "anyface motion --audio A.wav --out O.npz --redo 1.2-2.0 --from T.npz --emotion sad:1",

@@ -33,10 +33,12 @@ const SOURCES: &[&str] = &[
     "event_notes",
     "basis",
     "sliders",
+    "curves",
     "rig",
     "weights",
     "head",
     "stream",
+    "weight_stream",
 ];
 
 /// Writes include/anyface.h from capi/src.

@@ -40,7 +40,9 @@
 pub mod annotation;
 pub mod audio;
 pub mod cache;
+pub mod chart;
 pub mod conditions;
+pub mod curves;
 pub mod deform;
 pub mod diffusion;
 mod engine;

@@ -238,6 +238,13 @@ class Stage:
         """What it cannot read is no sound."""
         return False
 
+    def few_keys(self, weights, vectors, tolerance, touching, progress):
+        """None: every frame has a key."""
+
+    def few_keys_each(self, values, limits):
+        """The same for each."""
+        return [None] * len(limits)
+
     def close(self):
         """Nothing is held."""
 

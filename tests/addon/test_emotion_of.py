@@ -29,6 +29,8 @@ def speaking(addon, tmp_path):
     strip(voice(tmp_path / "calm.wav", 110.0, 0.02), "Calm", START)
     strip(voice(tmp_path / "wild.wav", 320.0, 0.5), "Wild", START, channel=2)
     ob.anyface.strip, ob.anyface.system, ob.anyface.mode = "Calm", SYSTEM, "basis"
+    # Layers are told apart more finely than few keys do.
+    ob.anyface.curves = "EVERY"
     return ob
 
 

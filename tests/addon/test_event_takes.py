@@ -182,7 +182,9 @@ def test_an_event_that_moved_is_redone_in_every_output(addon, bare, tmp_path, mo
     before = seen()
     redo(ob, START + 46, START + 66)
     after = seen()
-    assert np.abs(after[: len(OUTSIDE)] - before[: len(OUTSIDE)]).max() == 0.0
+    # Segments that were cut are as they were but for rounding.
+    rounding = 2e-6 if mode in ("basis", "arkit") else 0.0
+    assert np.abs(after[: len(OUTSIDE)] - before[: len(OUTSIDE)]).max() <= rounding
     assert np.abs(after[len(OUTSIDE) :] - before[len(OUTSIDE) :]).max() > 0.005
 
 

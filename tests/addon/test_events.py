@@ -307,6 +307,7 @@ def speaking(addon, tmp_path):
     for name in addon("core.shapes").ARKIT:
         ob.shape_key_add(name=name).points[0].co.z += 0.01
     ob.anyface.system, ob.anyface.mode = SYSTEM, "keys"
+    ob.anyface.curves = "EVERY"
     ob.anyface_audio.event_channel = CHANNEL
     return ob
 

@@ -125,7 +125,8 @@ def test_sliders_do_what_they_say_without_a_new_run(voice):
     opened = shape(ob, blink)
     # A happy face raises its lower lids.
     assert lid_gap(opened) > 0.65 * lid_gap(rest)
-    assert np.linalg.norm(opened - closed, axis=1)[mouth].max() < 0.0001
+    # Curves of few keys keep a take within 0.2 mm.
+    assert np.linalg.norm(opened - closed, axis=1)[mouth].max() < 0.0002
     settings.closing = 1.0
     vowel = 1 + round(loudest_s(samples, rate) * 24)
     gaps, wide = [], []

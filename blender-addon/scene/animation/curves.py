@@ -9,6 +9,8 @@ from contextlib import suppress
 import bpy
 import numpy as np
 
+from . import bezier
+
 LAYERED = hasattr(bpy.types, "ActionSlots")
 # Values of the interpolation enum of a keyframe.
 _CONSTANT, _LINEAR = 0, 1
@@ -97,17 +99,46 @@ def write(
     curve.update()
 
 
+def write_take(
+    bag, data_path: str, at: np.ndarray, values: np.ndarray, keys, index=0, lead=1
+) -> None:
+    """A new curve of a take with `values` `[lead + T + 1]` from rest and back to it at frames `at`
+    of `with_rest`.
+
+    It is linear between keys in every frame, or a Bézier curve where `keys` (`take.CurveKeys`) say
+    which frames have one.
+    """
+    if keys is None:
+        write(bag, data_path, at, values, index=index)
+        return
+    chosen = np.concatenate([np.arange(lead), keys.rows + lead, [len(at) - 1]])
+    step = (at[-2] - at[lead]) / max(len(at) - lead - 2, 1)
+    slopes = np.concatenate([np.zeros(lead), keys.slopes / max(step, 1e-9), [0.0]])
+    write(bag, data_path, at[chosen], values[chosen], index=index)
+    curve = bag.fcurves.find(data_path, index=index)
+    bezier.bend(curve, bezier.eased(at[chosen], values[chosen], slopes, lead))
+
+
+def keys_of(motion) -> list:
+    """The keys of the curve of each column of the weights of a motion, None for every frame."""
+    return motion.keys_of_curves or [None] * motion.weights.shape[1]
+
+
 class Prepared:
     """Curves of keys in an action that nobody plays yet: they are made one by one beforehand."""
 
     def __init__(self, name: str):
         self.action, self._bag = new_action(name)
 
-    def make(self, frames: np.ndarray, weights: np.ndarray):
-        """Makes a curve for each column of `weights` `[T, K]`, from rest and back to it at
+    def make(self, frames: np.ndarray, motion):
+        """Makes a curve for each column of the weights of a motion, from rest and back to it at
         `frames` of `with_rest`; yields after each."""
-        for number, column in enumerate(weights.T):
-            write(self._bag, _PREPARED.format(number), frames, from_rest(column, frames))
+        for number, (column, keys) in enumerate(
+            zip(motion.weights.T, keys_of(motion), strict=True)
+        ):
+            values, lead = from_rest(column, frames), rests_before(frames, len(column))
+            path = _PREPARED.format(number)
+            write_take(self._bag, path, frames, values, keys, lead=lead)
             yield
 
     def play(self, shape_keys, names: list[str]) -> bool:
@@ -251,12 +282,15 @@ def put(curve, named: dict[str, np.ndarray]) -> None:
     curve.update()
 
 
-def splice(curve, at: np.ndarray, new: np.ndarray, stretch) -> bool:
+def splice(curve, at: np.ndarray, new: np.ndarray, stretch, few_keys=None) -> bool:
     """Mixes the keyframes of a curve inside a `core.redo.Stretch` with values `new` `[n]` at
     frames `at` `[n]`.
 
-    Between its ends alone; False where there is none.
+    Between its ends alone; False where there is none. A curve with few keys gets new ones in the
+    frames that `few_keys(values)` (`take.CurveKeys`) names, in all where it names none.
     """
+    if bezier.is_sparse(curve):
+        return bezier.splice(curve, at, new, stretch, few_keys or (lambda values: None))
     points = places(curve)
     frames, values = points[0::2], points[1::2]
     shares = stretch.of_keyframes(frames)

@@ -15,6 +15,7 @@ class Arkit(Output):
 
     name = "arkit"
     redoes = True
+    has_curves = True
     label = "Make ARKit Keys"
     help = "The 52 ARKit shapes as keys of this mesh, animated"
     options = ("visemes",)
@@ -49,7 +50,7 @@ class Arkit(Output):
             made += zip(motion.visemes.names, motion.visemes.vectors, strict=True)
         taken.keys += [_key(ob, name, rest + vector).name for name, vector in made]
         animated = taken.keys[: len(motion.keys)]
-        write_weights(ob, taken, animated, at, motion.weights)
+        write_weights(ob, taken, animated, at, motion)
 
 
 def _key(ob, name: str, positions):

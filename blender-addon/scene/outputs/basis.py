@@ -19,6 +19,7 @@ class Basis(Output):
 
     name = "basis"
     redoes = True
+    has_curves = True
     label = "New Keys"
     help = "A few new shape keys that play the performance; small and fast"
     as_basis = True
@@ -57,4 +58,4 @@ class Basis(Output):
                 block.vertex_group = emotion_mask.of(ob)
             if lowest[number] < 0.0:
                 block.slider_min = -1.0
-        write_weights(ob, taken, taken.keys, at, basis.weights)
+        write_weights(ob, taken, taken.keys, at, basis)

@@ -38,6 +38,7 @@ class Controls(Output):
     finished = "its curves lie on the rig: change them there, or generate again"
     moves_parts = False
     in_files = True
+    has_curves = True
 
     def check_object(self, ob):
         guard.check_mesh(ob)
@@ -100,7 +101,7 @@ class Controls(Output):
         frames = take.scene_frames(start_frame, scene_fps)
         ends = curves.with_rest(frames, scene_fps, take.earliest)[[0, -1]]
         fitted = take.motion.fitted
-        fitted.actions = yield from control_actions.prepare(fitted, ends, frames)
+        fitted.actions = yield from control_actions.prepare(fitted, ends, frames, take.few)
 
     def drop_files(self, take):
         control_actions.drop(take.motion.fitted.actions)

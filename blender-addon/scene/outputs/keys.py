@@ -19,6 +19,7 @@ class Keys(Output):
 
     name = "keys"
     redoes = True
+    has_curves = True
     label = "Existing Keys"
     help = "The ARKit or viseme keys that the mesh has already"
     moves_parts = False
@@ -87,7 +88,7 @@ class Keys(Output):
         taken.values = dict.fromkeys(motion.keys, 0.0)
         taken.shown, taken.factors = motion.shown, motion.factors
         artist_keys.note_values(ob.data.shape_keys, taken)
-        write_weights(ob, taken, motion.keys, at, motion.weights)
+        write_weights(ob, taken, motion.keys, at, motion)
 
 
 def describe(take: Take, what: str) -> str:
@@ -109,7 +110,16 @@ def _of_object(take: Take, piece: Piece) -> Take | None:
     keys = artist_keys.names_of(shared)
     own = replace(motion, keys=keys, weights=weights, shown=artist_keys.shown_by(shared))
     own.factors = by_key(shown, keys, factors)
+    own.keys_of_curves = [_same_curve(motion, column) for column in weights.T]
     return replace(take, motion=own)
+
+
+def _same_curve(motion, column: np.ndarray):
+    """The keys of the curve of the face that is the same; None where there is none."""
+    for other, keys in zip(motion.weights.T, motion.keys_of_curves or (), strict=False):
+        if np.array_equal(other, column):
+            return keys
+    return None
 
 
 def _some(names: list[str]) -> str:

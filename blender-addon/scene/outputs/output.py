@@ -61,6 +61,8 @@ class Output:
     in_files = False
     # Its keys can show another motion for some of the frames.
     redoes = False
+    # Its weights are curves, which may have few keys.
+    has_curves = False
     # Why a written take cannot be changed, or cannot wait beside others, in words.
     finished = cannot_wait = ""
     # Formats of `scene.export` that cannot hold its motion, and what to do instead.
@@ -184,10 +186,10 @@ def draw_list_buttons(layout, stem: str, find: str) -> None:
     row.operator(f"anyface.{stem}_clear", text="", icon="X")
 
 
-def write_weights(ob, taken: record.Record, names: list[str], at, weights: np.ndarray) -> None:
-    """Notes the curves of the values of keys, which `play` makes: `weights` `[T, K]`, from rest and
-    back to it."""
-    taken.waiting = names, at, weights
+def write_weights(ob, taken: record.Record, names: list[str], at, motion) -> None:
+    """Notes the curves of the values of keys, which `play` makes of the weights of a motion, from
+    rest and back to it."""
+    taken.waiting = names, at, motion
 
 
 def play(ob, taken: record.Record):
@@ -195,7 +197,7 @@ def play(ob, taken: record.Record):
 
     Those that were prepared are used, where no action of the artist's has to hold them.
     """
-    names, at, weights = taken.waiting
+    names, at, motion = taken.waiting
     taken.waiting = None
     shape_keys = ob.data.shape_keys
     if taken.prepared is not None and shape_keys.animation_data is None:
@@ -204,9 +206,11 @@ def play(ob, taken: record.Record):
     if taken.prepared is not None and taken.prepared.play(shape_keys, names):
         taken.made_action = True
         return
-    for name, column in zip(names, weights.T, strict=True):
+    every = curves.keys_of(motion)
+    for name, column, keys in zip(names, motion.weights.T, every, strict=True):
         bag = curves.key_channels(ob, taken)
-        curves.write(bag, curves.value_path(name), at, curves.from_rest(column, at))
+        values, lead = curves.from_rest(column, at), curves.rests_before(at, len(column))
+        curves.write_take(bag, curves.value_path(name), at, values, keys, lead=lead)
         yield
 
 

@@ -56,21 +56,22 @@ def check(block) -> None:
         raise AnyfaceError("mesh", f"{block.name}: leave the NLA strip's tweak mode (Tab) first")
 
 
-def prepare(fitted: Fitted, at: np.ndarray, times: np.ndarray):
+def prepare(fitted: Fitted, at: np.ndarray, times: np.ndarray, few=None):
     """Makes an action with curves of all controls on whole frames, from rest and back to it, for
     each data-block; yields between controls. Closed before its end it leaves nothing.
 
-    `times` `[T]` are the scene frames of the values, `at` `[2]` the first and the last of all.
+    `times` `[T]` are the scene frames of the values, `at` `[2]` the first and the last of all;
+    `few` (`core.sparse.Few`) finds the keys of curves that are to have few.
     """
     by_block, made = {}, {}
-    for control, moved in fitted.moved:
-        by_block.setdefault(control.block, []).append((control, moved))
+    for (control, moved), sizes in zip(fitted.moved, fitted.sizes, strict=True):
+        by_block.setdefault(control.block, []).append((control, moved, sizes))
     try:
         for block, moved in by_block.items():
             check(block)
             made[block], bag = curves.new_action(f"{block.name} Anyface", block.id_type)
-            for control, rows in moved:
-                _write_curves(bag, control, rows, at, times)
+            for control, rows, sizes in moved:
+                yield from _write_curves(bag, control, rows, at, times, few, sizes)
                 yield
     except BaseException:
         drop(made)
@@ -172,15 +173,16 @@ def _write_on(ob, block, controls: list[Control], action) -> None:
     action[MARK] = json.dumps(asdict(mark))
 
 
-def _write_curves(bag, control: Control, rows: np.ndarray, at, times) -> None:
+def _write_curves(bag, control: Control, rows: np.ndarray, at, times, few, sizes):
     whole = np.arange(np.ceil(times[0]), np.floor(times[-1]) + 1.0)
     frames = np.concatenate([at[:1][at[:1] < whole[0]], whole, at[1:]])
     rest = control.columns(np.zeros((1, rows.shape[1])))
     for index, column in control.columns(rows).items():
         values = np.interp(whole, times, column)
+        keys = None if few is None else (yield from few.keys(values, sizes.max()))
         lead = curves.rests_before(frames, len(whole))
         values = np.concatenate([rest[index][:lead], values, rest[index]])
-        curves.write(bag, control.curve_path, frames, values, index=index)
+        curves.write_take(bag, control.curve_path, frames, values, keys, index, lead)
 
 
 def _play(animation, action) -> None:

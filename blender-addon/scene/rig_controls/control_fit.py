@@ -57,10 +57,12 @@ class Fitted:
     """What the controls do: values `[T, N]` of the free elements of each.
 
     `shown` is the share of the energy of the motion, `missed` the largest miss by region, mm, once
-    they are judged. `actions` hold curves of it by data-block, made and not played yet.
+    they are judged. A unit of the element of a control moves a point by up to `sizes` `[N]`, mm.
+    `actions` hold curves of it by data-block, made and not played yet.
     """
 
     moved: list[tuple[Control, np.ndarray]]
+    sizes: list[np.ndarray] = field(default_factory=list)
     shown: float = 0.0
     missed: dict[str, float] = field(default_factory=dict)
     actions: dict = field(default_factory=dict)
@@ -97,7 +99,7 @@ def fit(
         response = yield from _turned(bench, handles, values, jaw)
     values = yield from controls_solve.solve(response, task, values)
     if not judged:
-        fitted = Fitted(_together(handles, values))
+        fitted = Fitted(_together(handles, values), _sizes(handles, motion.mm))
         return replace(take, motion=replace(motion, fitted=fitted))
     fitted = yield from _judge(bench, motion, handles, values)
     if fitted.shown < _LEAST_SHOWN:
@@ -288,7 +290,8 @@ def _judge(bench: Bench, motion: ControlMotion, handles: list[Handle], values: n
     missed = controls_solve.largest_misses(
         target * motion.mm, shown * motion.mm, motion.regions, controls_plan.REGIONS
     )
-    return Fitted(moved, controls_solve.share_shown(target, shown), missed)
+    sizes = _sizes(handles, motion.mm)
+    return Fitted(moved, sizes, controls_solve.share_shown(target, shown), missed)
 
 
 def _together(handles: list[Handle], values: np.ndarray) -> list[tuple[Control, np.ndarray]]:
@@ -299,4 +302,15 @@ def _together(handles: list[Handle], values: np.ndarray) -> list[tuple[Control, 
         empty = np.zeros((len(values), len(control.indices)))
         _, rows = found.setdefault(id(control), (control, empty))
         rows[:, handle.element] += column
+    return list(found.values())
+
+
+def _sizes(handles: list[Handle], mm: float) -> list[np.ndarray]:
+    """How far a unit of the elements `[N]` of each control moves any point, mm; in the order of
+    `_together`."""
+    found = {}
+    for handle in handles:
+        sizes = found.setdefault(id(handle.control), np.zeros(len(handle.control.indices)))
+        farthest = np.linalg.norm(handle.direction, axis=1).max() * mm
+        sizes[handle.element] = max(sizes[handle.element], farthest)
     return list(found.values())

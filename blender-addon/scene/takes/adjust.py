@@ -6,7 +6,7 @@ import numpy as np
 
 from ...core import shapes, sliders
 from .. import copies, outputs
-from ..animation import curves
+from ..animation import bezier, curves
 from ..shape_keys import guard, record, slider_changes
 from . import together
 
@@ -145,6 +145,8 @@ def _change(curve, factor: float, moved: float, more=None) -> tuple[float, float
     Keyframes that the artist has moved or added go along; outside the take nothing is added.
     Returns the lowest and the highest value.
     """
+    if bezier.is_sparse(curve):
+        return bezier.change(curve, factor, moved, more)
     points = curves.places(curve)
     points[1::2] *= factor
     if more is not None:

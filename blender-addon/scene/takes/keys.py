@@ -28,7 +28,7 @@ def prepare(ob, take: Take, start_frame: float, scene_fps: float):
         return None
     prepared = curves.Prepared(f"{ob.name} Anyface")
     try:
-        yield from prepared.make(_times(take, start_frame, scene_fps), take.motion.weights)
+        yield from prepared.make(_times(take, start_frame, scene_fps), take.motion)
     except BaseException:
         prepared.drop()
         raise

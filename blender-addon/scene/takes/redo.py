@@ -2,12 +2,12 @@
 
 import numpy as np
 
-from ...core import redo, sliders, wording
+from ...core import redo, sliders, sparse, wording
 from ...core.errors import AnyfaceError
 from ...core.job import BEGUN
 from ...core.redo_film import FilmRedo
 from .. import bake, copies, outputs
-from ..animation import curves
+from ..animation import bezier, curves
 from ..face import mesh
 from ..life import head_and_eyes
 from ..outputs.output import PREFIX
@@ -97,7 +97,12 @@ def write(ob, scene, wanted: redo.Redo, made: redo.Redone) -> str:
     at = start + step * (wanted.rows.start + np.arange(made.frames))
     parts = {part.name: part for part in (ob, *together.others_of(ob))}
     by_mm = made.unit_mm * max(_change(parts[k.name], k, made, at, stretch) for k in wanted.keys)
-    changed = [_write(parts[name], fit, at, stretch) for name, fit in made.fits.items()]
+    limits = {keys.name: _limits(wanted.snapshot, keys, made.unit_mm) for keys in wanted.keys}
+    engine = wanted.snapshot.engine
+    changed = [
+        _write(parts[name], fit, at, stretch, _Fewer(engine, limits[name]))
+        for name, fit in made.fits.items()
+    ]
     if not any(changed):
         raise AnyfaceError("mesh", "the take has no keyframe there: has it been moved?")
     if made.life is not None:
@@ -161,22 +166,40 @@ def _curves(part, taken) -> dict:
 def _change(part, keys: redo.ObjectKeys, made: redo.Redone, at, stretch) -> float:
     """How far the new weights move any vertex of an object from where it was, object units."""
     taken = record.read(part.data.shape_keys)
-    found = [np.array(curves.places(curve)) for curve in _curves(part, taken).values()]
-    was = np.array([np.interp(at, points[0::2], points[1::2]) for points in found]).T
+    was = np.array([bezier.sample(curve, at) for curve in _curves(part, taken).values()]).T
     scale = [adjust.factor(shape, taken.adjusted) for shape in keys.shapes]
     shares = stretch.shares(at)[:, None]
     return redo.moved_by(keys, shares * (made.fits[keys.name].weights * scale - was))
 
 
-def _write(part, fit: redo.Fit, at: np.ndarray, stretch: redo.Stretch) -> bool:
+class _Fewer:
+    """Says which frames of a stretch get keys; `limits` `[K]` are those of the curves."""
+
+    def __init__(self, engine, limits: np.ndarray):
+        self._engine, self._limits = engine, limits
+
+    def of(self, number: int):
+        """The function for a curve."""
+        limit = self._limits[number : number + 1]
+        return lambda values: self._engine.few_keys_each(values[:, None], limit)[0]
+
+
+def _limits(snapshot, keys: redo.ObjectKeys, unit_mm: float) -> np.ndarray:
+    """How far each curve of a stretch may be off alone, `[K]`, for all to stay within the limit."""
+    sizes = np.sqrt((keys.vectors**2).sum(axis=2).max(axis=1, initial=0.0)) * unit_mm
+    return sparse.ALONE * snapshot.settings.curves_mm / np.maximum(sizes, 1e-9)
+
+
+def _write(part, fit: redo.Fit, at, stretch: redo.Stretch, fewer: _Fewer) -> bool:
     """Puts new weights into the curves of one object; False where no keyframe lies there."""
     guard.own(part)
     shape_keys = part.data.shape_keys
     taken = record.read(shape_keys)
     made, changed = _curves(part, taken), False
-    for (name, curve), column in zip(made.items(), fit.weights.T, strict=True):
+    pairs = zip(made.items(), fit.weights.T, strict=True)
+    for number, ((name, curve), column) in enumerate(pairs):
         column = column * adjust.factor(taken.shown.get(name, name), taken.adjusted)
-        if not curves.splice(curve, at, column, stretch):
+        if not curves.splice(curve, at, column, stretch, fewer.of(number)):
             continue
         block, changed = shape_keys.key_blocks[name], True
         block.slider_min = min(block.slider_min, float(column.min()))

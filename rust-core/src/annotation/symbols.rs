@@ -90,7 +90,7 @@ impl Symbols {
     }
 
     /// A label as a mouth shape of `to`.
-    pub(super) fn as_shape(self, label: &str, to: Symbols) -> String {
+    pub(crate) fn as_shape(self, label: &str, to: Symbols) -> String {
         if self == to || to == Symbols::Phones {
             return label.to_owned();
         }

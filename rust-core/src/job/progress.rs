@@ -6,7 +6,7 @@ use crate::{Error, Result};
 #[derive(Debug, Clone, Copy, PartialEq)]
 pub struct Progress {
     /// Name of the stage: "landmarks", "speech", "motion", "operators", "weights", "deform", "compress",
-    /// "sliders", "write".
+    /// "sliders", "curves", "write".
     pub stage: &'static str,
     /// Share of the stage that is done, 0 to 1.
     pub fraction: f32,

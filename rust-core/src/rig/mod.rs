@@ -12,8 +12,9 @@ mod lids;
 mod make;
 mod names;
 pub mod network;
+pub mod opposing;
 pub mod parts;
-pub mod solve;
+mod solve;
 mod visemes;
 
 pub use by_field::{FieldOfFace, ShapeSource};

@@ -3,7 +3,7 @@
 //! Least squares with bounds and a memory, over all frames `t` together:
 //!
 //! `Σ_t |D w_t − x_t|² + Σ_t Σ_s g_s (ρ w_ts² + μ (w_ts − w_t−1,s)²) + σ Σ_t Σ_pairs g (w_tl − w_tr)²`
-//! with `0 ≤ w ≤ 1`
+//! ` + λ Σ_t Σ_s 2 g_s w_ts` with `0 ≤ w ≤ 1`
 //!
 //! `D` the shapes, `x_t` the displacements, `g_s = |d_s|²`, so that every term counts in the same
 //! unit. The motion enters only through `Dᵀ x_t`: one product a frame, after which the number of
@@ -13,7 +13,7 @@
 
 use ndarray::{Array2, ArrayView3, Axis, aview1};
 
-use super::mirrored_name;
+use super::{mirrored_name, opposing};
 use crate::{
     Error, Result,
     face::Rig,
@@ -38,6 +38,10 @@ pub struct SolveOptions {
     pub smoothness: f64,
     /// `σ`: left and right towards each other.
     pub symmetry: f64,
+    /// `λ`: towards few shapes at a time.
+    pub sparsity: f64,
+    /// Whether of shapes that undo each other one at a time moves.
+    pub exclusive: bool,
 }
 
 impl Default for SolveOptions {
@@ -46,6 +50,21 @@ impl Default for SolveOptions {
             ridge: 1e-4,
             smoothness: 0.02,
             symmetry: 1e-3,
+            sparsity: 0.0,
+            exclusive: false,
+        }
+    }
+}
+
+impl SolveOptions {
+    /// What somebody asks who is to edit the weights one by one: few at a time, both sides alike, and of shapes that undo
+    /// each other one; for one or two points of the motion.
+    pub fn editable() -> Self {
+        SolveOptions {
+            symmetry: 0.2,
+            sparsity: 2e-3,
+            exclusive: true,
+            ..SolveOptions::default()
         }
     }
 }
@@ -129,7 +148,7 @@ pub fn solve(
         )));
     }
     let problem = Problem::new(gram, right, &rig.names[..shapes], options)?;
-    let weights = problem.descend(progress)?;
+    let weights = problem.solve(options.exclusive, progress)?;
     let solved = SolvedWeights {
         names: rig.names[..shapes].to_vec(),
         residual: problem.residuals(&weights, &energy, vertices),
@@ -152,6 +171,7 @@ impl SolveOptions {
             ("ridge", self.ridge),
             ("smoothness", self.smoothness),
             ("symmetry", self.symmetry),
+            ("sparsity", self.sparsity),
         ] {
             if !(0.0..=1e6).contains(&value) {
                 return Err(Error::InvalidInput(format!(
@@ -186,6 +206,10 @@ struct Problem {
     right: Array2<f64>,
     /// `[S]`, `μ g_s`; zero shapes have none.
     memory: Vec<f64>,
+    /// `[S]`, `λ g_s`.
+    price: Vec<f64>,
+    /// Pairs of shapes that undo each other.
+    opposing: Vec<(usize, usize)>,
     /// Numbers of the shapes that move.
     moving: Vec<usize>,
     unit: f64,
@@ -219,6 +243,8 @@ impl Problem {
             }
         }
         Ok(Problem {
+            price: gram.diag().iter().map(|g| options.sparsity * g).collect(),
+            opposing: opposing::pairs(names, &gram),
             memory: gram.diag().iter().map(|g| options.smoothness * g).collect(),
             moving: (0..shapes)
                 .filter(|&s| gram[[s, s]] > STILL_SHARE)
@@ -230,10 +256,31 @@ impl Problem {
         })
     }
 
-    /// Sweeps over the frames forth and back until no weight changes any more.
-    fn descend(&self, progress: ProgressFn<'_>) -> Result<Array2<f64>> {
-        let frames = self.right.nrows();
+    /// The weights; where they are `exclusive`, one more time without those that others undo.
+    fn solve(&self, exclusive: bool, progress: ProgressFn<'_>) -> Result<Array2<f64>> {
         let mut weights = Array2::zeros(self.right.dim());
+        let mut rests = Array2::from_elem(self.right.dim(), false);
+        self.descend(&mut weights, &rests, progress)?;
+        if exclusive && !self.opposing.is_empty() {
+            rests = opposing::resting(&self.opposing, &weights, &self.gram);
+            weights.zip_mut_with(&rests, |weight, &rest| {
+                if rest {
+                    *weight = 0.0;
+                }
+            });
+            self.descend(&mut weights, &rests, progress)?;
+        }
+        Ok(weights)
+    }
+
+    /// Sweeps over the frames forth and back until no weight changes any more; what `rests` stays 0.
+    fn descend(
+        &self,
+        weights: &mut Array2<f64>,
+        rests: &Array2<bool>,
+        progress: ProgressFn<'_>,
+    ) -> Result<()> {
+        let frames = self.right.nrows();
         for sweep in 0..MOST_SWEEPS {
             let mut change = 0.0f64;
             for step in 0..frames {
@@ -242,7 +289,7 @@ impl Problem {
                 } else {
                     frames - 1 - step
                 };
-                change = change.max(self.descend_frame(t, &mut weights));
+                change = change.max(self.descend_frame(t, weights, rests));
             }
             if change < ARRIVED {
                 break;
@@ -250,18 +297,18 @@ impl Problem {
             let done = 1.0 - 1.0 / (1.0 + sweep as f32);
             report(progress, "solve", 0.5 + 0.5 * done)?;
         }
-        Ok(weights)
+        Ok(())
     }
 
     /// Best value of each weight of one frame in turn; returns the largest change.
-    fn descend_frame(&self, t: usize, weights: &mut Array2<f64>) -> f64 {
+    fn descend_frame(&self, t: usize, weights: &mut Array2<f64>, rests: &Array2<bool>) -> f64 {
         let frames = weights.nrows();
         let mut now = weights.row(t).to_vec();
         let mut largest = 0.0f64;
-        for &s in &self.moving {
+        for &s in self.moving.iter().filter(|&&s| !rests[[t, s]]) {
             let row = self.matrix.row(s);
             let pull: f64 = row.iter().zip(&now).map(|(a, w)| a * w).sum();
-            let mut gradient = pull - self.right[[t, s]];
+            let mut gradient = pull - self.right[[t, s]] + self.price[s];
             let mut slope = row[s];
             let beside = [t.checked_sub(1), Some(t + 1).filter(|&n| n < frames)];
             for beside in beside.into_iter().flatten() {
@@ -367,6 +414,41 @@ mod tests {
         for (left, moved) in got.residual.iter().zip(&got.motion) {
             assert!(*left < 0.02 * moved);
         }
+    }
+
+    #[test]
+    fn of_shapes_that_undo_each_other_one_at_a_time_moves() {
+        let mut rig = rig(500);
+        let at = |name: &str| ARKIT.iter().position(|n| *n == name).unwrap();
+        let (left, right) = (at("mouthLeft"), at("mouthRight"));
+        let against = rig.deltas.index_axis(Axis(0), left).mapv(|x| -0.9 * x);
+        rig.deltas.index_axis_mut(Axis(0), right).assign(&against);
+        let mut truth = Array2::zeros((60, 52));
+        for t in 0..60 {
+            truth[[t, left]] = 0.5 + 0.3 * (t as f32 * 0.1).sin();
+            truth[[t, right]] = 0.5 - 0.3 * (t as f32 * 0.1).sin();
+        }
+        let moved = play(&rig, &truth);
+        let ask = |exclusive| {
+            let options = SolveOptions {
+                exclusive,
+                ridge: 0.0,
+                ..SolveOptions::default()
+            };
+            solve(&rig, 52, moved.view(), &options, SILENT).unwrap()
+        };
+        let got = ask(true);
+        for t in 0..60 {
+            let (a, b) = (got.weights[[t, left]], got.weights[[t, right]]);
+            assert!(a == 0.0 || b == 0.0, "frame {t}: {a} and {b}");
+            let net = truth[[t, left]] - 0.9 * truth[[t, right]];
+            assert!(
+                (a - 0.9 * b - net).abs() < 0.05,
+                "frame {t}: {a} - {b} for {net}"
+            );
+        }
+        assert!(got.weights.column(left).iter().any(|&w| w > 0.2));
+        assert!(got.weights.column(right).iter().any(|&w| w > 0.2));
     }
 
     #[test]

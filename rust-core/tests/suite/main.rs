@@ -25,4 +25,5 @@ mod rim_crossing;
 mod sliders;
 mod spread;
 mod voice;
+mod weight_stream;
 mod weights;

@@ -1,0 +1,62 @@
+"""The library's calls that find few keys for curves."""
+
+from contextlib import ExitStack
+from ctypes import POINTER, c_float, c_uint32, c_void_p
+
+import numpy as np
+
+from .job import Progress
+from .take import CurveKeys
+
+_FLOATS, _ROWS = POINTER(c_float), POINTER(c_uint32)
+
+
+class CurveCalls:
+    """What `native.Engine` knows of curves."""
+
+    def few_keys(
+        self,
+        weights: np.ndarray,
+        vectors: np.ndarray,
+        tolerance: float,
+        touching: np.ndarray | None,
+        progress: Progress,
+    ) -> list[CurveKeys]:
+        """Keys of the curves of `weights` `[T, K]` of shapes `vectors` `[K, V, 3]`, so that no
+        vertex is farther than `tolerance` from its place in any frame, in the unit of the shapes.
+
+        In frames that are `touching` `[T]` a tenth of that is left. Raises `AnyfaceError`, or
+        `Cancelled`.
+        """
+        weights = np.ascontiguousarray(weights, dtype=np.float32)
+        vectors = np.ascontiguousarray(vectors, dtype=np.float32)
+        marks = None if touching is None else np.ascontiguousarray(touching, dtype=np.uint8)
+        shapes = vectors.ctypes.data_as(_FLOATS), vectors.shape[1], tolerance
+        given = weights.ctypes.data_as(_FLOATS), *weights.shape, *shapes, _bytes(marks)
+        with ExitStack() as handles:
+            watch = handles.enter_context(self._watch(progress))
+            made = self._own(handles, "curves", "anyface_curves_new", *given, watch.handle)
+            return self._keys(made, weights.shape[1])
+
+    def few_keys_each(self, values: np.ndarray, limits: np.ndarray) -> list[CurveKeys]:
+        """Keys of the curves of `values` `[T, K]`, each within its own of `limits` `[K]`."""
+        values = np.ascontiguousarray(values, dtype=np.float32)
+        limits = np.ascontiguousarray(limits, dtype=np.float32)
+        given = values.ctypes.data_as(_FLOATS), *values.shape, limits.ctypes.data_as(_FLOATS), None
+        with ExitStack() as handles:
+            made = self._own(handles, "curves", "anyface_curves_new_each", *given)
+            return self._keys(made, values.shape[1])
+
+    def _keys(self, made, count: int) -> list[CurveKeys]:
+        found = []
+        for number in range(count):
+            keys = self._library.anyface_curves_key_count(made, number)
+            rows, slopes = np.empty(keys, dtype=np.uint32), np.empty(keys, dtype=np.float32)
+            places = rows.ctypes.data_as(_ROWS), slopes.ctypes.data_as(_FLOATS)
+            self._call("anyface_curves_copy_keys", made, number, *places, keys)
+            found.append(CurveKeys(rows.astype(np.int64), slopes))
+        return found
+
+
+def _bytes(marks: np.ndarray | None):
+    return None if marks is None else marks.ctypes.data_as(c_void_p)

@@ -1,0 +1,69 @@
+"""Curves with few keys instead of one key a frame."""
+
+import threading
+from dataclasses import dataclass
+
+import numpy as np
+
+from .job import Progress
+from .take import Landmarks, Take
+
+EVERY_FRAME, SPARSE = "EVERY", "SPARSE"
+# Points of the inner lips that meet, and how much farther apart than at rest they touch, mm.
+_UPPER, _LOWER = [61, 62, 63], [67, 66, 65]
+_TOUCH_MM = 0.1
+# What a curve of many may miss alone, as a share of what all may.
+ALONE = 0.25
+# So long Blender waits for the keys of a curve before it goes on, seconds.
+_WAIT_S = 0.01
+# How far handles reach, as a share of the way to the next key, as the library has it.
+REACH = 0.39
+
+
+def touching(landmarks: Landmarks, unit_mm: float) -> np.ndarray:
+    """In which frames the lips are as close as at rest, or closer, `[T]`; `unit_mm` is the length
+    of a unit of the landmarks."""
+    moved = landmarks.neutral + landmarks.displacements
+    gaps = np.linalg.norm(moved[:, _UPPER] - moved[:, _LOWER], axis=2).mean(axis=1)
+    rest = np.linalg.norm(landmarks.neutral[_UPPER] - landmarks.neutral[_LOWER], axis=1).mean()
+    return (gaps - rest) * unit_mm <= _TOUCH_MM
+
+
+def thin(take: Take, vectors, engine, tolerance_mm: float, progress: Progress) -> None:
+    """Finds few keys for the weights of a take of shapes `vectors` `[K, V, 3]`, in its unit."""
+    motion = take.motion
+    tolerance = tolerance_mm / take.unit_mm
+    found = engine.few_keys(motion.weights, vectors, tolerance, take.touching, progress)
+    motion.keys_of_curves = found
+
+
+@dataclass
+class Few:
+    """Finds few keys for curves that are made one by one, so that all together stay about within
+    `tolerance_mm`."""
+
+    engine: object
+    tolerance_mm: float
+
+    def keys(self, values: np.ndarray, size_mm: float):
+        """The keys of a curve `[T]` whose unit moves a point by up to `size_mm`; yields while they
+        are looked for beside Blender's own thread."""
+        limit = np.array([ALONE * self.tolerance_mm / max(size_mm, 1e-9)])
+        found = []
+        way = threading.Thread(
+            target=lambda: found.append(self.engine.few_keys_each(values[:, None], limit)[0])
+        )
+        way.start()
+        way.join(_WAIT_S)
+        while way.is_alive():
+            yield
+            way.join(_WAIT_S)
+        return found[0] if found else None
+
+
+def describe(take: Take, tolerance_mm: float) -> str:
+    """How many keys were set: "1046 keys on curves within 0.2 mm"; empty for one a frame."""
+    keys = getattr(take.motion, "keys_of_curves", None)
+    if keys is None:
+        return ""
+    return f"{sum(len(one.rows) for one in keys)} keys on curves, within {tolerance_mm:g} mm"

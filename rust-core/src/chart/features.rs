@@ -1,0 +1,106 @@
+//! What of a mouth tells which drawing is like it.
+
+use ndarray::ArrayView3;
+
+use crate::{
+    Error, Result,
+    annotation::{Annotation, Symbols},
+    mesh::ibug::{CORNERS, INNER_LIPS, LANDMARKS},
+};
+
+/// Lips that are less than this farther apart than at rest touch, in mouth widths.
+const TOUCHING: f64 = 0.004;
+
+/// A mouth in one frame.
+#[derive(Debug, Clone, Copy, PartialEq)]
+pub struct Frame {
+    /// How much farther the inner lips are apart than at rest, in widths of the mouth at rest.
+    pub open: f64,
+    /// Width of the mouth as a share of that at rest.
+    pub width: f64,
+    /// Whether the lips touch.
+    pub touches: bool,
+    /// Whether lips close for what is said.
+    pub closes: bool,
+    /// Whether the lower lip is at the upper teeth for what is said.
+    pub at_teeth: bool,
+    /// Whether the tongue is behind the upper teeth for what is said.
+    pub tongue: bool,
+}
+
+pub fn of(
+    neutral: &[[f32; 3]; LANDMARKS],
+    displacements: ArrayView3<'_, f32>,
+    fps: f64,
+    said: Option<&Annotation>,
+) -> Result<Vec<Frame>> {
+    let (frames, landmarks, axes) = displacements.dim();
+    if (landmarks, axes) != (LANDMARKS, 3) {
+        return Err(Error::ShapeMismatch {
+            what: "landmarks",
+            expected: format!("[T, {LANDMARKS}, 3]"),
+            got: format!("[{frames}, {landmarks}, {axes}]"),
+        });
+    }
+    let rest = measure(&|n, axis| f64::from(neutral[n][axis]));
+    if !(rest.1.is_finite() && rest.1 > 0.0) || displacements.iter().any(|x| !x.is_finite()) {
+        let message =
+            "chart: expected landmarks of a mouth with a width, got numbers that are none";
+        return Err(Error::InvalidInput(message.into()));
+    }
+    let mut found: Vec<Frame> = (0..frames)
+        .map(|t| {
+            let place = |n: usize, axis: usize| {
+                f64::from(neutral[n][axis]) + f64::from(displacements[[t, n, axis]])
+            };
+            let now = measure(&place);
+            let open = (now.0 - rest.0) / rest.1;
+            Frame {
+                open,
+                width: now.1 / rest.1,
+                touches: open < TOUCHING,
+                closes: false,
+                at_teeth: false,
+                tongue: false,
+            }
+        })
+        .collect();
+    if let Some(said) = said {
+        listen(&mut found, fps, said);
+    }
+    Ok(found)
+}
+
+/// The mean distance of the inner lips and the width of a mouth.
+fn measure(place: &impl Fn(usize, usize) -> f64) -> (f64, f64) {
+    let apart = |a: usize, b: usize| {
+        let square = |axis: usize| (place(a, axis) - place(b, axis)).powi(2);
+        (0..3).map(square).sum::<f64>().sqrt()
+    };
+    let gaps = INNER_LIPS.iter().map(|&(a, b)| apart(a, b));
+    let mean = gaps.sum::<f64>() / INNER_LIPS.len() as f64;
+    (mean, apart(CORNERS[0], CORNERS[1]))
+}
+
+/// Notes in each frame what is said in it.
+fn listen(frames: &mut [Frame], fps: f64, said: &Annotation) {
+    let count = frames.len();
+    let range = |start_s: f64, end_s: f64| {
+        let first = (start_s * fps).round().max(0.0) as usize;
+        let last = ((end_s * fps).round() as usize).max(first + 1);
+        first.min(count)..last.min(count)
+    };
+    for [start_s, end_s] in said.closures().unwrap_or_default() {
+        frames[range(start_s, end_s)]
+            .iter_mut()
+            .for_each(|frame| frame.closes = true);
+    }
+    for phone in said.intervals(Symbols::Phones) {
+        let shape = Symbols::Phones.as_shape(&phone.label, Symbols::Papagayo);
+        for frame in &mut frames[range(phone.start_s, phone.end_s)] {
+            frame.closes |= shape == "MBP";
+            frame.at_teeth |= shape == "FV";
+            frame.tongue |= shape == "L";
+        }
+    }
+}

@@ -1,0 +1,123 @@
+//! A performance as a mouth chart: which of a few drawn mouths stands in each frame.
+//!
+//! Each frame is compared with every mouth by how far the lips are apart and how wide the mouth is;
+//! the cheapest way through all frames, in which each mouth stands for at least as long as was asked,
+//! is found by dynamic programming over segments (Viterbi 1967). Where it is known what is said, lips
+//! that close, the lip at the teeth and the tongue behind them have a say.
+
+mod features;
+mod mouths;
+#[cfg(test)]
+mod tests;
+mod way;
+
+use ndarray::ArrayView3;
+
+use crate::{
+    Error, Result,
+    annotation::{Annotation, Interval, Symbols, Tier},
+};
+use features::Frame;
+use mouths::Mouth;
+
+/// How a chart is drawn.
+#[derive(Debug, Clone, Copy, PartialEq, Eq)]
+pub struct ChartOptions {
+    /// Rhubarb's nine mouths, or Preston Blair's ten as Papagayo names them.
+    pub mouths: Symbols,
+    /// Mouths change at every so many frames: 2 for poses on twos.
+    pub on: usize,
+    /// The fewest frames for which a mouth stands.
+    pub hold: usize,
+}
+
+impl Default for ChartOptions {
+    fn default() -> Self {
+        ChartOptions {
+            mouths: Symbols::Rhubarb,
+            on: 1,
+            hold: 2,
+        }
+    }
+}
+
+impl ChartOptions {
+    /// What can be checked before anything is drawn.
+    ///
+    /// # Errors
+    /// `InvalidInput` for other symbols than mouths, and frames out of range.
+    pub fn check(&self) -> Result<()> {
+        mouths::of(self.mouths)?;
+        for (name, frames) in [("on", self.on), ("hold", self.hold)] {
+            if !(1..=240).contains(&frames) {
+                let message = format!("chart: expected {name} of 1 to 240 frames, got {frames}");
+                return Err(Error::InvalidInput(message));
+            }
+        }
+        Ok(())
+    }
+}
+
+/// The chart of landmarks that move: intervals that touch, from 0 to the end of the last frame.
+///
+/// `neutral` `[68]` are the landmarks at rest and `displacements` `[T, 68, 3]` their motion, in any unit and axes.
+/// `said` may tell phones or when lips close.
+///
+/// # Errors
+/// `InvalidInput` for other symbols than mouths, a frame rate or holds that cannot be, and numbers that are not
+/// finite; `ShapeMismatch` for another number of landmarks.
+pub fn draw(
+    neutral: &[[f32; 3]; 68],
+    displacements: ArrayView3<'_, f32>,
+    fps: f64,
+    said: Option<&Annotation>,
+    options: &ChartOptions,
+) -> Result<Annotation> {
+    let mouths = mouths::of(options.mouths)?;
+    if !(fps.is_finite() && fps > 0.0) {
+        let message = format!("chart: expected frames per second above 0, got {fps}");
+        return Err(Error::InvalidInput(message));
+    }
+    options.check()?;
+    let frames = features::of(neutral, displacements, fps, said)?;
+    let on = options.on;
+    let poses: Vec<Vec<f64>> = frames.chunks(on).map(|pose| costs(pose, mouths)).collect();
+    let rest_s = (mouths::REST_S * fps).ceil() as usize;
+    let least = |mouth: &Mouth| match mouth.is_rest {
+        true => options.hold.max(rest_s).div_ceil(on),
+        false => options.hold.div_ceil(on),
+    };
+    let least: Vec<usize> = mouths.iter().map(least).collect();
+    let chosen = way::cheapest(&poses, &least, mouths::CHANGE);
+    let mut intervals: Vec<Interval> = Vec::new();
+    let time_s = |pose: usize| (pose * on).min(frames.len()) as f64 / fps;
+    for (pose, &mouth) in chosen.iter().enumerate() {
+        let label = mouths[mouth].name;
+        match intervals.last_mut().filter(|last| last.label == label) {
+            Some(last) => last.end_s = time_s(pose + 1),
+            None => intervals.push(Interval {
+                start_s: time_s(pose),
+                end_s: time_s(pose + 1),
+                label: label.to_owned(),
+            }),
+        }
+    }
+    let tier = Tier {
+        symbols: options.mouths,
+        intervals,
+    };
+    Ok(Annotation {
+        tiers: vec![tier],
+        duration_s: frames.len() as f64 / fps,
+    })
+}
+
+/// What each mouth costs for the frames of a pose: where lips close in one of them, they do in all.
+fn costs(pose: &[Frame], mouths: &[Mouth]) -> Vec<f64> {
+    let closes = pose.iter().any(|frame| frame.closes);
+    let cost = |mouth: &Mouth| -> f64 {
+        let frames = pose.iter();
+        frames.map(|frame| mouths::cost(mouth, frame, closes)).sum()
+    };
+    mouths.iter().map(cost).collect()
+}

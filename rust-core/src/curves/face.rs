@@ -1,0 +1,222 @@
+//! Curves whose sum on the face stays within a tolerance.
+
+use ndarray::{Array2, ArrayView1, ArrayView2, ArrayView3, Axis};
+use rayon::prelude::*;
+
+use super::{
+    fit::{check, evaluate, fit_checked},
+    slopes::Curve,
+};
+use crate::{
+    Error, Result,
+    job::{ProgressFn, report},
+};
+
+/// Where lips touch only this share of the tolerance is left.
+const TOUCHING: f64 = 0.1;
+/// Each curve begins with so much of the tolerance: errors of many partly cancel.
+const FIRST: f64 = 0.4;
+/// After so many rounds a frame that is still off gets a key on the curve that misses most there.
+const ROUNDS: usize = 8;
+/// About so many vertices are looked at until all are.
+const LOOKED_AT: usize = 1500;
+/// Frames that are measured at once.
+const BLOCK: usize = 64;
+
+/// Curves, and the largest distance of any vertex in any frame from where it should be.
+#[derive(Debug, Clone, PartialEq)]
+pub struct FaceFit {
+    /// One for each column of weights.
+    pub curves: Vec<Curve>,
+    /// The unit of the shapes.
+    pub error: f64,
+}
+
+/// Curves for the weights `[T, K]` of shapes `[K, V, 3]` that leave every vertex in every frame
+/// within `tolerance`, and within a tenth of it in frames that are `touching` `[T]`; a run of those
+/// begins and ends with a key on every curve that moves by more than the tolerance.
+///
+/// # Errors
+/// `InvalidInput` for other lengths, a tolerance that is not positive, or numbers that are not
+/// finite; `Cancelled`.
+pub fn on_face(
+    weights: ArrayView2<'_, f32>,
+    shapes: ArrayView3<'_, f32>,
+    tolerance: f64,
+    touching: &[bool],
+    progress: ProgressFn<'_>,
+) -> Result<FaceFit> {
+    let (frames, count) = weights.dim();
+    if shapes.len_of(Axis(0)) != count {
+        return Err(Error::InvalidInput(format!(
+            "curves: expected {count} shapes, one for each column of weights, got {}",
+            shapes.len_of(Axis(0))
+        )));
+    }
+    if shapes.iter().any(|x| !x.is_finite()) {
+        let message = "curves: expected finite shapes, got NaN or infinity";
+        return Err(Error::InvalidInput(message.into()));
+    }
+    let column = |k: usize| weights.column(k).iter().map(|&w| f64::from(w)).collect();
+    let columns: Vec<Vec<f64>> = (0..count).map(column).collect();
+    let none = vec![0.0; frames];
+    check(&none, &vec![tolerance; frames], touching)?;
+    columns
+        .iter()
+        .try_for_each(|values| check(values, &vec![1.0; frames], touching))?;
+    let mut job = Job::new(&columns, shapes, tolerance, touching);
+    let mut all = false;
+    loop {
+        report(
+            progress,
+            "curves",
+            job.round.min(ROUNDS) as f32 / (ROUNDS + 1) as f32,
+        )?;
+        let curves = job.curves();
+        let missed = job.missed(&curves);
+        let errors = job.errors(&missed, all);
+        let off = job.tighten(&errors, &missed);
+        if !off && all {
+            let error = errors.iter().copied().fold(0.0, f64::max);
+            return Ok(FaceFit { curves, error });
+        }
+        // What is found on all vertices is mended on all of them.
+        all |= !off;
+    }
+}
+
+struct Job<'a> {
+    columns: &'a [Vec<f64>],
+    /// `[K, 3V]` of all vertices, and of those that are looked at first.
+    every: Array2<f32>,
+    some: Array2<f32>,
+    /// What a curve may miss alone, in weight.
+    limits: Vec<f64>,
+    /// The share of it, by frame; the tolerance and what must not be left out, by frame.
+    shares: Vec<f64>,
+    tolerances: Vec<f64>,
+    fixed: Vec<bool>,
+    /// Whether a curve moves the face at all.
+    moves: Vec<bool>,
+    pinned: Vec<Vec<bool>>,
+    round: usize,
+}
+
+impl<'a> Job<'a> {
+    fn new(
+        columns: &'a [Vec<f64>],
+        shapes: ArrayView3<'_, f32>,
+        tolerance: f64,
+        touching: &[bool],
+    ) -> Self {
+        let (count, vertices, _) = shapes.dim();
+        let every = shapes
+            .to_shape((count, 3 * vertices))
+            .expect("row-major")
+            .into_owned();
+        let step = (vertices / LOOKED_AT).max(1);
+        let some = every.select(
+            Axis(1),
+            &(0..vertices)
+                .step_by(step)
+                .flat_map(|v| 3 * v..3 * v + 3)
+                .collect::<Vec<_>>(),
+        );
+        let sizes: Vec<f64> = every
+            .rows()
+            .into_iter()
+            .map(|row| longest(row.as_slice().expect("row-major")))
+            .collect();
+        let range = |values: &Vec<f64>| {
+            let (low, high) = values
+                .iter()
+                .fold((0.0f64, 0.0f64), |(l, h), &x| (l.min(x), h.max(x)));
+            high - low
+        };
+        let frames = touching.len();
+        let ends = |t: usize| {
+            let other = |at: Option<usize>| at.and_then(|at| touching.get(at)).is_none_or(|x| !x);
+            touching[t] && (other(t.checked_sub(1)) || other(Some(t + 1)))
+        };
+        let share = |t: usize| if touching[t] { TOUCHING } else { 1.0 };
+        Job {
+            columns,
+            every,
+            some,
+            limits: sizes
+                .iter()
+                .map(|size| tolerance / size.max(1e-12))
+                .collect(),
+            shares: (0..frames).map(|t| FIRST * share(t)).collect(),
+            tolerances: (0..frames).map(|t| tolerance * share(t)).collect(),
+            fixed: (0..frames).map(ends).collect(),
+            moves: columns
+                .iter()
+                .zip(&sizes)
+                .map(|(v, size)| range(v) * size > tolerance)
+                .collect(),
+            pinned: vec![vec![false; frames]; count],
+            round: 0,
+        }
+    }
+
+    fn curves(&self) -> Vec<Curve> {
+        let one = |k: usize| {
+            let limit = |share: &f64| share * self.limits[k];
+            let limits: Vec<f64> = self.shares.iter().map(limit).collect();
+            let fixed = |(&fixed, &pinned): (&bool, &bool)| (fixed && self.moves[k]) || pinned;
+            let fixed: Vec<bool> = self.fixed.iter().zip(&self.pinned[k]).map(fixed).collect();
+            fit_checked(&self.columns[k], &limits, &fixed)
+        };
+        (0..self.columns.len()).into_par_iter().map(one).collect()
+    }
+
+    /// What curves are off in weight, `[T, K]`.
+    fn missed(&self, curves: &[Curve]) -> Array2<f32> {
+        let mut missed = Array2::<f32>::zeros((self.shares.len(), curves.len()));
+        for (k, (values, curve)) in self.columns.iter().zip(curves).enumerate() {
+            for (t, (found, value)) in evaluate(values, curve).iter().zip(values).enumerate() {
+                missed[[t, k]] = (found - value) as f32;
+            }
+        }
+        missed
+    }
+
+    /// The largest distance of any vertex from its place, by frame.
+    fn errors(&self, missed: &Array2<f32>, all: bool) -> Vec<f64> {
+        let shapes = if all { &self.every } else { &self.some };
+        let blocks: Vec<_> = missed.axis_chunks_iter(Axis(0), BLOCK).collect();
+        let block = |rows: &ArrayView2<'_, f32>| {
+            // One curve alone gives columns one after another.
+            let moved = rows.dot(shapes).as_standard_layout().into_owned();
+            let far = |row: ArrayView1<'_, f32>| longest(row.as_slice().expect("row-major"));
+            moved.rows().into_iter().map(far).collect::<Vec<_>>()
+        };
+        blocks.par_iter().flat_map(block).collect()
+    }
+
+    /// Leaves less room in frames that are off; false where none is.
+    fn tighten(&mut self, errors: &[f64], missed: &Array2<f32>) -> bool {
+        self.round += 1;
+        let mut off = false;
+        for (t, (&error, &tolerance)) in errors.iter().zip(&self.tolerances).enumerate() {
+            if error <= tolerance {
+                continue;
+            }
+            off = true;
+            self.shares[t] *= (0.95 * tolerance / error).sqrt().clamp(0.5, 0.98);
+            if self.round > ROUNDS {
+                let far = |&k: &usize| f64::from(missed[[t, k]].abs()) / self.limits[k];
+                let worst = (0..self.pinned.len()).max_by(|a, b| far(a).total_cmp(&far(b)));
+                worst.into_iter().for_each(|k| self.pinned[k][t] = true);
+            }
+        }
+        off
+    }
+}
+
+/// The largest length of the vectors `[3V]`.
+fn longest(moved: &[f32]) -> f64 {
+    let square = |v: &[f32]| v[0] * v[0] + v[1] * v[1] + v[2] * v[2];
+    f64::from(moved.chunks_exact(3).map(square).fold(0.0, f32::max)).sqrt()
+}

@@ -1,0 +1,77 @@
+//! One curve: a fit within limits, and what it is in every frame.
+
+use rayon::prelude::*;
+
+use super::{
+    search, segment,
+    slopes::{self, Curve, Key},
+};
+use crate::{Error, Result};
+
+/// A curve through `values` with a key wherever `fixed` says so, and as few others as leave it
+/// within `limits` in every frame.
+///
+/// All are `[T]`; limits are positive, in the unit of the values.
+///
+/// # Errors
+/// `InvalidInput` for other lengths, limits that are not positive, or numbers that are not finite.
+pub fn fit(values: &[f64], limits: &[f64], fixed: &[bool]) -> Result<Curve> {
+    check(values, limits, fixed)?;
+    Ok(fit_checked(values, limits, fixed))
+}
+
+/// The same for columns with one limit each, side by side.
+///
+/// # Errors
+/// As [`fit`].
+pub fn fit_each(columns: &[Vec<f64>], limits: &[f64], fixed: &[bool]) -> Result<Vec<Curve>> {
+    if columns.len() != limits.len() {
+        let (columns, limits) = (columns.len(), limits.len());
+        let message = format!("curves: expected {columns} limits, got {limits}");
+        return Err(Error::InvalidInput(message));
+    }
+    let one = |(values, &limit): (&Vec<f64>, &f64)| fit(values, &vec![limit; values.len()], fixed);
+    columns.par_iter().zip(limits).map(one).collect()
+}
+
+/// What a curve through `values` is in every frame, `[T]`.
+pub fn evaluate(values: &[f64], curve: &[Key]) -> Vec<f64> {
+    let mut found = values.to_vec();
+    for pair in curve.windows(2) {
+        let (from, to) = (pair[0], pair[1]);
+        let table = segment::Table::new(to.row - from.row);
+        for at in 1..table.length {
+            let ends = table.ends(at, values[from.row], values[to.row]);
+            found[from.row + at] = ends + table.slopes(at, from.slope, to.slope);
+        }
+    }
+    found
+}
+
+/// [`fit`] of what [`check`] has nothing against.
+pub(super) fn fit_checked(values: &[f64], limits: &[f64], fixed: &[bool]) -> Curve {
+    let rows = search::rows(values, limits, fixed);
+    slopes::through(values, limits, &rows)
+}
+
+/// What [`fit`] says.
+pub(super) fn check(values: &[f64], limits: &[f64], fixed: &[bool]) -> Result<()> {
+    if values.len() != limits.len() || values.len() != fixed.len() {
+        return Err(Error::InvalidInput(format!(
+            "curves: expected a value, a limit and a mark for each frame, got {}, {} and {}",
+            values.len(),
+            limits.len(),
+            fixed.len()
+        )));
+    }
+    if values.iter().any(|x| !x.is_finite()) {
+        let message = "curves: expected finite values, got NaN or infinity";
+        return Err(Error::InvalidInput(message.into()));
+    }
+    match limits.iter().find(|&&x| x.is_nan() || x <= 0.0) {
+        Some(limit) => Err(Error::InvalidInput(format!(
+            "curves: expected limits above 0, got {limit}"
+        ))),
+        None => Ok(()),
+    }
+}

@@ -1,0 +1,61 @@
+//! Which frames get keys: dynamic programming over all of them.
+
+use super::{
+    segment::{LONGEST, Table},
+    slopes::natural,
+};
+
+/// So many longer segments in a row that do not fit end the search for one.
+const PATIENCE: usize = 12;
+/// What a key at an extreme costs less than another, and how much the error counts beside a key.
+const EXTREME: f64 = 0.3;
+const ERROR: f64 = 0.2;
+
+/// The frames of the keys, the first and the last among them.
+pub fn rows(values: &[f64], limits: &[f64], fixed: &[bool]) -> Vec<usize> {
+    let count = values.len();
+    if count < 2 {
+        return (0..count).collect();
+    }
+    let tables: Vec<Table> = (0..=LONGEST.min(count)).map(Table::new).collect();
+    let slopes = natural(values);
+    let (mut cost, mut from) = (vec![f64::INFINITY; count], vec![0; count]);
+    cost[0] = 0.0;
+    for to in 1..count {
+        let key = 1.0 - if is_extreme(values, to) { EXTREME } else { 0.0 };
+        let mut missed = 0;
+        for length in 1..=LONGEST.min(to) {
+            let first = to - length;
+            let (part, room) = (&values[first..=to], &limits[first..=to]);
+            let excess = tables[length].excess(part, room, [slopes[first], slopes[to]]);
+            if excess <= 1.0 {
+                missed = 0;
+                let total = cost[first] + key + ERROR * excess * excess;
+                if total < cost[to] {
+                    (cost[to], from[to]) = (total, first);
+                }
+            } else {
+                missed += 1;
+            }
+            if fixed[first] || missed > PATIENCE {
+                break;
+            }
+        }
+    }
+    let mut found = vec![count - 1];
+    while let Some(&last) = found.last()
+        && last > 0
+    {
+        found.push(from[last]);
+    }
+    found.reverse();
+    found
+}
+
+fn is_extreme(values: &[f64], at: usize) -> bool {
+    let Some(&after) = values.get(at + 1) else {
+        return false;
+    };
+    let (before, here) = (values[at - 1], values[at]);
+    (here - before) * (after - here) < 0.0
+}

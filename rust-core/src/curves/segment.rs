@@ -1,0 +1,91 @@
+//! A Bézier segment between two keys, as tools evaluate it: the frame gives the parameter, the
+//! parameter the value.
+
+/// How far handles reach, as a share of the way to the next key; about as far as those that tools
+/// set themselves. At a third the equation for the parameter would lose its cubic term, which
+/// solvers in single precision do not bear.
+pub const REACH: f64 = 0.39;
+/// The longest segment that is fitted, frames.
+pub const LONGEST: usize = 64;
+/// How much the slopes of the values themselves count beside the fit.
+const NATURAL: f64 = 1e-3;
+
+/// What keys and slopes are worth in each frame of a segment of `length` frames.
+pub struct Table {
+    pub length: usize,
+    /// Weights of the first key, of its slope and of the second key's, by frame.
+    shares: Vec<[f64; 3]>,
+}
+
+impl Table {
+    pub fn new(length: usize) -> Self {
+        let reach = REACH * length as f64;
+        let share = |at: usize| {
+            let t = parameter(at as f64 / length.max(1) as f64);
+            let u = 1.0 - t;
+            let (first, second) = (3.0 * u * u * t, 3.0 * u * t * t);
+            [u * u * u + first, reach * first, -reach * second]
+        };
+        let shares = (0..=length).map(share).collect();
+        Table { length, shares }
+    }
+
+    /// The part of the value at a frame that the keys alone give.
+    pub fn ends(&self, at: usize, from: f64, to: f64) -> f64 {
+        to + self.shares[at][0] * (from - to)
+    }
+
+    /// The part that the slopes give.
+    pub fn slopes(&self, at: usize, from: f64, to: f64) -> f64 {
+        self.shares[at][1] * from + self.shares[at][2] * to
+    }
+
+    /// The weights of both slopes at a frame.
+    pub fn of_slopes(&self, at: usize) -> [f64; 2] {
+        [self.shares[at][1], self.shares[at][2]]
+    }
+
+    /// The largest error, as a share of `limits`, of the slopes that come nearest to `values`
+    /// `[length + 1]`; where nothing decides, of those near `natural`.
+    pub fn excess(&self, values: &[f64], limits: &[f64], natural: [f64; 2]) -> f64 {
+        let (first, last) = (values[0], values[self.length]);
+        let rest = |at: usize| values[at] - self.ends(at, first, last);
+        let (mut gram, mut right) = ([0.0; 3], [0.0; 2]);
+        for at in 1..self.length {
+            let [u, v] = self.of_slopes(at);
+            let weight = limits[at].powi(-2);
+            gram[0] += weight * u * u;
+            gram[1] += weight * u * v;
+            gram[2] += weight * v * v;
+            right[0] += weight * u * rest(at);
+            right[1] += weight * v * rest(at);
+        }
+        let [from, to] = solve(gram, right, natural);
+        let error = |at: usize| (rest(at) - self.slopes(at, from, to)).abs() / limits[at];
+        (1..self.length).map(error).fold(0.0, f64::max)
+    }
+}
+
+/// Both slopes, drawn a little to the `natural` ones.
+fn solve(gram: [f64; 3], right: [f64; 2], natural: [f64; 2]) -> [f64; 2] {
+    let pull = NATURAL * (gram[0] + gram[2]);
+    if pull <= 0.0 {
+        return natural;
+    }
+    let (a, b, c) = (gram[0] + pull, gram[1], gram[2] + pull);
+    let (p, q) = (right[0] + pull * natural[0], right[1] + pull * natural[1]);
+    let determinant = a * c - b * b;
+    [(c * p - b * q) / determinant, (a * q - b * p) / determinant]
+}
+
+/// The parameter at which a segment has gone a share of its frames: Newton's way.
+fn parameter(share: f64) -> f64 {
+    let mut t = share;
+    for _ in 0..20 {
+        let u = 1.0 - t;
+        let x = 3.0 * u * u * t * REACH + 3.0 * u * t * t * (1.0 - REACH) + t * t * t;
+        let speed = 3.0 * u * u * REACH + 6.0 * u * t * (1.0 - 2.0 * REACH) + 3.0 * t * t * REACH;
+        t = (t - (x - share) / speed).clamp(0.0, 1.0);
+    }
+    t
+}

@@ -1,0 +1,118 @@
+//! Weights while somebody is speaking.
+
+use anyface::{
+    conditions::Emotion,
+    motion::{WeightFrame, WeightStream},
+    rig::{ARKIT, VISEMES},
+};
+
+use crate::{head::engine, voice::babble};
+
+fn frames(cuts: usize, emotion: Option<&Emotion>) -> Vec<WeightFrame> {
+    frames_of(&babble(4.0, 16_000), cuts, emotion)
+}
+
+fn frames_of(sound: &[f32], cuts: usize, emotion: Option<&Emotion>) -> Vec<WeightFrame> {
+    let mut stream = engine().weight_stream().unwrap();
+    if let Some(emotion) = emotion {
+        stream.set_emotion(emotion).unwrap();
+    }
+    let mut frames = Vec::new();
+    for chunk in sound.chunks(cuts) {
+        stream.push(chunk).unwrap();
+        frames.extend(ready(&mut stream));
+    }
+    stream.finish().unwrap();
+    frames.extend(ready(&mut stream));
+    frames
+}
+
+fn ready(stream: &mut WeightStream) -> impl Iterator<Item = WeightFrame> {
+    std::iter::from_fn(|| stream.pull())
+}
+
+fn shape(frame: &WeightFrame, name: &str) -> f32 {
+    frame.shapes[ARKIT.iter().position(|known| *known == name).unwrap()]
+}
+
+#[test]
+fn weights_do_not_depend_on_how_the_sound_was_cut() {
+    let whole = frames(usize::MAX, None);
+    assert_eq!(whole.len(), 100);
+    for cuts in [160, 1001] {
+        assert_eq!(frames(cuts, None), whole, "{cuts} samples a push");
+    }
+}
+
+#[test]
+fn a_voice_opens_the_jaw_and_silence_is_silence() {
+    let frames = frames(4000, None);
+    let jaw = |frame: &WeightFrame| shape(frame, "jawOpen");
+    let widest = frames.iter().map(jaw).fold(0.0, f32::max);
+    assert!(widest > 0.1, "{widest}");
+    let silence = VISEMES
+        .iter()
+        .position(|name| *name == "viseme_sil")
+        .unwrap();
+    for frame in &frames {
+        let weights = frame.shapes.iter().chain(&frame.visemes);
+        assert!(
+            weights.clone().all(|w| (0.0..=1.0).contains(w)),
+            "{frame:?}"
+        );
+        let said: f32 = frame.visemes.iter().sum();
+        assert!(said >= 0.999, "{frame:?}");
+    }
+    let silent = frames_of(&[0.0; 16_000], 4000, None);
+    for frame in &silent {
+        assert!(frame.visemes[silence] > 0.7, "{:?}", frame.visemes);
+    }
+    let blinks = frames
+        .iter()
+        .filter(|frame| shape(frame, "eyeBlinkLeft") > 0.8);
+    assert!(blinks.count() > 0, "nobody stares for four seconds");
+}
+
+/// Weights move the mean face as the landmarks moved that they follow.
+#[test]
+fn weights_follow_the_landmarks() {
+    let engine = engine();
+    let mut landmarks = engine.stream().unwrap();
+    let sound = babble(4.0, 16_000);
+    landmarks.push(&sound).unwrap();
+    landmarks.finish().unwrap();
+    let truth = landmarks.drain();
+    let modes = anyface::motion::FaceModes::open(None).unwrap();
+    let shapes = modes.of_shapes(&ARKIT.map(str::to_owned)).unwrap();
+    let gap = |of: &dyn Fn(usize) -> f32| 1e3 * (of(62) - of(66));
+    let mut off: Vec<f32> = Vec::new();
+    for (frame, truth) in frames(usize::MAX, None).iter().zip(&truth) {
+        let height = |n: usize| -> f32 {
+            let weights = frame.shapes.iter().enumerate();
+            weights.map(|(s, w)| w * shapes[[s, n, 1]]).sum()
+        };
+        off.push((gap(&height) - gap(&|n| truth.displacements[n][1])).abs());
+    }
+    off.sort_by(f32::total_cmp);
+    let (median, most) = (off[off.len() / 2], off[off.len() * 95 / 100]);
+    assert!(
+        median < 0.5 && most < 1.5,
+        "the gap of the lips is {median} and {most} mm off"
+    );
+}
+
+#[test]
+fn an_emotion_by_hand_is_seen_in_the_next_frame() {
+    let happy = Emotion::parse("happy:1").unwrap();
+    let (plain, felt) = (frames(4000, None), frames(4000, Some(&happy)));
+    let smile = |frames: &[WeightFrame]| -> f32 {
+        let smiles = frames.iter().map(|frame| shape(frame, "mouthSmileLeft"));
+        smiles.sum::<f32>() / frames.len() as f32
+    };
+    assert!(
+        smile(&felt) > smile(&plain) + 0.1,
+        "{} {}",
+        smile(&plain),
+        smile(&felt)
+    );
+}
