@@ -309,7 +309,8 @@ mod tests {
             let status = anyface_weights_copy(weights, buffer.as_mut_ptr(), 4, &mut error);
             assert_eq!(status, AnyfaceStatus::Ok);
             for (got, expected) in buffer.iter().zip([0.5, 0.25, 0.5, 0.25]) {
-                assert!((got - expected).abs() < 1e-3, "{buffer:?}");
+                // Few weights cost a little of each.
+                assert!((got - expected).abs() < 3e-3, "{buffer:?}");
             }
             assert!(anyface_weights_left_out(weights) < 0.01);
             anyface_weights_free(weights);
