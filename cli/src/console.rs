@@ -80,6 +80,23 @@ impl Console {
         }
     }
 
+    /// Prints on standard error what goes on, as `{"note"}` with `--json`.
+    pub fn note(&self, text: &str) {
+        self.bar.finish_and_clear();
+        match self.json {
+            true => complained(&serde_json::json!({ "note": text })),
+            false => complained(&text),
+        }
+    }
+
+    /// Prints a line of a result that goes on; false where nobody reads it any more.
+    ///
+    /// # Errors
+    /// `Io` if standard output cannot be written to.
+    pub fn line(&self, text: &str) -> Result<bool> {
+        line(text)
+    }
+
     /// Prints `value` as JSON, or `text`.
     ///
     /// # Errors
@@ -126,10 +143,15 @@ const STANDARD_OUTPUT: &str = "standard output";
 /// # Errors
 /// `Io` if it cannot be written, as where a disk is full.
 fn said(text: &str) -> Result<()> {
+    line(text).map(|_| ())
+}
+
+/// The same; false where nobody reads it any more.
+fn line(text: &str) -> Result<bool> {
     let mut out = io::stdout().lock();
     match writeln!(out, "{text}").and_then(|()| out.flush()) {
-        Err(error) if error.kind() == io::ErrorKind::BrokenPipe => Ok(()),
-        result => result.map_err(Error::io(STANDARD_OUTPUT)),
+        Err(error) if error.kind() == io::ErrorKind::BrokenPipe => Ok(false),
+        result => result.map(|()| true).map_err(Error::io(STANDARD_OUTPUT)),
     }
 }
 

@@ -14,6 +14,7 @@ mod head;
 mod info;
 mod landmarks;
 mod layers;
+mod live;
 mod memory;
 mod motion;
 mod opened;
@@ -52,6 +53,7 @@ struct Arguments {
 enum Command {
     Animate(Box<animate::Animate>),
     Motion(motion::Motion),
+    Live(Box<live::Live>),
     Deform(deform::Deform),
     Landmarks(landmarks::FindLandmarks),
     /// Part lips that are one surface, and sew the inside of a mouth behind them
@@ -132,6 +134,7 @@ impl Arguments {
         match &self.command {
             Command::Animate(command) => command.run(&self.shared, console),
             Command::Motion(command) => command.run(&self.shared, console),
+            Command::Live(command) => command.run(&self.shared, console),
             Command::Deform(command) => command.run(&self.shared, console),
             Command::Landmarks(command) => command.run(&self.shared, console),
             Command::OpenMouth(command) => command.run(Feature::Mouth, &self.shared, console),
@@ -168,6 +171,9 @@ mod tests {
              --jaw 0.5 --rounding 1.2 --width 0.8 --tongue 0.7 --smoothing 0.02 --upper-face 0.5 --blinks 20 \
              --brow-accents 0 --asymmetry -1",
             "anyface motion --audio A.wav --out O.npz --emotion sad:1 --causal",
+            "anyface live --input A.wav --vmc --live-link 10.0.0.2:11111 --subject S --fps 60 --emotion happy:0.5",
+            "anyface live --input - --osc 127.0.0.1:9000 --websocket --vmc 127.0.0.1:39540 --vmc-names vrm",
+            "anyface live --input A.wav --fast --json",
             "anyface deform --mesh M.obj --motion L.npz --out O.npz",
             "anyface landmarks --mesh M.obj --out L.json --forward -y --up z",
             "anyface open-mouth --mesh M.obj --out O.obj --landmarks L.json",

@@ -2,6 +2,7 @@
 
 mod command;
 mod hostile;
+mod live;
 mod options;
 mod performance;
 mod runs;

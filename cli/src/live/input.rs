@@ -1,0 +1,191 @@
+//! Where the sound comes from: a file that is played by a clock, or raw samples on standard input.
+//!
+//! A microphone of our own would be a third.
+
+use std::{
+    io::{self, IsTerminal, Read},
+    sync::mpsc::{Receiver, RecvTimeoutError, SyncSender, sync_channel},
+    thread,
+    time::{Duration, Instant},
+};
+
+use anyface::{Error, Result, audio::SAMPLE_RATE_HZ};
+
+/// Samples that a file hands over at a time, 20 ms.
+const BLOCK: usize = 320;
+/// Bytes that are taken from standard input at most at a time.
+const BYTES: usize = 2 * BLOCK;
+/// Blocks that wait before whoever writes has to.
+const WAITING: usize = 16;
+/// How files begin that are no raw samples.
+const OF_FILES: [&[u8]; 4] = [b"RIFF", b"OggS", b"fLaC", b"ID3"];
+
+/// What has come of the sound.
+#[derive(Debug)]
+pub enum Heard {
+    /// Samples, mono, 16 kHz.
+    Samples(Vec<f32>),
+    /// Nothing yet.
+    Nothing,
+    /// No more comes.
+    End,
+}
+
+/// A sound in progress.
+pub enum Input {
+    /// Samples of a file, how many were handed over, and when the first was; none without a clock.
+    File(Vec<f32>, usize, Option<Instant>),
+    /// What a thread reads.
+    Pipe(Receiver<Result<Vec<f32>>>),
+}
+
+impl Input {
+    /// `samples`, mono, 16 kHz, at the speed at which they are heard, or without waiting.
+    pub fn of_samples(samples: Vec<f32>, is_fast: bool) -> Input {
+        Input::File(samples, 0, (!is_fast).then(Instant::now))
+    }
+
+    /// Standard input: 16-bit little-endian samples, mono, 16 kHz.
+    ///
+    /// # Errors
+    /// `InvalidInput` where standard input is a terminal.
+    pub fn of_standard_input() -> Result<Input> {
+        if io::stdin().is_terminal() {
+            return Err(Error::InvalidInput(
+                "--input -: expected sound on standard input, got a terminal; pipe it in, as in \
+                 parec --rate=16000 --channels=1 --format=s16le | anyface live --input -"
+                    .into(),
+            ));
+        }
+        let (sender, receiver) = sync_channel(WAITING);
+        thread::spawn(move || read(io::stdin().lock(), &sender));
+        Ok(Input::Pipe(receiver))
+    }
+
+    /// What has come, after `patience` at the latest.
+    ///
+    /// # Errors
+    /// `Io` where standard input cannot be read, `Audio` where it holds no raw samples.
+    pub fn next(&mut self, patience: Duration) -> Result<Heard> {
+        match self {
+            Input::File(samples, taken, began) => {
+                let end = samples.len().min(*taken + BLOCK);
+                if *taken == end {
+                    return Ok(Heard::End);
+                }
+                if let Some(began) = began {
+                    let due = Duration::from_secs_f64(end as f64 / f64::from(SAMPLE_RATE_HZ));
+                    let wait = due.saturating_sub(began.elapsed());
+                    thread::sleep(wait.min(patience));
+                    if wait > patience {
+                        return Ok(Heard::Nothing);
+                    }
+                }
+                let block = samples[*taken..end].to_vec();
+                *taken = end;
+                Ok(Heard::Samples(block))
+            }
+            Input::Pipe(receiver) => match receiver.recv_timeout(patience) {
+                Ok(samples) => samples.map(Heard::Samples),
+                Err(RecvTimeoutError::Timeout) => Ok(Heard::Nothing),
+                Err(RecvTimeoutError::Disconnected) => Ok(Heard::End),
+            },
+        }
+    }
+}
+
+/// Hands over what comes of `pipe` until it ends, or until nobody wants more.
+fn read(mut pipe: impl Read, sender: &SyncSender<Result<Vec<f32>>>) {
+    let (mut bytes, mut kept, mut is_first) = ([0; BYTES], 0, true);
+    loop {
+        let count = match pipe.read(&mut bytes[kept..]) {
+            Ok(0) => return,
+            Ok(count) => kept + count,
+            Err(error) if error.kind() == io::ErrorKind::Interrupted => continue,
+            Err(error) => {
+                let _ = sender.send(Err(Error::io("standard input")(error)));
+                return;
+            }
+        };
+        if is_first
+            && OF_FILES
+                .iter()
+                .any(|start| bytes[..count].starts_with(start))
+        {
+            let _ = sender.send(Err(Error::Audio(
+                "standard input: expected raw 16-bit samples, mono, 16 kHz, got a sound file; \
+                 name it with --input FILE"
+                    .into(),
+            )));
+            return;
+        }
+        is_first = false;
+        // Half a sample waits for its other half.
+        let whole = count - count % 2;
+        let pairs = bytes[..whole].chunks_exact(2);
+        let samples =
+            pairs.map(|pair| f32::from(i16::from_le_bytes([pair[0], pair[1]])) / 32_768.0);
+        let samples: Vec<f32> = samples.collect();
+        bytes.copy_within(whole..count, 0);
+        kept = count - whole;
+        if !samples.is_empty() && sender.send(Ok(samples)).is_err() {
+            return;
+        }
+    }
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    /// Hands over its bytes in pieces of these sizes.
+    struct Pieces(Vec<Vec<u8>>);
+
+    impl Read for Pieces {
+        fn read(&mut self, bytes: &mut [u8]) -> io::Result<usize> {
+            if self.0.is_empty() {
+                return Ok(0);
+            }
+            let piece = self.0.remove(0);
+            bytes[..piece.len()].copy_from_slice(&piece);
+            Ok(piece.len())
+        }
+    }
+
+    fn heard(pieces: Vec<Vec<u8>>) -> Vec<Result<Vec<f32>>> {
+        let (sender, receiver) = sync_channel(WAITING);
+        read(Pieces(pieces), &sender);
+        drop(sender);
+        receiver.iter().collect()
+    }
+
+    #[test]
+    fn samples_are_whole_however_the_bytes_come() {
+        let all = heard(vec![vec![0], vec![0x40, 0x00], vec![0xC0, 0xFF, 0xFF]]);
+        let samples: Vec<f32> = all.into_iter().flat_map(Result::unwrap).collect();
+        assert_eq!(samples, [0.5, -0.5, -1.0 / 32_768.0]);
+    }
+
+    #[test]
+    fn a_sound_file_is_refused() {
+        let all = heard(vec![b"RIFF....WAVE".to_vec()]);
+        let error = all[0].as_ref().unwrap_err().to_string();
+        assert!(error.contains("name it with --input FILE"), "{error}");
+    }
+
+    #[test]
+    fn a_file_is_handed_over_in_blocks_and_by_a_clock() {
+        let began = Instant::now();
+        let mut input = Input::of_samples(vec![0.0; 2 * BLOCK + 1], false);
+        let (mut sizes, mut was_early) = (Vec::new(), false);
+        loop {
+            match input.next(Duration::from_millis(5)).unwrap() {
+                Heard::Samples(samples) => sizes.push(samples.len()),
+                Heard::Nothing => was_early = true,
+                Heard::End => break,
+            }
+        }
+        assert_eq!(sizes, [BLOCK, BLOCK, 1]);
+        assert!(was_early && began.elapsed() >= Duration::from_millis(40));
+    }
+}

@@ -1,0 +1,239 @@
+//! `anyface live`: sound in, the face out to other programs while it goes on.
+
+mod address;
+mod frame;
+mod input;
+mod live_link;
+mod osc;
+mod pace;
+mod targets;
+mod udp;
+mod websocket;
+
+use std::{
+    collections::VecDeque,
+    path::Path,
+    time::{Duration, Instant},
+};
+
+use anyface::{
+    Error, Result,
+    conditions::{EMOTIONS, Emotion, EmotionCurve},
+    motion::{WeightStream, check_fps},
+};
+use clap::Args;
+
+use crate::{
+    arguments::{SharedArgs, SoundArgs},
+    console::Console,
+    controls::EmotionArgs,
+    paths::InputPath,
+    signals,
+    stages::{new_report, read_sound},
+};
+use frame::{Feelings, Frame};
+use input::{Heard, Input};
+use pace::{Pace, Paced, Weights};
+use targets::{TargetArgs, Targets};
+
+/// How long nothing is looked at, a signal to end included.
+const PATIENCE: Duration = Duration::from_millis(20);
+
+/// Send a face that speaks to other programs: avatars (VMC), Unreal Engine (Live Link), OSC, WebSocket, lines of JSON
+/// (--json); of a file at the speed at which it is heard, or of a microphone
+#[derive(Args)]
+pub struct Live {
+    /// The sound: WAV, MP3, FLAC, Ogg, WebM, M4A, AAC, CAF or AIFF, or - for raw samples on standard input, 16 bit
+    /// little-endian, mono, 16 kHz. A microphone: parec --rate=16000 --channels=1 --format=s16le --latency-msec=20 |
+    /// anyface live --input - --vmc (arecord -t raw -f S16_LE -r 16000 -c 1 and ffmpeg … -f s16le -ar 16000 -ac 1 - do
+    /// as well)
+    #[arg(long, value_name = "FILE", allow_hyphen_values = true)]
+    input: InputPath,
+    /// Go through a file as fast as it can be done
+    #[arg(long)]
+    fast: bool,
+    /// Frames per second, interpolated where they are others than the stream's own, a frame of which later [default:
+    /// the stream's 25]
+    #[arg(long)]
+    fps: Option<f64>,
+    #[command(flatten)]
+    targets: TargetArgs,
+    #[command(flatten)]
+    emotion: EmotionArgs,
+    #[command(flatten)]
+    sound: SoundArgs,
+}
+
+impl Live {
+    pub fn run(&self, shared: &SharedArgs, console: &Console) -> Result<()> {
+        // What is cheap to check comes before what takes time.
+        self.targets.check(shared.json)?;
+        self.fps.map_or(Ok(()), check_fps)?;
+        let emotion = self.emotion.curve(false, shared.weights())?;
+        if matches!(emotion, EmotionCurve::Auto | EmotionCurve::Arousal) {
+            return Err(Error::InvalidInput(
+                "live: expected an emotion that is named, as in happy:0.5, got one from the voice, \
+                 which needs the whole sound"
+                    .into(),
+            ));
+        }
+        let samples = match self.is_pipe() {
+            true => None,
+            false => Some(self.read(console)?),
+        };
+        let stream = shared.engine()?.weight_stream()?;
+        let fps = self.fps.unwrap_or(stream.fps());
+        let targets = self.targets.open(fps, shared.json)?;
+        targets.introduce(console);
+        let input = match samples {
+            Some(samples) => Input::of_samples(samples, self.fast),
+            None => Input::of_standard_input()?,
+        };
+        let mut show = Show {
+            pace: Pace::new(stream.fps(), fps),
+            stream,
+            next: 0,
+            emotion,
+            waiting: VecDeque::new(),
+            is_fast: self.fast,
+            targets,
+            console,
+        };
+        show.run(input)
+    }
+
+    fn is_pipe(&self) -> bool {
+        AsRef::<Path>::as_ref(&self.input) == Path::new("-")
+    }
+
+    /// Samples of the file.
+    fn read(&self, console: &Console) -> Result<Vec<f32>> {
+        let progress = &|p| console.progress(p);
+        let mut report = new_report();
+        let sound = read_sound(&mut report, &self.input, &self.sound, progress)?;
+        console.warn(&report.warnings);
+        Ok(sound.whole(progress)?.samples)
+    }
+}
+
+/// A performance while it goes on.
+struct Show<'a> {
+    stream: WeightStream,
+    /// Number of the stream's next frame.
+    next: usize,
+    emotion: EmotionCurve,
+    pace: Pace,
+    /// Frames that are not due yet.
+    waiting: VecDeque<Paced>,
+    is_fast: bool,
+    targets: Targets,
+    console: &'a Console,
+}
+
+impl Show<'_> {
+    fn run(&mut self, mut input: Input) -> Result<()> {
+        let mut has_ended = false;
+        loop {
+            self.send_due()?;
+            if self.targets.are_gone() || (has_ended && self.waiting.is_empty()) {
+                return Ok(());
+            }
+            let next = self.waiting.front().map(|paced| paced.due);
+            let until_due = next.map(|due| due.saturating_duration_since(Instant::now()));
+            let patience = until_due.map_or(PATIENCE, |wait| wait.min(PATIENCE));
+            if has_ended {
+                std::thread::sleep(patience);
+                continue;
+            }
+            match input.next(patience)? {
+                Heard::Samples(samples) => self.stream.push(&samples)?,
+                Heard::Nothing => continue,
+                Heard::End => {
+                    self.stream.finish()?;
+                    has_ended = true;
+                }
+            }
+            self.pull()?;
+        }
+    }
+
+    /// Takes all frames that are ready.
+    fn pull(&mut self) -> Result<()> {
+        loop {
+            let emotion = self.emotion.at(self.next as f64 / self.stream.fps());
+            self.stream.set_emotion(&emotion)?;
+            let Some(frame) = self.stream.pull() else {
+                return Ok(());
+            };
+            self.next = frame.index + 1;
+            let weights = Weights {
+                shapes: frame.shapes,
+                visemes: frame.visemes,
+                head: frame.head,
+            };
+            let paced = self.pace.take(frame.index, weights, Instant::now());
+            self.waiting.extend(paced);
+            self.send_due()?;
+        }
+    }
+
+    /// Sends the frames whose time has come.
+    fn send_due(&mut self) -> Result<()> {
+        let now = Instant::now();
+        while let Some(paced) = self.waiting.front().copied() {
+            if !self.is_fast && paced.due > now {
+                break;
+            }
+            self.waiting.pop_front();
+            if signals::are_to_end() {
+                return Err(Error::Cancelled);
+            }
+            let frame = Frame {
+                number: paced.number,
+                time_s: paced.time_s,
+                shapes: paced.weights.shapes,
+                visemes: paced.weights.visemes,
+                head: paced.weights.head,
+                feelings: feelings(&self.emotion.at(paced.time_s)),
+            };
+            self.targets.send(&frame, self.console)?;
+        }
+        match signals::are_to_end() {
+            true => Err(Error::Cancelled),
+            false => Ok(()),
+        }
+    }
+}
+
+/// What VRM has of an emotion.
+fn feelings(emotion: &Emotion) -> Feelings {
+    let of = |names: &[&str]| {
+        let all = EMOTIONS.iter().zip(emotion.mixture);
+        let share: f32 = all
+            .filter(|(name, _)| names.contains(name))
+            .map(|(_, share)| share)
+            .sum();
+        (share * emotion.intensity).min(1.0)
+    };
+    Feelings {
+        happy: of(&["happy", "pleased"]),
+        angry: of(&["angry"]),
+        sad: of(&["sad", "upset"]),
+        relaxed: of(&["calm"]),
+        surprised: of(&["surprised"]),
+    }
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    #[test]
+    fn emotions_are_the_feelings_of_vrm_as_strong_as_they_are() {
+        let felt = |text: &str| feelings(&Emotion::parse(text).unwrap());
+        assert_eq!(felt("neutral:1"), Feelings::default());
+        let mixed = felt("happy:0.4,surprised:0.2");
+        assert!((mixed.happy - 0.4).abs() < 1e-6 && (mixed.surprised - 0.2).abs() < 1e-6);
+        assert_eq!(felt("happy:1.5").happy, 1.0);
+    }
+}

@@ -1,0 +1,185 @@
+//! All that frames go to.
+
+use anyface::{
+    Error, Result,
+    rig::{ARKIT, VISEMES},
+};
+use clap::Args;
+use serde_json::{Map, Value, json};
+
+use super::{
+    address::Address,
+    frame::Frame,
+    live_link,
+    osc::{self, VmcNames},
+    udp::Datagrams,
+    websocket::Broadcast,
+};
+use crate::console::Console;
+
+/// Where frames are sent.
+#[derive(Args)]
+pub struct TargetArgs {
+    /// To avatars by the VMC protocol, such as VSeeFace, Warudo, VMC, VNyan [default: 127.0.0.1:39539]
+    #[arg(long, value_name = "HOST:PORT", num_args = 0..=1, default_missing_value = "127.0.0.1:39539")]
+    vmc: Option<Address>,
+    /// Which expressions an avatar is sent: those of Perfect Sync (ARKit's), of VRM, or all
+    #[arg(
+        long,
+        value_name = "NAMES",
+        value_enum,
+        default_value = "all",
+        requires = "vmc"
+    )]
+    vmc_names: VmcNames,
+    /// To Unreal Engine and others, as the app Live Link Face sends [default: 127.0.0.1:11111]
+    #[arg(long, value_name = "HOST:PORT", num_args = 0..=1, default_missing_value = "127.0.0.1:11111")]
+    live_link: Option<Address>,
+    /// What the face is called for Live Link
+    #[arg(
+        long,
+        value_name = "NAME",
+        default_value = "anyface",
+        requires = "live_link"
+    )]
+    subject: String,
+    /// Plain OSC: /anyface/jawOpen and so on, /anyface/viseme_aa and so on, /anyface/head
+    #[arg(long, value_name = "HOST:PORT")]
+    osc: Option<Address>,
+    /// Lines of JSON to who connects by WebSocket, such as a page in a browser [default: 127.0.0.1:8765]
+    #[arg(long, value_name = "HOST:PORT", num_args = 0..=1, default_missing_value = "127.0.0.1:8765")]
+    websocket: Option<Address>,
+}
+
+impl TargetArgs {
+    /// Whether frames go anywhere.
+    ///
+    /// # Errors
+    /// `InvalidInput` where they do not; `is_json`: they go to standard output.
+    pub fn check(&self, is_json: bool) -> Result<()> {
+        let all = [&self.vmc, &self.live_link, &self.osc, &self.websocket];
+        match is_json || all.iter().any(|address| address.is_some()) {
+            true => Ok(()),
+            false => Err(Error::InvalidInput(
+                "live: expected a target, got none; name one or more of --vmc, --live-link, --osc, --websocket and --json"
+                    .into(),
+            )),
+        }
+    }
+
+    /// Opens them; frames come at `fps` per second.
+    ///
+    /// # Errors
+    /// `InvalidInput` for an address that cannot be used.
+    pub fn open(&self, fps: f64, is_json: bool) -> Result<Targets> {
+        let mut datagrams = Vec::new();
+        if let Some(address) = &self.vmc {
+            let names = self.vmc_names;
+            let packet = Box::new(move |frame: &Frame| osc::vmc(frame, names));
+            datagrams.push(Datagrams::new("--vmc", "VMC", address, packet)?);
+        }
+        if let Some(address) = &self.live_link {
+            let subject = self.subject.clone();
+            let packet = Box::new(move |frame: &Frame| live_link::packet(frame, &subject, fps));
+            datagrams.push(Datagrams::new("--live-link", "Live Link", address, packet)?);
+        }
+        if let Some(address) = &self.osc {
+            let packet = Box::new(osc::plain);
+            datagrams.push(Datagrams::new("--osc", "OSC", address, packet)?);
+        }
+        let broadcast = self.websocket.as_ref();
+        let broadcast = broadcast.map(|address| Broadcast::new("--websocket", address));
+        Ok(Targets {
+            datagrams,
+            broadcast: broadcast.transpose()?,
+            is_on_output: is_json,
+        })
+    }
+}
+
+/// Where frames are sent, open.
+pub struct Targets {
+    datagrams: Vec<Datagrams>,
+    broadcast: Option<Broadcast>,
+    /// Whether lines go to standard output.
+    is_on_output: bool,
+}
+
+impl Targets {
+    /// Says what is sent where.
+    pub fn introduce(&self, console: &Console) {
+        let broadcast = self.broadcast.iter().map(Broadcast::name);
+        for name in self.datagrams.iter().map(Datagrams::name).chain(broadcast) {
+            console.note(&format!("sending {name}"));
+        }
+    }
+
+    /// Sends a frame to all.
+    ///
+    /// # Errors
+    /// `Io` if standard output cannot be written to.
+    pub fn send(&mut self, frame: &Frame, console: &Console) -> Result<()> {
+        for target in &mut self.datagrams {
+            if let Some(problem) = target.send(frame) {
+                console.note(&problem);
+            }
+        }
+        if self.broadcast.is_some() || self.is_on_output {
+            let line = line(frame);
+            if let Some(broadcast) = &mut self.broadcast {
+                broadcast.send(&line);
+            }
+            if self.is_on_output {
+                // A reader that has left wants no more.
+                self.is_on_output = console.line(&line)?;
+            }
+        }
+        Ok(())
+    }
+
+    /// Whether nobody is left to send to.
+    pub fn are_gone(&self) -> bool {
+        self.datagrams.is_empty() && self.broadcast.is_none() && !self.is_on_output
+    }
+}
+
+/// A frame as JSON on one line.
+fn line(frame: &Frame) -> String {
+    let named = |names: &[&str], weights: &[f32]| -> Map<String, Value> {
+        let pairs = names.iter().zip(weights);
+        pairs
+            .map(|(name, weight)| ((*name).to_owned(), json!(weight)))
+            .collect()
+    };
+    let value = json!({
+        "frame": frame.number,
+        "time_s": frame.time_s,
+        "shapes": named(&ARKIT, &frame.shapes),
+        "visemes": named(&VISEMES, &frame.visemes),
+        "head": frame.head,
+    });
+    value.to_string()
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    #[test]
+    fn a_line_has_every_weight_by_name() {
+        let frame = Frame {
+            head: [0.5, 0.0, -0.25],
+            ..Frame::at_rest().with(&[("jawOpen", 0.5), ("viseme_aa", 0.75)])
+        };
+        let line = line(&frame);
+        assert!(!line.contains('\n'));
+        let value: Value = serde_json::from_str(&line).unwrap();
+        assert_eq!(value["frame"], 3);
+        assert_eq!(value["time_s"], 0.12);
+        assert_eq!(value["shapes"]["jawOpen"], 0.5);
+        assert_eq!(value["visemes"]["viseme_aa"], 0.75);
+        assert_eq!(value["head"], json!([0.5, 0.0, -0.25]));
+        assert_eq!(value["shapes"].as_object().unwrap().len(), 52);
+        assert_eq!(value["visemes"].as_object().unwrap().len(), 15);
+    }
+}

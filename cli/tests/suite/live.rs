@@ -1,0 +1,326 @@
+//! `anyface live` as programs see it that listen to it.
+
+use std::{
+    io::{BufRead, BufReader, Read, Write},
+    net::UdpSocket,
+    path::Path,
+    process::{Child, ChildStderr, Command, Stdio},
+    time::Duration,
+};
+
+use anyface::rig::ARKIT;
+use rosc::{OscMessage, OscPacket, OscType};
+use serde_json::Value;
+
+use crate::{folder_with_sound, voice};
+
+const SECONDS: usize = 2;
+/// Of the stream.
+const FPS: usize = 25;
+
+fn spoken() -> Vec<f32> {
+    voice::babble(SECONDS as f32, 16_000)
+}
+
+fn start(folder: &Path, arguments: &[&str]) -> Child {
+    Command::new(env!("CARGO_BIN_EXE_anyface"))
+        .current_dir(folder)
+        .arg("live")
+        .args(arguments)
+        .stdin(Stdio::piped())
+        .stdout(Stdio::piped())
+        .stderr(Stdio::piped())
+        .spawn()
+        .unwrap()
+}
+
+/// Exit code, standard output and standard error.
+fn ended(child: Child) -> (Option<i32>, String, String) {
+    let output = child.wait_with_output().unwrap();
+    let text = |bytes: &[u8]| String::from_utf8_lossy(bytes).into_owned();
+    (
+        output.status.code(),
+        text(&output.stdout),
+        text(&output.stderr),
+    )
+}
+
+fn lines(text: &str) -> Vec<Value> {
+    let values = text.lines().map(serde_json::from_str);
+    values.collect::<Result<_, _>>().unwrap()
+}
+
+/// A receiver of datagrams and its address.
+fn receiver() -> (UdpSocket, String) {
+    let socket = UdpSocket::bind("127.0.0.1:0").unwrap();
+    let patience = Duration::from_secs(60);
+    socket.set_read_timeout(Some(patience)).unwrap();
+    let address = socket.local_addr().unwrap().to_string();
+    (socket, address)
+}
+
+fn datagram(socket: &UdpSocket) -> Vec<u8> {
+    let mut bytes = vec![0; 65_536];
+    let count = socket.recv(&mut bytes).unwrap();
+    bytes.truncate(count);
+    bytes
+}
+
+fn messages(bytes: &[u8]) -> Vec<OscMessage> {
+    let (_, packet) = rosc::decoder::decode_udp(bytes).unwrap();
+    let OscPacket::Bundle(bundle) = packet else {
+        panic!("{packet:?}");
+    };
+    let messages = bundle.content.into_iter().map(|packet| match packet {
+        OscPacket::Message(message) => message,
+        OscPacket::Bundle(_) => panic!("a bundle in a bundle"),
+    });
+    messages.collect()
+}
+
+/// Weights of shapes of a Live Link packet, with lower first letters, in the order of Unreal's list.
+fn live_link(bytes: &[u8]) -> (String, u32, Vec<f32>) {
+    assert_eq!(bytes[0], 6);
+    let (mut rest, mut texts) = (&bytes[1..], Vec::new());
+    let mut take = |count: usize| {
+        let (head, tail) = rest.split_at(count);
+        rest = tail;
+        head.to_vec()
+    };
+    let number = |bytes: Vec<u8>| u32::from_be_bytes(bytes.try_into().unwrap());
+    for _ in 0..2 {
+        let length = number(take(4)) as usize;
+        texts.push(String::from_utf8(take(length)).unwrap());
+    }
+    let frame = number(take(4));
+    let (_sub_frame, numerator, denominator) = (take(4), number(take(4)), number(take(4)));
+    assert_eq!((numerator, denominator), (FPS as u32, 1));
+    assert_eq!(take(1), [61]);
+    let values = (0..61).map(|_| f32::from_bits(number(take(4)))).collect();
+    assert!(rest.is_empty());
+    (texts.remove(1), frame, values)
+}
+
+#[test]
+fn every_target_receives_the_same_face() {
+    let folder = folder_with_sound(&spoken(), 16_000);
+    let (vmc, vmc_at) = receiver();
+    let (link, link_at) = receiver();
+    let (plain, plain_at) = receiver();
+    // By a clock, so that no datagram is lost where nobody has read yet.
+    let child = start(
+        folder.path(),
+        &[
+            "--input",
+            "a.wav",
+            "--vmc",
+            &vmc_at,
+            "--live-link",
+            &link_at,
+            "--subject",
+            "Ada",
+            "--osc",
+            &plain_at,
+            "--json",
+            "--emotion",
+            "happy:0.5",
+        ],
+    );
+    let output = std::thread::spawn(move || ended(child));
+    let received: Vec<_> = (0..SECONDS * FPS)
+        .map(|_| (datagram(&vmc), datagram(&link), datagram(&plain)))
+        .collect();
+    let (code, text, notes) = output.join().unwrap();
+    assert_eq!(code, Some(0), "{notes}");
+    for address in [vmc_at, link_at, plain_at] {
+        assert!(notes.contains(&format!("to {address} (UDP)")), "{notes}");
+    }
+    let frames = lines(&text);
+    assert_eq!(frames.len(), SECONDS * FPS);
+    let mut opened = 0f32;
+    for (n, (frame, (vmc, link, plain))) in frames.iter().zip(&received).enumerate() {
+        assert_eq!(frame["frame"], n);
+        let weight = |name: &str| frame["shapes"][name].as_f64().unwrap() as f32;
+        opened = opened.max(weight("jawOpen"));
+        let (subject, number, values) = live_link(link);
+        assert_eq!((subject.as_str(), number as usize), ("Ada", n));
+        for (place, name) in [
+            (0, "eyeBlinkLeft"),
+            (15, "jawLeft"),
+            (17, "jawOpen"),
+            (51, "tongueOut"),
+        ] {
+            assert_eq!(values[place], weight(name), "{name}");
+        }
+        let plain = messages(plain);
+        for name in ARKIT {
+            let address = format!("/anyface/{name}");
+            let message = plain
+                .iter()
+                .find(|message| message.addr == address)
+                .unwrap();
+            assert_eq!(message.args, [OscType::Float(weight(name))]);
+        }
+        let vmc = messages(vmc);
+        let blend = |name: &str| {
+            let name = OscType::String(name.into());
+            let message = vmc
+                .iter()
+                .find(|message| message.args.first() == Some(&name));
+            message.unwrap().args[1].clone().float().unwrap()
+        };
+        assert_eq!(blend("JawOpen"), weight("jawOpen"));
+        assert_eq!(blend("Joy"), 0.5);
+        let viseme = frame["visemes"]["viseme_aa"].as_f64().unwrap() as f32;
+        assert_eq!((blend("A"), blend("aa")), (viseme, viseme));
+    }
+    assert!(opened > 0.1, "{opened}");
+}
+
+#[test]
+fn raw_samples_on_standard_input_are_the_same_face_as_a_file() {
+    let samples: Vec<i16> = spoken().iter().map(|x| (x * 32_768.0) as i16).collect();
+    let same: Vec<f32> = samples.iter().map(|x| f32::from(*x) / 32_768.0).collect();
+    let folder = folder_with_sound(&same, 16_000);
+    let of_file = ended(start(
+        folder.path(),
+        &["--input", "a.wav", "--fast", "--json"],
+    ));
+    let mut child = start(folder.path(), &["--input", "-", "--json"]);
+    let bytes: Vec<u8> = samples.iter().flat_map(|x| x.to_le_bytes()).collect();
+    let mut pipe = child.stdin.take().unwrap();
+    let writer = std::thread::spawn(move || pipe.write_all(&bytes).unwrap());
+    let of_pipe = ended(child);
+    writer.join().unwrap();
+    assert_eq!((of_file.0, of_pipe.0), (Some(0), Some(0)), "{}", of_pipe.2);
+    assert_eq!(lines(&of_file.1).len(), SECONDS * FPS);
+    assert_eq!(of_file.1, of_pipe.1);
+}
+
+#[test]
+fn another_rate_is_interpolated() {
+    let folder = folder_with_sound(&spoken(), 16_000);
+    let at = |fps: &str| {
+        let (code, text, notes) = ended(start(
+            folder.path(),
+            &["--input", "a.wav", "--fast", "--json", "--fps", fps],
+        ));
+        assert_eq!(code, Some(0), "{notes}");
+        lines(&text)
+    };
+    let (own, twice) = (at("25"), at("50"));
+    assert_eq!(
+        (own.len(), twice.len()),
+        (SECONDS * FPS, 2 * SECONDS * FPS - 1)
+    );
+    let jaw = |frame: &Value| frame["shapes"]["jawOpen"].as_f64().unwrap();
+    for n in 0..own.len() - 1 {
+        assert_eq!(own[n]["shapes"], twice[2 * n]["shapes"]);
+        let middle = 0.5 * (jaw(&own[n]) + jaw(&own[n + 1]));
+        assert!((jaw(&twice[2 * n + 1]) - middle).abs() < 1e-6);
+    }
+}
+
+/// The place that the command says it listens at.
+fn place(notes: &mut BufReader<ChildStderr>) -> String {
+    let mut line = String::new();
+    notes.read_line(&mut line).unwrap();
+    let start = line.find("ws://").unwrap_or_else(|| panic!("{line}"));
+    line[start..].trim().to_owned()
+}
+
+#[test]
+fn a_reader_of_the_websocket_receives_lines_while_it_goes_on() {
+    let folder = folder_with_sound(&spoken(), 16_000);
+    let mut child = start(
+        folder.path(),
+        &["--input", "-", "--websocket", "127.0.0.1:0"],
+    );
+    let place = place(&mut BufReader::new(child.stderr.take().unwrap()));
+    let (mut reader, _) = tungstenite::connect(place).unwrap();
+    reader.send(tungstenite::Message::text("ignored")).unwrap();
+    // The reader is there; now somebody speaks, for as long as it takes until a line has come.
+    let mut pipe = child.stdin.take().unwrap();
+    let speaker = std::thread::spawn(move || while pipe.write_all(&[1; 640]).is_ok() {});
+    let line = reader.read().unwrap().into_text().unwrap();
+    let frame: Value = serde_json::from_str(&line).unwrap();
+    assert!(frame["shapes"]["jawOpen"].is_number(), "{frame}");
+    child.kill().unwrap();
+    child.wait().unwrap();
+    speaker.join().unwrap();
+}
+
+#[cfg(unix)]
+#[test]
+fn a_signal_ends_it() {
+    let folder = tempfile::tempdir().unwrap();
+    let mut child = start(
+        folder.path(),
+        &["--input", "-", "--websocket", "127.0.0.1:0"],
+    );
+    let mut notes = BufReader::new(child.stderr.take().unwrap());
+    place(&mut notes);
+    let kill = Command::new("kill")
+        .args(["-INT", &child.id().to_string()])
+        .status();
+    assert!(kill.unwrap().success());
+    // Standard input stays open: nothing else ends it.
+    assert_eq!(child.wait().unwrap().code(), Some(9));
+    let mut rest = String::new();
+    notes.read_to_string(&mut rest).unwrap();
+    assert!(rest.contains("cancelled"), "{rest}");
+}
+
+#[test]
+fn what_cannot_be_sent_or_heard_is_refused_with_what_helps() {
+    let folder = folder_with_sound(&spoken(), 16_000);
+    std::fs::write(folder.path().join("no.wav"), b"no sound at all").unwrap();
+    let taken = std::net::TcpListener::bind("127.0.0.1:0").unwrap();
+    let taken = taken
+        .local_addr()
+        .map(|at| (at.to_string(), taken))
+        .unwrap();
+    for (arguments, code, words) in [
+        (vec!["--input", "a.wav"], 3, "name one or more of --vmc"),
+        (
+            vec!["--input", "a.wav", "--vmc", "nowhere"],
+            2,
+            "expected HOST:PORT, as in",
+        ),
+        (
+            vec!["--input", "a.wav", "--osc", "no.invalid:9"],
+            3,
+            "expected a machine that can be found",
+        ),
+        (
+            vec!["--input", "a.wav", "--websocket", &taken.0],
+            3,
+            "got one that is in use",
+        ),
+        (
+            vec!["--input", "a.wav", "--vmc", "--fps", "0"],
+            3,
+            "fps: expected 1 to 240",
+        ),
+        (
+            vec!["--input", "a.wav", "--vmc", "--emotion", "auto"],
+            3,
+            "expected an emotion that is named",
+        ),
+        (vec!["--input", "no.wav", "--vmc"], 4, "no.wav"),
+        (vec!["--input", "gone.wav", "--vmc"], 8, "gone.wav"),
+    ] {
+        let (status, _, message) = ended(start(folder.path(), &arguments));
+        assert_eq!(status, Some(code), "{arguments:?}: {message}");
+        assert!(message.contains(words), "{arguments:?}: {message}");
+    }
+    let mut child = start(folder.path(), &["--input", "-", "--vmc"]);
+    let mut pipe = child.stdin.take().unwrap();
+    let wav = std::fs::read(folder.path().join("a.wav")).unwrap();
+    // It may leave before all is written.
+    let _ = pipe.write_all(&wav);
+    drop(pipe);
+    let (status, _, message) = ended(child);
+    assert_eq!(status, Some(4), "{message}");
+    assert!(message.contains("name it with --input FILE"), "{message}");
+}
