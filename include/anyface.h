@@ -1675,10 +1675,6 @@ AnyfaceStatus anyface_curves_new_each(const float *values,
                                       AnyfaceCurves **out,
                                       AnyfaceError **error);
 
-/// Largest distance of any vertex in any frame from its place, in the unit of the shapes; 0 for
-/// NULL and for curves of `anyface_curves_new_each()`.
-float anyface_curves_max_error(const AnyfaceCurves *curves);
-
 /// Number of keys of a curve; 0 for NULL and for a curve that there is not.
 size_t anyface_curves_key_count(const AnyfaceCurves *curves, size_t curve);
 

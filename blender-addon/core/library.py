@@ -283,7 +283,6 @@ SIGNATURES = {
         c_int32,
         [_FLOATS, c_size_t, c_size_t, _FLOATS, c_void_p, _OUT, _OUT],
     ),
-    "anyface_curves_max_error": (c_float, [_HANDLE]),
     "anyface_curves_key_count": (c_size_t, [_HANDLE, c_size_t]),
     "anyface_curves_copy_keys": (
         c_int32,

@@ -92,13 +92,6 @@ pub unsafe extern "C" fn anyface_curves_new_each(
     unsafe { guard::give(out, error, make) }
 }
 
-/// Largest distance of any vertex in any frame from its place, in the unit of the shapes; 0 for
-/// NULL and for curves of `anyface_curves_new_each()`.
-#[unsafe(no_mangle)]
-pub unsafe extern "C" fn anyface_curves_max_error(curves: *const AnyfaceCurves) -> f32 {
-    unsafe { curves.as_ref() }.map_or(0.0, |curves| curves.0.error as f32)
-}
-
 /// Number of keys of a curve; 0 for NULL and for a curve that there is not.
 #[unsafe(no_mangle)]
 pub unsafe extern "C" fn anyface_curves_key_count(

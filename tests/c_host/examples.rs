@@ -9,6 +9,7 @@ use crate::{scene, workspace};
 const TALK_C: &str = "capi/examples/talk.c";
 const TALK_CPP: &str = "capi/examples/talk.cpp";
 const EVENTS_C: &str = "capi/examples/events.c";
+const LIVE_C: &str = "capi/examples/live.c";
 const HEAD_C: &str = "capi/examples/head.c";
 const TAKES_C: &str = "capi/examples/takes.c";
 
@@ -151,6 +152,28 @@ fn the_example_of_events_writes_the_weights_of_the_system() {
         assert!(String::from_utf8_lossy(&output.stderr).contains("event 1"));
         assert!(!folder.join("none.csv").exists());
     }
+}
+
+#[test]
+fn the_live_example_follows_raw_sound() {
+    let folder = workspace("live_c");
+    scene(&folder);
+    let program = compile(LIVE_C, Linkage::Shared, &folder);
+    // Behind its header a WAV of these tests is what comes from a microphone.
+    let wav = std::fs::read(folder.join("voice.wav")).expect("the scene has a voice");
+    std::fs::write(folder.join("voice.raw"), &wav[44..]).expect("the folder can be written");
+    let sound = std::fs::File::open(folder.join("voice.raw")).expect("it was written");
+    let mut command = in_folder(&program, &folder);
+    let output = succeed(command.arg("happy").stdin(sound));
+    let said = String::from_utf8_lossy(&output.stdout).into_owned();
+    let lines: Vec<&str> = said.lines().collect();
+    assert!(lines.len() >= 15, "{said}");
+    assert!(
+        said.contains("mouthSmileLeft=") && said.contains("viseme_"),
+        "{said}"
+    );
+    let last = lines[lines.len() - 1];
+    assert!(last.starts_with(&(lines.len() - 1).to_string()), "{last}");
 }
 
 #[test]

@@ -378,7 +378,7 @@ static void said(const AnyfaceEngine *engine, const AnyfaceAudio *audio) {
     CHECK_OK(anyface_sounds_copy_intervals(heard, ANYFACE_TIER_WORDS, times, 6, &error));
     for (int i = 0; i < 5; ++i)
         CHECK(times[i] <= times[i + 1]);
-    CHECK_FAILS(anyface_sounds_copy_intervals(heard, 2, times, 6, &error), ANYFACE_STATUS_INVALID_INPUT,
+    CHECK_FAILS(anyface_sounds_copy_intervals(heard, 3, times, 6, &error), ANYFACE_STATUS_INVALID_INPUT,
                 "tier");
     anyface_sounds_free(plain);
     anyface_sounds_free(heard);
