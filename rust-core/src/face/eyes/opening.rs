@@ -61,20 +61,20 @@ pub(crate) struct Head<'a> {
 }
 
 impl Head<'_> {
-    /// Triangles about `middle`, the middle of an eye of this `width`, in its frame.
+    /// Triangles about the middle of an eye of this `width`, in its axes but seen from `centre`.
     fn near(
         &self,
         triangles: &[[u32; 3]],
-        (middle, width): ([f32; 3], f32),
-        frame: &EyeFrame,
+        (middle, width): (&EyeFrame, f32),
+        centre: [f32; 3],
     ) -> Vec<[[f32; 3]; 3]> {
-        let away = |p: [f32; 3]| Vec3::from(p).distance_squared(middle.into());
-        let is_near = |p: &[f32; 3]| away(*p) < (NEAR * width).powi(2);
-        let corners = triangles
-            .iter()
-            .map(|t| t.map(|v| self.positions[v as usize]));
+        let is_near = |p: &[f32; 3]| Vec3::from(*p).length_squared() < (NEAR * width).powi(2);
+        let shift = middle.local(centre);
+        let corners = triangles.iter();
+        let corners = corners.map(|t| t.map(|v| middle.local(self.positions[v as usize])));
         let near = corners.filter(|t| t.iter().all(is_near));
-        near.map(|t| t.map(|p| frame.local(p))).collect()
+        near.map(|t| t.map(|p| std::array::from_fn(|i| p[i] - shift[i])))
+            .collect()
     }
 }
 
@@ -172,8 +172,8 @@ impl Opening {
         let across = 2.0 * ball.radius;
         let (centre, radius) = fit_eyeball(&points, across)?;
         let frame = canonical.about(centre);
-        let skin = head.near(head.skin, (frame.origin, across), &frame);
-        let eyeball = head.near(&ball.triangles, (frame.origin, across), &frame);
+        let skin = head.near(head.skin, (&frame, across), frame.origin);
+        let eyeball = head.near(&ball.triangles, (&frame, across), frame.origin);
         let view = picture(&skin, &eyeball, [0.0; 3], across);
         let edges = seen(&view, [[0.0; 3]; 2], across)?;
         let width = edges[0][SAMPLES - 1][0] - edges[0][0][0];
@@ -205,11 +205,11 @@ impl Opening {
     /// The same but for its heights; `marks`: `[6]`, its landmarks.
     fn open(head: &Head<'_>, marks: &[[f32; 3]], eyeball: &[[u32; 3]]) -> Option<Opening> {
         let (middle, width) = EyeFrame::between(marks[0], marks[3])?;
-        let size = (middle.origin, width);
-        let eyeball_of = |frame: &EyeFrame| head.near(eyeball, size, frame);
+        let size = (&middle, width);
+        let eyeball_of = |frame: &EyeFrame| head.near(eyeball, size, frame.origin);
         if let Some((centre, radius)) = fit_eyeball(eyeball_of(&middle).as_flattened(), width) {
             let frame = middle.about(centre);
-            let (skin, eyeball) = (head.near(head.skin, size, &frame), eyeball_of(&frame));
+            let (skin, eyeball) = (head.near(head.skin, size, frame.origin), eyeball_of(&frame));
             let view = picture(&skin, &eyeball, frame.local(middle.origin), width);
             let corners = [marks[0], marks[3]].map(|p| frame.local(p));
             // Of an eyeball behind shut lids nothing is seen.
@@ -227,7 +227,10 @@ impl Opening {
                 },
             });
         }
-        let (skin, edges) = (head.near(head.skin, size, &middle), curves(&middle, marks));
+        let (skin, edges) = (
+            head.near(head.skin, size, middle.origin),
+            curves(&middle, marks),
+        );
         let view = picture(&skin, &[], [0.0; 3], width);
         let mut opening = without_eyeball(head, &middle, marks, width);
         if is_shut(&view, &edges, width) {
