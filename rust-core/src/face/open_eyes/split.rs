@@ -251,16 +251,11 @@ fn set_free(fine: &mut FineMesh, pieces: &[(usize, bool, [bool; 3])]) -> Result<
     let mut outside = HashMap::new();
     // Edges of pieces outside along the line, by their places.
     let mut banks = HashSet::new();
-    for &(number, is_inside, on_line) in pieces.iter().filter(|piece| !piece.1) {
-        debug_assert!(!is_inside);
+    for &(number, _, on_line) in pieces.iter().filter(|piece| !piece.1) {
         let t = fine.mesh.triangles[number];
         for k in 0..3 {
             if on_line[k] {
-                let source = fine.triangle_sources[number];
-                let source = TriangleSource {
-                    triangle: source.triangle,
-                    corners: [source.corners[k]; 3],
-                };
+                let source = fine.triangle_sources[number].at_corner(k);
                 outside.entry(place(fine, t[k])).or_insert((t[k], source));
                 if on_line[(k + 1) % 3] {
                     banks.insert([place(fine, t[k]), place(fine, t[(k + 1) % 3])]);
@@ -286,11 +281,7 @@ fn set_free(fine: &mut FineMesh, pieces: &[(usize, bool, [bool; 3])]) -> Result<
                 fine.mesh.positions.len() as u32 - 1
             });
             fine.mesh.triangles[number][k] = copy;
-            let source = fine.triangle_sources[number];
-            let source = TriangleSource {
-                triangle: source.triangle,
-                corners: [source.corners[k]; 3],
-            };
+            let source = fine.triangle_sources[number].at_corner(k);
             inside.entry(here).or_insert((copy, source));
             if banks.contains(&[there, here]) {
                 twice |= next.insert(here, there).is_some();

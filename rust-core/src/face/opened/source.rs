@@ -16,6 +16,14 @@ impl TriangleSource {
         TriangleSource { triangle, corners }
     }
 
+    /// What a triangle is made of that begins at one corner of this piece.
+    pub(in crate::face) fn at_corner(self, k: usize) -> TriangleSource {
+        TriangleSource {
+            triangle: self.triangle,
+            corners: [self.corners[k]; 3],
+        }
+    }
+
     /// What a piece of this piece was cut from.
     pub(in crate::face) fn piece(self, shares: [[f32; 3]; 3]) -> TriangleSource {
         let mixed = |of: [f32; 3]| {
