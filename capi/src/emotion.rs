@@ -5,9 +5,23 @@ use std::{ffi::CString, ptr::null, sync::LazyLock};
 use anyface::conditions::{EMOTIONS, Emotion};
 use libc::c_char;
 
-use crate::{error::AnyfaceError, guard, pointer, status::AnyfaceStatus};
+use crate::{
+    error::{AnyfaceError, Failure},
+    guard, pointer,
+    status::AnyfaceStatus,
+    version::ANYFACE_EMOTION_COUNT,
+};
 
 static NAMES: LazyLock<Vec<CString>> = LazyLock::new(|| EMOTIONS.map(pointer::c_text).into());
+
+/// The emotion of `[ANYFACE_EMOTION_COUNT]` strengths.
+pub(crate) unsafe fn of_strengths(strengths: *const f32) -> Result<Emotion, Failure> {
+    let row = unsafe { pointer::slice("strengths", strengths, 1, ANYFACE_EMOTION_COUNT) }?;
+    let row = row
+        .first_chunk::<ANYFACE_EMOTION_COUNT>()
+        .ok_or(Failure::Null("strengths"))?;
+    Ok(Emotion::from_strengths(*row)?)
+}
 
 /// Name of an emotion: "neutral" (0), "happy" (1), ... "drunk" (14); NULL from
 /// `ANYFACE_EMOTION_COUNT` on. Lives as long as the library is loaded.

@@ -1,13 +1,10 @@
 //! Motion while somebody is speaking: samples in, frames out.
 
-use anyface::{conditions::Emotion, mesh::ibug::LANDMARKS, motion::MotionStream};
+use anyface::{mesh::ibug::LANDMARKS, motion::MotionStream};
 
 use crate::{
-    engine::AnyfaceEngine,
-    error::{AnyfaceError, Failure},
-    guard, pointer,
+    emotion::of_strengths, engine::AnyfaceEngine, error::AnyfaceError, guard, pointer,
     status::AnyfaceStatus,
-    version::ANYFACE_EMOTION_COUNT,
 };
 
 /// A performance in progress: push sound, pull frames of the 68 landmarks in the canonical frame.
@@ -132,11 +129,8 @@ pub unsafe extern "C" fn anyface_stream_set_emotion(
 ) -> AnyfaceStatus {
     let work = || {
         let stream = unsafe { pointer::handle_mut("stream", stream) }?;
-        let row = unsafe { pointer::slice("strengths", strengths, 1, ANYFACE_EMOTION_COUNT) }?;
-        let row = row
-            .first_chunk::<ANYFACE_EMOTION_COUNT>()
-            .ok_or(Failure::Null("strengths"))?;
-        Ok(stream.0.set_emotion(&Emotion::from_strengths(*row)?)?)
+        let emotion = unsafe { of_strengths(strengths) }?;
+        Ok(stream.0.set_emotion(&emotion)?)
     };
     unsafe { guard::guard(error, work) }
 }

@@ -3,18 +3,14 @@
 use std::{ffi::CString, ptr::null, sync::LazyLock};
 
 use anyface::{
-    conditions::Emotion,
     motion::WeightStream,
     rig::{ARKIT, VISEMES},
 };
 use libc::c_char;
 
 use crate::{
-    engine::AnyfaceEngine,
-    error::{AnyfaceError, Failure},
-    guard, pointer,
+    emotion::of_strengths, engine::AnyfaceEngine, error::AnyfaceError, guard, pointer,
     status::AnyfaceStatus,
-    version::ANYFACE_EMOTION_COUNT,
 };
 
 /// Number of ARKit's shapes and of Oculus' visemes in a frame of `anyface_weight_stream_pull()`.
@@ -144,11 +140,8 @@ pub unsafe extern "C" fn anyface_weight_stream_set_emotion(
 ) -> AnyfaceStatus {
     let work = || {
         let stream = unsafe { pointer::handle_mut("stream", stream) }?;
-        let row = unsafe { pointer::slice("strengths", strengths, 1, ANYFACE_EMOTION_COUNT) }?;
-        let row = row
-            .first_chunk::<ANYFACE_EMOTION_COUNT>()
-            .ok_or(Failure::Null("strengths"))?;
-        Ok(stream.0.set_emotion(&Emotion::from_strengths(*row)?)?)
+        let emotion = unsafe { of_strengths(strengths) }?;
+        Ok(stream.0.set_emotion(&emotion)?)
     };
     unsafe { guard::guard(error, work) }
 }
