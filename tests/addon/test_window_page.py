@@ -134,8 +134,9 @@ def test_sounds_are_shown_mended_redone_and_written(screen, photographs):  # noq
     screen.press("anyface.redo")
     screen.wait(f"'redone' in {HEAD}.anyface.report and not running()", 60)
     after = screen.ask(f"answer = {outside}")
-    # A curve that is cut at the ends of the stretch is the same but for rounding.
-    assert after[: len(before)] == pytest.approx(before, abs=1e-6)
+    # A curve that is cut at the ends of the stretch is the same but for rounding:
+    # Blender keeps handles as single floats and solves a cubic for each frame.
+    assert after[: len(before)] == pytest.approx(before, abs=1e-5)
     written = screen.folder / "shot.TextGrid"
     screen.ask(f"bpy.ops.anyface.sounds_write(filepath={str(written)!r})")
     assert '"MBP"' in written.read_text()
