@@ -17,10 +17,11 @@ use syn::{
 };
 
 /// Folders of sources, each with a root of its own.
-const CRATES: [&str; 5] = [
+const CRATES: [&str; 6] = [
     "rust-core/src",
     "cli/src",
     "capi/src",
+    "microphone/src",
     "packaging/src",
     "tests/eval/src",
 ];

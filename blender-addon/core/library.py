@@ -361,12 +361,22 @@ SIGNATURES = {
     "anyface_stream_finish": (c_int32, [_HANDLE, _OUT]),
     "anyface_stream_set_emotion": (c_int32, [_HANDLE, _FLOATS, _OUT]),
     "anyface_stream_latency_s": (c_double, [_HANDLE]),
+    "anyface_weight_stream_new": (c_int32, [_HANDLE, _OUT, _OUT]),
+    "anyface_weight_stream_name": (c_char_p, [c_size_t]),
+    "anyface_weight_stream_push": (c_int32, [_HANDLE, _FLOATS, c_size_t, _OUT]),
+    "anyface_weight_stream_pull": (
+        c_int32,
+        [_HANDLE, _FLOATS, _FLOATS, _FLOATS, POINTER(c_int32), _OUT],
+    ),
+    "anyface_weight_stream_finish": (c_int32, [_HANDLE, _OUT]),
+    "anyface_weight_stream_set_emotion": (c_int32, [_HANDLE, _FLOATS, _OUT]),
+    "anyface_weight_stream_latency_s": (c_double, [_HANDLE]),
 }
 
 _FREED = (
     "audio", "basis", "clip", "curves", "engine", "error", "event_notes", "events", "expression",
     "face", "head", "mesh", "motion", "opened_face", "progress", "rig", "sliders", "sounds",
-    "stream", "weights",
+    "stream", "weight_stream", "weights",
 )  # fmt: skip
 SIGNATURES |= {f"anyface_{noun}_free": (None, [_HANDLE]) for noun in _FREED}
 

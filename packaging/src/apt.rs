@@ -22,6 +22,9 @@ pub const BLENDER_LIBRARIES: &[&str] = &[
     "libgl1",
 ];
 
+/// What microphones are compiled against.
+pub const SOUND: &[&str] = &["libasound2-dev", "pkg-config"];
+
 /// Installs Debian packages that are missing.
 pub fn ensure(steps: &mut Steps, packages: &[&str]) -> Result<()> {
     if !cfg!(target_os = "linux") {

@@ -11,7 +11,7 @@ use anyhow::{Context, Result, ensure};
 use clap::Args;
 
 use crate::{
-    licences,
+    apt, licences,
     machine::{self, Platform},
     python::{PYTHON, Venv},
     steps::Steps,
@@ -66,6 +66,7 @@ pub fn zip_name(platform: Platform) -> String {
 /// Builds the shared library and returns its path.
 pub fn build_library(steps: &mut Steps, release: bool) -> Result<PathBuf> {
     let profile = if release { "release" } else { "dev" };
+    apt::ensure(steps, apt::SOUND)?;
     steps.run(BUILD, &mut library_build(profile))?;
     let library = library_of(profile)?;
     if release {
@@ -87,7 +88,7 @@ pub fn library_build(profile: &str) -> Command {
     match profile {
         "dev" => build.args(["--workspace", "--lib", "--bins", "--tests"]),
         "release" => build
-            .args(["-p", "anyface-capi"])
+            .args(["-p", "anyface-capi", "-p", "anyface-microphone"])
             .env("CARGO_ENCODED_RUSTFLAGS", machine::release_flags()),
         _ => build.args(["-p", "anyface-capi"]),
     };
@@ -114,13 +115,30 @@ pub fn build_zip(steps: &mut Steps, library: &Path, zip: &Path) -> Result<()> {
     fs::copy(machine::root().join("docs/blender.md"), stage.join(HELP))?;
     let platform = Platform::here()?;
     name_platform(&stage.join("blender_manifest.toml"), platform)?;
-    let inside = stage.join("lib").join(platform.shared_library());
-    fs::create_dir_all(stage.join("lib"))?;
-    fs::copy(library, &inside)?;
+    copy_libraries(steps, library, &stage.join("lib"))?;
     licences::copy(&stage.join("licences"))?;
-    strip(steps, &inside)?;
     pack(steps, &stage, zip)?;
     validate(steps, zip)
+}
+
+/// Copies `library` into `folder`, and that of the microphone where it lies beside it. Returns the paths of the copies.
+pub fn copy_libraries(steps: &mut Steps, library: &Path, folder: &Path) -> Result<Vec<PathBuf>> {
+    fs::create_dir_all(folder)?;
+    let platform = Platform::here()?;
+    let mut copies = Vec::new();
+    let microphone = library.with_file_name(platform.microphone_library());
+    for (from, name) in [
+        (library.to_owned(), platform.shared_library()),
+        (microphone, platform.microphone_library()),
+    ] {
+        if from.is_file() {
+            let copy = folder.join(name);
+            fs::copy(from, &copy)?;
+            strip(steps, &copy)?;
+            copies.push(copy);
+        }
+    }
+    Ok(copies)
 }
 
 /// The manual inside the zip; systems know what opens a text.

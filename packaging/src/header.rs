@@ -1,4 +1,4 @@
-//! `include/anyface.h`, generated from the C interface.
+//! The headers in `include`, generated from the C interfaces.
 
 use std::path::{Path, PathBuf};
 
@@ -7,8 +7,31 @@ use clap::Args;
 
 use crate::machine;
 
-/// Source files in the order in which a reader of the header meets them.
-const SOURCES: &[&str] = &[
+/// A C interface.
+pub struct Interface {
+    /// Folder of its crate, which holds `cbindgen.toml`.
+    folder: &'static str,
+    /// Source files in the order in which a reader of the header meets them.
+    sources: &'static [&'static str],
+    /// Name of the header.
+    header: &'static str,
+}
+
+/// The library, and the microphone, which is a library of its own.
+pub const INTERFACES: [Interface; 2] = [
+    Interface {
+        folder: "capi",
+        sources: LIBRARY,
+        header: "anyface.h",
+    },
+    Interface {
+        folder: "microphone",
+        sources: &["c"],
+        header: "anyface_microphone.h",
+    },
+];
+
+const LIBRARY: &[&str] = &[
     "version",
     "status",
     "error",
@@ -41,10 +64,10 @@ const SOURCES: &[&str] = &[
     "weight_stream",
 ];
 
-/// Writes include/anyface.h from capi/src.
+/// Writes the headers in include.
 #[derive(Args)]
 pub struct Header {
-    /// Write nothing; fail if the committed header differs from what the sources give.
+    /// Write nothing; fail if a committed header differs from what the sources give.
     #[arg(long)]
     check: bool,
 }
@@ -52,33 +75,44 @@ pub struct Header {
 impl Header {
     /// Writes or checks the header.
     pub fn run(&self) -> Result<()> {
-        let fresh = generate(&machine::root().join("capi"))?;
-        match self.check {
-            true => check(&path(), &fresh),
-            false => write(&path(), &fresh),
+        for interface in &INTERFACES {
+            let fresh = interface.generate()?;
+            match self.check {
+                true => check(&interface.path(), &fresh)?,
+                false => write(&interface.path(), &fresh)?,
+            }
         }
+        Ok(())
     }
 }
 
-fn path() -> PathBuf {
-    machine::root().join("include/anyface.h")
-}
-
-/// The header of the crate in this folder, by its `cbindgen.toml`.
-///
-/// # Errors
-/// If the config or a source file cannot be read or parsed.
-pub fn generate(capi: &Path) -> Result<String> {
-    let config = cbindgen::Config::from_file(capi.join("cbindgen.toml"))
-        .map_err(|message| anyhow::anyhow!("capi/cbindgen.toml: {message}"))?;
-    let mut builder = cbindgen::Builder::new().with_config(config);
-    for stem in SOURCES {
-        builder = builder.with_src(capi.join(format!("src/{stem}.rs")));
+impl Interface {
+    fn path(&self) -> PathBuf {
+        machine::root().join("include").join(self.header)
     }
-    let bindings = builder.generate().context("reading capi/src")?;
-    let mut text = Vec::new();
-    bindings.write(&mut text);
-    String::from_utf8(text).context("the header is not UTF-8")
+
+    fn sources(&self) -> PathBuf {
+        machine::root().join(self.folder).join("src")
+    }
+
+    /// The header, by the crate's `cbindgen.toml`.
+    ///
+    /// # Errors
+    /// If the config or a source file cannot be read or parsed.
+    fn generate(&self) -> Result<String> {
+        let config = machine::root().join(self.folder).join("cbindgen.toml");
+        let config = cbindgen::Config::from_file(&config)
+            .map_err(|message| anyhow::anyhow!("{}: {message}", config.display()))?;
+        let mut builder = cbindgen::Builder::new().with_config(config);
+        for stem in self.sources {
+            builder = builder.with_src(self.sources().join(format!("{stem}.rs")));
+        }
+        let bindings = builder.generate();
+        let bindings = bindings.with_context(|| format!("reading {}/src", self.folder))?;
+        let mut text = Vec::new();
+        bindings.write(&mut text);
+        String::from_utf8(text).context("the header is not UTF-8")
+    }
 }
 
 fn write(path: &Path, fresh: &str) -> Result<()> {
@@ -126,9 +160,10 @@ mod tests {
     use super::*;
 
     #[test]
-    fn the_committed_header_is_what_the_sources_give() {
-        let fresh = generate(&machine::root().join("capi")).unwrap();
-        check(&path(), &fresh).unwrap();
+    fn the_committed_headers_are_what_the_sources_give() {
+        for interface in &INTERFACES {
+            check(&interface.path(), &interface.generate().unwrap()).unwrap();
+        }
     }
 
     #[test]
@@ -146,18 +181,20 @@ mod tests {
     }
 
     #[test]
-    fn every_exported_function_is_in_the_header() {
-        let header = generate(&machine::root().join("capi")).unwrap();
+    fn every_exported_function_is_in_its_header() {
         let mut functions = 0;
-        for entry in std::fs::read_dir(machine::root().join("capi/src")).unwrap() {
-            let source = std::fs::read_to_string(entry.unwrap().path()).unwrap();
-            for rest in source.split("extern \"C\" fn anyface_").skip(1) {
-                let name = rest.split('(').next().unwrap();
-                assert!(
-                    header.contains(&format!("anyface_{name}(")),
-                    "anyface_{name}"
-                );
-                functions += 1;
+        for interface in &INTERFACES {
+            let header = interface.generate().unwrap();
+            for entry in std::fs::read_dir(interface.sources()).unwrap() {
+                let source = std::fs::read_to_string(entry.unwrap().path()).unwrap();
+                for rest in source.split("extern \"C\" fn anyface_").skip(1) {
+                    let name = rest.split('(').next().unwrap();
+                    assert!(
+                        header.contains(&format!("anyface_{name}(")),
+                        "anyface_{name}"
+                    );
+                    functions += 1;
+                }
             }
         }
         assert!(functions > 40, "{functions}");
@@ -165,14 +202,16 @@ mod tests {
 
     #[test]
     fn every_function_and_type_has_a_comment() {
-        let header = generate(&machine::root().join("capi")).unwrap();
-        let lines: Vec<&str> = header.lines().collect();
-        let bare: Vec<&str> = lines
-            .windows(2)
-            .filter(|pair| is_declaration(pair[1]) && !pair[0].starts_with("///"))
-            .map(|pair| pair[1])
-            .collect();
-        assert!(bare.is_empty(), "{bare:?}");
+        for interface in &INTERFACES {
+            let header = interface.generate().unwrap();
+            let lines: Vec<&str> = header.lines().collect();
+            let bare: Vec<&str> = lines
+                .windows(2)
+                .filter(|pair| is_declaration(pair[1]) && !pair[0].starts_with("///"))
+                .map(|pair| pair[1])
+                .collect();
+            assert!(bare.is_empty(), "{bare:?}");
+        }
     }
 
     fn is_declaration(line: &str) -> bool {

@@ -50,6 +50,15 @@ impl Platform {
         }
     }
 
+    /// How cargo names the library of the microphone.
+    pub fn microphone_library(self) -> &'static str {
+        match self {
+            Platform::LinuxX64 => "libanyface_microphone.so",
+            Platform::MacosArm64 => "libanyface_microphone.dylib",
+            Platform::WindowsX64 => "anyface_microphone.dll",
+        }
+    }
+
     /// How cargo names the static library.
     pub fn static_library(self) -> &'static str {
         match self {

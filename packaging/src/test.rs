@@ -12,7 +12,7 @@ use crate::{
     wheel,
 };
 
-/// Debian packages that the tests call: C hosts, a memory checker, voices, film.
+/// Debian packages that the tests call: C hosts, a memory checker, voices, film, a sound system.
 const TOOLS: &[&str] = &[
     "gcc",
     "g++",
@@ -23,6 +23,8 @@ const TOOLS: &[&str] = &[
     "espeak-ng",
     "flite",
     "ffmpeg",
+    "pulseaudio",
+    "pulseaudio-utils",
 ];
 
 /// Gigabytes that a first run takes: builds 8, PyTorch with its CUDA libraries 6 and 3 while it is
@@ -45,7 +47,7 @@ impl Test {
     pub fn run(&self) -> Result<()> {
         let mut steps = Steps::new("test")?;
         machine::note_room(ROOM);
-        apt::ensure(&mut steps, TOOLS)?;
+        apt::ensure(&mut steps, &[TOOLS, apt::SOUND].concat())?;
         if self.rust_only {
             rust(&mut steps)?;
             steps.ignore("extension in headless Blender", "--rust-only");

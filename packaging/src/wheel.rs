@@ -58,12 +58,10 @@ pub fn build(steps: &mut Steps, library: &Path, out: &Path) -> Result<PathBuf> {
     let stage = machine::target().join("wheel-stage");
     machine::empty(&stage)?;
     let platform = Platform::here()?;
-    let inside = stage.join(platform.shared_library());
-    fs::copy(library, &inside)?;
-    extension::strip(steps, &inside)?;
+    let inside = extension::copy_libraries(steps, library, &stage)?;
     let mut pack = Command::new(PYTHON);
     pack.arg(machine::root().join("packaging/wheel/pack.py"));
-    pack.arg("--library").arg(&inside);
+    pack.arg("--library").args(&inside);
     pack.args(["--version", env!("CARGO_PKG_VERSION")]);
     pack.args(["--tag", &tag(platform, &inside)?]);
     pack.arg("--out").arg(out);
@@ -82,12 +80,14 @@ pub fn build(steps: &mut Steps, library: &Path, out: &Path) -> Result<PathBuf> {
     Ok(path)
 }
 
-/// The systems on which `library` runs, as pip names them: on Linux those with a glibc that has all
-/// symbols which it needs (PEP 600).
-fn tag(platform: Platform, library: &Path) -> Result<String> {
+/// The systems on which `libraries` run, as pip names them: on Linux those with a glibc that has all
+/// symbols which they need (PEP 600).
+fn tag(platform: Platform, libraries: &[PathBuf]) -> Result<String> {
     Ok(match platform {
         Platform::LinuxX64 => {
-            let (major, minor) = portable::needed_glibc(library)?;
+            let needed = libraries.iter().map(|path| portable::needed_glibc(path));
+            let needed = needed.collect::<Result<Vec<_>>>()?;
+            let (major, minor) = needed.into_iter().max().context("expected a library")?;
             format!("manylinux_{major}_{minor}_x86_64")
         }
         // The oldest macOS on Apple's processors, which is what Rust builds for.

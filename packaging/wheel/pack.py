@@ -55,11 +55,11 @@ def metadata(version: str) -> str:
     return head.replace("@VERSION@", version) + page
 
 
-def contents(library: Path, version: str, tag: str) -> dict[str, bytes]:
+def contents(libraries: list[Path], version: str, tag: str) -> dict[str, bytes]:
     """The files of the wheel by name, without the list of them."""
     files = {f"anyface/{path.name}": path for path in [*PACKAGE.glob("*.py"), PACKAGE / "py.typed"]}
     files |= {f"anyface/core/{path.name}": path for path in core_of(PACKAGE, CORE)}
-    files[f"anyface/lib/{library.name}"] = library
+    files |= {f"anyface/lib/{library.name}": library for library in libraries}
     info = f"anyface-{version}.dist-info"
     files |= {f"{info}/licenses/{name}": ROOT / name for name in LICENCES}
     packed = {name: path.read_bytes() for name, path in files.items()}
@@ -93,7 +93,7 @@ def write(files: dict[str, bytes], path: Path) -> None:
 def main() -> None:
     """Packs what the arguments name and prints the wheel's path."""
     parser = argparse.ArgumentParser(description=__doc__)
-    parser.add_argument("--library", type=Path, required=True, help="the shared library")
+    parser.add_argument("--library", type=Path, nargs="+", required=True, help="the shared libraries")
     parser.add_argument("--version", required=True)
     parser.add_argument("--tag", required=True, help="such as manylinux_2_28_x86_64")
     parser.add_argument("--out", type=Path, required=True, help="the folder of the wheel")

@@ -1,6 +1,4 @@
-//! Where the sound comes from: a file that is played by a clock, or raw samples on standard input.
-//!
-//! A microphone of our own would be a third.
+//! Where the sound comes from: a file that is played by a clock, raw samples on standard input, or a microphone.
 
 use std::{
     io::{self, IsTerminal, Read},
@@ -10,6 +8,8 @@ use std::{
 };
 
 use anyface::{Error, Result, audio::SAMPLE_RATE_HZ};
+
+use super::sound_devices::Microphone;
 
 /// Samples that a file hands over at a time, 20 ms.
 const BLOCK: usize = 320;
@@ -27,6 +27,8 @@ pub enum Heard {
     Samples(Vec<f32>),
     /// Nothing yet.
     Nothing,
+    /// The device has gone or come back, in words.
+    Change(String),
     /// No more comes.
     End,
 }
@@ -37,6 +39,8 @@ pub enum Input {
     File(Vec<f32>, usize, Option<Instant>),
     /// What a thread reads.
     Pipe(Receiver<Result<Vec<f32>>>),
+    /// A microphone, and whether it is gone.
+    Microphone(Microphone, bool),
 }
 
 impl Input {
@@ -60,6 +64,11 @@ impl Input {
         let (sender, receiver) = sync_channel(WAITING);
         thread::spawn(move || read(io::stdin().lock(), &sender));
         Ok(Input::Pipe(receiver))
+    }
+
+    /// A microphone, which ends with the program.
+    pub fn of_microphone(microphone: Microphone) -> Input {
+        Input::Microphone(microphone, false)
     }
 
     /// What has come, after `patience` at the latest.
@@ -90,6 +99,21 @@ impl Input {
                 Err(RecvTimeoutError::Timeout) => Ok(Heard::Nothing),
                 Err(RecvTimeoutError::Disconnected) => Ok(Heard::End),
             },
+            Input::Microphone(microphone, was_lost) => {
+                let block = microphone.read(patience);
+                if block.is_lost != *was_lost && !block.samples.is_empty() {
+                    *was_lost = block.is_lost;
+                    let name = microphone.name();
+                    return Ok(Heard::Change(match block.is_lost {
+                        true => format!("{name} is gone; the face rests until it is back"),
+                        false => format!("{name} is back"),
+                    }));
+                }
+                Ok(match block.samples.is_empty() {
+                    true => Heard::Nothing,
+                    false => Heard::Samples(block.samples),
+                })
+            }
         }
     }
 }
@@ -182,6 +206,7 @@ mod tests {
             match input.next(Duration::from_millis(5)).unwrap() {
                 Heard::Samples(samples) => sizes.push(samples.len()),
                 Heard::Nothing => was_early = true,
+                Heard::Change(text) => panic!("{text}"),
                 Heard::End => break,
             }
         }

@@ -4,8 +4,14 @@ mod address;
 mod frame;
 mod input;
 mod live_link;
+mod meter;
 mod osc;
 mod pace;
+#[cfg(feature = "microphone")]
+mod sound_devices;
+#[cfg(not(feature = "microphone"))]
+#[path = "no_sound_devices.rs"]
+mod sound_devices;
 mod targets;
 mod udp;
 mod websocket;
@@ -33,25 +39,27 @@ use crate::{
 };
 use frame::{Feelings, Frame};
 use input::{Heard, Input};
+use meter::Meter;
 use pace::{Pace, Paced, Weights};
+use sound_devices::{DeviceArgs, Monitor, print_devices};
 use targets::{TargetArgs, Targets};
 
 /// How long nothing is looked at, a signal to end included.
 const PATIENCE: Duration = Duration::from_millis(20);
 
 /// Send a face that speaks to other programs: avatars (VMC), Unreal Engine (Live Link), OSC, WebSocket, lines of JSON
-/// (--json); of a file at the speed at which it is heard, or of a microphone
+/// (--json); of a microphone, or of a file at the speed at which it is heard
 #[derive(Args)]
 pub struct Live {
-    /// The sound: WAV, MP3, FLAC, Ogg, WebM, M4A, AAC, CAF or AIFF, or - for raw samples on standard input, 16 bit
-    /// little-endian, mono, 16 kHz. A microphone: parec --rate=16000 --channels=1 --format=s16le --latency-msec=20 |
-    /// anyface live --input - --vmc (arecord -t raw -f S16_LE -r 16000 -c 1 and ffmpeg … -f s16le -ar 16000 -ac 1 - do
-    /// as well)
+    /// The sound in place of a microphone: WAV, MP3, FLAC, Ogg, WebM, M4A, AAC, CAF or AIFF, or - for raw samples on
+    /// standard input, 16 bit little-endian, mono, 16 kHz, as ffmpeg … -f s16le -ar 16000 -ac 1 - writes them
     #[arg(long, value_name = "FILE", allow_hyphen_values = true)]
-    input: InputPath,
+    input: Option<InputPath>,
     /// Go through a file as fast as it can be done
-    #[arg(long)]
+    #[arg(long, requires = "input")]
     fast: bool,
+    #[command(flatten)]
+    devices: DeviceArgs,
     /// Frames per second, interpolated where they are others than the stream's own, a frame of which later [default:
     /// the stream's 25]
     #[arg(long)]
@@ -66,6 +74,9 @@ pub struct Live {
 
 impl Live {
     pub fn run(&self, shared: &SharedArgs, console: &Console) -> Result<()> {
+        if self.devices.are_to_be_listed() {
+            return print_devices(console);
+        }
         // What is cheap to check comes before what takes time.
         self.targets.check(shared.json)?;
         self.fps.map_or(Ok(()), check_fps)?;
@@ -77,18 +88,24 @@ impl Live {
                     .into(),
             ));
         }
-        let samples = match self.is_pipe() {
-            true => None,
-            false => Some(self.read(console)?),
+        let samples = match &self.input {
+            Some(input) if !is_pipe(input) => Some(self.read(input, console)?),
+            _ => None,
         };
         let stream = shared.engine()?.weight_stream()?;
         let fps = self.fps.unwrap_or(stream.fps());
         let targets = self.targets.open(fps, shared.json)?;
         targets.introduce(console);
-        let input = match samples {
-            Some(samples) => Input::of_samples(samples, self.fast),
-            None => Input::of_standard_input()?,
+        let input = match (samples, &self.input) {
+            (Some(samples), _) => Input::of_samples(samples, self.fast),
+            (None, Some(_)) => Input::of_standard_input()?,
+            (None, None) => Input::of_microphone(self.devices.open(console)?),
         };
+        let lag_s = match fps == stream.fps() {
+            true => stream.latency_s(),
+            false => stream.latency_s() + 1.0 / stream.fps(),
+        };
+        let monitor = self.devices.monitor(lag_s, console)?;
         let mut show = Show {
             pace: Pace::new(stream.fps(), fps),
             stream,
@@ -97,23 +114,27 @@ impl Live {
             waiting: VecDeque::new(),
             is_fast: self.fast,
             targets,
+            monitor,
+            meter: Meter::new(shared.json),
             console,
         };
-        show.run(input)
+        let result = show.run(input);
+        show.meter.clear();
+        result
     }
 
-    fn is_pipe(&self) -> bool {
-        AsRef::<Path>::as_ref(&self.input) == Path::new("-")
-    }
-
-    /// Samples of the file.
-    fn read(&self, console: &Console) -> Result<Vec<f32>> {
+    /// Samples of the file `input`.
+    fn read(&self, input: &InputPath, console: &Console) -> Result<Vec<f32>> {
         let progress = &|p| console.progress(p);
         let mut report = new_report();
-        let sound = read_sound(&mut report, &self.input, &self.sound, progress)?;
+        let sound = read_sound(&mut report, input, &self.sound, progress)?;
         console.warn(&report.warnings);
         Ok(sound.whole(progress)?.samples)
     }
+}
+
+fn is_pipe(input: &InputPath) -> bool {
+    AsRef::<Path>::as_ref(input) == Path::new("-")
 }
 
 /// A performance while it goes on.
@@ -127,6 +148,9 @@ struct Show<'a> {
     waiting: VecDeque<Paced>,
     is_fast: bool,
     targets: Targets,
+    /// Plays the sound as late as the face.
+    monitor: Option<Monitor>,
+    meter: Meter,
     console: &'a Console,
 }
 
@@ -135,7 +159,8 @@ impl Show<'_> {
         let mut has_ended = false;
         loop {
             self.send_due()?;
-            if self.targets.are_gone() || (has_ended && self.waiting.is_empty()) {
+            let is_heard = self.monitor.as_ref().is_none_or(|m| !m.is_playing());
+            if self.targets.are_gone() || (has_ended && self.waiting.is_empty() && is_heard) {
                 return Ok(());
             }
             let next = self.waiting.front().map(|paced| paced.due);
@@ -146,8 +171,19 @@ impl Show<'_> {
                 continue;
             }
             match input.next(patience)? {
-                Heard::Samples(samples) => self.stream.push(&samples)?,
+                Heard::Samples(samples) => {
+                    self.meter.hear(&samples);
+                    if let Some(monitor) = &mut self.monitor {
+                        monitor.push(&samples);
+                    }
+                    self.stream.push(&samples)?;
+                }
                 Heard::Nothing => continue,
+                Heard::Change(text) => {
+                    self.meter.clear();
+                    self.console.note(&text);
+                    continue;
+                }
                 Heard::End => {
                     self.stream.finish()?;
                     has_ended = true;
@@ -197,6 +233,7 @@ impl Show<'_> {
                 feelings: feelings(&self.emotion.at(paced.time_s)),
             };
             self.targets.send(&frame, self.console)?;
+            self.meter.show(&frame);
         }
         match signals::are_to_end() {
             true => Err(Error::Cancelled),

@@ -3,6 +3,8 @@
 mod command;
 mod hostile;
 mod live;
+#[cfg(all(target_os = "linux", feature = "microphone"))]
+mod microphone;
 mod options;
 mod performance;
 mod runs;

@@ -15,10 +15,14 @@ from .clip import Clip, Weights
 from .core.emotion import EMOTIONS
 from .core.errors import AnyfaceError, Cancelled
 from .core.heard_emotion import HeardEmotion
+from .core.microphone import Microphone
+from .core.microphone import devices as microphones
 from .core.native import Engine
 from .core.systems import Control, System
 from .core.systems import known as systems
 from .core.take import Found, Rig
+from .core.weight_stream import Frame
+from .stream import Stream
 from .talking import animate, find_landmarks, make_rig
 
 __version__ = version("anyface")
@@ -31,12 +35,16 @@ __all__ = [
     "Control",
     "Engine",
     "Found",
+    "Frame",
     "HeardEmotion",
+    "Microphone",
     "Rig",
+    "Stream",
     "System",
     "Weights",
     "animate",
     "find_landmarks",
     "make_rig",
+    "microphones",
     "systems",
 ]

@@ -127,13 +127,13 @@ def make_rig(
 
 
 @cache
-def _built_in() -> Engine:
+def built_in() -> Engine:
     """The built-in models, loaded at the first use."""
     return Engine()
 
 
 def _facing(engine: Engine | None, forward: str, up: str) -> Engine:
-    return (engine or _built_in()).facing(forward, up)
+    return (engine or built_in()).facing(forward, up)
 
 
 def _run(work: Callable[[Watch], Made], progress: Progress | None, cancel: Cancel | None) -> Made:

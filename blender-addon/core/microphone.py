@@ -1,0 +1,108 @@
+"""The microphone: a native library of its own, which is opened when somebody wants to be heard."""
+
+import ctypes
+import sys
+from ctypes import POINTER, byref, c_char_p, c_float, c_int32, c_size_t, c_void_p
+from functools import cache
+from pathlib import Path
+
+import numpy as np
+
+from .errors import AnyfaceError
+from .library import library_path
+
+RATE_HZ = 16000
+# Room for messages and names, bytes.
+_ROOM = 4096
+# Samples that are read at a time at most, four seconds.
+_MOST = 4 * RATE_HZ
+_SIGNATURES = {
+    "anyface_microphone_open": (c_void_p, [c_char_p, c_char_p, c_size_t]),
+    "anyface_microphone_name": (c_size_t, [c_void_p, c_char_p, c_size_t]),
+    "anyface_microphone_read": (
+        c_size_t,
+        [c_void_p, POINTER(c_float), c_size_t, POINTER(c_int32)],
+    ),
+    "anyface_microphone_close": (None, [c_void_p]),
+    "anyface_microphone_devices": (c_size_t, [c_char_p, c_size_t]),
+}
+
+
+def path() -> Path:
+    """Where the library lies: beside the main one."""
+    names = {"win32": "anyface_microphone.dll", "darwin": "libanyface_microphone.dylib"}
+    return library_path().with_name(names.get(sys.platform, "libanyface_microphone.so"))
+
+
+@cache
+def _library() -> ctypes.CDLL:
+    place = path()
+    if not place.is_file():
+        raise AnyfaceError("audio", f"microphone: expected {place.name} beside {library_path()}")
+    try:
+        library = ctypes.CDLL(str(place))
+        for name, (result, arguments) in _SIGNATURES.items():
+            function = getattr(library, name)
+            function.restype, function.argtypes = result, arguments
+    except (OSError, AttributeError) as error:
+        # On Linux it is libasound.so.2 that may be missing.
+        raise AnyfaceError(
+            "audio", f"microphone: the system's sound library cannot be used: {error}"
+        ) from error
+    return library
+
+
+def devices() -> list[str]:
+    """Names of the devices that record, the system's choice first. Raises `AnyfaceError`."""
+    library = _library()
+    room = ctypes.create_string_buffer(library.anyface_microphone_devices(None, 0) + _ROOM)
+    library.anyface_microphone_devices(room, len(room))
+    return [name for name in room.value.decode("utf-8", "replace").split("\n") if name]
+
+
+class Microphone:
+    """A device that is being recorded: mono, 16 kHz. Belongs to one thread at a time.
+
+    `name` is that of a device, of which a part is enough; the system's choice where it is empty.
+    Raises `AnyfaceError`.
+    """
+
+    def __init__(self, name: str = ""):
+        self._library = _library()
+        message = ctypes.create_string_buffer(_ROOM)
+        wanted = name.encode() if name else None
+        self._handle = self._library.anyface_microphone_open(wanted, message, len(message))
+        if not self._handle:
+            raise AnyfaceError("audio", message.value.decode("utf-8", "replace"))
+        # Whether the device is gone; it is silent then, and comes back by itself.
+        self.is_lost = False
+        self._room = np.empty(_MOST, np.float32)
+
+    @property
+    def name(self) -> str:
+        """Name of the device."""
+        room = ctypes.create_string_buffer(_ROOM)
+        self._library.anyface_microphone_name(self._handle, room, len(room))
+        return room.value.decode("utf-8", "replace")
+
+    def read(self) -> np.ndarray:
+        """The samples `[S]` that have come since the last time, -1 to 1; it waits for none."""
+        if self._handle is None:
+            raise AnyfaceError("input", "microphone: expected an open one, got a closed one")
+        is_lost = c_int32()
+        row = self._room.ctypes.data_as(POINTER(c_float))
+        count = self._library.anyface_microphone_read(self._handle, row, _MOST, byref(is_lost))
+        self.is_lost = bool(is_lost.value)
+        return self._room[:count].copy()
+
+    def close(self) -> None:
+        """Ends recording."""
+        handle, self._handle = self._handle, None
+        if handle is not None:
+            self._library.anyface_microphone_close(handle)
+
+    def __enter__(self):
+        return self
+
+    def __exit__(self, *_):
+        self.close()

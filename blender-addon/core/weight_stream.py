@@ -1,0 +1,112 @@
+"""Weights of shapes while somebody is speaking: samples in, frames out."""
+
+from contextlib import ExitStack
+from ctypes import POINTER, byref, c_float, c_int32
+from dataclasses import dataclass
+
+import numpy as np
+
+from .emotion import EMOTIONS
+from .errors import AnyfaceError
+
+SHAPES, VISEMES, FPS = 52, 15, 25.0
+_FLOATS = POINTER(c_float)
+
+
+@dataclass(frozen=True)
+class Frame:
+    """A face at one instant."""
+
+    # Number of the frame; it stands at `index / 25` seconds of the sound.
+    index: int
+    # Weights of ARKit's shapes `[52]` and Oculus' visemes `[15]`, 0 to 1, as `names` orders them.
+    shapes: np.ndarray
+    visemes: np.ndarray
+    # Rotation vector of the head `[3]`, radians: x to the subject's left, y up, z to the front.
+    head: np.ndarray
+
+    @property
+    def time_s(self) -> float:
+        """Seconds of sound before it."""
+        return self.index / FPS
+
+
+class WeightStream:
+    """A performance in progress: `push` samples, `pull` frames. Belongs to one thread at a time.
+
+    The frames are the same however the sound is cut into pushes. Raises `AnyfaceError`: "input" for
+    a system that needs the whole sound.
+    """
+
+    def __init__(self, engine):
+        self._engine = engine
+        self._handles = ExitStack()
+        self._handle = engine._own(
+            self._handles, "weight_stream", "anyface_weight_stream_new", engine._handle
+        )
+        self._index = 0
+
+    @property
+    def latency_s(self) -> float:
+        """Seconds of sound after a frame's own instant that it waits for."""
+        return self._engine._library.anyface_weight_stream_latency_s(self._open())
+
+    @property
+    def names(self) -> tuple[list[str], list[str]]:
+        """Names of the shapes and of the visemes."""
+        name = self._engine._library.anyface_weight_stream_name
+        names = [name(number).decode() for number in range(SHAPES + VISEMES)]
+        return names[:SHAPES], names[SHAPES:]
+
+    def push(self, samples) -> None:
+        """Takes samples `[S]`, mono, 16 kHz, -1 to 1; any number."""
+        block = np.ascontiguousarray(samples, dtype=np.float32).reshape(-1)
+        self._call("push", block.ctypes.data_as(_FLOATS), len(block))
+
+    def pull(self) -> Frame | None:
+        """The next frame, or None until more samples are there."""
+        shapes, visemes, head = (np.empty(n, np.float32) for n in (SHAPES, VISEMES, 3))
+        is_ready = c_int32()
+        rows = [row.ctypes.data_as(_FLOATS) for row in (shapes, visemes, head)]
+        self._call("pull", *rows, byref(is_ready))
+        if not is_ready.value:
+            return None
+        self._index += 1
+        return Frame(self._index - 1, shapes, visemes, head)
+
+    def frames(self):
+        """All frames that are ready, one after another."""
+        while (frame := self.pull()) is not None:
+            yield frame
+
+    def finish(self) -> None:
+        """Ends the sound: every frame that began can be pulled."""
+        self._call("finish")
+
+    def set_emotion(self, strengths) -> None:
+        """The emotion from the next frame on: `[15]` strengths in the order of `EMOTIONS`."""
+        row = np.ascontiguousarray(strengths, dtype=np.float32)
+        if row.shape != (len(EMOTIONS),):
+            raise AnyfaceError(
+                "input", f"emotion: expected {len(EMOTIONS)} strengths, got {row.shape}"
+            )
+        self._call("set_emotion", row.ctypes.data_as(_FLOATS))
+
+    def close(self) -> None:
+        """Frees the stream."""
+        self._handle = None
+        self._handles.close()
+
+    def __enter__(self):
+        return self
+
+    def __exit__(self, *_):
+        self.close()
+
+    def _call(self, verb: str, *arguments) -> None:
+        self._engine._call(f"anyface_weight_stream_{verb}", self._open(), *arguments)
+
+    def _open(self):
+        if self._handle is None:
+            raise AnyfaceError("input", "stream: expected an open stream, got a closed one")
+        return self._handle

@@ -1,0 +1,82 @@
+//! The sound devices of this machine: microphones, and loudspeakers that play what the face follows.
+
+use anyface::{Error, Result};
+use anyface_microphone::devices;
+pub use anyface_microphone::{Microphone, Monitor};
+use clap::Args;
+
+use crate::console::Console;
+
+/// The longest delay of what is played, seconds.
+const LONGEST_DELAY_S: f64 = 5.0;
+
+/// Which sound devices are used.
+#[derive(Args)]
+pub struct DeviceArgs {
+    /// The microphone, or a part of its name; see --devices [default: the system's choice]
+    #[arg(long, value_name = "NAME", conflicts_with = "input")]
+    microphone: Option<String>,
+    /// List the microphones, the system's choice first, and end
+    #[arg(long)]
+    devices: bool,
+    /// Play the sound on the system's loudspeakers, as late as the face, so that lips and voice fit
+    #[arg(long, conflicts_with = "fast")]
+    monitor: bool,
+    /// Play it so many seconds after it came instead
+    #[arg(long, value_name = "SECONDS", requires = "monitor")]
+    delay: Option<f64>,
+}
+
+impl DeviceArgs {
+    /// Whether a list is all that is wanted.
+    pub fn are_to_be_listed(&self) -> bool {
+        self.devices
+    }
+
+    /// Opens the microphone and says which it is.
+    ///
+    /// # Errors
+    /// `Audio` where it cannot be recorded.
+    pub fn open(&self, console: &Console) -> Result<Microphone> {
+        let opened = Microphone::open(self.microphone.as_deref());
+        let microphone = opened.map_err(|e| Error::Audio(e.to_string()))?;
+        console.note(&format!("listening to {}", microphone.name()));
+        Ok(microphone)
+    }
+
+    /// Opens the loudspeakers, where that is wanted; the face is `lag_s` seconds late.
+    ///
+    /// # Errors
+    /// `InvalidInput` for a delay out of range, `Audio` where nothing can be played.
+    pub fn monitor(&self, lag_s: f64, console: &Console) -> Result<Option<Monitor>> {
+        if !self.monitor {
+            return Ok(None);
+        }
+        let delay_s = self.delay.unwrap_or(lag_s);
+        if !(0.0..=LONGEST_DELAY_S).contains(&delay_s) {
+            return Err(Error::InvalidInput(format!(
+                "--delay: expected 0 to {LONGEST_DELAY_S} seconds, got {delay_s}"
+            )));
+        }
+        let monitor = Monitor::open(delay_s).map_err(|e| Error::Audio(e.to_string()))?;
+        console.note(&format!(
+            "playing on {}, {:.0} ms later",
+            monitor.name(),
+            1e3 * delay_s
+        ));
+        Ok(Some(monitor))
+    }
+}
+
+/// Prints the names of the microphones, or that there is none.
+///
+/// # Errors
+/// `Audio` where there is none, `Io` if standard output cannot be written to.
+pub fn print_devices(console: &Console) -> Result<()> {
+    let names = devices();
+    if names.is_empty() {
+        let error = anyface_microphone::MicrophoneError::None;
+        return Err(Error::Audio(error.to_string()));
+    }
+    console.value(&names, &names.join("\n"))
+}

@@ -1,0 +1,291 @@
+//! `anyface live` on a microphone: a sound system of our own whose device hears what is played on it.
+
+use std::{
+    fs,
+    io::{BufRead, BufReader, Read},
+    path::{Path, PathBuf},
+    process::{Child, ChildStdout, Command, Stdio},
+    sync::mpsc::{Receiver, channel},
+    thread,
+    time::{Duration, Instant},
+};
+
+use serde_json::Value;
+
+use crate::{folder_with_sound, voice};
+
+/// How long anything may take on a busy machine.
+const PATIENCE: Duration = Duration::from_secs(60);
+/// What the face does at rest stays below this.
+const REST: f64 = 0.05;
+
+/// A PulseAudio whose one device has no hardware; it records what is played on it.
+struct SoundSystem {
+    folder: tempfile::TempDir,
+    server: Child,
+}
+
+impl SoundSystem {
+    fn start() -> SoundSystem {
+        let folder = tempfile::tempdir().unwrap();
+        let server = serve(folder.path());
+        let system = SoundSystem { folder, server };
+        system.wait();
+        system
+    }
+
+    fn wait(&self) {
+        let end = Instant::now() + PATIENCE;
+        while Instant::now() < end {
+            let info = self.command("pactl").arg("info").output().unwrap();
+            if info.status.success() {
+                return;
+            }
+            thread::sleep(Duration::from_millis(50));
+        }
+        panic!("PulseAudio does not start");
+    }
+
+    /// A program that uses this sound system.
+    fn command(&self, program: &str) -> Command {
+        let mut command = Command::new(program);
+        in_sound_folder(&mut command, self.folder.path());
+        command
+    }
+
+    fn live(&self, arguments: &[&str]) -> Command {
+        let mut command = self.command(env!("CARGO_BIN_EXE_anyface"));
+        command.arg("live").args(arguments);
+        command
+    }
+
+    fn play(&self, wav: &Path) {
+        let mut player = self.command("paplay");
+        assert!(player.arg(wav).status().unwrap().success());
+    }
+
+    fn stop(&mut self) {
+        self.server.kill().unwrap();
+        self.server.wait().unwrap();
+    }
+
+    fn start_again(&mut self) {
+        self.server = serve(self.folder.path());
+        self.wait();
+    }
+}
+
+impl Drop for SoundSystem {
+    fn drop(&mut self) {
+        let _ = self.server.kill();
+        let _ = self.server.wait();
+    }
+}
+
+fn in_sound_folder(command: &mut Command, folder: &Path) {
+    command.env("XDG_RUNTIME_DIR", folder).env("HOME", folder);
+    for name in [
+        "PULSE_SERVER",
+        "PULSE_RUNTIME_PATH",
+        "DISPLAY",
+        "DBUS_SESSION_BUS_ADDRESS",
+    ] {
+        command.env_remove(name);
+    }
+}
+
+fn serve(folder: &Path) -> Child {
+    let mut command = Command::new("pulseaudio");
+    in_sound_folder(&mut command, folder);
+    command
+        .args([
+            "-n",
+            "--daemonize=no",
+            "--exit-idle-time=-1",
+            "--disable-shm",
+            "--use-pid-file=no",
+        ])
+        .args(["-L", "module-native-protocol-unix"])
+        .args([
+            "-L",
+            "module-null-sink rate=48000 sink_properties=device.description=Desk",
+        ])
+        .stderr(Stdio::null())
+        .spawn()
+        .unwrap()
+}
+
+/// A live face: its frames and notes as they come.
+struct Face {
+    child: Child,
+    frames: Receiver<Value>,
+    notes: Receiver<String>,
+}
+
+impl Face {
+    fn start(mut command: Command) -> Face {
+        let pipes = command.stdout(Stdio::piped()).stderr(Stdio::piped());
+        let mut child = pipes.spawn().unwrap();
+        let frames = lines(child.stdout.take().unwrap(), |line| {
+            serde_json::from_str(&line).unwrap()
+        });
+        let notes = lines(child.stderr.take().unwrap(), |line| line);
+        Face {
+            child,
+            frames,
+            notes,
+        }
+    }
+
+    /// Waits for a note that holds `text`.
+    fn notes(&self, text: &str) {
+        let end = Instant::now() + PATIENCE;
+        while let Ok(note) = self
+            .notes
+            .recv_timeout(end.saturating_duration_since(Instant::now()))
+        {
+            if note.contains(text) {
+                return;
+            }
+        }
+        panic!("no note {text:?}");
+    }
+
+    /// The widest open mouth in the frames that have come and come in `time`.
+    fn opening(&self, time: Duration) -> f64 {
+        let (end, mut widest, mut count) = (Instant::now() + time, 0.0f64, 0);
+        while let Ok(frame) = self
+            .frames
+            .recv_timeout(end.saturating_duration_since(Instant::now()))
+        {
+            widest = widest.max(frame["shapes"]["jawOpen"].as_f64().unwrap());
+            count += 1;
+        }
+        assert!(count > 10, "{count} frames");
+        widest
+    }
+}
+
+impl Drop for Face {
+    fn drop(&mut self) {
+        let _ = self.child.kill();
+        let _ = self.child.wait();
+    }
+}
+
+fn lines<T: Send + 'static>(
+    from: impl Read + Send + 'static,
+    read: impl Fn(String) -> T + Send + 'static,
+) -> Receiver<T> {
+    let (sender, receiver) = channel();
+    thread::spawn(move || {
+        for line in BufReader::new(from).lines().map_while(Result::ok) {
+            if sender.send(read(line)).is_err() {
+                return;
+            }
+        }
+    });
+    receiver
+}
+
+/// A voice of two seconds at the rate of a usual sound card, loud enough to be heard.
+fn spoken() -> (tempfile::TempDir, PathBuf) {
+    let folder = folder_with_sound(&voice::babble(2.0, 48_000), 48_000);
+    let wav = folder.path().join("a.wav");
+    (folder, wav)
+}
+
+#[test]
+#[cfg_attr(not(has_pulseaudio), ignore = "needs pulseaudio")]
+fn a_face_follows_a_microphone_that_goes_and_comes_back() {
+    let mut system = SoundSystem::start();
+    let (_folder, wav) = spoken();
+    let face = Face::start(system.live(&["--microphone", "desk", "--json"]));
+    face.notes("listening to Monitor of Desk");
+    assert!(face.opening(Duration::from_secs(2)) < REST);
+    system.play(&wav);
+    assert!(face.opening(Duration::from_secs(1)) > 2.0 * REST);
+    system.stop();
+    face.notes("Monitor of Desk is gone");
+    // The mouth shuts after what was said last, and frames go on.
+    face.opening(Duration::from_secs(1));
+    assert!(face.opening(Duration::from_secs(1)) < REST);
+    system.start_again();
+    face.notes("Monitor of Desk is back");
+    system.play(&wav);
+    assert!(face.opening(Duration::from_secs(1)) > 2.0 * REST);
+}
+
+#[test]
+#[cfg_attr(not(has_pulseaudio), ignore = "needs pulseaudio")]
+fn devices_are_listed_and_what_is_none_is_refused() {
+    let system = SoundSystem::start();
+    let listed = system.live(&["--devices"]).output().unwrap();
+    assert_eq!(String::from_utf8_lossy(&listed.stdout), "Monitor of Desk\n");
+    let refused = system
+        .live(&["--microphone", "kitchen", "--json"])
+        .output()
+        .unwrap();
+    assert_eq!(refused.status.code(), Some(4));
+    let message = String::from_utf8_lossy(&refused.stderr).into_owned();
+    assert!(
+        message.contains("expected one of Monitor of Desk, got"),
+        "{message}"
+    );
+}
+
+#[test]
+#[cfg_attr(not(has_pulseaudio), ignore = "needs pulseaudio")]
+fn what_the_face_follows_is_played_later() {
+    let system = SoundSystem::start();
+    let (folder, _) = spoken();
+    // Raw samples of what is heard in the room.
+    let mut recorder = system.command("parec");
+    recorder.args([
+        "--format=s16le",
+        "--rate=16000",
+        "--channels=1",
+        "--latency-msec=20",
+    ]);
+    let mut recorder = recorder.stdout(Stdio::piped()).spawn().unwrap();
+    let heard = loudest(recorder.stdout.take().unwrap());
+    let mut live = system.live(&["--input", "a.wav", "--monitor", "--json"]);
+    let played = live.current_dir(folder.path()).output().unwrap();
+    let notes = String::from_utf8_lossy(&played.stderr).into_owned();
+    assert!(played.status.success(), "{notes}");
+    assert!(notes.contains("playing on Desk, 192 ms later"), "{notes}");
+    thread::sleep(Duration::from_millis(500));
+    recorder.kill().unwrap();
+    recorder.wait().unwrap();
+    assert!(heard.join().unwrap() > 1_000);
+}
+
+/// The loudest sample of 16 bits that comes.
+fn loudest(mut from: ChildStdout) -> thread::JoinHandle<u16> {
+    thread::spawn(move || {
+        let mut bytes = Vec::new();
+        from.read_to_end(&mut bytes).unwrap();
+        let samples = bytes
+            .chunks_exact(2)
+            .map(|b| i16::from_le_bytes([b[0], b[1]]));
+        samples.map(i16::unsigned_abs).max().unwrap_or(0)
+    })
+}
+
+#[test]
+fn a_machine_without_sound_says_what_to_do() {
+    let folder = tempfile::tempdir().unwrap();
+    let mut command = Command::new(env!("CARGO_BIN_EXE_anyface"));
+    in_sound_folder(&mut command, folder.path());
+    // ALSA then knows no device either.
+    fs::write(folder.path().join("asound.conf"), "").unwrap();
+    command.env("ALSA_CONFIG_PATH", folder.path().join("asound.conf"));
+    let output = command.args(["live", "--devices"]).output().unwrap();
+    assert_eq!(output.status.code(), Some(4));
+    let message = String::from_utf8_lossy(&output.stderr).into_owned();
+    assert!(
+        message.contains("this system lists none; plug one in"),
+        "{message}"
+    );
+    assert!(!message.contains("ALSA lib"), "{message}");
+}

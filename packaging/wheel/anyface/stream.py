@@ -1,0 +1,35 @@
+"""A face while somebody is speaking."""
+
+from .core.emotion import parse
+from .core.native import Engine
+from .core.weight_stream import WeightStream
+from .talking import built_in
+
+
+class Stream(WeightStream):
+    """Weights of ARKit's shapes and of visemes in real time, with blinks, eyes and head.
+
+        with anyface.Stream(emotion="happy:0.5") as stream, anyface.Microphone() as microphone:
+            while True:
+                stream.push(microphone.read())
+                for frame in stream.frames():
+                    ...                             # frame.shapes[52], frame.visemes[15], frame.head[3]
+                time.sleep(0.01)
+
+    It belongs to one thread at a time. Raises `AnyfaceError` for an engine whose system needs the
+    whole sound.
+    """
+
+    def __init__(self, *, emotion: str = "neutral", engine: Engine | None = None):
+        super().__init__(engine or built_in())
+        self.emotion = emotion
+
+    @property
+    def emotion(self) -> str:
+        """What the face feels; set it at any time, as `happy:0.5,surprised:0.2`."""
+        return self._emotion
+
+    @emotion.setter
+    def emotion(self, emotion: str) -> None:
+        self.set_emotion(parse(emotion))
+        self._emotion = emotion
