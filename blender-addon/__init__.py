@@ -29,6 +29,7 @@ from .ui import (
     key_list,
     landmarks,
     life,
+    listening,
     live,
     made_head,
     mending,
@@ -56,7 +57,7 @@ _MODULES = (
     expression_keys, landmarks, opening, audio, choose_sound, presets, mixture, emotions,
     performance, events, life, outputs, export,
     key_list, controls, find_controls, caches, takes, sounds, sounds_file, scene_list,
-    models, heat, live,
+    models, heat, live, listening,
 )  # fmt: skip
 _KINDS = (AddonPreferences, Menu, Operator, Panel, UIList)
 # What has more to add than classes: before them, and after them.

@@ -1,4 +1,4 @@
-"""A face that follows a voice while it is played: frame after frame, in any order."""
+"""A face that follows a voice: one that is played, in any order, or that of a microphone."""
 
 import math
 from contextlib import ExitStack
@@ -8,6 +8,7 @@ import numpy as np
 
 from .errors import AnyfaceError
 from .job import Progress
+from .microphone import Microphone
 from .take import Request, Sound
 
 _LANDMARKS = 68
@@ -46,26 +47,47 @@ class LiveCalls:
                 audio = self._audio(kept, sound)
                 samples = np.empty(self._library.anyface_audio_sample_count(audio), np.float32)
                 self._copy("anyface_audio_copy_samples", audio, samples)
-                found = LiveFace(self, face, len(positions), samples)
-                found.start(0)
-                found.keep(kept.pop_all())
-                return found
+                follower = LiveFace(self, face, len(positions), samples)
+                follower.start(0)
+                follower.keep(kept.pop_all())
+                return follower
+
+    def live_microphone(
+        self,
+        positions: np.ndarray,
+        triangles: np.ndarray,
+        landmarks: np.ndarray | None,
+        landmark_vertices: np.ndarray | None,
+        microphone: str,
+        request: Request,
+        progress: Progress,
+    ) -> "ListeningFace":
+        """A mesh made ready to follow a microphone, "" for the system's choice.
+
+        Raises `AnyfaceError`: "audio" where it cannot be recorded.
+        """
+        with ExitStack() as handles:
+            watch = handles.enter_context(self._watch(progress))
+            with ExitStack() as kept:
+                marks = landmarks, landmark_vertices
+                face = self._face(kept, positions, triangles, marks, request, watch)
+                device = kept.enter_context(Microphone(microphone))
+                follower = ListeningFace(self, face, len(positions), device)
+                follower.keep(kept.pop_all())
+                return follower
 
 
-class LiveFace:
-    """A face, a voice, and the stream between them. Belongs to one thread; `close` it."""
+class StreamedFace:
+    """A face and a stream that moves it. Belongs to one thread; `close` it."""
 
-    def __init__(self, engine, face, vertices: int, samples: np.ndarray):
+    # Whether it moves by itself, not by the scene's frame.
+    listens = False
+
+    def __init__(self, engine, face, vertices: int):
         self._engine, self._face, self._vertices = engine, face, vertices
-        self._samples = samples
         self._handles, self._streams = ExitStack(), ExitStack()
         self._strengths: np.ndarray | None = None
-        # Numbers of the frames that `_rows` ends with, and of the sample that is pushed next.
-        self._next = self._first = self._pushed = 0
-        self._ended = self._feels_anew = False
-        # The instant that was asked for last.
-        self._shown_s = -1.0
-        self._rows = np.zeros((2, _LANDMARKS, 3), dtype=np.float32)
+        self._feels_anew = False
 
     def keep(self, handles: ExitStack) -> None:
         """Takes over what is freed with this face."""
@@ -81,10 +103,117 @@ class LiveFace:
 
         Raises `AnyfaceError`.
         """
-        wanted = np.ascontiguousarray(strengths, dtype=np.float32)
-        if self._strengths is None or not np.array_equal(wanted, self._strengths):
-            self._strengths, self._feels_anew = wanted, True
+        row = np.ascontiguousarray(strengths, dtype=np.float32)
+        if self._strengths is None or not np.array_equal(row, self._strengths):
+            self._strengths, self._feels_anew = row, True
             self._set_emotion()
+
+    def _open_stream(self) -> None:
+        """A stream from rest in place of the one before."""
+        self._streams.close()
+        engine = self._engine
+        self._stream = engine._own(self._streams, "stream", "anyface_stream_new", engine._handle)
+        self._set_emotion()
+
+    def _set_emotion(self) -> None:
+        if self._strengths is not None:
+            row = self._strengths.ctypes.data_as(_FLOATS)
+            self._engine._call("anyface_stream_set_emotion", self._stream, row)
+
+    def _push_samples(self, samples: np.ndarray) -> None:
+        if len(samples):
+            row = samples.ctypes.data_as(_FLOATS)
+            self._engine._call("anyface_stream_push", self._stream, row, len(samples))
+
+    def _next_row(self) -> np.ndarray | None:
+        """Displacements `[68, 3]` of the next frame, or None until more samples are there."""
+        row, count = np.empty((1, _LANDMARKS, 3), dtype=np.float32), c_size_t()
+        place = row.ctypes.data_as(_FLOATS)
+        self._engine._call("anyface_stream_pull", self._stream, place, 1, byref(count))
+        return row[0] if count.value else None
+
+    def _moved(self, landmarks: np.ndarray) -> np.ndarray:
+        """The mesh `[V, 3]` under displacements of the landmarks `[68, 3]`."""
+        engine = self._engine
+        if engine._handle is None:
+            raise AnyfaceError("internal", "the models were unloaded")
+        with ExitStack() as handles:
+            row = np.ascontiguousarray(landmarks, dtype=np.float32)
+            frame = (row.ctypes.data_as(_FLOATS), 1, FPS)
+            motion = engine._own(handles, "motion", "anyface_motion_new_displacements", *frame)
+            parts = (engine._handle, self._face, motion, c_void_p())
+            clip = engine._own(handles, "clip", "anyface_clip_new", *parts)
+            out = np.empty((self._vertices, 3), dtype=np.float32)
+            engine._call("anyface_clip_copy_frame", clip, 0, out.ctypes.data_as(_FLOATS), out.size)
+            return out
+
+
+class ListeningFace(StreamedFace):
+    """A face that follows a microphone, a fifth of a second behind."""
+
+    listens = True
+
+    def __init__(self, engine, face, vertices: int, microphone: Microphone):
+        super().__init__(engine, face, vertices)
+        self._microphone = microphone
+        self._displacements = np.zeros((vertices, 3), dtype=np.float32)
+        # What was heard since the recording began; None where none goes on.
+        self._recorded: list[np.ndarray] | None = None
+        self._recorded_from = 0
+        self._open_stream()
+
+    @property
+    def name(self) -> str:
+        """Name of the microphone."""
+        return self._microphone.name
+
+    @property
+    def is_lost(self) -> bool:
+        """Whether the microphone is gone for now."""
+        return self._microphone.is_lost
+
+    def at(self, _seconds: float = 0.0) -> np.ndarray:
+        """Displacements `[V, 3]` of the mesh after all that was heard. Raises `AnyfaceError`."""
+        samples = self._microphone.read()
+        if self._recorded is not None:
+            self._recorded.append(samples)
+        self._push_samples(samples)
+        newest = None
+        while (row := self._next_row()) is not None:
+            newest = row
+        if newest is not None:
+            self._displacements = self._moved(newest)
+        return self._displacements
+
+    @property
+    def is_recording(self) -> bool:
+        """Whether what is heard is kept."""
+        return self._recorded is not None
+
+    def record(self, frame: int) -> None:
+        """Keeps what is heard from now on; the scene stands at `frame`."""
+        self._push_samples(self._microphone.read())
+        self._recorded, self._recorded_from = [], frame
+
+    def recording(self) -> tuple[Sound, int]:
+        """What was heard since `record`, which ends, and the frame at which it began."""
+        blocks, self._recorded = self._recorded or [], None
+        samples = np.concatenate([np.zeros(0, np.float32), *blocks])
+        return Sound(samples, float(_RATE_HZ), "recording"), self._recorded_from
+
+
+class LiveFace(StreamedFace):
+    """A face that follows a voice of which all is there."""
+
+    def __init__(self, engine, face, vertices: int, samples: np.ndarray):
+        super().__init__(engine, face, vertices)
+        self._samples = samples
+        # Numbers of the frames that `_rows` ends with, and of the sample that is pushed next.
+        self._next = self._first = self._pushed = 0
+        self._ended = False
+        # The instant that was asked for last.
+        self._shown_s = -1.0
+        self._rows = np.zeros((2, _LANDMARKS, 3), dtype=np.float32)
 
     def at(self, seconds: float) -> np.ndarray:
         """Displacements `[V, 3]` of the mesh, in its own units, at an instant of the voice.
@@ -109,60 +238,31 @@ class LiveFace:
 
     def start(self, frame: int) -> None:
         """Hears the voice from the sound of `frame` on, with a face at rest."""
-        self._streams.close()
-        engine = self._engine
-        made = engine._own(self._streams, "stream", "anyface_stream_new", engine._handle)
-        self._stream = made
+        self._open_stream()
         self._next = self._first = frame
         self._pushed = frame * _SAMPLES
         self._ended = False
         self._rows[:] = 0.0
-        self._set_emotion()
-
-    def _set_emotion(self) -> None:
-        if self._strengths is not None:
-            given = self._strengths.ctypes.data_as(_FLOATS)
-            self._engine._call("anyface_stream_set_emotion", self._stream, given)
 
     def _pull(self, end: int) -> None:
         """Hears on until the rows are those of the frames `end - 2` and `end - 1`."""
         late_s = self._engine._library.anyface_stream_latency_s(self._stream)
-        row = np.empty((1, _LANDMARKS, 3), dtype=np.float32)
         while self._next < end:
             needed = (self._next + 1) * _SAMPLES + math.ceil(late_s * _RATE_HZ)
             self._push(min(needed, len(self._samples)))
-            count = c_size_t()
-            given = (self._stream, row.ctypes.data_as(_FLOATS), 1, byref(count))
-            self._engine._call("anyface_stream_pull", *given)
+            row = self._next_row()
             self._rows[0] = self._rows[1]
-            if count.value:
-                self._rows[1] = row[0]
+            if row is not None:
+                self._rows[1] = row
                 if self._next == self._first:
-                    self._rows[0] = row[0]
+                    self._rows[0] = row
             self._next += 1
 
     def _push(self, end: int) -> None:
         part = np.ascontiguousarray(self._samples[self._pushed : end])
         if len(part):
-            given = (self._stream, part.ctypes.data_as(_FLOATS), len(part))
-            self._engine._call("anyface_stream_push", *given)
+            self._push_samples(part)
             self._pushed = end
         if self._pushed == len(self._samples) and not self._ended:
             self._engine._call("anyface_stream_finish", self._stream)
             self._ended = True
-
-    def _moved(self, landmarks: np.ndarray) -> np.ndarray:
-        """The mesh `[V, 3]` under displacements of the landmarks `[68, 3]`."""
-        engine = self._engine
-        if engine._handle is None:
-            raise AnyfaceError("internal", "the models were unloaded")
-        with ExitStack() as handles:
-            row = np.ascontiguousarray(landmarks, dtype=np.float32)
-            given = (row.ctypes.data_as(_FLOATS), 1, FPS)
-            motion = engine._own(handles, "motion", "anyface_motion_new_displacements", *given)
-            made = (engine._handle, self._face, motion, c_void_p())
-            clip = engine._own(handles, "clip", "anyface_clip_new", *made)
-            out = np.empty((self._vertices, 3), dtype=np.float32)
-            given = (clip, 0, out.ctypes.data_as(_FLOATS), out.size)
-            engine._call("anyface_clip_copy_frame", *given)
-            return out

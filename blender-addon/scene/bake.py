@@ -15,6 +15,7 @@ from ..core import measure, perform, plan, sparse, systems, wording
 from ..core.emotion import Share
 from ..core.errors import AnyfaceError
 from ..core.job import BEGUN, Progress, at_once
+from ..core.native_live import StreamedFace
 from ..core.plan import Plan
 from ..core.source import SoundSource
 from ..core.take import FaceMesh, Request, Sound, Take, WrittenFile
@@ -210,6 +211,15 @@ def read(ob, scene, settings: Settings, engine) -> Snapshot:
     )
 
 
+def read_still(ob, scene, settings: Settings) -> tuple[FaceMesh, Request]:
+    """The face for a voice that is not there yet; raises `AnyfaceError` in words for the artist."""
+    live.end(ob)
+    outputs.of(settings.mode).check(ob, settings.output)
+    _leave_out_foreign(ob, settings)
+    face = read_face(ob, settings)
+    return face, Request(fps=scene.render.fps / scene.render.fps_base, roles=face.roles)
+
+
 def _numbers(names: list[str], settings: Settings) -> dict[str, int]:
     every = {*names, *(part.name for part in settings.parts), *settings.life.names}
     found = {name: bpy.data.objects.get(name) for name in every if name}
@@ -301,10 +311,10 @@ def landing(ob, snapshot: Snapshot, take: Take):
 
 
 def discard(made) -> None:
-    """Takes back the files of a take that was not written, or of those of a list; needs no Blender.
-
-    What is no take has left nothing.
-    """
+    """Takes back the files of a take that was not written, or of those of a list, and closes a face
+    that nobody follows; needs no Blender."""
+    if isinstance(made, StreamedFace):
+        made.close()
     for take in _takes(made):
         plan.take_back(take.motion.files)
 

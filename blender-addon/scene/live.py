@@ -1,4 +1,4 @@
-"""A face that follows its sound in the viewport before anything is generated.
+"""A face that follows its sound, or a microphone, in the viewport before anything is generated.
 
 All of it lies in one shape key of each object, which goes when it ends: with a file that is saved,
 opened or rendered, with an undo, or by the artist.
@@ -21,6 +21,8 @@ from .shape_keys import guard
 from .way_back import unharmed
 
 KEY = "Anyface Live"
+# How often faces that listen are moved, seconds.
+_EVERY_S = 1.0 / 60.0
 
 
 @dataclass
@@ -50,30 +52,42 @@ def _of(ob) -> list[Follower]:
     return [f for f in _followers if identity.with_number(f.number, f.name) == ob]
 
 
-def begin(ob, snapshot, face) -> None:
-    """Lets `ob`, which `snapshot` was read from, follow its sound by `face`, a `LiveFace`.
+def listens(ob) -> bool:
+    """Whether `ob` follows a microphone."""
+    return listener(ob) is not None
+
+
+def listener(ob):
+    """The `ListeningFace` that moves `ob`, or None."""
+    return next((f.face for f in _of(ob) if f.face.listens), None)
+
+
+def begin(ob, mesh_face, face, start_frame: float = 0.0) -> None:
+    """Lets `ob`, of which `mesh_face` was read, follow `face`, a `LiveFace` or a `ListeningFace`.
 
     Raises `AnyfaceError` where an object cannot have a key; nothing has changed then.
     """
-    own, *others = snapshot.face.pieces
+    own, *others = mesh_face.pieces
     found = [(ob, own)]
     found += [(pieces.object_of(pieces.Part(piece.name), ob), piece) for piece in others]
     for one, piece in found:
         guard.check_editable(one)
         guard.check_size(one, piece.count)
     end(ob)
-    parts, way, start = [], snapshot.face.space, snapshot.source.start_frame
+    parts, way = [], mesh_face.space
     try:
         for one, piece in found:
             rested = mesh.read_basis(one.data)
             with guard.object_mode(one), guard.selection_kept(one):
                 _add_key(one, rested)
             parts.append((identity.number(one), one.name, piece, rested))
-        _followers.append(Follower(identity.number(ob), ob.name, parts, face, way, start))
+        _followers.append(Follower(identity.number(ob), ob.name, parts, face, way, start_frame))
     except BaseException:
         _sweep()
         raise
     show(bpy.context.scene)
+    if face.listens and not bpy.app.timers.is_registered(listen):
+        bpy.app.timers.register(listen)
 
 
 def _add_key(ob, rested: np.ndarray) -> None:
@@ -137,9 +151,18 @@ def feel(_group=None, _context=None) -> None:
             show(bpy.context.scene)
 
 
-def show(scene) -> None:
-    """Moves every face that follows to where it is in the current frame."""
-    for follower in list(_followers):
+def listen() -> float | None:
+    """Moves faces to what their microphones hear; Blender calls it again and again."""
+    heard = [follower for follower in _followers if follower.face.listens]
+    if not heard:
+        return None
+    show(bpy.context.scene, heard)
+    return _EVERY_S
+
+
+def show(scene, followers: list[Follower] | None = None) -> None:
+    """Moves `followers`, or every face that follows, to where it is in the current frame."""
+    for follower in list(_followers if followers is None else followers):
         ob = None
         try:
             ob = identity.with_number(follower.number, follower.name)
@@ -214,5 +237,7 @@ def unregister() -> None:
     """Ends all."""
     end_all()
     bpy.app.handlers.frame_change_post.remove(_on_frame)
+    if bpy.app.timers.is_registered(listen):
+        bpy.app.timers.unregister(listen)
     for name in _ENDINGS:
         getattr(bpy.app.handlers, name).remove(_on_end)

@@ -25,14 +25,15 @@ meanwhile. Again ends it; so does saving, rendering and undo. Nothing of it stay
     @classmethod
     def why_not(cls, context):
         ob = target(context)
-        if ob is not None and live.is_on(ob):
+        if ob is not None and live.is_on(ob) and not live.listens(ob):
             return ""
         plays = "The face plays a take: remove it first" if outputs.has_take(ob) else ""
         return super().why_not(context) or plays
 
     def instead(self, context):
         """Off, where it is on."""
-        return live.end(target(context))
+        ob = target(context)
+        return not live.listens(ob) and live.end(ob)
 
     def read(self, context, ob):
         """The face and its sound."""
@@ -45,9 +46,5 @@ meanwhile. Again ends it; so does saving, rendering and undo. Nothing of it stay
 
     def finish(self, ob, work, face):
         """Begins to follow."""
-        try:
-            live.begin(ob, work.about, face)
-        except BaseException:
-            face.close()
-            raise
+        live.begin(ob, work.about.face, face, work.about.source.start_frame)
         return "the face follows the sound: play, or go to another frame"

@@ -107,9 +107,23 @@ def _draw_buttons(layout, context, ob) -> None:
     row.scale_y = 1.4
     row.operator("anyface.generate", text="Generate Again" if again else "Generate")
     if not again:
-        row.operator("anyface.live", text="", icon="PLAY", depress=live.is_on(ob))
+        hears = live.listens(ob)
+        row.operator("anyface.live", text="", icon="PLAY", depress=live.is_on(ob) and not hears)
+        row.operator("anyface.listen", text="", icon="OUTLINER_DATA_SPEAKER", depress=hears)
+        _draw_listener(layout, live.listener(ob))
     if again:
         layout.operator("anyface.remove", icon="TRASH")
+
+
+def _draw_listener(layout, face) -> None:
+    if face is None:
+        return
+    row = layout.row(align=True)
+    if face.is_lost:
+        row.label(text=f"{face.name} is gone: the face waits for it", icon="ERROR")
+        return
+    text = "Stop Recording" if face.is_recording else "Record"
+    row.operator("anyface.record", text=text, icon="REC", depress=face.is_recording)
 
 
 def _draw_report(layout, ob, width: int) -> None:

@@ -7,6 +7,8 @@ from bpy.props import BoolProperty, IntProperty, StringProperty
 from bpy.types import AddonPreferences
 
 from ..core import native
+from ..core.errors import AnyfaceError
+from ..core.microphone import devices
 
 # The name under which Blender knows the add-on: the package of this one.
 PACKAGE = __package__.rpartition(".")[0]
@@ -47,13 +49,34 @@ class AnyfacePreferences(AddonPreferences):
         default=False,
     )
 
+    microphone: StringProperty(
+        name="Microphone",
+        description="Device that Live Microphone listens to, or a part of its name; empty takes "
+        "the system's choice",
+        search=lambda _self, _context, _text: _microphones(),
+    )
+
     def draw(self, context):
         """Draws the preferences."""
         self.layout.prop(self, "model_folder", placeholder="Built-In")
         self.layout.prop(self, "emotion_model", placeholder="Built-In")
+        self.layout.prop(self, "microphone", placeholder="System's Choice")
         self.layout.prop(self, "threads")
         self.layout.prop(self, "research")
         self.layout.label(text=f"Library: {native.library_path()}")
+
+
+def _microphones() -> list[str]:
+    """Names of the devices that record; none where the system's sound cannot be used."""
+    try:
+        return devices()
+    except AnyfaceError:
+        return []
+
+
+def microphone() -> str:
+    """The microphone that the artist set; "" for the system's choice."""
+    return _stored("microphone", "")
 
 
 def threads() -> int:

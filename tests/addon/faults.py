@@ -155,13 +155,15 @@ def press(operator, ob) -> tuple[str, object]:
 
 
 class LiveFace:
-    """Stands for a face that follows its sound."""
+    """Stands for a face that follows its sound, or a microphone where it `listens`."""
 
-    def __init__(self, count):
-        self._count = count
+    name = "Desk"
+
+    def __init__(self, count, listens=False):
+        self._count, self.listens = count, listens
 
     def feel(self, strengths):
-        """EmotionSource nothing."""
+        """Feels nothing."""
 
     def at(self, seconds):
         """All vertices moved alike."""
@@ -177,6 +179,10 @@ class WholeStage(Stage):
     def live(self, positions, *_):
         """A face that follows."""
         return LiveFace(len(positions))
+
+    def live_microphone(self, positions, *_):
+        """A face that follows a microphone."""
+        return LiveFace(len(positions), listens=True)
 
     def open_mouth(self, positions, triangles, *_):
         """The mesh as it was: its lips part already."""

@@ -41,6 +41,7 @@ JOBS = {
     "expression keys": ("ui.expression_keys", "ANYFACE_OT_expression_keys", "basis"),
     "heat": ("ui.heat", "ANYFACE_OT_heat_map", "basis"),
     "live": ("ui.live", "ANYFACE_OT_live", "basis"),
+    "listen": ("ui.listening", "ANYFACE_OT_listen", "basis"),
     "sounds": ("ui.sounds", "ANYFACE_OT_sounds_show", "basis"),
     "open mouth": ("ui.opening", "ANYFACE_OT_open_mouth", "basis"),
     "open eyes": ("ui.opening", "ANYFACE_OT_open_eyes", "basis"),
@@ -49,7 +50,9 @@ JOBS = {
     "find controls": ("ui.find_controls", "ANYFACE_OT_controls_find", "controls"),
 }
 OPTIONS = {"expression keys": {"by": "NETWORK"}}
-NO_TAKE = ("find face", "expression keys", "live", "heat", "open mouth", "open eyes")
+NO_TAKE = (
+    "find face", "expression keys", "live", "listen", "heat", "open mouth", "open eyes",
+)  # fmt: skip
 
 
 class Set:

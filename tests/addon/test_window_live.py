@@ -9,7 +9,7 @@ from test_heads import voice  # noqa: F401 - a fixture
 from test_window import REDRAW, photographs, screen  # noqa: F401 - fixtures
 
 # The button is a small one, at the right end of its row.
-RIGHT = 0.84
+RIGHT = 0.77
 IS_LIVE = "any('Anyface Live' in keys.key_blocks for keys in bpy.data.shape_keys)"
 # How often the picture changed while it played, and how far the face lies behind the playhead.
 WATCH = """

@@ -34,7 +34,7 @@ impl Tree {
             fs::remove_dir_all(&folder).unwrap();
         }
         let crates = folder.join(name);
-        for part in ["rust-core", "cli", "capi", "include"] {
+        for part in ["rust-core", "cli", "capi", "microphone", "include"] {
             copy(&root().join(part), &crates.join(part));
         }
         fs::copy(root().join("Cargo.lock"), folder.join("Cargo.lock")).unwrap();

@@ -1,0 +1,101 @@
+"""*Live Microphone*: the face follows a voice in the room, which can be recorded."""
+
+import bpy
+from bpy.types import Operator
+
+from ..core.errors import AnyfaceError
+from ..core.job import Work
+from ..scene import bake, live, outputs
+from ..scene.sound import recording, sequencer
+from . import preferences, running
+from .operators import Alone, InThread
+from .settings import from_object
+from .target import sequencer_scene, target
+
+# Shorter recordings are a slip, seconds.
+_SHORTEST_S = 0.2
+
+
+class ANYFACE_OT_listen(InThread, Operator):
+    """Follow the microphone: the face speaks with you, a quarter of a second later. Again \
+ends it; so does saving, rendering and undo. Nothing of it stays but what you record"""
+
+    bl_idname = "anyface.listen"
+    bl_label = "Live Microphone"
+
+    busy = "Another face is being animated"
+
+    @classmethod
+    def why_not(cls, context):
+        ob = target(context)
+        if ob is not None and live.listens(ob):
+            return ""
+        plays = "The face plays a take: remove it first" if outputs.has_take(ob) else ""
+        return super().why_not(context) or plays
+
+    def instead(self, context):
+        """Off, where it is on."""
+        ob = target(context)
+        return live.listens(ob) and live.end(ob)
+
+    def read(self, context, ob):
+        """The face."""
+        scene = sequencer_scene(context)
+        settings = from_object(ob, scene)
+        # Whatever is asked of the output, this needs one key of its own.
+        settings.mode = "basis"
+        face, request = bake.read_still(ob, scene, settings)
+        engine, name = running.engine(settings.system), preferences.microphone()
+        mesh = face.space.seen(face)
+        return Work(lambda progress: engine.live_microphone(*mesh, name, request, progress), face)
+
+    def finish(self, ob, work, face):
+        """Begins to follow."""
+        live.begin(ob, work.about, face)
+        return f"{ob.name} listens to {face.name}"
+
+
+class ANYFACE_OT_record(Alone, Operator):
+    """Keep what the microphone hears from now on. Again ends it: the recording becomes a strip of \
+the sequencer at the frame where it began, and the face is animated by it"""
+
+    bl_idname = "anyface.record"
+    bl_label = "Record"
+
+    @classmethod
+    def why_not(cls, context):
+        ob = target(context)
+        silent = "" if ob is not None and live.listens(ob) else "Turn on Live Microphone first"
+        return super().why_not(context) or silent
+
+    def act(self, ob):
+        """Begins or ends the recording."""
+        scene, face = sequencer_scene(bpy.context), live.listener(ob)
+        if not face.is_recording:
+            face.record(scene.frame_current)
+            return "recording"
+        sound, frame = face.recording()
+        if len(sound.samples) < _SHORTEST_S * sound.rate_hz:
+            raise AnyfaceError("audio", "record: expected a fifth of a second or more")
+        strip = keep(ob, scene, sound, frame)
+        live.end(ob)
+        bpy.ops.anyface.generate("INVOKE_DEFAULT")
+        return f"{len(sound.samples) / sound.rate_hz:.1f} s recorded as {strip.name}"
+
+
+def keep(ob, scene, sound, frame: int):
+    """The recording as a strip that begins at `frame`, which `ob` speaks; raises `AnyfaceError`."""
+    try:
+        path = recording.write(sound)
+    except OSError as error:
+        raise AnyfaceError("file", f"the recording cannot be written: {error}") from error
+    try:
+        strip = sequencer.add_sound(scene, str(path), frame)
+    except RuntimeError as error:
+        # The file stays: it is all there is of what was said.
+        raise AnyfaceError("audio", f"Blender cannot play {path}: {error}") from error
+    if not bpy.data.filepath:
+        # The temporary folder goes with Blender, the .blend keeps the sound.
+        strip.sound.pack()
+    ob.anyface.source, ob.anyface.strip = "STRIP", strip.name
+    return strip

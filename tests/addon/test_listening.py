@@ -1,0 +1,207 @@
+"""*Live Microphone*: a face that speaks with the artist, and what is kept of it."""
+
+import wave
+from pathlib import Path
+
+import bpy
+import numpy as np
+import pytest
+
+from test_live import now, shape
+
+RATE_HZ = 16000
+KEY = "Anyface Live"
+
+
+class Room:
+    """What microphones hear, in place of the library's."""
+
+    def __init__(self):
+        self.sound, self.open, self.is_lost, self.error = np.zeros(0, np.float32), 0, False, None
+
+    def speak(self, seconds):
+        """A voice that swells five times a second is heard at once."""
+        at = np.arange(int(seconds * RATE_HZ)) / RATE_HZ
+        buzz = sum(np.sin(2 * np.pi * 140 * k * at) / k for k in range(1, 15))
+        voice = 0.2 * buzz * (0.5 - 0.5 * np.cos(10 * np.pi * at))
+        self.sound = np.concatenate([self.sound, voice.astype(np.float32)])
+
+
+@pytest.fixture
+def room(addon, monkeypatch):
+    """Microphones of the add-on hear this room."""
+    room = Room()
+
+    class Microphone:
+        name = "Desk"
+
+        def __init__(self, name=""):
+            if room.error:
+                raise addon("core.errors").AnyfaceError("audio", room.error)
+
+        def __enter__(self):
+            room.open += 1
+            return self
+
+        def __exit__(self, *_):
+            room.open -= 1
+
+        @property
+        def is_lost(self):
+            return room.is_lost
+
+        def read(self):
+            heard, room.sound = room.sound, np.zeros(0, np.float32)
+            return heard
+
+    monkeypatch.setattr(addon("core.native_live"), "Microphone", Microphone)
+    return room
+
+
+@pytest.fixture
+def listener(room):
+    """The sample head, which listens."""
+    bpy.ops.anyface.add_sample_head()
+    ob = bpy.context.object
+    bpy.context.scene.render.fps = 24
+    assert bpy.ops.anyface.listen() == {"FINISHED"}
+    return ob
+
+
+def heard(addon, ob):
+    """The face after Blender's timer has run."""
+    addon("scene.live").listen()
+    return now(ob)
+
+
+def test_the_face_speaks_with_the_artist_and_nothing_stays(addon, room, listener):
+    rest = now(listener)
+    seen = []
+    for _ in range(8):
+        room.speak(0.1)
+        seen.append(heard(addon, listener))
+    assert max(np.abs(points - rest).max() for points in seen) > 0.002
+    assert np.array_equal(heard(addon, listener), seen[-1]), "nothing more was heard"
+    listener.anyface.emotion, listener.anyface.intensity = "happy", 1.0
+    room.speak(1.0)
+    assert np.abs(heard(addon, listener) - seen[-1]).max() > 0.003
+    assert room.open == 1
+    assert bpy.ops.anyface.listen() == {"FINISHED"}
+    assert room.open == 0 and listener.data.shape_keys is None
+    assert addon("scene.live").listen() is None, "the timer ends"
+
+
+def test_a_recording_is_a_strip_and_a_take(addon, room, listener, tmp_path):
+    bpy.ops.wm.save_as_mainfile(filepath=str(tmp_path / "shot.blend"))
+    assert room.open == 0, "saving ends it"
+    bpy.context.scene.frame_set(11)
+    bpy.ops.anyface.listen()
+    room.speak(1.0)
+    heard(addon, listener)
+    assert bpy.ops.anyface.record() == {"FINISHED"}
+    bpy.context.scene.frame_set(20)
+    for _ in range(5):
+        room.speak(0.3)
+        heard(addon, listener)
+    assert bpy.ops.anyface.record() == {"FINISHED"}
+    path = tmp_path / "sounds" / "recording_001.wav"
+    with wave.open(str(path)) as file:
+        assert (file.getnchannels(), file.getframerate()) == (1, RATE_HZ)
+        assert file.getnframes() == 24000
+        samples = np.frombuffer(file.readframes(24000), "<i2")
+    assert 3000 < np.abs(samples).max() < 20000
+    strips = addon("scene.sound.sequencer").sound_strips(bpy.context.scene)
+    assert [strip.name for strip in strips] == [listener.anyface.strip]
+    assert addon("scene.sound.sequencer").ends(strips[0])[0] == 11
+    # The take is there, and nothing listens any more.
+    assert room.open == 0
+    assert KEY not in listener.data.shape_keys.key_blocks
+    assert np.abs(shape(listener, 24) - shape(listener, 200)).max() > 0.002
+    assert not bpy.ops.anyface.listen.poll() and not bpy.ops.anyface.record.poll()
+    bpy.ops.anyface.remove()
+    bpy.ops.anyface.listen()
+    bpy.ops.anyface.record()
+    room.speak(0.5)
+    heard(addon, listener)
+    bpy.ops.anyface.record()
+    assert (tmp_path / "sounds" / "recording_002.wav").is_file()
+
+
+def test_a_recording_in_a_file_without_a_name_is_kept_in_it(addon, room, listener):
+    bpy.ops.anyface.record()
+    room.speak(0.5)
+    heard(addon, listener)
+    bpy.ops.anyface.record()
+    (strip,) = addon("scene.sound.sequencer").sound_strips(bpy.context.scene)
+    assert strip.sound.packed_file is not None
+    assert Path(strip.sound.filepath).name == "recording_001.wav"
+
+
+def test_a_slip_of_the_button_changes_nothing(addon, room, listener):
+    bpy.ops.anyface.record()
+    with pytest.raises(RuntimeError, match="a fifth of a second"):
+        bpy.ops.anyface.record()
+    assert not addon("scene.sound.sequencer").sound_strips(bpy.context.scene)
+    assert addon("scene.live").listens(listener), "it goes on"
+
+
+def test_a_microphone_that_cannot_be_opened_is_told(room):
+    bpy.ops.anyface.add_sample_head()
+    ob = bpy.context.object
+    room.error = "microphone: expected a device that records, and this system lists none"
+    with pytest.raises(RuntimeError, match="expected a device that records"):
+        bpy.ops.anyface.listen()
+    assert ob.data.shape_keys is None and room.open == 0
+    room.error = None
+    assert bpy.ops.anyface.listen() == {"FINISHED"}
+
+
+def test_a_face_that_cannot_be_keyed_closes_the_microphone(addon, room):
+    bpy.ops.anyface.add_sample_head()
+    ob = bpy.context.object
+    ob.anyface.system = "cafe-talk"
+    with pytest.raises(RuntimeError, match="needs the whole sound"):
+        bpy.ops.anyface.listen()
+    assert room.open == 0 and ob.data.shape_keys is None
+
+
+def test_a_face_that_cannot_begin_closes_the_microphone(addon, room, monkeypatch):
+    bpy.ops.anyface.add_sample_head()
+
+    def refuse(*_):
+        raise addon("core.errors").AnyfaceError("mesh", "no key today")
+
+    monkeypatch.setattr(addon("scene.live"), "begin", refuse)
+    with pytest.raises(RuntimeError, match="no key today"):
+        bpy.ops.anyface.listen()
+    assert room.open == 0
+
+
+def test_a_voice_of_a_file_takes_over(addon, room, listener, tmp_path):
+    room.speak(1.0)
+    with wave.open(str(tmp_path / "voice.wav"), "wb") as file:
+        file.setnchannels(1)
+        file.setsampwidth(2)
+        file.setframerate(RATE_HZ)
+        file.writeframes((room.sound * 32767).astype("<i2").tobytes())
+    listener.anyface.source = "FILE"
+    listener.anyface.sound_file = str(tmp_path / "voice.wav")
+    assert bpy.ops.anyface.live() == {"FINISHED"}
+    live = addon("scene.live")
+    assert live.is_on(listener) and not live.listens(listener) and room.open == 0
+    assert bpy.ops.anyface.listen() == {"FINISHED"}
+    assert live.listens(listener) and room.open == 1
+
+
+def test_a_face_that_is_deleted_closes_the_microphone(addon, room, listener):
+    bpy.data.objects.remove(listener)
+    addon("scene.live").listen()
+    assert room.open == 0
+
+
+def test_the_library_of_the_microphone_is_there_and_refuses_what_is_none(addon):
+    microphone = addon("core.microphone")
+    assert microphone.path().is_file()
+    assert all(isinstance(name, str) for name in microphone.devices())
+    with pytest.raises(addon("core.errors").AnyfaceError, match="microphone: expected"):
+        microphone.Microphone("a device that nobody has")
