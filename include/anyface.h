@@ -2048,6 +2048,10 @@ AnyfaceStatus anyface_weight_stream_set_emotion(AnyfaceWeightStream *stream,
                                                 const float *strengths,
                                                 AnyfaceError **error);
 
+/// Shows the emotion that is heard in what is pushed from now on, three times a second anew, until
+/// `anyface_weight_stream_set_emotion()` sets one.
+AnyfaceStatus anyface_weight_stream_hear_emotion(AnyfaceWeightStream *stream, AnyfaceError **error);
+
 /// Seconds of sound after a frame's own instant that it waits for, at most 0.2; 0 for NULL.
 double anyface_weight_stream_latency_s(const AnyfaceWeightStream *stream);
 

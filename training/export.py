@@ -76,7 +76,8 @@ def stm(runs: Path = Path("runs/stm"), trained: Literal["both", "corpus"] = "bot
 
 
 def stream(run: Run) -> Iterator[Model]:
-    """A stream.pt of training.systems.freetalk.train_stream or training.speech.train_causal."""
+    """A stream.pt of training.systems.freetalk.train_stream, training.speech.train_causal or
+    training.speech.train_live_closures."""
     saved = torch.load(run, map_location="cpu")
     yield Model(saved["config"]["model"], saved["state"], saved["config"])
 

@@ -92,6 +92,10 @@ class WeightStream:
             )
         self._call("set_emotion", row.ctypes.data_as(_FLOATS))
 
+    def hear_emotion(self) -> None:
+        """Shows the emotion that is heard from now on, until `set_emotion` sets one."""
+        self._call("hear_emotion")
+
     def close(self) -> None:
         """Frees the stream."""
         self._handle = None

@@ -146,6 +146,22 @@ pub unsafe extern "C" fn anyface_weight_stream_set_emotion(
     unsafe { guard::guard(error, work) }
 }
 
+/// Shows the emotion that is heard in what is pushed from now on, three times a second anew, until
+/// `anyface_weight_stream_set_emotion()` sets one.
+#[unsafe(no_mangle)]
+pub unsafe extern "C" fn anyface_weight_stream_hear_emotion(
+    stream: *mut AnyfaceWeightStream,
+    error: *mut *mut AnyfaceError,
+) -> AnyfaceStatus {
+    let work = || {
+        unsafe { pointer::handle_mut("stream", stream) }?
+            .0
+            .hear_emotion();
+        Ok(())
+    };
+    unsafe { guard::guard(error, work) }
+}
+
 /// Seconds of sound after a frame's own instant that it waits for, at most 0.2; 0 for NULL.
 #[unsafe(no_mangle)]
 pub unsafe extern "C" fn anyface_weight_stream_latency_s(

@@ -42,6 +42,15 @@ def test_a_voice_opens_the_mouth_and_an_emotion_smiles(anyface):
     assert happy[:, smile].mean() > neutral[:, smile].mean() + 0.1
 
 
+def test_an_emotion_is_heard_as_it_comes(anyface):
+    # A buzz is no feeling of anybody; what matters is that it is heard alike however it comes.
+    voice = spoken(3.0)
+    whole = followed(anyface, [voice], emotion="auto")
+    pieces = followed(anyface, np.split(voice, range(1600, len(voice), 1600)), emotion="auto")
+    for one, other in zip(whole, pieces, strict=True):
+        assert np.array_equal(one.shapes, other.shapes)
+
+
 def test_what_cannot_be_done_is_said(anyface):
     stream = anyface.Stream()
     with pytest.raises(anyface.AnyfaceError, match="finite"):

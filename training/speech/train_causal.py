@@ -120,6 +120,14 @@ def new_model(arguments, encoder: CompactEncoder, found: list[Lesson]) -> Stream
     return model
 
 
+def shares_of(found: list[Lesson]) -> dict[str, float]:
+    """How often each source is drawn: as the root of its seconds."""
+    seconds: dict[str, float] = {}
+    for lesson in found:
+        seconds[lesson.source] = seconds.get(lesson.source, 0.0) + len(lesson.motion) / FPS
+    return {source: s**0.5 for source, s in seconds.items()}
+
+
 def train(arguments) -> Path:
     """Runs the training; writes `stream.pt` with the averaged weights and returns its path."""
     seeded(arguments)
@@ -128,11 +136,7 @@ def train(arguments) -> Path:
     found = prepare(arguments)
     arguments.out.mkdir(parents=True, exist_ok=True)
     model = new_model(arguments, encoder, found)
-    seconds: dict[str, float] = {}
-    for lesson in found:
-        seconds[lesson.source] = seconds.get(lesson.source, 0.0) + len(lesson.motion) / FPS
-    shares = {source: s**0.5 for source, s in seconds.items()}
-    sampler = LessonSampler(found, shares, arguments.seed, model.config)
+    sampler = LessonSampler(found, shares_of(found), arguments.seed, model.config)
     run = start(arguments, model, {"windows": sampler.random}, 0.99)
     count, frames = (4, 32) if debug else (arguments.batch, arguments.frames)
 
@@ -144,9 +148,9 @@ def train(arguments) -> Path:
     return run.out / "stream.pt"
 
 
-def parser() -> argparse.ArgumentParser:
+def parser(doc: str = __doc__, out: str = "runs/causal_speech") -> argparse.ArgumentParser:
     """Command line."""
-    parser = trainer_parser(__doc__, "runs/causal_speech", 2500, 2e-3)
+    parser = trainer_parser(doc, out, 2500, 2e-3)
     parser.add_argument("--speech-limit", type=int, default=150, help="sounds of each folder")
     parser.add_argument("--config", choices=["stream", "debug"], default="stream")
     parser.add_argument("--channels", type=int, default=144)

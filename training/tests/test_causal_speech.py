@@ -9,6 +9,7 @@ import torch
 from training.corpus.bank import Entry
 from training.corpus.lesson_windows import LessonSampler
 from training.export import export
+from training.speech import train_live_closures
 from training.speech.causal import StreamNet, debug_config, perform
 from training.speech.compact import CompactEncoder
 from training.speech.compact import debug_config as debug_encoder
@@ -68,3 +69,26 @@ def test_the_folder_bears_the_name_of_the_model(tmp_path):
     assert folder.name == "causal_speech"
     assert json.loads((folder / "config.json").read_text())["outputs"] == 16
     assert perform(model, torch.zeros(40, 64), 9).shape == (9, 16)
+
+
+def test_the_student_learns_when_lips_are_together(encoder, lessons):
+    torch.manual_seed(6)
+    model = train_live_closures.new_model(argparse.Namespace(config="debug"), lessons)
+    assert (model.config.model, model.config.outputs) == ("live_closures", 1)
+    sampler = LessonSampler(lessons, {"speech": 1.0}, 0, model.config)
+    optimiser = torch.optim.Adam(model.parameters(), 3e-3)
+    batch, losses = sampler.batch(4, 32), []
+    for _ in range(25):
+        loss, parts = train_live_closures.loss_of(model, encoder, batch, 32)
+        optimiser.zero_grad()
+        loss.backward()
+        optimiser.step()
+        losses.append(parts["closed"])
+    assert losses[-1] < losses[0]
+    shares = train_live_closures.validate(model, encoder, lessons, 4)
+    assert set(shares) == {"speech met", "speech wrong"} and all(0 <= x <= 1 for x in shares.values())
+
+
+def test_stretches_of_closed_lips_are_found_at_both_ends():
+    mask = torch.tensor([True, False, True, True, False, True])
+    assert train_live_closures.runs(mask) == [slice(0, 1), slice(2, 4), slice(5, 6)]

@@ -81,10 +81,10 @@ impl Live {
         self.targets.check(shared.json)?;
         self.fps.map_or(Ok(()), check_fps)?;
         let emotion = self.emotion.curve(false, shared.weights())?;
-        if matches!(emotion, EmotionCurve::Auto | EmotionCurve::Arousal) {
+        if matches!(emotion, EmotionCurve::Arousal) {
             return Err(Error::InvalidInput(
-                "live: expected an emotion that is named, as in happy:0.5, got one from the voice, \
-                 which needs the whole sound"
+                "live: expected an emotion that is named, as in happy:0.5, or auto, got auto-arousal, which needs the \
+                 whole sound"
                     .into(),
             ));
         }
@@ -92,7 +92,10 @@ impl Live {
             Some(input) if !is_pipe(input) => Some(self.read(input, console)?),
             _ => None,
         };
-        let stream = shared.engine()?.weight_stream()?;
+        let mut stream = shared.engine()?.weight_stream()?;
+        if matches!(emotion, EmotionCurve::Auto) {
+            stream.hear_emotion();
+        }
         let fps = self.fps.unwrap_or(stream.fps());
         let targets = self.targets.open(fps, shared.json)?;
         targets.introduce(console);
@@ -111,6 +114,7 @@ impl Live {
             stream,
             next: 0,
             emotion,
+            felt: Emotion::default(),
             waiting: VecDeque::new(),
             is_fast: self.fast,
             targets,
@@ -143,6 +147,8 @@ struct Show<'a> {
     /// Number of the stream's next frame.
     next: usize,
     emotion: EmotionCurve,
+    /// What the newest frame feels.
+    felt: Emotion,
     pace: Pace,
     /// Frames that are not due yet.
     waiting: VecDeque<Paced>,
@@ -196,12 +202,14 @@ impl Show<'_> {
     /// Takes all frames that are ready.
     fn pull(&mut self) -> Result<()> {
         loop {
-            let emotion = self.emotion.at(self.next as f64 / self.stream.fps());
-            self.stream.set_emotion(&emotion)?;
+            if !matches!(self.emotion, EmotionCurve::Auto) {
+                let emotion = self.emotion.at(self.next as f64 / self.stream.fps());
+                self.stream.set_emotion(&emotion)?;
+            }
             let Some(frame) = self.stream.pull() else {
                 return Ok(());
             };
-            self.next = frame.index + 1;
+            (self.next, self.felt) = (frame.index + 1, frame.emotion);
             let weights = Weights {
                 shapes: frame.shapes,
                 visemes: frame.visemes,
@@ -230,7 +238,7 @@ impl Show<'_> {
                 shapes: paced.weights.shapes,
                 visemes: paced.weights.visemes,
                 head: paced.weights.head,
-                feelings: feelings(&self.emotion.at(paced.time_s)),
+                feelings: feelings(&self.felt),
             };
             self.targets.send(&frame, self.console)?;
             self.meter.show(&frame);

@@ -303,7 +303,7 @@ fn what_cannot_be_sent_or_heard_is_refused_with_what_helps() {
             "fps: expected 1 to 240",
         ),
         (
-            vec!["--input", "a.wav", "--vmc", "--emotion", "auto"],
+            vec!["--input", "a.wav", "--vmc", "--emotion", "auto-arousal"],
             3,
             "expected an emotion that is named",
         ),

@@ -26,10 +26,14 @@ class Stream(WeightStream):
 
     @property
     def emotion(self) -> str:
-        """What the face feels; set it at any time, as `happy:0.5,surprised:0.2`."""
+        """What the face feels; set it at any time, as `happy:0.5,surprised:0.2`, or `auto` for what the
+        voice says."""
         return self._emotion
 
     @emotion.setter
     def emotion(self, emotion: str) -> None:
-        self.set_emotion(parse(emotion))
+        if emotion == "auto":
+            self.hear_emotion()
+        else:
+            self.set_emotion(parse(emotion))
         self._emotion = emotion

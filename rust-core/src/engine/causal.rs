@@ -1,14 +1,18 @@
 //! Motion while somebody is speaking, and the same of a whole sound.
 
+use std::sync::Arc;
+
 use super::Engine;
 use crate::{
     Error, Result,
     audio::Waveform,
     conditions::{ControlStage, EmotionCurve},
     job::ProgressFn,
-    motion::{LandmarkClip, MotionRequest, MotionStream, WeightStream, check_fps, stream_whole},
+    motion::{
+        Ears, LandmarkClip, MotionRequest, MotionStream, WeightStream, check_fps, stream_whole,
+    },
     nn::finite::check_result,
-    speech::frames_of,
+    speech::{EmotionEncoder, frames_of},
 };
 
 impl Engine {
@@ -30,8 +34,14 @@ impl Engine {
     /// # Errors
     /// `InvalidInput` for a system that needs the whole sound, `Weights` or `Io` where a model is damaged.
     pub fn weight_stream(&self) -> Result<WeightStream> {
+        let encoder = EmotionEncoder::open(self.model_folder.as_deref())?;
+        let ears = Ears {
+            encoder: Arc::new(encoder),
+            ear: Arc::clone(&self.ear),
+        };
         WeightStream::new(
             self.stream()?,
+            ears,
             &self.face_modes,
             self.rig_model()?.visemes(),
         )

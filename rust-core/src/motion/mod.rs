@@ -63,6 +63,7 @@ pub use request::{FPS, MotionRequest, check_closures, check_fps, style_number};
 pub(crate) use resample::at_rate;
 pub use template::{Template, TemplateMask};
 pub use visibility::{Extent, SPOKEN_MM, VISIBLE_MM, Visibility, lip_travel};
+pub(crate) use weight_stream::Ears;
 pub use weight_stream::{WeightFrame, WeightStream};
 pub use weights::{LipGaps, LowerLip, WeightCues};
 

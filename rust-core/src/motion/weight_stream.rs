@@ -1,5 +1,7 @@
 //! Weights of ARKit's shapes and of visemes while somebody is speaking, for characters that are no mesh of ours.
 
+use std::sync::Arc;
+
 use ndarray::Array2;
 
 use super::{
@@ -9,9 +11,11 @@ use super::{
 };
 use crate::{
     Result,
+    audio::SAMPLE_RATE_HZ,
     conditions::Emotion,
     mesh::ibug::LANDMARKS,
     rig::{ARKIT, VISEMES, mirrored_name},
+    speech::{EmotionEar, EmotionEncoder, EmotionListener},
 };
 
 /// Eyes that look this far to a side have the weight 1, degrees.
@@ -26,6 +30,8 @@ pub struct WeightFrame {
     pub shapes: [f32; ARKIT.len()],
     /// Weights of [`VISEMES`], 0 to 1, for characters that have no more: what is said alone. Of `sil` what the others leave.
     pub visemes: [f32; VISEMES.len()],
+    /// What is felt: what was set, or heard.
+    pub emotion: Emotion,
     /// Rotation vector of the head, radians, in the canonical frame: x to the subject's left, y up, z to the front. A nod
     /// down turns about +x.
     pub head: [f32; 3],
@@ -49,10 +55,25 @@ pub struct WeightFrame {
 /// ```
 pub struct WeightStream {
     motion: Box<dyn MotionStream>,
+    ears: Ears,
+    /// Hears the emotion where it is wanted, and the samples that had come before.
+    listener: Option<(EmotionListener, u64)>,
+    pushed: u64,
+    /// What is felt from the next frame on.
+    emotion: Emotion,
     shapes: ShapeFit,
     visemes: ShapeFit,
     idle: IdleMotion,
     places: Places,
+}
+
+/// What hears an emotion in a voice.
+#[derive(Clone)]
+pub(crate) struct Ears {
+    /// The voice of the last two seconds as numbers.
+    pub encoder: Arc<EmotionEncoder>,
+    /// What is felt in them.
+    pub ear: Arc<EmotionEar>,
 }
 
 /// Numbers among [`ARKIT`]'s shapes, the subject's right side first.
@@ -70,6 +91,7 @@ impl WeightStream {
     /// `Weights` if the modes of the face lack one.
     pub(crate) fn new(
         motion: Box<dyn MotionStream>,
+        ears: Ears,
         modes: &FaceModes,
         mixtures: &Array2<f32>,
     ) -> Result<WeightStream> {
@@ -100,6 +122,10 @@ impl WeightStream {
                 }),
             },
             motion,
+            ears,
+            listener: None,
+            pushed: 0,
+            emotion: Emotion::default(),
         })
     }
 
@@ -108,11 +134,17 @@ impl WeightStream {
     /// # Errors
     /// Those of [`MotionStream::push`].
     pub fn push(&mut self, samples: &[f32]) -> Result<()> {
-        self.motion.push(samples)
+        self.motion.push(samples)?;
+        self.pushed += samples.len() as u64;
+        if let Some((listener, _)) = &mut self.listener {
+            listener.push(samples);
+        }
+        Ok(())
     }
 
     /// The next frame, or `None` until more samples are there.
     pub fn pull(&mut self) -> Option<WeightFrame> {
+        self.follow_voice()?;
         let frame = self.motion.pull()?;
         let landmarks = frame.displacements.as_flattened();
         let mut shapes = [0.0; ARKIT.len()];
@@ -138,6 +170,7 @@ impl WeightStream {
             index: frame.index,
             shapes,
             visemes,
+            emotion: self.emotion,
             head: idle.head,
         })
     }
@@ -150,12 +183,34 @@ impl WeightStream {
         self.motion.finish()
     }
 
-    /// Emotion from the next frame on.
+    /// Emotion from the next frame on, in place of one that is heard.
     ///
     /// # Errors
     /// `InvalidInput` for an emotion that is not finite.
     pub fn set_emotion(&mut self, emotion: &Emotion) -> Result<()> {
-        self.motion.set_emotion(emotion)
+        self.motion.set_emotion(emotion)?;
+        (self.emotion, self.listener) = (*emotion, None);
+        Ok(())
+    }
+
+    /// Shows the emotion that is heard in what is pushed from now on: neutral in the first second, then three times a
+    /// second what the last two seconds say beside all before. [`WeightStream::set_emotion`] ends it.
+    pub fn hear_emotion(&mut self) {
+        if self.listener.is_none() {
+            let Ears { encoder, ear } = self.ears.clone();
+            self.listener = Some((EmotionListener::new(encoder, ear), self.pushed));
+        }
+    }
+
+    /// Sets the emotion of the next frame to what is heard up to the end of its look-ahead.
+    fn follow_voice(&mut self) -> Option<()> {
+        let Some((listener, before)) = &mut self.listener else {
+            return Some(());
+        };
+        let until_s = self.motion.next_frame() as f64 / self.motion.fps() + self.motion.latency_s();
+        let until = (until_s * f64::from(SAMPLE_RATE_HZ)).round() as u64;
+        self.emotion = listener.emotion_after(until.saturating_sub(*before));
+        self.motion.set_emotion(&self.emotion).ok()
     }
 
     /// Frames per second.

@@ -8,6 +8,7 @@ mod contacts;
 mod conv_features;
 mod emotion_ear;
 mod emotion_encoder;
+mod emotion_listener;
 mod emotion_model;
 mod encoder;
 mod encoder_config;
@@ -38,6 +39,7 @@ pub use emotion_ear::{
 pub use emotion_encoder::{
     EMOTION_ENCODER, EmotionEncoder, EmotionEncoderConfig, LiveEmotion, VoiceTrack, VoiceWindow,
 };
+pub use emotion_listener::EmotionListener;
 pub use emotion_model::EmotionModel;
 pub use encoder::{COMPACT_MODEL, FeatureTrack, SpeechEncoder, SpeechInput, frames_of};
 pub use heard::Heard;

@@ -45,6 +45,35 @@ fn weights_do_not_depend_on_how_the_sound_was_cut() {
 }
 
 #[test]
+fn an_emotion_is_heard_alike_however_the_sound_was_cut_until_one_is_set() {
+    let heard = |cuts: usize| {
+        let mut stream = engine().weight_stream().unwrap();
+        stream.hear_emotion();
+        let mut frames = Vec::new();
+        for chunk in babble(4.0, 16_000).chunks(cuts) {
+            stream.push(chunk).unwrap();
+            frames.extend(ready(&mut stream));
+        }
+        frames
+    };
+    let whole = heard(usize::MAX);
+    assert!(
+        whole[..15]
+            .iter()
+            .all(|frame| frame.emotion.intensity == 0.0)
+    );
+    for cuts in [160, 1001] {
+        assert_eq!(heard(cuts), whole, "{cuts} samples a push");
+    }
+    let mut stream = engine().weight_stream().unwrap();
+    stream.hear_emotion();
+    let happy = Emotion::parse("happy:1").unwrap();
+    stream.set_emotion(&happy).unwrap();
+    stream.push(&babble(1.0, 16_000)).unwrap();
+    assert_eq!(stream.pull().unwrap().emotion, happy);
+}
+
+#[test]
 fn a_voice_opens_the_jaw_and_silence_is_silence() {
     let frames = frames(4000, None);
     let jaw = |frame: &WeightFrame| shape(frame, "jawOpen");

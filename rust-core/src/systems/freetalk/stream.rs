@@ -1,7 +1,8 @@
 //! Landmark motion while somebody is speaking: samples in, frames out, a fifth of a second behind.
 //!
 //! A causal network ([`CausalModel`]) imitates encoder and denoiser together; it was trained on what they
-//! perform. It speaks neutrally; the expression is added to each frame, so a change of emotion acts on the
+//! perform. Squared error blurs p, b and m, so a smaller one beside it says when lips are together, and they are closed
+//! there. It speaks neutrally; the expression is added to each frame, so a change of emotion acts on the
 //! very next one. Not guaranteed: equality with [`crate::Engine::perform`], which hears the whole sound.
 
 #[cfg(test)]
@@ -9,12 +10,15 @@ mod tests;
 
 use std::sync::Arc;
 
+use ndarray::ArrayViewMut2;
+
 use crate::{
     Result,
     conditions::Emotion,
     mesh::ibug::LANDMARKS,
-    motion::{CausalExpression, LandmarkFrame, MotionStream},
-    speech::{CausalModel, CausalSpeech},
+    motion::{CausalExpression, LandmarkFrame, MotionStream, Parting, narrow, opening},
+    nn::elementwise::sigmoid,
+    speech::{CausalModel, CausalSpeech, closure_share},
 };
 
 /// Numbers of a frame.
@@ -23,15 +27,60 @@ pub const DIMS: usize = 3 * LANDMARKS;
 /// A performance in progress: push samples, pull frames.
 pub struct CausalStream {
     speech: CausalSpeech,
+    closures: LiveClosures,
     expression: CausalExpression,
     emotion: Emotion,
 }
 
+/// Numbers of a frame of the model that hears closures: the logit of lips that are together.
+pub const CLOSURE_DIMS: usize = 1;
+
+/// Where lips touch, heard while somebody is speaking.
+struct LiveClosures {
+    speech: CausalSpeech,
+    /// How far the lips go to touching in the frame that comes next, where that is heard already.
+    share: Option<f32>,
+    parting: Parting,
+}
+
+impl LiveClosures {
+    fn new(model: Arc<CausalModel>) -> LiveClosures {
+        LiveClosures {
+            parting: Parting::new(model.config().fps),
+            speech: CausalSpeech::new(model),
+            share: None,
+        }
+    }
+
+    /// Whether the next frame has been heard.
+    fn is_ready(&mut self) -> bool {
+        if self.share.is_none() {
+            let row = self.speech.pull(|_| {});
+            self.share = row.map(|row| closure_share(sigmoid(row[0])));
+        }
+        self.share.is_some()
+    }
+
+    /// Closes the lips of the next frame as far as was heard.
+    fn close(&mut self, frame: &mut LandmarkFrame) {
+        let share = self.share.take().unwrap_or(0.0);
+        let mut face = ArrayViewMut2::from(&mut frame.displacements);
+        let share = self.parting.next(opening(face.view()), share);
+        narrow(&mut face, share);
+    }
+}
+
 impl CausalStream {
-    /// A neutral face before any sound. The model's rows are landmarks, metres.
-    pub fn new(model: Arc<CausalModel>, expression: CausalExpression) -> Self {
+    /// A neutral face before any sound. Rows of `model` are landmarks, metres; those of `closures` the logit of lips that
+    /// are together.
+    pub fn new(
+        model: Arc<CausalModel>,
+        closures: Arc<CausalModel>,
+        expression: CausalExpression,
+    ) -> Self {
         CausalStream {
             speech: CausalSpeech::new(model),
+            closures: LiveClosures::new(closures),
             expression,
             emotion: Emotion::default(),
         }
@@ -40,10 +89,14 @@ impl CausalStream {
 
 impl MotionStream for CausalStream {
     fn push(&mut self, samples: &[f32]) -> Result<()> {
-        self.speech.push(samples)
+        self.speech.push(samples)?;
+        self.closures.speech.push(samples)
     }
 
     fn pull(&mut self) -> Option<LandmarkFrame> {
+        if !self.closures.is_ready() {
+            return None;
+        }
         let index = self.speech.next_row();
         let row = self.speech.pull(|_| {})?;
         let mut displacements = [[0.0; 3]; LANDMARKS];
@@ -52,13 +105,15 @@ impl MotionStream for CausalStream {
             index,
             displacements,
         };
+        self.closures.close(&mut frame);
         let quiet_s = self.speech.quiet_s();
         self.expression.add(&mut frame, &self.emotion, quiet_s);
         Some(frame)
     }
 
     fn finish(&mut self) -> Result<()> {
-        self.speech.finish()
+        self.speech.finish()?;
+        self.closures.speech.finish()
     }
 
     fn set_emotion(&mut self, emotion: &Emotion) -> Result<()> {
@@ -70,7 +125,8 @@ impl MotionStream for CausalStream {
     }
 
     fn latency_s(&self) -> f64 {
-        self.speech.config().look_ahead_s()
+        let ahead = |speech: &CausalSpeech| speech.config().look_ahead_s();
+        ahead(&self.speech).max(ahead(&self.closures.speech))
     }
 
     fn next_frame(&self) -> usize {

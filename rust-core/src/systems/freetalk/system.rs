@@ -9,7 +9,7 @@ use super::{
     AtsRequest,
     ats::Ats,
     stm::{self, paper::PaperDecoder},
-    stream::{CausalStream, DIMS},
+    stream::{CLOSURE_DIMS, CausalStream, DIMS},
 };
 use crate::{
     Result,
@@ -31,6 +31,8 @@ use crate::{
 pub static ATS_MODEL: BuiltIn = BuiltIn::sized(&anyface_weights_freetalk::ATS_COMPACT, "ats");
 /// Built-in weights of the stream.
 pub static STREAM_MODEL: BuiltIn = BuiltIn::new(&anyface_weights_freetalk::STREAM);
+/// Built-in weights of what hears closures for the stream.
+pub static CLOSURES_MODEL: BuiltIn = BuiltIn::new(&anyface_weights_freetalk::LIVE_CLOSURES);
 static PAPER_MODEL: BuiltIn = BuiltIn::sized(&anyface_weights_freetalk::STM_PAPER, "stm");
 
 /// What spreads landmark motion over a mesh.
@@ -52,7 +54,7 @@ pub static REGISTRATION: Registration = Registration {
     name: "freetalk",
     label: "FreeTalk",
     help: "Speech, emotion and intensity move 68 landmarks, which move the mesh.",
-    models: &[&ATS_MODEL, &STREAM_MODEL, &PAPER_MODEL],
+    models: &[&ATS_MODEL, &STREAM_MODEL, &CLOSURES_MODEL, &PAPER_MODEL],
     controls: &[PERFORMANCE_CONTROLS, OWN_CONTROLS],
     motion: MotionKind::Landmarks,
     abilities: &[],
@@ -65,6 +67,7 @@ pub static REGISTRATION: Registration = Registration {
 pub struct FreeTalk {
     ats: Ats,
     stream: Arc<CausalModel>,
+    closures: Arc<CausalModel>,
     modes: Arc<FaceModes>,
     expressions: Arc<Expressions>,
     /// The paper's decoder, loaded where it is asked for.
@@ -81,9 +84,12 @@ impl FreeTalk {
         let files = ATS_MODEL.open(folder)?;
         let ats = Ats::load(&files.weights, &files.config)?;
         let files = STREAM_MODEL.open(folder)?;
+        let closures = CLOSURES_MODEL.open(folder)?;
+        let closures = CausalModel::load(&closures.weights, &closures.config, CLOSURE_DIMS)?;
         Ok(FreeTalk {
             ats,
             stream: Arc::new(CausalModel::load(&files.weights, &files.config, DIMS)?),
+            closures: Arc::new(closures),
             modes: Arc::new(FaceModes::open(folder)?),
             expressions: Arc::new(Expressions::open(folder)?),
             paper: OnceLock::new(),
@@ -176,6 +182,7 @@ impl System for FreeTalk {
             CausalExpression::new(expressions, modes, self.stream.config().fps).ok()?;
         Some(Box::new(CausalStream::new(
             Arc::clone(&self.stream),
+            Arc::clone(&self.closures),
             expression,
         )))
     }

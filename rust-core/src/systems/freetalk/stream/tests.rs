@@ -9,7 +9,7 @@ use crate::{
     conditions::EmotionCurve,
     job::SILENT,
     motion::{Expressions, FaceModes, stream_whole},
-    systems::freetalk::STREAM_MODEL,
+    systems::freetalk::{CLOSURES_MODEL, STREAM_MODEL},
 };
 
 fn built_in() -> Arc<CausalModel> {
@@ -17,11 +17,16 @@ fn built_in() -> Arc<CausalModel> {
     Arc::new(CausalModel::load(&files.weights, &files.config, DIMS).unwrap())
 }
 
+fn closures() -> Arc<CausalModel> {
+    let files = CLOSURES_MODEL.open(None).unwrap();
+    Arc::new(CausalModel::load(&files.weights, &files.config, CLOSURE_DIMS).unwrap())
+}
+
 fn of(model: &Arc<CausalModel>) -> CausalStream {
     let (expressions, modes) = (Expressions::open(None), FaceModes::open(None));
     let (expressions, modes) = (Arc::new(expressions.unwrap()), Arc::new(modes.unwrap()));
     let expression = CausalExpression::new(expressions, modes, model.config().fps).unwrap();
-    CausalStream::new(Arc::clone(model), expression)
+    CausalStream::new(Arc::clone(model), closures(), expression)
 }
 
 /// A voice-like sound that swells and fades.

@@ -1,0 +1,115 @@
+"""Trains what hears lips together while somebody is speaking: the closures of FreeTalk's stream.
+
+    python -m training.speech.train_live_closures --data ../shared/data --out runs/live_closures
+
+A landmark network that is trained by squared error blurs p, b and m. This small student hears the same sound
+with the same look-ahead and says one number a frame, the logit of lips that are together; its teacher is the
+read-out of the compact encoder, which hears all of it. Speech, rooms, noises and levels are those of
+`training.speech.train_causal`. Seeded; resumes from `--out/last.pt`; `--config debug` takes a minute.
+`python -m training.export stream --run runs/live_closures/stream.pt` writes the model.
+"""
+
+import argparse
+from pathlib import Path
+
+import torch
+import torch.nn.functional as F
+from torch import Tensor
+
+from training.corpus.clip import MEL_PER_FRAME
+from training.corpus.lesson_windows import LessonBatch, LessonSampler
+from training.corpus.lessons import Lesson
+from training.nn.checkpoint import save
+from training.run import descend, seeded
+from training.speech import train_causal
+from training.speech.causal import StreamConfig, StreamNet, debug_config, normalise_running, pad_mel, perform
+from training.speech.compact import SHIPPED_ENCODER, CompactEncoder, load_encoder
+from training.speech.train import start
+from training.speech.train_causal import EDGE, prepare, whole
+from training.systems.freetalk.train_stream import prior_of
+
+CLOSED, SURE = 0.35, 0.2
+"""From these probabilities on lips touch, and begin to move (`closure_share` of the library)."""
+POSITIVE_WEIGHT = 4.0
+"""A closure lasts a frame or two of twenty."""
+
+
+def loss_of(model: StreamNet, encoder: CompactEncoder, batch: LessonBatch, frames: int):
+    """Cross-entropy of closed lips, heavier where they are closed."""
+    taught = encoder.closed(whole(encoder, batch.mel, frames))[:, EDGE:]
+    mel = normalise_running(batch.mel, model.config.normaliser, batch.heard)
+    with torch.autocast("cpu", torch.bfloat16):
+        made = model(mel).float()[:, EDGE:frames, 0]
+    weight = 1.0 + POSITIVE_WEIGHT * taught
+    loss = F.binary_cross_entropy_with_logits(made, taught, weight)
+    return loss, {"closed": loss.item()}
+
+
+def near(rows: Tensor) -> Tensor:
+    """The highest of a frame and its neighbours."""
+    return F.max_pool1d(rows[None, None], 3, 1, 1)[0, 0]
+
+
+def runs(mask: Tensor) -> list[slice]:
+    """Stretches of True."""
+    edges = torch.diff(F.pad(mask.int(), (1, 1))).nonzero()[:, 0].tolist()
+    return [slice(a, b) for a, b in zip(edges[::2], edges[1::2], strict=True)]
+
+
+@torch.no_grad()
+def validate(model: StreamNet, encoder: CompactEncoder, found: list[Lesson], count: int) -> dict[str, float]:
+    """Shares of the teacher's closures that are met, and of the student's that he does not have, on held-out
+    clips."""
+    model.eval()
+    report = {}
+    for source in sorted({x.source for x in found if x.held_out}):
+        met = wrong = closures = own = 0
+        for clip in [x for x in found if x.held_out and x.source == source][:count]:
+            mel, frames = clip.mels[0].float(), len(clip.motion)
+            rows = whole(encoder, pad_mel(mel, MEL_PER_FRAME * frames)[None], frames)
+            taught, made = encoder.closed(rows)[0], perform(model, mel, frames)[:, 0].sigmoid()
+            of_teacher, of_student = runs(taught > CLOSED), runs(made > CLOSED)
+            closures, own = closures + len(of_teacher), own + len(of_student)
+            met += sum(bool((near(made)[run] > CLOSED).any()) for run in of_teacher)
+            wrong += sum(not (near(taught)[run] > SURE).any() for run in of_student)
+        report |= {f"{source} met": met / max(closures, 1), f"{source} wrong": wrong / max(own, 1)}
+    model.train()
+    return report
+
+
+def new_model(arguments, found: list[Lesson]) -> StreamNet:
+    """A student that has heard nothing."""
+    config = debug_config() if arguments.config == "debug" else StreamConfig(channels=arguments.channels)
+    config.system, config.model, config.outputs = "freetalk", "live_closures", 1
+    return StreamNet(prior_of(config, found))
+
+
+def train(arguments) -> Path:
+    """Runs the training; writes `stream.pt` with the averaged weights and returns its path."""
+    seeded(arguments)
+    debug = arguments.config == "debug"
+    encoder = load_encoder(SHIPPED_ENCODER).eval().requires_grad_(False)
+    found = prepare(arguments)
+    arguments.out.mkdir(parents=True, exist_ok=True)
+    model = new_model(arguments, found)
+    sampler = LessonSampler(found, train_causal.shares_of(found), arguments.seed, model.config)
+    run = start(arguments, model, {"windows": sampler.random}, 0.99)
+    count, frames = (4, 32) if debug else (arguments.batch, arguments.frames)
+
+    def judge(averaged: StreamNet) -> dict[str, float]:
+        save(run.out / "stream.pt", averaged)
+        return validate(averaged, encoder, found, 4 if debug else 30)
+
+    descend(arguments, run, lambda _: loss_of(model, encoder, sampler.batch(count, frames), frames), judge)
+    return run.out / "stream.pt"
+
+
+def parser() -> argparse.ArgumentParser:
+    """Command line."""
+    parser = train_causal.parser(__doc__, "runs/live_closures")
+    parser.set_defaults(channels=64, steps=2500)
+    return parser
+
+
+if __name__ == "__main__":
+    train(parser().parse_args())
