@@ -21,6 +21,7 @@ from . import (
     controls,
     life,
     mixture,
+    mouth_chart,
     output_properties,
     overridable,
     pictures,
@@ -275,6 +276,7 @@ _GROUPS = {
     "anyface_controls": controls.GROUPS,
     "anyface_face": character.GROUPS,
     "anyface_life_settings": life.GROUPS,
+    "anyface_mouth_chart": mouth_chart.GROUPS,
 }
 
 

@@ -18,7 +18,7 @@ from figures import grid, own_keys, stand_in, strip, tone
 
 ROUNDS = int(os.environ.get("ANYFACE_FUZZ", "50"))
 SEED = int(os.environ.get("ANYFACE_FUZZ_SEED", "20"))
-GROUPS = ("anyface", "anyface_audio", "anyface_face", "anyface_output")
+GROUPS = ("anyface", "anyface_audio", "anyface_face", "anyface_output", "anyface_mouth_chart")
 # What an operator may say of its own accord.
 REFUSALS = ("Anyface: ", ".poll()")
 
@@ -88,6 +88,9 @@ class Hand:
         names = [p.identifier for p in group.bl_rna.properties if not p.is_readonly]
         name = self.pick(names)
         value = self.value(group.bl_rna.properties[name])
+        if value is None and group.bl_rna.properties[name].type == "ENUM":
+            # A menu that is made while it is looked at may be empty.
+            return
         self.steps.append(f"{owner.name}: {name} = {value!r}")
         # A poll of the property may refuse an object; Blender then keeps what there was.
         setattr(group, name, value)
