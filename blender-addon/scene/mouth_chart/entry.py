@@ -15,7 +15,8 @@ from ...core.errors import AnyfaceError
 from .. import identity
 from ..animation import curves
 
-PROPERTY = "anyface_mouth_chart"
+# Up to 4.5 the settings of an object share their names with custom properties.
+PROPERTY = "anyface_chart_shown"
 GROUP = "Anyface Mouth Chart"
 # The data-blocks whose properties are animated: an object itself, or the shape keys of its mesh.
 OBJECT, KEY = "OBJECT", "KEY"
