@@ -5,7 +5,7 @@ from dataclasses import replace
 
 import numpy as np
 
-from . import finding, sliders, verdict
+from . import basis_names, finding, sliders, verdict
 from .job import Progress
 from .take import Animation, ClipMotion, FaceMesh, Frames, Request, Sound, Take
 
@@ -31,6 +31,11 @@ def perform(
     verdict.check_seen(animation, sound, intensity)
     progress.check("write")
     motion = animation.basis
+    if motion is not None and animation.landmarks is not None and request.named_keys:
+        tongue = animation.life.tongue if animation.life is not None else None
+        # In the frame in which the library saw the face.
+        positions, *_ = found.seen(face)
+        basis_names.arrange(motion, positions, animation.landmarks.neutral, tongue)
     if animation.clip is not None:
         motion = ClipMotion(animation.clip, found.back)
     elif motion is None:

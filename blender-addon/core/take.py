@@ -99,7 +99,8 @@ class Request:
     felt has vectors of its own. In `neutral_voice` the same person speaks neutrally: the emotion of
     the voice is heard as what differs from it. `output` names the output that writes it.
     `starts_from` are displacements `[V, 3]` from rest of the pose in which the face begins, for
-    systems that go on from one.
+    systems that go on from one. `named_keys` says whether the vectors of a basis follow controls
+    and have their names, or are those of which the fewest move in a frame.
     """
 
     fps: float
@@ -119,6 +120,7 @@ class Request:
     output: str = ""
     starts_from: np.ndarray | None = None
     keeps_clip: bool = False
+    named_keys: bool = True
 
 
 @dataclass
@@ -277,7 +279,8 @@ class Basis(VectorSum):
     of any vertex in any frame from where it should be. `sliders` is what may still be changed of
     the take, by the names of `sliders.ALL`; `why_missing` says in words why others are not there.
     `offered` are the sliders that the system has at all; `packed` holds `sliders` as they are kept
-    with the take. From `emotion_first` on vectors are what is felt beyond what is said.
+    with the take. From `emotion_first` on vectors are what is felt beyond what is said. `names`
+    `[K]` say what each vector does; empty where nobody has named them.
     """
 
     vectors: np.ndarray
@@ -296,6 +299,7 @@ class Basis(VectorSum):
         return replace(super().of_piece(piece), emotion_first=emotion_first)
 
 
+    names: list[str] = field(default_factory=list)
 @dataclass
 class Life:
     """Head and eyes beside a take.

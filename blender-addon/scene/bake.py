@@ -57,6 +57,8 @@ class Settings:
     held: dict[str, float] = field(default_factory=dict)
     mode: str = outputs.MODES[0]
     error_mm: float = 0.1
+    # Whether new keys follow controls and are named after them.
+    named_keys: bool = True
     # Whether curves get few keys, `core.sparse.SPARSE`, and how far these may move any vertex, mm.
     curves: str = sparse.SPARSE
     curves_mm: float = 0.2
@@ -195,6 +197,7 @@ def read(ob, scene, settings: Settings, engine) -> Snapshot:
         object_name=ob.name,
         face=face,
         source=source,
+        named_keys=settings.named_keys,
         request=request,
         settings=settings,
         plan=output.plan(ob, settings.output, request.fps, names),

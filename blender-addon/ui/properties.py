@@ -174,6 +174,13 @@ class AnyfaceCharacter(PropertyGroup):
         name="Tolerance",
         description="How far fewer keyframes may move any point, in mm on a head of human size; "
         "where lips touch a tenth of it",
+    named_keys: BoolProperty(
+        name="Named Keys",
+        description="New keys follow jaw, lips, brows and lids and are named after them; off makes "
+        "numbered keys of which about half as many move in a frame, for long takes on heavy meshes",
+        default=True,
+        options=set(),
+    )
         default=0.2,
         min=0.01,
         max=5.0,
