@@ -221,6 +221,13 @@ class CurveKeys:
 
 
 @dataclass
+class HeldKeys:
+    """The keys of a curve whose values are held from each of the frames `rows` `[N]` on."""
+
+    rows: np.ndarray
+
+
+@dataclass
 class Frames(Motion):
     """The `displacements` of every frame, `[T, V, 3]`."""
 
@@ -292,6 +299,7 @@ class Basis(VectorSum):
     offered: tuple[str, ...] = NAMES
     emotion_first: int | None = None
     keys_of_curves: list[CurveKeys | None] | None = None
+    names: list[str] = field(default_factory=list)
 
     def of_piece(self, piece):
         # The mask of the emotion is painted on the face alone.
@@ -299,7 +307,6 @@ class Basis(VectorSum):
         return replace(super().of_piece(piece), emotion_first=emotion_first)
 
 
-    names: list[str] = field(default_factory=list)
 @dataclass
 class Life:
     """Head and eyes beside a take.
@@ -414,6 +421,8 @@ class Take:
     earliest: float = -np.inf
     unit_mm: float = 1000.0
     touching: np.ndarray | None = None
+    # How far the lips are apart in each frame, mm, where that is known.
+    opening: np.ndarray | None = None
     # Finds the keys of curves that are made in Blender, a `sparse.Few`; None for every frame.
     few: object = None
 

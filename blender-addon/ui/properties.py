@@ -64,6 +64,20 @@ _AXES = [
 ]
 
 
+def _frames(name: str, description: str, least: int):
+    """A number of frames for which poses stand."""
+    more = "" if least else "; 0 for one pose"
+    return IntProperty(
+        name=name,
+        description=description + more,
+        default=2,
+        min=least,
+        soft_max=8,
+        max=48,
+        options=set(),
+    )
+
+
 class AnyfaceCharacter(PropertyGroup):
     """Settings of one character; `Object.anyface`.
 
@@ -160,12 +174,20 @@ class AnyfaceCharacter(PropertyGroup):
         precision=3,
         options=set(),
     )
+    named_keys: BoolProperty(
+        name="Named Keys",
+        description="New keys follow jaw, lips, brows and lids and are named after them; off makes "
+        "numbered keys of which about half as many move in a frame, for long takes on heavy meshes",
+        default=True,
+        options=set(),
+    )
     curves: EnumProperty(
         name="Curves",
         description="How many keyframes the curves of a take have",
         items=(
             ("SPARSE", "Sparse", "Few keyframes with handles, at extremes and where lips touch"),
             ("EVERY", "Every Frame", "A keyframe in every frame, linear in between"),
+            ("HELD", "Held Poses", "Poses on twos, threes or fours, each held until the next"),
         ),
         default="SPARSE",
         options=set(),
@@ -174,18 +196,16 @@ class AnyfaceCharacter(PropertyGroup):
         name="Tolerance",
         description="How far fewer keyframes may move any point, in mm on a head of human size; "
         "where lips touch a tenth of it",
-    named_keys: BoolProperty(
-        name="Named Keys",
-        description="New keys follow jaw, lips, brows and lids and are named after them; off makes "
-        "numbered keys of which about half as many move in a frame, for long takes on heavy meshes",
-        default=True,
-        options=set(),
-    )
         default=0.2,
         min=0.01,
         max=5.0,
         precision=2,
         options=set(),
+    )
+    pose_on: _frames("Change Every", "Poses change at every so many frames", 1)
+    pose_closures: _frames("Closed Lips", "The fewest frames for which lips stay closed", 0)
+    pose_vowels: _frames(
+        "Vowels", "The fewest frames for which a mouth stands that is wide open", 0
     )
     axes: EnumProperty(
         name="Face Direction",

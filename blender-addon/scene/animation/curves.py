@@ -9,6 +9,7 @@ from contextlib import suppress
 import bpy
 import numpy as np
 
+from ...core.take import HeldKeys
 from . import bezier
 
 LAYERED = hasattr(bpy.types, "ActionSlots")
@@ -113,10 +114,14 @@ def write_take(
     of `with_rest`.
 
     It is linear between keys in every frame, or a Bézier curve where `keys` (`take.CurveKeys`) say
-    which frames have one.
+    which frames have one. Of `take.HeldKeys` each value is held until the next.
     """
     if keys is None:
         write(bag, data_path, at, values, index=index)
+        return
+    if isinstance(keys, HeldKeys):
+        chosen = np.concatenate([np.arange(lead), keys.rows + lead, [len(at) - 1]])
+        write(bag, data_path, at[chosen], values[chosen], constant=True, index=index)
         return
     chosen = np.concatenate([np.arange(lead), keys.rows + lead, [len(at) - 1]])
     step = (at[-2] - at[lead]) / max(len(at) - lead - 2, 1)
