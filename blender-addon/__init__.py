@@ -35,6 +35,7 @@ from .ui import (
     mending,
     mixture,
     models,
+    mouth_chart,
     opening,
     outputs,
     panel,
@@ -56,7 +57,7 @@ _MODULES = (
     preferences, generate, remove, mending, made_head, sample_head, panel, character,
     expression_keys, landmarks, opening, audio, choose_sound, presets, mixture, emotions,
     performance, events, life, outputs, export,
-    key_list, controls, find_controls, caches, takes, sounds, sounds_file, scene_list,
+    key_list, controls, find_controls, caches, takes, sounds, sounds_file, mouth_chart, scene_list,
     models, heat, live, listening,
 )  # fmt: skip
 _KINDS = (AddonPreferences, Menu, Operator, Panel, UIList)

@@ -803,13 +803,16 @@ void anyface_audio_free(AnyfaceAudio *audio);
 ///
 /// `said`: from `anyface_sounds_new_with_text()` or a file, when lips close and which phones are said; may be NULL.
 /// `mouths`: an `AnyfaceMouths`. `on`: mouths change at every so many frames, 1 to 240. `hold`: the fewest frames for
-/// which a mouth stands, 1 to 240. The chart is the tier `ANYFACE_TIER_MOUTHS`; `anyface_sounds_write()` writes it. Free
+/// which a mouth stands, 1 to 240; `closure_hold` and `vowel_hold`: the same of lips that close for p, b and m, and of the
+/// mouths of vowels, 0 for `hold`. The chart is the tier `ANYFACE_TIER_MOUTHS`; `anyface_sounds_write()` writes it. Free
 /// with `anyface_sounds_free()`. Fails with `ANYFACE_STATUS_INVALID_INPUT` for numbers out of range.
 AnyfaceStatus anyface_sounds_new_chart(const AnyfaceClip *clip,
                                        const AnyfaceSounds *said,
                                        int32_t mouths,
                                        size_t on,
                                        size_t hold,
+                                       size_t closure_hold,
+                                       size_t vowel_hold,
                                        AnyfaceSounds **out,
                                        AnyfaceError **error);
 

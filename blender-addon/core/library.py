@@ -316,7 +316,7 @@ SIGNATURES = {
     "anyface_sounds_new_with_text": (c_int32, [_HANDLE, _HANDLE, c_char_p, _OUT, _OUT]),
     "anyface_sounds_new_chart": (
         c_int32,
-        [_HANDLE, _HANDLE, c_int32, c_size_t, c_size_t, _OUT, _OUT],
+        [_HANDLE, _HANDLE, c_int32, c_size_t, c_size_t, c_size_t, c_size_t, _OUT, _OUT],
     ),
     "anyface_sounds_interval_count": (c_size_t, [_HANDLE, c_int32]),
     "anyface_sounds_label": (c_char_p, [_HANDLE, c_int32, c_size_t]),

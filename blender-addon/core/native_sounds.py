@@ -13,7 +13,7 @@ from .job import Progress
 from .native_shapes import Clip
 from .take import Animation, Request, Sound
 
-_WORDS, _MOUTHS = 1, 2
+_PHONES, _WORDS, _MOUTHS = 0, 1, 2
 """`AnyfaceTier` of the C interface."""
 # In the order of `AnyfaceMouths`.
 MOUTHS = ("rhubarb", "preston-blair")
@@ -54,12 +54,18 @@ class SoundCalls:
         on: int = 1,
         hold: int = 2,
         path: str = "",
+        closure_hold: int = 0,
+        vowel_hold: int = 0,
+        text: str = "",
     ) -> list[tuple[float, float, str]]:
         """Start, end in seconds and name of each drawn mouth of a take, one after the other.
 
         `mouths` is one of `MOUTHS`; they change at every `on` frames, and each stands for `hold`
-        frames or longer. With `path` the chart is also written there, as `write_sounds` does. The
-        rest as for `native.Engine.animate`. Raises `AnyfaceError`, or `Cancelled`.
+        frames or longer, lips that close for p, b and m `closure_hold` and mouths of vowels
+        `vowel_hold` where these are not 0. `text` are the words that are said, where they are
+        known. Lips close in the closures of the request, where it has any. With `path` the chart
+        is also written there, as `write_sounds` does. The rest as for `native.Engine.animate`.
+        Raises `AnyfaceError`, or `Cancelled`.
         """
         if mouths not in MOUTHS:
             known = " or ".join(MOUTHS)
@@ -69,13 +75,38 @@ class SoundCalls:
             marks = landmarks, landmark_vertices
             face = self._face(handles, positions, triangles, marks, request, watch)
             _, clip = self._spoken(handles, face, sound, replace(request, keeps_clip=False), watch)
-            given = self._handle, self._audio(handles, sound), None
+            given = self._handle, self._audio(handles, sound), text.encode() or None
             said = self._own(handles, "sounds", "anyface_sounds_new_with_text", *given)
-            given = clip, said, MOUTHS.index(mouths), on, hold
+            if request.closures is not None:
+                said = self._mended(handles, said, request)
+            given = clip, said, MOUTHS.index(mouths), on, hold, closure_hold, vowel_hold
             drawn = self._own(handles, "sounds", "anyface_sounds_new_chart", *given)
             if path:
                 self._call("anyface_sounds_write", drawn, os.fsencode(path), request.fps)
             return self._intervals(drawn, _MOUTHS)
+
+    def _mended(self, handles, said, request: Request):
+        """The phones of `said` with the closures of a request instead; None where nothing is
+        left."""
+        rows = [(*ends, "m") for ends in request.closures.tolist()]
+        for start_s, end_s, phone in self._intervals(said, _PHONES):
+            if self.closes_lips(phone):
+                continue
+            # Intervals of a tier do not overlap.
+            after = [b for a, b, _ in rows if a <= start_s < b]
+            until = [a for a, _, _ in rows if start_s < a < end_s]
+            start_s, end_s = max([start_s, *after]), min([end_s, *until])
+            if end_s > start_s:
+                rows.append((start_s, end_s, phone))
+        if not rows:
+            return None
+        with tempfile.TemporaryDirectory() as folder:
+            path = os.path.join(folder, "sounds.txt")
+            with open(path, "w", encoding="utf-8") as file:
+                file.writelines(f"{a:.6f} {b:.6f} {label}\n" for a, b, label in sorted(rows))
+            return self._own(
+                handles, "sounds", "anyface_sounds_read", os.fsencode(path), request.fps
+            )
 
     def _intervals(self, sounds, tier: int) -> list[tuple[float, float, str]]:
         times = np.empty((self._library.anyface_sounds_interval_count(sounds, tier), 2))

@@ -5,7 +5,7 @@ from dataclasses import replace
 
 import numpy as np
 
-from . import finding, sliders, verdict
+from . import basis_names, finding, sliders, sparse, verdict
 from .job import Progress
 from .take import Animation, ClipMotion, FaceMesh, Frames, Request, Sound, Take
 
@@ -31,6 +31,11 @@ def perform(
     verdict.check_seen(animation, sound, intensity)
     progress.check("write")
     motion = animation.basis
+    if motion is not None and animation.landmarks is not None and request.named_keys:
+        tongue = animation.life.tongue if animation.life is not None else None
+        # In the frame in which the library saw the face.
+        positions, *_ = found.seen(face)
+        basis_names.arrange(motion, positions, animation.landmarks.neutral, tongue)
     if animation.clip is not None:
         motion = ClipMotion(animation.clip, found.back)
     elif motion is None:
@@ -44,6 +49,8 @@ def perform(
     take.mouth, take.lids = animation.mouth, animation.lids
     # How long a unit of the object is in units of the mesh that the library saw.
     scale = abs(float(np.linalg.det(found.back.astype(np.float64)))) ** (1.0 / 3.0)
+    if animation.landmarks is not None:
+        take.opening = sparse.opening(animation.landmarks, animation.unit_mm)
     take.unit_mm, take.touching = animation.unit_mm / scale, animation.touching
     if animation.life is not None:
         way = found.from_world(face.matrix_world)

@@ -6,7 +6,7 @@ from dataclasses import dataclass
 import numpy as np
 
 from .job import Progress
-from .take import Landmarks, Take
+from .take import HeldKeys, Landmarks, Take
 
 EVERY_FRAME, SPARSE = "EVERY", "SPARSE"
 # Points of the inner lips that meet, and how much farther apart than at rest they touch, mm.
@@ -23,10 +23,15 @@ REACH = 0.39
 def touching(landmarks: Landmarks, unit_mm: float) -> np.ndarray:
     """In which frames the lips are as close as at rest, or closer, `[T]`; `unit_mm` is the length
     of a unit of the landmarks."""
+    return opening(landmarks, unit_mm) <= _TOUCH_MM
+
+
+def opening(landmarks: Landmarks, unit_mm: float) -> np.ndarray:
+    """How much farther than at rest the lips are apart in each frame, mm, `[T]`."""
     moved = landmarks.neutral + landmarks.displacements
     gaps = np.linalg.norm(moved[:, _UPPER] - moved[:, _LOWER], axis=2).mean(axis=1)
     rest = np.linalg.norm(landmarks.neutral[_UPPER] - landmarks.neutral[_LOWER], axis=1).mean()
-    return (gaps - rest) * unit_mm <= _TOUCH_MM
+    return (gaps - rest) * unit_mm
 
 
 def thin(take: Take, vectors, engine, tolerance_mm: float, progress: Progress) -> None:
@@ -62,8 +67,11 @@ class Few:
 
 
 def describe(take: Take, tolerance_mm: float) -> str:
-    """How many keys were set: "1046 keys on curves within 0.2 mm"; empty for one a frame."""
+    """How many keys were set: "1046 keys on curves within 0.2 mm", "60 poses held"; empty for one a
+    frame."""
     keys = getattr(take.motion, "keys_of_curves", None)
     if keys is None:
         return ""
+    if all(isinstance(one, HeldKeys) for one in keys):
+        return f"{len(keys[0].rows) if keys else 0} poses held"
     return f"{sum(len(one.rows) for one in keys)} keys on curves, within {tolerance_mm:g} mm"

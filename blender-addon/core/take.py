@@ -99,7 +99,8 @@ class Request:
     felt has vectors of its own. In `neutral_voice` the same person speaks neutrally: the emotion of
     the voice is heard as what differs from it. `output` names the output that writes it.
     `starts_from` are displacements `[V, 3]` from rest of the pose in which the face begins, for
-    systems that go on from one.
+    systems that go on from one. `named_keys` says whether the vectors of a basis follow controls
+    and have their names, or are those of which the fewest move in a frame.
     """
 
     fps: float
@@ -119,6 +120,7 @@ class Request:
     output: str = ""
     starts_from: np.ndarray | None = None
     keeps_clip: bool = False
+    named_keys: bool = True
 
 
 @dataclass
@@ -219,6 +221,13 @@ class CurveKeys:
 
 
 @dataclass
+class HeldKeys:
+    """The keys of a curve whose values are held from each of the frames `rows` `[N]` on."""
+
+    rows: np.ndarray
+
+
+@dataclass
 class Frames(Motion):
     """The `displacements` of every frame, `[T, V, 3]`."""
 
@@ -277,7 +286,8 @@ class Basis(VectorSum):
     of any vertex in any frame from where it should be. `sliders` is what may still be changed of
     the take, by the names of `sliders.ALL`; `why_missing` says in words why others are not there.
     `offered` are the sliders that the system has at all; `packed` holds `sliders` as they are kept
-    with the take. From `emotion_first` on vectors are what is felt beyond what is said.
+    with the take. From `emotion_first` on vectors are what is felt beyond what is said. `names`
+    `[K]` say what each vector does; empty where nobody has named them.
     """
 
     vectors: np.ndarray
@@ -289,6 +299,7 @@ class Basis(VectorSum):
     offered: tuple[str, ...] = NAMES
     emotion_first: int | None = None
     keys_of_curves: list[CurveKeys | None] | None = None
+    names: list[str] = field(default_factory=list)
 
     def of_piece(self, piece):
         # The mask of the emotion is painted on the face alone.
@@ -410,6 +421,8 @@ class Take:
     earliest: float = -np.inf
     unit_mm: float = 1000.0
     touching: np.ndarray | None = None
+    # How far the lips are apart in each frame, mm, where that is known.
+    opening: np.ndarray | None = None
     # Finds the keys of curves that are made in Blender, a `sparse.Few`; None for every frame.
     few: object = None
 

@@ -11,7 +11,7 @@ from functools import partial
 import bpy
 import numpy as np
 
-from ..core import measure, perform, plan, sparse, systems, wording
+from ..core import holding, measure, perform, plan, sparse, systems, wording
 from ..core.emotion import Share
 from ..core.errors import AnyfaceError
 from ..core.job import BEGUN, Progress, at_once
@@ -58,9 +58,13 @@ class Settings:
     held: dict[str, float] = field(default_factory=dict)
     mode: str = outputs.MODES[0]
     error_mm: float = 0.1
+    # Whether new keys follow controls and are named after them.
+    named_keys: bool = True
     # Whether curves get few keys, `core.sparse.SPARSE`, and how far these may move any vertex, mm.
     curves: str = sparse.SPARSE
     curves_mm: float = 0.2
+    # How long poses stand where they are held, `core.holding.HELD`.
+    holds: holding.Holds = field(default_factory=holding.Holds)
     layered: bool = True
     axes: str = "AUTO"
     landmark_file: str = ""
@@ -145,8 +149,13 @@ class Snapshot:
     def work(self, progress: Progress) -> Take:
         """The take; raises `AnyfaceError`."""
         take = self.perform(progress)
+        holds = self.settings.holds if self.settings.curves == holding.HELD else None
+        # What sliders change is packed by the plan.
+        is_held = holds is not None and holding.hold(take, holds)
         take = self.plan.finish(self.face, take, self.engine, progress)
         try:
+            if holds is not None and not is_held and not holding.hold(take, holds):
+                take.notes.append("poses are held on curves of shape keys alone")
             moves = self.plan.moves(take)
             if self.settings.curves == sparse.SPARSE and moves is not None:
                 sparse.thin(take, moves, self.engine, self.settings.curves_mm, progress)
@@ -189,6 +198,7 @@ def read(ob, scene, settings: Settings, engine) -> Snapshot:
         and settings.layered
         and systems.by_name(settings.system).hears_emotion,
         output=output.name,
+        named_keys=settings.named_keys,
         starts_from=_pose(ob, face, settings),
     )
     names = [piece.name for piece in face.pieces] or [ob.name]

@@ -14,7 +14,7 @@ from .rig_controls import control_actions
 # What an override of an object may have for itself.
 _GROUPS = (
     "anyface", "anyface_audio", "anyface_face", "anyface_life_settings", "anyface_output",
-    "anyface_controls",
+    "anyface_controls", "anyface_mouth_chart",
 )  # fmt: skip
 
 

@@ -27,11 +27,15 @@ class Notice(AnyfaceError):
 class Acting(OfFace):
     """Does `act(ob)` with the character, which may return what to tell the artist."""
 
+    def face(self, context):
+        """The character; None for an operator that has no single one."""
+        return target(context)
+
     def execute(self, context):
         """Does it, or says why not."""
         try:
             copies.settle()
-            return self.tell(self.act(target(context)))
+            return self.tell(self.act(self.face(context)))
         except BaseException as error:
             return self.fail(_kept(plain(error)))
 
@@ -124,10 +128,6 @@ class InThread(Alone):
     _begun = False
     # The result stands in the scene, files of it are played.
     _written = False
-
-    def face(self, context):
-        """The character; None for an operator that has no single one."""
-        return target(context)
 
     def instead(self, context) -> bool:
         """Whether something else was done, and there is no job."""

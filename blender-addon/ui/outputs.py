@@ -3,7 +3,7 @@
 from bpy.props import StringProperty
 from bpy.types import Operator, Panel
 
-from ..core import sparse
+from ..core import holding, sparse
 from ..scene import outputs
 from ..scene.outputs import estimate
 from ..scene.shape_keys import record
@@ -29,6 +29,10 @@ class ANYFACE_PT_output(OfFacePanel, Panel):
         outputs.of(ob.anyface.mode).draw(layout, ob)
         if outputs.of(ob.anyface.mode).has_curves:
             layout.prop(ob.anyface, "curves")
+            if ob.anyface.curves == holding.HELD:
+                column = layout.column(align=True)
+                for name in ("pose_on", "pose_closures", "pose_vowels"):
+                    column.prop(ob.anyface, name)
             if ob.anyface.curves == sparse.SPARSE:
                 layout.prop(ob.anyface, "curves_mm", text="Tolerance (mm)")
         if reason:

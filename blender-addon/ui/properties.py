@@ -21,6 +21,7 @@ from . import (
     controls,
     life,
     mixture,
+    mouth_chart,
     output_properties,
     overridable,
     pictures,
@@ -61,6 +62,20 @@ _AXES = [
     ("LOCAL", "Local", "The head faces -Y in its own space", 2),
     ("LOCAL_Y_UP", "Local, Y Up", "The head faces +Z with +Y up in its own space", 3),
 ]
+
+
+def _frames(name: str, description: str, least: int):
+    """A number of frames for which poses stand."""
+    more = "" if least else "; 0 for one pose"
+    return IntProperty(
+        name=name,
+        description=description + more,
+        default=2,
+        min=least,
+        soft_max=8,
+        max=48,
+        options=set(),
+    )
 
 
 class AnyfaceCharacter(PropertyGroup):
@@ -159,12 +174,20 @@ class AnyfaceCharacter(PropertyGroup):
         precision=3,
         options=set(),
     )
+    named_keys: BoolProperty(
+        name="Named Keys",
+        description="New keys follow jaw, lips, brows and lids and are named after them; off makes "
+        "numbered keys of which about half as many move in a frame, for long takes on heavy meshes",
+        default=True,
+        options=set(),
+    )
     curves: EnumProperty(
         name="Curves",
         description="How many keyframes the curves of a take have",
         items=(
             ("SPARSE", "Sparse", "Few keyframes with handles, at extremes and where lips touch"),
             ("EVERY", "Every Frame", "A keyframe in every frame, linear in between"),
+            ("HELD", "Held Poses", "Poses on twos, threes or fours, each held until the next"),
         ),
         default="SPARSE",
         options=set(),
@@ -178,6 +201,11 @@ class AnyfaceCharacter(PropertyGroup):
         max=5.0,
         precision=2,
         options=set(),
+    )
+    pose_on: _frames("Change Every", "Poses change at every so many frames", 1)
+    pose_closures: _frames("Closed Lips", "The fewest frames for which lips stay closed", 0)
+    pose_vowels: _frames(
+        "Vowels", "The fewest frames for which a mouth stands that is wide open", 0
     )
     axes: EnumProperty(
         name="Face Direction",
@@ -275,6 +303,7 @@ _GROUPS = {
     "anyface_controls": controls.GROUPS,
     "anyface_face": character.GROUPS,
     "anyface_life_settings": life.GROUPS,
+    "anyface_mouth_chart": mouth_chart.GROUPS,
 }
 
 

@@ -2,7 +2,7 @@
 
 from dataclasses import fields
 
-from ..core import systems
+from ..core import holding, systems
 from ..scene import copies, outputs
 from ..scene.animation import emotion
 from ..scene.bake import Settings
@@ -30,6 +30,7 @@ def from_object(ob, scene=None) -> Settings:
     # Without emotion and intensity, which have fields of their own.
     values["mixture"] = emotion.shares(stored)[1:]
     settings = Settings(**values, output=output_properties.read(ob))
+    settings.holds = holding.Holds(stored.pose_on, stored.pose_closures, stored.pose_vowels)
     audio.fill(settings, ob, scene)
     character.fill(settings, ob)
     settings.life = life.read(ob)

@@ -94,7 +94,8 @@ fn mouths_of(annotation: &Annotation) -> Symbols {
 ///
 /// `said`: from `anyface_sounds_new_with_text()` or a file, when lips close and which phones are said; may be NULL.
 /// `mouths`: an `AnyfaceMouths`. `on`: mouths change at every so many frames, 1 to 240. `hold`: the fewest frames for
-/// which a mouth stands, 1 to 240. The chart is the tier `ANYFACE_TIER_MOUTHS`; `anyface_sounds_write()` writes it. Free
+/// which a mouth stands, 1 to 240; `closure_hold` and `vowel_hold`: the same of lips that close for p, b and m, and of the
+/// mouths of vowels, 0 for `hold`. The chart is the tier `ANYFACE_TIER_MOUTHS`; `anyface_sounds_write()` writes it. Free
 /// with `anyface_sounds_free()`. Fails with `ANYFACE_STATUS_INVALID_INPUT` for numbers out of range.
 #[unsafe(no_mangle)]
 pub unsafe extern "C" fn anyface_sounds_new_chart(
@@ -103,6 +104,8 @@ pub unsafe extern "C" fn anyface_sounds_new_chart(
     mouths: i32,
     on: usize,
     hold: usize,
+    closure_hold: usize,
+    vowel_hold: usize,
     out: *mut *mut AnyfaceSounds,
     error: *mut *mut AnyfaceError,
 ) -> AnyfaceStatus {
@@ -121,7 +124,13 @@ pub unsafe extern "C" fn anyface_sounds_new_chart(
         };
         let said = unsafe { said.as_ref() }.map(|said| &said.annotation);
         let moved = clip.landmark_displacements.view();
-        let options = ChartOptions { mouths, on, hold };
+        let options = ChartOptions {
+            mouths,
+            on,
+            hold,
+            closure_hold,
+            vowel_hold,
+        };
         let fps = clip.vertices.fps;
         AnyfaceSounds::of(chart::draw(
             &clip.landmarks_neutral,

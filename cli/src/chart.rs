@@ -44,6 +44,22 @@ pub struct Chart {
     /// The fewest frames for which a mouth stands
     #[arg(long, value_name = "FRAMES", default_value_t = 2)]
     hold: usize,
+    /// The fewest frames for which lips stay closed for p, b and m, instead of --hold
+    #[arg(
+        long,
+        value_name = "FRAMES",
+        default_value_t = 0,
+        hide_default_value = true
+    )]
+    hold_closures: usize,
+    /// The fewest frames for which the mouth of a vowel stands, instead of --hold
+    #[arg(
+        long,
+        value_name = "FRAMES",
+        default_value_t = 0,
+        hide_default_value = true
+    )]
+    hold_vowels: usize,
     /// The words that are said, which tell more surely when lips close
     #[arg(long, value_name = "W", conflicts_with = "sounds")]
     text: Option<String>,
@@ -61,8 +77,13 @@ impl Chart {
             Mouths::Rhubarb => Symbols::Rhubarb,
             Mouths::PrestonBlair => Symbols::Papagayo,
         };
-        let (on, hold) = (self.on, self.hold);
-        let options = ChartOptions { mouths, on, hold };
+        let options = ChartOptions {
+            mouths,
+            on: self.on,
+            hold: self.hold,
+            closure_hold: self.hold_closures,
+            vowel_hold: self.hold_vowels,
+        };
         options.check()?;
         let mut report = new_report();
         let progress = &|p| console.progress(p);

@@ -214,6 +214,12 @@ class WholeStage(Stage):
         )
         return made, 0.5, 1.0
 
+    def chart(self, *given, **_):
+        """Lips that close once."""
+        closed = given[7] == "rhubarb"
+        rest, lips = ("X", "A") if closed else ("rest", "MBP")
+        return [(0.0, 0.2, rest), (0.2, 0.3, lips), (0.3, 0.5, rest)]
+
     def mask(self, positions, *_):
         """Emotion is believed by half."""
         return np.full(len(positions), 0.5, dtype=np.float32)

@@ -34,9 +34,10 @@ def disable():
         addon_utils.disable("rigify", default_set=True)
 
 
-def bind(addon, ob):
-    """Puts `ob` on a generated Rigify face, with weights by distance. Returns the rig."""
-    meta = _metarig()
+def bind(addon, ob, whole=False):
+    """Puts `ob` on a generated Rigify face, with weights by distance; limbs and fingers are there
+    where the `whole` human is wanted. Returns the rig."""
+    meta = _metarig(whole)
     places = _world(ob, rigs.landmarks())
     _fit(meta, places)
     bpy.context.view_layer.objects.active = meta
@@ -56,10 +57,12 @@ def _world(ob, points):
     return points @ matrix[:3, :3].T + matrix[:3, 3]
 
 
-def _metarig():
-    """The human metarig without limbs."""
+def _metarig(whole):
+    """The human metarig, without limbs where not the `whole` of it is wanted."""
     bpy.ops.object.armature_human_metarig_add()
     meta = bpy.context.object
+    if whole:
+        return meta
     bpy.ops.object.mode_set(mode="EDIT")
     bones = meta.data.edit_bones
     face = bones["face"]

@@ -114,6 +114,59 @@ def crude(addon, ob):
     return rig
 
 
+def controllers(addon, ob):
+    """The crude rig as tools build theirs (Auto-Rig Pro and its kin): every bone that deforms
+    follows a controller of its own, named c_…, by a constraint. Returns its object."""
+    rig = crude(addon, ob)
+    bpy.context.view_layer.objects.active = rig
+    bpy.ops.object.mode_set(mode="EDIT")
+    bones = rig.data.edit_bones
+    names = [bone.name for bone in bones if bone.name != "head"]
+    for name in names:
+        made, bone = bones.new(f"c_{name}"), bones[name]
+        made.head, made.tail, made.roll = bone.head, bone.tail, bone.roll
+        made.use_deform = False
+    for name in names:
+        above = bones[name].parent
+        bones[f"c_{name}"].parent = bones.get(f"c_{above.name}") or above
+    bpy.ops.object.mode_set(mode="OBJECT")
+    jaw = rig.pose.bones["jaw"]
+    for constraint in list(jaw.constraints):
+        jaw.constraints.remove(constraint)
+    for name in names:
+        follow = rig.pose.bones[name].constraints.new("COPY_TRANSFORMS")
+        follow.target, follow.subtarget = rig, f"c_{name}"
+    bpy.context.view_layer.objects.active = ob
+    return rig
+
+
+# What VRoid's keys are in shapes of ARKit, about.
+_VRM = {
+    "Fcl_MTH_A": {"jawOpen": 0.7, "mouthLowerDownLeft": 0.3, "mouthLowerDownRight": 0.3},
+    "Fcl_MTH_I": {"jawOpen": 0.15, "mouthStretchLeft": 0.6, "mouthStretchRight": 0.6},
+    "Fcl_MTH_U": {"jawOpen": 0.15, "mouthPucker": 0.7},
+    "Fcl_MTH_E": {"jawOpen": 0.35, "mouthStretchLeft": 0.3, "mouthStretchRight": 0.3},
+    "Fcl_MTH_O": {"jawOpen": 0.45, "mouthFunnel": 0.7},
+    "Fcl_EYE_Close": {"eyeBlinkLeft": 1.0, "eyeBlinkRight": 1.0},
+    "Fcl_EYE_Close_L": {"eyeBlinkLeft": 1.0},
+    "Fcl_EYE_Close_R": {"eyeBlinkRight": 1.0},
+    "Fcl_BRW_Surprised": {"browInnerUp": 0.8, "browOuterUpLeft": 0.8, "browOuterUpRight": 0.8},
+    "Fcl_BRW_Angry": {"browDownLeft": 1.0, "browDownRight": 1.0},
+    "Fcl_MTH_Fun": {"mouthSmileLeft": 0.7, "mouthSmileRight": 0.7},
+}
+
+
+def vroid(addon, ob):
+    """Shape keys as characters of VRoid have them, which nobody drives."""
+    vectors = shapes(addon, ob)
+    ob.shape_key_add(name="Basis", from_mix=False)
+    for name, parts in _VRM.items():
+        block = ob.shape_key_add(name=name, from_mix=False)
+        moved = positions(ob) + sum(share * vectors[shape] for shape, share in parts.items())
+        block.points.foreach_set("co", moved.astype(np.float32).ravel())
+    return ob
+
+
 def driven_key(ob, rig, name, vector):
     """A key that a custom property of `rig`, 0 to 1, drives."""
     if ob.data.shape_keys is None:

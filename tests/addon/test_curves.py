@@ -118,7 +118,8 @@ def test_redo_leaves_all_outside_as_it_was(addon, voice):
     before, middle, many = film(ob, subframes), film(ob, [70]), count_keys(ob)
     ob.anyface.seed = 5
     assert bpy.ops.anyface.redo() == {"FINISHED"}, ob.anyface.report
-    assert farthest_mm(addon, ob, film(ob, subframes), before) < 0.005
+    # Named keys move farther than mixtures, against one another: so do the roundings of their cuts.
+    assert farthest_mm(addon, ob, film(ob, subframes), before) < 0.02
     assert np.abs(film(ob, [70]) - middle).max() > 1e-4
     # Cuts at both ends, and what is more to show.
     assert count_keys(ob) < 1.8 * many

@@ -14,11 +14,12 @@ import numpy as np
 import pytest
 
 from conftest import PACKAGE
+from faults import WholeStage
 from figures import grid, own_keys, stand_in, strip, tone
 
 ROUNDS = int(os.environ.get("ANYFACE_FUZZ", "50"))
 SEED = int(os.environ.get("ANYFACE_FUZZ_SEED", "20"))
-GROUPS = ("anyface", "anyface_audio", "anyface_face", "anyface_output")
+GROUPS = ("anyface", "anyface_audio", "anyface_face", "anyface_output", "anyface_mouth_chart")
 # What an operator may say of its own accord.
 REFUSALS = ("Anyface: ", ".poll()")
 
@@ -73,7 +74,9 @@ class Hand:
         if prop.type == "STRING":
             return self.text()
         if prop.type == "POINTER":
-            return self.pick([*bpy.data.objects, None])
+            of_collections = prop.fixed_type.identifier == "Collection"
+            there = bpy.data.collections if of_collections else bpy.data.objects
+            return self.pick([*there, None])
         low, high = max(prop.hard_min, -1e6), min(prop.hard_max, 1e6)
         middle = self.random.uniform(low, min(high, low + 5.0))
         drawn = self.pick([low, high, middle, middle, prop.default])
@@ -88,6 +91,9 @@ class Hand:
         names = [p.identifier for p in group.bl_rna.properties if not p.is_readonly]
         name = self.pick(names)
         value = self.value(group.bl_rna.properties[name])
+        if value is None and group.bl_rna.properties[name].type == "ENUM":
+            # A menu that is made while it is looked at may be empty.
+            return
         self.steps.append(f"{owner.name}: {name} = {value!r}")
         # A poll of the property may refuse an object; Blender then keeps what there was.
         setattr(group, name, value)
@@ -195,6 +201,13 @@ def delete_object(hand):
         bpy.data.objects.remove(hand.pick(bpy.data.objects))
 
 
+def add_collection(hand):
+    if len(bpy.data.collections) < 3:
+        made = bpy.data.collections.new("Mouths")
+        bpy.context.scene.collection.children.link(made)
+        made.objects.link(hand.pick(bpy.data.objects))
+
+
 def rename(hand):
     hand.pick(bpy.data.objects).name = hand.pick(["Head", "Kopf", "x" * 60, "Ünï"])
 
@@ -295,6 +308,7 @@ CHANGES = (
     select,
     add_object,
     delete_object,
+    add_collection,
     rename,
     add_keys,
     clear_keys,
@@ -322,7 +336,7 @@ def hand(addon, tmp_path, monkeypatch):
     own = tmp_path / "presets"
     own.mkdir()
     monkeypatch.setattr(addon("ui.presets"), "own_folder", lambda create=False: own)
-    stage = stand_in(addon)
+    stage = stand_in(addon, WholeStage(addon("core.take")))
     sounds = [tone(tmp_path / f"{name}.wav", seconds=0.5) for name in ("a", "b")]
     # 4.2 as a Python module has no sound: then there are no strips.
     with contextlib.suppress(RuntimeError):

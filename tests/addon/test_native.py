@@ -222,3 +222,21 @@ def test_shapes_are_those_of_the_library(addon, engine):
     whole, half = bent.vectors[jaw], bent.vectors[67 + jaw]
     assert np.linalg.norm(half, axis=1).max() < 0.6 * np.linalg.norm(whole, axis=1).max()
     assert not np.array_equal(whole, rig.vectors[jaw])
+
+
+def test_a_chart_is_drawn_of_the_default_head_and_obeys_its_closures(addon, engine):
+    module, take = addon("core.mouth_chart"), addon("core.take")
+    head = addon("scene.face.sample_head").points_and_triangles(0.38)
+    noise = np.random.default_rng(0).normal(0.0, 0.1, 32_000).astype(np.float32)
+    sound = take.Sound(noise, 16000.0, "noise")
+    progress = addon("core.job").Progress()
+    request = take.Request(24.0, emotion_source="OFF", closures=np.array([[0.5, 0.6], [1.2, 1.3]]))
+    for kind, closed in [(module.RHUBARB, "A"), (module.PRESTON_BLAIR, "MBP")]:
+        given = *head, None, None, sound, request, progress, kind, 2, 2
+        chart = engine.chart(*given, closure_hold=6)
+        assert {mouth for _, _, mouth in chart} <= set(module.MOUTHS[kind])
+        assert chart[0][0] == 0.0 and chart[-1][1] == pytest.approx(2.0, abs=0.1)
+        shut = [(start, end) for start, end, mouth in chart if mouth == closed]
+        for start_s, end_s in request.closures:
+            inside = [(a, b) for a, b in shut if a <= start_s and b >= end_s]
+            assert inside and all((b - a) * 24.0 >= 5.9 for a, b in inside)

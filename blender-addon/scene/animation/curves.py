@@ -9,6 +9,7 @@ from contextlib import suppress
 import bpy
 import numpy as np
 
+from ...core.take import HeldKeys
 from . import bezier
 
 LAYERED = hasattr(bpy.types, "ActionSlots")
@@ -79,9 +80,16 @@ def find_any(animation_data, data_path: str):
 
 
 def write(
-    bag, data_path: str, frames: np.ndarray, values: np.ndarray, constant=False, index=0
+    bag,
+    data_path: str,
+    frames: np.ndarray,
+    values: np.ndarray,
+    constant=False,
+    index=0,
+    group=_GROUP,
 ) -> None:
-    """A new curve with keys at `frames` `[T]`, linear in between (or held).
+    """A new curve with keys at `frames` `[T]`, linear in between (or held), in the group of that
+    name.
 
     `index` is the element of a property that has several.
     """
@@ -89,7 +97,7 @@ def write(
     if stale is not None:
         bag.fcurves.remove(stale)
     curve = bag.fcurves.new(data_path, index=index)
-    curve.group = bag.groups.get(_GROUP) or bag.groups.new(_GROUP)
+    curve.group = bag.groups.get(group) or bag.groups.new(group)
     points = curve.keyframe_points
     points.add(len(frames))
     pairs = np.column_stack([frames, values]).astype(np.float32)
@@ -106,10 +114,14 @@ def write_take(
     of `with_rest`.
 
     It is linear between keys in every frame, or a Bézier curve where `keys` (`take.CurveKeys`) say
-    which frames have one.
+    which frames have one. Of `take.HeldKeys` each value is held until the next.
     """
     if keys is None:
         write(bag, data_path, at, values, index=index)
+        return
+    if isinstance(keys, HeldKeys):
+        chosen = np.concatenate([np.arange(lead), keys.rows + lead, [len(at) - 1]])
+        write(bag, data_path, at[chosen], values[chosen], constant=True, index=index)
         return
     chosen = np.concatenate([np.arange(lead), keys.rows + lead, [len(at) - 1]])
     step = (at[-2] - at[lead]) / max(len(at) - lead - 2, 1)
@@ -185,16 +197,16 @@ def from_rest(values: np.ndarray, at: np.ndarray) -> np.ndarray:
     return np.concatenate([rest[: rests_before(at, len(values))], values, rest])
 
 
-def remove(animation_data, data_paths: set[str]) -> None:
-    """Removes the curves of `data_paths`, and our group once it is empty."""
+def remove(animation_data, data_paths: set[str], group=_GROUP) -> None:
+    """Removes the curves of `data_paths`, and our group of that name once it is empty."""
     bag = channels(animation_data)
     if bag is None:
         return
     for curve in [curve for curve in bag.fcurves if curve.data_path in data_paths]:
         bag.fcurves.remove(curve)
-    group = bag.groups.get(_GROUP)
-    if group is not None and len(group.channels) == 0:
-        bag.groups.remove(group)
+    found = bag.groups.get(group)
+    if found is not None and len(found.channels) == 0:
+        bag.groups.remove(found)
 
 
 def of_group(animation_data) -> list:

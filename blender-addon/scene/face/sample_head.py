@@ -29,6 +29,13 @@ def mesh(height: float):
     return smooth_mesh(NAME, points, faces, own, data["materials"].astype(np.int32))
 
 
+def points_and_triangles(height: float) -> tuple[np.ndarray, np.ndarray]:
+    """Positions `[V, 3]` float32 and triangles `[F, 3]` uint32 of the same head."""
+    with np.load(PACKED) as packed:
+        points = standing(packed["positions"] / _MICROMETRES, height)
+        return points.astype(np.float32), packed["triangles"].astype(np.uint32)
+
+
 def smooth_mesh(name: str, points: np.ndarray, faces: list[list[int]], materials, numbers):
     """A new mesh of points `[V, 3]` and faces, whose materials are `numbers`."""
     made = bpy.data.meshes.new(name)

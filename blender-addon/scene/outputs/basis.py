@@ -26,6 +26,7 @@ class Basis(Output):
 
     def draw(self, layout, ob):
         layout.prop(ob.anyface, "error_mm", text="Precision (mm)")
+        layout.prop(ob.anyface, "named_keys")
         if systems.by_name(ob.anyface.system).hears_emotion:
             layout.prop(ob.anyface, "layered")
 
@@ -52,7 +53,8 @@ class Basis(Output):
         slider_changes.write(ob.data.shape_keys, taken, basis.packed)
         lowest = basis.weights.min(axis=0, initial=0.0)
         for number, vector in enumerate(basis.vectors):
-            block = mesh.add_key(ob, f"{PREFIX}.{number + 1:03d}", rest + vector)
+            name = basis.names[number] if basis.names else f"{number + 1:03d}"
+            block = mesh.add_key(ob, f"{PREFIX}.{name}", rest + vector)
             taken.keys.append(block.name)
             if basis.emotion_first is not None and number >= basis.emotion_first:
                 block.vertex_group = emotion_mask.of(ob)

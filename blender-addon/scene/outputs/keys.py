@@ -9,7 +9,7 @@ from ...core import wording
 from ...core.errors import AnyfaceError
 from ...core.estimate import KEYFRAME, SOLVE_S, Cost
 from ...core.plan import SolveKeys, by_key
-from ...core.take import Piece, Take
+from ...core.take import HeldKeys, Piece, Take
 from ..shape_keys import artist_keys
 from .output import Output, draw_list_buttons, write_weights
 
@@ -115,7 +115,13 @@ def _of_object(take: Take, piece: Piece) -> Take | None:
 
 
 def _same_curve(motion, column: np.ndarray):
-    """The keys of the curve of the face that is the same; None where there is none."""
+    """The keys of the curve of the face that is the same; None where there is none.
+
+    Held poses are the same for all curves.
+    """
+    held = [keys for keys in motion.keys_of_curves or () if isinstance(keys, HeldKeys)]
+    if held:
+        return held[0]
     for other, keys in zip(motion.weights.T, motion.keys_of_curves or (), strict=False):
         if np.array_equal(other, column):
             return keys

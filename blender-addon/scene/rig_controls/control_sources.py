@@ -76,8 +76,9 @@ def propose(ob, rig, left_alone: list[str]) -> list[Source]:
     """
     found = {source.key: source for source in _driving(ob, rig)}
     if rig is not None:
-        seen = [bone.name for bone in rig.pose.bones if _is_seen(rig, bone)]
-        _, named = control_names.guess([bone.name for bone in rig.pose.bones])
+        free = [bone for bone in rig.pose.bones if not _follows(bone)]
+        seen = [bone.name for bone in free if _is_seen(rig, bone)]
+        _, named = control_names.guess([bone.name for bone in free])
         for name in named or seen:
             source = Source(BONE, rig, name, name in _acting(rig))
             found.setdefault(source.key, source)
@@ -156,6 +157,17 @@ def _acting(rig) -> set[str]:
     """Bones whose place plays an action on others."""
     every = [c for bone in rig.pose.bones for c in bone.constraints if c.type == "ACTION"]
     return {constraint.subtarget for constraint in every}
+
+
+def _follows(bone) -> bool:
+    """Whether a bone stands wherever another one does, so that its own channels move nothing."""
+    return any(
+        c.type == "COPY_TRANSFORMS"
+        and not c.mute
+        and c.influence == 1.0
+        and getattr(c, "mix_mode", "REPLACE") == "REPLACE"
+        for c in bone.constraints
+    )
 
 
 def _is_seen(rig, bone) -> bool:

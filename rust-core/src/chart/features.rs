@@ -82,6 +82,11 @@ fn measure(place: &impl Fn(usize, usize) -> f64) -> (f64, f64) {
     (mean, apart(CORNERS[0], CORNERS[1]))
 }
 
+/// Whether a phone is th, for which the tongue is at the upper teeth.
+fn is_dental(phone: &str) -> bool {
+    ["th", "dh", "θ", "ð"].contains(&phone.trim().to_lowercase().as_str())
+}
+
 /// Notes in each frame what is said in it.
 fn listen(frames: &mut [Frame], fps: f64, said: &Annotation) {
     let count = frames.len();
@@ -100,7 +105,7 @@ fn listen(frames: &mut [Frame], fps: f64, said: &Annotation) {
         for frame in &mut frames[range(phone.start_s, phone.end_s)] {
             frame.closes |= shape == "MBP";
             frame.at_teeth |= shape == "FV";
-            frame.tongue |= shape == "L";
+            frame.tongue |= shape == "L" || is_dental(&phone.label);
         }
     }
 }

@@ -29,6 +29,10 @@ pub struct ChartOptions {
     pub on: usize,
     /// The fewest frames for which a mouth stands.
     pub hold: usize,
+    /// The fewest frames for which lips stay closed for p, b and m; 0 for `hold`.
+    pub closure_hold: usize,
+    /// The fewest frames for which the mouth of a vowel stands; 0 for `hold`.
+    pub vowel_hold: usize,
 }
 
 impl Default for ChartOptions {
@@ -37,6 +41,8 @@ impl Default for ChartOptions {
             mouths: Symbols::Rhubarb,
             on: 1,
             hold: 2,
+            closure_hold: 0,
+            vowel_hold: 0,
         }
     }
 }
@@ -48,13 +54,30 @@ impl ChartOptions {
     /// `InvalidInput` for other symbols than mouths, and frames out of range.
     pub fn check(&self) -> Result<()> {
         mouths::of(self.mouths)?;
-        for (name, frames) in [("on", self.on), ("hold", self.hold)] {
-            if !(1..=240).contains(&frames) {
-                let message = format!("chart: expected {name} of 1 to 240 frames, got {frames}");
+        for (name, frames, least) in [
+            ("on", self.on, 1),
+            ("hold", self.hold, 1),
+            ("closure_hold", self.closure_hold, 0),
+            ("vowel_hold", self.vowel_hold, 0),
+        ] {
+            if !(least..=240).contains(&frames) {
+                let message =
+                    format!("chart: expected {name} of {least} to 240 frames, got {frames}");
                 return Err(Error::InvalidInput(message));
             }
         }
         Ok(())
+    }
+
+    /// The fewest frames for which one of the mouths stands, where a mouth at rest stands for `rest`.
+    fn hold_of(&self, mouth: &Mouth, rest: usize) -> usize {
+        let own = match mouth {
+            mouth if mouth.is_rest => return self.hold.max(rest),
+            mouth if mouth.closes_lips() => self.closure_hold,
+            mouth if mouth.is_vowel() => self.vowel_hold,
+            _ => 0,
+        };
+        if own == 0 { self.hold } else { own }
     }
 }
 
@@ -82,11 +105,8 @@ pub fn draw(
     let frames = features::of(neutral, displacements, fps, said)?;
     let on = options.on;
     let poses: Vec<Vec<f64>> = frames.chunks(on).map(|pose| costs(pose, mouths)).collect();
-    let rest_s = (mouths::REST_S * fps).ceil() as usize;
-    let least = |mouth: &Mouth| match mouth.is_rest {
-        true => options.hold.max(rest_s).div_ceil(on),
-        false => options.hold.div_ceil(on),
-    };
+    let rest_frames = (mouths::REST_S * fps).ceil() as usize;
+    let least = |mouth: &Mouth| options.hold_of(mouth, rest_frames).div_ceil(on);
     let least: Vec<usize> = mouths.iter().map(least).collect();
     let chosen = way::cheapest(&poses, &least, mouths::CHANGE);
     let mut intervals: Vec<Interval> = Vec::new();

@@ -80,6 +80,18 @@ static PRESTON_BLAIR: [Mouth; 10] = [
     rest("rest"),
 ];
 
+impl Mouth {
+    /// Whether it is drawn for p, b and m.
+    pub fn closes_lips(&self) -> bool {
+        self.kind == Kind::Closed && !self.is_rest
+    }
+
+    /// Whether it is drawn for vowels.
+    pub fn is_vowel(&self) -> bool {
+        ["C", "D", "E", "F", "AI", "O", "U"].contains(&self.name)
+    }
+}
+
 pub fn of(symbols: Symbols) -> Result<&'static [Mouth]> {
     match symbols {
         Symbols::Rhubarb => Ok(&RHUBARB),
@@ -101,7 +113,7 @@ pub fn cost(mouth: &Mouth, frame: &Frame, closes: bool) -> f64 {
         Kind::Closed => (widest / OPEN).powi(2) + if frame.touches { 0.0 } else { 1.0 },
         _ => far + if frame.touches { UNSAID } else { 0.0 },
     };
-    let is_lips = mouth.kind == Kind::Closed && !mouth.is_rest;
+    let is_lips = mouth.closes_lips();
     let said = match mouth.kind {
         Kind::Closed if mouth.is_rest => WITHOUT_REASON * f64::from(u8::from(closes)),
         Kind::Closed => 0.3 * f64::from(u8::from(!closes)),

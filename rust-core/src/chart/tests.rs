@@ -103,6 +103,51 @@ fn teeth_and_tongue_are_told_by_what_is_said() {
 }
 
 #[test]
+fn th_shows_the_tongue_as_l_does() {
+    for phone in ["th", "DH", "θ", "ð"] {
+        let text = format!("0 0.5 {phone}\n0.5 1.0 s\n");
+        let said = Annotation::from_text(&text, AnnotationFormat::Plain, 24.0).unwrap();
+        let chart = ask(&[(0.1, 1.0); 24], Some(&said), ChartOptions::default());
+        assert_eq!(labels(&chart)[0], "H", "{phone}");
+    }
+}
+
+#[test]
+fn closures_and_vowels_have_holds_of_their_own() {
+    // Open, closed for one frame, open, wide open for one frame, open.
+    let mut frames = vec![(0.06, 1.0); 36];
+    frames[10].0 = 0.0;
+    frames[24] = (0.30, 1.0);
+    let said = Annotation::of_closures(&[[10.0 / 24.0, 11.0 / 24.0]], 1.5);
+    let longest = |options: ChartOptions, label: &str| {
+        let chart = ask(&frames, Some(&said), options);
+        let of = chart.tiers[0].intervals.iter().filter(|i| i.label == label);
+        of.map(|i| ((i.end_s - i.start_s) * 24.0).round() as usize)
+            .collect::<Vec<_>>()
+    };
+    let plain = ChartOptions {
+        hold: 1,
+        ..ChartOptions::default()
+    };
+    assert_eq!(longest(plain, "A"), [1]);
+    assert_eq!(longest(plain, "D"), [1]);
+    let closures = ChartOptions {
+        closure_hold: 4,
+        ..plain
+    };
+    assert_eq!(longest(closures, "A"), [4]);
+    assert_eq!(longest(closures, "D"), [1]);
+    // A wide mouth of one frame is not drawn where it had to stand for six.
+    let vowels = ChartOptions {
+        vowel_hold: 6,
+        ..plain
+    };
+    assert_eq!(longest(vowels, "A"), [1]);
+    assert!(longest(vowels, "D").iter().all(|&frames| frames >= 6));
+    assert!(longest(vowels, "C").iter().all(|&frames| frames >= 6));
+}
+
+#[test]
 fn a_chart_is_written_as_its_own_letters() {
     let chart = ask(&[(0.06, 1.0); 12], None, ChartOptions::default());
     assert_eq!(

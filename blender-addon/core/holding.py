@@ -1,0 +1,95 @@
+"""Poses that are held, as in drawn and stop-motion animation: on twos, threes, fours."""
+
+from dataclasses import dataclass
+
+import numpy as np
+
+from .sliders import SliderChange
+from .take import Basis, HeldKeys, Take
+
+HELD = "HELD"
+
+
+@dataclass(frozen=True)
+class Holds:
+    """Poses change at every `on` frames of a take; those in which the lips touch stand for
+    `closures` frames or longer, those in which the mouth is widest for `vowels`."""
+
+    on: int = 2
+    closures: int = 2
+    vowels: int = 2
+
+
+def poses(opening: np.ndarray, touching: np.ndarray, holds: Holds) -> np.ndarray:
+    """The frame whose pose is shown in each frame, `[T]`.
+
+    `opening` `[T]` is how far the lips are apart, in any unit, `touching` `[T]` where they touch.
+    A pose in which they do is shown wherever they touch in one of its frames.
+    """
+    count, on = len(opening), max(holds.on, 1)
+    firsts = np.arange(0, count, on)
+    source = np.minimum(firsts + (on - 1) // 2, count - 1)
+    closed = np.zeros(len(firsts), dtype=bool)
+    for number, first in enumerate(firsts):
+        here = np.flatnonzero(touching[first : first + on])
+        if len(here):
+            # The most firmly closed of them.
+            source[number] = first + here[opening[first + here].argmin()]
+            closed[number] = True
+    taken = closed.copy()
+    _stretch(source, taken, _runs(closed), -(-holds.closures // on))
+    open_ = np.where(taken, -np.inf, opening[source])
+    tops = [
+        (number, number + 1)
+        for number in range(1, len(firsts) - 1)
+        if not taken[number]
+        and open_[number] > open_[number - 1]
+        and open_[number] >= open_[number + 1]
+    ]
+    _stretch(source, taken, tops, -(-holds.vowels // on))
+    return source[np.arange(count) // on]
+
+
+def _runs(marks: np.ndarray) -> list[tuple[int, int]]:
+    """Begin and end of each run of marks."""
+    edges = np.flatnonzero(np.diff(np.concatenate([[False], marks, [False]]).astype(int)))
+    return list(zip(edges[::2].tolist(), edges[1::2].tolist(), strict=True))
+
+
+def _stretch(source: np.ndarray, taken: np.ndarray, runs, least: int) -> None:
+    """Lets each run of poses last for `least` of them, behind it first, as far as others let it."""
+    for begin, end in runs:
+        first, last = begin, end
+        while last - first < least:
+            if last < len(source) and not taken[last]:
+                source[last], last = source[last - 1], last + 1
+            elif first > 0 and not taken[first - 1]:
+                source[first - 1], first = source[first], first - 1
+            else:
+                break
+        taken[first:last] = True
+
+
+def hold(take: Take, holds: Holds) -> bool:
+    """Lets the poses of a take of weights be held; False where it has none, and nothing is done.
+
+    Sliders change what is shown.
+    """
+    motion = take.motion
+    if getattr(motion, "weights", None) is None:
+        return False
+    count = len(motion.weights)
+    touching = take.touching if take.touching is not None else np.zeros(count, dtype=bool)
+    opening = take.opening if take.opening is not None else np.zeros(count)
+    source = poses(np.asarray(opening), np.asarray(touching, dtype=bool), holds)
+    motion.weights = motion.weights[source]
+    if getattr(motion, "shape_weights", None) is not None:
+        motion.shape_weights = motion.shape_weights[source]
+    if isinstance(motion, Basis):
+        motion.sliders = {
+            name: SliderChange(change.knots, change.changes[:, source])
+            for name, change in motion.sliders.items()
+        }
+    rows = np.flatnonzero(np.diff(source, prepend=-1))
+    motion.keys_of_curves = [HeldKeys(rows) for _ in range(motion.weights.shape[1])]
+    return True

@@ -1,0 +1,120 @@
+"""Drawn mouths by name: which drawing shows each mouth of a chart, and when drawings change."""
+
+import re
+
+from .errors import AnyfaceError
+
+RHUBARB, PRESTON_BLAIR = "rhubarb", "preston-blair"
+# The mouths of each chart, the closed ones first and the one at rest last, as the library draws
+# them; each with names that drawings of it have.
+MOUTHS: dict[str, dict[str, tuple[str, ...]]] = {
+    RHUBARB: {
+        "A": ("a", "mbp", "pbm", "bmp", "mpb", "closed"),
+        "B": ("b", "etc", "cdgknrsthyz", "consonants", "clenched"),
+        "C": ("c", "e", "eh"),
+        "D": ("d", "ai", "aei", "aa", "wide"),
+        "E": ("e", "o", "oh", "rounded"),
+        "F": ("f", "u", "oo", "wq", "w", "pucker", "puckered"),
+        "G": ("g", "fv", "f"),
+        "H": ("h", "l", "th", "tongue"),
+        "X": ("x", "rest", "idle", "neutral", "basis"),
+    },
+    PRESTON_BLAIR: {
+        "MBP": ("mbp", "pbm", "bmp", "mpb", "m", "closed"),
+        "etc": ("etc", "cdgknrsthyz", "cdgknrsyz", "consonants", "other"),
+        "E": ("e", "ee", "eh"),
+        "AI": ("ai", "a", "aei", "aa", "ah"),
+        "O": ("o", "oh"),
+        "U": ("u", "oo", "ou"),
+        "WQ": ("wq", "qw", "w", "woo"),
+        "FV": ("fv", "f", "v"),
+        "L": ("l", "lth", "th", "tongue"),
+        "rest": ("rest", "x", "idle", "neutral", "basis"),
+    },
+}
+# The drawing that is shown where one is missing: A to F have to be there, as in Rhubarb itself.
+STAND_INS = {
+    RHUBARB: {"G": "B", "H": "C", "X": "A"},
+    PRESTON_BLAIR: {"etc": "E", "WQ": "U", "FV": "MBP", "L": "E", "rest": "MBP"},
+}
+# What stands around the name of a mouth in names of drawings.
+_WORDS = {"mouth", "mouths", "lip", "lips", "viseme", "vis", "phoneme", "shape", "key", "rhubarb"}
+
+
+def rest(kind: str) -> str:
+    """The mouth at rest."""
+    return next(reversed(MOUTHS[kind]))
+
+
+def guess(kind: str, names: list[str]) -> dict[str, str]:
+    """The drawing of each mouth among `names`, told by its own name; mouths without one lack.
+
+    A name that says one letter means the letter where the letters of a chart are named at all:
+    "e" is Rhubarb's E, but the wide mouth of a set of vowels.
+    """
+    read = {}
+    for name in names:
+        read.setdefault(_plain(name), name)
+    found: dict[str, str] = {}
+    spelled = [mouth.lower() for mouth in MOUTHS[kind] if mouth.lower() in read]
+    for mouth, spellings in MOUTHS[kind].items():
+        own, *others = dict.fromkeys((mouth.lower(), *spellings))
+        # Letters of the chart itself, once most of them are there, are nothing else's name.
+        if len(spelled) > len(MOUTHS[kind]) // 2:
+            others = [text for text in others if text not in spelled and len(text) > 1]
+        elif kind == RHUBARB:
+            own, others = (others[0], others[1:]) if len(own) == 1 else (own, others)
+        hit = next((text for text in (own, *others) if text in read), None)
+        if hit is not None and read[hit] not in found.values():
+            found[mouth] = read[hit]
+    return found
+
+
+def _plain(name: str) -> str:
+    """What a name says of a mouth: "Mouth_A.001" is a, "lips M B P" is mbp."""
+    name = re.sub(r"\.\d{3,}$", "", name)
+    name = re.sub(r"(?<=[a-z])(?=[A-Z])", " ", name)
+    parts = [part.lower() for part in re.split(r"[^A-Za-z]+", name) if part]
+    return "".join(part for part in parts if part not in _WORDS)
+
+
+def complete(kind: str, drawings: dict[str, object], where: str) -> dict[str, object]:
+    """The drawing that shows each mouth, stand-ins included.
+
+    `drawings` are those that are there by mouth, `where` says where they were looked for. Raises
+    `AnyfaceError("input")` where a mouth has none and nothing may stand in for it.
+    """
+    found, missing = {}, []
+    for mouth in MOUTHS[kind]:
+        drawing = drawings.get(mouth, drawings.get(STAND_INS[kind].get(mouth)))
+        if drawing is not None:
+            found[mouth] = drawing
+        elif mouth not in STAND_INS[kind] or STAND_INS[kind][mouth] not in missing:
+            missing.append(mouth)
+    if missing:
+        every = ", ".join(missing)
+        text = f"no drawing of {every} in {where}: name one for each, or choose it in the list"
+        raise AnyfaceError("input", text)
+    return found
+
+
+def changes(
+    kind: str, chart: list[tuple[float, float, str]], start_frame: float, fps: float, earliest: int
+) -> list[tuple[int, str]]:
+    """The scene frames at which the mouth changes, in rising order, and to which.
+
+    `chart` holds start and end in seconds of each mouth, `start_frame` is where its sound begins
+    and `fps` that of the scene. The mouth rests behind it, and before it where that is not before
+    the frame `earliest`.
+    """
+    if not chart:
+        return []
+    begin, resting = round(start_frame + chart[0][0] * fps), rest(kind)
+    at = {begin - 1: resting} if begin - 1 >= earliest else {}
+    at |= {round(start_frame + start_s * fps): mouth for start_s, _, mouth in chart}
+    at[round(start_frame + chart[-1][1] * fps)] = resting
+    found: list[tuple[int, str]] = []
+    for frame, mouth in sorted(at.items()):
+        if not found or found[-1][1] != mouth:
+            found.append((frame, mouth))
+    return found

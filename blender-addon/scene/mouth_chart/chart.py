@@ -1,0 +1,139 @@
+"""A mouth chart from sound to keyframes, in three steps: read, work, write."""
+
+from dataclasses import dataclass
+
+import numpy as np
+
+from ...core import mouth_chart
+from ...core.errors import AnyfaceError
+from ...core.job import Progress
+from ...core.source import SoundSource
+from ...core.take import FaceMesh, Request
+from .. import bake
+from ..animation import emotion
+from ..face import sample_head
+from ..sound import decode, sounds, strips
+from . import entry, outputs
+from .outputs import Drawings
+
+# Of the default head, metres.
+_HEIGHT = 0.38
+
+
+@dataclass
+class Holds:
+    """Mouths change at every `on` frames and stand for `hold` or longer; those of closures and of
+    vowels for their own, where these are not 0."""
+
+    on: int = 1
+    hold: int = 2
+    closures: int = 0
+    vowels: int = 0
+
+
+@dataclass
+class Snapshot:
+    """What was read; `work` needs nothing else. `face` is None where the default head speaks."""
+
+    face: FaceMesh | None
+    source: SoundSource
+    request: Request
+    drawings: Drawings
+    holds: Holds
+    text: str
+    scene_fps: float
+    scene_start: int
+    engine: object
+    closed: list | None = None
+
+    def work(self, progress: Progress) -> "Chart":
+        """The chart; raises `AnyfaceError`. Where no face is found the default head speaks."""
+        progress.check("sound")
+        voice = self.source.load(decode.decoder(self.engine))
+        if self.closed is not None:
+            lips = [[a, b] for a, b, label in self.closed if self.engine.closes_lips(label)]
+            self.request.closures = np.array(lips).reshape(-1, 2)
+        note = ""
+        if self.face is not None:
+            try:
+                return Chart(self._draw(self.face.space.seen(self.face), voice, progress))
+            except AnyfaceError as error:
+                if error.kind != "face":
+                    raise
+                note = f"no face was found on {self.face.name}: the default head spoke"
+        head = (*sample_head.points_and_triangles(_HEIGHT), None, None)
+        return Chart(self._draw(head, voice, progress), note)
+
+    def _draw(self, face: tuple, voice, progress: Progress) -> list:
+        holds = self.holds
+        return self.engine.chart(
+            *face, voice, self.request, progress, self.drawings.kind, holds.on, holds.hold,
+            closure_hold=holds.closures, vowel_hold=holds.vowels, text=self.text,
+        )  # fmt: skip
+
+
+@dataclass
+class Chart:
+    """Start and end in seconds and name of each mouth, and what is said besides."""
+
+    mouths: list[tuple[float, float, str]]
+    note: str = ""
+
+
+def read(ob, scene, settings: bake.Settings, wanted: Drawings, holds: Holds, text, engine):
+    """Reads the sound of `ob` and its face, where it is a mesh; raises `AnyfaceError` in words."""
+    outputs.check(wanted)
+    outputs.check_editable(wanted)
+    source = bake.find_sound(scene, settings, engine)
+    fps = scene.render.fps / scene.render.fps_base
+    keys = emotion.control_keys(ob, scene, settings, source.start_frame, strips.duration_s(source))
+    request = Request(
+        fps=fps, seed=settings.seed, style=settings.style, emotion_source="OFF",
+        controls=settings.controls, control_keys=keys,
+    )  # fmt: skip
+    is_face = ob.type == "MESH" and len(ob.data.polygons) > 0
+    face = bake.read_face(ob, settings, editable=False) if is_face else None
+    request.roles = face.roles if face is not None else None
+    return Snapshot(
+        face, source, request, wanted, holds, text, fps, scene.frame_start, engine,
+        sounds.read(scene, source),
+    )  # fmt: skip
+
+
+def write(ob, snapshot: Snapshot, chart: Chart) -> str:
+    """Puts the keyframes where they are shown, and says in one line what was written.
+
+    A chart of `ob` that stands there already goes; nothing changes where `AnyfaceError` is raised.
+    """
+    wanted = snapshot.drawings
+    outputs.check(wanted)
+    start, fps = snapshot.source.start_frame, snapshot.scene_fps
+    changes = mouth_chart.changes(wanted.kind, chart.mouths, start, fps, snapshot.scene_start)
+    if not changes:
+        raise AnyfaceError("audio", "the sound has no frame to draw a mouth in")
+    if wanted.output != outputs.PENCIL:
+        found = outputs.channels(wanted, changes) if _is_there(wanted) else []
+        entry.check_free(found)
+    remove(ob)
+    for other in outputs.shown_on(wanted):
+        entry.take_off(other)
+    made = outputs.make(wanted)
+    frames = np.array([frame for frame, _ in changes], dtype=float)
+    by_object: dict = {}
+    for channel in outputs.channels(wanted, changes):
+        by_object.setdefault(channel.ob, []).append(channel)
+    for channels in by_object.values():
+        entry.put(ob, channels, frames, **made)
+    drawn = len({mouth for _, mouth in changes})
+    said = f"{len(changes)} mouths, {drawn} of {len(mouth_chart.MOUTHS[wanted.kind])} are used"
+    return f"{said} ({chart.note})" if chart.note else said
+
+
+def _is_there(wanted: Drawings) -> bool:
+    """False for a custom property that is made with the chart."""
+    return wanted.output != outputs.NUMBER or not outputs.is_new_property(wanted)
+
+
+def remove(ob) -> int:
+    """Takes the chart of a character off everything that shows it; returns of how many objects."""
+    return sum(entry.take_off(other) for other in entry.shown_by(ob))

@@ -1,0 +1,187 @@
+"""What a mouth chart has put on an object, and how it goes again.
+
+It stands in a custom property of each object that shows a chart, beside the id of the character
+that speaks; *Remove* takes exactly that away.
+"""
+
+import json
+from dataclasses import asdict, dataclass, field
+
+import bpy
+import numpy as np
+
+from ...core import json_file
+from ...core.errors import AnyfaceError
+from .. import identity
+from ..animation import curves
+
+# Up to 4.5 the settings of an object share their names with custom properties.
+PROPERTY = "anyface_chart_shown"
+GROUP = "Anyface Mouth Chart"
+# The data-blocks whose properties are animated: an object itself, or the shape keys of its mesh.
+OBJECT, KEY = "OBJECT", "KEY"
+
+
+@dataclass
+class Channel:
+    """A property that a chart animates: `values` `[N]` are held from each of its frames on.
+
+    `holder` says of which data-block of `ob` it is, `label` what an artist calls it.
+    """
+
+    ob: object
+    holder: str
+    path: str
+    label: str
+    values: np.ndarray
+
+
+@dataclass
+class Made:
+    """What had to be made on a data-block for the curves of a chart, and what was there before.
+
+    `before` are values by data path.
+    """
+
+    before: dict[str, float] = field(default_factory=dict)
+    made_action: bool = False
+    made_slot: bool = False
+    made_animation_data: bool = False
+
+
+@dataclass
+class Entry:
+    """A chart on an object: the ids of who `speaks` and of the object itself, what it has on each
+    holder, and the custom property or the modifier that was made for it."""
+
+    speaks: str
+    shows: str
+    on: dict[str, dict] = field(default_factory=dict)
+    made_property: str = ""
+    made_modifier: str = ""
+
+
+def read(ob) -> Entry | None:
+    """What a chart has put on an object, or None."""
+    text = ob.get(PROPERTY)
+    try:
+        found = json.loads(text) if isinstance(text, str) else None
+        return json_file.known_fields(Entry, found) if found is not None else None
+    except (ValueError, TypeError, AttributeError):
+        return None
+
+
+def shown_by(speaker) -> list:
+    """The objects that show the chart of a character."""
+    local = [ob for ob in bpy.data.objects if ob.library is None and PROPERTY in ob]
+    return [ob for ob in local if _is_of(speaker, ob)]
+
+
+def _is_of(speaker, ob) -> bool:
+    """Whether an object shows the chart of a character. A copy of a character that shows its own
+    does so too; a copy of an object that shows another's chart belongs to nobody."""
+    entry = read(ob)
+    if entry is None:
+        return False
+    if entry.speaks == entry.shows:
+        return ob == speaker
+    return entry.speaks == identity.known(speaker) and entry.shows == identity.known(ob)
+
+
+def block_of(ob, holder: str):
+    """The data-block that holds the animated properties."""
+    return ob.data.shape_keys if holder == KEY else ob
+
+
+def check(ob, holder: str) -> None:
+    """Raises `AnyfaceError("mesh")` where keyframes would be lost when the file is saved."""
+    block = block_of(ob, holder)
+    if ob.library is not None or (block is not None and block.library is not None):
+        text = f"{ob.name} is linked, and a mouth chart on it would be lost: make it local first"
+        raise AnyfaceError("mesh", text)
+
+
+def check_free(channels: list[Channel]) -> None:
+    """Raises `AnyfaceError("input")` where a property has keyframes or a driver of the artist's.
+
+    Curves of an earlier chart do not count: they go before.
+    """
+    for channel in channels:
+        block, entry = block_of(channel.ob, channel.holder), read(channel.ob)
+        animation = block.animation_data
+        ours = entry.on.get(channel.holder, {}).get("before", {}) if entry is not None else {}
+        if animation is None or channel.path in ours:
+            continue
+        driven = any(driver.data_path == channel.path for driver in animation.drivers)
+        if driven or curves.find_any(animation, channel.path) is not None:
+            has = "a driver" if driven else "keyframes"
+            text = f"{channel.ob.name}: {channel.label} has {has} of its own, which stay: delete"
+            raise AnyfaceError("input", f"{text} them, or choose another for the chart")
+
+
+def put(speaker, channels: list[Channel], frames: np.ndarray, made_property="", made_modifier=""):
+    """Puts the curves of a chart on the object of `channels`, which must all be of one."""
+    ob = channels[0].ob
+    entry = Entry(identity.of(speaker), identity.of(ob))
+    entry.made_property, entry.made_modifier = made_property, made_modifier
+    for holder in {channel.holder: None for channel in channels}:
+        entry.on[holder] = asdict(_put(ob, holder, channels, frames))
+    ob[PROPERTY] = json.dumps(asdict(entry))
+
+
+def _put(ob, holder: str, channels: list[Channel], frames: np.ndarray) -> Made:
+    block, made = block_of(ob, holder), Made()
+    curves.own_action(block, block.animation_data.action if block.animation_data else None)
+    if block.animation_data is None:
+        block.animation_data_create()
+        made.made_animation_data = True
+    bag = curves.own_channels(block.animation_data, f"{ob.name} {GROUP}", holder, made)
+    for channel in channels:
+        if channel.holder == holder:
+            made.before[channel.path] = float(block.path_resolve(channel.path))
+            curves.write(bag, channel.path, frames, channel.values, constant=True, group=GROUP)
+    return made
+
+
+def take_off(ob) -> bool:
+    """Takes a chart off an object, whose properties stand as before; False where there is none."""
+    entry = read(ob)
+    if entry is None or ob.library is not None:
+        return False
+    for holder, stored in entry.on.items():
+        block = block_of(ob, holder) if holder == OBJECT or ob.type == "MESH" else None
+        if block is not None and block.library is None:
+            _take_off(block, json_file.known_fields(Made, stored))
+    if entry.made_property and entry.made_property in ob:
+        del ob[entry.made_property]
+    for every in filter(None, (ob.modifiers, getattr(ob, "grease_pencil_modifiers", None))):
+        if entry.made_modifier and entry.made_modifier in every:
+            every.remove(every[entry.made_modifier])
+    del ob[PROPERTY]
+    return True
+
+
+def _take_off(block, made: Made) -> None:
+    animation = block.animation_data
+    if animation is not None:
+        curves.own_action(block, animation.action)
+        curves.remove(animation, set(made.before), GROUP)
+        curves.drop_empty_action(animation, made)
+        curves.drop_idle_animation(block, made.made_animation_data)
+    for path, value in made.before.items():
+        _set(block, path, value)
+
+
+def _set(block, path: str, value: float) -> None:
+    """Sets a property by its path, unless it is gone by now."""
+    try:
+        now = block.path_resolve(path)
+    except ValueError:
+        return
+    if path.endswith("]"):
+        holder, _, name = path.rpartition("[")
+        owner = block.path_resolve(holder) if holder else block
+        owner[name.strip("\"']")] = type(now)(value)
+        return
+    holder, _, name = path.rpartition(".")
+    setattr(block.path_resolve(holder) if holder else block, name, type(now)(value))

@@ -1,0 +1,102 @@
+"""Poses on twos, threes and fours: held keyframes, closures kept."""
+
+import bpy
+import numpy as np
+import pytest
+
+from figures import Stage, basis, grid, motion, stand_in, tone
+
+
+class SpeakingStage(Stage):
+    """A stage whose lips touch in some frames."""
+
+    def animate(self, *given):
+        """A basis, and where the lips touch."""
+        animation = super().animate(*given)
+        if animation.basis is not None:
+            count = len(animation.basis.weights)
+            animation.touching = np.isin(np.arange(count), [7])
+        return animation
+
+
+@pytest.fixture
+def face(addon, tmp_path):
+    """A face that says a second in 24 frames, in held poses."""
+    bpy.context.scene.render.fps = 24
+    stand_in(addon, SpeakingStage(addon("core.take")))
+    ob = grid("Head")
+    ob.anyface.source, ob.anyface.sound_file = "FILE", tone(tmp_path / "a.wav", seconds=1.0)
+    ob.anyface.start_frame, ob.anyface.curves = 11, "HELD"
+    return ob
+
+
+def values(ob, frame):
+    bpy.context.scene.frame_set(frame)
+    return np.array([block.value for block in ob.data.shape_keys.key_blocks[1:]])
+
+
+@pytest.mark.parametrize("on", [2, 3, 4])
+def test_poses_change_at_every_so_many_frames_alone(face, on):
+    face.anyface.pose_on, face.anyface.pose_closures, face.anyface.pose_vowels = on, 0, 0
+    assert bpy.ops.anyface.generate() == {"FINISHED"}
+    every = np.array([values(face, frame) for frame in range(11, 35)])
+    changes = np.flatnonzero(np.abs(np.diff(every, axis=0)).max(axis=1) > 1e-6) + 1
+    assert len(changes) > 4 and (changes % on == 0).all()
+    bpy.context.scene.frame_set(12, subframe=0.5)
+    held = [block.value for block in face.data.shape_keys.key_blocks[1:]]
+    np.testing.assert_allclose(held, every[1], atol=1e-6)
+
+
+def test_a_pose_in_which_lips_touch_is_theirs_and_lasts(face):
+    face.anyface.curves = "EVERY"
+    bpy.ops.anyface.generate()
+    closed = values(face, 11 + 7)
+    face.anyface.curves, face.anyface.pose_on = "HELD", 2
+    for least, frames in [(0, 2), (2, 2), (3, 4), (6, 6)]:
+        face.anyface.pose_closures = least
+        bpy.ops.anyface.generate()
+        alike = [np.allclose(values(face, at), closed, atol=1e-6) for at in range(11, 35)]
+        assert alike[7] and sum(alike) == frames, least
+
+
+def test_a_slider_and_remove_work_on_held_poses(face):
+    bpy.ops.anyface.generate()
+    before = np.array([values(face, frame) for frame in range(11, 35)])
+    face.anyface_output.strength = 0.5
+    after = np.array([values(face, frame) for frame in range(11, 35)])
+    np.testing.assert_allclose(after, 0.5 * before, atol=1e-6)
+    assert "poses held" in face.anyface.report_details
+    bpy.ops.anyface.remove()
+    assert face.data.shape_keys is None
+
+
+def test_made_keys_are_held_too(face):
+    face.anyface.mode = "arkit"
+    face.anyface.pose_on = 3
+    assert bpy.ops.anyface.generate() == {"FINISHED"}
+    every = np.array([values(face, frame) for frame in range(11, 35)])
+    changes = np.flatnonzero(np.abs(np.diff(every, axis=0)).max(axis=1) > 1e-6) + 1
+    assert len(changes) and (changes % 3 == 0).all()
+
+
+def test_closures_and_wide_mouths_stand_for_their_own_time(addon):
+    holding = addon("core.holding")
+    opening = np.full(24, 1.0)
+    opening[10], opening[5], opening[18] = 0.0, 4.0, 9.0
+    touching = opening == 0.0
+    found = holding.poses(opening, touching, holding.Holds(1, 4, 3))
+    assert (found == 10).sum() == 4 and found[10] == 10
+    assert (found == 18).sum() == 3 and (found == 5).sum() == 3
+    plain = holding.poses(opening, touching, holding.Holds(1, 0, 0))
+    assert (plain == np.arange(24)).all()
+
+
+def test_sliders_change_what_is_shown(addon):
+    take, holding, sliders = addon("core.take"), addon("core.holding"), addon("core.sliders")
+    made = basis(take, motion(12, 20))
+    weights = made.weights.copy()
+    made.sliders = {"blinks": sliders.SliderChange(np.array([0.0]), -weights[None])}
+    whole = take.Take(24.0, 1.0, "basis", made)
+    assert holding.hold(whole, holding.Holds(3, 0, 0))
+    np.testing.assert_allclose(made.weights + made.sliders["blinks"].changes[0], 0.0, atol=1e-6)
+    assert [len(keys.rows) for keys in made.keys_of_curves] == [4] * weights.shape[1]
