@@ -17,6 +17,7 @@ mod quality;
 mod stopwatch;
 mod template;
 mod tensors;
+mod turned;
 mod vertex_motion;
 
 use std::process::ExitCode;
@@ -46,6 +47,7 @@ enum Command {
     Lids(lids::Lids),
     Mouths(mouths::Mouths),
     Template(template::Template),
+    Turned(turned::Turned),
 }
 
 fn main() -> ExitCode {
@@ -71,6 +73,7 @@ impl Arguments {
             Command::Mouths(command) => command.run(&self.shared, &console),
             Command::Field(command) => command.run(&self.shared, &console),
             Command::Template(command) => command.run(&self.shared, &console),
+            Command::Turned(command) => command.run(&self.shared, &console),
         }
     }
 }
@@ -97,6 +100,7 @@ mod tests {
             "anyface-eval quality --data D --system cafe-talk --only events",
             "anyface-eval mouths --also D --pictures P",
             "anyface-eval lids --also D --made 2 --strength 1",
+            "anyface-eval turned --also D --made 2 --rotations 200 --first 7 --only cat",
             "anyface-eval gallery --out G.md --no-cache",
             "anyface-eval bench --mesh M.obj --no-proxy --runs 2 --json",
             "anyface-eval bench --mesh M.obj --triangulations",
