@@ -6,6 +6,7 @@
 mod arguments;
 mod bench;
 mod console;
+mod creatures;
 mod face_model;
 mod field;
 mod gallery;
@@ -43,6 +44,7 @@ enum Command {
     Quality(quality::Quality),
     Gallery(gallery::Gallery),
     Bench(bench::Bench),
+    Creatures(creatures::Creatures),
     Field(field::Field),
     Lids(lids::Lids),
     Mouths(mouths::Mouths),
@@ -71,6 +73,7 @@ impl Arguments {
             Command::Bench(command) => command.run(&self.shared, &console),
             Command::Lids(command) => command.run(&self.shared, &console),
             Command::Mouths(command) => command.run(&self.shared, &console),
+            Command::Creatures(command) => command.run(&self.shared, &console),
             Command::Field(command) => command.run(&self.shared, &console),
             Command::Template(command) => command.run(&self.shared, &console),
             Command::Turned(command) => command.run(&self.shared, &console),
@@ -98,6 +101,7 @@ mod tests {
             "anyface-eval quality --data D --weights W --quick --also B --beside cafe-talk --beside emoface",
             "anyface-eval quality --data D --aligned A --only closures",
             "anyface-eval quality --data D --system cafe-talk --only events",
+            "anyface-eval creatures --only fish --pictures P --write W",
             "anyface-eval mouths --also D --pictures P",
             "anyface-eval lids --also D --made 2 --strength 1",
             "anyface-eval turned --also D --made 2 --rotations 200 --first 7 --only cat",
