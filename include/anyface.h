@@ -1538,7 +1538,9 @@ AnyfaceStatus anyface_clip_stream(const AnyfaceEngine *engine,
 /// Finds what of the events of a motion nobody will see: events behind the end of the sound, and units that
 /// this face cannot show, such as brows where it has none. After a clip of this face it is also told where no head of
 /// the system's own model is like the face, so that landmarks alone moved it. Where the face has no tongue that moves by
-/// itself it is told as well. Long for a face that was never asked for its shapes: accepts a progress handle.
+/// itself it is told as well, and what its mouth cannot show of speech: lips that do not meet in p, b, m, a lower lip that
+/// does not reach the upper teeth in f and v, lips that something hides. Long for a face that was never asked for its
+/// shapes: accepts a progress handle.
 ///
 /// `motion` is that of `anyface_motion_new()`. `progress` may be NULL. Free with `anyface_event_notes_free()`.
 /// Fails with `ANYFACE_STATUS_INVALID_INPUT` for motion that was not spoken, `ANYFACE_STATUS_CANCELLED`.

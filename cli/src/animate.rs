@@ -104,6 +104,11 @@ impl Animate {
         note_face(&mut report, &face);
         let unseen = engine.unseen_events(&face, &request.events, duration_s, progress)?;
         report.warnings.extend(unseen);
+        if !self.surface.is_asked() {
+            let reach = engine.mouth_reach(&face, progress)?;
+            let limits = reach.map(|reach| reach.sentences());
+            report.warnings.extend(limits.into_iter().flatten());
+        }
         if !is_whole {
             let way = (&engine, &face);
             speak_into(&self.out, way, sound, &request, &mut report, progress)?;

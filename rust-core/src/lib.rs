@@ -64,7 +64,7 @@ pub mod systems;
 pub mod text;
 
 pub use cache::CachePolicy;
-pub use engine::{Engine, EngineOptions, Part, Performance, SliderChange};
+pub use engine::{Engine, EngineOptions, MouthReach, Part, Performance, SliderChange};
 pub use error::{Error, Result};
 pub use face::Face;
 pub use motion::MotionRequest;

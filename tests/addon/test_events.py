@@ -2,14 +2,16 @@
 shapes that reach named keys as the system made them.
 """
 
+import json
 from itertools import pairwise
 
+import bmesh
 import bpy
 import numpy as np
 import pytest
 
 from figures import FPS, curves, everything, grid, stand_in, strip, tone
-from test_heads import import_head
+from test_heads import HEAD, import_head
 
 START, SECONDS, CHANNEL = 11, 3.0, 5
 SYSTEM = "cafe-talk"
@@ -388,6 +390,27 @@ def test_what_a_face_cannot_show_is_told_by_the_name_of_the_strip(addon):
     note = "event 2 (0.5 to 1 s): this face cannot show unit 1, inner brow raiser"
     assert told(note, asked) == "the event Brows: this face cannot show unit 1, inner brow raiser"
     assert told("something else", asked) == "something else"
+
+
+def test_what_hides_a_lip_stands_in_the_report(addon, tmp_path):
+    strip(tone(tmp_path / "tone.wav", 1.0), frame=START)
+    ob = import_head()
+    ob.anyface.system = SYSTEM
+    assert bpy.ops.anyface.generate() == {"FINISHED"}, ob.anyface.report
+    assert "lies before" not in ob.anyface.report
+    marks = json.loads((HEAD.parent / "landmarks.json").read_text())["landmarks"]
+    right, left, lip, chin = (marks[n]["position"] for n in (48, 54, 66, 8))
+    front = marks[57]["position"][2] + 0.02
+    bottom = 0.5 * (lip[1] + chin[1])
+    corners = [(right[0], lip[1]), (left[0], lip[1]), (left[0], bottom), (right[0], bottom)]
+    edited = bmesh.new()
+    edited.from_mesh(ob.data)
+    edited.faces.new([edited.verts.new((x, y, front)) for x, y in corners])
+    bpy.ops.anyface.remove()
+    edited.to_mesh(ob.data)
+    edited.free()
+    assert bpy.ops.anyface.generate() == {"FINISHED"}, ob.anyface.report
+    assert "something lies before the lower lip" in ob.anyface.report
 
 
 def test_notes_of_a_thousand_strips_are_few(addon):

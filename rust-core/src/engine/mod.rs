@@ -3,6 +3,7 @@
 mod causal;
 mod events;
 mod listen;
+mod mouth_reach;
 mod open_eyes;
 mod open_mouth;
 mod perform;
@@ -34,6 +35,7 @@ use crate::{
     spread::{self, FrameSink, Movement, Spread, SpreadReport, WeightedShapes},
     systems::{Description, Registration, SYSTEMS, System, built_in_models},
 };
+pub use mouth_reach::MouthReach;
 pub use perform::Performance;
 pub use sliders::SliderChange;
 pub use stretches::Part;

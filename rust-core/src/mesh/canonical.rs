@@ -26,6 +26,14 @@ static MEAN: LazyLock<[[f32; 3]; LANDMARKS]> = LazyLock::new(|| {
 /// shifted by one gives 28, a shuffled one 44 and more.
 const WORST_RMS_M: f64 = 0.022;
 
+/// The same where the caller is certain of [`ENOUGH_CERTAIN`] landmarks or more, but not of all: the points say where
+/// the face is, however little it is like a human one. The snout of an alligator, three times as long as a human
+/// head's nose, comes to 29 mm.
+const WORST_RMS_OF_CERTAIN_M: f64 = 0.06;
+const ENOUGH_CERTAIN: usize = 4;
+/// Confidence of what a caller put where it is.
+const CERTAIN: f32 = 1.0;
+
 /// Mean landmarks of the canonical face, metres.
 pub fn canonical_landmarks() -> &'static [[f32; 3]; LANDMARKS] {
     &MEAN
@@ -51,7 +59,7 @@ pub(crate) fn stability(index: usize) -> f64 {
 /// `FaceNotFound` if the landmarks are mirrored, in another order, or not those of a face.
 pub fn align_to_canonical(landmarks: &Landmarks) -> Result<Similarity> {
     let fit = fit_to_canonical(&landmarks.positions, Some(&landmarks.confidence))?;
-    check(&fit)?;
+    check(&fit, &landmarks.confidence)?;
     Ok(fit.similarity)
 }
 
@@ -67,7 +75,12 @@ pub(crate) fn fit_to_canonical(
 }
 
 /// Says what is wrong with landmarks that do not fit.
-pub(crate) fn check(fit: &Fit) -> Result<()> {
+pub(crate) fn check(fit: &Fit, confidence: &[f32; LANDMARKS]) -> Result<()> {
+    let certain = confidence.iter().filter(|sure| **sure >= CERTAIN).count();
+    let worst_m = match (ENOUGH_CERTAIN..LANDMARKS).contains(&certain) {
+        true => WORST_RMS_OF_CERTAIN_M,
+        false => WORST_RMS_M,
+    };
     let mirrored = fit.mirrored_rms < 0.6 * fit.rms && fit.mirrored_rms < WORST_RMS_M;
     if mirrored && fit.rms > 0.006 {
         return Err(Error::FaceNotFound(
@@ -77,13 +90,13 @@ pub(crate) fn check(fit: &Fit) -> Result<()> {
                 .into(),
         ));
     }
-    if fit.rms > WORST_RMS_M {
+    if fit.rms > worst_m {
         return Err(Error::FaceNotFound(format!(
             "the landmarks do not have the shape of a face: {:.0} mm from it on a head of human \
              size, expected at most {:.0}; check that all 68 are in iBUG order (0-16 jaw, 17-26 \
              brows, 27-35 nose, 36-47 eyes, 48-67 mouth)",
             fit.rms * 1e3,
-            WORST_RMS_M * 1e3
+            worst_m * 1e3
         )));
     }
     Ok(())
@@ -99,6 +112,22 @@ mod tests {
             vertices: [0; LANDMARKS],
             confidence: [1.0; LANDMARKS],
         }
+    }
+
+    /// A snout three times as long: nose and mouth lie far before the eyes.
+    #[test]
+    fn a_face_that_five_points_place_may_be_longer_than_a_human_one() {
+        let mut snout = landmarks(*canonical_landmarks());
+        for n in (27..36).chain(48..68) {
+            snout.positions[n][2] += 0.12;
+        }
+        assert!(align_to_canonical(&snout).is_err());
+        snout.confidence = [0.2; LANDMARKS];
+        assert!(align_to_canonical(&snout).is_err());
+        for n in crate::mesh::FIVE_POINTS {
+            snout.confidence[n] = 1.0;
+        }
+        align_to_canonical(&snout).unwrap();
     }
 
     /// Ten times as large, on its head, looking along −x.

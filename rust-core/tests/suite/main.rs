@@ -17,6 +17,7 @@ mod kept_faces;
 mod landmarks;
 mod lids;
 mod life;
+mod mouth_reach;
 mod one_eye;
 mod open_eyes;
 mod parts;

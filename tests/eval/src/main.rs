@@ -6,6 +6,7 @@
 mod arguments;
 mod bench;
 mod console;
+mod creatures;
 mod face_model;
 mod field;
 mod gallery;
@@ -17,6 +18,7 @@ mod quality;
 mod stopwatch;
 mod template;
 mod tensors;
+mod turned;
 mod vertex_motion;
 
 use std::process::ExitCode;
@@ -42,10 +44,12 @@ enum Command {
     Quality(quality::Quality),
     Gallery(gallery::Gallery),
     Bench(bench::Bench),
+    Creatures(creatures::Creatures),
     Field(field::Field),
     Lids(lids::Lids),
     Mouths(mouths::Mouths),
     Template(template::Template),
+    Turned(turned::Turned),
 }
 
 fn main() -> ExitCode {
@@ -69,8 +73,10 @@ impl Arguments {
             Command::Bench(command) => command.run(&self.shared, &console),
             Command::Lids(command) => command.run(&self.shared, &console),
             Command::Mouths(command) => command.run(&self.shared, &console),
+            Command::Creatures(command) => command.run(&self.shared, &console),
             Command::Field(command) => command.run(&self.shared, &console),
             Command::Template(command) => command.run(&self.shared, &console),
+            Command::Turned(command) => command.run(&self.shared, &console),
         }
     }
 }
@@ -95,8 +101,10 @@ mod tests {
             "anyface-eval quality --data D --weights W --quick --also B --beside cafe-talk --beside emoface",
             "anyface-eval quality --data D --aligned A --only closures",
             "anyface-eval quality --data D --system cafe-talk --only events",
+            "anyface-eval creatures --only fish --pictures P --write W",
             "anyface-eval mouths --also D --pictures P",
             "anyface-eval lids --also D --made 2 --strength 1",
+            "anyface-eval turned --also D --made 2 --rotations 200 --first 7 --only cat",
             "anyface-eval gallery --out G.md --no-cache",
             "anyface-eval bench --mesh M.obj --no-proxy --runs 2 --json",
             "anyface-eval bench --mesh M.obj --triangulations",

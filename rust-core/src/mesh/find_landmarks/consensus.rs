@@ -35,13 +35,18 @@ pub(super) struct Agreed {
 }
 
 /// A better way to the canonical frame from one close front view: inner landmarks put on the visible
-/// surface, fitted to the mean ones with robust weights (eyes without eyeballs give depths far behind).
+/// surface, fitted to the mean ones with robust weights (eyes without eyeballs give depths far behind). `None` where the
+/// view sees a face with a probability below `least_presence`.
 pub(super) fn lift(
     network: &LandmarkNetwork,
     frame: &Frame,
     to_canonical: &Similarity,
+    least_presence: f32,
 ) -> Option<Similarity> {
     let view = front(network, frame, to_canonical);
+    if view.sight.presence < least_presence {
+        return None;
+    }
     let lifted: Vec<(usize, [f32; 3])> = (17..LANDMARKS)
         .filter_map(|i| {
             let z = view.buffer.depth_at(view.sight.places[i])?;
@@ -87,6 +92,14 @@ pub(super) fn agree(
 }
 
 impl Agreed {
+    /// Trusts what the views say of landmarks only as far as they see a face: on a cup they take any edge for a lip.
+    pub fn trust_by_presence(&mut self) {
+        let presence = self.presence;
+        self.confidence
+            .iter_mut()
+            .for_each(|sure| *sure *= presence);
+    }
+
     /// Puts landmarks that the caller fixed (in the frame they were seen in) where they are.
     pub fn pin(&mut self, fixed: &[(usize, [f32; 3])]) {
         for (i, position) in fixed {

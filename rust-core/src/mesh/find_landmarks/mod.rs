@@ -88,6 +88,9 @@ const LEAST_SOFTLY: (bool, f32) = (true, 0.5);
 /// which small features lie less exactly.
 const CLEARER: f32 = 0.1;
 
+/// Where enough landmarks are fixed, a view that sees a face with a lower probability does not turn it.
+const LEAST_PRESENCE_BESIDE_FIXED: f32 = 0.5;
+
 /// Fixed landmarks that say by themselves where the face is.
 const ENOUGH_FIXED: usize = 4;
 
@@ -368,8 +371,22 @@ impl LandmarkFinder {
         fixed: &[(usize, [f32; 3])],
         looks: &Looks<'_>,
     ) -> Result<Option<Settled>> {
-        let mut to_canonical = lift(&self.views, frame, to_canonical).unwrap_or(*to_canonical);
-        let mut agreed = agree(&self.views, frame, &to_canonical, &GLANCE);
+        let is_placed = fixed.len() >= ENOUGH_FIXED;
+        let least_presence = if is_placed {
+            LEAST_PRESENCE_BESIDE_FIXED
+        } else {
+            0.0
+        };
+        let lifted = lift(&self.views, frame, to_canonical, least_presence);
+        let mut to_canonical = lifted.unwrap_or(*to_canonical);
+        let look = |to_canonical: &Similarity, half_sizes: &[f32]| {
+            let mut agreed = agree(&self.views, frame, to_canonical, half_sizes);
+            if is_placed {
+                agreed.trust_by_presence();
+            }
+            agreed
+        };
+        let mut agreed = look(&to_canonical, &GLANCE);
         for half_sizes in [&GLANCE[..], &LAST_LOOK] {
             looks.check()?;
             agreed.pin(&moved(fixed, &to_canonical));
@@ -377,7 +394,7 @@ impl LandmarkFinder {
                 return Ok(None);
             };
             to_canonical = better;
-            agreed = agree(&self.views, frame, &to_canonical, half_sizes);
+            agreed = look(&to_canonical, half_sizes);
         }
         Ok(Some(Settled {
             to_canonical,
@@ -431,7 +448,8 @@ impl LandmarkFinder {
         let mut landmarks = snap_to_surface(mesh, &positions.map(|p| to_mesh.apply(p)));
         landmarks.confidence = confidence;
         let fit = canonical::fit_to_canonical(&landmarks.positions, Some(&landmarks.confidence))?;
-        canonical::check(&fit).map_err(|error| Error::FaceNotFound(advice(&error.to_string())))?;
+        canonical::check(&fit, &landmarks.confidence)
+            .map_err(|error| Error::FaceNotFound(advice(&error.to_string())))?;
         Ok(landmarks)
     }
 }

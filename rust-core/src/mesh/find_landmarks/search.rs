@@ -192,7 +192,7 @@ impl Search<'_> {
             })
             .collect();
         let closer = |c: &Candidate| {
-            let lifted = lift(self.views, self.frame, &c.to_canonical)?;
+            let lifted = lift(self.views, self.frame, &c.to_canonical, 0.0)?;
             let again = self.likely(&plane.align(&lifted, middle())?);
             (again.likeness > c.likeness).then_some(again)
         };

@@ -1,0 +1,115 @@
+//! Poses that a creature tries, and what its mesh does in them.
+
+use anyface::Face;
+use ndarray::{Array3, ArrayView2};
+
+use crate::vertex_motion::{distance, pose};
+
+/// Triangles may grow so many times before they count as torn.
+const MOST_GROWTH: f32 = 4.0;
+/// Triangles that turn by more than this lie over: the cosine of 100 degrees.
+const TURNED_OVER: f32 = -0.17;
+/// A triangle moves where a corner goes by this much, canonical metres.
+const MOVES_M: f32 = 5e-4;
+
+/// `[1, 68, 3]`, metres: the corners of the mouth go out and up.
+pub(super) fn smile() -> Array3<f32> {
+    let mut moved = Array3::zeros((1, 68, 3));
+    for (n, side, share) in [
+        (48, -1.0, 1.0),
+        (60, -1.0, 1.0),
+        (54, 1.0, 1.0),
+        (64, 1.0, 1.0),
+        (49, -1.0, 0.5),
+        (53, 1.0, 0.5),
+        (59, -1.0, 0.5),
+        (55, 1.0, 0.5),
+    ] {
+        moved[[0, n, 0]] = side * share * 0.006;
+        moved[[0, n, 1]] = share * 0.006;
+    }
+    moved
+}
+
+/// `[1, 68, 3]`, metres: upper lids go down by more than eyes are open.
+pub(super) fn shut_eyes() -> Array3<f32> {
+    let mut moved = Array3::zeros((1, 68, 3));
+    for n in [37, 38, 43, 44] {
+        moved[[0, n, 1]] = -0.012;
+    }
+    moved
+}
+
+/// The mean motion of some landmarks' vertices, less that of others, along what these landmarks do `[68, 3]`, of what
+/// they do.
+pub(super) fn of_landmarks(
+    face: &Face,
+    frame: ArrayView2<'_, f32>,
+    wanted: ArrayView2<'_, f32>,
+    some: &[usize],
+    less: &[usize],
+) -> f32 {
+    let units = face.metres_per_unit() as f32;
+    let mean = |marks: &[usize], motion: &dyn Fn(usize) -> [f32; 3]| -> [f32; 3] {
+        let count = marks.len().max(1) as f32;
+        std::array::from_fn(|i| marks.iter().map(|n| motion(*n)[i]).sum::<f32>() / count)
+    };
+    let moved = |n: usize| -> [f32; 3] {
+        let row = frame.row(face.landmarks.vertices[n] as usize);
+        face.to_canonical
+            .rotate([row[0], row[1], row[2]])
+            .map(|x| x * units)
+    };
+    let asked = |n: usize| -> [f32; 3] { std::array::from_fn(|i| wanted[[n, i]]) };
+    let along = |motion: &dyn Fn(usize) -> [f32; 3]| -> [f32; 3] {
+        let (some, less) = (mean(some, motion), mean(less, motion));
+        std::array::from_fn(|i| some[i] - less[i])
+    };
+    // Both sides of a smile go apart: each landmark's own motion is what counts.
+    let (sum, length) = match less.is_empty() {
+        true => some.iter().fold((0.0, 0.0), |(sum, length), n| {
+            (
+                sum + dot(moved(*n), asked(*n)),
+                length + dot(asked(*n), asked(*n)),
+            )
+        }),
+        false => (
+            dot(along(&moved), along(&asked)),
+            dot(along(&asked), along(&asked)),
+        ),
+    };
+    sum / length.max(f32::MIN_POSITIVE)
+}
+
+/// Triangles that move in a frame `[V, 3]`, that grow, and that lie over.
+pub(super) fn torn(face: &Face, frame: ArrayView2<'_, f32>) -> [usize; 3] {
+    let moves = MOVES_M / face.metres_per_unit() as f32;
+    let posed = pose(&face.mesh, frame).positions;
+    let mut counts = [0; 3];
+    for t in &face.mesh.triangles {
+        let corners = |p: &[[f32; 3]]| t.map(|v| p[v as usize]);
+        let (before, now) = (corners(&face.mesh.positions), corners(&posed));
+        if (0..3).all(|k| distance(before[k], now[k]) < moves) {
+            continue;
+        }
+        let (before, now) = (normal(before), normal(now));
+        let (a, b) = (dot(before, before).sqrt(), dot(now, now).sqrt());
+        counts[0] += 1;
+        counts[1] += usize::from(b > MOST_GROWTH * a);
+        counts[2] += usize::from(dot(before, now) < TURNED_OVER * a * b);
+    }
+    counts
+}
+
+fn normal([a, b, c]: [[f32; 3]; 3]) -> [f32; 3] {
+    let [u, v]: [[f32; 3]; 2] = [b, c].map(|p| std::array::from_fn(|i| p[i] - a[i]));
+    [
+        u[1] * v[2] - u[2] * v[1],
+        u[2] * v[0] - u[0] * v[2],
+        u[0] * v[1] - u[1] * v[0],
+    ]
+}
+
+fn dot(a: [f32; 3], b: [f32; 3]) -> f32 {
+    (0..3).map(|i| a[i] * b[i]).sum()
+}
