@@ -104,7 +104,14 @@ fn python_parts(steps: &mut Steps, version: Option<&str>) -> Result<()> {
     let zip = addon::built_zip(steps, false)?;
     let executable = python::blender_executable(steps)?;
     addon::check(steps, &python, &zip, executable)?;
-    wheel::check(steps, &extension::library_of("dev")?)
+    let library = extension::library_of("dev")?;
+    wheel::check(steps, &library)?;
+    let command = library.with_file_name("anyface");
+    let mut receivers = python::pytest(&Venv::Blender.python(), "tests/receivers");
+    steps.check(
+        "receivers of live",
+        receivers.env("ANYFACE_COMMAND", command),
+    )
 }
 
 fn training(steps: &mut Steps) -> Result<()> {
