@@ -75,7 +75,11 @@ pub(super) const CREATURES: [Creature; 8] = [
         title: "boar with tusks",
         field: boar,
         pieces: &[tusks],
-        five: mirrored([0.07, 0.06, 0.075], [0.0, 0.01, 0.2], [0.036, -0.032, 0.13]),
+        five: mirrored(
+            [0.07, 0.06, 0.075],
+            [0.0, 0.01, 0.218],
+            [0.04, -0.034, 0.12],
+        ),
     },
     Creature {
         title: "robot",
