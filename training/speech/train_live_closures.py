@@ -33,8 +33,9 @@ CLOSED, SURE = 0.35, 0.2
 POSITIVE_WEIGHT = 4.0
 """A closure lasts a frame or two of twenty."""
 OFFSET = 1.0
-"""Taken off the logit after training, which that weight has raised by up to ln 5: with it lips are shut as often
-as those of the full model, 27 and 26 % of the frames of three voices; without it the mouth hardly opened."""
+"""Taken off the logit after training, which that weight has raised by up to ln 5: with it lips are shut as
+often as those of the full model, 27 and 26 % of the frames of three voices; without it the mouth hardly
+opened."""
 
 
 def loss_of(model: StreamNet, encoder: CompactEncoder, batch: LessonBatch, frames: int):
