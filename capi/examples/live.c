@@ -1,7 +1,7 @@
 /*
  * Follows a voice while it is spoken: raw sound on standard input, weights of ARKit's shapes and visemes on standard output.
  *
- *     parec --rate=16000 --channels=1 --format=s16le | live [happy]
+ *     parec --rate=16000 --channels=1 --format=s16le | live [happy | auto]
  *
  * Each line is a frame: its number, the shapes and visemes above 0.1 with their weights, and how the head is turned. A frame
  * comes as soon as the sound that it waits for is there.
@@ -42,7 +42,11 @@ static AnyfaceStatus show(Live *live, AnyfaceError **error) {
     }
 }
 
+/* Shows the emotion of that name, or with "auto" the one that is heard. */
 static AnyfaceStatus set_emotion(Live *live, const char *name, AnyfaceError **error) {
+    if (strcmp(name, "auto") == 0) {
+        return anyface_weight_stream_hear_emotion(live->stream, error);
+    }
     float strengths[ANYFACE_EMOTION_COUNT] = {0};
     for (size_t i = 0; i < ANYFACE_EMOTION_COUNT; i++) {
         strengths[i] = strcmp(anyface_emotion_name(i), name) == 0 ? 1.0f : 0.0f;

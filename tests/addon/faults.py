@@ -157,13 +157,23 @@ def press(operator, ob) -> tuple[str, object]:
 class LiveFace:
     """Stands for a face that follows its sound, or a microphone where it `listens`."""
 
-    name = "Desk"
+    name, is_lost, is_recording = "Desk", False, False
 
     def __init__(self, count, listens=False):
         self._count, self.listens = count, listens
 
     def feel(self, strengths):
         """Feels nothing."""
+
+    def record(self, frame):
+        """Keeps the frame."""
+        self.is_recording, self._frame = True, frame
+
+    def recording(self):
+        """A second of silence, and the frame."""
+        self.is_recording = False
+        sound = SimpleNamespace(samples=np.zeros(16000, np.float32), rate_hz=16000.0)
+        return sound, self._frame
 
     def at(self, seconds):
         """All vertices moved alike."""

@@ -174,6 +174,11 @@ fn the_live_example_follows_raw_sound() {
     );
     let last = lines[lines.len() - 1];
     assert!(last.starts_with(&(lines.len() - 1).to_string()), "{last}");
+    let sound = std::fs::File::open(folder.join("voice.raw")).expect("it was written");
+    let mut command = in_folder(&program, &folder);
+    let heard = succeed(command.arg("auto").stdin(sound));
+    let heard = String::from_utf8_lossy(&heard.stdout).into_owned();
+    assert_eq!(heard.lines().count(), lines.len());
 }
 
 #[test]
