@@ -4,10 +4,8 @@ use std::path::PathBuf;
 
 use anyface::{
     Engine, Face, Result,
-    face::FaceOptions,
-    head::HeadMaker,
     job::SILENT,
-    mesh::{FrontView, LandmarkSource, PartRole},
+    mesh::{FrontView, PartRole},
 };
 use clap::Args;
 use ndarray::{ArrayView2, Axis};
@@ -23,7 +21,7 @@ use crate::{
         subjects::{self, Subject},
     },
     pictures::Album,
-    vertex_motion::{distance, pose, vertex_motion},
+    vertex_motion::{distance, dot, normal, pose, vertex_motion},
 };
 
 /// Measure shut lids on many heads: triangles that turn over or grow, eyeballs that stay in sight
@@ -84,19 +82,7 @@ impl Lids {
     pub(super) fn run(&self, shared: &SharedArgs, console: &Console) -> Result<()> {
         let engine = shared.engine()?;
         let mut subjects = vec![subjects::default_head(&self.head)?];
-        let maker = HeadMaker::open(shared.weights.as_deref())?;
-        for seed in 1..=self.made {
-            let made = maker.mesh(&maker.random(seed), true)?;
-            subjects.push(Subject {
-                title: format!("seed {seed}"),
-                mesh: made.mesh,
-                options: FaceOptions {
-                    landmarks: Some(LandmarkSource::Positions(made.landmarks.positions.to_vec())),
-                    ..FaceOptions::default()
-                },
-                truth: None,
-            });
-        }
+        subjects.extend(subjects::of_seeds(shared.weights.as_deref(), self.made)?);
         let data = self.data.folder()?;
         subjects.extend(subjects::of_known_faces(&data)?);
         subjects.extend(subjects::of_folder(&data.join("meshes"))?);
@@ -253,19 +239,6 @@ fn seen(triangles: &[[u32; 3]], places: &[[f32; 3]]) -> Vec<bool> {
 
 fn centre(corners: [[f32; 3]; 3]) -> [f32; 3] {
     std::array::from_fn(|i| corners.iter().map(|p| p[i]).sum::<f32>() / 3.0)
-}
-
-fn normal([a, b, c]: [[f32; 3]; 3]) -> [f32; 3] {
-    let [u, v]: [[f32; 3]; 2] = [b, c].map(|p| std::array::from_fn(|i| p[i] - a[i]));
-    [
-        u[1] * v[2] - u[2] * v[1],
-        u[2] * v[0] - u[0] * v[2],
-        u[0] * v[1] - u[1] * v[0],
-    ]
-}
-
-fn dot(a: [f32; 3], b: [f32; 3]) -> f32 {
-    (0..3).map(|i| a[i] * b[i]).sum()
 }
 
 fn length(a: [f32; 3]) -> f32 {

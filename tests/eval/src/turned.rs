@@ -5,8 +5,7 @@ use std::path::PathBuf;
 use anyface::{
     Error, Result,
     diffusion::frame_noise,
-    face::{FaceOptions, locate_landmarks_with},
-    head::HeadMaker,
+    face::locate_landmarks_with,
     job::SILENT,
     mesh::{Axis, LandmarkFinder, LandmarkSource, Landmarks, Mesh, Similarity, align_to_canonical},
 };
@@ -79,19 +78,7 @@ impl Turned {
     pub(super) fn run(&self, shared: &SharedArgs, console: &Console) -> Result<()> {
         let finder = LandmarkFinder::load(shared.weights.as_deref())?;
         let mut subjects = vec![subjects::default_head(&self.head)?];
-        let maker = HeadMaker::open(shared.weights.as_deref())?;
-        for seed in 1..=self.made {
-            let made = maker.mesh(&maker.random(seed), true)?;
-            subjects.push(Subject {
-                title: format!("seed {seed}"),
-                mesh: made.mesh,
-                options: FaceOptions {
-                    landmarks: Some(LandmarkSource::Positions(made.landmarks.positions.to_vec())),
-                    ..FaceOptions::default()
-                },
-                truth: None,
-            });
-        }
+        subjects.extend(subjects::of_seeds(shared.weights.as_deref(), self.made)?);
         let mut folders = vec![self.data.folder()?.join("meshes")];
         folders.extend(self.also.iter().cloned());
         for folder in &folders {

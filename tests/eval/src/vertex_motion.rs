@@ -40,3 +40,18 @@ pub(super) fn pose(mesh: &Mesh, frame: ArrayView2<'_, f32>) -> Mesh {
 pub(super) fn distance(a: [f32; 3], b: [f32; 3]) -> f32 {
     (0..3).map(|i| (a[i] - b[i]).powi(2)).sum::<f32>().sqrt()
 }
+
+/// Normal of a triangle, as long as twice its area.
+pub(super) fn normal([a, b, c]: [[f32; 3]; 3]) -> [f32; 3] {
+    let [u, v]: [[f32; 3]; 2] = [b, c].map(|p| std::array::from_fn(|i| p[i] - a[i]));
+    [
+        u[1] * v[2] - u[2] * v[1],
+        u[2] * v[0] - u[0] * v[2],
+        u[0] * v[1] - u[1] * v[0],
+    ]
+}
+
+/// Dot product.
+pub(super) fn dot(a: [f32; 3], b: [f32; 3]) -> f32 {
+    (0..3).map(|i| a[i] * b[i]).sum()
+}

@@ -3,7 +3,7 @@
 use anyface::Face;
 use ndarray::{Array3, ArrayView2};
 
-use crate::vertex_motion::{distance, pose};
+use crate::vertex_motion::{distance, dot, normal, pose};
 
 /// Triangles may grow so many times before they count as torn.
 const MOST_GROWTH: f32 = 4.0;
@@ -99,17 +99,4 @@ pub(super) fn torn(face: &Face, frame: ArrayView2<'_, f32>) -> [usize; 3] {
         counts[2] += usize::from(dot(before, now) < TURNED_OVER * a * b);
     }
     counts
-}
-
-fn normal([a, b, c]: [[f32; 3]; 3]) -> [f32; 3] {
-    let [u, v]: [[f32; 3]; 2] = [b, c].map(|p| std::array::from_fn(|i| p[i] - a[i]));
-    [
-        u[1] * v[2] - u[2] * v[1],
-        u[2] * v[0] - u[0] * v[2],
-        u[0] * v[1] - u[1] * v[0],
-    ]
-}
-
-fn dot(a: [f32; 3], b: [f32; 3]) -> f32 {
-    (0..3).map(|i| a[i] * b[i]).sum()
 }

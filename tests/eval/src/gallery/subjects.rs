@@ -10,6 +10,7 @@ use anyface::{
     Error, Result,
     diffusion::frame_noise,
     face::FaceOptions,
+    head::HeadMaker,
     mesh::{LandmarkSource, Mesh, ibug::LANDMARKS},
 };
 
@@ -41,6 +42,25 @@ impl Truth {
         let rows = self.landmarks.map(|v| v as usize);
         self.displacements.select(Axis(1), &rows)
     }
+}
+
+/// Heads that `anyface head` makes, of the seeds from 1 to `count`, by the models of the folder `weights` where there is
+/// one.
+pub(crate) fn of_seeds(weights: Option<&Path>, count: u64) -> Result<Vec<Subject>> {
+    let maker = HeadMaker::open(weights)?;
+    let subject = |seed| {
+        let head = maker.mesh(&maker.random(seed), true)?;
+        Ok(Subject {
+            title: format!("seed {seed}"),
+            mesh: head.mesh,
+            options: FaceOptions {
+                landmarks: Some(LandmarkSource::Positions(head.landmarks.positions.to_vec())),
+                ..FaceOptions::default()
+            },
+            truth: None,
+        })
+    };
+    (1..=count).map(subject).collect()
 }
 
 /// What `measure` says of each subject. One whose face is not found is named and left out.
