@@ -173,7 +173,8 @@ class ListeningFace(StreamedFace):
         return self._microphone.is_lost
 
     def at(self, _seconds: float = 0.0) -> np.ndarray:
-        """Displacements `[V, 3]` of the mesh after all that was heard. Raises `AnyfaceError`."""
+        """Displacements `[V, 3]` of the mesh after all that was heard; the same array until more
+        is. Raises `AnyfaceError`."""
         samples = self._microphone.read()
         if self._recorded is not None:
             self._recorded.append(samples)

@@ -38,6 +38,8 @@ class Follower:
     start_frame: float
     # Strengths `[15]` of the emotion that it shows, None where it hears its own.
     felt: np.ndarray | None = None
+    # What the face gave last: the same array where nothing more was heard.
+    shown: np.ndarray | None = None
 
 
 _followers: list[Follower] = []
@@ -182,7 +184,11 @@ def _show(ob, scene, follower: Follower) -> None:
     follower.felt = _feels(ob)
     if follower.felt is not None:
         follower.face.feel(follower.felt)
-    moved = follower.found.to_object(follower.face.at(seconds))
+    displacements = follower.face.at(seconds)
+    if displacements is follower.shown:
+        return
+    follower.shown = displacements
+    moved = follower.found.to_object(displacements)
     for number, name, piece, rested in follower.parts:
         one = identity.with_number(number, name)
         if one is None or one.mode == "EDIT":
