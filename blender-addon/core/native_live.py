@@ -196,10 +196,13 @@ class ListeningFace(StreamedFace):
         self._push_samples(self._microphone.read())
         self._recorded, self._recorded_from = [], frame
 
+    def drop_recording(self) -> None:
+        """Keeps nothing any more."""
+        self._recorded = None
+
     def recording(self) -> tuple[Sound, int]:
-        """What was heard since `record`, which ends, and the frame at which it began."""
-        blocks, self._recorded = self._recorded or [], None
-        samples = np.concatenate([np.zeros(0, np.float32), *blocks])
+        """What was heard since `record`, which goes on, and the frame at which it began."""
+        samples = np.concatenate([np.zeros(0, np.float32), *(self._recorded or [])])
         return Sound(samples, float(_RATE_HZ), "recording"), self._recorded_from
 
 

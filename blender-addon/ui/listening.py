@@ -76,7 +76,9 @@ the sequencer at the frame where it began, and the face is animated by it"""
             return "recording"
         sound, frame = face.recording()
         if len(sound.samples) < _SHORTEST_S * sound.rate_hz:
+            face.drop_recording()
             raise AnyfaceError("audio", "record: expected a fifth of a second or more")
+        # Where this fails the recording goes on: the button tries again.
         strip = keep(ob, scene, sound, frame)
         live.end(ob)
         bpy.ops.anyface.generate("INVOKE_DEFAULT")

@@ -169,9 +169,12 @@ class LiveFace:
         """Keeps the frame."""
         self.is_recording, self._frame = True, frame
 
+    def drop_recording(self):
+        """Keeps nothing any more."""
+        self.is_recording = False
+
     def recording(self):
         """A second of silence, and the frame."""
-        self.is_recording = False
         sound = SimpleNamespace(samples=np.zeros(16000, np.float32), rate_hz=16000.0)
         return sound, self._frame
 

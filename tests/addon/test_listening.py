@@ -137,6 +137,28 @@ def test_a_recording_in_a_file_without_a_name_is_kept_in_it(addon, room, listene
     assert Path(strip.sound.filepath).name == "recording_001.wav"
 
 
+def test_a_recording_that_cannot_be_written_is_not_lost(addon, room, listener, monkeypatch):
+    module = addon("scene.sound.recording")
+    bpy.ops.anyface.record()
+    room.speak(0.5)
+    heard(addon, listener)
+
+    def full(_sound):
+        raise OSError("No space left on device")
+
+    with monkeypatch.context() as disk:
+        disk.setattr(module, "write", full)
+        with pytest.raises(RuntimeError, match="cannot be written: No space left"):
+            bpy.ops.anyface.record()
+    assert addon("scene.live").listener(listener).is_recording
+    room.speak(0.5)
+    heard(addon, listener)
+    assert bpy.ops.anyface.record() == {"FINISHED"}
+    (strip,) = addon("scene.sound.sequencer").sound_strips(bpy.context.scene)
+    ends = addon("scene.sound.sequencer").ends(strip)
+    assert ends[1] - ends[0] == pytest.approx(24, abs=1)
+
+
 def test_a_slip_of_the_button_changes_nothing(addon, room, listener):
     bpy.ops.anyface.record()
     with pytest.raises(RuntimeError, match="a fifth of a second"):
