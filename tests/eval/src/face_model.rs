@@ -98,7 +98,7 @@ impl FaceModel {
     }
 
     /// The modes of an ARKit channel: `mouthSmileLeft` is `mouthSmile_L` of ICT's, a name without a side, such as
-    /// `browInnerUp`, both sides together. None where the face cannot do it.
+    /// `browInnerUp` or `cheekSquint`, both sides together. None where the face cannot do it.
     fn modes_of(&self, channel: &str) -> Vec<ArrayView2<'_, f32>> {
         let number = |name: &str| self.names.iter().position(|known| known == name);
         let sided = channel.replace("Left", "_L").replace("Right", "_R");
@@ -106,7 +106,7 @@ impl FaceModel {
         let numbers = match number(channel).or_else(|| number(&sided)) {
             Some(one) => vec![one],
             None => {
-                let sides = ["_L", "_R"].into_iter();
+                let sides = ["_L", "_R", "Left", "Right"].into_iter();
                 sides
                     .filter_map(|side| number(&format!("{channel}{side}")))
                     .collect()

@@ -1,4 +1,7 @@
 //! What shut lids do to the skin of many heads: triangles that turn over or grow, and eyeballs that stay in sight.
+//!
+//! Shapes that artists made by hand turn triangles over too, where skin rolls in at a lid's fold. The last rows say how many, by the
+//! same measure: no motion of ours has to be better than these.
 
 use std::path::PathBuf;
 
@@ -8,7 +11,7 @@ use anyface::{
     mesh::{FrontView, PartRole},
 };
 use clap::Args;
-use ndarray::{ArrayView2, Axis};
+use ndarray::{Array3, ArrayView2, Axis};
 use serde::Serialize;
 
 use crate::{
@@ -63,6 +66,8 @@ const BEFORE_M: f32 = 3e-4;
 const CELL_M: f32 = 2e-4;
 /// A triangle may grow so many times.
 const MOST_GROWTH: f32 = 4.0;
+/// By which share an artist's blink shuts the eyes in the three frames of a row.
+const CLOSED: [f32; 3] = [0.0, 0.5, 1.0];
 /// Triangles of less than this share of the mean area are slivers.
 const LEAST_AREA: f32 = 1e-3;
 
@@ -90,9 +95,12 @@ impl Lids {
             subjects.extend(subjects::of_folder(folder)?);
         }
         let album = self.pictures.clone().map(Album::new).transpose()?;
-        let rows = subjects::measured(&subjects, console, |subject| {
+        let mut rows = subjects::measured(&subjects, console, |subject| {
             self.row(&engine, subject, album.as_ref())
         })?;
+        for subject in subjects::with_blink_and_emotions(&data)? {
+            rows.push(self.artist_row(&engine, &subject)?);
+        }
         let mut lines = vec![format!(
             "open, half shut and shut: {}",
             EMOTIONS.join(" | ")
@@ -105,13 +113,7 @@ impl Lids {
     fn row(&self, engine: &Engine, subject: &Subject, album: Option<&Album>) -> Result<Row> {
         let face = engine.prepare(&subject.mesh, &subject.options, SILENT)?;
         let skin = near_eyes(&face);
-        let mut row = Row {
-            title: subject.title.clone(),
-            lids: face.lids().map(|lids| format!("{lids:?}").to_lowercase()),
-            turned: Vec::new(),
-            grown: Vec::new(),
-            in_sight: None,
-        };
+        let mut row = Row::new(subject.title.clone(), &face);
         let cells = Cells {
             mesh: &subject.mesh,
             face: &face,
@@ -121,12 +123,7 @@ impl Lids {
         for emotion in EMOTIONS {
             let motion = blinks::extremes(&format!("{emotion}:{}", self.strength))?;
             let frames = vertex_motion(engine, &face, &motion)?;
-            let changed: Vec<_> = frames
-                .outer_iter()
-                .map(|frame| skin.changed(&face, frame))
-                .collect();
-            row.turned.push(std::array::from_fn(|k| changed[k].0.len()));
-            row.grown.push(std::array::from_fn(|k| changed[k].1));
+            let changed = row.count(&face, &skin, &frames);
             if album.is_some() {
                 let each = frames.outer_iter().zip(&changed);
                 let each = each.map(|(frame, of)| cells.marked(Some(frame), &of.0, &view));
@@ -139,6 +136,48 @@ impl Lids {
             album.picture(&file_stem(&subject.title), &beside(&columns))?;
         }
         Ok(row)
+    }
+
+    /// What the blink and the emotions of the subject's own artist do; the first of its true frames is the blink.
+    fn artist_row(&self, engine: &Engine, subject: &Subject) -> Result<Row> {
+        let face = engine.prepare(&subject.mesh, &subject.options, SILENT)?;
+        let skin = near_eyes(&face);
+        let mut row = Row::new(format!("{}, its artist's shapes", subject.title), &face);
+        let truth = subject.truth.iter().map(|truth| &truth.displacements);
+        for modes in truth {
+            let blink = modes.index_axis(Axis(0), 0);
+            for emotion in 0..modes.len_of(Axis(0)) {
+                let mut frames = Array3::zeros((CLOSED.len(), face.mesh.positions.len(), 3));
+                for (mut frame, closed) in frames.outer_iter_mut().zip(CLOSED) {
+                    frame.scaled_add(closed, &blink);
+                    if emotion > 0 {
+                        frame.scaled_add(self.strength, &modes.index_axis(Axis(0), emotion));
+                    }
+                }
+                row.count(&face, &skin, &frames);
+            }
+        }
+        Ok(row)
+    }
+}
+
+impl Row {
+    fn new(title: String, face: &Face) -> Row {
+        Row {
+            title,
+            lids: face.lids().map(|lids| format!("{lids:?}").to_lowercase()),
+            turned: Vec::new(),
+            grown: Vec::new(),
+            in_sight: None,
+        }
+    }
+
+    /// Counts what turns and grows in the frames `[3, V, 3]` of an emotion, and gives it.
+    fn count(&mut self, face: &Face, skin: &NearEyes, frames: &Array3<f32>) -> [Changed; 3] {
+        let changed = std::array::from_fn(|k| skin.changed(face, frames.index_axis(Axis(0), k)));
+        self.turned.push(std::array::from_fn(|k| changed[k].0.len()));
+        self.grown.push(std::array::from_fn(|k| changed[k].1));
+        changed
     }
 }
 
@@ -160,6 +199,9 @@ fn line(row: &Row) -> String {
         of(&row.grown)
     )
 }
+
+/// Triangles that turn over, and how many grow.
+type Changed = (Vec<[u32; 3]>, usize);
 
 /// Triangles of the skin about the eyes.
 struct NearEyes {
@@ -193,7 +235,7 @@ fn near_eyes(face: &Face) -> NearEyes {
 
 impl NearEyes {
     /// Those that turn over and are seen so in a frame `[V, 3]`, and how many grow.
-    fn changed(&self, face: &Face, frame: ArrayView2<'_, f32>) -> (Vec<[u32; 3]>, usize) {
+    fn changed(&self, face: &Face, frame: ArrayView2<'_, f32>) -> Changed {
         let places = canonical(face, &pose(&face.mesh, frame).positions);
         let now_seen = seen(&self.triangles, &places);
         let mut changed = (Vec::new(), 0);

@@ -1,11 +1,18 @@
 //! What the frames of a gallery show, as weights of ARKit channels.
 
 /// What a frame shows.
+#[derive(Clone, Copy)]
 pub(super) struct Expression {
     pub title: &'static str,
     /// ARKit channels with their weights; a name without a side moves both.
     pub channels: &'static [(&'static str, f32)],
 }
+
+/// Both eyes shut.
+pub(super) const BLINK: Expression = Expression {
+    title: "blink",
+    channels: &[("eyeBlinkLeft", 1.0), ("eyeBlinkRight", 1.0)],
+};
 
 /// One movement each.
 pub(super) const MOVEMENTS: [Expression; 4] = [
@@ -21,10 +28,7 @@ pub(super) const MOVEMENTS: [Expression; 4] = [
         title: "smile",
         channels: &[("mouthSmileLeft", 0.8), ("mouthSmileRight", 0.8)],
     },
-    Expression {
-        title: "blink",
-        channels: &[("eyeBlinkLeft", 1.0), ("eyeBlinkRight", 1.0)],
-    },
+    BLINK,
 ];
 
 /// Six emotions by the action units of Ekman and Friesen, both sides alike: 6 and 12; 1, 4 and 15; 4, 5, 7

@@ -4,7 +4,7 @@ use std::path::Path;
 
 use ndarray::{Array3, Axis};
 
-use super::expressions::{Expression, HEARD_EMOTIONS, MOVEMENTS};
+use super::expressions::{BLINK, Expression, HEARD_EMOTIONS, MOVEMENTS};
 use crate::{console::Console, face_model::FaceModel};
 use anyface::{
     Error, Result,
@@ -141,6 +141,12 @@ pub(crate) fn of_known_faces(data: &Path) -> Result<Vec<Subject>> {
 /// The same two with six emotions, each with its own landmarks.
 pub(crate) fn with_emotions(data: &Path) -> Result<Vec<Subject>> {
     known_faces(data, &HEARD_EMOTIONS)
+}
+
+/// The same two under their artists' own shapes: a blink, then the six emotions.
+pub(crate) fn with_blink_and_emotions(data: &Path) -> Result<Vec<Subject>> {
+    let expressions: Vec<_> = std::iter::once(BLINK).chain(HEARD_EMOTIONS).collect();
+    known_faces(data, &expressions)
 }
 
 fn known_faces(data: &Path, expressions: &[Expression]) -> Result<Vec<Subject>> {
