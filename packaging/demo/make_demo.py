@@ -16,8 +16,9 @@ os.environ["BLENDER_USER_RESOURCES"] = tempfile.mkdtemp(prefix="anyface-demo-")
 import bpy  # noqa: E402
 from mathutils import Vector  # noqa: E402
 
-SIZE = (640, 360)
-SAMPLES = 3
+SIZE = (1280, 720)
+SAMPLES = 1
+"""With the denoiser one ray a pixel is enough, and a frame takes 3.6 s of processor."""
 CHARACTERS = {"WOMAN": (-2.75, 0.0, 0.0), "MAN": (-0.85, 1.3, 0.1), "CARTOON": (1.05, 0.0, 0.0)}
 HEIGHT = 3.2
 SUZANNE_PLACE = (2.85, 0.9, 0.55)

@@ -1,4 +1,4 @@
-"""Renders a .blend: `render.py FILE.blend FOLDER STILL.png` writes FOLDER/####.png and one large still.
+"""Renders a .blend: `render.py FILE.blend FOLDER STILL.png` writes FOLDER/####.png and one good still.
 
 Run by `cargo xtask demo` in Blender's Python module. The shapes and their keys are the file's own:
 nothing of the extension is needed.
@@ -34,9 +34,8 @@ def main() -> None:
 
 
 def render_still(scene, frame: int, path: str) -> None:
-    """One frame, twice as large and with more samples."""
+    """One frame with more samples."""
     scene.frame_set(frame)
-    scene.render.resolution_percentage = 200
     scene.cycles.samples = STILL_SAMPLES
     scene.render.filepath = path
     bpy.ops.render.render(write_still=True)

@@ -10,7 +10,7 @@ use clap::Args;
 
 use crate::{apt, extension, machine, python::Venv, steps::Steps};
 
-const SENTENCE: &str = "Hello. My name is Anyface, and I can make almost any mesh talk.";
+const SENTENCE: &str = "I am Anyface. I make any mesh talk.";
 const FPS: u32 = 25;
 const BLEND: &str = "talking_heads.blend";
 const STILL: &str = "talking_heads.png";
