@@ -1,12 +1,12 @@
 //! `anyface animate`: speech and a mesh to vertex displacements.
 
-use std::path::PathBuf;
+use std::{fs::File, io, path::PathBuf};
 
 use anyface::{
-    Engine, Face, Result,
-    job::ProgressFn,
+    Engine, Error, Face, Result,
+    job::{Place, ProgressFn, write_atomically},
     mesh::{Mesh, Mouth},
-    output::Report,
+    output::{ClipFile, Format, Report},
     speech::frames_of,
 };
 use clap::Args;
@@ -19,7 +19,8 @@ use crate::{
     paths::{InputPath, OutputPath, landmarks_beside},
     redo::{Redo, RedoArgs},
     stages::{
-        Frames, new_report, note_face, note_memory, note_result, read_sound, speak_into, timed,
+        Frames, clip_file, new_report, note_face, note_memory, note_result, read_sound, speak_into,
+        timed,
     },
     surface::SurfaceArgs,
 };
@@ -37,7 +38,8 @@ pub struct Animate {
     #[arg(long, value_name = "A")]
     audio: InputPath,
     /// The result: .npz (arrays, with the rotation of head and eyes and the tongue beside them), .pc2 or .mdd (point
-    /// caches); with --surface a new folder
+    /// caches), .glb (morph targets with their weights over time, the head as a node that turns; what else a GLB has
+    /// stays, the sound is put beside it); with --surface a new folder
     #[arg(long, value_name = "O")]
     out: OutputPath,
     /// Part lips that are one surface first; the new mesh is written beside the result, its name with
@@ -64,6 +66,7 @@ impl Animate {
         let mesh = opened::beside(&self.out);
         let opened = [landmarks_beside(&mesh), mesh];
         (opened.into_iter().filter(|_| self.open_mouth))
+            .chain(self.sound_copy())
             .chain(self.layers.outputs_beside(&self.out))
             .collect()
     }
@@ -89,7 +92,12 @@ impl Animate {
                 false => Engine::longest_stretch_s(duration_s),
             };
             let frames = frames_of(heard_s, request.fps);
-            let (vertices, kept) = (mesh.positions.len(), self.layers.kept(frames, &mesh));
+            let vertices = mesh.positions.len();
+            let kept = match self.sound_of_scene() {
+                // Shapes are made of all frames, and of two copies of them.
+                Some(_) => 3 * frames_of(duration_s, request.fps),
+                None => self.layers.kept(frames, &mesh),
+            };
             note_memory(&mut report, &engine, vertices, kept, heard_s)?;
         }
         let mut face = timed(&mut report, "prepare", || {
@@ -98,9 +106,11 @@ impl Animate {
                 false => engine.prepare(&mesh, &options, progress),
             }
         })?;
+        let vertices = face.mesh.positions.len();
         if self.open_mouth {
             face = self.opened(&engine, &face, &mut report, console)?;
         }
+        let is_opened = face.mesh.positions.len() != vertices;
         note_face(&mut report, &face);
         let unseen = engine.unseen_events(&face, &request.events, duration_s, progress)?;
         report.warnings.extend(unseen);
@@ -111,7 +121,9 @@ impl Animate {
         }
         if !is_whole {
             let way = (&engine, &face);
-            speak_into(&self.out, way, sound, &request, &mut report, progress)?;
+            let file = self.clip_file(is_opened)?;
+            speak_into(file, way, sound, &request, &mut report, progress)?;
+            self.copy_sound()?;
             return self.surface.tell(&report, console);
         }
         let waveform = sound.whole(progress)?;
@@ -128,7 +140,8 @@ impl Animate {
         let layered = timed(&mut report, "motion", || {
             self.layers.of(&engine, &face, &performance, progress)
         })?;
-        self.spread(&layered, redo, &mut report, progress)?;
+        let file = self.clip_file(is_opened)?;
+        self.spread(&layered, (redo, file), &mut report, progress)?;
         self.surface.tell(&report, console)
     }
 
@@ -136,12 +149,14 @@ impl Animate {
     fn spread(
         &self,
         layered: &Layered<'_>,
-        redo: Option<Redo<'_>>,
+        (redo, file): (Option<Redo<'_>>, ClipFile),
         report: &mut Report,
         progress: ProgressFn<'_>,
     ) -> Result<()> {
         let Some(redo) = redo else {
-            return self.layers.write(layered, &self.out, report, progress);
+            let file = (&*self.out, file);
+            self.layers.write(layered, file, report, progress)?;
+            return self.copy_sound();
         };
         let Layered {
             engine,
@@ -153,10 +168,37 @@ impl Animate {
         let (fps, articulation) = (motion.fps(), performance.articulation());
         let mut made = Frames::default();
         made.add(timed(report, "deform", || {
-            redo.animate(engine, face, performance, &self.out, progress)
+            redo.animate(engine, face, performance, file, progress)
         })?);
         note_result(report, &self.out, face, fps, articulation, made);
-        Ok(())
+        self.copy_sound()
+    }
+
+    /// The result. A mesh whose mouth was opened is not that of its file.
+    fn clip_file(&self, is_opened: bool) -> Result<ClipFile> {
+        let mesh = (!is_opened).then_some(&*self.mesh);
+        clip_file(&self.out, mesh, self.sound_of_scene().as_deref())
+    }
+
+    /// The sound beside a GLB, which has none itself.
+    fn sound_of_scene(&self) -> Option<PathBuf> {
+        let is_scene = Format::from_path(&self.out).ok() == Some(Format::Glb);
+        let ending = self.audio.extension().unwrap_or_default();
+        is_scene.then(|| self.out.with_extension(ending))
+    }
+
+    /// The same where it is another file than the sound that is read.
+    fn sound_copy(&self) -> Option<PathBuf> {
+        let sound = self.sound_of_scene();
+        sound.filter(|path| Place::of(path) != Place::of(&self.audio))
+    }
+
+    fn copy_sound(&self) -> Result<()> {
+        let Some(path) = self.sound_copy() else {
+            return Ok(());
+        };
+        let mut sound = File::open(&self.audio).map_err(Error::io(&*self.audio))?;
+        write_atomically(&path, |file| io::copy(&mut sound, file).map(drop))
     }
 
     /// The same face with lips that part; its mesh is written beside the result.

@@ -22,7 +22,7 @@ use crate::{
     arguments::{FaceArgs, SharedArgs},
     console::Console,
     paths::{InputPath, OutputPath},
-    stages::{new_report, note_face, spread_into, timed},
+    stages::{clip_file, new_report, note_face, spread_into, timed},
     surface::SurfaceArgs,
 };
 
@@ -42,7 +42,7 @@ pub struct Deform {
     /// tongue [T, 4] beside head and gaze, the mesh's tongue speaks
     #[arg(long, value_name = "L.npz")]
     motion: InputPath,
-    /// The result: .npz (arrays), .pc2 or .mdd (point caches); for --surface a new folder
+    /// The result: .npz (arrays), .pc2 or .mdd (point caches), .glb (morph targets with their weights over time); for --surface a new folder
     #[arg(long, value_name = "O")]
     out: OutputPath,
     /// Also write by which share each vertex attends to each landmark, mean over the frames: .npz with
@@ -92,7 +92,8 @@ impl Deform {
         let fps = motion.fps.unwrap_or(DEFAULT_FPS);
         let (progress, displacements) = (&|p| console.progress(p), motion.displacements);
         // Nothing is known of the speech, so lips may rest.
-        spread_into(&self.out, &face, fps, 0.0, None, &mut report, |sink| {
+        let file = clip_file(&self.out, Some(&self.mesh), None)?;
+        spread_into(file, &face, fps, 0.0, None, &mut report, |sink| {
             let spoken;
             let movement = match (motion.neutral, weights) {
                 (Some(_), _) => Movement::Own {

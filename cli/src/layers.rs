@@ -6,7 +6,7 @@ use anyface::{
     Engine, Error, Face, Performance, Result,
     job::{InputKind, ProgressFn, read_text},
     mesh::Mesh,
-    output::{Format, Report, write_mask},
+    output::{ClipFile, Format, Report, write_mask},
     spread::{self, FrameSink, Movement},
 };
 use clap::{Args, ValueEnum};
@@ -118,11 +118,11 @@ impl LayerArgs {
         })
     }
 
-    /// Writes the result into `out`, and the layers beside it.
+    /// Writes the result, the `file` at `out`, and the layers beside it.
     pub fn write(
         &self,
         layered: &Layered<'_>,
-        out: &Path,
+        (out, file): (&Path, ClipFile),
         report: &mut Report,
         progress: ProgressFn<'_>,
     ) -> Result<()> {
@@ -142,7 +142,7 @@ impl LayerArgs {
         let (fps, articulation) = (performance.motion.fps(), performance.articulation());
         let life = Some(&performance.life);
         let spread = |sink: &mut dyn FrameSink| layered.spread(sink, progress);
-        spread_into(out, face, fps, articulation, life, report, spread)
+        spread_into(file, face, fps, articulation, life, report, spread)
     }
 }
 
@@ -180,7 +180,8 @@ impl Layered<'_> {
         };
         let fps = said.motion.fps();
         let mut report = crate::stages::new_report();
-        spread_into(out, self.face, fps, 0.0, None, &mut report, spread)
+        let file = ClipFile::new(out)?;
+        spread_into(file, self.face, fps, 0.0, None, &mut report, spread)
     }
 }
 

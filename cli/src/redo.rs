@@ -8,9 +8,7 @@ use anyface::{
     job::ProgressFn,
     mesh::Mesh,
     motion::{LandmarkClip, Life, Motion, Stretch, WeightClip},
-    output::{
-        Format, read_landmark_motion, read_life, read_vertex_motion, read_weights, write_animation,
-    },
+    output::{ClipFile, Format, read_landmark_motion, read_life, read_vertex_motion, read_weights},
     spread::{Animation, Collector, Movement, SpreadReport},
 };
 use clap::Args;
@@ -58,7 +56,7 @@ impl Redo<'_> {
         engine: &Engine,
         face: &Face,
         performance: &Performance,
-        out: &Path,
+        out: ClipFile,
         progress: ProgressFn<'_>,
     ) -> Result<SpreadReport> {
         let motion = &performance.motion;
@@ -90,7 +88,7 @@ impl Redo<'_> {
         splice(&mut was.vertices.displacements, new.vertices.displacements)?;
         splice(&mut was.landmark_displacements, new.landmark_displacements)?;
         let life = self.life(&performance.life, fps)?;
-        write_animation(out, &was, Some(&life), &face.mesh)?;
+        out.write_whole(&was, Some(&life), &face.mesh)?;
         Ok(SpreadReport {
             largest: largest(&was.vertices.displacements),
             landmarks: was.landmark_displacements,

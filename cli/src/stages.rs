@@ -9,10 +9,10 @@ use anyface::{
     Engine, Face, MotionRequest, Part, Result,
     audio::SoundFile,
     face::Lids,
-    job::ProgressFn,
+    job::{InputKind, ProgressFn, read_file},
     mesh::{Mouth, ibug::REGIONS},
     motion::{Extent, Life},
-    output::{ClipFile, Report, warnings_of_sound},
+    output::{ClipFile, Format, Report, warnings_of_sound},
     speech::{HeardEmotion, frames_of},
     spread::{ClipStart, FrameBlock, FrameSink, SpreadReport},
 };
@@ -156,10 +156,24 @@ impl<S: FrameSink> FrameSink for TimedSink<S> {
     }
 }
 
-/// Runs `spread` into the file at `path`, and notes what it did and how long it took; `articulation` is
+/// The file of a result: a GLB keeps all else of the GLB that the mesh came from, and mentions the sound beside it.
+pub fn clip_file(out: &Path, mesh: Option<&Path>, sound: Option<&Path>) -> Result<ClipFile> {
+    let mut file = ClipFile::new(out)?;
+    let is_scene = Format::from_path(out)? == Format::Glb;
+    if let Some(mesh) = mesh.filter(|_| is_scene) {
+        file = file.of_file(&read_file(mesh, InputKind::Mesh)?);
+    }
+    let name = sound.and_then(Path::file_name);
+    Ok(match name {
+        Some(name) => file.with_sound(&name.to_string_lossy()),
+        None => file,
+    })
+}
+
+/// Runs `spread` into a file, and notes what it did and how long it took; `articulation` is
 /// what the lips were asked for, `life` what is written beside the frames.
 pub fn spread_into(
-    path: &Path,
+    file: ClipFile,
     face: &Face,
     fps: f64,
     articulation: f32,
@@ -168,7 +182,8 @@ pub fn spread_into(
     spread: impl FnOnce(&mut dyn FrameSink) -> Result<SpreadReport>,
 ) -> Result<()> {
     let started = Instant::now();
-    let mut sink = TimedSink::new(ClipFile::new(path)?);
+    let path = file.path().to_owned();
+    let mut sink = TimedSink::new(file);
     life.into_iter().for_each(|life| sink.inner.add_life(life));
     let made = spread(&mut sink)?;
     note(report, "write", sink.spent);
@@ -179,13 +194,13 @@ pub fn spread_into(
     );
     let mut result = Frames::default();
     result.add(made);
-    note_result(report, path, face, fps, articulation, result);
+    note_result(report, &path, face, fps, articulation, result);
     Ok(())
 }
 
-/// Speech on a face into the file at `path`, a stretch of a long sound at a time.
+/// Speech on a face into a file, a stretch of a long sound at a time.
 pub fn speak_into(
-    path: &Path,
+    file: ClipFile,
     (engine, face): (&Engine, &Face),
     sound: SoundFile,
     request: &MotionRequest,
@@ -193,7 +208,8 @@ pub fn speak_into(
     progress: ProgressFn<'_>,
 ) -> Result<()> {
     let started = Instant::now();
-    let mut sink = TimedSink::new(ClipFile::new(path)?);
+    let path = file.path().to_owned();
+    let mut sink = TimedSink::new(file);
     let (mut result, mut on_face) = (Frames::default(), Duration::ZERO);
     sink.begin(&ClipStart {
         mesh: &face.mesh,
@@ -216,7 +232,7 @@ pub fn speak_into(
     sink.finish()?;
     note(report, "write", sink.spent);
     let articulation = request.articulation();
-    note_result(report, path, face, request.fps, articulation, result);
+    note_result(report, &path, face, request.fps, articulation, result);
     Ok(())
 }
 

@@ -109,7 +109,7 @@ fn python_parts(steps: &mut Steps, version: Option<&str>) -> Result<()> {
     let command = library.with_file_name("anyface");
     let mut receivers = python::pytest(&Venv::Blender.python(), "tests/receivers");
     steps.check(
-        "receivers of live",
+        "receivers",
         receivers.env("ANYFACE_COMMAND", command),
     )
 }

@@ -113,7 +113,12 @@ fn requests_out_of_range_exit_with_3_before_any_work() {
     let arguments = [
         "animate", "--mesh", "m.obj", "--audio", "a.wav", "--out", "o.abc",
     ];
-    refused(&folder, &arguments, INVALID_INPUT, ".npz, .pc2 or .mdd");
+    refused(
+        &folder,
+        &arguments,
+        INVALID_INPUT,
+        ".npz, .pc2, .mdd or .glb",
+    );
 }
 
 #[test]

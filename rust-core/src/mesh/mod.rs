@@ -34,6 +34,7 @@ pub use find_landmarks::{LandmarkFinder, MODEL as LANDMARK_MODEL};
 pub use fixed::{FIVE_POINTS, FixedLandmark, LandmarkPlace};
 pub use front_view::FrontView;
 pub(crate) use front_view::depth_at;
+pub(crate) use gltf::{GlbPart, glb_chunks, glb_parts};
 pub use mouth::Mouth;
 pub(crate) use obj::obj_text;
 pub use parts::Parts;

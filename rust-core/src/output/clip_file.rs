@@ -6,15 +6,25 @@ use std::{
     path::{Path, PathBuf},
 };
 
-use ndarray::ArrayView3;
+use ndarray::{Array3, ArrayView3};
 
-use super::{Format, cache::write_positions, mdd, npz::Archive, pc2, rows::Rows};
+use super::{
+    Format,
+    cache::write_positions,
+    glb::{self, Scene},
+    mdd,
+    npz::Archive,
+    pc2,
+    rows::Rows,
+    targets::Targets,
+};
 use crate::{
     Error, Result,
+    deform::VertexClip,
     job::Unfinished,
-    mesh::ibug::LANDMARKS,
+    mesh::{Mesh, ibug::LANDMARKS},
     motion::Life,
-    spread::{ClipStart, FrameBlock, FrameSink},
+    spread::{Animation, ClipStart, FrameBlock, FrameSink},
 };
 
 /// A file that takes the frames of a clip; it is there when the last one was taken, and never half.
@@ -22,6 +32,8 @@ use crate::{
 /// npz: `displacements` `[T, V, 3]`, `landmarks_neutral` `[68, 3]`, `landmark_displacements`
 /// `[T, 68, 3]` as f32 in mesh units, `fps`, and where they are known `head` `[T, 3]`, `gaze` `[T, 2, 2]` and `tongue`
 /// `[T, 4]` as [`Life`] has them. The displacements hold the tongue alone. pc2 and mdd: positions, mesh units and axes.
+/// GLB: morph targets whose weights over time bring every vertex within 0.01 mm (on a head of human size) of its place,
+/// and the head as a node that turns; it is written when all frames are there, which stay in memory until then.
 ///
 /// Its errors as a [`FrameSink`]: `ShapeMismatch` if the frames are not those that were announced,
 /// `Io` if the file cannot be written.
@@ -29,7 +41,16 @@ pub struct ClipFile {
     path: PathBuf,
     format: Format,
     life: Option<Life>,
+    beside: Beside,
     open: Option<Open>,
+}
+
+/// What files of scenes have beside the clip.
+#[derive(Default)]
+pub(super) struct Beside {
+    /// The bytes of the GLB that the mesh was read from.
+    source: Option<Vec<u8>>,
+    sound: Option<String>,
 }
 
 /// A clip file whose frames come.
@@ -50,8 +71,52 @@ impl ClipFile {
             path: path.to_owned(),
             format: Format::from_path(path)?,
             life: None,
+            beside: Beside::default(),
             open: None,
         })
+    }
+
+    /// Where the file is to be.
+    pub fn path(&self) -> &Path {
+        &self.path
+    }
+
+    /// The bytes of the file that the mesh was read from: a GLB keeps its materials, bones and all else where another one is
+    /// written. Bytes of other formats change nothing.
+    #[must_use]
+    pub fn of_file(mut self, bytes: &[u8]) -> Self {
+        let keeps = self.format == Format::Glb && bytes.starts_with(b"glTF");
+        self.beside.source = keeps.then(|| bytes.to_owned());
+        self
+    }
+
+    /// The name of the sound's file beside this one, which files of scenes mention.
+    #[must_use]
+    pub fn with_sound(mut self, name: &str) -> Self {
+        self.beside.sound = Some(name.to_owned());
+        self
+    }
+
+    /// Writes a whole animation.
+    ///
+    /// # Errors
+    /// Those of a [`ClipFile`] as a sink; then nothing is left.
+    pub fn write_whole(
+        mut self,
+        animation: &Animation,
+        life: Option<&Life>,
+        mesh: &Mesh,
+    ) -> Result<()> {
+        let moved = &animation.vertices.displacements;
+        life.into_iter().for_each(|life| self.add_life(life));
+        self.begin(&ClipStart {
+            mesh,
+            landmarks: &animation.landmarks_neutral,
+            frames: moved.dim().0,
+            fps: animation.vertices.fps,
+        })?;
+        self.write(moved.view(), animation.landmark_displacements.view())?;
+        self.finish()
     }
 
     /// Head, eyes and tongue of the next frames, for formats that hold them; of all frames or of none.
@@ -63,11 +128,7 @@ impl ClipFile {
     }
 
     /// [`FrameSink::take`] of frames that stay with the caller.
-    pub(super) fn write(
-        &mut self,
-        block: ArrayView3<'_, f32>,
-        landmarks: ArrayView3<'_, f32>,
-    ) -> Result<()> {
+    fn write(&mut self, block: ArrayView3<'_, f32>, landmarks: ArrayView3<'_, f32>) -> Result<()> {
         let Some(open) = &mut self.open else {
             return Err(Error::InvalidInput(format!(
                 "{}: expected the clip's start before its frames",
@@ -100,7 +161,7 @@ impl FrameSink for ClipFile {
             return Ok(());
         };
         open.writer
-            .finish(&self.path, open.landmarks, self.life.as_ref())?;
+            .finish(&self.path, open.landmarks, self.life.as_ref(), &self.beside)?;
         open.unfinished.finish()
     }
 }
@@ -119,6 +180,8 @@ enum Body<W: Write + Seek> {
     Npz(Box<Archive<W>>),
     /// Positions at rest, and how numbers are written.
     PointCache(W, Vec<[f32; 3]>, fn(f32) -> [u8; 4]),
+    /// All frames, of which shapes are made when the last one is there.
+    Shapes(W, Mesh, Vec<f32>),
 }
 
 impl<W: Write + Seek> Writer<W> {
@@ -148,6 +211,7 @@ impl<W: Write + Seek> Writer<W> {
                 mdd::write_header(&mut file, start).map_err(io())?;
                 Body::PointCache(file, rest(), f32::to_be_bytes)
             }
+            Format::Glb => Body::Shapes(file, start.mesh.clone(), Vec::new()),
         };
         Ok(Writer {
             body,
@@ -169,11 +233,21 @@ impl<W: Write + Seek> Writer<W> {
         match &mut self.body {
             Body::Npz(archive) => archive.values(block),
             Body::PointCache(file, rest, encode) => write_positions(file, block, rest, *encode),
+            Body::Shapes(_, _, frames) => {
+                frames.extend(block.iter());
+                Ok(())
+            }
         }
         .map_err(Error::io(path))
     }
 
-    pub(super) fn finish(self, path: &Path, landmarks: Rows, life: Option<&Life>) -> Result<()> {
+    pub(super) fn finish(
+        self,
+        path: &Path,
+        landmarks: Rows,
+        life: Option<&Life>,
+        beside: &Beside,
+    ) -> Result<()> {
         if self.taken != self.frames {
             return Err(self.mismatch(self.vertices));
         }
@@ -185,6 +259,24 @@ impl<W: Write + Seek> Writer<W> {
                 .and_then(|()| archive.number("fps", self.fps))
                 .and_then(|()| archive.finish()),
             Body::PointCache(mut file, ..) => file.flush(),
+            Body::Shapes(mut file, mesh, frames) => {
+                let sizes = (self.frames, self.vertices, 3);
+                let displacements = Array3::from_shape_vec(sizes, frames);
+                let clip = VertexClip {
+                    displacements: displacements.expect("as many numbers as were announced"),
+                    fps: self.fps,
+                };
+                let targets = Targets::new(&clip, &self.landmarks)?;
+                let scene = Scene {
+                    mesh: &mesh,
+                    landmarks: &self.landmarks,
+                    life,
+                    source: beside.source.as_deref(),
+                    sound: beside.sound.as_deref(),
+                };
+                glb::write_glb((&mut file, path), &scene, &targets)?;
+                file.flush()
+            }
         };
         end.map_err(Error::io(path))
     }

@@ -13,6 +13,8 @@ pub enum Format {
     Pc2,
     /// Lightwave point cache: times and positions, big-endian; Blender, Cinema 4D, Houdini.
     Mdd,
+    /// Binary glTF: morph targets and their weights over time; browsers, engines, Blender.
+    Glb,
 }
 
 impl Format {
@@ -26,8 +28,9 @@ impl Format {
             "npz" => Ok(Format::Npz),
             "pc2" => Ok(Format::Pc2),
             "mdd" => Ok(Format::Mdd),
+            "glb" => Ok(Format::Glb),
             _ => Err(Error::InvalidInput(format!(
-                "{}: expected a name that ends in .npz, .pc2 or .mdd, got {extension:?}",
+                "{}: expected a name that ends in .npz, .pc2, .mdd or .glb, got {extension:?}",
                 path.display()
             ))),
         }

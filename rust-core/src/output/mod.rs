@@ -1,4 +1,4 @@
-//! Results as files: npz for numpy, pc2 and mdd point caches, JSON reports.
+//! Results as files: npz for numpy, pc2 and mdd point caches, GLB for browsers and engines, JSON reports.
 //!
 //! Every file is written beside its place under another name and renamed when complete, so that a
 //! full disk or a failure leaves what was there before. Frames are streamed: an hour of animation
@@ -8,6 +8,7 @@ mod blend_weights;
 mod cache;
 mod clip_file;
 mod format;
+mod glb;
 mod landmark_motion;
 mod mdd;
 mod motion_file;
@@ -19,6 +20,7 @@ mod report;
 mod rig;
 mod rows;
 mod surface_frames;
+mod targets;
 mod vertex_motion;
 
 use std::path::Path;
@@ -41,7 +43,7 @@ use crate::{
     job::write_atomically,
     mesh::Mesh,
     motion::{LandmarkClip, Life, Motion, MotionKind},
-    spread::{Animation, ClipStart, FrameSink},
+    spread::Animation,
 };
 
 /// Writes an animation in the format that the extension of `path` names; see [`ClipFile`].
@@ -54,17 +56,7 @@ pub fn write_animation(
     life: Option<&Life>,
     mesh: &Mesh,
 ) -> Result<()> {
-    let moved = &animation.vertices.displacements;
-    let mut file = ClipFile::new(path)?;
-    life.into_iter().for_each(|life| file.add_life(life));
-    file.begin(&ClipStart {
-        mesh,
-        landmarks: &animation.landmarks_neutral,
-        frames: moved.dim().0,
-        fps: animation.vertices.fps,
-    })?;
-    file.write(moved.view(), animation.landmark_displacements.view())?;
-    file.finish()
+    ClipFile::new(path)?.write_whole(animation, life, mesh)
 }
 
 /// Writes motion that is whole into a [`MotionFile`]; `landmarks`: on the mean face ([`Motion::on_mean_face`]).

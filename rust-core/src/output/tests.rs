@@ -4,7 +4,10 @@ use ndarray::Array3;
 use ndarray_npy::NpzReader;
 
 use super::*;
-use super::{clip_file::Writer, rows::Rows};
+use super::{
+    clip_file::{Beside, Writer},
+    rows::Rows,
+};
 
 use crate::{
     deform::VertexClip,
@@ -21,7 +24,7 @@ fn write_sample(file: impl Write + Seek, format: Format) -> Result<()> {
     let all = animation.vertices.displacements.view();
     writer.write(path, all.slice_axis(ndarray::Axis(0), (..1).into()))?;
     writer.write(path, all.slice_axis(ndarray::Axis(0), (1..).into()))?;
-    writer.finish(path, landmarks(&animation), None)
+    writer.finish(path, landmarks(&animation), None, &Beside::default())
 }
 
 fn start<'a>(mesh: &'a Mesh, animation: &'a Animation) -> ClipStart<'a> {
@@ -181,7 +184,10 @@ fn unknown_extensions_and_foreign_meshes_are_refused() {
     let folder = tempfile::tempdir().unwrap();
     let error =
         write_animation(&folder.path().join("clip.abc"), &animation, None, &mesh).unwrap_err();
-    assert!(error.to_string().contains(".npz, .pc2 or .mdd"), "{error}");
+    assert!(
+        error.to_string().contains(".npz, .pc2, .mdd or .glb"),
+        "{error}"
+    );
     mesh.positions.pop();
     let error =
         write_animation(&folder.path().join("clip.pc2"), &animation, None, &mesh).unwrap_err();

@@ -175,7 +175,8 @@ impl Row {
     /// Counts what turns and grows in the frames `[3, V, 3]` of an emotion, and gives it.
     fn count(&mut self, face: &Face, skin: &NearEyes, frames: &Array3<f32>) -> [Changed; 3] {
         let changed = std::array::from_fn(|k| skin.changed(face, frames.index_axis(Axis(0), k)));
-        self.turned.push(std::array::from_fn(|k| changed[k].0.len()));
+        self.turned
+            .push(std::array::from_fn(|k| changed[k].0.len()));
         self.grown.push(std::array::from_fn(|k| changed[k].1));
         changed
     }

@@ -8,6 +8,8 @@
 mod accessor;
 mod document;
 
+use std::ops::Range;
+
 use accessor::Data;
 use document::{Document, Node, Primitive, missing, refusal};
 
@@ -33,12 +35,32 @@ const UNDERSTOOD: [&str; 4] = [
     "KHR_texture_",
 ];
 
+/// A primitive that a node shows, and which vertices of the mesh are its own.
+#[derive(Debug, Clone, PartialEq)]
+pub(crate) struct GlbPart {
+    pub node: usize,
+    pub mesh: usize,
+    pub primitive: usize,
+    pub vertices: Range<usize>,
+    /// Columns: what the node does to them.
+    pub placed: Matrix,
+}
+
 /// Every mesh of the default scene, one after the other, moved by its node.
 ///
 /// A skinned mesh stays as it was bound: its node moves nothing, as the format says. Triangles, strips
 /// and fans are read, lines and points passed over.
 pub(super) fn parse_glb(bytes: &[u8]) -> Result<Mesh> {
-    let (json, binary) = chunks(bytes)?;
+    Ok(read(bytes)?.0)
+}
+
+/// What each primitive of the file became in the mesh of [`parse_glb`], in the order of its vertices.
+pub(crate) fn glb_parts(bytes: &[u8]) -> Result<Vec<GlbPart>> {
+    Ok(read(bytes)?.1)
+}
+
+fn read(bytes: &[u8]) -> Result<(Mesh, Vec<GlbPart>)> {
+    let (json, binary) = glb_chunks(bytes)?;
     if json.len() > LARGEST_JSON {
         return Err(refusal(format!(
             "expected a description of up to {LARGEST_JSON} bytes, got {}",
@@ -59,15 +81,16 @@ pub(super) fn parse_glb(bytes: &[u8]) -> Result<Mesh> {
     let data = Data::new(&document, binary)?;
     let mut reading = Reading {
         mesh: Mesh::default(),
+        parts: Vec::new(),
         data,
         budget: SHOWN_AGAIN.saturating_add(bytes.len().saturating_mul(4)),
     };
     reading.scene()?;
-    Ok(reading.mesh)
+    Ok((reading.mesh, reading.parts))
 }
 
 /// The chunk of JSON and that of data, empty where there is none.
-fn chunks(bytes: &[u8]) -> Result<(&[u8], &[u8])> {
+pub(crate) fn glb_chunks(bytes: &[u8]) -> Result<(&[u8], &[u8])> {
     let number = |at: usize| -> Result<u32> {
         let four = bytes.get(at..at + 4).and_then(|b| b.try_into().ok());
         four.map(u32::from_le_bytes)
@@ -108,6 +131,7 @@ fn chunks(bytes: &[u8]) -> Result<(&[u8], &[u8])> {
 /// A scene on its way into a mesh.
 struct Reading<'a> {
     mesh: Mesh,
+    parts: Vec<GlbPart>,
     data: Data<'a>,
     /// Vertices and corners that may still be made.
     budget: usize,
@@ -137,27 +161,36 @@ impl Reading<'_> {
                 )));
             }
             let placed = product(above, matrix(node));
-            self.add_node(node, placed)?;
+            self.add_node(number, node, placed)?;
             left.extend(node.children.iter().rev().map(|&child| (child, placed)));
         }
         Ok(())
     }
 
-    fn add_node(&mut self, node: &Node, placed: Matrix) -> Result<()> {
+    fn add_node(&mut self, number: usize, node: &Node, placed: Matrix) -> Result<()> {
         let document = self.data.document;
-        let Some(number) = node.mesh else {
+        let Some(mesh) = node.mesh else {
             return Ok(());
         };
-        let Some(own) = document.meshes.get(number) else {
-            return Err(missing("mesh", number, document.meshes.len()));
+        let Some(own) = document.meshes.get(mesh) else {
+            return Err(missing("mesh", mesh, document.meshes.len()));
         };
         let placed = match node.skin {
             Some(_) => IDENTITY,
             None => placed,
         };
-        own.primitives
-            .iter()
-            .try_for_each(|primitive| self.add_primitive(primitive, placed))
+        for (k, primitive) in own.primitives.iter().enumerate() {
+            let first = self.mesh.positions.len();
+            self.add_primitive(primitive, placed)?;
+            self.parts.push(GlbPart {
+                node: number,
+                mesh,
+                primitive: k,
+                vertices: first..self.mesh.positions.len(),
+                placed,
+            });
+        }
+        Ok(())
     }
 
     fn add_primitive(&mut self, primitive: &Primitive, placed: Matrix) -> Result<()> {

@@ -1,0 +1,235 @@
+//! Targets and an animation added to the file that a mesh came from; all else of it stays.
+
+use std::collections::{BTreeMap, BTreeSet};
+
+use base64::{Engine as _, engine::general_purpose::STANDARD};
+use glam::{DMat3, DVec3};
+use serde_json::{Value, json};
+
+use super::{
+    super::targets::{Target, Targets},
+    Buffer, Scene, Track, animation, head, times, weights,
+};
+use crate::{
+    Error, Result,
+    mesh::{GlbPart, glb_chunks, glb_parts},
+};
+
+/// The document and its bytes.
+pub(super) fn add(source: &[u8], scene: &Scene<'_>, targets: &Targets) -> Result<(Value, Vec<u8>)> {
+    let (json, binary) = glb_chunks(source)?;
+    let mut document: Value = serde_json::from_slice(json).map_err(|e| wrong(e.to_string()))?;
+    let parts = glb_parts(source)?;
+    let vertices = parts.last().map_or(0, |part| part.vertices.end);
+    if vertices != scene.mesh.positions.len() {
+        return Err(wrong(format!(
+            "expected the file that the mesh of {} vertices was read from, got one with {vertices}",
+            scene.mesh.positions.len()
+        )));
+    }
+    let old = |name: &str| document[name].as_array().map_or(0, Vec::len);
+    // The chunk of bytes belongs to the first buffer, unless that names its bytes otherwise.
+    let has_chunk = old("buffers") == 0 || document["buffers"][0].get("uri").is_none();
+    let (number, bytes) = match has_chunk {
+        true => (0, binary.to_vec()),
+        false => (old("buffers"), Vec::new()),
+    };
+    let mut buffer = Buffer::after(number, bytes, old("bufferViews"), old("accessors"));
+    let times = times(&mut buffer, targets)?;
+    let mut tracks = Vec::new();
+    for (mesh, parts) in by_mesh(&parts)? {
+        let node = parts[0].node;
+        let own = targets_of(&parts, targets);
+        if own.is_empty() {
+            continue;
+        }
+        let before = old_weights(&document["meshes"][mesh], &document["nodes"][node])?;
+        for part in &parts {
+            let primitive = &document["meshes"][mesh]["primitives"][part.primitive];
+            let positions = primitive["attributes"]["POSITION"].as_u64();
+            // Lines and points are no part of the mesh, but have as many targets as its triangles.
+            let count = match positions {
+                Some(accessor) => &document["accessors"][accessor as usize]["count"],
+                None => &Value::Null,
+            };
+            let count = count.as_u64().unwrap_or(0) as usize;
+            let new = add_targets(&mut buffer, (part, count), targets, &own)?;
+            let primitive = &mut document["meshes"][mesh]["primitives"][part.primitive];
+            list(primitive, "targets")?.extend(new);
+        }
+        name_targets(&mut document["meshes"][mesh], before.len(), &own, targets)?;
+        document["meshes"][mesh]["weights"] = json!(all_weights(&before, own.len()));
+        if document["nodes"][node].get("weights").is_some() {
+            document["nodes"][node]["weights"] = json!(all_weights(&before, own.len()));
+        }
+        tracks.push(Track {
+            sampler: weights(&mut buffer, times, targets, (&before, &own))?,
+            node,
+            path: "weights",
+        });
+    }
+    // Bones turn a head that has them; a node above would turn the body.
+    if document.get("skins").is_none() {
+        tracks.extend(turn_scene(&mut document, &mut buffer, times, scene)?);
+    }
+    if !tracks.is_empty() {
+        list(&mut document, "animations")?.push(animation(tracks, scene.sound));
+    }
+    let (bytes, views, accessors) = buffer.finish();
+    list(&mut document, "bufferViews")?.extend(views);
+    list(&mut document, "accessors")?.extend(accessors);
+    match has_chunk {
+        true => {
+            let buffers = list(&mut document, "buffers")?;
+            if buffers.is_empty() {
+                buffers.push(json!({}));
+            }
+            buffers[0]["byteLength"] = json!(bytes.len().next_multiple_of(4));
+            Ok((document, bytes))
+        }
+        false => {
+            let uri = format!(
+                "data:application/octet-stream;base64,{}",
+                STANDARD.encode(&bytes)
+            );
+            list(&mut document, "buffers")?.push(json!({"byteLength": bytes.len(), "uri": uri}));
+            Ok((document, binary.to_vec()))
+        }
+    }
+}
+
+fn wrong(message: String) -> Error {
+    Error::InvalidInput(format!("glTF: {message}"))
+}
+
+/// A list of the document, which may not have one yet.
+fn list<'a>(of: &'a mut Value, name: &str) -> Result<&'a mut Vec<Value>> {
+    let lists = of.as_object_mut();
+    let lists = lists.ok_or_else(|| wrong(format!("expected an object with {name}")))?;
+    let list = lists.entry(name).or_insert_with(|| json!([]));
+    list.as_array_mut()
+        .ok_or_else(|| wrong(format!("expected a list of {name}")))
+}
+
+/// The parts of each mesh, which one node shows.
+fn by_mesh(parts: &[GlbPart]) -> Result<BTreeMap<usize, Vec<&GlbPart>>> {
+    let mut meshes: BTreeMap<usize, Vec<&GlbPart>> = BTreeMap::new();
+    for part in parts {
+        meshes.entry(part.mesh).or_default().push(part);
+    }
+    match meshes
+        .values()
+        .find(|own| own.iter().any(|part| part.node != own[0].node))
+    {
+        None => Ok(meshes),
+        Some(own) => Err(wrong(format!(
+            "expected each mesh at one node, got mesh {} at several, which would all speak; give the one that speaks a \
+             mesh of its own",
+            own[0].mesh
+        ))),
+    }
+}
+
+/// Numbers of the targets that move a vertex of these parts.
+fn targets_of(parts: &[&GlbPart], targets: &Targets) -> Vec<usize> {
+    let moves = |shape: &Target| parts.iter().any(|part| !within(shape, part).is_empty());
+    let shapes = targets.shapes.iter().enumerate();
+    shapes
+        .filter(|(_, shape)| moves(shape))
+        .map(|(k, _)| k)
+        .collect()
+}
+
+/// What a shape moves of a part.
+fn within<'a>(shape: &'a Target, part: &GlbPart) -> &'a [(u32, [f32; 3])] {
+    let at = |vertex: usize| shape.moved.partition_point(|(v, _)| (*v as usize) < vertex);
+    &shape.moved[at(part.vertices.start)..at(part.vertices.end)]
+}
+
+/// Targets of one primitive of so many vertices, in their own axes and units.
+fn add_targets(
+    buffer: &mut Buffer,
+    (part, count): (&GlbPart, usize),
+    targets: &Targets,
+    own: &[usize],
+) -> Result<Vec<Value>> {
+    let column = |c: usize| DVec3::from_slice(&[0, 1, 2].map(|r| f64::from(part.placed[c][r])));
+    let placed = DMat3::from_cols(column(0), column(1), column(2));
+    let back = match placed.determinant().abs() > 0.0 {
+        true => placed.inverse(),
+        false => DMat3::ZERO,
+    };
+    let mut added = Vec::new();
+    for &k in own {
+        let moved = within(&targets.shapes[k], part).iter().map(|(v, d)| {
+            let local = back * DVec3::from_slice(&d.map(f64::from));
+            (v - part.vertices.start as u32, local.as_vec3().to_array())
+        });
+        let moved: Vec<_> = moved.collect();
+        let accessor = buffer.displacements(count, &moved)?;
+        added.push(json!({"POSITION": accessor}));
+    }
+    Ok(added)
+}
+
+/// Weights of the targets that the mesh has already.
+fn old_weights(mesh: &Value, node: &Value) -> Result<Vec<f32>> {
+    let primitives = mesh["primitives"].as_array().into_iter().flatten();
+    let counts: BTreeSet<usize> = primitives
+        .map(|primitive| primitive["targets"].as_array().map_or(0, Vec::len))
+        .collect();
+    let [count] = counts.iter().copied().collect::<Vec<_>>()[..] else {
+        return Err(wrong(
+            "expected as many targets in each primitive of a mesh".into(),
+        ));
+    };
+    let weights = node["weights"].as_array().or(mesh["weights"].as_array());
+    let weight = |k: usize| weights.and_then(|all| all.get(k)).and_then(Value::as_f64);
+    Ok((0..count)
+        .map(|k| weight(k).unwrap_or(0.0) as f32)
+        .collect())
+}
+
+fn all_weights(before: &[f32], new: usize) -> Vec<f32> {
+    let new = std::iter::repeat_n(0.0, new);
+    before.iter().copied().chain(new).collect()
+}
+
+/// Names of the new targets behind those of the old ones.
+fn name_targets(mesh: &mut Value, before: usize, own: &[usize], targets: &Targets) -> Result<()> {
+    if !mesh["extras"].is_object() {
+        mesh["extras"] = json!({});
+    }
+    let names = list(&mut mesh["extras"], "targetNames")?;
+    for k in names.len()..before {
+        names.push(json!(format!("{k}")));
+    }
+    names.truncate(before);
+    names.extend(own.iter().map(|&k| json!(targets.shapes[k].name)));
+    Ok(())
+}
+
+/// Puts all that the scene shows below a node that turns as the head does.
+fn turn_scene(
+    document: &mut Value,
+    buffer: &mut Buffer,
+    times: usize,
+    scene: &Scene<'_>,
+) -> Result<Option<Track>> {
+    let Some([mut head, mut rest, sampler]) = head(buffer, times, scene)? else {
+        return Ok(None);
+    };
+    let number = document["scene"].as_u64().unwrap_or(0) as usize;
+    let shown = document["scenes"][number]["nodes"].take();
+    let nodes = list(document, "nodes")?;
+    let node = nodes.len() + 1;
+    rest["children"] = shown;
+    head["children"] = json!([node - 1]);
+    nodes.extend([rest, head]);
+    document["scenes"][number]["nodes"] = json!([node]);
+    Ok(Some(Track {
+        sampler,
+        node,
+        path: "rotation",
+    }))
+}

@@ -1,0 +1,311 @@
+use std::path::Path;
+
+use gltf::animation::util::ReadOutputs;
+use ndarray::Array3;
+use serde_json::{Value, json};
+
+use crate::{
+    Error, Result,
+    mesh::{Mesh, canonical_landmarks},
+    motion::Life,
+    output::ClipFile,
+    spread::{ClipStart, FrameBlock, FrameSink},
+};
+
+const FRAMES: usize = 6;
+const FPS: f64 = 25.0;
+/// Vertices and their places may differ by this, metres.
+const NEAR: f32 = 1e-5;
+
+/// Four triangles in a row, metres.
+fn strip() -> Mesh {
+    let positions = (0..6).map(|v| [0.02 * v as f32, 0.02 * (v % 2) as f32, 0.01]);
+    let triangles = (0..4).map(|t| [t, t + 1 + t % 2, t + 2 - t % 2]);
+    Mesh::from_arrays(positions.collect(), triangles.collect()).unwrap()
+}
+
+/// Vertices 1 to 4 swing to and fro by some millimetres, each in its own way.
+fn swing(vertices: usize) -> Array3<f32> {
+    Array3::from_shape_fn((FRAMES, vertices, 3), |(t, v, i)| {
+        let moves = (1..5).contains(&v);
+        let angle = 0.9 * t as f32 + (v * (i + 1)) as f32;
+        f32::from(moves) * 0.004 * angle.sin()
+    })
+}
+
+fn nodding() -> Life {
+    let mut life = Life::still(FRAMES);
+    for t in 0..FRAMES {
+        life.head[[t, 0]] = 0.1 * t as f32;
+    }
+    life
+}
+
+fn write(path: &Path, mesh: &Mesh, source: &[u8], life: Option<&Life>) -> Result<Array3<f32>> {
+    let displacements = swing(mesh.positions.len());
+    let mut file = ClipFile::new(path)?.of_file(source).with_sound("hello.wav");
+    life.into_iter().for_each(|life| file.add_life(life));
+    file.begin(&ClipStart {
+        mesh,
+        landmarks: canonical_landmarks(),
+        frames: FRAMES,
+        fps: FPS,
+    })?;
+    file.take(FrameBlock {
+        displacements: displacements.clone(),
+        landmarks: Array3::zeros((FRAMES, 68, 3)),
+    })?;
+    file.finish()?;
+    Ok(displacements)
+}
+
+/// What another reader makes of a file: places of all vertices in every frame, in the axes of the scene at rest.
+fn places(path: &Path) -> Vec<Vec<[f32; 3]>> {
+    let (document, buffers, _) = gltf::import(path).unwrap();
+    let mut frames = vec![Vec::new(); FRAMES];
+    let scene = document.default_scene().unwrap();
+    let mut left: Vec<_> = scene
+        .nodes()
+        .map(|node| (node, glam::Mat4::IDENTITY))
+        .collect();
+    while let Some((node, above)) = left.pop() {
+        let placed = above * glam::Mat4::from_cols_array_2d(&node.transform().matrix());
+        left.extend(node.children().map(|child| (child, placed)));
+        for primitive in node.mesh().iter().flat_map(gltf::Mesh::primitives) {
+            let reader = primitive.reader(|buffer| Some(&buffers[buffer.index()]));
+            let rest: Vec<_> = reader.read_positions().unwrap().collect();
+            let targets: Vec<Vec<[f32; 3]>> = reader
+                .read_morph_targets()
+                .map(|(positions, ..)| positions.unwrap().collect())
+                .collect();
+            let weights = weights(&document, &buffers, node.index());
+            for (t, frame) in frames.iter_mut().enumerate() {
+                frame.extend(rest.iter().enumerate().map(|(v, p)| {
+                    let mut place = glam::Vec3::from(*p);
+                    for (k, target) in targets.iter().enumerate() {
+                        place += weights[t * targets.len() + k] * glam::Vec3::from(target[v]);
+                    }
+                    placed.transform_point3(place).to_array()
+                }));
+            }
+        }
+    }
+    frames
+}
+
+fn weights(document: &gltf::Document, buffers: &[gltf::buffer::Data], node: usize) -> Vec<f32> {
+    let channels = document.animations().flat_map(|animation| {
+        let channels = animation.channels();
+        channels
+            .map(|channel| channel.target().node().index())
+            .enumerate()
+            .collect::<Vec<_>>()
+    });
+    assert!(channels.count() > 0);
+    for animation in document.animations() {
+        for channel in animation
+            .channels()
+            .filter(|c| c.target().node().index() == node)
+        {
+            let reader = channel.reader(|buffer| Some(&buffers[buffer.index()]));
+            let times: Vec<f32> = reader.read_inputs().unwrap().collect();
+            assert_eq!(times[1], 1.0 / FPS as f32);
+            if let ReadOutputs::MorphTargetWeights(values) = reader.read_outputs().unwrap() {
+                return values.into_f32().collect();
+            }
+        }
+    }
+    panic!("no weights for node {node}");
+}
+
+fn assert_moved(places: &[Vec<[f32; 3]>], mesh: &Mesh, displacements: &Array3<f32>) {
+    for (t, frame) in places.iter().enumerate() {
+        assert_eq!(frame.len(), mesh.positions.len());
+        for (v, place) in frame.iter().enumerate() {
+            for i in 0..3 {
+                let expected = mesh.positions[v][i] + displacements[[t, v, i]];
+                assert!(
+                    (place[i] - expected).abs() < NEAR,
+                    "frame {t}, vertex {v}: {place:?}"
+                );
+            }
+        }
+    }
+}
+
+fn json_of(path: &Path) -> Value {
+    let bytes = std::fs::read(path).unwrap();
+    serde_json::from_slice(crate::mesh::glb_chunks(&bytes).unwrap().0).unwrap()
+}
+
+#[test]
+fn another_reader_sees_every_vertex_where_it_belongs() {
+    let folder = tempfile::tempdir().unwrap();
+    let path = folder.path().join("talk.glb");
+    let mesh = strip();
+    let displacements = write(&path, &mesh, b"", None).unwrap();
+    assert_moved(&places(&path), &mesh, &displacements);
+    assert_eq!(Mesh::read(&path).unwrap(), mesh);
+    let json = json_of(&path);
+    assert_eq!(json["animations"][0]["extras"]["sound"], "hello.wav");
+    let names = json["meshes"][0]["extras"]["targetNames"]
+        .as_array()
+        .unwrap();
+    assert_eq!(names[0], "Anyface 1");
+    assert_eq!(
+        names.len(),
+        json["meshes"][0]["weights"].as_array().unwrap().len()
+    );
+}
+
+#[test]
+fn weights_stay_within_0_and_1() {
+    let folder = tempfile::tempdir().unwrap();
+    let path = folder.path().join("talk.glb");
+    write(&path, &strip(), b"", None).unwrap();
+    let (document, buffers, _) = gltf::import(&path).unwrap();
+    let weights = weights(&document, &buffers, 0);
+    assert!(
+        weights.iter().all(|w| (0.0..=1.0).contains(w)),
+        "{weights:?}"
+    );
+    assert!(weights.contains(&1.0));
+}
+
+#[test]
+fn the_head_is_a_node_that_turns() {
+    let folder = tempfile::tempdir().unwrap();
+    let path = folder.path().join("talk.glb");
+    let mesh = strip();
+    let displacements = write(&path, &mesh, b"", Some(&nodding())).unwrap();
+    assert_moved(&places(&path), &mesh, &displacements);
+    let (document, buffers, _) = gltf::import(&path).unwrap();
+    let channels = document
+        .animations()
+        .flat_map(|animation| animation.channels().collect::<Vec<_>>().into_iter());
+    let turns: Vec<[f32; 4]> = channels
+        .filter_map(|channel| {
+            let reader = channel.reader(|buffer| Some(&buffers[buffer.index()]));
+            match reader.read_outputs().unwrap() {
+                ReadOutputs::Rotations(turns) => Some(turns.into_f32().collect::<Vec<_>>()),
+                _ => None,
+            }
+        })
+        .flatten()
+        .collect();
+    assert_eq!(turns.len(), FRAMES);
+    let last = 2.0 * turns[FRAMES - 1][0].asin();
+    assert!((last - 0.5).abs() < 1e-4, "{turns:?}");
+}
+
+/// The strip in two primitives of one mesh, ten times as large under a node that shrinks and turns it, with a material and a target
+/// of its own.
+fn source(change: impl FnOnce(&mut Value)) -> Vec<u8> {
+    let mesh = strip();
+    let turned = mesh
+        .positions
+        .iter()
+        .map(|[x, y, z]| [10.0 * y, -10.0 * x, 10.0 * z]);
+    let turned: Vec<[f32; 3]> = turned.collect();
+    let mut data: Vec<u8> = turned
+        .iter()
+        .flatten()
+        .flat_map(|x| x.to_le_bytes())
+        .collect();
+    let corners = [[0u16, 1, 2], [0, 2, 1], [0, 1, 2], [0, 2, 1]];
+    data.extend(corners.iter().flatten().flat_map(|v| v.to_le_bytes()));
+    let part = |positions: usize, corners: usize| json!({"attributes": {"POSITION": positions}, "indices": corners, "material": 0, "targets": [{"POSITION": 0}]});
+    let half = 0.5f32.sqrt();
+    let mut document = json!({
+        "asset": {"version": "2.0"}, "scene": 0, "scenes": [{"nodes": [0]}],
+        "nodes": [{"children": [1], "scale": [0.1, 0.1, 0.1]}, {"mesh": 0, "rotation": [0.0, 0.0, half, half]}],
+        "materials": [{"name": "Skin"}],
+        "meshes": [{"primitives": [part(0, 2), part(1, 3)], "weights": [0.0], "extras": {"targetNames": ["Ear"]}}],
+        "buffers": [{"byteLength": data.len()}],
+        "bufferViews": [
+            {"buffer": 0, "byteOffset": 0, "byteLength": 72},
+            {"buffer": 0, "byteOffset": 72, "byteLength": 24},
+        ],
+        "accessors": [
+            {"bufferView": 0, "componentType": 5126, "count": 3, "type": "VEC3",
+             "min": [0.0, -1.0, 0.0], "max": [1.0, 0.0, 1.0]},
+            {"bufferView": 0, "byteOffset": 36, "componentType": 5126, "count": 3, "type": "VEC3",
+             "min": [0.0, -1.0, 0.0], "max": [1.0, 0.0, 1.0]},
+            {"bufferView": 1, "componentType": 5123, "count": 6, "type": "SCALAR"},
+            {"bufferView": 1, "byteOffset": 12, "componentType": 5123, "count": 6, "type": "SCALAR"},
+        ],
+    });
+    change(&mut document);
+    let mut json = document.to_string().into_bytes();
+    json.resize(json.len().next_multiple_of(4), b' ');
+    let mut file = b"glTF".to_vec();
+    let total = 28 + json.len() + data.len();
+    file.extend(
+        [2, total as u32, json.len() as u32]
+            .iter()
+            .flat_map(|x| x.to_le_bytes()),
+    );
+    file.extend(b"JSON");
+    file.extend(json);
+    file.extend((data.len() as u32).to_le_bytes());
+    file.extend(b"BIN\0");
+    file.extend(data);
+    file
+}
+
+#[test]
+fn a_glb_keeps_what_it_has() {
+    let folder = tempfile::tempdir().unwrap();
+    let path = folder.path().join("talk.glb");
+    let source = source(|_| {});
+    let mesh = Mesh::parse(&source).unwrap();
+    let displacements = write(&path, &mesh, &source, Some(&nodding())).unwrap();
+    assert_moved(&places(&path), &mesh, &displacements);
+    let json = json_of(&path);
+    assert_eq!(json["materials"][0]["name"], "Skin");
+    assert_eq!(json["meshes"][0]["extras"]["targetNames"][0], "Ear");
+    assert_eq!(json["meshes"][0]["extras"]["targetNames"][1], "Anyface 1");
+    let turning = json["scenes"][0]["nodes"][0].as_u64().unwrap() as usize;
+    assert_eq!(json["nodes"][turning]["name"], "Head");
+}
+
+#[test]
+fn a_head_with_bones_is_not_turned_as_a_whole() {
+    let folder = tempfile::tempdir().unwrap();
+    let path = folder.path().join("talk.glb");
+    let source = source(|document| document["skins"] = json!([{"joints": [0]}]));
+    let mesh = Mesh::parse(&source).unwrap();
+    write(&path, &mesh, &source, Some(&nodding())).unwrap();
+    assert_eq!(json_of(&path)["scenes"][0]["nodes"], json!([0]));
+}
+
+#[test]
+fn a_mesh_that_two_nodes_show_is_refused() {
+    let folder = tempfile::tempdir().unwrap();
+    let path = folder.path().join("talk.glb");
+    let source = source(|document| {
+        let second = json!({"mesh": 0, "translation": [9.0, 0.0, 0.0]});
+        document["nodes"].as_array_mut().unwrap().push(second);
+        document["scenes"][0]["nodes"] = json!([0, 2]);
+    });
+    let mesh = Mesh::parse(&source).unwrap();
+    let error = write(&path, &mesh, &source, None).unwrap_err();
+    assert!(
+        matches!(&error, Error::InvalidInput(m) if m.contains("at several")),
+        "{error}"
+    );
+    assert!(!path.exists());
+}
+
+#[test]
+fn the_file_of_another_mesh_is_refused() {
+    let folder = tempfile::tempdir().unwrap();
+    let path = folder.path().join("talk.glb");
+    let mut mesh = strip();
+    mesh.positions.push([0.5; 3]);
+    let error = write(&path, &mesh, &source(|_| {}), None).unwrap_err();
+    assert!(
+        matches!(&error, Error::InvalidInput(m) if m.contains("7 vertices")),
+        "{error}"
+    );
+}

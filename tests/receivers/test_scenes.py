@@ -1,0 +1,106 @@
+"""Scenes that `anyface animate` writes, opened by programs that others wrote.
+
+`ANYFACE_COMMAND` names the command; without it that of `cargo build` is run.
+"""
+
+import json
+import os
+import shutil
+import subprocess
+import wave
+from pathlib import Path
+
+import bpy
+import numpy as np
+import pytest
+
+ROOT = Path(__file__).resolve().parents[2]
+COMMAND = os.environ.get("ANYFACE_COMMAND", str(ROOT / "target/debug/anyface"))
+HEAD = ROOT / "weights/shared/default_head"
+PACKAGES = ROOT / "target/npm"
+RATE_HZ, SECONDS, FPS = 16000, 1.0, 25
+NEAR_M = 1e-5
+"""The default head is of human size, in metres."""
+
+VALIDATE = """
+const validator = require('gltf-validator'), fs = require('fs');
+validator.validateBytes(new Uint8Array(fs.readFileSync(process.argv[1])))
+  .then(report => console.log(JSON.stringify(report.issues)));
+"""
+
+
+@pytest.fixture(scope="module")
+def spoken(tmp_path_factory):
+    """A folder with a take of the default head as talk.glb, its sound as talk.wav, and talk.npz."""
+    folder = tmp_path_factory.mktemp("scenes")
+    time = np.arange(int(SECONDS * RATE_HZ)) / RATE_HZ
+    buzz = sum(np.sin(2 * np.pi * 120 * k * time) / k for k in range(1, 20))
+    samples = 0.15 * buzz * np.clip(np.sin(2 * np.pi * 4.0 * time), 0.0, None)
+    with wave.open(str(folder / "voice.wav"), "wb") as file:
+        file.setnchannels(1)
+        file.setsampwidth(2)
+        file.setframerate(RATE_HZ)
+        file.writeframes((samples * 32767).astype("<i2").tobytes())
+    for name in ("talk.glb", "talk.npz"):
+        done = subprocess.run(
+            [COMMAND, "animate", "--mesh", HEAD / "head.obj", "--landmarks", HEAD / "landmarks.json",
+             "--audio", folder / "voice.wav", "--fps", str(FPS), "--out", folder / name],
+            capture_output=True, text=True, check=False,
+        )  # fmt: skip
+        assert done.returncode == 0, done.stderr
+    return folder
+
+
+def test_blender_moves_every_vertex_as_the_arrays_do(spoken):
+    displacements = np.load(spoken / "talk.npz")["displacements"]
+    bpy.ops.wm.read_factory_settings(use_empty=True)
+    bpy.context.scene.render.fps = FPS
+    bpy.ops.import_scene.gltf(filepath=str(spoken / "talk.glb"))
+    face = next(ob for ob in bpy.data.objects if ob.type == "MESH")
+    assert face.parent.parent.name == "Head"
+    keys = face.data.shape_keys.key_blocks
+    places = np.empty((len(keys), len(face.data.vertices) * 3), np.float32)
+    for key, row in zip(keys, places, strict=True):
+        key.data.foreach_get("co", row)
+    shapes = places[1:] - places[0]
+    largest = 0.0
+    for t in range(len(displacements)):
+        bpy.context.scene.frame_set(t)
+        weights = np.array([key.value for key in keys[1:]])
+        assert weights.min() >= 0.0 and weights.max() <= 1.0
+        x, y, z = (weights @ shapes).reshape(-1, 3).T
+        # glTF's up is y, Blender's z.
+        moved = np.stack([x, z, -y], axis=1)
+        largest = max(largest, float(np.linalg.norm(moved - displacements[t], axis=1).max()))
+    assert np.abs(displacements).max() > 1e-3
+    assert largest < NEAR_M
+
+
+def test_the_sound_lies_beside_the_scene(spoken):
+    assert (spoken / "talk.wav").read_bytes() == (spoken / "voice.wav").read_bytes()
+    whole = (spoken / "talk.glb").read_bytes()
+    length = int.from_bytes(whole[12:16], "little")
+    document = json.loads(whole[20 : 20 + length])
+    assert document["animations"][0]["extras"] == {"sound": "talk.wav"}
+
+
+def test_the_validator_of_khronos_finds_nothing(spoken):
+    validator()
+    done = subprocess.run(
+        ["node", "-e", VALIDATE, spoken / "talk.glb"],
+        cwd=PACKAGES, capture_output=True, text=True, check=True,
+    )  # fmt: skip
+    issues = json.loads(done.stdout)
+    assert (issues["numErrors"], issues["numWarnings"]) == (0, 0), issues["messages"][:5]
+
+
+def validator() -> None:
+    """Fetches gltf-validator, once."""
+    if shutil.which("npm") is None:
+        pytest.skip("ignored, needs npm")
+    if (PACKAGES / "node_modules/gltf-validator").is_dir():
+        return
+    PACKAGES.mkdir(parents=True, exist_ok=True)
+    install = ["npm", "install", "--silent", "--no-save", "--prefix", str(PACKAGES)]
+    if subprocess.run([*install, "gltf-validator@2.0.0-dev.3.10"], check=False).returncode:
+        pytest.skip("ignored, npm has no gltf-validator")
