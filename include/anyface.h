@@ -1507,7 +1507,7 @@ AnyfaceStatus anyface_clip_copy_landmark_displacements(const AnyfaceClip *clip,
 /// and `gaze` `[T, 2, 2]` as `anyface_motion_copy_head()` and `_gaze()` give them, and `tongue` `[T, 4]`, which the
 /// displacements hold. .pc2 and .mdd: point caches of
 /// positions for Blender, Maya, Houdini and others. .glb: morph targets and their weights over time for browsers and
-/// engines, of the mesh alone.
+/// engines, .usda: the same as blend shapes of USD; both of the mesh alone.
 /// `mesh`: the mesh of the clip's face. `path`: UTF-8.
 /// Fails with `ANYFACE_STATUS_INVALID_INPUT` for another ending or another mesh,
 /// `ANYFACE_STATUS_IO` if the file cannot be written; then nothing is left of it.

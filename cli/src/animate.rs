@@ -38,7 +38,7 @@ pub struct Animate {
     #[arg(long, value_name = "A")]
     audio: InputPath,
     /// The result: .npz (arrays, with the rotation of head and eyes and the tongue beside them), .pc2 or .mdd (point
-    /// caches), .glb (morph targets with their weights over time, the head as a node that turns; what else a GLB has
+    /// caches), .glb or .usda (shapes with their weights over time, the head as a node that turns; what else a GLB has
     /// stays, the sound is put beside it); with --surface a new folder
     #[arg(long, value_name = "O")]
     out: OutputPath,
@@ -180,9 +180,9 @@ impl Animate {
         clip_file(&self.out, mesh, self.sound_of_scene().as_deref())
     }
 
-    /// The sound beside a GLB, which has none itself.
+    /// The sound beside a scene, which has none itself.
     fn sound_of_scene(&self) -> Option<PathBuf> {
-        let is_scene = Format::from_path(&self.out).ok() == Some(Format::Glb);
+        let is_scene = Format::from_path(&self.out).is_ok_and(Format::is_scene);
         let ending = self.audio.extension().unwrap_or_default();
         is_scene.then(|| self.out.with_extension(ending))
     }

@@ -42,7 +42,7 @@ pub struct Deform {
     /// tongue [T, 4] beside head and gaze, the mesh's tongue speaks
     #[arg(long, value_name = "L.npz")]
     motion: InputPath,
-    /// The result: .npz (arrays), .pc2 or .mdd (point caches), .glb (morph targets with their weights over time); for --surface a new folder
+    /// The result: .npz (arrays), .pc2 or .mdd (point caches), .glb or .usda (shapes with their weights over time); for --surface a new folder
     #[arg(long, value_name = "O")]
     out: OutputPath,
     /// Also write by which share each vertex attends to each landmark, mean over the frames: .npz with

@@ -156,10 +156,10 @@ impl<S: FrameSink> FrameSink for TimedSink<S> {
     }
 }
 
-/// The file of a result: a GLB keeps all else of the GLB that the mesh came from, and mentions the sound beside it.
+/// The file of a result: a scene mentions its sound, and a GLB keeps all else of the GLB that the mesh came from.
 pub fn clip_file(out: &Path, mesh: Option<&Path>, sound: Option<&Path>) -> Result<ClipFile> {
     let mut file = ClipFile::new(out)?;
-    let is_scene = Format::from_path(out)? == Format::Glb;
+    let is_scene = Format::from_path(out)?.is_scene();
     if let Some(mesh) = mesh.filter(|_| is_scene) {
         file = file.of_file(&read_file(mesh, InputKind::Mesh)?);
     }

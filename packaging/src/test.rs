@@ -108,10 +108,7 @@ fn python_parts(steps: &mut Steps, version: Option<&str>) -> Result<()> {
     wheel::check(steps, &library)?;
     let command = library.with_file_name("anyface");
     let mut receivers = python::pytest(&Venv::Blender.python(), "tests/receivers");
-    steps.check(
-        "receivers",
-        receivers.env("ANYFACE_COMMAND", command),
-    )
+    steps.check("receivers", receivers.env("ANYFACE_COMMAND", command))
 }
 
 fn training(steps: &mut Steps) -> Result<()> {

@@ -7,6 +7,7 @@ import json
 import os
 import shutil
 import subprocess
+import sys
 import wave
 from pathlib import Path
 
@@ -29,9 +30,41 @@ validator.validateBytes(new Uint8Array(fs.readFileSync(process.argv[1])))
 """
 
 
+READ_USD = """
+import json, sys
+import numpy as np
+from pxr import Usd, UsdGeom, UsdSkel, UsdValidation, Vt
+stage = Usd.Stage.Open(sys.argv[1])
+known = UsdValidation.ValidationRegistry().GetOrLoadAllValidators()
+assert len(known) > 20
+context = UsdValidation.ValidationContext(known)
+mesh = UsdGeom.Mesh.Get(stage, '/Anyface/Face')
+cache = UsdSkel.Cache()
+cache.Populate(UsdSkel.Root.Get(stage, '/Anyface'), Usd.PrimDefaultPredicate)
+skinning = cache.GetSkinningQuery(mesh.GetPrim())
+animation = cache.GetAnimQuery(UsdSkel.Animation.Get(stage, '/Anyface/Animation'))
+shapes = UsdSkel.BlendShapeQuery(UsdSkel.BindingAPI(mesh.GetPrim()))
+rest = mesh.GetPointsAttr().Get()
+frames = []
+for t in range(int(stage.GetEndTimeCode()) + 1):
+    weights = skinning.GetBlendShapeMapper().Remap(animation.ComputeBlendShapeWeights(t))
+    parts = shapes.ComputeSubShapeWeights(weights)
+    points = Vt.Vec3fArray(rest)
+    indices, offsets = shapes.ComputeBlendShapePointIndices(), shapes.ComputeSubShapePointOffsets()
+    assert shapes.ComputeDeformedPoints(*parts, indices, offsets, points)
+    frames.append(np.array(points) - np.array(rest))
+np.save(sys.argv[2], np.array(frames))
+print(json.dumps({
+    'errors': [error.GetMessage() for error in context.Validate(stage)],
+    'sound': stage.GetRootLayer().customLayerData['sound'],
+    'up': UsdGeom.GetStageUpAxis(stage), 'fps': stage.GetTimeCodesPerSecond(),
+}))
+"""
+
+
 @pytest.fixture(scope="module")
 def spoken(tmp_path_factory):
-    """A folder with a take of the default head as talk.glb, its sound as talk.wav, and talk.npz."""
+    """A folder with a take of the default head as talk.glb, talk.usda and talk.npz, and its sound as talk.wav."""
     folder = tmp_path_factory.mktemp("scenes")
     time = np.arange(int(SECONDS * RATE_HZ)) / RATE_HZ
     buzz = sum(np.sin(2 * np.pi * 120 * k * time) / k for k in range(1, 20))
@@ -41,7 +74,7 @@ def spoken(tmp_path_factory):
         file.setsampwidth(2)
         file.setframerate(RATE_HZ)
         file.writeframes((samples * 32767).astype("<i2").tobytes())
-    for name in ("talk.glb", "talk.npz"):
+    for name in ("talk.glb", "talk.usda", "talk.npz"):
         done = subprocess.run(
             [COMMAND, "animate", "--mesh", HEAD / "head.obj", "--landmarks", HEAD / "landmarks.json",
              "--audio", folder / "voice.wav", "--fps", str(FPS), "--out", folder / name],
@@ -74,6 +107,33 @@ def test_blender_moves_every_vertex_as_the_arrays_do(spoken):
         largest = max(largest, float(np.linalg.norm(moved - displacements[t], axis=1).max()))
     assert np.abs(displacements).max() > 1e-3
     assert largest < NEAR_M
+
+
+def test_usd_moves_every_vertex_as_the_arrays_do(spoken):
+    # In a process of its own: Blender has a USD inside, and two do not live together.
+    done = subprocess.run(
+        [sys.executable, "-c", READ_USD, spoken / "talk.usda", spoken / "usd.npy"],
+        capture_output=True, text=True, check=False,
+    )  # fmt: skip
+    assert done.returncode == 0, done.stderr
+    read = json.loads(done.stdout)
+    assert (read["errors"], read["sound"], read["up"], read["fps"]) == ([], "talk.wav", "Y", FPS)
+    displacements = np.load(spoken / "talk.npz")["displacements"]
+    moved = np.load(spoken / "usd.npy")
+    assert moved.shape == displacements.shape
+    assert np.linalg.norm(moved - displacements, axis=2).max() < NEAR_M
+
+
+def test_blender_reads_the_usd_too(spoken):
+    displacements = np.load(spoken / "talk.npz")["displacements"]
+    bpy.ops.wm.read_factory_settings(use_empty=True)
+    bpy.ops.wm.usd_import(filepath=str(spoken / "talk.usda"))
+    face = next(ob for ob in bpy.data.objects if ob.type == "MESH")
+    assert len(face.data.vertices) == displacements.shape[1]
+    assert any(ob.type == "ARMATURE" for ob in bpy.data.objects)
+    keys = face.data.shape_keys.key_blocks
+    bpy.context.scene.frame_set(len(displacements) // 2)
+    assert any(key.value > 0.1 for key in keys[1:])
 
 
 def test_the_sound_lies_beside_the_scene(spoken):

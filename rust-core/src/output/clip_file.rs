@@ -9,14 +9,8 @@ use std::{
 use ndarray::{Array3, ArrayView3};
 
 use super::{
-    Format,
-    cache::write_positions,
-    glb::{self, Scene},
-    mdd,
-    npz::Archive,
-    pc2,
-    rows::Rows,
-    targets::Targets,
+    Format, cache::write_positions, glb::write_glb, mdd, npz::Archive, pc2, rows::Rows,
+    scene::Scene, targets::Targets, usd::write_usd,
 };
 use crate::{
     Error, Result,
@@ -32,8 +26,8 @@ use crate::{
 /// npz: `displacements` `[T, V, 3]`, `landmarks_neutral` `[68, 3]`, `landmark_displacements`
 /// `[T, 68, 3]` as f32 in mesh units, `fps`, and where they are known `head` `[T, 3]`, `gaze` `[T, 2, 2]` and `tongue`
 /// `[T, 4]` as [`Life`] has them. The displacements hold the tongue alone. pc2 and mdd: positions, mesh units and axes.
-/// GLB: morph targets whose weights over time bring every vertex within 0.01 mm (on a head of human size) of its place,
-/// and the head as a node that turns; it is written when all frames are there, which stay in memory until then.
+/// GLB and USD: shapes whose weights over time bring every vertex within 0.01 mm (on a head of human size) of its place,
+/// and the head as a node or a joint that turns; the file is written when all frames are there, which stay in memory until then.
 ///
 /// Its errors as a [`FrameSink`]: `ShapeMismatch` if the frames are not those that were announced,
 /// `Io` if the file cannot be written.
@@ -181,7 +175,7 @@ enum Body<W: Write + Seek> {
     /// Positions at rest, and how numbers are written.
     PointCache(W, Vec<[f32; 3]>, fn(f32) -> [u8; 4]),
     /// All frames, of which shapes are made when the last one is there.
-    Shapes(W, Mesh, Vec<f32>),
+    Shapes(W, Format, Mesh, Vec<f32>),
 }
 
 impl<W: Write + Seek> Writer<W> {
@@ -211,7 +205,9 @@ impl<W: Write + Seek> Writer<W> {
                 mdd::write_header(&mut file, start).map_err(io())?;
                 Body::PointCache(file, rest(), f32::to_be_bytes)
             }
-            Format::Glb => Body::Shapes(file, start.mesh.clone(), Vec::new()),
+            Format::Glb | Format::Usda => {
+                Body::Shapes(file, format, start.mesh.clone(), Vec::new())
+            }
         };
         Ok(Writer {
             body,
@@ -233,7 +229,7 @@ impl<W: Write + Seek> Writer<W> {
         match &mut self.body {
             Body::Npz(archive) => archive.values(block),
             Body::PointCache(file, rest, encode) => write_positions(file, block, rest, *encode),
-            Body::Shapes(_, _, frames) => {
+            Body::Shapes(.., frames) => {
                 frames.extend(block.iter());
                 Ok(())
             }
@@ -259,7 +255,7 @@ impl<W: Write + Seek> Writer<W> {
                 .and_then(|()| archive.number("fps", self.fps))
                 .and_then(|()| archive.finish()),
             Body::PointCache(mut file, ..) => file.flush(),
-            Body::Shapes(mut file, mesh, frames) => {
+            Body::Shapes(mut file, format, mesh, frames) => {
                 let sizes = (self.frames, self.vertices, 3);
                 let displacements = Array3::from_shape_vec(sizes, frames);
                 let clip = VertexClip {
@@ -274,7 +270,11 @@ impl<W: Write + Seek> Writer<W> {
                     source: beside.source.as_deref(),
                     sound: beside.sound.as_deref(),
                 };
-                glb::write_glb((&mut file, path), &scene, &targets)?;
+                let file = &mut file;
+                match format {
+                    Format::Usda => write_usd((file, path), &scene, &targets)?,
+                    _ => write_glb((file, path), &scene, &targets)?,
+                }
                 file.flush()
             }
         };

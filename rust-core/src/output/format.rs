@@ -15,6 +15,15 @@ pub enum Format {
     Mdd,
     /// Binary glTF: morph targets and their weights over time; browsers, engines, Blender.
     Glb,
+    /// USD as text: blend shapes and their weights over time; Blender, Houdini, Maya, Unreal.
+    Usda,
+}
+
+impl Format {
+    /// Whether a scene is written, whose shapes are made of all frames.
+    pub fn is_scene(self) -> bool {
+        matches!(self, Format::Glb | Format::Usda)
+    }
 }
 
 impl Format {
@@ -29,8 +38,9 @@ impl Format {
             "pc2" => Ok(Format::Pc2),
             "mdd" => Ok(Format::Mdd),
             "glb" => Ok(Format::Glb),
+            "usda" => Ok(Format::Usda),
             _ => Err(Error::InvalidInput(format!(
-                "{}: expected a name that ends in .npz, .pc2, .mdd or .glb, got {extension:?}",
+                "{}: expected a name that ends in .npz, .pc2, .mdd, .glb or .usda, got {extension:?}",
                 path.display()
             ))),
         }

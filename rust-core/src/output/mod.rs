@@ -1,4 +1,4 @@
-//! Results as files: npz for numpy, pc2 and mdd point caches, GLB for browsers and engines, JSON reports.
+//! Results as files: npz for numpy, pc2 and mdd point caches, GLB and USD for browsers, engines and studios, JSON reports.
 //!
 //! Every file is written beside its place under another name and renamed when complete, so that a
 //! full disk or a failure leaves what was there before. Frames are streamed: an hour of animation
@@ -19,8 +19,10 @@ mod pc2;
 mod report;
 mod rig;
 mod rows;
+mod scene;
 mod surface_frames;
 mod targets;
+mod usd;
 mod vertex_motion;
 
 use std::path::Path;

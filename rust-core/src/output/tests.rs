@@ -185,7 +185,9 @@ fn unknown_extensions_and_foreign_meshes_are_refused() {
     let error =
         write_animation(&folder.path().join("clip.abc"), &animation, None, &mesh).unwrap_err();
     assert!(
-        error.to_string().contains(".npz, .pc2, .mdd or .glb"),
+        error
+            .to_string()
+            .contains(".npz, .pc2, .mdd, .glb or .usda"),
         "{error}"
     );
     mesh.positions.pop();

@@ -2,8 +2,14 @@
 
 use serde_json::{Value, json};
 
-use super::{super::targets::Targets, Buffer, NAME, Scene, Track, animation, head, times, weights};
-use crate::Result;
+use super::{
+    animation::{NAME, Track, animation, head, times, weights},
+    buffer::Buffer,
+};
+use crate::{
+    Result,
+    output::{scene::Scene, targets::Targets},
+};
 
 /// The document and its bytes.
 pub(super) fn document(scene: &Scene<'_>, targets: &Targets) -> Result<(Value, Vec<u8>)> {

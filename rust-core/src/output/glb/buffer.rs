@@ -2,8 +2,11 @@
 
 use serde_json::{Value, json};
 
-use super::{FLOAT, UNSIGNED_INT};
 use crate::{Error, Result};
+
+/// Kinds of numbers in accessors.
+const FLOAT: u32 = 5126;
+const UNSIGNED_INT: u32 = 5125;
 
 /// Bytes that are added to one buffer of a document.
 pub(super) struct Buffer {

@@ -7,12 +7,16 @@ use glam::{DMat3, DVec3};
 use serde_json::{Value, json};
 
 use super::{
-    super::targets::{Target, Targets},
-    Buffer, Scene, Track, animation, head, times, weights,
+    animation::{Track, animation, head, times, weights},
+    buffer::Buffer,
 };
 use crate::{
     Error, Result,
     mesh::{GlbPart, glb_chunks, glb_parts},
+    output::{
+        scene::Scene,
+        targets::{Target, Targets},
+    },
 };
 
 /// The document and its bytes.

@@ -1,0 +1,92 @@
+//! Motion in a glTF: tracks over the frames of the targets.
+
+use serde_json::{Value, json};
+
+use super::buffer::Buffer;
+use crate::{
+    Result,
+    output::{
+        scene::{Scene, hinges},
+        targets::Targets,
+    },
+};
+
+/// How what is ours is called.
+pub(super) const NAME: &str = "Anyface";
+
+/// One sampler of an animation, and the channels that it drives.
+pub(super) struct Track {
+    pub sampler: Value,
+    pub node: usize,
+    pub path: &'static str,
+}
+
+/// An animation of tracks over the frames of the targets.
+pub(super) fn animation(tracks: Vec<Track>, sound: Option<&str>) -> Value {
+    let channels = tracks.iter().enumerate().map(|(sampler, track)| {
+        json!({"sampler": sampler, "target": {"node": track.node, "path": track.path}})
+    });
+    let channels: Vec<Value> = channels.collect();
+    let samplers: Vec<&Value> = tracks.iter().map(|track| &track.sampler).collect();
+    let mut animation = json!({"name": NAME, "channels": channels, "samplers": samplers});
+    if let Some(sound) = sound {
+        animation["extras"] = json!({"sound": sound});
+    }
+    animation
+}
+
+/// Times of the frames, seconds.
+pub(super) fn times(buffer: &mut Buffer, targets: &Targets) -> Result<usize> {
+    let frames = targets.weights.nrows();
+    let times: Vec<f32> = (0..frames)
+        .map(|t| (t as f64 / targets.fps) as f32)
+        .collect();
+    let bounds = (vec![times[0]], vec![times[frames - 1]]);
+    buffer.floats(&times, "SCALAR", Some(bounds))
+}
+
+/// The sampler of the weights of some targets; `before`: weights of targets that the mesh had.
+pub(super) fn weights(
+    buffer: &mut Buffer,
+    times: usize,
+    targets: &Targets,
+    (before, own): (&[f32], &[usize]),
+) -> Result<Value> {
+    let frames = targets.weights.outer_iter();
+    let values = frames.flat_map(|row| {
+        let own = own.iter().map(move |&k| row[k]);
+        before.iter().copied().chain(own)
+    });
+    let values: Vec<f32> = values.collect();
+    let output = buffer.floats(&values, "SCALAR", None)?;
+    Ok(json!({"input": times, "output": output, "interpolation": "LINEAR"}))
+}
+
+/// A node that turns what is below it about the place between the jaw's hinges: the node, the one below it that takes the
+/// place back, and the sampler of the turns. Nothing where the head is still.
+pub(super) fn head(
+    buffer: &mut Buffer,
+    times: usize,
+    scene: &Scene<'_>,
+) -> Result<Option<[Value; 3]>> {
+    let Some(life) = scene
+        .life
+        .filter(|life| life.head.iter().any(|x| *x != 0.0))
+    else {
+        return Ok(None);
+    };
+    let to_mesh = hinges(scene)?;
+    let place = to_mesh.apply([0.0; 3]);
+    let turns = life.head.outer_iter().flat_map(|turn| {
+        let turn = to_mesh.rotate([turn[0], turn[1], turn[2]]);
+        glam::Quat::from_scaled_axis(turn.into()).to_array()
+    });
+    let turns: Vec<f32> = turns.collect();
+    let output = buffer.floats(&turns, "VEC4", None)?;
+    let back = place.map(|x| -x);
+    Ok(Some([
+        json!({"name": "Head", "translation": place}),
+        json!({"name": "Head at rest", "translation": back}),
+        json!({"input": times, "output": output, "interpolation": "LINEAR"}),
+    ]))
+}

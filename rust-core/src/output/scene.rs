@@ -1,0 +1,27 @@
+//! What files of scenes show.
+
+use crate::{
+    Result,
+    mesh::{Mesh, Similarity, canonical_landmarks, ibug::LANDMARKS},
+    motion::Life,
+};
+
+/// What a file shows beside the moving vertices.
+pub(super) struct Scene<'a> {
+    pub mesh: &'a Mesh,
+    /// At rest, mesh units.
+    pub landmarks: &'a [[f32; 3]; LANDMARKS],
+    pub life: Option<&'a Life>,
+    /// The bytes of the GLB that the mesh was read from, unchanged.
+    pub source: Option<&'a [u8]>,
+    /// The name of the sound's file beside this one.
+    pub sound: Option<&'a str>,
+}
+
+/// From canonical axes, whose origin lies between the jaw's hinges, to the mesh.
+///
+/// # Errors
+/// `Numerics` for landmarks that all lie in one place.
+pub(super) fn hinges(scene: &Scene<'_>) -> Result<Similarity> {
+    Ok(Similarity::fit(canonical_landmarks(), scene.landmarks, None)?.similarity)
+}

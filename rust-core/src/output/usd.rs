@@ -1,0 +1,210 @@
+//! USD as text (.usda): a mesh with blend shapes, their weights over time, and a joint that turns the head.
+//!
+//! Written by hand: the format's own library is C++ of a hundred megabytes, and a scene of this kind is a few dozen lines around its
+//! numbers. Joints and blend shapes are those of the schema UsdSkel, which every program that reads USD characters knows.
+
+use std::{
+    io::{self, Write},
+    path::Path,
+};
+
+use glam::{Quat, Vec3};
+
+use super::{
+    scene::{Scene, hinges},
+    targets::Targets,
+};
+use crate::{Error, Result};
+
+/// Numbers of a row of text.
+const PER_ROW: usize = 8;
+
+/// Writes the scene at `path`.
+///
+/// # Errors
+/// Those of the writer, and of landmarks that no face has.
+pub(super) fn write_usd(
+    (file, path): (&mut impl Write, &Path),
+    scene: &Scene<'_>,
+    targets: &Targets,
+) -> Result<()> {
+    let joint = Joint::of(scene)?;
+    write(file, scene, targets, &joint).map_err(Error::io(path))
+}
+
+/// The joint that turns the head.
+struct Joint {
+    /// Between the jaw's hinges, mesh units.
+    place: [f32; 3],
+    /// `[T]`
+    turns: Vec<Quat>,
+    /// `Y` or `Z`: the axis of the mesh that is nearest to the face's way up.
+    up: char,
+}
+
+impl Joint {
+    fn of(scene: &Scene<'_>) -> Result<Joint> {
+        let to_mesh = hinges(scene)?;
+        let turn = |turn: ndarray::ArrayView1<'_, f32>| {
+            Quat::from_scaled_axis(to_mesh.rotate([turn[0], turn[1], turn[2]]).into())
+        };
+        let turns = scene
+            .life
+            .map(|life| life.head.outer_iter().map(turn).collect());
+        let up = Vec3::from(to_mesh.rotate([0.0, 1.0, 0.0]));
+        Ok(Joint {
+            place: to_mesh.apply([0.0; 3]),
+            turns: turns.unwrap_or_default(),
+            up: if up.z.abs() > up.y.abs() { 'Z' } else { 'Y' },
+        })
+    }
+}
+
+fn write(
+    file: &mut impl Write,
+    scene: &Scene<'_>,
+    targets: &Targets,
+    joint: &Joint,
+) -> io::Result<()> {
+    let frames = targets.weights.nrows();
+    let names: Vec<String> = targets
+        .shapes
+        .iter()
+        .map(|shape| shape.name.replace(' ', "_"))
+        .collect();
+    let quoted = listed(names.iter().map(|name| format!("\"{name}\"")));
+    writeln!(
+        file,
+        "#usda 1.0\n(\n    defaultPrim = \"Anyface\"\n    metersPerUnit = 1\n    upAxis = \"{}\"\n    \
+         startTimeCode = 0\n    endTimeCode = {}\n    timeCodesPerSecond = {fps}\n    framesPerSecond = {fps}",
+        joint.up,
+        frames.saturating_sub(1),
+        fps = targets.fps,
+    )?;
+    if let Some(sound) = scene.sound {
+        writeln!(
+            file,
+            "    customLayerData = {{\n        string sound = {}\n    }}",
+            text(sound)
+        )?;
+    }
+    writeln!(file, ")\n\ndef SkelRoot \"Anyface\"\n{{")?;
+    mesh(file, scene, targets, (&names, &quoted))?;
+    let [x, y, z] = joint.place;
+    let placed = format!("[((1, 0, 0, 0), (0, 1, 0, 0), (0, 0, 1, 0), ({x}, {y}, {z}, 1))]");
+    writeln!(
+        file,
+        "    def Skeleton \"Skeleton\" (\n        prepend apiSchemas = [\"SkelBindingAPI\"]\n    )\n    {{\n        \
+         uniform token[] joints = [\"Head\"]\n        uniform matrix4d[] bindTransforms = {placed}\n        \
+         uniform matrix4d[] restTransforms = {placed}\n        rel skel:animationSource = </Anyface/Animation>\n    }}\n"
+    )?;
+    writeln!(
+        file,
+        "    def SkelAnimation \"Animation\"\n    {{\n        uniform token[] blendShapes = {quoted}"
+    )?;
+    writeln!(file, "        float[] blendShapeWeights.timeSamples = {{")?;
+    for (t, row) in targets.weights.outer_iter().enumerate() {
+        writeln!(
+            file,
+            "            {t}: {},",
+            listed(row.iter().map(f32::to_string))
+        )?;
+    }
+    writeln!(
+        file,
+        "        }}\n        uniform token[] joints = [\"Head\"]\n        half3[] scales = [(1, 1, 1)]\n        \
+         float3[] translations = [({x}, {y}, {z})]"
+    )?;
+    match joint.turns.is_empty() {
+        true => writeln!(file, "        quatf[] rotations = [(1, 0, 0, 0)]")?,
+        false => {
+            writeln!(file, "        quatf[] rotations.timeSamples = {{")?;
+            for (t, q) in joint.turns.iter().enumerate() {
+                writeln!(
+                    file,
+                    "            {t}: [({}, {}, {}, {})],",
+                    q.w, q.x, q.y, q.z
+                )?;
+            }
+            writeln!(file, "        }}")?;
+        }
+    }
+    writeln!(file, "    }}\n}}")
+}
+
+/// The mesh with its blend shapes.
+fn mesh(
+    file: &mut impl Write,
+    scene: &Scene<'_>,
+    targets: &Targets,
+    (names, quoted): (&[String], &str),
+) -> io::Result<()> {
+    let mesh = scene.mesh;
+    writeln!(
+        file,
+        "    def Mesh \"Face\" (\n        prepend apiSchemas = [\"SkelBindingAPI\"]\n    )\n    {{\n        \
+         uniform token subdivisionScheme = \"none\""
+    )?;
+    let counts = mesh.triangles.iter().map(|_| "3".to_owned());
+    rows(file, "int[] faceVertexCounts", counts)?;
+    let corners = mesh.triangles.as_flattened().iter();
+    rows(file, "int[] faceVertexIndices", corners.map(u32::to_string))?;
+    rows(file, "point3f[] points", mesh.positions.iter().map(point))?;
+    rows(
+        file,
+        "normal3f[] normals",
+        mesh.vertex_normals().iter().map(point),
+    )?;
+    let paths = listed(names.iter().map(|name| format!("</Anyface/Face/{name}>")));
+    writeln!(
+        file,
+        "        int[] primvars:skel:jointIndices = [0] (\n            elementSize = 1\n            interpolation = \
+         \"constant\"\n        )\n        float[] primvars:skel:jointWeights = [1] (\n            elementSize = 1\n            \
+         interpolation = \"constant\"\n        )\n        matrix4d primvars:skel:geomBindTransform = ((1, 0, 0, 0), (0, 1, 0, 0), \
+         (0, 0, 1, 0), (0, 0, 0, 1))\n        rel skel:skeleton = </Anyface/Skeleton>\n        \
+         uniform token[] skel:blendShapes = {quoted}\n        rel skel:blendShapeTargets = {paths}"
+    )?;
+    for (shape, name) in targets.shapes.iter().zip(names) {
+        writeln!(file, "\n        def BlendShape \"{name}\"\n        {{")?;
+        rows(
+            file,
+            "uniform vector3f[] offsets",
+            shape.moved.iter().map(|(_, d)| point(d)),
+        )?;
+        rows(
+            file,
+            "uniform int[] pointIndices",
+            shape.moved.iter().map(|(v, _)| v.to_string()),
+        )?;
+        writeln!(file, "        }}")?;
+    }
+    writeln!(file, "    }}\n")
+}
+
+fn point([x, y, z]: &[f32; 3]) -> String {
+    format!("({x}, {y}, {z})")
+}
+
+fn listed(items: impl Iterator<Item = String>) -> String {
+    format!("[{}]", items.collect::<Vec<_>>().join(", "))
+}
+
+/// A list over several rows.
+fn rows(file: &mut impl Write, name: &str, items: impl Iterator<Item = String>) -> io::Result<()> {
+    write!(file, "        {name} = [")?;
+    for (n, item) in items.enumerate() {
+        let between = match n {
+            0 => "",
+            _ if n % PER_ROW == 0 => ",\n            ",
+            _ => ", ",
+        };
+        write!(file, "{between}{item}")?;
+    }
+    writeln!(file, "]")
+}
+
+/// A text in quotes.
+fn text(plain: &str) -> String {
+    let escaped = plain.replace('\\', "\\\\").replace('"', "\\\"");
+    format!("\"{}\"", escaped.replace(['\n', '\r'], " "))
+}
