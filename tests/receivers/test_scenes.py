@@ -64,7 +64,7 @@ print(json.dumps({
 
 @pytest.fixture(scope="module")
 def spoken(tmp_path_factory):
-    """A folder with a take of the default head as talk.glb, talk.usda and talk.npz, and its sound as talk.wav."""
+    """A folder with a take of the default head: talk.glb, talk.usda, talk.npz, talk.wav."""
     folder = tmp_path_factory.mktemp("scenes")
     time = np.arange(int(SECONDS * RATE_HZ)) / RATE_HZ
     buzz = sum(np.sin(2 * np.pi * 120 * k * time) / k for k in range(1, 20))
@@ -76,7 +76,8 @@ def spoken(tmp_path_factory):
         file.writeframes((samples * 32767).astype("<i2").tobytes())
     for name in ("talk.glb", "talk.usda", "talk.npz"):
         done = subprocess.run(
-            [COMMAND, "animate", "--mesh", HEAD / "head.obj", "--landmarks", HEAD / "landmarks.json",
+            [COMMAND, "animate", "--mesh", HEAD / "head.obj",
+             "--landmarks", HEAD / "landmarks.json",
              "--audio", folder / "voice.wav", "--fps", str(FPS), "--out", folder / name],
             capture_output=True, text=True, check=False,
         )  # fmt: skip
