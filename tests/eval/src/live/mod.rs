@@ -36,10 +36,12 @@ pub(super) struct Live {
 impl Live {
     pub(super) fn run(&self, shared: &SharedArgs, _: &Console) -> Result<()> {
         let engine = shared.engine()?;
-        let clips = clips(&self.data.folder()?)?;
         if let Some(hours) = self.hours {
-            return hours::run(&engine, &clips, hours);
+            // Any sound takes the same work.
+            let sounds = sounds::no_speech().into_iter().map(|(_, sound)| sound);
+            return hours::run(&engine, &sounds.collect::<Vec<_>>(), hours);
         }
+        let clips = clips(&self.data.folder()?)?;
         println!(
             "| sound | lips part, any sound, mm | lips part, mm | frames that move |\n|---|---|---|---|"
         );
