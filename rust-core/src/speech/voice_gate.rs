@@ -13,10 +13,8 @@ use std::collections::VecDeque;
 use earshot::Detector;
 
 use crate::audio::SAMPLE_RATE_HZ;
-use tones::Tones;
+use tones::{Tones, WINDOW};
 
-/// Samples of a window, 16 ms.
-const WINDOW: usize = 256;
 /// A window scored so high has a voice in it, and one that goes on.
 const VOICE: f32 = 0.65;
 const VOICE_GOES_ON: f32 = 0.3;

@@ -137,7 +137,7 @@ fn music() -> Vec<f32> {
 #[test]
 fn speech_moves_the_mouth_and_music_and_noise_do_not() {
     let noise: Vec<f32> = (0..48_000u32)
-        .map(|i| 0.1 * ((f64::from(i) * 12.9898).sin() * 43_758.5453).fract() as f32)
+        .map(|i| 0.1 * ((f64::from(i) * 12.9898).sin() * 43_758.55).fract() as f32)
         .collect();
     let widest = |sound: &[f32]| {
         let mut stream = engine().weight_stream().unwrap();

@@ -7,8 +7,8 @@ use std::{collections::VecDeque, f32::consts::TAU, sync::Arc};
 
 use realfft::{RealFftPlanner, RealToComplex, num_complex::Complex};
 
-use super::WINDOW;
-
+/// Samples of a window, 16 ms.
+pub(super) const WINDOW: usize = 256;
 /// Samples of a spectrum, 64 ms: bins of 15.6 Hz.
 const SPECTRUM: usize = 4 * WINDOW;
 /// Bins from 500 Hz, below which a voice's partials hardly leave theirs, to 4 kHz.
