@@ -129,7 +129,7 @@ impl MotionStream for EmoFaceStream {
         let content: Vec<f32> = content
             .iter()
             .zip(&self.silence)
-            .map(|(said, silent)| silent + spoken * (said - silent))
+            .map(|(said, silent)| spoken * said + (1.0 - spoken) * silent)
             .collect();
         let mut feeling = ear.emotion();
         feeling.intensity *= spoken;
