@@ -2000,6 +2000,10 @@ AnyfaceStatus anyface_stream_set_emotion(AnyfaceStream *stream,
                                          const float *strengths,
                                          AnyfaceError **error);
 
+/// Lets every sound move the face from the next frame on, singing, music and noise too; before, speech alone does.
+AnyfaceStatus anyface_stream_hear_all(AnyfaceStream *stream,
+                                      AnyfaceError **error);
+
 /// Seconds of sound after a frame's own instant that it waits for, at most 0.2; 0 for NULL.
 double anyface_stream_latency_s(const AnyfaceStream *stream);
 
@@ -2057,6 +2061,10 @@ AnyfaceStatus anyface_weight_stream_set_emotion(AnyfaceWeightStream *stream,
 /// Shows the emotion that is heard in what is pushed from now on, three times a second anew, until
 /// `anyface_weight_stream_set_emotion()` sets one.
 AnyfaceStatus anyface_weight_stream_hear_emotion(AnyfaceWeightStream *stream, AnyfaceError **error);
+
+/// Lets every sound move the face from the next frame on, singing, music and noise too; before, speech alone does.
+AnyfaceStatus anyface_weight_stream_hear_all(AnyfaceWeightStream *stream,
+                                             AnyfaceError **error);
 
 /// Seconds of sound after a frame's own instant that it waits for, at most 0.2; 0 for NULL.
 double anyface_weight_stream_latency_s(const AnyfaceWeightStream *stream);

@@ -359,6 +359,7 @@ SIGNATURES = {
     "anyface_stream_push": (c_int32, [_HANDLE, _FLOATS, c_size_t, _OUT]),
     "anyface_stream_pull": (c_int32, [_HANDLE, _FLOATS, c_size_t, POINTER(c_size_t), _OUT]),
     "anyface_stream_finish": (c_int32, [_HANDLE, _OUT]),
+    "anyface_stream_hear_all": (c_int32, [_HANDLE, _OUT]),
     "anyface_stream_set_emotion": (c_int32, [_HANDLE, _FLOATS, _OUT]),
     "anyface_stream_latency_s": (c_double, [_HANDLE]),
     "anyface_weight_stream_new": (c_int32, [_HANDLE, _OUT, _OUT]),
@@ -371,6 +372,7 @@ SIGNATURES = {
     "anyface_weight_stream_finish": (c_int32, [_HANDLE, _OUT]),
     "anyface_weight_stream_set_emotion": (c_int32, [_HANDLE, _FLOATS, _OUT]),
     "anyface_weight_stream_hear_emotion": (c_int32, [_HANDLE, _OUT]),
+    "anyface_weight_stream_hear_all": (c_int32, [_HANDLE, _OUT]),
     "anyface_weight_stream_latency_s": (c_double, [_HANDLE]),
 }
 

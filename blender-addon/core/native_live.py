@@ -243,6 +243,8 @@ class LiveFace(StreamedFace):
     def start(self, frame: int) -> None:
         """Hears the voice from the sound of `frame` on, with a face at rest."""
         self._open_stream()
+        # Who chooses a sound wants to see all of it.
+        self._engine._call("anyface_stream_hear_all", self._stream)
         self._next = self._first = frame
         self._pushed = frame * _SAMPLES
         self._ended = False

@@ -96,6 +96,10 @@ class WeightStream:
         """Shows the emotion that is heard from now on, until `set_emotion` sets one."""
         self._call("hear_emotion")
 
+    def hear_all(self) -> None:
+        """Lets every sound move the face from here on, music and noise too, not speech alone."""
+        self._call("hear_all")
+
     def close(self) -> None:
         """Frees the stream."""
         self._handle = None

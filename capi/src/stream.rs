@@ -135,6 +135,21 @@ pub unsafe extern "C" fn anyface_stream_set_emotion(
     unsafe { guard::guard(error, work) }
 }
 
+/// Lets every sound move the face from the next frame on, singing, music and noise too; before, speech alone does.
+#[unsafe(no_mangle)]
+pub unsafe extern "C" fn anyface_stream_hear_all(
+    stream: *mut AnyfaceStream,
+    error: *mut *mut AnyfaceError,
+) -> AnyfaceStatus {
+    let work = || {
+        unsafe { pointer::handle_mut("stream", stream) }?
+            .0
+            .hear_all();
+        Ok(())
+    };
+    unsafe { guard::guard(error, work) }
+}
+
 /// Seconds of sound after a frame's own instant that it waits for, at most 0.2; 0 for NULL.
 #[unsafe(no_mangle)]
 pub unsafe extern "C" fn anyface_stream_latency_s(stream: *const AnyfaceStream) -> f64 {

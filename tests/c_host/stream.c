@@ -20,6 +20,7 @@ static float *perform(const AnyfaceEngine *engine, const float *samples, size_t 
     CHECK(moved != NULL);
     *frames = 0;
     CHECK_OK(anyface_stream_new(engine, &stream, &error));
+    CHECK_OK(anyface_stream_hear_all(stream, &error));
     CHECK(anyface_stream_latency_s(stream) > 0.0 && anyface_stream_latency_s(stream) <= 0.2);
     if (strengths != NULL) {
         CHECK_OK(anyface_stream_set_emotion(stream, strengths, &error));

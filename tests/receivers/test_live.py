@@ -49,7 +49,7 @@ def sent(voice):
         vmc_at, link_at = (f"127.0.0.1:{one.getsockname()[1]}" for one in (vmc, link))
         targets = ["--vmc", vmc_at, "--live-link", link_at, "--subject", "Änne", "--json"]
         told = subprocess.run(
-            [COMMAND, "live", "--input", voice, "--emotion", "happy:1", *targets],
+            [COMMAND, "live", "--input", voice, "--any-sound", "--emotion", "happy:1", *targets],
             capture_output=True,
             text=True,
             encoding="utf-8",

@@ -58,6 +58,9 @@ pub struct Live {
     /// Go through a file as fast as it can be done
     #[arg(long, requires = "input")]
     fast: bool,
+    /// Move the face by any sound, singing, music and noise too: else it rests where nobody speaks
+    #[arg(long)]
+    any_sound: bool,
     #[command(flatten)]
     devices: DeviceArgs,
     /// Frames per second, interpolated where they are others than the stream's own, a frame of which later [default:
@@ -95,6 +98,9 @@ impl Live {
         let mut stream = shared.engine()?.weight_stream()?;
         if matches!(emotion, EmotionCurve::Auto) {
             stream.hear_emotion();
+        }
+        if self.any_sound {
+            stream.hear_all();
         }
         let fps = self.fps.unwrap_or(stream.fps());
         let targets = self.targets.open(fps, shared.json)?;

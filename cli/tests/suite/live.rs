@@ -19,7 +19,7 @@ const SECONDS: usize = 2;
 const FPS: usize = 25;
 
 fn spoken() -> Vec<f32> {
-    voice::babble(SECONDS as f32, 16_000)
+    voice::intoned(SECONDS as f32, 16_000)
 }
 
 fn start(folder: &Path, arguments: &[&str]) -> Child {
@@ -198,6 +198,23 @@ fn raw_samples_on_standard_input_are_the_same_face_as_a_file() {
 }
 
 #[test]
+fn music_moves_the_face_where_any_sound_is_to() {
+    let folder = folder_with_sound(&voice::babble(SECONDS as f32, 16_000), 16_000);
+    let widest = |more: &[&str]| {
+        let arguments = [&["--input", "a.wav", "--fast", "--json"], more].concat();
+        let (code, text, notes) = ended(start(folder.path(), &arguments));
+        assert_eq!(code, Some(0), "{notes}");
+        let frames = lines(&text);
+        let jaws = frames
+            .iter()
+            .map(|frame| frame["shapes"]["jawOpen"].as_f64().unwrap());
+        jaws.fold(0.0, f64::max)
+    };
+    let (drone, any) = (widest(&[]), widest(&["--any-sound"]));
+    assert!(drone < 0.01 && any > 0.1, "{drone} {any}");
+}
+
+#[test]
 fn another_rate_is_interpolated() {
     let folder = folder_with_sound(&spoken(), 16_000);
     let at = |fps: &str| {
@@ -323,4 +340,106 @@ fn what_cannot_be_sent_or_heard_is_refused_with_what_helps() {
     let (status, _, message) = ended(child);
     assert_eq!(status, Some(4), "{message}");
     assert!(message.contains("name it with --input FILE"), "{message}");
+}
+
+/// Local ports of TCP that a process listens at, and how many of its sockets of UDP take packets of anybody.
+#[cfg(target_os = "linux")]
+fn open_ports(process: u32) -> (Vec<u16>, usize) {
+    let proc = Path::new("/proc").join(process.to_string());
+    let links = std::fs::read_dir(proc.join("fd")).unwrap().flatten();
+    let names = links.filter_map(|entry| std::fs::read_link(entry.path()).ok());
+    let sockets: Vec<String> = names
+        .map(|name| name.to_string_lossy().into_owned())
+        .collect();
+    let rows = |kind: &str| -> Vec<Vec<String>> {
+        let table = std::fs::read_to_string(proc.join("net").join(kind)).unwrap_or_default();
+        let rows = table.lines().skip(1);
+        let rows = rows.map(|row| row.split_whitespace().map(str::to_owned).collect());
+        let is_own = |row: &Vec<String>| sockets.contains(&format!("socket:[{}]", row[9]));
+        rows.filter(is_own).collect()
+    };
+    let both = |kind: &str| [rows(kind), rows(&format!("{kind}6"))].concat();
+    // 0A is "listening", 01 "connected".
+    let listening = both("tcp").into_iter().filter(|row| row[3] == "0A");
+    let port = |row: Vec<String>| u16::from_str_radix(row[1].rsplit(':').next().unwrap(), 16);
+    let ports = listening.map(|row| port(row).unwrap()).collect();
+    (
+        ports,
+        both("udp").iter().filter(|row| row[3] != "01").count(),
+    )
+}
+
+#[cfg(target_os = "linux")]
+#[test]
+fn it_listens_at_no_port_but_that_of_the_websocket() {
+    let folder = tempfile::tempdir().unwrap();
+    let (_vmc, vmc_at) = receiver();
+    let sends = ["--input", "-", "--vmc", &vmc_at];
+    let mut child = start(folder.path(), &sends);
+    let mut line = String::new();
+    BufReader::new(child.stderr.take().unwrap())
+        .read_line(&mut line)
+        .unwrap();
+    assert_eq!(open_ports(child.id()), (vec![], 0));
+    child.kill().unwrap();
+    child.wait().unwrap();
+
+    let mut child = start(
+        folder.path(),
+        &["--input", "-", "--websocket", "127.0.0.1:0"],
+    );
+    let place = place(&mut BufReader::new(child.stderr.take().unwrap()));
+    let port = place.rsplit(':').next().unwrap().parse().unwrap();
+    assert_eq!(open_ports(child.id()), (vec![port], 0));
+    child.kill().unwrap();
+    child.wait().unwrap();
+}
+
+#[test]
+fn hostile_bytes_do_not_stop_the_websocket() {
+    let folder = tempfile::tempdir().unwrap();
+    let mut child = start(
+        folder.path(),
+        &["--input", "-", "--websocket", "127.0.0.1:0"],
+    );
+    let place = place(&mut BufReader::new(child.stderr.take().unwrap()));
+    let address = place.trim_start_matches("ws://").to_owned();
+    let greeting = format!(
+        "GET / HTTP/1.1\r\nHost: {address}\r\nUpgrade: websocket\r\nConnection: Upgrade\r\n\
+         Sec-WebSocket-Version: 13\r\nSec-WebSocket-Key: dGhlIHNhbXBsZSBub25jZQ==\r\n"
+    );
+    let endless = |of: &str| format!("{greeting}X: {}", of.repeat(1 << 20));
+    // Frames that say they are longer than anything, have no mask, unknown kinds, or are cut off.
+    let frames: [&[u8]; 4] = [
+        &[
+            0x82, 0xff, 0x7f, 0xff, 0xff, 0xff, 0xff, 0xff, 0xff, 0xff, 1, 2, 3, 4,
+        ],
+        &[0x81, 0x05, b'h', b'e', b'l', b'l', b'o'],
+        &[0xf7, 0x80, 0, 0, 0, 0],
+        &[0x89, 0xfe],
+    ];
+    let mut hostile: Vec<Vec<u8>> = frames
+        .iter()
+        .map(|frame| [greeting.as_bytes(), b"\r\n", frame].concat())
+        .collect();
+    hostile.extend([
+        vec![0; 4096],
+        vec![0xff; 1 << 20],
+        endless("a").into_bytes(),
+        endless("\r\nX: ").into_bytes(),
+        b"GET / HTTP/1.1\r\nOrigin: http://elsewhere.example\r\n\r\n".to_vec(),
+    ]);
+    for bytes in hostile {
+        let mut stream = std::net::TcpStream::connect(&address).unwrap();
+        // Who is let go cannot write all of it.
+        let _ = stream.write_all(&bytes);
+    }
+    let (mut reader, _) = tungstenite::connect(place).unwrap();
+    let mut pipe = child.stdin.take().unwrap();
+    let speaker = std::thread::spawn(move || while pipe.write_all(&[1; 640]).is_ok() {});
+    let line = reader.read().unwrap().into_text().unwrap();
+    assert!(serde_json::from_str::<Value>(&line).unwrap()["head"].is_array());
+    child.kill().unwrap();
+    child.wait().unwrap();
+    speaker.join().unwrap();
 }

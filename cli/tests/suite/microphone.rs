@@ -190,7 +190,7 @@ fn lines<T: Send + 'static>(
 
 /// A voice of two seconds at the rate of a usual sound card, loud enough to be heard.
 fn spoken() -> (tempfile::TempDir, PathBuf) {
-    let folder = folder_with_sound(&voice::babble(2.0, 48_000), 48_000);
+    let folder = folder_with_sound(&voice::intoned(2.0, 48_000), 48_000);
     let wav = folder.path().join("a.wav");
     (folder, wav)
 }

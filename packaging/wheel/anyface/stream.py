@@ -16,12 +16,15 @@ class Stream(WeightStream):
                     ...                             # frame.shapes[52], frame.visemes[15], frame.head[3]
                 time.sleep(0.01)
 
+    Speech moves the face; under music and noise it rests, unless `any_sound` is to move it.
     It belongs to one thread at a time. Raises `AnyfaceError` for an engine whose system needs the
     whole sound.
     """
 
-    def __init__(self, *, emotion: str = "neutral", engine: Engine | None = None):
+    def __init__(self, *, emotion: str = "neutral", any_sound: bool = False, engine: Engine | None = None):
         super().__init__(engine or built_in())
+        if any_sound:
+            self.hear_all()
         self.emotion = emotion
 
     @property

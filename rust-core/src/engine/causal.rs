@@ -47,7 +47,8 @@ impl Engine {
         )
     }
 
-    /// What [`Engine::stream`] makes of a whole sound; at the stream's own rate bit for bit the same.
+    /// What [`Engine::stream`] makes of a whole sound that moves the face all along ([`MotionStream::hear_all`]); at the
+    /// stream's own rate bit for bit the same.
     ///
     /// Other frame rates are interpolated. Causal motion has one style and no noise, and nothing
     /// that needs the whole sound is added to it: no blinks, no accents, no other controls.
@@ -64,6 +65,8 @@ impl Engine {
         check_fps(request.fps)?;
         self.check_causal(request)?;
         let mut stream = self.stream()?;
+        // Who chooses a recording wants to see all of it.
+        stream.hear_all();
         let samples = &waveform.samples;
         let clip = stream_whole(stream.as_mut(), samples, &request.emotion, progress)?;
         check_result("motion", clip.displacements.view().into_dyn())?;

@@ -54,7 +54,8 @@ pub struct LandmarkFrame {
 
 /// A performance in progress: push samples, pull frames of landmarks.
 ///
-/// The frames are the same bit for bit however the samples were cut into pushes.
+/// The frames are the same bit for bit however the samples were cut into pushes. Speech moves the face; under music, keys,
+/// breath and noise it rests, unless [`MotionStream::hear_all`] was called.
 ///
 /// ```
 /// # use anyface::{Engine, EngineOptions};
@@ -94,6 +95,9 @@ pub trait MotionStream: Send {
     /// # Errors
     /// `InvalidInput` for an emotion that is not finite.
     fn set_emotion(&mut self, emotion: &Emotion) -> Result<()>;
+
+    /// Lets every sound move the face from here on, singing, music and noise too; before, speech alone does.
+    fn hear_all(&mut self);
 
     /// Number of the frame that the next [`Self::pull`] returns.
     fn next_frame(&self) -> usize;

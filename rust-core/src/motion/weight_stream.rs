@@ -202,6 +202,11 @@ impl WeightStream {
         }
     }
 
+    /// Lets every sound move the face from here on, singing, music and noise too; before, speech alone does.
+    pub fn hear_all(&mut self) {
+        self.motion.hear_all();
+    }
+
     /// Sets the emotion of the next frame to what is heard up to the end of its look-ahead.
     fn follow_voice(&mut self) -> Option<()> {
         let Some((listener, before)) = &mut self.listener else {

@@ -22,6 +22,7 @@ mod shown_emotion;
 mod tongue;
 mod transformer_encoder;
 mod user_ear;
+mod voice_gate;
 pub mod wav2vec2;
 pub mod whisper;
 mod whisper_mel;
@@ -49,6 +50,7 @@ pub use resample::at_motion_frames;
 pub use tongue::TONGUE_PLACES;
 pub use transformer_encoder::HiddenStates;
 pub use user_ear::UserEar;
+pub use voice_gate::VoiceGate;
 
 use std::path::Path;
 

@@ -6,14 +6,24 @@ use anyface::{
     rig::{ARKIT, VISEMES},
 };
 
-use crate::{head::engine, voice::babble};
+use crate::{
+    head::engine,
+    voice::{babble, intoned},
+};
+
+/// One that every sound moves.
+fn stream() -> WeightStream {
+    let mut stream = engine().weight_stream().unwrap();
+    stream.hear_all();
+    stream
+}
 
 fn frames(cuts: usize, emotion: Option<&Emotion>) -> Vec<WeightFrame> {
     frames_of(&babble(4.0, 16_000), cuts, emotion)
 }
 
 fn frames_of(sound: &[f32], cuts: usize, emotion: Option<&Emotion>) -> Vec<WeightFrame> {
-    let mut stream = engine().weight_stream().unwrap();
+    let mut stream = stream();
     if let Some(emotion) = emotion {
         stream.set_emotion(emotion).unwrap();
     }
@@ -47,7 +57,7 @@ fn weights_do_not_depend_on_how_the_sound_was_cut() {
 #[test]
 fn an_emotion_is_heard_alike_however_the_sound_was_cut_until_one_is_set() {
     let heard = |cuts: usize| {
-        let mut stream = engine().weight_stream().unwrap();
+        let mut stream = stream();
         stream.hear_emotion();
         let mut frames = Vec::new();
         for chunk in babble(4.0, 16_000).chunks(cuts) {
@@ -65,7 +75,7 @@ fn an_emotion_is_heard_alike_however_the_sound_was_cut_until_one_is_set() {
     for cuts in [160, 1001] {
         assert_eq!(heard(cuts), whole, "{cuts} samples a push");
     }
-    let mut stream = engine().weight_stream().unwrap();
+    let mut stream = stream();
     stream.hear_emotion();
     let happy = Emotion::parse("happy:1").unwrap();
     stream.set_emotion(&happy).unwrap();
@@ -104,12 +114,54 @@ fn a_voice_opens_the_jaw_and_silence_is_silence() {
     );
 }
 
+/// Three chords, each of three notes that fade.
+fn music() -> Vec<f32> {
+    let chords = [
+        [220.0, 277.2, 329.6],
+        [196.0, 246.9, 293.7],
+        [174.6, 220.0, 261.6],
+    ];
+    let sample = |i: usize| {
+        let (t, since) = (i as f32 / 16_000.0, (i % 16_000) as f32 / 16_000.0);
+        let note = |hz: &f32| -> f32 {
+            let partial =
+                |k: u8| (std::f32::consts::TAU * f32::from(k) * hz * t).sin() / f32::from(k);
+            (1..9).map(partial).sum()
+        };
+        let notes: f32 = chords[i / 16_000].iter().map(note).sum();
+        0.1 * notes * (since / 0.01).min(1.0) * (-since / 0.8).exp()
+    };
+    (0..48_000).map(sample).collect()
+}
+
+#[test]
+fn speech_moves_the_mouth_and_music_and_noise_do_not() {
+    let noise: Vec<f32> = (0..48_000u32)
+        .map(|i| 0.1 * ((f64::from(i) * 12.9898).sin() * 43_758.55).fract() as f32)
+        .collect();
+    let widest = |sound: &[f32]| {
+        let mut stream = engine().weight_stream().unwrap();
+        stream.push(sound).unwrap();
+        let frames: Vec<_> = ready(&mut stream).collect();
+        let jaws = frames.iter().map(|frame| shape(frame, "jawOpen"));
+        jaws.fold(0.0, f32::max)
+    };
+    let (speech, music, noise) = (
+        widest(&intoned(3.0, 16_000)),
+        widest(&music()),
+        widest(&noise),
+    );
+    assert!(speech > 0.1, "{speech}");
+    assert!(music < 0.01 && noise < 0.01, "{music} {noise}");
+}
+
 /// Weights move the mean face as the landmarks moved that they follow.
 #[test]
 fn weights_follow_the_landmarks() {
     let engine = engine();
     let mut landmarks = engine.stream().unwrap();
     let sound = babble(4.0, 16_000);
+    landmarks.hear_all();
     landmarks.push(&sound).unwrap();
     landmarks.finish().unwrap();
     let truth = landmarks.drain();

@@ -11,6 +11,7 @@ mod face_model;
 mod field;
 mod gallery;
 mod lids;
+mod live;
 mod metrics;
 mod mouths;
 mod pictures;
@@ -47,6 +48,7 @@ enum Command {
     Creatures(creatures::Creatures),
     Field(field::Field),
     Lids(lids::Lids),
+    Live(live::Live),
     Mouths(mouths::Mouths),
     Template(template::Template),
     Turned(turned::Turned),
@@ -72,6 +74,7 @@ impl Arguments {
             Command::Gallery(command) => command.run(&self.shared, &console),
             Command::Bench(command) => command.run(&self.shared, &console),
             Command::Lids(command) => command.run(&self.shared, &console),
+            Command::Live(command) => command.run(&self.shared, &console),
             Command::Mouths(command) => command.run(&self.shared, &console),
             Command::Creatures(command) => command.run(&self.shared, &console),
             Command::Field(command) => command.run(&self.shared, &console),
@@ -103,6 +106,7 @@ mod tests {
             "anyface-eval quality --data D --system cafe-talk --only events",
             "anyface-eval creatures --only fish --pictures P --write W",
             "anyface-eval mouths --also D --pictures P",
+            "anyface-eval live --data D --hours 10",
             "anyface-eval lids --also D --made 2 --strength 1",
             "anyface-eval turned --also D --made 2 --rotations 200 --first 7 --only cat",
             "anyface-eval gallery --out G.md --no-cache",

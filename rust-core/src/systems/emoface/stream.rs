@@ -7,12 +7,13 @@ use ndarray::{ArrayView1, ArrayView2, ArrayViewMut2};
 use super::{EmoFaceConfig, HeardFrame, Layer, Model, Progressing};
 use crate::{
     Error, Result,
+    audio::SAMPLE_RATE_HZ,
     conditions::{EMOTIONS, Emotion},
     mesh::ibug::LANDMARKS,
     motion::{LandmarkFrame, MotionStream, Parting, narrow, opening},
     speech::{
         CausalModel, CausalSpeech, CompactEncoder, EmotionEar, EmotionEncoder, LiveEar,
-        LiveEmotion, SpeechEncoder, closure_share,
+        LiveEmotion, SpeechEncoder, VoiceGate, closure_share,
     },
 };
 
@@ -37,6 +38,9 @@ pub struct LiveParts {
 pub struct EmoFaceStream {
     parts: Arc<LiveParts>,
     speech: CausalSpeech,
+    gate: VoiceGate,
+    /// What is heard in silence, `[C]`.
+    silence: Vec<f32>,
     felt: LiveEmotion,
     ear: LiveEar,
     state: Progressing,
@@ -88,7 +92,10 @@ impl EmoFaceStream {
     pub fn new(parts: Arc<LiveParts>) -> Result<Self> {
         let config = parts.model.config();
         let style = crate::motion::style_number(None, &config.styles, &config.default_style)?;
+        let hearing = parts.content.config();
         Ok(EmoFaceStream {
+            gate: VoiceGate::new(hearing.fps, hearing.look_ahead_samples()),
+            silence: silence(&parts.content)?,
             speech: CausalSpeech::new(Arc::clone(&parts.content)),
             felt: LiveEmotion::new(Arc::clone(&parts.emotion)),
             ear: LiveEar::new(Arc::clone(&parts.ear)),
@@ -105,7 +112,9 @@ impl EmoFaceStream {
 
 impl MotionStream for EmoFaceStream {
     fn push(&mut self, samples: &[f32]) -> Result<()> {
-        self.speech.push(samples)
+        self.speech.push(samples)?;
+        self.gate.push(samples);
+        Ok(())
     }
 
     fn pull(&mut self) -> Option<LandmarkFrame> {
@@ -116,23 +125,31 @@ impl MotionStream for EmoFaceStream {
                 ear.hear(&window);
             }
         })?;
+        let spoken = self.gate.share(index);
+        let content: Vec<f32> = content
+            .iter()
+            .zip(&self.silence)
+            .map(|(said, silent)| spoken * said + (1.0 - spoken) * silent)
+            .collect();
+        let mut feeling = ear.emotion();
+        feeling.intensity *= spoken;
         let config = self.parts.model.config();
         let (emotion, level) = match &self.set {
             Some(prototype) => (prototype.clone(), self.emotion.intensity),
-            None if config.emotion_ear => self.heard.next(&ear.emotion(), &self.parts.model)?,
-            None => (felt.at_frame(index, config.fps), ear.emotion().intensity),
+            None if config.emotion_ear => self.heard.next(&feeling, &self.parts.model)?,
+            None => (felt.at_frame(index, config.fps), feeling.intensity),
         };
         let heard = HeardFrame {
-            content: ArrayView1::from(content),
+            content: ArrayView1::from(&content),
             emotion: ArrayView1::from(&emotion),
             style: self.style,
             level,
         };
-        let closed = ArrayView2::from_shape((1, content.len()), content).ok();
+        let closed = ArrayView2::from_shape((1, content.len()), &content).ok();
         let closed = closed.and_then(|row| self.parts.encoder.closed_lips(row));
         let made = self.parts.model.step(heard, Layer::Both, &mut self.state);
         let mut displacements = landmarks(config, made.layer(Layer::Both));
-        let share = closed.map_or(0.0, |closed| closure_share(closed[0]));
+        let share = closed.map_or(0.0, |closed| spoken * closure_share(closed[0]));
         let mut face = ArrayViewMut2::from(&mut displacements);
         let share = self.parting.next(opening(face.view()), share);
         narrow(&mut face, share);
@@ -159,6 +176,10 @@ impl MotionStream for EmoFaceStream {
         Ok(())
     }
 
+    fn hear_all(&mut self) {
+        self.gate.hear_all();
+    }
+
     fn latency_s(&self) -> f64 {
         self.speech.config().look_ahead_s()
     }
@@ -170,6 +191,20 @@ impl MotionStream for EmoFaceStream {
     fn fps(&self) -> f64 {
         self.speech.config().fps
     }
+}
+
+/// What `model` hears after a second of silence, `[C]`.
+///
+/// # Errors
+/// None that a loaded model has.
+fn silence(model: &Arc<CausalModel>) -> Result<Vec<f32>> {
+    let mut speech = CausalSpeech::new(Arc::clone(model));
+    speech.push(&[0.0; SAMPLE_RATE_HZ as usize])?;
+    let mut heard = vec![0.0; model.config().outputs];
+    while let Some(row) = speech.pull(|_| {}) {
+        heard.copy_from_slice(row);
+    }
+    Ok(heard)
 }
 
 /// What is heard on average of a mixture of the fifteen emotions, `[E]`.

@@ -2,7 +2,7 @@
 //!
 //! A causal network ([`CausalModel`]) imitates encoder and denoiser together; it was trained on what they
 //! perform. Squared error blurs p, b and m, so a smaller one beside it says when lips are together, and they are closed
-//! there. It speaks neutrally; the expression is added to each frame, so a change of emotion acts on the
+//! there. Where nobody speaks the face rests. It speaks neutrally; the expression is added to each frame, so a change of emotion acts on the
 //! very next one. Not guaranteed: equality with [`crate::Engine::perform`], which hears the whole sound.
 
 #[cfg(test)]
@@ -18,7 +18,7 @@ use crate::{
     mesh::ibug::LANDMARKS,
     motion::{CausalExpression, LandmarkFrame, MotionStream, Parting, narrow, opening},
     nn::elementwise::sigmoid,
-    speech::{CausalModel, CausalSpeech, closure_share},
+    speech::{CausalModel, CausalSpeech, VoiceGate, closure_share},
 };
 
 /// Numbers of a frame.
@@ -28,6 +28,7 @@ pub const DIMS: usize = 3 * LANDMARKS;
 pub struct CausalStream {
     speech: CausalSpeech,
     closures: LiveClosures,
+    gate: VoiceGate,
     expression: CausalExpression,
     emotion: Emotion,
 }
@@ -78,7 +79,9 @@ impl CausalStream {
         closures: Arc<CausalModel>,
         expression: CausalExpression,
     ) -> Self {
+        let ahead = |model: &CausalModel| model.config().look_ahead_samples();
         CausalStream {
+            gate: VoiceGate::new(model.config().fps, ahead(&model).max(ahead(&closures))),
             speech: CausalSpeech::new(model),
             closures: LiveClosures::new(closures),
             expression,
@@ -90,7 +93,9 @@ impl CausalStream {
 impl MotionStream for CausalStream {
     fn push(&mut self, samples: &[f32]) -> Result<()> {
         self.speech.push(samples)?;
-        self.closures.speech.push(samples)
+        self.closures.speech.push(samples)?;
+        self.gate.push(samples);
+        Ok(())
     }
 
     fn pull(&mut self) -> Option<LandmarkFrame> {
@@ -106,7 +111,10 @@ impl MotionStream for CausalStream {
             displacements,
         };
         self.closures.close(&mut frame);
-        let quiet_s = self.speech.quiet_s();
+        let spoken = self.gate.share(index);
+        let said = frame.displacements.as_flattened_mut();
+        said.iter_mut().for_each(|x| *x *= spoken);
+        let quiet_s = self.speech.quiet_s().max(self.gate.closed_s());
         self.expression.add(&mut frame, &self.emotion, quiet_s);
         Some(frame)
     }
@@ -122,6 +130,10 @@ impl MotionStream for CausalStream {
             self.emotion = *emotion;
         }
         Ok(())
+    }
+
+    fn hear_all(&mut self) {
+        self.gate.hear_all();
     }
 
     fn latency_s(&self) -> f64 {

@@ -1,0 +1,179 @@
+"""The page docs/examples/three-vrm.html in a browser: a VRM avatar that speaks with `anyface live`.
+
+Needs chromium and npm, which fetches three and @pixiv/three-vrm into target/vrm; is skipped where
+they cannot be had.
+Pictures of the mouth at its sounds lie in target/vrm after a run.
+"""
+
+import base64
+import functools
+import http.server
+import json
+import os
+import shutil
+import subprocess
+import tempfile
+import threading
+import time
+from pathlib import Path
+
+import avatar
+import numpy as np
+import pytest
+
+connect = pytest.importorskip("websockets.sync.client").connect
+ROOT = Path(__file__).resolve().parents[3]
+COMMAND = os.environ.get("ANYFACE_COMMAND", str(ROOT / "target/debug/anyface"))
+FOLDER = ROOT / "target/vrm"
+RATE_HZ = 16000
+# First two formants, hertz, and how long each sounds, seconds.
+SOUNDS = [((730, 1090), 1.5), (None, 1.5), ((300, 870), 1.5), (None, 4.0)]
+
+
+class Quiet(http.server.SimpleHTTPRequestHandler):
+    """Serves files without a word."""
+
+    def log_message(self, *_):
+        """Says nothing."""
+
+
+@pytest.fixture(scope="module")
+def place():
+    """Address of a server that has the page, the avatar and the packages."""
+    if shutil.which("npm") is None or shutil.which("chromium") is None:
+        pytest.skip("ignored: npm or chromium is not installed")
+    FOLDER.mkdir(parents=True, exist_ok=True)
+    if not (FOLDER / "node_modules/@pixiv/three-vrm").is_dir():
+        words = ["npm", "install", "--silent", "--no-audit", "three", "@pixiv/three-vrm"]
+        if subprocess.run(words, cwd=FOLDER, check=False).returncode != 0:
+            pytest.skip("ignored: npm cannot fetch three and @pixiv/three-vrm")
+    avatar.write(FOLDER / "avatar.vrm")
+    shutil.copy(ROOT / "docs/examples/three-vrm.html", FOLDER)
+    handler = functools.partial(Quiet, directory=FOLDER)
+    with http.server.ThreadingHTTPServer(("127.0.0.1", 0), handler) as server:
+        threading.Thread(target=server.serve_forever, daemon=True).start()
+        yield f"http://127.0.0.1:{server.server_port}/three-vrm.html"
+        server.shutdown()
+
+
+def spoken() -> bytes:
+    """Vowels and pauses, 16 bit."""
+    parts = []
+    for formants, seconds in SOUNDS:
+        time_s = np.arange(int(seconds * RATE_HZ)) / RATE_HZ
+        pitch = 120 * (1 + 0.1 * np.sin(5.6 * time_s))
+        phase = 2 * np.pi * np.cumsum(pitch) / RATE_HZ
+        sound = np.zeros_like(time_s)
+        for k in range(1, 30) if formants else ():
+            near = sum(np.exp(-(((k * pitch - hz) / 150) ** 2)) for hz in formants)
+            sound += near * np.sin(k * phase)
+        parts.append(0.2 * sound)
+    return (np.concatenate(parts) * 32767).astype("<i2").tobytes()
+
+
+class Page:
+    """A page in a browser of its own, over the protocol of its developer tools."""
+
+    def __init__(self, address: str):
+        self._folder = tempfile.TemporaryDirectory(ignore_cleanup_errors=True)
+        self._process = subprocess.Popen(
+            [
+                "chromium",
+                "--headless=new",
+                "--no-sandbox",
+                "--remote-debugging-port=0",
+                "--use-angle=swiftshader",
+                "--enable-unsafe-swiftshader",
+                "--window-size=400,400",
+                f"--user-data-dir={self._folder.name}",
+                "about:blank",
+            ],
+            stderr=subprocess.DEVNULL,
+        )
+        port_file = Path(self._folder.name) / "DevToolsActivePort"
+        wait(lambda: port_file.is_file() and len(port_file.read_text().split()) == 2)
+        self._number = 0
+        port, browser = port_file.read_text().split()
+        self._socket = connect(f"ws://127.0.0.1:{port}{browser}", max_size=None)
+        target = self.call("Target.createTarget", url=address)["targetId"]
+        self._socket.close()
+        page = f"ws://127.0.0.1:{port}/devtools/page/{target}"
+        self._socket = connect(page, max_size=None)
+
+    def call(self, method: str, **parameters):
+        """What the browser answers."""
+        self._number += 1
+        self._socket.send(json.dumps({"id": self._number, "method": method, "params": parameters}))
+        while (answer := json.loads(self._socket.recv(timeout=60))).get("id") != self._number:
+            pass
+        return answer["result"]
+
+    def read(self, expression: str):
+        """Value of JavaScript."""
+        answer = self.call("Runtime.evaluate", expression=expression, returnByValue=True)
+        return answer["result"].get("value")
+
+    def photograph(self, name: str) -> None:
+        """A picture in target/vrm."""
+        picture = self.call("Page.captureScreenshot")["data"]
+        (FOLDER / f"{name}.png").write_bytes(base64.b64decode(picture))
+
+    def close(self) -> None:
+        """Ends the browser."""
+        self._socket.close()
+        self._process.terminate()
+        self._process.wait()
+
+
+def wait(is_so, seconds: float = 60.0) -> None:
+    """Until `is_so()`."""
+    end = time.monotonic() + seconds
+    while not is_so():
+        assert time.monotonic() < end, "nothing came"
+        time.sleep(0.05)
+
+
+def test_an_avatar_speaks_blinks_and_shuts_its_mouth(place):
+    words = [COMMAND, "live", "--input", "-", "--any-sound", "--websocket", "127.0.0.1:0"]
+    live = subprocess.Popen(words, stdin=subprocess.PIPE, stderr=subprocess.PIPE, text=False)
+    socket = live.stderr.readline().decode().split()[-1].strip('"}').rstrip(".")
+    page = Page(f"{place}?socket={socket}")
+    is_over = threading.Event()
+    threading.Thread(target=speak, args=(live.stdin, is_over), daemon=True).start()
+    try:
+        wait(lambda: (page.read("window.anyface?.frames") or 0) > 5)
+        seen = {}
+        wanted = {
+            "a": lambda w: w["aa"] > 0.4,
+            "u": lambda w: w["ou"] + w["oh"] > 0.3 and w["aa"] < 0.3,
+            "m": lambda w: sum(w[name] for name in ("aa", "ih", "ou", "ee", "oh")) < 0.05,
+            "blink": lambda w: w["blinkLeft"] > 0.7 and w["blinkRight"] > 0.7,
+        }
+        end = time.monotonic() + 40.0
+        while len(seen) < len(wanted) and time.monotonic() < end:
+            weights = page.read("window.anyface.weights")
+            for name, is_so in wanted.items():
+                if name not in seen and is_so(weights):
+                    page.photograph(name)
+                    seen[name] = weights
+        assert seen.keys() == wanted.keys(), seen
+    finally:
+        is_over.set()
+        page.close()
+        live.kill()
+        live.wait()
+
+
+def speak(pipe, is_over: threading.Event) -> None:
+    """Sends the sounds by the clock, over and over."""
+    sound, block = spoken(), 2 * RATE_HZ // 50
+    begun = time.monotonic()
+    for number in range(10**6):
+        at = number * block % (len(sound) - block)
+        try:
+            pipe.write(sound[at : at + block])
+            pipe.flush()
+        except OSError:
+            return
+        if is_over.wait(max(0.0, begun + number / 50 - time.monotonic())):
+            return
