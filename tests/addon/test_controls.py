@@ -221,8 +221,8 @@ def test_keys_of_vroid_speak_without_a_word(voice, addon):
     shares = share(ob, wanted, shown), closed(ob, wanted, shown)
     print("vroid", ob.anyface.mode, shares)
     assert ob.anyface.mode == "keys"
-    # Mouths of five vowels do not close as finely as lips do: docs/blender.md says so.
-    assert shares[0] > 0.85 and shares[1] > 0.5
+    # Where lips meet, five vowels that only open leave the rest of the motion away.
+    assert shares[0] > 0.84 and shares[1] >= 0.95
 
 
 @pytest.fixture
