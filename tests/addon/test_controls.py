@@ -9,6 +9,7 @@ import bpy
 import numpy as np
 import pytest
 
+import mpfb_face
 import rigify_face
 import rigs
 from figures import curves, everything, film, write_wav
@@ -252,4 +253,30 @@ def test_the_face_that_rigify_makes_speaks(voice, addon, rigify, whole):
     assert shares[0] > 0.85 and shares[1] >= 0.9
     assert bpy.ops.anyface.remove() == {"FINISHED"}
     bpy.context.scene.frame_set(1)
+    assert everything() == before
+
+
+@pytest.mark.skipif("ANYFACE_MPFB" not in os.environ, reason="needs the wheel of mpfb_face.py")
+def test_the_human_of_mpfb_speaks(voice, addon, monkeypatch):
+    ob, rig = mpfb_face.human(os.environ["ANYFACE_MPFB"])
+    ready(ob, voice)
+    bpy.context.view_layer.update()
+    wanted = truth(ob, voice)
+    settings = addon("ui.settings").from_object(ob)
+    face = addon("scene.bake").read_face(ob, settings, editable=False)
+    engine, progress = addon("ui.running").engine(settings.system), addon("core.job").Progress()
+    found = addon("core.finding").find(face, {}, engine.find, progress)
+    monkeypatch.setattr(rigs, "LANDMARKS", [{"vertex": int(v)} for v in found.vertices])
+    monkeypatch.setattr(rigs, "landmarks", lambda: rigs.positions(ob)[found.vertices])
+    monkeypatch.setattr(rigs, "skin_vertices", lambda: mpfb_face.BODY)
+    bpy.context.scene.frame_set(1)
+    before = everything()
+    shown = speak(ob, voice)
+    shares = share(ob, wanted, shown), closed(ob, wanted, shown)
+    print("mpfb", shares, len(rig.pose.bones))
+    animated = {curve.data_path.split('"')[1] for curve in curves(rig.animation_data.action)}
+    assert not animated & {"head", "neck01", "neck02", "neck03", "spine01"}
+    assert shares[0] > 0.85 and shares[1] >= 0.9
+    bpy.context.scene.frame_set(1)
+    assert bpy.ops.anyface.remove() == {"FINISHED"}
     assert everything() == before
