@@ -1,11 +1,11 @@
 """Poses that are held, as in drawn and stop-motion animation: on twos, threes, fours."""
 
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 
 import numpy as np
 
 from .sliders import SliderChange
-from .take import Basis, HeldKeys, Take
+from .take import Basis, HeldKeys, Life, Take
 
 HELD = "HELD"
 
@@ -73,7 +73,7 @@ def _stretch(source: np.ndarray, taken: np.ndarray, runs, least: int) -> None:
 def hold(take: Take, holds: Holds) -> bool:
     """Lets the poses of a take of weights be held; False where it has none, and nothing is done.
 
-    Sliders change what is shown.
+    Sliders change what is shown; head and eyes stand with the poses.
     """
     motion = take.motion
     if getattr(motion, "weights", None) is None:
@@ -90,6 +90,14 @@ def hold(take: Take, holds: Holds) -> bool:
             name: SliderChange(change.knots, change.changes[:, source])
             for name, change in motion.sliders.items()
         }
+    if take.life is not None:
+        take.life = _held(take.life, source)
     rows = np.flatnonzero(np.diff(source, prepend=-1))
     motion.keys_of_curves = [HeldKeys(rows) for _ in range(motion.weights.shape[1])]
     return True
+
+
+def _held(life: Life, source: np.ndarray) -> Life:
+    """Head and eyes in the frames `source` `[T]`."""
+    moves = {name: getattr(life, name) for name in ("head", "gaze", "looked_at", "tongue")}
+    return replace(life, **{name: of[source] for name, of in moves.items() if of is not None})
