@@ -175,6 +175,17 @@ def test_a_crude_rig_speaks_and_is_left_as_it_was(voice, addon):
     assert everything() == before
 
 
+def test_controls_on_twos_stand_still_until_the_next_pose(voice, addon):
+    ob = ready(rigs.head(), voice)
+    rig = rigs.crude(addon, ob)
+    ob.anyface.curves, ob.anyface.pose_on = "HELD", 2
+    shown = speak(ob, voice)
+    steps = np.abs(np.diff(shown, axis=0)).max(axis=(1, 2))
+    # Poses begin at even frames of the take: between an even one and the next all stands still.
+    assert steps[0::2].max() < 1e-6 < 1e-3 < steps[1::2].max()
+    assert len(curves(rig.animation_data.action)) > 10
+
+
 def test_keys_that_are_all_driven_speak_at_what_drives_them(voice, addon):
     ob = ready(rigs.head(), voice)
     wanted = truth(ob, voice)
