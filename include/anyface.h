@@ -1758,8 +1758,9 @@ void anyface_rig_free(AnyfaceRig *rig);
 ///
 /// `names`: `[shape_count]`, UTF-8; "…Left" and "…Right" are taken as a pair. `shapes`:
 /// `[shape_count, vertex_count, 3]`, displacements at weight 1. `displacements`:
-/// `[frame_count, vertex_count, 3]` in the same units, without motion of the whole head. All are
-/// copied. `progress` may be NULL. Free with `anyface_weights_free()`.
+/// `[frame_count, vertex_count, 3]` in the same units, without motion of the whole head. `lips`: `[lip_pairs, 2]`,
+/// vertices of the upper and of the lower lip that meet, such as those of the landmarks 61 and 67, 62 and 66, 63 and 65: in
+/// frames that bring them together the shapes do so as well as they can; NULL with 0 for none. All are copied. `progress` may be NULL. Free with `anyface_weights_free()`.
 /// Fails with `ANYFACE_STATUS_INVALID_INPUT` for values that are not finite or shapes of which none
 /// moves, `ANYFACE_STATUS_CANCELLED`.
 AnyfaceStatus anyface_weights_new(const char *const *names,
@@ -1768,6 +1769,8 @@ AnyfaceStatus anyface_weights_new(const char *const *names,
                                   const float *displacements,
                                   size_t frame_count,
                                   size_t vertex_count,
+                                  const uint32_t *lips,
+                                  size_t lip_pairs,
                                   const AnyfaceProgress *progress,
                                   AnyfaceWeights **out,
                                   AnyfaceError **error);
@@ -1784,6 +1787,8 @@ AnyfaceStatus anyface_weights_new_of_clip(const AnyfaceClip *clip,
                                           size_t shape_count,
                                           size_t vertex_count,
                                           const float *to_shapes,
+                                          const uint32_t *lips,
+                                          size_t lip_pairs,
                                           const AnyfaceProgress *progress,
                                           AnyfaceWeights **out,
                                           AnyfaceError **error);

@@ -16,8 +16,6 @@ REGIONS = ("mouth", "eyes", "brows", "jaw", "nose")
 IMPORTANCE = (3.0, 2.0, 1.5, 1.0, 1.0)
 # Landmarks of iBUG 300-W by region: jaw 0-16, brows 17-26, nose 27-35, eyes 36-47, mouth 48-67.
 _REGION_OF = np.repeat([3, 2, 4, 1, 0], [17, 10, 9, 12, 20])
-# Upper and lower inner lip.
-_LIPS = ((61, 67), (62, 66), (63, 65))
 # Points lie nearer to a landmark than this share of the distance between the temples, and are at
 # most so many: enough for all controls of a face, and little to evaluate.
 _NEAR, _MOST = 0.2, 1500
@@ -32,7 +30,7 @@ class FollowPoints(Plan):
         found = finding.find(face, {}, engine.find, progress)
         own = face.pieces[0].count if face.pieces else len(face.positions)
         vertices, regions = nearby(face.positions[:own], found)
-        vertices, regions, pairs = _with_lips(vertices, regions, found.vertices, own)
+        vertices, regions, pairs = _with_lips(vertices, regions, found.lips(own))
         frames = np.ascontiguousarray(take.motion.displacements[:, vertices])
         largest = max(float(np.sqrt((f.astype(np.float64) ** 2).sum(axis=1).max()))
                       for f in take.motion.displacements)  # fmt: skip
@@ -58,14 +56,11 @@ def nearby(positions: np.ndarray, found: Found) -> tuple[np.ndarray, np.ndarray]
     return inside, _REGION_OF[nearest[inside]]
 
 
-def _with_lips(vertices, regions, of_landmarks, own: int) -> tuple:
-    """The points with those of the lips among them, and their pairs `[N, 2]`."""
-    wanted = np.asarray(of_landmarks, dtype=np.int64)[[number for pair in _LIPS for number in pair]]
-    if (wanted >= own).any():
-        return vertices, regions, np.empty((0, 2), dtype=np.int64)
-    fresh = np.setdiff1d(wanted, vertices)
+def _with_lips(vertices, regions, lips) -> tuple:
+    """The points with those of `lips` `[N, 2]` among them, and their pairs `[N, 2]`."""
+    fresh = np.setdiff1d(lips, vertices)
     every = np.concatenate([vertices, fresh])
     place = {int(vertex): number for number, vertex in enumerate(every)}
-    pairs = np.array([place[int(vertex)] for vertex in wanted]).reshape(-1, 2)
+    pairs = np.array([place[int(vertex)] for vertex in lips.ravel()], dtype=np.int64)
     regions = np.concatenate([regions, np.zeros(len(fresh), dtype=regions.dtype)])
-    return every, regions, pairs[pairs[:, 0] != pairs[:, 1]]
+    return every, regions, pairs.reshape(-1, 2)

@@ -1,11 +1,11 @@
 """Poses that are held, as in drawn and stop-motion animation: on twos, threes, fours."""
 
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 
 import numpy as np
 
 from .sliders import SliderChange
-from .take import Basis, HeldKeys, Take
+from .take import Basis, ControlMotion, HeldKeys, Life, Take
 
 HELD = "HELD"
 
@@ -71,17 +71,32 @@ def _stretch(source: np.ndarray, taken: np.ndarray, runs, least: int) -> None:
 
 
 def hold(take: Take, holds: Holds) -> bool:
-    """Lets the poses of a take of weights be held; False where it has none, and nothing is done.
+    """Lets the poses of a take of weights or of a rig's controls be held; False where it has
+    neither, and nothing is done.
 
-    Sliders change what is shown.
+    Sliders change what is shown; head and eyes stand with the poses.
     """
     motion = take.motion
-    if getattr(motion, "weights", None) is None:
+    is_rig = isinstance(motion, ControlMotion)
+    if not is_rig and getattr(motion, "weights", None) is None:
         return False
-    count = len(motion.weights)
+    count = motion.frame_count
     touching = take.touching if take.touching is not None else np.zeros(count, dtype=bool)
     opening = take.opening if take.opening is not None else np.zeros(count)
     source = poses(np.asarray(opening), np.asarray(touching, dtype=bool), holds)
+    if take.life is not None:
+        take.life = _held(take.life, source)
+    rows = np.flatnonzero(np.diff(source, prepend=-1))
+    if is_rig:
+        motion.frames = motion.frames[source]
+        motion.held = rows[np.searchsorted(rows, np.arange(count), side="right") - 1]
+    else:
+        _hold_weights(motion, source, rows)
+    return True
+
+
+def _hold_weights(motion, source: np.ndarray, rows: np.ndarray) -> None:
+    """Shows the frames `source` `[T]`, which change at `rows`."""
     motion.weights = motion.weights[source]
     if getattr(motion, "shape_weights", None) is not None:
         motion.shape_weights = motion.shape_weights[source]
@@ -90,6 +105,10 @@ def hold(take: Take, holds: Holds) -> bool:
             name: SliderChange(change.knots, change.changes[:, source])
             for name, change in motion.sliders.items()
         }
-    rows = np.flatnonzero(np.diff(source, prepend=-1))
     motion.keys_of_curves = [HeldKeys(rows) for _ in range(motion.weights.shape[1])]
-    return True
+
+
+def _held(life: Life, source: np.ndarray) -> Life:
+    """Head and eyes in the frames `source` `[T]`."""
+    moves = {name: getattr(life, name) for name in ("head", "gaze", "looked_at", "tongue")}
+    return replace(life, **{name: of[source] for name, of in moves.items() if of is not None})

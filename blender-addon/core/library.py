@@ -145,6 +145,7 @@ class MotionOptions(Structure):
 _FLOATS, _INDICES = POINTER(c_float), POINTER(c_uint32)
 _HANDLE, _OUT = c_void_p, POINTER(c_void_p)
 # What is made of a mesh takes: engine, mesh, options, progress, out, error.
+_LIPS, _OUTS = (_INDICES, c_size_t), (_HANDLE, _OUT, _OUT)
 _OF_MESH = [_HANDLE, _HANDLE, POINTER(FaceOptions), _HANDLE, _OUT, _OUT]
 
 # Name: what it returns, what it takes. Handles are untyped pointers.
@@ -299,11 +300,11 @@ SIGNATURES = {
     "anyface_rig_copy_shape": (c_int32, [_HANDLE, c_size_t, _FLOATS, c_size_t, _OUT]),
     "anyface_weights_new": (
         c_int32,
-        [POINTER(c_char_p), _FLOATS, c_size_t, _FLOATS, c_size_t, c_size_t, _HANDLE, _OUT, _OUT],
+        [POINTER(c_char_p), _FLOATS, c_size_t, _FLOATS, c_size_t, c_size_t, *_LIPS, *_OUTS],
     ),
     "anyface_weights_new_of_clip": (
         c_int32,
-        [_HANDLE, POINTER(c_char_p), _FLOATS, c_size_t, c_size_t, _FLOATS, _HANDLE, _OUT, _OUT],
+        [_HANDLE, POINTER(c_char_p), _FLOATS, c_size_t, c_size_t, _FLOATS, *_LIPS, *_OUTS],
     ),
     "anyface_weights_new_given": (
         c_int32,

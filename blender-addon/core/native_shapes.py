@@ -3,7 +3,7 @@
 import os
 import weakref
 from contextlib import ExitStack
-from ctypes import POINTER, byref, c_char_p, c_float
+from ctypes import POINTER, byref, c_char_p, c_float, c_uint32
 
 import numpy as np
 
@@ -55,6 +55,7 @@ class ShapeCalls:
         self,
         names: list[str],
         vectors: np.ndarray,
+        lips: np.ndarray,
         moved: np.ndarray,
         progress: Progress,
         path: str = "",
@@ -62,12 +63,13 @@ class ShapeCalls:
     ) -> Solved:
         """Weights `[T, S]` of the shapes `vectors` `[S, V, 3]` for the motion `moved` `[T, V, 3]`.
 
-        With `path` they are also written there, as .csv or .json.
+        Where that brings vertices `lips` `[N, 2]` of the upper and the lower lip together, the
+        shapes do so as well as they can. With `path` they are also written there, as .csv or .json.
         """
         moved = np.ascontiguousarray(moved, dtype=np.float32)
         motion = (moved.ctypes.data_as(_FLOATS), len(moved), moved.shape[1])
         shapes = _shapes(names, vectors)
-        given = "anyface_weights_new", (*shapes, *motion), (len(moved), len(names))
+        given = "anyface_weights_new", (*shapes, *motion, *_pairs(lips)), (len(moved), len(names))
         return self._solved(*given, progress, path, fps)
 
     def _solved(self, function, given, shape, progress: Progress, path: str, fps: float) -> Solved:
@@ -106,6 +108,7 @@ class Clip:
         self,
         names: list[str],
         vectors: np.ndarray,
+        lips: np.ndarray,
         way: np.ndarray,
         progress: Progress,
         path: str = "",
@@ -117,7 +120,7 @@ class Clip:
         """
         same = np.array_equal(way, np.eye(3))
         turned = None if same else np.ascontiguousarray(way, np.float32).ctypes.data_as(_FLOATS)
-        given = (self, *_shapes(names, vectors), vectors.shape[1], turned)
+        given = (self, *_shapes(names, vectors), vectors.shape[1], turned, *_pairs(lips))
         shape = self.shape[0], len(names)
         function = "anyface_weights_new_of_clip"
         return self._engine._solved(function, given, shape, progress, path, fps)
@@ -128,3 +131,9 @@ def _shapes(names: list[str], vectors: np.ndarray):
     vectors = np.ascontiguousarray(vectors, dtype=np.float32)
     texts = (c_char_p * len(names))(*(name.encode() for name in names))
     return texts, vectors.ctypes.data_as(_FLOATS), len(names)
+
+
+def _pairs(lips: np.ndarray):
+    """Pairs of vertices `[N, 2]` as the library takes them, and how many there are."""
+    lips = np.ascontiguousarray(lips, dtype=np.uint32)
+    return lips.ctypes.data_as(POINTER(c_uint32)), len(lips)

@@ -10,7 +10,7 @@ from pathlib import Path
 
 import numpy as np
 
-from . import pc2, shapes, sliders
+from . import finding, pc2, shapes, sliders
 from .errors import AnyfaceError
 from .job import Progress
 from .take import (
@@ -128,7 +128,9 @@ class SolveKeys(Plan):
     def finish(self, face, take, engine, progress):
         # Existing keys are those of the face; objects beside it have others.
         vectors = np.tensordot(self.factors, self.vectors, axes=1).astype(np.float32)
-        solved = as_made(take, self.shapes) or _solved(take, engine, self.shapes, vectors, progress)
+        solved = as_made(take, self.shapes)
+        if solved is None:
+            solved = _solved(face, take, engine, self.shapes, vectors, progress)
         if solved.left_out > _LARGEST_LEFT_OUT:
             shown = 1.0 - solved.left_out
             raise AnyfaceError(
@@ -148,14 +150,16 @@ class SolveKeys(Plan):
         return self.vectors
 
 
-def _solved(take: Take, engine, names, vectors, progress: Progress, path: str = "") -> Solved:
+def _solved(face, take: Take, engine, names, vectors, progress: Progress, path: str = "") -> Solved:
     """Weights of the shapes `vectors` `[S, V, 3]` of a face in object space, on the clip where the
     take has one; with `path` they are written there."""
     motion = take.motion
+    found = finding.find(face, {}, engine.find, progress)
+    shapes = names, vectors, found.lips(vectors.shape[1])
     if isinstance(motion, ClipMotion):
-        return motion.clip.weights(names, vectors, motion.way, progress, path, take.fps)
+        return motion.clip.weights(*shapes, motion.way, progress, path, take.fps)
     moved = motion.displacements[:, : vectors.shape[1]]
-    return engine.solve(names, vectors, moved, progress, path, take.fps)
+    return engine.solve(*shapes, moved, progress, path, take.fps)
 
 
 def as_made(take: Take, shapes: list[str]) -> Solved | None:
@@ -186,7 +190,7 @@ class MakeKeys(Plan):
         if made is not None:
             solved = Solved(made.of(arkit.names), made.left_out(arkit.names))
         else:
-            solved = _solved(take, engine, arkit.names, arkit.vectors, progress)
+            solved = _solved(face, take, engine, arkit.names, arkit.vectors, progress)
         motion = KeyMotion(arkit.names, solved.weights, solved.left_out, arkit.vectors)
         motion.visemes = visemes if self.visemes else None
         return replace(take, motion=motion)
@@ -216,7 +220,7 @@ class WriteTable(Plan):
             engine.write_weights(made.names, made.weights, waits, take.fps)
             return WrittenFile(self.name, self.path, len(made.weights), waits=waits)
         arkit, _ = _arkit(face, engine, progress)
-        solved = _solved(take, engine, arkit.names, arkit.vectors, progress, waits)
+        solved = _solved(face, take, engine, arkit.names, arkit.vectors, progress, waits)
         left_out = solved.left_out
         return WrittenFile(self.name, self.path, take.frame_count, left_out=left_out, waits=waits)
 

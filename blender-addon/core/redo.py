@@ -4,7 +4,7 @@ from dataclasses import dataclass, field
 
 import numpy as np
 
-from . import plan
+from . import finding, plan
 from .errors import AnyfaceError
 from .job import Progress
 from .take import FaceMesh, Life
@@ -135,7 +135,9 @@ class Redo:
             solved = plan.as_made(take, shapes)
             if solved is None:
                 vectors = np.tensordot(factors, keys.vectors, axes=1).astype(np.float32)
-                solved = snapshot.engine.solve(shapes, vectors, moved, progress)
+                found = finding.find(snapshot.face, {}, snapshot.engine.find, progress)
+                lips = found.lips(vectors.shape[1])
+                solved = snapshot.engine.solve(shapes, vectors, lips, moved, progress)
             weights = np.clip(solved.weights @ factors, 0.0, 1.0)
             none = np.empty((0, *moved.shape[1:])), np.empty((len(moved), 0))
             made[keys.name] = Fit(weights, *none, solved.left_out)

@@ -9,6 +9,8 @@ from .heard_emotion import HeardEmotion
 from .sliders import NAMES, SliderChange
 from .space import FaceSpace, face_space
 
+# Landmarks of the upper and of the lower inner lip that meet.
+_LIPS = np.array([[61, 67], [62, 66], [63, 65]])
 # How the lips of a mesh meet, in the order of `AnyfaceMouth`.
 MOUTHS = ("open", "slit", "welded")
 # What the lids of an eye can do, in the order of `AnyfaceLids`.
@@ -49,6 +51,12 @@ class Found:
     part_roles: np.ndarray
     part_of_vertex: np.ndarray
     lids: tuple[str, str] = ("close", "close")
+
+    def lips(self, count: int) -> np.ndarray:
+        """Vertices `[N, 2]` of the upper and of the lower lip that meet, of the first `count`."""
+        pairs = np.asarray(self.vertices, dtype=np.uint32)[_LIPS]
+        own = (pairs < count).all(axis=1) & (pairs[:, 0] != pairs[:, 1])
+        return np.ascontiguousarray(pairs[own])
 
 
 @dataclass
@@ -508,7 +516,8 @@ class ControlMotion(Motion):
     `vertices` `[P]` are numbers of vertices near the 68 landmarks, `frames` `[T, P, 3]` their
     motion in object space, `regions` `[P]` numbers into `controls_plan.REGIONS`. `pairs` `[N, 2]`
     are points of the upper and the lower lip that meet. An object unit is `mm` long, on a head of
-    human size. `fitted` is what the controls of a rig do, once they have been tried.
+    human size. `fitted` is what the controls of a rig do, once they have been tried. Where poses
+    are held, `held` `[T]` is the first frame of that which each frame shows.
     """
 
     vertices: np.ndarray
@@ -517,6 +526,7 @@ class ControlMotion(Motion):
     pairs: np.ndarray
     mm: float
     fitted: object = None
+    held: np.ndarray | None = None
 
     @property
     def frame_count(self):

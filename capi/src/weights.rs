@@ -26,8 +26,9 @@ pub struct AnyfaceWeights(SolvedWeights);
 ///
 /// `names`: `[shape_count]`, UTF-8; "…Left" and "…Right" are taken as a pair. `shapes`:
 /// `[shape_count, vertex_count, 3]`, displacements at weight 1. `displacements`:
-/// `[frame_count, vertex_count, 3]` in the same units, without motion of the whole head. All are
-/// copied. `progress` may be NULL. Free with `anyface_weights_free()`.
+/// `[frame_count, vertex_count, 3]` in the same units, without motion of the whole head. `lips`: `[lip_pairs, 2]`,
+/// vertices of the upper and of the lower lip that meet, such as those of the landmarks 61 and 67, 62 and 66, 63 and 65: in
+/// frames that bring them together the shapes do so as well as they can; NULL with 0 for none. All are copied. `progress` may be NULL. Free with `anyface_weights_free()`.
 /// Fails with `ANYFACE_STATUS_INVALID_INPUT` for values that are not finite or shapes of which none
 /// moves, `ANYFACE_STATUS_CANCELLED`.
 #[unsafe(no_mangle)]
@@ -38,14 +39,17 @@ pub unsafe extern "C" fn anyface_weights_new(
     displacements: *const f32,
     frame_count: usize,
     vertex_count: usize,
+    lips: *const u32,
+    lip_pairs: usize,
     progress: *const AnyfaceProgress,
     out: *mut *mut AnyfaceWeights,
     error: *mut *mut AnyfaceError,
 ) -> AnyfaceStatus {
     let make = || {
         let rig = unsafe { rig(names, shapes, shape_count, vertex_count) }?;
+        let lips = unsafe { pairs(lips, lip_pairs) }?;
         let motion = unsafe { moves("displacements", displacements, frame_count, vertex_count) }?;
-        solved(&rig, motion, progress)
+        solved(&rig, motion, lips, progress)
     };
     unsafe { guard::give(out, error, make) }
 }
@@ -64,6 +68,8 @@ pub unsafe extern "C" fn anyface_weights_new_of_clip(
     shape_count: usize,
     vertex_count: usize,
     to_shapes: *const f32,
+    lips: *const u32,
+    lip_pairs: usize,
     progress: *const AnyfaceProgress,
     out: *mut *mut AnyfaceWeights,
     error: *mut *mut AnyfaceError,
@@ -71,6 +77,7 @@ pub unsafe extern "C" fn anyface_weights_new_of_clip(
     let make = || {
         let clip = unsafe { pointer::handle("clip", clip) }?;
         let rig = unsafe { rig(names, shapes, shape_count, vertex_count) }?;
+        let lips = unsafe { pairs(lips, lip_pairs) }?;
         let motion = &clip.animation.vertices.displacements;
         let of_clip = motion.len_of(Axis(1));
         if vertex_count > of_clip {
@@ -80,7 +87,7 @@ pub unsafe extern "C" fn anyface_weights_new_of_clip(
         }
         let motion = motion.slice(s![.., ..vertex_count, ..]);
         let weights = match to_shapes.is_null() {
-            true => solved(&rig, motion, progress)?,
+            true => solved(&rig, motion, lips, progress)?,
             false => {
                 let rows = unsafe { pointer::slice("to_shapes", to_shapes, 3, 3) }?;
                 let mut turned = motion.to_owned();
@@ -90,7 +97,7 @@ pub unsafe extern "C" fn anyface_weights_new_of_clip(
                         moved[axis] = x * row[0] + y * row[1] + z * row[2];
                     }
                 }
-                solved(&rig, turned.view(), progress)?
+                solved(&rig, turned.view(), lips, progress)?
             }
         };
         Ok(weights)
@@ -102,6 +109,7 @@ pub unsafe extern "C" fn anyface_weights_new_of_clip(
 fn solved(
     rig: &Rig,
     motion: ArrayView3<'_, f32>,
+    lips: &[[u32; 2]],
     progress: *const AnyfaceProgress,
 ) -> Result<AnyfaceWeights, Failure> {
     let work = |watch: anyface::job::ProgressFn<'_>| {
@@ -109,6 +117,7 @@ fn solved(
             rig,
             rig.names.len(),
             motion,
+            lips,
             &SolveOptions::editable(),
             watch,
         )
@@ -232,6 +241,18 @@ unsafe fn rig(
     })
 }
 
+/// Pairs of vertices `[count, 2]`, borrowed.
+///
+/// # Safety
+/// `lips` is NULL or valid for reads of `count * 2` values.
+unsafe fn pairs<'a>(lips: *const u32, count: usize) -> Result<&'a [[u32; 2]], Failure> {
+    if count == 0 {
+        return Ok(&[]);
+    }
+    let lips = unsafe { pointer::slice("lips", lips, count, 2) }?;
+    Ok(lips.as_chunks().0)
+}
+
 /// `[count, vertices, 3]`, borrowed.
 ///
 /// # Safety
@@ -289,6 +310,8 @@ mod tests {
                 motion.dim().0,
                 4,
                 null(),
+                0,
+                null(),
                 &mut out,
                 &mut error,
             )
@@ -345,6 +368,8 @@ mod tests {
                 2,
                 vertices,
                 to_shapes.as_ptr(),
+                null(),
+                0,
                 null(),
                 out,
                 null_mut(),

@@ -84,7 +84,7 @@ impl Solve {
         let solved = timed(&mut report, "solve", || {
             let moved = motion.displacements.view();
             let engine = shared.engine()?;
-            engine.threads(|| solve(&rig, shapes, moved, &options, &|p| console.progress(p)))
+            engine.threads(|| solve(&rig, shapes, moved, &[], &options, &|p| console.progress(p)))
         })?;
         timed(&mut report, "write", || {
             write_blend_weights(&self.out, &solved, fps)

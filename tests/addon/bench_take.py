@@ -48,8 +48,13 @@ def watch(addon, take, spent: list[float], looks: list[float]) -> None:
 
     `looks` of `pulse` begin with the first slice.
     """
-    bake, operators = addon("scene.bake"), addon("ui.operators")
-    bake.Snapshot.work = lambda self, progress: take
+    addon("scene.bake").Snapshot.work = lambda self, progress: take
+    time_slices(addon, spent, looks)
+
+
+def time_slices(addon, spent: list[float], looks: list[float]) -> None:
+    """As `watch`, of whatever *Generate* makes."""
+    operators = addon("ui.operators")
     slice_of = operators.InThread._slice
 
     def timed(self, context):

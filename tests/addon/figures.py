@@ -210,7 +210,7 @@ class Stage:
         vectors[52:] = own[0]
         return self.take_module.Rig(every, vectors)
 
-    def solve(self, names, vectors, moved, progress, path="", fps=0.0):
+    def solve(self, names, vectors, _lips, moved, progress, path="", fps=0.0):
         """Weights of at least 0 by projected descent; with `path` a plain table."""
         progress.check("solve")
         shapes = vectors.reshape(len(vectors), -1).astype(np.float64)

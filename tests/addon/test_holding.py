@@ -100,3 +100,22 @@ def test_sliders_change_what_is_shown(addon):
     assert holding.hold(whole, holding.Holds(3, 0, 0))
     np.testing.assert_allclose(made.weights + made.sliders["blinks"].changes[0], 0.0, atol=1e-6)
     assert [len(keys.rows) for keys in made.keys_of_curves] == [4] * weights.shape[1]
+
+
+def test_head_and_eyes_stand_with_the_poses(addon):
+    take, holding = addon("core.take"), addon("core.holding")
+    random, count = np.random.default_rng(3), 24
+    weights = random.uniform(size=(count, 2)).astype(np.float32)
+    head, gaze = random.normal(size=(count, 3)), random.normal(size=(count, 2, 2))
+    motion = take.Basis(np.ones((2, 4, 3), dtype=np.float32), weights, 0.1)
+    life = take.Life(head, gaze, np.eye(3, 4), looked_at=head + 1.0)
+    made = take.Take(24.0, 9.0, "basis", motion, life)
+    made.opening = random.uniform(size=count)
+    assert holding.hold(made, holding.Holds(3, 0, 0))
+    # Which frame's pose each frame shows.
+    shown = [int(np.flatnonzero((weights == row).all(axis=1))[0]) for row in motion.weights]
+    assert len(set(shown)) == count // 3
+    np.testing.assert_array_equal(made.life.head, head[shown])
+    np.testing.assert_array_equal(made.life.gaze, gaze[shown])
+    np.testing.assert_array_equal(made.life.looked_at, head[shown] + 1.0)
+    assert made.life.tongue is None

@@ -81,7 +81,7 @@ static void weights(void) {
     const float shapes[12] = {1, 0, 0, 0, 0, 0, 0, 0, 0, 0, 1, 0};
     float motion[6] = {0.5f, 0, 0, 0, 0.25f, 0}, found[2] = {0, 0};
     AnyfaceWeights *solved = NULL;
-    CHECK_OK(anyface_weights_new(names, shapes, 2, motion, 1, 2, NULL, &solved, &error));
+    CHECK_OK(anyface_weights_new(names, shapes, 2, motion, 1, 2, NULL, 0, NULL, &solved, &error));
     CHECK_OK(anyface_weights_copy(solved, found, 2, &error));
     CHECK(fabsf(found[0] - 0.5f) < 3e-3f && fabsf(found[1] - 0.25f) < 3e-3f);
     CHECK(anyface_weights_left_out(solved) < 0.01f && anyface_weights_left_out(NULL) == 0.0f);
@@ -91,12 +91,12 @@ static void weights(void) {
     anyface_weights_free(solved);
     anyface_weights_free(NULL);
     solved = MARK(AnyfaceWeights);
-    CHECK_FAILS(anyface_weights_new(NULL, shapes, 2, motion, 1, 2, NULL, &solved, &error),
+    CHECK_FAILS(anyface_weights_new(NULL, shapes, 2, motion, 1, 2, NULL, 0, NULL, &solved, &error),
                 ANYFACE_STATUS_NULL_POINTER, "names");
-    CHECK_FAILS(anyface_weights_new(names, shapes, 2, NULL, 1, 2, NULL, &solved, &error),
+    CHECK_FAILS(anyface_weights_new(names, shapes, 2, NULL, 1, 2, NULL, 0, NULL, &solved, &error),
                 ANYFACE_STATUS_NULL_POINTER, "displacements");
     motion[0] = NAN;
-    CHECK_FAILS(anyface_weights_new(names, shapes, 2, motion, 1, 2, NULL, &solved, &error),
+    CHECK_FAILS(anyface_weights_new(names, shapes, 2, motion, 1, 2, NULL, 0, NULL, &solved, &error),
                 ANYFACE_STATUS_INVALID_INPUT, "finite");
     CHECK(solved == MARK(AnyfaceWeights));
 }

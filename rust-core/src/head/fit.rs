@@ -2,8 +2,8 @@
 //!
 //! Gauss-Newton on robust distances under the prior N(0, 1) of the coefficients, with the 68 landmarks as a
 //! start and as a guide. Points of a face at rest are brought to the canonical pose by the backward field; how
-//! the distance changes with a coefficient comes from differences of the way to the mean head. Twin of
-//! `training/systems/facetalk/fit_codes.py`, which has no pose and no alignment to find.
+//! the distance changes with a coefficient comes from the chain rule. Twin of
+//! `training/systems/facetalk/fit_codes.py`, which takes differences and has no pose and no alignment to find.
 
 use faer::{Mat, Side, linalg::solvers::Solve};
 use rand_chacha::{
@@ -13,11 +13,12 @@ use rand_chacha::{
 use rayon::prelude::*;
 use serde::Serialize;
 
-use super::{COEFFICIENTS, Head, OneHead};
+use super::{COEFFICIENTS, Head, OneHead, identity::slopes::IdentitySlopes};
 use crate::{
     Error, Result,
     job::{ProgressFn, report},
     mesh::{Landmarks, Similarity, align_to_canonical, ibug::LANDMARKS},
+    nn::matrix,
 };
 
 /// How far points and landmarks may well lie from a head of the model.
@@ -27,8 +28,9 @@ const LANDMARK_M: f32 = 3e-3;
 const POINT_SHARE: f32 = 0.05;
 /// Points farther off than this count less and less (Cauchy).
 const ROBUST_M: f32 = 3e-3;
-const DIFFERENCE: f32 = 0.05;
 const DAMPING: f64 = 0.1;
+/// Points whose slopes are computed at a time.
+const TOGETHER: usize = 100;
 /// Points beyond this from every landmark are no face: hair, neck and shoulders.
 const FACE_M: f32 = 0.035;
 const LEAST_POINTS: usize = 300;
@@ -118,6 +120,7 @@ impl Head {
         }
         let mut random = ChaCha8Rng::seed_from_u64(options.seed);
         let mut coefficients = vec![0.0; COEFFICIENTS];
+        let slopes = IdentitySlopes::new(&self.identity);
         for step in 0..=options.steps {
             report(progress, "fit", step as f32 / (options.steps + 1) as f32)?;
             // The first step knows landmarks alone.
@@ -129,7 +132,7 @@ impl Head {
             let some: Vec<[f32; 3]> = (0..count)
                 .map(|_| face[(random.next_u64() % face.len() as u64) as usize])
                 .collect();
-            self.step(&mut coefficients, &mut to_head, &some, landmarks)?;
+            self.step(&slopes, &mut coefficients, &mut to_head, &some, landmarks)?;
         }
         report(progress, "fit", 1.0)?;
         let mut off = self.rest_distances(
@@ -174,6 +177,7 @@ impl Head {
     /// One step of Gauss-Newton, in place.
     fn step(
         &self,
+        slopes: &IdentitySlopes,
         coefficients: &mut [f32],
         to_head: &mut Similarity,
         points: &[[f32; 3]],
@@ -184,16 +188,12 @@ impl Head {
         let mut system = System::new(coefficients);
         let marks = landmarks.positions.map(|p| to_head.apply(p));
         let places = one.posed(&rest)?.forward(&one.landmarks());
-        let heads = self.heads_beside(coefficients)?;
-        let moved: Vec<Vec<[f32; 3]>> = heads.iter().map(OneHead::landmarks).collect();
-        let here = one.landmarks();
+        let moved = self.landmark_slopes();
         for n in 0..LANDMARKS {
             let sure = landmarks.confidence[n].max(0.05) / LANDMARK_M;
             let turned = motion_of(marks[n]);
             for axis in 0..3 {
-                let of_code = moved
-                    .iter()
-                    .map(|m| (m[n][axis] - here[n][axis]) / DIFFERENCE);
+                let of_code = moved.chunks_exact(3 * LANDMARKS).map(|m| m[3 * n + axis]);
                 let of_place = turned.iter().map(|t| -t[axis]);
                 let row: Vec<f32> = of_code.chain(of_place).map(|x| x * sure).collect();
                 system.add(&row, (places[n][axis] - marks[n][axis]) * sure);
@@ -202,28 +202,18 @@ impl Head {
         if !points.is_empty() {
             let places: Vec<[f32; 3]> = points.iter().map(|p| to_head.apply(*p)).collect();
             let canonical = one.posed(&rest)?.backward(&places);
-            let distance = one.distance(&canonical);
-            let slopes = one.gradient(&canonical);
-            let on_mean = one.on_mean(&canonical);
-            // The template's slope where the point lies on the mean head.
-            let of_template = self.template_slopes(&on_mean);
-            let moved: Vec<Vec<[f32; 3]>> = heads
-                .par_iter()
-                .map(|head| head.on_mean(&canonical))
+            let blocks: Vec<PointSlopes> = canonical
+                .par_chunks(TOGETHER)
+                .map(|points| one.point_slopes(slopes, points))
                 .collect();
-            for n in 0..points.len() {
-                let share = POINT_SHARE / (1.0 + (distance[n] / ROBUST_M).powi(2));
+            let rows = blocks.iter().flat_map(PointSlopes::rows);
+            for (place, (distance, slope, of_code)) in places.iter().zip(rows) {
+                let share = POINT_SHARE / (1.0 + (distance / ROBUST_M).powi(2));
                 let sure = share.sqrt() / DISTANCE_M;
-                let of_code = moved.iter().map(|m| {
-                    let way: f32 = (0..3)
-                        .map(|a| of_template[n][a] * (m[n][a] - on_mean[n][a]))
-                        .sum();
-                    way / DIFFERENCE
-                });
-                let of_place =
-                    motion_of(places[n]).map(|t| (0..3).map(|a| slopes[n][a] * t[a]).sum());
-                let row: Vec<f32> = of_code.chain(of_place).map(|x: f32| x * sure).collect();
-                system.add(&row, distance[n] * sure);
+                let of_place = motion_of(*place).map(|t| (0..3).map(|a| slope[a] * t[a]).sum());
+                let row = of_code.iter().copied().chain(of_place);
+                let row: Vec<f32> = row.map(|x: f32| x * sure).collect();
+                system.add(&row, distance * sure);
             }
         }
         let way = system.solved()?;
@@ -232,15 +222,55 @@ impl Head {
         Ok(())
     }
 
-    /// The heads a small way along each coefficient.
-    fn heads_beside(&self, coefficients: &[f32]) -> Result<Vec<OneHead<'_>>> {
-        (0..COEFFICIENTS)
-            .map(|n| {
-                let mut beside = coefficients.to_vec();
-                beside[n] += DIFFERENCE;
-                self.one(self.identity_code(&beside)?)
-            })
-            .collect()
+    /// How far the landmarks move in the canonical pose with each coefficient, metres, `[100, 68 · 3]`.
+    fn landmark_slopes(&self) -> Vec<f32> {
+        let own = self.identity_code.weight();
+        let own = own.subcols(0, self.config.global_code);
+        let mut out = vec![0.0; COEFFICIENTS * 3 * LANDMARKS];
+        let to = matrix::view_mut(&mut out, 3 * LANDMARKS);
+        matrix::product(to, own, self.identity.landmarks());
+        out.iter_mut().for_each(|x| *x *= self.config.scale_m);
+        out
+    }
+}
+
+/// Distances of points and how they change, metres.
+pub(super) struct PointSlopes {
+    /// `[Q]`.
+    pub(super) distance: Vec<f32>,
+    /// With the point, `[Q]`.
+    pub(super) place: Vec<[f32; 3]>,
+    /// With the coefficients, `[Q, 100]`.
+    pub(super) coefficients: Vec<f32>,
+}
+
+impl PointSlopes {
+    /// The three of each point.
+    fn rows(&self) -> impl Iterator<Item = (f32, [f32; 3], &[f32])> {
+        let places = self
+            .distance
+            .iter()
+            .copied()
+            .zip(self.place.iter().copied());
+        let both = places.zip(self.coefficients.chunks_exact(COEFFICIENTS));
+        both.map(|((distance, place), code)| (distance, place, code))
+    }
+}
+
+impl OneHead<'_> {
+    /// At canonical points `[Q]`, on the calling thread.
+    pub(super) fn point_slopes(&self, slopes: &IdentitySlopes, points: &[[f32; 3]]) -> PointSlopes {
+        let field = slopes.at(&self.field, &self.inside(points));
+        let of_code = matrix::rows_of(&field.code, self.head.config.identity_code());
+        let mut coefficients = vec![0.0; points.len() * COEFFICIENTS];
+        let to = matrix::view_mut(&mut coefficients, COEFFICIENTS);
+        let code = self.head.identity_code.weight().transpose();
+        matrix::scaled_product(to, self.metres(), of_code, code);
+        PointSlopes {
+            distance: field.distance.iter().map(|s| s * self.metres()).collect(),
+            place: field.place,
+            coefficients,
+        }
     }
 }
 

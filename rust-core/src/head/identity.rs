@@ -4,6 +4,9 @@
 //! Anchors, frames, mirrored pairs and blend of NPHM (Giebenhain et al. 2023, §3.2); twin of
 //! `training/systems/facetalk/identity.py`. A point asks only the networks whose blend weight is not zero.
 
+pub(super) mod slopes;
+
+use faer::MatRef;
 use ndarray::Array1;
 
 use super::{
@@ -67,9 +70,9 @@ impl Identity {
         })
     }
 
-    /// Distance to the mean head at encoded places.
-    pub fn template(&self, seen: &[f32], points: usize) -> Vec<f32> {
-        self.template.forward(seen, points)
+    /// How landmarks follow the code's own part, units of the field, `[G, 68 · 3]`.
+    pub fn landmarks(&self) -> MatRef<'_, f32> {
+        self.landmarks.weight()
     }
 
     /// The field of the head of `z` `[Z]`.
@@ -139,12 +142,7 @@ impl IdentityField<'_> {
             } else {
                 1.0
             };
-            let mut frame = Vec::with_capacity(3 * rows.len());
-            for row in &rows {
-                let [x, y, z] = self.in_frame(number, points[*row]);
-                frame.extend([side * x, y, z]);
-            }
-            let made = local.forward(&frame, rows.len());
+            let made = local.forward(&self.framed(number, points, &rows, side), rows.len());
             for (row, [x, y, z]) in rows.into_iter().zip(made.as_chunks::<3>().0) {
                 let weight = weights[row * columns + number];
                 for (to, x) in places[row].iter_mut().zip([side * x, *y, *z]) {
@@ -158,7 +156,17 @@ impl IdentityField<'_> {
     /// Signed distance, negative inside, at points `[Q]`.
     pub fn at(&self, points: &[[f32; 3]]) -> Vec<f32> {
         let seen = encode(&self.on_mean(points), self.config.octaves);
-        self.identity.template(&seen, points.len())
+        self.identity.template.forward(&seen, points.len())
+    }
+
+    /// Some points as the network at an anchor sees them.
+    fn framed(&self, anchor: usize, points: &[[f32; 3]], rows: &[usize], side: f32) -> Vec<f32> {
+        let mut frame = Vec::with_capacity(3 * rows.len());
+        for row in rows {
+            let [x, y, z] = self.in_frame(anchor, points[*row]);
+            frame.extend([side * x, y, z]);
+        }
+        frame
     }
 
     fn in_frame(&self, anchor: usize, x: [f32; 3]) -> [f32; 3] {
@@ -168,18 +176,24 @@ impl IdentityField<'_> {
         }
     }
 
-    /// Weights of anchors and background, `[Q, A + 1]`; each row sums to 1.
-    fn blend(&self, points: &[[f32; 3]]) -> Vec<f32> {
+    /// How near points are to anchors and background before the shares are made of it, `[Q, A + 1]`.
+    fn closeness(&self, points: &[[f32; 3]]) -> Vec<f32> {
         let sharpness = -0.5 / (self.config.sigma * self.config.sigma);
-        let mut weights = Vec::with_capacity(points.len() * self.locals.len());
+        let mut out = Vec::with_capacity(points.len() * self.locals.len());
         for x in points {
-            let first = weights.len();
-            weights.extend(self.anchors.iter().map(|anchor| {
+            out.extend(self.anchors.iter().map(|anchor| {
                 let squares: f32 = (0..3).map(|axis| (x[axis] - anchor[axis]).powi(2)).sum();
                 sharpness * squares
             }));
-            weights.push(sharpness * self.config.background);
-            let row = &mut weights[first..];
+            out.push(sharpness * self.config.background);
+        }
+        out
+    }
+
+    /// Weights of anchors and background, `[Q, A + 1]`; each row sums to 1.
+    fn blend(&self, points: &[[f32; 3]]) -> Vec<f32> {
+        let mut weights = self.closeness(points);
+        for row in weights.chunks_exact_mut(self.locals.len()) {
             softmax(row);
             let mut sum = 0.0;
             for weight in row.iter_mut() {

@@ -165,20 +165,6 @@ impl Head {
             .expect("as many weights as there are channels")
     }
 
-    /// Gradient of the mean head's distance at places `[Q]` on it.
-    fn template_slopes(&self, places: &[[f32; 3]]) -> Vec<[f32; 3]> {
-        let metres = self.config.scale_m;
-        slopes(places, |points| {
-            in_blocks(points, |points| {
-                let inside: Vec<[f32; 3]> = points.iter().map(|p| p.map(|x| x / metres)).collect();
-                let seen = encode(&inside, self.config.octaves);
-                let mut distance = self.identity.template(&seen, points.len());
-                distance.iter_mut().for_each(|s| *s *= metres);
-                distance
-            })
-        })
-    }
-
     fn prepared<'a>(
         &self,
         field: &'a Deformation,

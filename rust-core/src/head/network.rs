@@ -3,6 +3,8 @@
 //! Twin of `training/systems/facetalk/network.py`. What a code contributes is the same for all points of a
 //! head (or a frame), so it is computed once for each.
 
+pub(super) mod slopes;
+
 use std::f32::consts::PI;
 
 use ndarray::{Array2, ArrayView1};

@@ -1,4 +1,4 @@
-use super::*;
+use super::{identity::slopes::IdentitySlopes, *};
 use crate::mesh::Mesh;
 use crate::{
     job::SILENT,
@@ -52,6 +52,47 @@ fn every_part_equals_its_twin() {
     check("field", &posed.distance(&points));
     let mover = one.mover(points);
     check("posed", mover.at(&expression).unwrap().as_flattened());
+}
+
+/// By the chain rule against differences, at points about the surface where many networks act.
+#[test]
+fn slopes_of_the_field_are_those_of_differences() {
+    let field = head();
+    let numbers = Head::random(5);
+    let one = of_seed(5);
+    let points: Vec<[f32; 3]> = one
+        .landmarks()
+        .iter()
+        .enumerate()
+        .map(|(n, p)| {
+            let by = |axis: usize| 4e-3 * ((3 * n + axis) as f32).sin();
+            [p[0] + by(0), p[1] + by(1), p[2] + by(2)]
+        })
+        .collect();
+    let made = one.point_slopes(&IdentitySlopes::new(&field.identity), &points);
+    assert!(distance(&made.distance, &one.distance(&points)) < 1e-6);
+    let by_differences = one.gradient(&points);
+    let off = distance(made.place.as_flattened(), by_differences.as_flattened());
+    assert!(off < 0.02, "place: {off}");
+    const STEP: f32 = 0.02;
+    for number in [0, 1, 7, 31, 99] {
+        let beside = |by: f32| {
+            let mut numbers = numbers.clone();
+            numbers[number] += by;
+            let code = field.identity_code(&numbers).unwrap();
+            field.one(code).unwrap().distance(&points)
+        };
+        let (more, less) = (beside(STEP), beside(-STEP));
+        for (row, (more, less)) in more.iter().zip(&less).enumerate() {
+            let slope = made.coefficients[row * COEFFICIENTS + number];
+            let expected = (more - less) / (2.0 * STEP);
+            // A ten-thousandth of a millimetre a coefficient is what rounding leaves of a difference.
+            assert!(
+                (slope - expected).abs() < 1e-5 + 0.02 * expected.abs(),
+                "coefficient {number} at point {row}: {slope} for {expected}"
+            );
+        }
+    }
 }
 
 #[test]

@@ -103,6 +103,20 @@ pub fn silu_all(values: &mut [f32]) {
     );
 }
 
+/// `slopes` times that of SiLU at `x`, of equal length.
+pub fn silu_slopes(slopes: &mut [f32], x: &[f32]) {
+    assert_eq!(slopes.len(), x.len());
+    vectorised(
+        #[inline(always)]
+        || {
+            for (slope, x) in slopes.iter_mut().zip(x) {
+                let share = 1.0 / (1.0 + exp(-x));
+                *slope *= share * (1.0 + x * (1.0 - share));
+            }
+        },
+    );
+}
+
 /// `max(x, 0)` of every value, in place.
 pub fn relu_all(values: &mut [f32]) {
     vectorised(

@@ -71,6 +71,23 @@ impl Panels {
         }
     }
 
+    /// The matrix `[columns, depth]`, packed.
+    pub fn transposed(&self) -> Self {
+        let mut rows: Vec<f32> = vec![0.0; self.columns * self.depth];
+        for (column, row) in rows.chunks_exact_mut(self.depth.max(1)).enumerate() {
+            let (panel, place) = (column / PANEL, column % PANEL);
+            let packed = &self.rows[panel * self.depth..][..self.depth];
+            row.iter_mut()
+                .zip(packed)
+                .for_each(|(to, row)| *to = row.0[place]);
+        }
+        Panels::new(MatRef::from_row_major_slice(
+            &rows,
+            self.columns,
+            self.depth,
+        ))
+    }
+
     /// Number of columns.
     pub fn columns(&self) -> usize {
         self.columns
@@ -311,6 +328,20 @@ mod tests {
             for (index, got) in out.iter().enumerate() {
                 assert_eq!(*got, biased(index).max(0.0), "{size:?}");
             }
+        }
+    }
+
+    #[test]
+    fn a_transposed_matrix_multiplies_as_one_that_was_packed_so() {
+        for [rows, depth, columns] in SIZES {
+            let (lhs, rhs) = (numbers(rows * columns, 7), numbers(depth * columns, 5));
+            let matrix = MatRef::from_row_major_slice(&rhs, depth, columns);
+            let (mut out, mut expected) = (vec![0.0; rows * depth], vec![0.0; rows * depth]);
+            let transposed = Panels::new(matrix).transposed();
+            transposed.multiply(&lhs, Start::Zero, Finish::Plain, &mut out);
+            let packed = Panels::new(matrix.transpose());
+            packed.multiply(&lhs, Start::Zero, Finish::Plain, &mut expected);
+            assert_eq!(out, expected);
         }
     }
 

@@ -13,7 +13,7 @@ use crate::{
     deform::VertexClip,
     mesh::ibug::LANDMARKS,
     motion::{FaceModes, WeightClip},
-    spread::FrameBlock,
+    spread::{ClipStart, FrameBlock, FrameSink},
 };
 
 /// Writes the sample clip into any file.

@@ -7,6 +7,7 @@
 //! of vertices into weights. Where a parametric head is like the face, its field may move the skin instead.
 
 mod by_field;
+mod closures;
 mod decoded;
 mod lids;
 mod make;

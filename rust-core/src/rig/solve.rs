@@ -6,14 +6,14 @@
 //! ` + λ Σ_t Σ_s 2 g_s w_ts` with `0 ≤ w ≤ 1`
 //!
 //! `D` the shapes, `x_t` the displacements, `g_s = |d_s|²`, so that every term counts in the same
-//! unit. The motion enters only through `Dᵀ x_t`: one product a frame, after which the number of
+//! unit. Where lips meet their gap counts besides ([`super::closures`]). The motion enters only through `Dᵀ x_t`: one product a frame, after which the number of
 //! vertices no longer matters. The problem is strictly convex, so cyclic coordinate descent with
 //! clamping (Bertsekas 1999, §2.7) converges to its only minimum; there is no chance in it and
 //! nothing depends on the number of threads.
 
 use ndarray::{Array2, ArrayView3, Axis, aview1};
 
-use super::{mirrored_name, opposing};
+use super::{closures::Closures, mirrored_name, opposing};
 use crate::{
     Error, Result,
     face::Rig,
@@ -85,7 +85,8 @@ pub struct SolvedWeights {
 /// Solves for the weights of the first `shapes` shapes of `rig`.
 ///
 /// `displacements`: `[T, V, 3]`, of the same mesh and in the same units; motion of the whole head
-/// must have been taken out.
+/// must have been taken out. `lips`: `[N]` vertices of the upper and of the lower lip that meet, perhaps none: in frames
+/// that bring them together the shapes do so as well as they can.
 ///
 /// # Errors
 /// `ShapeMismatch` if the vertices differ in number, `InvalidInput` for motion that is not finite,
@@ -94,6 +95,7 @@ pub fn solve(
     rig: &Rig,
     shapes: usize,
     displacements: ArrayView3<'_, f32>,
+    lips: &[[u32; 2]],
     options: &SolveOptions,
     progress: ProgressFn<'_>,
 ) -> Result<SolvedWeights> {
@@ -107,11 +109,16 @@ pub fn solve(
             got: format!("[{frames}, {vertices}, {axes}]"),
         });
     }
+    if let Some(lip) = lips.iter().flatten().find(|lip| **lip as usize >= vertices) {
+        return Err(Error::InvalidInput(format!(
+            "lips: expected vertices below {vertices}, got {lip}"
+        )));
+    }
     let shapes = shapes.min(rig.names.len());
     report(progress, "solve", 0.0)?;
     let flat = |rows: usize| (rows, 3 * vertices);
-    let deltas = rig.deltas.slice(ndarray::s![..shapes, .., ..]);
-    let deltas = deltas
+    let shown = rig.deltas.slice(ndarray::s![..shapes, .., ..]);
+    let deltas = shown
         .to_shape(flat(shapes))
         .expect("row-major array")
         .into_owned();
@@ -147,7 +154,8 @@ pub fn solve(
              {frame}"
         )));
     }
-    let problem = Problem::new(gram, right, &rig.names[..shapes], options)?;
+    let closures = Closures::of(lips, shown, displacements, &gram);
+    let problem = Problem::new(gram, right, closures, &rig.names[..shapes], options)?;
     let weights = problem.solve(options.exclusive, progress)?;
     let solved = SolvedWeights {
         names: rig.names[..shapes].to_vec(),
@@ -204,6 +212,7 @@ struct Problem {
     matrix: Array2<f64>,
     /// `[T, S]`.
     right: Array2<f64>,
+    closures: Option<Closures>,
     /// `[S]`, `μ g_s`; zero shapes have none.
     memory: Vec<f64>,
     /// `[S]`, `λ g_s`.
@@ -219,6 +228,7 @@ impl Problem {
     fn new(
         mut gram: Array2<f64>,
         mut right: Array2<f64>,
+        mut closures: Option<Closures>,
         names: &[String],
         options: &SolveOptions,
     ) -> Result<Problem> {
@@ -231,6 +241,9 @@ impl Problem {
         }
         gram /= unit;
         right /= unit;
+        if let Some(closures) = &mut closures {
+            closures.divide(unit);
+        }
         let mut matrix = gram.clone();
         for s in 0..shapes {
             matrix[[s, s]] += options.ridge * gram[[s, s]];
@@ -243,6 +256,7 @@ impl Problem {
             }
         }
         Ok(Problem {
+            closures,
             price: gram.diag().iter().map(|g| options.sparsity * g).collect(),
             opposing: opposing::pairs(names, &gram),
             memory: gram.diag().iter().map(|g| options.smoothness * g).collect(),
@@ -310,6 +324,11 @@ impl Problem {
             let pull: f64 = row.iter().zip(&now).map(|(a, w)| a * w).sum();
             let mut gradient = pull - self.right[[t, s]] + self.price[s];
             let mut slope = row[s];
+            if let Some(closures) = &self.closures {
+                let (pull, own) = closures.pull(t, s, &now);
+                gradient += pull;
+                slope += own;
+            }
             let beside = [t.checked_sub(1), Some(t + 1).filter(|&n| n < frames)];
             for beside in beside.into_iter().flatten() {
                 gradient += self.memory[s] * (now[s] - weights[[beside, s]]);
@@ -405,7 +424,7 @@ mod tests {
             smoothness: 1e-4,
             ..SolveOptions::default()
         };
-        let got = solve(&rig, 52, play(&rig, &truth).view(), &options, SILENT).unwrap();
+        let got = solve(&rig, 52, play(&rig, &truth).view(), &[], &options, SILENT).unwrap();
         assert!(
             rms(&got.weights, &truth) < 0.02,
             "{}",
@@ -435,7 +454,7 @@ mod tests {
                 ridge: 0.0,
                 ..SolveOptions::default()
             };
-            solve(&rig, 52, moved.view(), &options, SILENT).unwrap()
+            solve(&rig, 52, moved.view(), &[], &options, SILENT).unwrap()
         };
         let got = ask(true);
         for t in 0..60 {
@@ -459,6 +478,7 @@ mod tests {
             &rig,
             52,
             play(&rig, &wild).view(),
+            &[],
             &SolveOptions::default(),
             SILENT,
         );
@@ -480,7 +500,7 @@ mod tests {
                 smoothness,
                 ..SolveOptions::default()
             };
-            let w = solve(&rig, 52, moved.view(), &options, SILENT)
+            let w = solve(&rig, 52, moved.view(), &[], &options, SILENT)
                 .unwrap()
                 .weights;
             let jumps = &w.slice(ndarray::s![1.., ..]) - &w.slice(ndarray::s![..-1, ..]);
@@ -504,7 +524,15 @@ mod tests {
         let mut truth = Array2::zeros((4, 52));
         truth.column_mut(left).fill(0.8);
         let moved = play(&rig, &truth);
-        let got = solve(&rig, 52, moved.view(), &SolveOptions::default(), SILENT).unwrap();
+        let got = solve(
+            &rig,
+            52,
+            moved.view(),
+            &[],
+            &SolveOptions::default(),
+            SILENT,
+        )
+        .unwrap();
         let (a, b) = (got.weights[[2, left]], got.weights[[2, right]]);
         assert!(
             (a - b).abs() < 5e-3 && (a + b - 0.8).abs() < 0.05,
@@ -516,9 +544,16 @@ mod tests {
     fn wrong_sizes_and_broken_numbers_are_named() {
         let rig = rig(100);
         let ask = |moved: Array3<f32>| {
-            solve(&rig, 52, moved.view(), &SolveOptions::default(), SILENT)
-                .unwrap_err()
-                .to_string()
+            solve(
+                &rig,
+                52,
+                moved.view(),
+                &[],
+                &SolveOptions::default(),
+                SILENT,
+            )
+            .unwrap_err()
+            .to_string()
         };
         let wrong = ask(Array3::zeros((2, 99, 3)));
         assert!(wrong.contains("100") && wrong.contains("99"), "{wrong}");
@@ -535,10 +570,74 @@ mod tests {
                 &still,
                 52,
                 Array3::zeros((1, 100, 3)).view(),
+                &[],
                 &options,
                 SILENT
             )
             .is_err()
         );
+    }
+
+    /// A jaw that opens with a smile beside it: five shapes that only open, and lips that meet in frames 8 to 11.
+    #[test]
+    fn lips_that_meet_meet_with_shapes_that_only_open() {
+        let (upper, lower, vertices) = (0usize, 1usize, 60usize);
+        let mut rng = ChaCha8Rng::seed_from_u64(5);
+        let deltas = Array3::from_shape_fn((5, vertices, 3), |(s, v, axis)| match (v, axis) {
+            (0, 1) => 0.1,
+            (1, 1) => -0.5 - 0.1 * s as f32,
+            _ => rng.random_range(-0.5..0.5f32),
+        });
+        let names = [
+            "jawOpen",
+            "mouthFunnel",
+            "mouthPucker",
+            "mouthShrugLower",
+            "mouthShrugUpper",
+        ];
+        let rig = Rig {
+            names: names.map(str::to_owned).to_vec(),
+            deltas,
+            reports: Vec::new(),
+        };
+        let closed = |t: usize| (8..12).contains(&t);
+        // What stays of the cheeks' motion where lips meet, which the shapes cannot show without parting them.
+        let truth = Array2::from_shape_fn((20, 5), |(t, s)| 0.3 + 0.04 * ((t + 3 * s) % 10) as f32);
+        let mut moved = play(&rig, &truth);
+        for t in (0..20).filter(|&t| closed(t)) {
+            moved.slice_mut(ndarray::s![t, ..2, ..]).fill(0.0);
+        }
+        let gaps = |lips: &[[u32; 2]]| -> Vec<f32> {
+            let options = SolveOptions::editable();
+            let got = solve(&rig, 5, moved.view(), lips, &options, SILENT).unwrap();
+            let shown = play(&rig, &got.weights);
+            (0..20)
+                .map(|t| shown[[t, upper, 1]] - shown[[t, lower, 1]])
+                .collect()
+        };
+        let (before, after) = (gaps(&[]), gaps(&[[0, 1]]));
+        let open = (0..20)
+            .filter(|&t| !closed(t))
+            .map(|t| after[t])
+            .fold(f32::MAX, f32::min);
+        for t in 8..12 {
+            assert!(before[t] > 0.3, "without lips: {}", before[t]);
+            assert!(after[t] < 0.1 * open, "frame {t}: {} of {open}", after[t]);
+        }
+        for t in (0..20).filter(|t| !(5..15).contains(t)) {
+            assert!(
+                (after[t] - before[t]).abs() < 0.02 * before[t],
+                "elsewhere nothing changes"
+            );
+        }
+        let beyond = solve(
+            &rig,
+            5,
+            moved.view(),
+            &[[0, 60]],
+            &SolveOptions::default(),
+            SILENT,
+        );
+        assert!(beyond.unwrap_err().to_string().contains("below 60, got 60"));
     }
 }

@@ -1,0 +1,236 @@
+//! How the canonical field changes with the point and with the code of the head, by the chain rule.
+
+use super::{Identity, IdentityField, is_mirrored, network_of};
+use crate::{
+    head::network::{
+        encode,
+        slopes::{NetworkSlopes, TemplateSlopes, Trace, through_encoding},
+    },
+    nn::elementwise::softmax,
+};
+
+/// The field's matrices as slopes need them.
+pub(in crate::head) struct IdentitySlopes {
+    locals: Vec<NetworkSlopes>,
+    template: TemplateSlopes,
+}
+
+/// The distance at points, in units of the field, and its slopes.
+pub(in crate::head) struct FieldSlopes {
+    /// `[Q]`.
+    pub distance: Vec<f32>,
+    /// With the point, `[Q]`.
+    pub place: Vec<[f32; 3]>,
+    /// With the code, `[Q, Z]`.
+    pub code: Vec<f32>,
+}
+
+/// A network's part in some points.
+struct Part {
+    number: usize,
+    side: f32,
+    rows: Vec<usize>,
+    trace: Trace,
+}
+
+impl IdentitySlopes {
+    pub fn new(identity: &Identity) -> Self {
+        IdentitySlopes {
+            locals: identity.locals.iter().map(NetworkSlopes::new).collect(),
+            template: TemplateSlopes::new(&identity.template),
+        }
+    }
+
+    /// At points `[Q]` of one head, on the calling thread.
+    pub fn at(&self, field: &IdentityField<'_>, points: &[[f32; 3]]) -> FieldSlopes {
+        let (config, identity, columns) = (field.config, field.identity, field.locals.len());
+        let blend = Blend::of(field, points);
+        let mut places = points.to_vec();
+        let mut parts = Vec::with_capacity(columns);
+        for (number, local) in field.locals.iter().enumerate() {
+            let rows: Vec<usize> = (0..points.len())
+                .filter(|row| blend.weights[row * columns + number] > 0.0)
+                .collect();
+            if rows.is_empty() {
+                continue;
+            }
+            let side = if is_mirrored(config, number) {
+                -1.0
+            } else {
+                1.0
+            };
+            let trace = local.trace(&field.framed(number, points, &rows, side), rows.len());
+            for (row, [x, y, z]) in rows.iter().zip(trace.out.as_chunks::<3>().0) {
+                let weight = blend.weights[row * columns + number];
+                for (to, x) in places[*row].iter_mut().zip([side * x, *y, *z]) {
+                    *to += weight * x;
+                }
+            }
+            parts.push(Part {
+                number,
+                side,
+                rows,
+                trace,
+            });
+        }
+        let seen = encode(&places, config.octaves);
+        let (distance, of_seen) = self.template.at(&identity.template, &seen, points.len());
+        let pull = through_encoding(&seen, &of_seen, config.octaves);
+        let mut out = FieldSlopes {
+            distance,
+            place: pull.clone(),
+            code: vec![0.0; points.len() * config.identity_code()],
+        };
+        let anchors = field.anchors.len();
+        let mut of_anchors = vec![[0.0; 3]; points.len() * anchors];
+        let mut of_weights = vec![0.0; points.len() * columns];
+        for part in &parts {
+            self.through(
+                part,
+                field,
+                &pull,
+                &blend.weights,
+                &mut of_weights,
+                &mut of_anchors,
+                &mut out,
+            );
+        }
+        blend.through(field, points, &of_weights, &mut of_anchors, &mut out.place);
+        let codes = config.identity_code();
+        let own = identity.landmarks.weight();
+        let marks = config.landmark_numbers();
+        for (code, anchors) in out
+            .code
+            .chunks_exact_mut(codes)
+            .zip(of_anchors.chunks_exact(anchors))
+        {
+            for (mark, slope) in marks.iter().zip(anchors) {
+                for (k, to) in code[..config.global_code].iter_mut().enumerate() {
+                    *to += (0..3)
+                        .map(|a| own[(k, 3 * mark + a)] * slope[a])
+                        .sum::<f32>();
+                }
+            }
+        }
+        out
+    }
+
+    /// Adds what one network brings to slopes; of the blend it notes how the number grows with the network's weight.
+    #[expect(clippy::too_many_arguments)]
+    fn through(
+        &self,
+        part: &Part,
+        field: &IdentityField<'_>,
+        pull: &[[f32; 3]],
+        weights: &[f32],
+        of_weights: &mut [f32],
+        of_anchors: &mut [[f32; 3]],
+        out: &mut FieldSlopes,
+    ) {
+        let (config, columns) = (field.config, field.locals.len());
+        let (number, side) = (part.number, part.side);
+        let mut pulls = Vec::with_capacity(3 * part.rows.len());
+        for (&row, made) in part.rows.iter().zip(part.trace.out.as_chunks::<3>().0) {
+            let [x, y, z] = pull[row];
+            let way = [side * x, y, z];
+            of_weights[row * columns + number] = (0..3).map(|a| way[a] * made[a]).sum();
+            pulls.extend(way.map(|g| weights[row * columns + number] * g));
+        }
+        let network = &self.locals[network_of(config, number)];
+        let slopes = network.slopes(&field.locals[number], &part.trace, &pulls);
+        let (global, codes) = (config.global_code, config.identity_code());
+        let anchors = field.anchors.len();
+        let scale = match number < anchors {
+            true => config.sigma.recip(),
+            false => config.background.sqrt().recip(),
+        };
+        let of_network = slopes.code.chunks_exact(global + config.local_code);
+        let rows = part.rows.iter().zip(slopes.inputs.as_chunks::<3>().0);
+        for ((&row, [x, y, z]), of_code) in rows.zip(of_network) {
+            let by = [side * x, *y, *z].map(|d| scale * d);
+            for axis in 0..3 {
+                out.place[row][axis] += by[axis];
+                if number < anchors {
+                    of_anchors[row * anchors + number][axis] -= by[axis];
+                }
+            }
+            let code = &mut out.code[row * codes..][..codes];
+            let (own, local) = code.split_at_mut(global);
+            for (k, to) in own.iter_mut().enumerate() {
+                let sign = if side < 0.0 {
+                    field.identity.mirror[k]
+                } else {
+                    1.0
+                };
+                *to += sign * of_code[k];
+            }
+            let local = &mut local[number * config.local_code..][..config.local_code];
+            local
+                .iter_mut()
+                .zip(&of_code[global..])
+                .for_each(|(to, x)| *to += x);
+        }
+    }
+}
+
+/// Weights of anchors and background, with what their slopes need; `[Q, A + 1]`.
+struct Blend {
+    shares: Vec<f32>,
+    weights: Vec<f32>,
+    /// By what the weights of a point were divided, `[Q]`.
+    sums: Vec<f32>,
+}
+
+impl Blend {
+    fn of(field: &IdentityField<'_>, points: &[[f32; 3]]) -> Blend {
+        let (columns, least) = (field.locals.len(), field.config.least_weight);
+        let mut shares = field.closeness(points);
+        shares.chunks_exact_mut(columns).for_each(softmax);
+        let mut weights: Vec<f32> = shares.iter().map(|p| (p - least).max(0.0)).collect();
+        let rows = weights.chunks_exact_mut(columns);
+        let sums = rows
+            .map(|row| {
+                let sum: f32 = row.iter().sum();
+                row.iter_mut().for_each(|w| *w /= sum);
+                sum
+            })
+            .collect();
+        Blend {
+            shares,
+            weights,
+            sums,
+        }
+    }
+
+    /// From slopes with the weights to those with anchors and points.
+    fn through(
+        &self,
+        field: &IdentityField<'_>,
+        points: &[[f32; 3]],
+        of_weights: &[f32],
+        of_anchors: &mut [[f32; 3]],
+        of_points: &mut [[f32; 3]],
+    ) {
+        let (columns, anchors) = (field.locals.len(), field.anchors.len());
+        let twice = field.config.sigma.powi(-2);
+        for (row, x) in points.iter().enumerate() {
+            let range = row * columns..(row + 1) * columns;
+            let (shares, weights) = (&self.shares[range.clone()], &self.weights[range.clone()]);
+            let of_weights = &of_weights[range];
+            let mean: f32 = weights.iter().zip(of_weights).map(|(w, d)| w * d).sum();
+            let of_share = |n: usize| match weights[n] > 0.0 {
+                true => (of_weights[n] - mean) / self.sums[row],
+                false => 0.0,
+            };
+            let all: f32 = (0..columns).map(|n| shares[n] * of_share(n)).sum();
+            for (n, anchor) in field.anchors.iter().enumerate() {
+                let by = twice * shares[n] * (of_share(n) - all);
+                for axis in 0..3 {
+                    let way = by * (x[axis] - anchor[axis]);
+                    of_anchors[row * anchors + n][axis] += way;
+                    of_points[row][axis] -= way;
+                }
+            }
+        }
+    }
+}
