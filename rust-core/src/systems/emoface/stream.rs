@@ -255,8 +255,11 @@ mod tests {
         systems::{System, emoface::EmoFace},
     };
 
+    /// One that every sound moves: the syllables need be no voice.
     fn stream() -> Box<dyn MotionStream> {
-        EmoFace::open(None).unwrap().stream().unwrap()
+        let mut stream = EmoFace::open(None).unwrap().stream().unwrap();
+        stream.hear_all();
+        stream
     }
 
     /// Syllables with a pitch that falls.

@@ -22,11 +22,14 @@ fn closures() -> Arc<CausalModel> {
     Arc::new(CausalModel::load(&files.weights, &files.config, CLOSURE_DIMS).unwrap())
 }
 
+/// One that every sound moves: the hum is no voice.
 fn of(model: &Arc<CausalModel>) -> CausalStream {
     let (expressions, modes) = (Expressions::open(None), FaceModes::open(None));
     let (expressions, modes) = (Arc::new(expressions.unwrap()), Arc::new(modes.unwrap()));
     let expression = CausalExpression::new(expressions, modes, model.config().fps).unwrap();
-    CausalStream::new(Arc::clone(model), closures(), expression)
+    let mut stream = CausalStream::new(Arc::clone(model), closures(), expression);
+    stream.hear_all();
+    stream
 }
 
 /// A voice-like sound that swells and fades.
