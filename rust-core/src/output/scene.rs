@@ -18,6 +18,15 @@ pub(super) struct Scene<'a> {
     pub sound: Option<&'a str>,
 }
 
+/// Whether the mesh's axis nearest to the face's way up is z, as in many programs of modelling, and not y.
+///
+/// # Errors
+/// Those of [`hinges`].
+pub(super) fn is_z_up(scene: &Scene<'_>) -> Result<bool> {
+    let [_, y, z] = hinges(scene)?.rotate([0.0, 1.0, 0.0]);
+    Ok(z.abs() > y.abs())
+}
+
 /// From canonical axes, whose origin lies between the jaw's hinges, to the mesh.
 ///
 /// # Errors

@@ -8,10 +8,10 @@ use std::{
     path::Path,
 };
 
-use glam::{Quat, Vec3};
+use glam::Quat;
 
 use super::{
-    scene::{Scene, hinges},
+    scene::{Scene, hinges, is_z_up},
     targets::Targets,
 };
 use crate::{Error, Result};
@@ -38,7 +38,7 @@ struct Joint {
     place: [f32; 3],
     /// `[T]`
     turns: Vec<Quat>,
-    /// `Y` or `Z`: the axis of the mesh that is nearest to the face's way up.
+    /// `Y` or `Z`.
     up: char,
 }
 
@@ -51,11 +51,10 @@ impl Joint {
         let turns = scene
             .life
             .map(|life| life.head.outer_iter().map(turn).collect());
-        let up = Vec3::from(to_mesh.rotate([0.0, 1.0, 0.0]));
         Ok(Joint {
             place: to_mesh.apply([0.0; 3]),
             turns: turns.unwrap_or_default(),
-            up: if up.z.abs() > up.y.abs() { 'Z' } else { 'Y' },
+            up: if is_z_up(scene)? { 'Z' } else { 'Y' },
         })
     }
 }

@@ -8,7 +8,10 @@ use super::{
 };
 use crate::{
     Result,
-    output::{scene::Scene, targets::Targets},
+    output::{
+        scene::{Scene, is_z_up},
+        targets::Targets,
+    },
 };
 
 /// The document and its bytes.
@@ -55,6 +58,14 @@ pub(super) fn document(scene: &Scene<'_>, targets: &Targets) -> Result<(Value, V
             node: root,
             path: "rotation",
         });
+    }
+    if is_z_up(scene)? {
+        // The format's way up is y.
+        let half = std::f32::consts::FRAC_1_SQRT_2;
+        nodes.push(
+            json!({"name": "Upright", "rotation": [-half, 0.0, 0.0, half], "children": [root]}),
+        );
+        root = nodes.len() - 1;
     }
     let (bytes, views, accessors) = buffer.finish();
     let mut document = json!({

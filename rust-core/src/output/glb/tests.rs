@@ -42,12 +42,22 @@ fn nodding() -> Life {
 }
 
 fn write(path: &Path, mesh: &Mesh, source: &[u8], life: Option<&Life>) -> Result<Array3<f32>> {
+    write_with(canonical_landmarks(), path, mesh, source, life)
+}
+
+fn write_with(
+    landmarks: &[[f32; 3]; 68],
+    path: &Path,
+    mesh: &Mesh,
+    source: &[u8],
+    life: Option<&Life>,
+) -> Result<Array3<f32>> {
     let displacements = swing(mesh.positions.len());
     let mut file = ClipFile::new(path)?.of_file(source).with_sound("hello.wav");
     life.into_iter().for_each(|life| file.add_life(life));
     file.begin(&ClipStart {
         mesh,
-        landmarks: canonical_landmarks(),
+        landmarks,
         frames: FRAMES,
         fps: FPS,
     })?;
@@ -196,6 +206,31 @@ fn the_head_is_a_node_that_turns() {
     assert_eq!(turns.len(), FRAMES);
     let last = 2.0 * turns[FRAMES - 1][0].asin();
     assert!((last - 0.5).abs() < 1e-4, "{turns:?}");
+}
+
+#[test]
+fn a_mesh_whose_way_up_is_z_stands_upright() {
+    let folder = tempfile::tempdir().unwrap();
+    let path = folder.path().join("talk.glb");
+    let (mesh, turn) = (strip(), |[x, y, z]: [f32; 3]| [x, -z, y]);
+    let mut turned = mesh.clone();
+    turned.positions.iter_mut().for_each(|p| *p = turn(*p));
+    let landmarks = canonical_landmarks().map(turn);
+    write_with(&landmarks, &path, &turned, b"", Some(&nodding())).unwrap();
+    let displacements = swing(mesh.positions.len());
+    let moved = |t: usize, v: usize| {
+        let [x, y, z] = [0, 1, 2].map(|i| displacements[[t, v, i]]);
+        [x, z, -y]
+    };
+    for (t, frame) in places(&path).iter().enumerate() {
+        for (v, place) in frame.iter().enumerate() {
+            let expected = glam::Vec3::from(mesh.positions[v]) + glam::Vec3::from(moved(t, v));
+            assert!(
+                expected.distance((*place).into()) < NEAR,
+                "frame {t}, vertex {v}: {place:?}"
+            );
+        }
+    }
 }
 
 /// The strip in two primitives of one mesh, ten times as large under a node that shrinks and turns it, with a material and a target
