@@ -1,10 +1,10 @@
 //! `anyface animate`: speech and a mesh to vertex displacements.
 
-use std::{fs::File, io, path::PathBuf};
+use std::path::PathBuf;
 
 use anyface::{
-    Engine, Error, Face, Result,
-    job::{Place, ProgressFn, write_atomically},
+    Engine, Face, Result,
+    job::{InputKind, Place, ProgressFn, copy_file},
     mesh::{Mesh, Mouth},
     output::{ClipFile, Format, Report},
     speech::frames_of,
@@ -93,10 +93,10 @@ impl Animate {
             };
             let frames = frames_of(heard_s, request.fps);
             let vertices = mesh.positions.len();
-            let kept = match self.sound_of_scene() {
+            let kept = match Format::from_path(&self.out)?.is_scene() {
                 // Shapes are made of all frames, and of two copies of them.
-                Some(_) => 3 * frames_of(duration_s, request.fps),
-                None => self.layers.kept(frames, &mesh),
+                true => 3 * frames_of(duration_s, request.fps),
+                false => self.layers.kept(frames, &mesh),
             };
             note_memory(&mut report, &engine, vertices, kept, heard_s)?;
         }
@@ -180,9 +180,10 @@ impl Animate {
         clip_file(&self.out, mesh, self.sound_of_scene().as_deref())
     }
 
-    /// The sound beside a scene, which has none itself.
+    /// The sound beside a scene, which has none itself; none of a pipe, which is read once.
     fn sound_of_scene(&self) -> Option<PathBuf> {
         let is_scene = Format::from_path(&self.out).is_ok_and(Format::is_scene);
+        let is_scene = is_scene && self.audio.is_file();
         let ending = self.audio.extension().unwrap_or_default();
         is_scene.then(|| self.out.with_extension(ending))
     }
@@ -194,11 +195,10 @@ impl Animate {
     }
 
     fn copy_sound(&self) -> Result<()> {
-        let Some(path) = self.sound_copy() else {
-            return Ok(());
-        };
-        let mut sound = File::open(&self.audio).map_err(Error::io(&*self.audio))?;
-        write_atomically(&path, |file| io::copy(&mut sound, file).map(drop))
+        match self.sound_copy() {
+            Some(path) => copy_file(&self.audio, InputKind::Sound, &path),
+            None => Ok(()),
+        }
     }
 
     /// The same face with lips that part; its mesh is written beside the result.

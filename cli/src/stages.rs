@@ -160,7 +160,8 @@ impl<S: FrameSink> FrameSink for TimedSink<S> {
 pub fn clip_file(out: &Path, mesh: Option<&Path>, sound: Option<&Path>) -> Result<ClipFile> {
     let mut file = ClipFile::new(out)?;
     let is_scene = Format::from_path(out)?.is_scene();
-    if let Some(mesh) = mesh.filter(|_| is_scene) {
+    // A pipe is read once.
+    if let Some(mesh) = mesh.filter(|path| is_scene && path.is_file()) {
         file = file.of_file(&read_file(mesh, InputKind::Mesh)?);
     }
     let name = sound.and_then(Path::file_name);

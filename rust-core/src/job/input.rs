@@ -11,7 +11,7 @@ use std::{
     time::Duration,
 };
 
-use super::atomic::is_cancelled;
+use super::atomic::{is_cancelled, write_atomically};
 use crate::{Error, Result};
 
 /// How often a job that waits for a pipe looks whether it is cancelled.
@@ -166,6 +166,15 @@ pub fn read_file(path: &Path, kind: InputKind) -> Result<Vec<u8>> {
         true => Ok(bytes),
         false => Err(kind.too_large(path, most)),
     }
+}
+
+/// Copies a file; the copy is there whole or not at all.
+///
+/// # Errors
+/// Those of [`read_file`] and of [`super::write_atomically`].
+pub fn copy_file(from: &Path, kind: InputKind, to: &Path) -> Result<()> {
+    let mut file = Input::open(from, kind)?;
+    write_atomically(to, |copy| io::copy(&mut file, copy).map(drop))
 }
 
 /// The text of a file.

@@ -11,6 +11,6 @@ mod progress;
 pub(crate) use atomic::{Unfinished, UnfinishedFolder, create_folder};
 pub use atomic::{all_or_none, remove_unfinished, write_atomically, write_json};
 pub(crate) use input::Input;
-pub use input::{InputKind, read_file, read_text};
+pub use input::{InputKind, copy_file, read_file, read_text};
 pub use place::Place;
 pub use progress::{Progress, ProgressFn, SILENT, report};
