@@ -2067,6 +2067,13 @@ AnyfaceStatus anyface_weight_stream_set_emotion(AnyfaceWeightStream *stream,
 /// `anyface_weight_stream_set_emotion()` sets one.
 AnyfaceStatus anyface_weight_stream_hear_emotion(AnyfaceWeightStream *stream, AnyfaceError **error);
 
+/// Looks ahead by `seconds` at most from the first sound on: the face is sooner, and less sure of what it says. FreeTalk can
+/// look 0.19, 0.07 and 0 s ahead; without this a stream looks as far ahead as it can.
+/// Fails with `ANYFACE_STATUS_INVALID_INPUT` if no look-ahead of the system is so short, or after the first sound.
+AnyfaceStatus anyface_weight_stream_look_ahead(AnyfaceWeightStream *stream,
+                                               double seconds,
+                                               AnyfaceError **error);
+
 /// Lets every sound move the face from the next frame on, singing, music and noise too; before, speech alone does.
 AnyfaceStatus anyface_weight_stream_hear_all(AnyfaceWeightStream *stream,
                                              AnyfaceError **error);

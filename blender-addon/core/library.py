@@ -374,6 +374,7 @@ SIGNATURES = {
     "anyface_weight_stream_set_emotion": (c_int32, [_HANDLE, _FLOATS, _OUT]),
     "anyface_weight_stream_hear_emotion": (c_int32, [_HANDLE, _OUT]),
     "anyface_weight_stream_hear_all": (c_int32, [_HANDLE, _OUT]),
+    "anyface_weight_stream_look_ahead": (c_int32, [_HANDLE, c_double, _OUT]),
     "anyface_weight_stream_latency_s": (c_double, [_HANDLE]),
 }
 

@@ -96,6 +96,10 @@ class WeightStream:
         """Shows the emotion that is heard from now on, until `set_emotion` sets one."""
         self._call("hear_emotion")
 
+    def look_ahead(self, seconds: float) -> None:
+        """Looks ahead by at most so many seconds; before the first sound."""
+        self._call("look_ahead", seconds)
+
     def hear_all(self) -> None:
         """Lets every sound move the face from here on, music and noise too, not speech alone."""
         self._call("hear_all")

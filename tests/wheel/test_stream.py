@@ -51,7 +51,26 @@ def test_an_emotion_is_heard_as_it_comes(anyface):
         assert np.array_equal(one.shapes, other.shapes)
 
 
+@pytest.mark.parametrize("look_ahead, latency_s", [(0.19, 0.1925), (0.07, 0.0725), (0.0, 0.0)])
+def test_frames_come_sooner_with_less_look_ahead(anyface, look_ahead, latency_s):
+    voice = spoken()
+    with anyface.Stream(any_sound=True, look_ahead=look_ahead) as stream:
+        assert stream.latency_s == pytest.approx(latency_s)
+        stream.push(voice[: round((1.0 + latency_s) * RATE_HZ)])
+        # The frames of 0 to 1 s.
+        assert len(list(stream.frames())) == 26
+        jaw = stream.names[0].index("jawOpen")
+    whole = followed(anyface, [voice], look_ahead=look_ahead)
+    pieces = followed(anyface, np.split(voice, range(100, len(voice), 317)), look_ahead=look_ahead)
+    assert len(whole) == round(25 * len(voice) / RATE_HZ + 0.49)
+    assert max(frame.shapes[jaw] for frame in whole) > 0.1
+    for one, other in zip(whole, pieces, strict=True):
+        assert np.array_equal(one.shapes, other.shapes)
+
+
 def test_what_cannot_be_done_is_said(anyface):
+    with pytest.raises(anyface.AnyfaceError, match="look-ahead"):
+        anyface.Stream(look_ahead=-1.0)
     stream = anyface.Stream()
     with pytest.raises(anyface.AnyfaceError, match="finite"):
         stream.push([np.nan])

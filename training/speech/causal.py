@@ -9,11 +9,13 @@ not on where the sound was cut. Twin of `rust-core/src/speech/causal.rs`.
 """
 
 from dataclasses import dataclass, field
+from pathlib import Path
 
 import torch
 import torch.nn.functional as F
 from torch import Tensor, nn
 
+from training.nn.checkpoint import read_model
 from training.nn.config import Config
 from training.speech.compact import ACTIVE_RANGE, DEEPEST, QUIETEST_LEVEL, SCALE
 from training.speech.log_mel import BANDS, FLOOR, FRAME, HOP, SAMPLE_RATE_HZ, log_mel
@@ -70,6 +72,9 @@ class StreamConfig(Config):
     listen: list[Block] = field(default_factory=lambda: _blocks((1, 1), (1, 1), (1, 1), (3, 0)))
     perform: list[Block] = field(default_factory=lambda: _blocks((1, 0), (2, 0), (4, 0)))
     normaliser: Normaliser = field(default_factory=Normaliser)
+    sooner: list[int] = field(default_factory=list)
+    """Further heads, each with the frames by which it speaks sooner: it foretells the frame so many after the
+    one that the look-ahead is for."""
 
     def mel_ahead(self) -> int:
         """Mel frames after 4 t that frame t depends on."""
@@ -167,6 +172,20 @@ class CausalBlock(nn.Module):
         return x[:, : y.shape[1]] + self.mix(F.gelu(y))
 
 
+class SoonerHead(nn.Module):
+    """What comes some frames later, foretold from what was heard."""
+
+    def __init__(self, channels: int, outputs: int):
+        super().__init__()
+        self.block = CausalBlock(channels, Block(dilation=1, ahead=0))
+        self.norm = nn.LayerNorm(channels)
+        self.head = nn.Linear(channels, outputs)
+
+    def forward(self, x: Tensor) -> Tensor:
+        """[B, T, C] → [B, T, D] in deviations from the mean."""
+        return self.head(self.norm(self.block(x)))
+
+
 class StreamNet(nn.Module):
     """Normalised log-mel to `outputs` numbers, such as landmark displacements in metres."""
 
@@ -181,6 +200,7 @@ class StreamNet(nn.Module):
         self.perform = nn.ModuleList(CausalBlock(channels, block) for block in config.perform)
         self.norm = nn.LayerNorm(channels)
         self.head = nn.Linear(channels, dims)
+        self.sooner = nn.ModuleList(SoonerHead(channels, dims) for _ in config.sooner)
         self.register_buffer("mean", torch.zeros(dims))
         self.register_buffer("std", torch.ones(dims))
 
@@ -189,6 +209,10 @@ class StreamNet(nn.Module):
 
         R is `config.mel_rows(T)`: the look-ahead of the last frame included.
         """
+        return self.say(self.hear(mel))
+
+    def hear(self, mel: Tensor) -> Tensor:
+        """What all heads speak from, [B, T, C]; `mel` as in `forward`."""
         first = self.config.mel_rows(1)
         if mel.shape[1] < first or (mel.shape[1] - first) % MEL_PER_FRAME:
             raise ValueError(f"mel frames: expected {first} + {MEL_PER_FRAME} k, got {mel.shape[1]}")
@@ -202,7 +226,13 @@ class StreamNet(nn.Module):
             x = block(x)
         for block in self.perform:
             x = block(x)
-        return self.head(self.norm(x)) * self.std + self.mean
+        return x
+
+    def say(self, heard: Tensor, sooner: int | None = None) -> Tensor:
+        """What was heard to [B, T, D], by the further head of that number: its row t stands for frame
+        t + `config.sooner[sooner]`."""
+        said = self.head(self.norm(heard)) if sooner is None else self.sooner[sooner](heard)
+        return said * self.std + self.mean
 
 
 def pad_mel(mel: Tensor, rows: int) -> Tensor:
@@ -212,17 +242,40 @@ def pad_mel(mel: Tensor, rows: int) -> Tensor:
 
 
 @torch.no_grad()
-def perform(model: StreamNet, mel: Tensor, frames: int) -> Tensor:
-    """The offline causal result of one clip.
+def perform(model: StreamNet, mel: Tensor, frames: int, head: int | None = None) -> Tensor:
+    """The offline causal result of one clip, of the further head `head` if it is named.
 
-    `mel` [R, 64] raw log-mel of the sound with silence after it. Returns [T, D], T = `frames`.
+    `mel` [R, 64] raw log-mel of the sound with silence after it. Returns [T, D], T = `frames`. Silence
+    before the sound gives a further head its first frames.
     """
+    before = 0 if head is None else MEL_PER_FRAME * model.config.sooner[head]
+    return _say(model, F.pad(mel, (0, 0, before, 0), value=SILENT_MEL), frames, head)
+
+
+def _say(model: StreamNet, mel: Tensor, frames: int, head: int | None) -> Tensor:
     padded = pad_mel(mel, model.config.mel_rows(frames))[None]
-    return model(normalise_running(padded, model.config.normaliser))[0]
+    return model.say(model.hear(normalise_running(padded, model.config.normaliser)), head)[0]
 
 
-def speak(model: StreamNet, samples: Tensor, frames: int) -> Tensor:
-    """Samples [S] at 16 kHz → the first `frames` frames, [T, D]."""
-    rows = model.config.mel_rows(frames)
+def with_sooner(folder: Path, sooner: list[int]) -> StreamNet:
+    """A finished student that learns further heads; all else of it stays as it is."""
+    config, state = read_model(folder)
+    model = StreamNet(StreamConfig.from_json(config | {"sooner": sooner}))
+    model.load_state_dict(state, strict=False)
+    model.requires_grad_(False)
+    model.sooner.requires_grad_(True)
+    return model
+
+
+@torch.no_grad()
+def speak(model: StreamNet, samples: Tensor, frames: int, head: int | None = None) -> Tensor:
+    """Samples [S] at 16 kHz → the first `frames` frames, [T, D].
+
+    A further head hears silence first, for as long as it speaks sooner; none looks back from a frame.
+    """
+    config = model.config
+    sooner = 0 if head is None else MEL_PER_FRAME * HOP * config.sooner[head]
+    samples = F.pad(samples, (min(sooner, config.look_ahead_samples()), 0))
+    rows = config.mel_rows(frames)
     mel = log_mel(F.pad(samples, (0, max(HOP * rows - len(samples), 0))))
-    return perform(model, mel, frames)
+    return _say(model, mel, frames, head)

@@ -10,19 +10,30 @@ read-out of the compact encoder, which hears all of it. Speech, rooms, noises an
 """
 
 import argparse
+import copy
+from itertools import product
 from pathlib import Path
 
 import torch
 import torch.nn.functional as F
 from torch import Tensor
 
+from training import WEIGHTS
 from training.corpus.clip import MEL_PER_FRAME
 from training.corpus.lesson_windows import LessonBatch, LessonSampler
 from training.corpus.lessons import Lesson
 from training.nn.checkpoint import save
 from training.run import descend, seeded
 from training.speech import train_causal
-from training.speech.causal import StreamConfig, StreamNet, debug_config, normalise_running, pad_mel, perform
+from training.speech.causal import (
+    StreamConfig,
+    StreamNet,
+    debug_config,
+    normalise_running,
+    pad_mel,
+    perform,
+    with_sooner,
+)
 from training.speech.compact import SHIPPED_ENCODER, CompactEncoder, load_encoder
 from training.speech.train import start
 from training.speech.train_causal import EDGE, prepare, whole
@@ -36,17 +47,32 @@ OFFSET = 1.0
 """Taken off the logit after training, which that weight has raised by up to ln 5: with it lips are shut as
 often as those of the full model, 27 and 26 % of the frames of three voices; without it the mouth hardly
 opened."""
+CALIBRATION_CLIPS = 200
 
 
 def loss_of(model: StreamNet, encoder: CompactEncoder, batch: LessonBatch, frames: int):
     """Cross-entropy of closed lips, heavier where they are closed."""
     taught = encoder.closed(whole(encoder, batch.mel, frames))[:, EDGE:]
     mel = normalise_running(batch.mel, model.config.normaliser, batch.heard)
-    with torch.autocast("cpu", torch.bfloat16):
-        made = model(mel).float()[:, EDGE:frames, 0]
     weight = 1.0 + POSITIVE_WEIGHT * taught
-    loss = F.binary_cross_entropy_with_logits(made, taught, weight)
-    return loss, {"closed": loss.item()}
+    total, report = 0.0, {}
+    with torch.autocast("cpu", torch.bfloat16):
+        heard = model.hear(mel)
+        for name, head, sooner in heads_to_train(model):
+            # The teacher's first frames fall away: the row that stands for a frame lies before it.
+            said = model.say(heard, head).float()[:, EDGE - sooner : frames - sooner, 0]
+            loss = F.binary_cross_entropy_with_logits(
+                said, taught[:, : frames - EDGE], weight[:, : frames - EDGE]
+            )
+            total = total + loss
+            report[f"{name}closed"] = loss.item()
+    return total, report
+
+
+def heads_to_train(model: StreamNet) -> list[tuple[str, int | None, int]]:
+    """The main head, or the further ones where there are any: a word, the number, frames it is sooner by."""
+    further = [(f"{by} sooner ", number, by) for number, by in enumerate(model.config.sooner)]
+    return further or [("", None, 0)]
 
 
 def near(rows: Tensor) -> Tensor:
@@ -66,26 +92,46 @@ def validate(model: StreamNet, encoder: CompactEncoder, found: list[Lesson], cou
     clips."""
     model.eval()
     report = {}
-    for source in sorted({x.source for x in found if x.held_out}):
+    heads = heads_to_train(model)
+    for source, (name, head, _) in product(sorted({x.source for x in found if x.held_out}), heads):
         met = wrong = closures = own = 0
         for clip in [x for x in found if x.held_out and x.source == source][:count]:
             mel, frames = clip.mels[0].float(), len(clip.motion)
             rows = whole(encoder, pad_mel(mel, MEL_PER_FRAME * frames)[None], frames)
-            taught, made = encoder.closed(rows)[0], perform(model, mel, frames)[:, 0].sigmoid()
+            taught, made = encoder.closed(rows)[0], perform(model, mel, frames, head)[:, 0].sigmoid()
             of_teacher, of_student = runs(taught > CLOSED), runs(made > CLOSED)
             closures, own = closures + len(of_teacher), own + len(of_student)
             met += sum(bool((near(made)[run] > CLOSED).any()) for run in of_teacher)
             wrong += sum(not (near(taught)[run] > SURE).any() for run in of_student)
-        report |= {f"{source} met": met / max(closures, 1), f"{source} wrong": wrong / max(own, 1)}
+        shares = {"met": met / max(closures, 1), "wrong": wrong / max(own, 1)}
+        report |= {f"{source} {name}{key}": share for key, share in shares.items()}
     model.train()
     return report
 
 
 def new_model(arguments, found: list[Lesson]) -> StreamNet:
-    """A student that has heard nothing."""
+    """A student that has heard nothing; with `--sooner` a finished one."""
+    if arguments.sooner:
+        return with_sooner(arguments.finished, arguments.sooner)
     config = debug_config() if arguments.config == "debug" else StreamConfig(channels=arguments.channels)
     config.system, config.model, config.outputs = "freetalk", "live_closures", 1
     return StreamNet(prior_of(config, found))
+
+
+@torch.no_grad()
+def calibrate(model: StreamNet, found: list[Lesson]) -> None:
+    """Moves the further heads' logits so that each shuts lips as often as the main head does on training
+    clips: the less a head knows, the more the weight of closed frames has raised it."""
+    clips = [x for x in found if not x.held_out][:: max(len(found) // CALIBRATION_CLIPS, 1)]
+
+    def logits(head: int | None) -> Tensor:
+        rows = [perform(model, x.mels[0].float(), len(x.motion), head)[:, 0] for x in clips]
+        return torch.cat(rows)
+
+    least = torch.logit(torch.tensor(CLOSED))
+    shut = (logits(None) > least).float().mean()
+    for head, further in enumerate(model.sooner):
+        further.head.bias += least - torch.quantile(logits(head), 1.0 - shut)
 
 
 def train(arguments) -> Path:
@@ -102,8 +148,10 @@ def train(arguments) -> Path:
 
     def judge(averaged: StreamNet) -> dict[str, float]:
         averaged.mean.fill_(-OFFSET)
-        save(run.out / "stream.pt", averaged)
-        return validate(averaged, encoder, found, 4 if debug else 30)
+        finished = copy.deepcopy(averaged).eval()
+        calibrate(finished, found)
+        save(run.out / "stream.pt", finished)
+        return validate(finished, encoder, found, 4 if debug else 30)
 
     descend(arguments, run, lambda _: loss_of(model, encoder, sampler.batch(count, frames), frames), judge)
     return run.out / "stream.pt"
@@ -113,6 +161,9 @@ def parser() -> argparse.ArgumentParser:
     """Command line."""
     parser = train_causal.parser(__doc__, "runs/live_closures")
     parser.set_defaults(channels=64, steps=2500)
+    parser.add_argument("--sooner", type=int, nargs="*", default=[],
+                        help="frames: train a further head for each on --finished, which stays")  # fmt: skip
+    parser.add_argument("--finished", type=Path, default=WEIGHTS / "freetalk/live_closures")
     return parser
 
 

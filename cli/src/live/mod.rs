@@ -61,6 +61,10 @@ pub struct Live {
     /// Move the face by any sound, singing, music and noise too: else it rests where nobody speaks
     #[arg(long)]
     any_sound: bool,
+    /// Seconds of sound after a frame that it waits for, at most: 0.19, 0.07 or 0 with freetalk; with less the face is sooner, and
+    /// less sure of what it says
+    #[arg(long, value_name = "S", allow_negative_numbers = true)]
+    look_ahead: Option<f64>,
     #[command(flatten)]
     devices: DeviceArgs,
     /// Frames per second, interpolated where they are others than the stream's own, a frame of which later [default:
@@ -98,6 +102,9 @@ impl Live {
         let mut stream = shared.engine()?.weight_stream()?;
         if matches!(emotion, EmotionCurve::Auto) {
             stream.hear_emotion();
+        }
+        if let Some(seconds) = self.look_ahead {
+            stream.look_ahead(seconds)?;
         }
         if self.any_sound {
             stream.hear_all();

@@ -4,7 +4,7 @@ use ndarray::Array3;
 
 use super::LandmarkClip;
 use crate::{
-    Result,
+    Error, Result,
     audio::SAMPLE_RATE_HZ,
     conditions::{Emotion, EmotionCurve},
     job::{ProgressFn, report},
@@ -99,6 +99,18 @@ pub trait MotionStream: Send {
     /// Lets every sound move the face from here on, singing, music and noise too; before, speech alone does.
     fn hear_all(&mut self);
 
+    /// Looks ahead by `seconds` at most from the first sound on: the face is sooner, and less sure of what it says. Without
+    /// it a stream looks ahead as far as it can.
+    ///
+    /// # Errors
+    /// `InvalidInput` if no look-ahead of the system is so short, or after the first sound.
+    fn look_ahead(&mut self, seconds: f64) -> Result<()> {
+        match seconds >= self.latency_s() {
+            true => Ok(()),
+            false => Err(too_short(self.latency_s(), seconds)),
+        }
+    }
+
     /// Number of the frame that the next [`Self::pull`] returns.
     fn next_frame(&self) -> usize;
 
@@ -112,4 +124,11 @@ pub trait MotionStream: Send {
     fn drain(&mut self) -> Vec<LandmarkFrame> {
         std::iter::from_fn(|| self.pull()).collect()
     }
+}
+
+/// Refuses a look-ahead that is shorter than the least of a system.
+pub(crate) fn too_short(least_s: f64, seconds: f64) -> Error {
+    Error::InvalidInput(format!(
+        "look-ahead: expected {least_s} s or more of this system, got {seconds}"
+    ))
 }

@@ -53,6 +53,7 @@ pub use controls::{PERFORMANCE_CONTROLS, PerformanceControls};
 pub use effort::effort_gain;
 pub use expression::{CausalExpression, EmotionOrigin, Expressions, MODEL as EXPRESSIONS_MODEL};
 pub use face_modes::{FaceModes, MODEL as FACE_MODES_MODEL};
+pub(crate) use frame_stream::too_short;
 pub use frame_stream::{LandmarkFrame, MotionStream, stream_whole};
 pub use join::Pose;
 pub(crate) use join::{begin_in, begin_tongue_in};

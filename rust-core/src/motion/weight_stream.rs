@@ -202,6 +202,14 @@ impl WeightStream {
         }
     }
 
+    /// Looks ahead by `seconds` at most from the first sound on; see [`MotionStream::look_ahead`].
+    ///
+    /// # Errors
+    /// Those of [`MotionStream::look_ahead`].
+    pub fn look_ahead(&mut self, seconds: f64) -> Result<()> {
+        self.motion.look_ahead(seconds)
+    }
+
     /// Lets every sound move the face from here on, singing, music and noise too; before, speech alone does.
     pub fn hear_all(&mut self) {
         self.motion.hear_all();

@@ -24,6 +24,7 @@ use crate::{
     models::Weights,
     nn::{linear::Linear, norm::LayerNorm},
 };
+pub(crate) use config::seconds_of;
 pub use config::{Block, CausalConfig};
 use config::{DOWN_AHEAD, SAMPLES_PER_FRAME, STEM_AHEAD, STEM_TAPS, TAPS};
 use layers::{BlockState, CausalBlock, Halving, HalvingState, through};
@@ -45,8 +46,32 @@ pub struct CausalModel {
     perform: Vec<CausalBlock>,
     norm: LayerNorm,
     head: Linear,
+    sooner: Vec<SoonerHead>,
     mean: Vec<f32>,
     std: Vec<f32>,
+}
+
+/// What comes some frames later, foretold from what was heard.
+struct SoonerHead {
+    block: CausalBlock,
+    norm: LayerNorm,
+    head: Linear,
+}
+
+impl SoonerHead {
+    /// Looks at a row and the two before it.
+    const BLOCK: Block = Block {
+        dilation: 1,
+        ahead: 0,
+    };
+
+    fn load(weights: &Weights, channels: usize, outputs: usize) -> Result<Self> {
+        Ok(SoonerHead {
+            block: CausalBlock::load(&weights.pp("block"), channels, &Self::BLOCK)?,
+            norm: LayerNorm::load(&weights.pp("norm"), channels, EPSILON)?,
+            head: Linear::load(&weights.pp("head"), channels, outputs)?,
+        })
+    }
 }
 
 impl CausalModel {
@@ -73,6 +98,8 @@ impl CausalModel {
             blocks.iter().enumerate().map(block).collect()
         };
         let stem = [channels, config.bands, STEM_TAPS];
+        let sooner = weights.pp("sooner");
+        let sooner = |number| SoonerHead::load(&sooner.pp(number), channels, outputs);
         Ok(CausalModel {
             stem: Halving::load(&weights.pp("stem"), stem, STEM_AHEAD)?,
             fine: blocks("fine", &config.fine)?,
@@ -81,6 +108,9 @@ impl CausalModel {
             perform: blocks("perform", &config.perform)?,
             norm: LayerNorm::load(&weights.pp("norm"), channels, EPSILON)?,
             head: Linear::load(&weights.pp("head"), channels, outputs)?,
+            sooner: (0..config.sooner.len())
+                .map(sooner)
+                .collect::<Result<_>>()?,
             mean: weights.values("mean", &[outputs])?,
             std: weights.values("std", &[outputs])?,
             config,
@@ -103,6 +133,8 @@ pub struct CausalSpeech {
     down: HalvingState,
     listen: Vec<BlockState>,
     perform: Vec<BlockState>,
+    /// The further head that speaks, and what it remembers; none: the main one.
+    sooner: Option<(usize, BlockState)>,
     /// Seconds since somebody was last heard to speak.
     quiet_s: f64,
     /// From the start of the next mel frame on.
@@ -118,6 +150,13 @@ pub struct CausalSpeech {
 impl CausalSpeech {
     /// Before any sound.
     pub fn new(model: Arc<CausalModel>) -> Self {
+        Self::by(model, None)
+    }
+
+    /// The same whose rows are those of a further head, or of the main one.
+    pub fn by(model: Arc<CausalModel>, head: Option<usize>) -> Self {
+        // Silence before the sound, by which a head speaks sooner: its first row stands for the first frame.
+        let before = model.config.look_ahead_samples() - model.config.look_ahead_samples_of(head);
         let states = |blocks: &[CausalBlock]| blocks.iter().map(CausalBlock::state).collect();
         CausalSpeech {
             analyser: MelAnalyser::new(),
@@ -127,8 +166,9 @@ impl CausalSpeech {
             down: model.down.state(),
             listen: states(&model.listen),
             perform: states(&model.perform),
+            sooner: head.map(|number| (number, model.sooner[number].block.state())),
             quiet_s: f64::INFINITY,
-            samples: VecDeque::from([0.0; FRAME / 2]),
+            samples: VecDeque::from(vec![0.0; FRAME / 2 + before]),
             pushed: 0,
             next_row: 0,
             total: None,
@@ -211,6 +251,22 @@ impl CausalSpeech {
         &self.model.config
     }
 
+    /// The network.
+    pub fn model(&self) -> Arc<CausalModel> {
+        Arc::clone(&self.model)
+    }
+
+    /// Whether any sample was pushed.
+    pub fn has_heard(&self) -> bool {
+        self.pushed > 0
+    }
+
+    /// Samples after a frame's instant that its row waits for.
+    pub fn look_ahead_samples(&self) -> usize {
+        let head = self.sooner.as_ref().map(|(number, _)| *number);
+        self.model.config.look_ahead_samples_of(head)
+    }
+
     /// Raw log-mel of the next 10 ms.
     fn next_mel(&mut self, listener: &mut impl FnMut(&[f32; FRAME])) -> Option<[f32; BANDS]> {
         if self.samples.len() < FRAME {
@@ -242,8 +298,21 @@ impl CausalSpeech {
     fn say(&mut self) -> &[f32] {
         let model = &self.model;
         through(&model.perform, &mut self.perform, &mut self.row).expect("blocks that look back");
-        model.norm.forward_rows(&mut self.row);
-        model.head.forward_row(&self.row, &mut self.out);
+        let (norm, head) = match &mut self.sooner {
+            None => (&model.norm, &model.head),
+            Some((number, state)) => {
+                let SoonerHead { block, norm, head } = &model.sooner[*number];
+                through(
+                    std::slice::from_ref(block),
+                    std::slice::from_mut(state),
+                    &mut self.row,
+                )
+                .expect("a block that looks back");
+                (norm, head)
+            }
+        };
+        norm.forward_rows(&mut self.row);
+        head.forward_row(&self.row, &mut self.out);
         for ((x, std), mean) in self.out.iter_mut().zip(&model.std).zip(&model.mean) {
             *x = *x * std + mean;
         }

@@ -27,6 +27,7 @@ pub mod wav2vec2;
 pub mod whisper;
 mod whisper_mel;
 
+pub(crate) use causal::seconds_of;
 pub use causal::{CausalConfig, CausalModel, CausalSpeech};
 pub(crate) use closures::closure_share;
 pub use closures::{Contact, LipClosures};

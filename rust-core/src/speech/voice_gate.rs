@@ -77,6 +77,11 @@ impl VoiceGate {
         }
     }
 
+    /// Waits for so many samples after a frame's instant from the first frame on.
+    pub fn wait_for(&mut self, ahead: usize) {
+        self.ahead = ahead;
+    }
+
     /// Stays open from now on.
     pub fn hear_all(&mut self) {
         self.hears_all = true;

@@ -14,12 +14,14 @@ from training.speech.log_mel import HOP, log_mel
 
 @torch.no_grad()
 def write(out: Path, shared: Path) -> Path:
-    """`weights.*`, `input` [S] → `normalised` [R, 64], `output` [T, 3N] metres.
+    """`weights.*`, `input` [S] → `normalised` [R, 64], `output` [T, 3N] metres; `sooner_0` and `sooner_1`
+    the same by the further heads.
 
     `shared` is not used.
     """
     torch.manual_seed(17)
     config = debug_config()
+    config.sooner = [3, 5]
     model = StreamNet(config).eval()
     randomise_norms(model)
     model.mean.copy_(torch.randn(model.mean.shape))
@@ -31,4 +33,6 @@ def write(out: Path, shared: Path) -> Path:
     tensors = {"input": samples}
     tensors["normalised"] = normalise_running(mel, config.normaliser)[0]
     tensors["output"] = speak(model, samples, frames)
+    for head in range(len(config.sooner)):
+        tensors[f"sooner_{head}"] = speak(model, samples, frames, head)
     return write_golden(out / "stream_debug.safetensors", tensors, "stream", model, config.to_json())

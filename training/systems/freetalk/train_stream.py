@@ -16,6 +16,7 @@ from pathlib import Path
 
 import torch
 
+from training import WEIGHTS
 from training.corpus import lessons, spoken
 from training.corpus.lesson_windows import DIMS, LessonBatch, LessonSampler
 from training.corpus.lessons import FullModel, Lesson
@@ -30,6 +31,7 @@ from training.speech.causal import (
     debug_config,
     normalise_running,
     perform,
+    with_sooner,
 )
 from training.speech.compact import ACTIVE_QUANTILE, clip_colour
 from training.speech.train import start
@@ -77,12 +79,29 @@ def shares_of(found: list[Lesson], speech_share: float, among: dict[str, float])
 def loss_of(model: StreamNet, batch: LessonBatch, weight: torch.Tensor, machine: Machine):
     """Motion loss against the captured and the taught motion, and concordance of what a viewer sees."""
     mel = normalise_running(batch.mel, model.config.normaliser, batch.heard)
-    with machine.autocast():
-        prediction = model(mel.to(machine.device)).float()
-    seen, true, taught, scale = (
-        x.to(machine.device) for x in (batch.weight * weight, batch.captured, batch.taught, batch.scale)
-    )
-    everywhere = weight.to(machine.device).expand_as(taught)
+    of_batch = (batch.weight * weight, batch.captured, batch.taught, batch.scale)
+    seen, true, taught, scale = (x.to(machine.device) for x in of_batch)
+    mel = mel.to(machine.device)
+    if not model.sooner:
+        with machine.autocast():
+            prediction = model(mel).float()
+        return _loss(prediction, (seen, true, taught, scale), weight)
+    with machine.autocast(), torch.no_grad():
+        heard = model.hear(mel)
+    total, report = 0.0, {}
+    for number, sooner in enumerate(model.config.sooner):
+        with machine.autocast():
+            prediction = model.say(heard, number).float()[:, :-sooner]
+        later = (seen[:, sooner:], true[:, sooner:], taught[:, sooner:], scale)
+        loss, parts = _loss(prediction, later, weight)
+        total = total + loss
+        report |= {f"{sooner} sooner {key}": value for key, value in parts.items()}
+    return total, report
+
+
+def _loss(prediction: torch.Tensor, targets: tuple[torch.Tensor, ...], weight: torch.Tensor):
+    seen, true, taught, scale = targets
+    everywhere = weight.to(taught.device).expand_as(taught)
     by_capture = motion_loss((prediction - true) / scale, seen)
     by_teacher = motion_loss((prediction - taught) / scale, everywhere)
     motion = CAPTURED_SHARE * by_capture + (1.0 - CAPTURED_SHARE) * by_teacher
@@ -98,10 +117,12 @@ def validate(model: StreamNet, found: list[Lesson], captured: dict[str, float]) 
     model.eval().cpu()
     for source in sorted({x.source for x in found if x.held_out}):
         chosen = [x for x in found if x.held_out and x.source == source][:HELD_OUT_CLIPS]
-        made = [perform(model, x.mels[0].float(), len(x.motion)) for x in chosen]
         true = [x.motion if source in captured else x.taught.float() for x in chosen]
-        scores = feature_scores(list(zip(made, true, strict=True)))
-        report |= {f"{source} {key}": value for key, value in scores.items()}
+        for head in (None, *range(len(model.sooner))):
+            made = [perform(model, x.mels[0].float(), len(x.motion), head) for x in chosen]
+            scores = feature_scores(list(zip(made, true, strict=True)))
+            name = source if head is None else f"{source} {model.config.sooner[head]} sooner"
+            report |= {f"{name} {key}": value for key, value in scores.items()}
     model.train().to(device)
     return report
 
@@ -120,7 +141,9 @@ def prepare(arguments) -> list[Lesson]:
 
 
 def new_model(arguments, found: list[Lesson]) -> StreamNet:
-    """A student that starts at the mean and deviation of the taught motion."""
+    """A student that starts at the mean and deviation of the taught motion, or a finished one."""
+    if arguments.sooner:
+        return with_sooner(arguments.finished, arguments.sooner)
     config = debug_config() if arguments.config == "debug" else StreamConfig()
     model = StreamNet(prior_of(config, found))
     taught = torch.cat([x.taught.float() for x in found])
@@ -162,6 +185,9 @@ def parser() -> argparse.ArgumentParser:
     add_arguments(parser, "bfloat16")
     parser.add_argument("--models", type=Path, help="folder of models; none: the embedded ones")
     parser.add_argument("--ats", type=Path, help="ats.pt of training.systems.freetalk.train, not --models")
+    parser.add_argument("--sooner", type=int, nargs="*", default=[],
+                        help="frames: train a further head for each on --finished, which stays")  # fmt: skip
+    parser.add_argument("--finished", type=Path, default=WEIGHTS / "freetalk/stream")
     parser.add_argument("--speech", type=Path, nargs="*", default=[], help="folders of sound")
     parser.add_argument("--speech-limit", type=int, help="sounds of each folder")
     parser.add_argument("--minutes", type=float, default=0.0, help="of each language by espeak-ng")

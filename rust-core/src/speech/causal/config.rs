@@ -19,6 +19,8 @@ pub(super) const STEM_AHEAD: usize = 2;
 pub(super) const DOWN_AHEAD: usize = 1;
 /// The longest look-ahead that a model may have.
 const MAX_LOOK_AHEAD_S: f64 = 0.2;
+/// By which a look-ahead may be called shorter than it is.
+const ROUNDING_S: f64 = 0.005;
 
 /// Sizes of the network, as `config.json` states them.
 #[derive(Debug, Clone, PartialEq, serde::Deserialize)]
@@ -41,6 +43,10 @@ pub struct CausalConfig {
     pub perform: Vec<Block>,
     /// Constants of the running normalisation.
     pub normaliser: NormaliserConfig,
+    /// Of each further head the frames by which it speaks sooner: it foretells what comes so many frames after the one that
+    /// the look-ahead is for.
+    #[serde(default)]
+    pub sooner: Vec<usize>,
 }
 
 /// A residual block: 3 taps `dilation` apart, `ahead` of them after the own frame.
@@ -148,8 +154,27 @@ impl CausalConfig {
         HOP * self.mel_ahead() + FRAME / 2
     }
 
-    /// The same in seconds.
-    pub fn look_ahead_s(&self) -> f64 {
-        self.look_ahead_samples() as f64 / f64::from(SAMPLE_RATE_HZ)
+    /// The same by a further head, or by the main one.
+    pub fn look_ahead_samples_of(&self, head: Option<usize>) -> usize {
+        let sooner = head.map_or(0, |number| SAMPLES_PER_FRAME * self.sooner[number]);
+        self.look_ahead_samples().saturating_sub(sooner)
     }
+
+    /// The head whose look-ahead is the longest within so many seconds, as people round them; none where all look further.
+    pub fn head_within(&self, seconds: f64) -> Option<Option<usize>> {
+        let heads = std::iter::once(None).chain((0..self.sooner.len()).map(Some));
+        let within = heads
+            .filter(|head| seconds_of(self.look_ahead_samples_of(*head)) <= seconds + ROUNDING_S);
+        within.max_by_key(|head| self.look_ahead_samples_of(*head))
+    }
+
+    /// Look-ahead of the main head, seconds.
+    pub fn look_ahead_s(&self) -> f64 {
+        seconds_of(self.look_ahead_samples())
+    }
+}
+
+/// How long so many samples last.
+pub(crate) fn seconds_of(samples: usize) -> f64 {
+    samples as f64 / f64::from(SAMPLE_RATE_HZ)
 }

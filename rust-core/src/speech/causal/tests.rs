@@ -50,7 +50,11 @@ fn hum(samples: usize) -> Vec<f32> {
 }
 
 fn all_at_once(model: &Arc<CausalModel>, samples: &[f32]) -> Vec<Vec<f32>> {
-    let mut speech = CausalSpeech::new(Arc::clone(model));
+    all_by(None, model, samples)
+}
+
+fn all_by(head: Option<usize>, model: &Arc<CausalModel>, samples: &[f32]) -> Vec<Vec<f32>> {
+    let mut speech = CausalSpeech::by(Arc::clone(model), head);
     speech.push(samples).unwrap();
     speech.finish().unwrap();
     drain(&mut speech)
@@ -62,6 +66,30 @@ fn rows_equal_the_golden_of_python() {
     let rows = all_at_once(&model, &golden.values("input"));
     let difference = distance(rows.iter().flatten(), &golden.values("output"));
     assert!(difference < TOLERANCE, "{difference}");
+}
+
+#[test]
+fn rows_of_further_heads_equal_the_golden_of_python() {
+    let (golden, model) = golden();
+    for head in 0..2 {
+        let rows = all_by(Some(head), &model, &golden.values("input"));
+        let difference = distance(
+            rows.iter().flatten(),
+            &golden.values(&format!("sooner_{head}")),
+        );
+        assert!(difference < TOLERANCE, "{head}: {difference}");
+    }
+}
+
+#[test]
+fn the_head_with_the_longest_look_ahead_that_is_allowed_speaks() {
+    let (_, model) = golden();
+    let config = model.config();
+    let heads = [0.3, 0.1925, 0.19, 0.0725, 0.07, 0.0].map(|seconds| config.head_within(seconds));
+    let (all, some, none) = (Some(None), Some(Some(0)), Some(Some(1)));
+    assert_eq!(heads, [all, all, all, some, some, none]);
+    assert_eq!(config.head_within(-0.01), None);
+    assert_eq!(config.head_within(f64::NAN), None);
 }
 
 #[test]
@@ -136,16 +164,32 @@ fn sound_after_the_look_ahead_changes_nothing_and_the_last_sample_before_it_does
 
 #[test]
 fn a_row_is_ready_with_the_last_sample_of_its_look_ahead() {
-    let mut speech = speech();
-    let ahead = (speech.config().look_ahead_s() * 16_000.0).round() as usize;
-    for frame in 0..5 {
-        speech
-            .push(&vec![0.1; if frame == 0 { ahead - 1 } else { 639 }])
-            .unwrap();
-        assert_eq!(speech.pull(|_| {}), None);
-        speech.push(&[0.1]).unwrap();
-        assert!(speech.pull(|_| {}).is_some());
-        assert_eq!(speech.next_row(), frame + 1);
+    for head in [None, Some(0)] {
+        let mut speech = CausalSpeech::by(golden().1, head);
+        let ahead = speech.look_ahead_samples();
+        for frame in 0..5 {
+            speech
+                .push(&vec![0.1; if frame == 0 { ahead - 1 } else { 639 }])
+                .unwrap();
+            assert_eq!(speech.pull(|_| {}), None);
+            speech.push(&[0.1]).unwrap();
+            assert!(speech.pull(|_| {}).is_some());
+            assert_eq!(speech.next_row(), frame + 1);
+        }
+    }
+}
+
+#[test]
+fn a_head_without_look_ahead_hears_nothing_after_its_frame() {
+    let (_, model) = golden();
+    let samples = hum(24_000);
+    let before = all_by(Some(1), &model, &samples);
+    for frame in [1, 7, 20] {
+        let mut other = samples.clone();
+        other[640 * frame..].iter_mut().for_each(|x| *x += 0.7);
+        let after = all_by(Some(1), &model, &other);
+        assert_eq!(after[..=frame], before[..=frame]);
+        assert_ne!(after[frame + 1], before[frame + 1]);
     }
 }
 

@@ -13,12 +13,12 @@ use std::sync::Arc;
 use ndarray::ArrayViewMut2;
 
 use crate::{
-    Result,
+    Error, Result,
     conditions::Emotion,
     mesh::ibug::LANDMARKS,
-    motion::{CausalExpression, LandmarkFrame, MotionStream, Parting, narrow, opening},
+    motion::{CausalExpression, LandmarkFrame, MotionStream, Parting, narrow, opening, too_short},
     nn::elementwise::sigmoid,
-    speech::{CausalModel, CausalSpeech, VoiceGate, closure_share},
+    speech::{CausalModel, CausalSpeech, VoiceGate, closure_share, seconds_of},
 };
 
 /// Numbers of a frame.
@@ -45,10 +45,11 @@ struct LiveClosures {
 }
 
 impl LiveClosures {
-    fn new(model: Arc<CausalModel>) -> LiveClosures {
+    /// By a further head of the model, or by its main one.
+    fn new(model: Arc<CausalModel>, head: Option<usize>) -> LiveClosures {
         LiveClosures {
             parting: Parting::new(model.config().fps),
-            speech: CausalSpeech::new(model),
+            speech: CausalSpeech::by(model, head),
             share: None,
         }
     }
@@ -79,15 +80,22 @@ impl CausalStream {
         closures: Arc<CausalModel>,
         expression: CausalExpression,
     ) -> Self {
-        let ahead = |model: &CausalModel| model.config().look_ahead_samples();
+        let fps = model.config().fps;
+        let speech = CausalSpeech::by(model, None);
+        let closures = LiveClosures::new(closures, None);
         CausalStream {
-            gate: VoiceGate::new(model.config().fps, ahead(&model).max(ahead(&closures))),
-            speech: CausalSpeech::new(model),
-            closures: LiveClosures::new(closures),
+            gate: VoiceGate::new(fps, longest_look_ahead(&speech, &closures.speech)),
+            speech,
+            closures,
             expression,
             emotion: Emotion::default(),
         }
     }
+}
+
+/// Samples after a frame's instant that both of two networks need.
+fn longest_look_ahead(one: &CausalSpeech, other: &CausalSpeech) -> usize {
+    one.look_ahead_samples().max(other.look_ahead_samples())
 }
 
 impl MotionStream for CausalStream {
@@ -132,13 +140,34 @@ impl MotionStream for CausalStream {
         Ok(())
     }
 
+    fn look_ahead(&mut self, seconds: f64) -> Result<()> {
+        let models = [&self.speech, &self.closures.speech].map(CausalSpeech::model);
+        let heads = models
+            .each_ref()
+            .map(|model| model.config().head_within(seconds));
+        let [Some(head), Some(closing)] = heads else {
+            return Err(too_short(0.0, seconds));
+        };
+        if self.speech.has_heard() {
+            return Err(Error::InvalidInput(
+                "look-ahead: expected before the first sound, got after it; begin a new stream"
+                    .into(),
+            ));
+        }
+        let [model, closures] = models;
+        self.speech = CausalSpeech::by(model, head);
+        self.closures = LiveClosures::new(closures, closing);
+        self.gate
+            .wait_for(longest_look_ahead(&self.speech, &self.closures.speech));
+        Ok(())
+    }
+
     fn hear_all(&mut self) {
         self.gate.hear_all();
     }
 
     fn latency_s(&self) -> f64 {
-        let ahead = |speech: &CausalSpeech| speech.config().look_ahead_s();
-        ahead(&self.speech).max(ahead(&self.closures.speech))
+        seconds_of(longest_look_ahead(&self.speech, &self.closures.speech))
     }
 
     fn next_frame(&self) -> usize {

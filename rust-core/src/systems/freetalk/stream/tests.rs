@@ -77,6 +77,21 @@ fn samples_one_by_one_and_all_at_once_give_the_same_bits_with_the_built_in_weigh
 }
 
 #[test]
+fn a_shorter_look_ahead_is_chosen_before_the_first_sound() {
+    let mut stream = of(&built_in());
+    let least = stream.look_ahead(-0.01).unwrap_err().to_string();
+    assert!(least.contains("0 s or more"), "{least}");
+    for (seconds, latency_s) in [(1.0, 0.1925), (0.1, 0.0725), (0.0, 0.0)] {
+        stream.look_ahead(seconds).unwrap();
+        assert_eq!(stream.latency_s(), latency_s);
+    }
+    stream.push(&hum(641)).unwrap();
+    assert!(stream.pull().is_some());
+    let late = stream.look_ahead(0.1).unwrap_err().to_string();
+    assert!(late.contains("before the first sound"), "{late}");
+}
+
+#[test]
 fn silence_stays_at_rest() {
     for frame in all_at_once(&built_in(), &[0.0; 80_000]) {
         let moved = frame.displacements.as_flattened().iter();
