@@ -155,7 +155,8 @@ def _run(work: Callable[[Watch], Made], progress: Progress | None, cancel: Cance
 def _solved(own: Engine, mesh: Mesh, landmarks, animation: Animation, watch: Watch) -> Weights:
     rig, count = own.rig(*mesh, *landmarks, None, watch), len(shapes.ARKIT)
     names, vectors = rig.names[:count], rig.vectors[:count]
-    solved = animation.clip.weights(names, vectors, np.eye(3), watch)
+    lips = own.find(*mesh, *landmarks, {}, None, watch).lips(vectors.shape[1])
+    solved = animation.clip.weights(names, vectors, lips, np.eye(3), watch)
     return Weights(tuple(names), solved.weights, solved.left_out)
 
 
