@@ -1,9 +1,9 @@
 /*
  * Follows a voice while it is spoken: raw sound on standard input, weights of ARKit's shapes and visemes on standard output.
  *
- *     parec --rate=16000 --channels=1 --format=s16le | live [happy | auto [any]]
+ *     parec --rate=16000 --channels=1 --format=s16le | live [happy | auto] [any] [soon]
  *
- * With "any" every sound moves the face, music and noise too; else speech does.
+ * With "any" every sound moves the face, music and noise too; else speech does. With "soon" frames come sooner, and are less sure.
  * Each line is a frame: its number, the shapes and visemes above 0.1 with their weights, and how the head is turned. A frame
  * comes as soon as the sound that it waits for is there.
  * Build: cc -std=c11 live.c $(pkg-config --cflags --libs anyface) -o live
@@ -55,18 +55,26 @@ static AnyfaceStatus set_emotion(Live *live, const char *name, AnyfaceError **er
     return anyface_weight_stream_set_emotion(live->stream, strengths, error);
 }
 
-static AnyfaceStatus follow(Live *live, const char *emotion, int any, AnyfaceError **error) {
+/* Does what one word of the command line asks for. */
+static AnyfaceStatus obey(Live *live, const char *word, AnyfaceError **error) {
+    if (strcmp(word, "any") == 0) {
+        return anyface_weight_stream_hear_all(live->stream, error);
+    }
+    if (strcmp(word, "soon") == 0) {
+        return anyface_weight_stream_look_ahead(live->stream, 0.07, error);
+    }
+    return set_emotion(live, word, error);
+}
+
+static AnyfaceStatus follow(Live *live, char **words, AnyfaceError **error) {
     AnyfaceEngineOptions options;
     anyface_engine_options_init(&options, sizeof options);
     AnyfaceStatus status = anyface_engine_new(&options, &live->engine, error);
     if (status == ANYFACE_STATUS_OK) {
         status = anyface_weight_stream_new(live->engine, &live->stream, error);
     }
-    if (status == ANYFACE_STATUS_OK && emotion != NULL) {
-        status = set_emotion(live, emotion, error);
-    }
-    if (status == ANYFACE_STATUS_OK && any) {
-        status = anyface_weight_stream_hear_all(live->stream, error);
+    while (status == ANYFACE_STATUS_OK && *words != NULL) {
+        status = obey(live, *words++, error);
     }
     if (status == ANYFACE_STATUS_OK) {
         double latency_s = anyface_weight_stream_latency_s(live->stream);
@@ -93,7 +101,7 @@ static AnyfaceStatus follow(Live *live, const char *emotion, int any, AnyfaceErr
 int main(int argc, char **argv) {
     Live live = {0};
     AnyfaceError *error = NULL;
-    AnyfaceStatus status = follow(&live, argc > 1 ? argv[1] : NULL, argc > 2 && strcmp(argv[2], "any") == 0, &error);
+    AnyfaceStatus status = follow(&live, argc > 0 ? argv + 1 : argv, &error);
     if (status != ANYFACE_STATUS_OK) {
         fprintf(stderr, "live: %s\n", anyface_error_message(error));
     }

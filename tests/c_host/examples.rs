@@ -176,7 +176,12 @@ fn the_live_example_follows_raw_sound() {
     assert!(last.starts_with(&(lines.len() - 1).to_string()), "{last}");
     let sound = std::fs::File::open(folder.join("voice.raw")).expect("it was written");
     let mut command = in_folder(&program, &folder);
-    let heard = succeed(command.arg("auto").stdin(sound));
+    let heard = succeed(command.args(["auto", "soon"]).stdin(sound));
+    let late = String::from_utf8_lossy(&heard.stderr).into_owned();
+    assert!(
+        late.contains("frames come 72 ms late") || late.contains("73 ms"),
+        "{late}"
+    );
     let heard = String::from_utf8_lossy(&heard.stdout).into_owned();
     assert_eq!(heard.lines().count(), lines.len());
 }
