@@ -9,6 +9,7 @@ import torch
 from training.corpus.bank import Entry
 from training.corpus.lesson_windows import LessonSampler
 from training.export import export
+from training.nn.checkpoint import write_model
 from training.speech import train_live_closures
 from training.speech.causal import StreamNet, debug_config, perform
 from training.speech.compact import CompactEncoder
@@ -73,7 +74,7 @@ def test_the_folder_bears_the_name_of_the_model(tmp_path):
 
 def test_the_student_learns_when_lips_are_together(encoder, lessons):
     torch.manual_seed(6)
-    model = train_live_closures.new_model(argparse.Namespace(config="debug"), lessons)
+    model = train_live_closures.new_model(argparse.Namespace(config="debug", sooner=[]), lessons)
     assert (model.config.model, model.config.outputs) == ("live_closures", 1)
     sampler = LessonSampler(lessons, {"speech": 1.0}, 0, model.config)
     optimiser = torch.optim.Adam(model.parameters(), 3e-3)
@@ -87,6 +88,35 @@ def test_the_student_learns_when_lips_are_together(encoder, lessons):
     assert losses[-1] < losses[0]
     shares = train_live_closures.validate(model, encoder, lessons, 4)
     assert set(shares) == {"speech met", "speech wrong"} and all(0 <= x <= 1 for x in shares.values())
+
+
+def test_further_heads_learn_on_a_finished_student_and_shut_lips_as_often(encoder, lessons, tmp_path):
+    torch.manual_seed(6)
+    first = train_live_closures.new_model(argparse.Namespace(config="debug", sooner=[]), lessons)
+    write_model(tmp_path, first.state_dict(), first.config.to_json(), exact=("",))
+    asked = argparse.Namespace(config="debug", sooner=[3, 5], finished=tmp_path)
+    model = train_live_closures.new_model(asked, lessons)
+    sampler = LessonSampler(lessons, {"speech": 1.0}, 0, model.config)
+    optimiser = torch.optim.Adam([p for p in model.parameters() if p.requires_grad], 3e-3)
+    batch, losses = sampler.batch(4, 32), []
+    for _ in range(25):
+        loss, parts = train_live_closures.loss_of(model, encoder, batch, 32)
+        optimiser.zero_grad()
+        loss.backward()
+        optimiser.step()
+        losses.append([parts["3 sooner closed"], parts["5 sooner closed"]])
+    assert losses[-1][0] < losses[0][0] and losses[-1][1] < losses[0][1]
+    for name, value in first.state_dict().items():
+        assert torch.equal(model.state_dict()[name], value), name
+    train_live_closures.calibrate(model, lessons)
+    clips = [x for x in lessons if not x.held_out]
+    for head in range(2):
+        shut = [perform(model, x.mels[0].float(), len(x.motion), head)[:, 0].sigmoid() for x in clips]
+        main = [perform(model, x.mels[0].float(), len(x.motion))[:, 0].sigmoid() for x in clips]
+        share, wanted = (
+            (torch.cat(rows) > train_live_closures.CLOSED).float().mean() for rows in (shut, main)
+        )
+        assert abs(float(share - wanted)) < 0.02
 
 
 def test_stretches_of_closed_lips_are_found_at_both_ends():
