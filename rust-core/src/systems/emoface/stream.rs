@@ -1,6 +1,6 @@
 //! EmoFace while somebody is speaking: both encoders have causal twins, the rest looks back only anyway.
 
-use std::sync::Arc;
+use std::sync::{Arc, OnceLock};
 
 use ndarray::{ArrayView1, ArrayView2, ArrayViewMut2};
 
@@ -29,6 +29,25 @@ pub struct LiveParts {
     pub ear: Arc<EmotionEar>,
     /// Both branches and Mesh Attention.
     pub model: Arc<Model>,
+    /// What is heard in silence, `[C]`, once a stream has asked for it.
+    pub silence: OnceLock<Vec<f32>>,
+}
+
+impl LiveParts {
+    /// What the content encoder hears after a second of silence, `[C]`; heard once, since a host opens a stream at every jump.
+    fn silence(&self) -> &[f32] {
+        self.silence.get_or_init(|| {
+            let mut speech = CausalSpeech::new(Arc::clone(&self.content));
+            speech
+                .push(&[0.0; SAMPLE_RATE_HZ as usize])
+                .expect("zeros are a sound");
+            let mut heard = vec![0.0; self.content.config().outputs];
+            while let Some(row) = speech.pull(|_| {}) {
+                heard.copy_from_slice(row);
+            }
+            heard
+        })
+    }
 }
 
 /// A performance in progress, in the default style and from rest.
@@ -39,8 +58,6 @@ pub struct EmoFaceStream {
     parts: Arc<LiveParts>,
     speech: CausalSpeech,
     gate: VoiceGate,
-    /// What is heard in silence, `[C]`.
-    silence: Vec<f32>,
     felt: LiveEmotion,
     ear: LiveEar,
     state: Progressing,
@@ -95,7 +112,6 @@ impl EmoFaceStream {
         let hearing = parts.content.config();
         Ok(EmoFaceStream {
             gate: VoiceGate::new(hearing.fps, hearing.look_ahead_samples()),
-            silence: silence(&parts.content)?,
             speech: CausalSpeech::new(Arc::clone(&parts.content)),
             felt: LiveEmotion::new(Arc::clone(&parts.emotion)),
             ear: LiveEar::new(Arc::clone(&parts.ear)),
@@ -128,7 +144,7 @@ impl MotionStream for EmoFaceStream {
         let spoken = self.gate.share(index);
         let content: Vec<f32> = content
             .iter()
-            .zip(&self.silence)
+            .zip(self.parts.silence())
             .map(|(said, silent)| spoken * said + (1.0 - spoken) * silent)
             .collect();
         let mut feeling = ear.emotion();
@@ -191,20 +207,6 @@ impl MotionStream for EmoFaceStream {
     fn fps(&self) -> f64 {
         self.speech.config().fps
     }
-}
-
-/// What `model` hears after a second of silence, `[C]`.
-///
-/// # Errors
-/// None that a loaded model has.
-fn silence(model: &Arc<CausalModel>) -> Result<Vec<f32>> {
-    let mut speech = CausalSpeech::new(Arc::clone(model));
-    speech.push(&[0.0; SAMPLE_RATE_HZ as usize])?;
-    let mut heard = vec![0.0; model.config().outputs];
-    while let Some(row) = speech.pull(|_| {}) {
-        heard.copy_from_slice(row);
-    }
-    Ok(heard)
 }
 
 /// What is heard on average of a mixture of the fifteen emotions, `[E]`.

@@ -1,6 +1,9 @@
 //! EmoFace as a [`System`]: speech, and how somebody feels it, to motion of a template and its landmarks.
 
-use std::{path::Path, sync::Arc};
+use std::{
+    path::Path,
+    sync::{Arc, OnceLock},
+};
 
 use ndarray::{Array2, Array3, ArrayView1, ArrayView2};
 
@@ -421,6 +424,7 @@ fn live_parts(
         emotion: Arc::clone(emotion),
         ear: Arc::clone(ear),
         model: Arc::clone(model),
+        silence: OnceLock::new(),
     }))
 }
 

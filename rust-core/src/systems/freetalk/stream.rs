@@ -81,7 +81,7 @@ impl CausalStream {
         expression: CausalExpression,
     ) -> Self {
         let fps = model.config().fps;
-        let speech = CausalSpeech::by(model, None);
+        let speech = CausalSpeech::new(model);
         let closures = LiveClosures::new(closures, None);
         CausalStream {
             gate: VoiceGate::new(fps, longest_look_ahead(&speech, &closures.speech)),
