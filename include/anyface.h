@@ -2005,6 +2005,13 @@ AnyfaceStatus anyface_stream_set_emotion(AnyfaceStream *stream,
                                          const float *strengths,
                                          AnyfaceError **error);
 
+/// Looks ahead by `seconds` at most from the first sound on: the face is sooner, and less sure of what it says. FreeTalk can
+/// look 0.19, 0.07 and 0 s ahead; without this a stream looks as far ahead as it can.
+/// Fails with `ANYFACE_STATUS_INVALID_INPUT` if no look-ahead of the system is so short, or after the first sound.
+AnyfaceStatus anyface_stream_look_ahead(AnyfaceStream *stream,
+                                        double seconds,
+                                        AnyfaceError **error);
+
 /// Lets every sound move the face from the next frame on, singing, music and noise too; before, speech alone does.
 AnyfaceStatus anyface_stream_hear_all(AnyfaceStream *stream,
                                       AnyfaceError **error);

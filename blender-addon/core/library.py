@@ -360,6 +360,7 @@ SIGNATURES = {
     "anyface_stream_push": (c_int32, [_HANDLE, _FLOATS, c_size_t, _OUT]),
     "anyface_stream_pull": (c_int32, [_HANDLE, _FLOATS, c_size_t, POINTER(c_size_t), _OUT]),
     "anyface_stream_finish": (c_int32, [_HANDLE, _OUT]),
+    "anyface_stream_look_ahead": (c_int32, [_HANDLE, c_double, _OUT]),
     "anyface_stream_hear_all": (c_int32, [_HANDLE, _OUT]),
     "anyface_stream_set_emotion": (c_int32, [_HANDLE, _FLOATS, _OUT]),
     "anyface_stream_latency_s": (c_double, [_HANDLE]),

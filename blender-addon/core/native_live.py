@@ -59,10 +59,14 @@ class LiveCalls:
         landmarks: np.ndarray | None,
         landmark_vertices: np.ndarray | None,
         microphone: str,
+        look_ahead: float,
         request: Request,
         progress: Progress,
     ) -> "ListeningFace":
         """A mesh made ready to follow a microphone, "" for the system's choice.
+
+        `look_ahead`: seconds of sound that a frame waits for at most, where the system can do with
+        so little.
 
         Raises `AnyfaceError`: "audio" where it cannot be recorded.
         """
@@ -72,7 +76,7 @@ class LiveCalls:
                 marks = landmarks, landmark_vertices
                 face = self._face(kept, positions, triangles, marks, request, watch)
                 device = kept.enter_context(Microphone(microphone))
-                follower = ListeningFace(self, face, len(positions), device)
+                follower = ListeningFace(self, face, len(positions), device, look_ahead)
                 follower.keep(kept.pop_all())
                 return follower
 
@@ -149,11 +153,11 @@ class StreamedFace:
 
 
 class ListeningFace(StreamedFace):
-    """A face that follows a microphone, a fifth of a second behind."""
+    """A face that follows a microphone, `delay_s` behind."""
 
     listens = True
 
-    def __init__(self, engine, face, vertices: int, microphone: Microphone):
+    def __init__(self, engine, face, vertices: int, microphone: Microphone, look_ahead: float):
         super().__init__(engine, face, vertices)
         self._microphone = microphone
         self._displacements = np.zeros((vertices, 3), dtype=np.float32)
@@ -161,6 +165,13 @@ class ListeningFace(StreamedFace):
         self._recorded: list[np.ndarray] | None = None
         self._recorded_from = 0
         self._open_stream()
+        try:
+            engine._call("anyface_stream_look_ahead", self._stream, look_ahead)
+        except AnyfaceError as error:
+            # A system that cannot do with so little looks as far ahead as it must.
+            if error.kind != "input":
+                raise
+        self.delay_s = engine._library.anyface_stream_latency_s(self._stream)
 
     @property
     def name(self) -> str:

@@ -17,8 +17,9 @@ _SHORTEST_S = 0.2
 
 
 class ANYFACE_OT_listen(InThread, Operator):
-    """Follow the microphone: the face speaks with you, a quarter of a second later. Again \
-ends it; so does saving, rendering and undo. Nothing of it stays but what you record"""
+    """Follow the microphone: the face speaks with you, a quarter of a second later, or sooner by \
+Microphone Delay of the preferences. Again ends it; so does saving, rendering and undo. Nothing of \
+it stays but what you record"""
 
     bl_idname = "anyface.listen"
     bl_label = "Live Microphone"
@@ -45,14 +46,16 @@ ends it; so does saving, rendering and undo. Nothing of it stays but what you re
         # Whatever is asked of the output, this needs one key of its own.
         settings.mode = "basis"
         face, request = bake.read_still(ob, scene, settings)
-        engine, name = running.engine(settings.system), preferences.microphone()
-        mesh = face.space.seen(face)
-        return Work(lambda progress: engine.live_microphone(*mesh, name, request, progress), face)
+        engine, mesh = running.engine(settings.system), face.space.seen(face)
+        device = preferences.microphone(), preferences.look_ahead()
+        return Work(
+            lambda progress: engine.live_microphone(*mesh, *device, request, progress), face
+        )
 
     def finish(self, ob, work, face):
         """Begins to follow."""
         live.begin(ob, work.about, face)
-        return f"{ob.name} listens to {face.name}"
+        return f"{ob.name} listens to {face.name}, {face.delay_s:.2f} s behind"
 
 
 class ANYFACE_OT_record(Alone, Operator):

@@ -3,7 +3,7 @@
 from pathlib import Path
 
 import bpy
-from bpy.props import BoolProperty, IntProperty, StringProperty
+from bpy.props import BoolProperty, EnumProperty, IntProperty, StringProperty
 from bpy.types import AddonPreferences
 
 from ..core import native
@@ -56,11 +56,24 @@ class AnyfacePreferences(AddonPreferences):
         search=lambda _self, _context, _text: _microphones(),
     )
 
+    look_ahead: EnumProperty(
+        name="Microphone Delay",
+        description="How much of what comes next Live Microphone hears before the face shows it. "
+        "FreeTalk can do with less; the face is sooner then, and less sure of what is said",
+        items=[
+            ("0.19", "0.2 s", "Lips that close in time"),
+            ("0.07", "0.07 s", "Lips that close in time, and where nobody asked them to"),
+            ("0", "None", "Half of the closures come late or not at all"),
+        ],
+        default="0.19",
+    )
+
     def draw(self, context):
         """Draws the preferences."""
         self.layout.prop(self, "model_folder", placeholder="Built-In")
         self.layout.prop(self, "emotion_model", placeholder="Built-In")
         self.layout.prop(self, "microphone", placeholder="System's Choice")
+        self.layout.prop(self, "look_ahead")
         self.layout.prop(self, "threads")
         self.layout.prop(self, "research")
         self.layout.label(text=f"Library: {native.library_path()}")
@@ -77,6 +90,11 @@ def _microphones() -> list[str]:
 def microphone() -> str:
     """The microphone that the artist set; "" for the system's choice."""
     return _stored("microphone", "")
+
+
+def look_ahead() -> float:
+    """Seconds of sound that a face which listens waits for, at most."""
+    return float(_stored("look_ahead", "0.19"))
 
 
 def threads() -> int:

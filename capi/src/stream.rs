@@ -135,6 +135,23 @@ pub unsafe extern "C" fn anyface_stream_set_emotion(
     unsafe { guard::guard(error, work) }
 }
 
+/// Looks ahead by `seconds` at most from the first sound on: the face is sooner, and less sure of what it says. FreeTalk can
+/// look 0.19, 0.07 and 0 s ahead; without this a stream looks as far ahead as it can.
+/// Fails with `ANYFACE_STATUS_INVALID_INPUT` if no look-ahead of the system is so short, or after the first sound.
+#[unsafe(no_mangle)]
+pub unsafe extern "C" fn anyface_stream_look_ahead(
+    stream: *mut AnyfaceStream,
+    seconds: f64,
+    error: *mut *mut AnyfaceError,
+) -> AnyfaceStatus {
+    let work = || {
+        Ok(unsafe { pointer::handle_mut("stream", stream) }?
+            .0
+            .look_ahead(seconds)?)
+    };
+    unsafe { guard::guard(error, work) }
+}
+
 /// Lets every sound move the face from the next frame on, singing, music and noise too; before, speech alone does.
 #[unsafe(no_mangle)]
 pub unsafe extern "C" fn anyface_stream_hear_all(

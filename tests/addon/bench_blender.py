@@ -3,7 +3,7 @@
 The sliders' errors of docs/blender.md come with them.
 
 Run by `cargo xtask addon --bench` in Blender's Python module, on a zip with the optimised library.
-`ANYFACE_BLENDER` names an executable beside `enter` (packaging/blender-chroot.sh): the numbers of a
+`ANYFACE_BLENDER` names an executable beside `enter` (packaging/chroot.sh): the numbers of a
 window are measured there. The head is the default one, cut finer and collapsed to `VERTICES`; the
 voice is flite's, reading `TEXT` over and over.
 """

@@ -157,7 +157,7 @@ def press(operator, ob) -> tuple[str, object]:
 class LiveFace:
     """Stands for a face that follows its sound, or a microphone where it `listens`."""
 
-    name, is_lost, is_recording = "Desk", False, False
+    name, is_lost, is_recording, delay_s = "Desk", False, False, 0.2
 
     def __init__(self, count, listens=False):
         self._count, self.listens = count, listens

@@ -29,7 +29,7 @@ def install_in(blender: Path, zipped: Path, folder: Path) -> None:
 
 
 class Screen:
-    """`enter` runs programs beside Blender's executable (see packaging/blender-chroot.sh)."""
+    """`enter` runs programs beside Blender's executable (see packaging/chroot.sh)."""
 
     def __init__(self, enter: Path, blender: Path, folder: Path):
         display = _free_display()

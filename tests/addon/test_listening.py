@@ -101,6 +101,35 @@ def test_the_face_speaks_with_the_artist_and_nothing_stays(addon, room, listener
     assert addon("scene.live").listen() is None, "the timer ends"
 
 
+def test_a_face_without_delay_shows_what_the_room_has_just_heard(addon, room, monkeypatch):
+    preferences = addon("ui.preferences")
+    bpy.ops.anyface.add_sample_head()
+    ob = bpy.context.object
+    opened_s = {}
+    for setting in ("0.19", "0"):
+        monkeypatch.setattr(preferences, "look_ahead", lambda setting=setting: float(setting))
+        room.sound, room.spoken = np.zeros(0, np.float32), 0
+        assert bpy.ops.anyface.listen() == {"FINISHED"}
+        face = addon("scene.live").listener(ob)
+        assert face.delay_s == pytest.approx(float(setting), abs=0.005)
+        rest, seconds = now(ob), 0.0
+        while seconds < 2.0 and np.abs(heard(addon, ob) - rest).max() < 0.002:
+            room.speak(0.02)
+            seconds += 0.02
+        opened_s[setting] = seconds
+        bpy.ops.anyface.listen()
+    assert opened_s["0"] < opened_s["0.19"] < 2.0
+
+
+def test_a_system_that_needs_more_sound_takes_it(addon, room, monkeypatch):
+    monkeypatch.setattr(addon("ui.preferences"), "look_ahead", lambda: 0.0)
+    bpy.ops.anyface.add_sample_head()
+    ob = bpy.context.object
+    ob.anyface.system = "emoface"
+    assert bpy.ops.anyface.listen() == {"FINISHED"}
+    assert addon("scene.live").listener(ob).delay_s > 0.1
+
+
 def test_a_recording_is_a_strip_and_a_take(addon, room, listener, tmp_path):
     bpy.ops.wm.save_as_mainfile(filepath=str(tmp_path / "shot.blend"))
     assert room.open == 0, "saving ends it"

@@ -1,7 +1,7 @@
 """The panel under mouse and keys in a real Blender window.
 
 `ANYFACE_BLENDER` names the executable; it must lie in a folder with `enter`, as
-packaging/blender-chroot.sh makes it. `ANYFACE_PHOTOGRAPHS` names a folder that keeps the pictures.
+packaging/chroot.sh makes it. `ANYFACE_PHOTOGRAPHS` names a folder that keeps the pictures.
 """
 
 import os

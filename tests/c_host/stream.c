@@ -39,6 +39,22 @@ static float *perform(const AnyfaceEngine *engine, const float *samples, size_t 
     return moved;
 }
 
+/* A stream that waits for no sound gives the frame of the first 40 ms as soon as they are there. */
+static void sooner(const AnyfaceEngine *engine, const float *samples) {
+    AnyfaceStream *stream = NULL;
+    float frame[FLOATS];
+    size_t written = 0;
+    CHECK_OK(anyface_stream_new(engine, &stream, &error));
+    CHECK_FAILS(anyface_stream_look_ahead(stream, -1.0, &error), ANYFACE_STATUS_INVALID_INPUT,
+                "look-ahead");
+    CHECK_OK(anyface_stream_look_ahead(stream, 0.0, &error));
+    CHECK(anyface_stream_latency_s(stream) == 0.0);
+    CHECK_OK(anyface_stream_push(stream, samples, 640, &error));
+    CHECK_OK(anyface_stream_pull(stream, frame, 1, &written, &error));
+    CHECK(written == 1);
+    anyface_stream_free(stream);
+}
+
 static void any_cut(const AnyfaceEngine *engine, const float *samples, size_t count) {
     size_t pieces[] = {count, 1600, 160, 37}, frames[4];
     float *moved[4];
@@ -96,6 +112,7 @@ int main(int argc, char **argv) {
     CHECK(samples != NULL && count > 0);
     CHECK_OK(anyface_audio_copy_samples(audio, samples, count, &error));
     any_cut(engine, samples, count);
+    sooner(engine, samples);
     refusals(engine);
     free(samples);
     anyface_audio_free(audio);
