@@ -9,7 +9,7 @@ use anyhow::Result;
 use clap::Args;
 
 use crate::{
-    apt, extension, machine,
+    apt, chroot, extension, machine,
     python::{self, Venv},
     steps::Steps,
 };
@@ -61,7 +61,7 @@ fn bench(steps: &mut Steps, python: &Path, zip: &Path) -> Result<()> {
     let mut measure = Command::new(python);
     measure.arg(machine::root().join("tests/addon/bench_blender.py"));
     measure.env("ANYFACE_EXTENSION", zip);
-    if let Some(blender) = python::blender_executable(steps)? {
+    if let Some(blender) = chroot::BLENDER.executable(steps)? {
         measure.env("ANYFACE_BLENDER", blender);
     }
     let output = steps.run("measure in Blender", &mut measure)?;

@@ -2,6 +2,7 @@
 
 mod addon;
 mod apt;
+mod chroot;
 mod debian;
 mod demo;
 mod extension;

@@ -6,12 +6,12 @@ use anyhow::Result;
 use clap::Args;
 
 use crate::{
-    apt,
+    apt, chroot,
     python::{self, Venv},
     steps::{Started, Steps},
 };
 
-/// Installs the Python environments of the tests, and Blender as a program.
+/// Installs the Python environments of the tests, and Blender and Godot as programs.
 #[derive(Args)]
 pub struct Prepare {
     /// The extension is tested in this version of Blender, such as 4.2, instead of the usual one.
@@ -26,7 +26,8 @@ impl Prepare {
         apt::ensure(&mut steps, apt::BLENDER_LIBRARIES)?;
         Venv::Blender.ensure(&mut steps)?;
         python::blender(&mut steps, self.blender.as_deref())?;
-        python::blender_executable(&mut steps)?;
+        chroot::BLENDER.executable(&mut steps)?;
+        chroot::GODOT.executable(&mut steps)?;
         Venv::Training.ensure(&mut steps)?;
         steps.finish()
     }
@@ -40,5 +41,5 @@ pub fn start(steps: &mut Steps, blender: Option<&str>) -> Result<Started> {
     if let Some(version) = blender {
         prepare.args(["--blender", version]);
     }
-    steps.start("Python environments and Blender", &mut prepare)
+    steps.start("Python environments, Blender and Godot", &mut prepare)
 }

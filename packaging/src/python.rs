@@ -189,33 +189,6 @@ fn of_version(lines: &str, version: &str) -> String {
     format!("bpy=={version}.*\n{others}")
 }
 
-/// A Blender executable that knows extensions: the caller's, or Debian 13's in a folder of its own.
-pub fn blender_executable(steps: &mut Steps) -> Result<Option<PathBuf>> {
-    if let Some(path) = std::env::var_os("ANYFACE_BLENDER") {
-        return Ok(Some(path.into()));
-    }
-    if !machine::is_root() {
-        println!("note     not root: no Blender executable is installed for its test");
-        return Ok(None);
-    }
-    apt::ensure(steps, &["debootstrap"])?;
-    let folder = machine::target().join("blender-chroot");
-    let script = machine::root().join("packaging/blender-chroot.sh");
-    steps.run(
-        "install a Blender executable",
-        Command::new(script).arg(&folder),
-    )?;
-    let executable = folder.canonicalize()?.join("run-blender");
-    // It mounts /tmp in its folder, which some containers forbid.
-    let tried = Command::new(&executable).arg("--version").output()?;
-    if !tried.status.success() {
-        let why = String::from_utf8_lossy(&tried.stderr).trim().to_owned();
-        steps.ignore("tests with a Blender executable", &why);
-        return Ok(None);
-    }
-    Ok(Some(executable))
-}
-
 /// pytest on one folder, with the data for it; a process for each of up to four cores, each with files of its own.
 pub fn pytest(python: &Path, folder: &str) -> Command {
     let mut command = Command::new(python);

@@ -6,7 +6,7 @@ use anyhow::Result;
 use clap::Args;
 
 use crate::{
-    addon, apt, extension, machine, prepare,
+    addon, apt, chroot, extension, machine, prepare,
     python::{self, Venv},
     steps::Steps,
     wheel,
@@ -28,8 +28,8 @@ const TOOLS: &[&str] = &[
 ];
 
 /// Gigabytes that a first run takes: builds 8, PyTorch with its CUDA libraries 6 and 3 while it is
-/// installed, Blender 3.
-const ROOM: u64 = 20;
+/// installed, Blender 3, Godot 1.
+const ROOM: u64 = 21;
 
 /// Runs all tests; about half an hour from a clean checkout on two cores, 8 minutes when built.
 #[derive(Args)]
@@ -102,12 +102,15 @@ fn python_parts(steps: &mut Steps, version: Option<&str>) -> Result<()> {
     addon::ruff(steps)?;
     let python = python::blender(steps, version)?;
     let zip = addon::built_zip(steps, false)?;
-    let executable = python::blender_executable(steps)?;
+    let executable = chroot::BLENDER.executable(steps)?;
     addon::check(steps, &python, &zip, executable)?;
     let library = extension::library_of("dev")?;
     wheel::check(steps, &library)?;
     let command = library.with_file_name("anyface");
     let mut receivers = python::pytest(&Venv::Blender.python(), "tests/receivers");
+    if let Some(godot) = chroot::GODOT.executable(steps)? {
+        receivers.env("ANYFACE_GODOT", godot);
+    }
     steps.check("receivers", receivers.env("ANYFACE_COMMAND", command))
 }
 

@@ -1,17 +1,18 @@
-"""How late a face is behind its microphone, from sound that is played to lines on standard output.
+"""How late a face is behind its microphone: from sound that is written to lines on standard output.
 
-    python tests/live/latency.py SPEECH.wav [--rate 44100] [--fps 60] [--times 12]
+    python tests/live/latency.py SPEECH.wav [--rate 44100] [--fps 60] [--times 12] [...]
 
-The voice, mono at 16 kHz, is played on a PulseAudio without hardware; a recorder beside the face
-tells when its first sample came out of the device. Where the lips part in the same sound without a
-clock tells which instant of the face that is; the median over all times joins both clocks. A packet
-is late by its arrival less the instant of the sound that it stands at, look-ahead included.
+Further arguments are those of `anyface live`. PulseAudio reads the device from a pipe into which
+this writes the voice, mono at 16 kHz, 2 ms at a time by the clock: so it is known when each instant
+of the sound was there. The motion of the jaw, laid over that of the same sound without a clock,
+tells at which of them a frame stands. A line is late by its arrival less that instant, look-ahead
+included.
 """
 
 import argparse
-import itertools
 import json
 import subprocess
+import threading
 import time
 import wave
 
@@ -20,8 +21,8 @@ import numpy as np
 from sound_system import COMMAND, LiveFace, SoundSystem, until
 
 _RATE_HZ = 16000
-_PARTED = 0.05
 _PAUSE_S = 3
+_BLOCK_S = 0.002
 
 
 def main() -> None:
@@ -31,71 +32,93 @@ def main() -> None:
     parser.add_argument("--rate", type=int, default=48000)
     parser.add_argument("--fps", type=int, default=25)
     parser.add_argument("--times", type=int, default=12)
-    options = parser.parse_args()
-    parted_s = heard_before_s(options.speech)
-    with SoundSystem(options.rate) as system:
-        face = LiveFace(system, "--fps", str(options.fps))
+    options, live = parser.parse_known_args()
+    sound = repeated(options.speech, options.times)
+    with SoundSystem() as system:
+        pipe = system.plug_pipe(options.rate)
+        face = LiveFace(system, "--fps", str(options.fps), *live)
+        microphone = Microphone(pipe, resampled(sound, options.rate), options.rate)
         until(lambda: len(face.frames) > 50, "frames come")
-        began, used, first = time.monotonic(), face.processor_s(), len(face.frames)
-        clocks = [clock_s(system, face, options.speech, parted_s) for _ in range(options.times)]
+        began, used = time.monotonic(), face.processor_s()
+        microphone.join()
         share = (face.processor_s() - used) / (time.monotonic() - began)
         face.end()
-    delays = [at - frame["time_s"] - np.median(clocks) for at, frame in face.frames[first:]]
-    middle, most = np.percentile(delays, [50, 95])
-    print(f"{options.rate} Hz, {options.fps} frames a second, {len(delays)} packets:")
-    print(f"delay {1e3 * middle:.0f} ms (median), {1e3 * most:.0f} ms (95 %)")
-    print(f"clocks differ by {1e3 * np.std(clocks):.0f} ms; {100 * share:.1f} % of a core")
+    spoken_s = len(sound) / _RATE_HZ
+    offsets_s = offsets_between(face.frames, sound, live, options.times)
+    offset_s = np.median(offsets_s)
+    delays_ms = [
+        1e3 * (at - microphone.start_s - frame["time_s"] - offset_s)
+        for at, frame in face.frames
+        # What comes after the sound waits for samples that never come.
+        if 2 < frame["time_s"] + offset_s < spoken_s - 1
+    ]
+    least, middle, most = np.percentile(delays_ms, [0, 50, 95])
+    print(f"{options.rate} Hz, {options.fps} frames a second, {len(delays_ms)} lines:")
+    print(f"delay {middle:.0f} ms (median), {most:.0f} ms (95 %), {least:.0f} ms (least)")
+    print(f"{100 * share:.1f} % of a core; clocks differ by {1e3 * np.ptp(offsets_s):.1f} ms")
 
 
-def heard_before_s(speech: str) -> float:
-    """When the lips part after a voice begins that was heard four times before."""
+def repeated(speech: str, times: int) -> np.ndarray:
+    """A voice so many times, silence before each."""
     with wave.open(speech) as file:
-        samples = file.readframes(file.getnframes())
-    once = samples + bytes(2 * _PAUSE_S * _RATE_HZ)
-    words = [COMMAND, "live", "--input", "-", "--json"]
-    done = subprocess.run(words, input=5 * once, capture_output=True, check=True)
-    start_s = 4 * len(once) / 2 / _RATE_HZ
-    frames = [json.loads(line) for line in done.stdout.splitlines()]
-    return parting_s([frame for frame in frames if frame["time_s"] > start_s - 1]) - start_s
+        once = np.frombuffer(file.readframes(file.getnframes()), "<i2")
+    return np.tile(np.concatenate([np.zeros(_PAUSE_S * _RATE_HZ, "<i2"), once]), times)
 
 
-def parting_s(frames: list) -> float | None:
-    """Instant at which the lips part, between two frames; None where they do not."""
-    for one, other in itertools.pairwise(frames):
-        low, high = one["shapes"]["jawOpen"], other["shapes"]["jawOpen"]
-        if low <= _PARTED < high:
-            share = (_PARTED - low) / (high - low)
-            return one["time_s"] + share * (other["time_s"] - one["time_s"])
-    return None
+def resampled(sound: np.ndarray, rate_hz: int) -> np.ndarray:
+    """The same at the rate of the device, linear in between."""
+    times = np.arange(len(sound) * rate_hz // _RATE_HZ) * (_RATE_HZ / rate_hz)
+    return np.interp(times, np.arange(len(sound)), sound).astype("<i2")
 
 
-def clock_s(system: SoundSystem, face: LiveFace, speech: str, parted_s: float) -> float:
-    """When the stream's first sample came out of the device, by a voice that is played."""
-    recorder = subprocess.Popen(
-        ["parec", "--format=s16le", "--rate=16000", "--channels=1", "--latency-msec=5"],
-        env=system.environment,
-        stdout=subprocess.PIPE,
-    )
-    time.sleep(1.5)
-    start = len(face.frames)
-    player = subprocess.Popen(["paplay", "--latency-msec=20", speech], env=system.environment)
-    loud = []
-    while not len(loud):
-        block = np.frombuffer(recorder.stdout.read1(4096), "<i2")
-        loud = np.flatnonzero(block)
-    # The block was whole when it came: its first sound is that much older.
-    heard = time.monotonic() - (len(block) - loud[0]) / _RATE_HZ
+class Microphone(threading.Thread):
+    """Writes a sound into a pipe as a device that hears it would."""
 
-    def seen() -> float | None:
-        return parting_s([frame for _, frame in face.frames[start:]])
+    def __init__(self, pipe: str, sound: np.ndarray, rate_hz: int):
+        super().__init__(daemon=True)
+        self._pipe, self._sound, self._rate_hz = pipe, sound, rate_hz
+        self.start_s = time.monotonic()
+        self.start()
 
-    until(lambda: seen() is not None, "the lips part")
-    clock = heard - (seen() - parted_s)
-    recorder.kill()
-    recorder.wait()
-    player.wait()
-    time.sleep(1.5)
-    return clock
+    def run(self) -> None:
+        """Each block is written when its last sample has been heard."""
+        block = round(_BLOCK_S * self._rate_hz)
+        with open(self._pipe, "wb", buffering=0) as pipe:
+            for first in range(0, len(self._sound), block):
+                due_s = self.start_s + (first + block) / self._rate_hz
+                time.sleep(max(0.0, due_s - time.monotonic()))
+                pipe.write(self._sound[first : first + block].tobytes())
+
+
+def offsets_between(frames: list, sound: np.ndarray, live: list, times: int) -> list[float]:
+    """Seconds of the sound before the face heard it, by the way in which its jaw moves.
+
+    One for each time but the first, in which the voice is new to the face; they are alike unless
+    samples were dropped.
+    """
+    words = [COMMAND, "live", "--input", "-", "--json", *live]
+    whole = []
+    # From several places on, so that it is known between the stream's frames too.
+    for first in range(0, _RATE_HZ // 25, 40):
+        rest = sound[first:].tobytes()
+        done = subprocess.run(words, input=rest, capture_output=True, check=True)
+        for line in done.stdout.splitlines():
+            frame = json.loads(line)
+            whole.append((frame["time_s"] + first / _RATE_HZ, frame["shapes"]["jawOpen"]))
+    whole_s, jaw = np.array(sorted(whole)).T
+    jaw_of = [(frame["time_s"], frame["shapes"]["jawOpen"]) for _, frame in frames]
+    heard_s, heard_jaw = np.array(jaw_of).T
+
+    def offset_s(is_part: np.ndarray) -> float:
+        def error(offset_s: float) -> float:
+            jaw_then = np.interp(heard_s[is_part] + offset_s, whole_s, jaw)
+            return float(np.square(jaw_then - heard_jaw[is_part]).mean())
+
+        coarse = min(np.arange(-1.0, 5.0, 0.02), key=error)
+        return min(np.arange(coarse - 0.02, coarse + 0.02, 0.0005), key=error)
+
+    one_s = len(sound) / _RATE_HZ / times
+    return [offset_s(heard_s // one_s == number) for number in range(1, times - 1)]
 
 
 if __name__ == "__main__":

@@ -58,6 +58,16 @@ class SoundSystem:
         """A device like one that was plugged in."""
         assert self.control("load-module", "module-null-sink", *self._sink.split()) is not None
 
+    def plug_pipe(self, rate_hz: int) -> str:
+        """A microphone of 16 bit, mono, that hears what is written into this pipe."""
+        self.unplug()
+        pipe = f"{self._folder.name}/microphone"
+        words = f"file={pipe} format=s16le rate={rate_hz} channels=1"
+        properties = "source_properties=device.description=Desk"
+        plugged = self.control("load-module", "module-pipe-source", *words.split(), properties)
+        assert plugged is not None
+        return pipe
+
     def unplug(self) -> None:
         """Takes the device away."""
         self.control("unload-module", "module-null-sink")

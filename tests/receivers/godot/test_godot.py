@@ -1,0 +1,137 @@
+"""Godot 4 receives a live face by docs/examples/anyface.gd, and opens a take.
+
+`ANYFACE_GODOT` names what runs Godot 4; without it these tests are skipped.
+"""
+
+import json
+import os
+import shutil
+import subprocess
+import sys
+import threading
+import time
+import wave
+from pathlib import Path
+
+import numpy as np
+import pytest
+
+sys.path.insert(0, str(Path(__file__).parents[1] / "vrm"))
+from test_avatar import spoken
+
+ROOT = Path(__file__).resolve().parents[3]
+COMMAND = os.environ.get("ANYFACE_COMMAND", str(ROOT / "target/debug/anyface"))
+HEAD = ROOT / "weights/shared/default_head"
+GODOT = os.environ.get("ANYFACE_GODOT")
+RATE_HZ, FPS = 16000, 25
+SHAPES = ["jawOpen", "eyeBlinkLeft", "mouthSmileLeft"]
+NEAR_M = 1e-5
+
+pytestmark = pytest.mark.skipif(not GODOT, reason="ignored, needs ANYFACE_GODOT")
+
+
+@pytest.fixture
+def project(tmp_path):
+    """A folder that Godot takes for a project."""
+    (tmp_path / "project.godot").write_text("config_version=5\n")
+    for script in Path(__file__).parent.glob("*.gd"):
+        shutil.copy(script, tmp_path)
+    shutil.copy(ROOT / "docs/examples/anyface.gd", tmp_path)
+    return tmp_path
+
+
+def godot(project, script, *words):
+    """A process that runs a script of the project."""
+    return subprocess.Popen(
+        [GODOT, "--headless", "--path", project, "--script", f"res://{script}", "--", *words],
+        stdout=subprocess.PIPE, stderr=subprocess.PIPE, text=True,
+    )  # fmt: skip
+
+
+class Lines(threading.Thread):
+    """Objects of JSON that a process writes, one a line."""
+
+    def __init__(self, pipe):
+        super().__init__(daemon=True)
+        self._pipe, self.all = pipe, []
+        self.start()
+
+    def run(self):
+        """Reads until the process ends."""
+        self.all.extend(json.loads(line) for line in self._pipe if line.startswith("{"))
+
+    def wait(self, count, seconds=60.0):
+        """Until there are so many."""
+        end = time.monotonic() + seconds
+        while len(self.all) < count:
+            assert time.monotonic() < end, f"{len(self.all)} of {count} lines came"
+            time.sleep(0.02)
+
+
+def rotation(vector):
+    """Quaternion x, y, z, w of a rotation vector."""
+    angle = np.linalg.norm(vector)
+    axis = np.array(vector) / max(angle, 1e-12)
+    return np.append(np.sin(angle / 2) * axis, np.cos(angle / 2))
+
+
+def test_a_mesh_follows_the_live_face(project):
+    pipes = {"stdin": subprocess.PIPE, "stdout": subprocess.PIPE, "stderr": subprocess.PIPE}
+    words = ["live", "--input", "-", "--any-sound", "--emotion", "happy:1", "--json"]
+    live = subprocess.Popen([COMMAND, *words, "--websocket", "127.0.0.1:0"], **pipes)
+    address = live.stderr.readline().decode().split()[-1].strip('"}').rstrip(".")
+    engine = godot(project, "follow.gd", address)
+    sent, shown = Lines(map(bytes.decode, live.stdout)), Lines(engine.stdout)
+    try:
+        shown.wait(1)
+        sound, block = spoken()[: 2 * 3 * RATE_HZ], 2 * RATE_HZ // FPS
+        begun = time.monotonic()
+        for number, first in enumerate(range(0, len(sound), block)):
+            time.sleep(max(0.0, begun + number / FPS - time.monotonic()))
+            live.stdin.write(sound[first : first + block])
+            live.stdin.flush()
+        sent.wait(len(sound) // block - 10)
+        time.sleep(0.5)
+    finally:
+        for process in (engine, live):
+            process.kill()
+            process.wait()
+    weights = np.array([[frame["shapes"][name] for name in SHAPES] for frame in sent.all])
+    turns = np.array([rotation(frame["head"]) for frame in sent.all])
+    moving = [one for one in shown.all if one["weights"][2] > 0.0]
+    assert np.ptp([one["weights"][0] for one in moving]) > 0.2
+    # Whatever Godot shows is a frame that was sent, the turn of the head too.
+    frames = []
+    for one in moving:
+        off = np.abs(weights - one["weights"]).max(axis=1)
+        assert off.min() < 1e-5
+        frames.append(off.argmin())
+        turn = np.array(one["turn"]) * np.copysign(1.0, one["turn"][3])
+        assert np.abs(turns[frames[-1]] - turn).max() < 1e-4
+    assert len(set(frames)) > len(weights) / 3
+
+
+def test_every_vertex_of_a_take_moves_as_the_arrays_do(project):
+    with wave.open(str(project / "voice.wav"), "wb") as file:
+        file.setnchannels(1)
+        file.setsampwidth(2)
+        file.setframerate(RATE_HZ)
+        file.writeframes(spoken()[: 2 * RATE_HZ])
+    for name in ("talk.glb", "talk.npz"):
+        subprocess.run(
+            [COMMAND, "animate", "--mesh", HEAD / "head.obj",
+             "--landmarks", HEAD / "landmarks.json",
+             "--audio", project / "voice.wav", "--fps", str(FPS), "--out", project / name],
+            capture_output=True, check=True,
+        )  # fmt: skip
+    displacements = np.load(project / "talk.npz")["displacements"]
+    count = len(displacements)
+    words = [project / "talk.glb", project / "places", str(count), str(FPS)]
+    out, err = godot(project, "positions.gd", *words).communicate(timeout=120)
+    assert "ERROR" not in err, err
+    read = next(json.loads(line) for line in out.splitlines() if line.startswith("{"))
+    assert read["vertices"] == displacements.shape[1] and read["shapes"] > 5
+    places = np.fromfile(project / "places", "<f4").reshape(count, -1, 3)
+    moved = places - places[0] + displacements[0]
+    assert np.abs(displacements).max() > 1e-3
+    assert np.linalg.norm(moved - displacements, axis=2).max() < NEAR_M
