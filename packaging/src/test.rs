@@ -12,7 +12,7 @@ use crate::{
     wheel,
 };
 
-/// Debian packages that the tests call: C hosts, a memory checker, voices, film, a sound system.
+/// Debian packages that the tests call: C hosts, a memory checker, voices, film, a sound system, C#.
 const TOOLS: &[&str] = &[
     "gcc",
     "g++",
@@ -25,6 +25,8 @@ const TOOLS: &[&str] = &[
     "ffmpeg",
     "pulseaudio",
     "pulseaudio-utils",
+    "mono-mcs",
+    "mono-runtime",
 ];
 
 /// Gigabytes that a first run takes: builds 8, PyTorch with its CUDA libraries 6 and 3 while it is
@@ -109,6 +111,18 @@ fn python_parts(steps: &mut Steps, version: Option<&str>) -> Result<()> {
     let command = library.with_file_name("anyface");
     let mut receivers = python::pytest(&Venv::Blender.python(), "tests/receivers");
     if let Some(godot) = chroot::GODOT.executable(steps)? {
+        // Named together: so each has the features that were compiled before.
+        let mut node = cargo();
+        node.args(["build", "-p", "anyface-godot"]);
+        node.args([
+            "-p",
+            "anyface-cli",
+            "-p",
+            "anyface-capi",
+            "-p",
+            "anyface-microphone",
+        ]);
+        steps.run("build the node for Godot", &mut node)?;
         receivers.env("ANYFACE_GODOT", godot);
     }
     steps.check("receivers", receivers.env("ANYFACE_COMMAND", command))

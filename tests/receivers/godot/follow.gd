@@ -23,7 +23,7 @@ func _initialize() -> void:
 	root.add_child(face)
 
 
-func triangle() -> ArrayMesh:
+static func triangle() -> ArrayMesh:
 	var arrays := []
 	arrays.resize(Mesh.ARRAY_MAX)
 	arrays[Mesh.ARRAY_VERTEX] = PackedVector3Array([Vector3.ZERO, Vector3.RIGHT, Vector3.UP])

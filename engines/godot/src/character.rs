@@ -1,0 +1,100 @@
+//! The mesh and the bone that a face moves.
+
+use anyface::{
+    motion::WeightFrame,
+    rig::{ARKIT, VISEMES},
+};
+use godot::{
+    classes::{ArrayMesh, MeshInstance3D, Skeleton3D},
+    prelude::*,
+};
+
+/// Which blend shape of a mesh is which, and the head as it stands at rest.
+#[derive(Default)]
+pub struct Character {
+    mesh: Option<InstanceId>,
+    /// Number of a blend shape, and of the weight that moves it: those of ARKit, then the visemes.
+    shapes: Vec<(i32, usize)>,
+}
+
+impl Character {
+    /// Shows the weights of a frame.
+    pub fn show(
+        &mut self,
+        frame: &WeightFrame,
+        mesh: Option<&mut Gd<MeshInstance3D>>,
+        skeleton: Option<&mut Gd<Skeleton3D>>,
+        head_bone: &GString,
+    ) -> Result<(), String> {
+        if let Some(mesh) = mesh {
+            if self.mesh != Some(mesh.instance_id()) {
+                (self.mesh, self.shapes) = (Some(mesh.instance_id()), shapes_of(mesh)?);
+            }
+            for &(place, weight) in &self.shapes {
+                let value = match weight.checked_sub(ARKIT.len()) {
+                    None => frame.shapes[weight],
+                    Some(viseme) => frame.visemes[viseme],
+                };
+                mesh.set_blend_shape_value(place, value);
+            }
+        }
+        let Some(skeleton) = skeleton else {
+            return Ok(());
+        };
+        let bone = skeleton.find_bone(head_bone);
+        if bone < 0 {
+            return Err(format!(
+                "head_bone: expected a bone of {}, got {head_bone}",
+                skeleton.get_name()
+            ));
+        }
+        let rest = skeleton.get_bone_rest(bone).basis.get_quaternion();
+        skeleton.set_bone_pose_rotation(bone, rest * rotation(frame.head));
+        Ok(())
+    }
+}
+
+/// Weights by name.
+pub fn by_name(frame: &WeightFrame) -> VarDictionary {
+    let shapes = ARKIT.iter().zip(frame.shapes);
+    let all = shapes.chain(VISEMES.iter().zip(frame.visemes));
+    all.map(|(name, weight)| (*name, weight)).collect()
+}
+
+/// The blend shapes of a mesh that have names of ARKit's shapes, or else of visemes.
+fn shapes_of(mesh: &Gd<MeshInstance3D>) -> Result<Vec<(i32, usize)>, String> {
+    let array = mesh.get_mesh().and_then(|m| m.try_cast::<ArrayMesh>().ok());
+    let array = array.ok_or("mesh: expected one with blend shapes, got none")?;
+    let own: Vec<String> = (0..array.get_blend_shape_count())
+        .map(|place| array.get_blend_shape_name(place).to_string())
+        .collect();
+    // A mesh with both kinds would move its mouth twice.
+    let names = match own.iter().any(|name| name == "jawOpen") {
+        true => 0..ARKIT.len(),
+        false => ARKIT.len()..ARKIT.len() + VISEMES.len(),
+    };
+    let all: Vec<&str> = ARKIT.iter().chain(VISEMES.iter()).copied().collect();
+    let pairs = own.iter().enumerate().filter_map(|(place, name)| {
+        let weight = names.clone().find(|&weight| all[weight] == name)?;
+        Some((place as i32, weight))
+    });
+    let pairs: Vec<(i32, usize)> = pairs.collect();
+    if pairs.is_empty() {
+        return Err(format!(
+            "mesh: expected blend shapes with names of ARKit (jawOpen, …) or visemes (viseme_aa, …), got {}; anyface rig \
+             gives a mesh its shapes",
+            own.join(", ")
+        ));
+    }
+    Ok(pairs)
+}
+
+/// Of a rotation vector in radians: about the face's left, up and front, which are Godot's x, y and z where it looks
+/// along +z.
+fn rotation(vector: [f32; 3]) -> Quaternion {
+    let turn = Vector3::from_array(vector);
+    match turn.try_normalized() {
+        Some(axis) => Quaternion::from_axis_angle(axis, turn.length()),
+        None => Quaternion::IDENTITY,
+    }
+}
