@@ -1,6 +1,9 @@
 //! `AnyfaceSpeaker`, a node for Godot 4 that moves the blend shapes of a mesh to a sound that is played.
 //! `anyface live --websocket` and docs/examples/anyface.gd follow a microphone.
 
+// The macro of exported properties writes accessors without comments.
+#![allow(missing_docs)]
+
 mod character;
 mod voice;
 
@@ -125,7 +128,7 @@ impl AnyfaceSpeaker {
             self.hear(&sound)?;
         }
         let at = player.call("get_playback_position", &[]);
-        let mut server = AudioServer::singleton();
+        let server = AudioServer::singleton();
         // As Godot's manual has it: the position is that of the last mixed block, and is heard later.
         let seconds = at.try_to::<f64>().unwrap_or(0.0) + server.get_time_since_last_mix()
             - server.get_output_latency();
