@@ -25,10 +25,13 @@ class ShapeCalls:
         roles,
         progress: Progress,
         by: ShapesBy = NETWORK,
+        path: str = "",
+        source: str = "",
     ) -> Rig:
         """The ARKit shapes and visemes of a mesh that faces -Y with +Z up, in any units.
 
-        The arguments are those of `native.Engine.find`. Raises `AnyfaceError`, "input" also where
+        The arguments are those of `native.Engine.find`. With `path` the rig is also written there, as
+        .npz or .vrm, an avatar, which keeps what the mesh's file `source` has. Raises `AnyfaceError`, "input" also where
         no head of the model is like the face `by` whose field the shapes are to move; `Cancelled`.
         """
         with ExitStack() as handles:
@@ -48,6 +51,8 @@ class ShapeCalls:
                 self._call("anyface_rig_copy_shape", rig, number, floats, vectors[number].size)
             names = [self._library.anyface_rig_shape_name(rig, n).decode() for n in range(count)]
             notes = [self._library.anyface_rig_shape_note(rig, n) for n in range(count)]
+            if path:
+                self._call("anyface_rig_write", rig, os.fsencode(source) or None, os.fsencode(path))
         pairs = zip(names, notes, strict=True)
         return Rig(names, vectors, {name: text.decode() for name, text in pairs if text})
 

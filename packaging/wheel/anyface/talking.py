@@ -1,5 +1,6 @@
 """The calls: a mesh and a sound in, what moves out."""
 
+import os
 from collections.abc import Callable, Mapping, Sequence
 from functools import cache
 from typing import TypeVar
@@ -108,6 +109,7 @@ def make_rig(
     mesh: MeshLike,
     *,
     landmarks: ArrayLike | None = None,
+    out: str | os.PathLike[str] = "",
     forward: str = "+z",
     up: str = "+y",
     engine: Engine | None = None,
@@ -116,12 +118,15 @@ def make_rig(
 ) -> Rig:
     """The 52 ARKit shapes and the 15 Oculus visemes of a mesh as `vectors` `[67, V, 3]`, by `names`.
 
-    Arguments are those of `animate`.
+    `out` is a file that also receives them: .npz, or .vrm, an avatar with VRM's expressions and those of
+    Perfect Sync, which keeps all else that the file `mesh` has. Other arguments are those of `animate`.
     """
     own, given = _facing(engine, forward, up), landmarks_of(landmarks)
+    source = os.fspath(mesh) if isinstance(mesh, str | os.PathLike) else ""
 
     def work(watch: Watch) -> Rig:
-        return own.rig(*mesh_of(mesh, own), *given, None, watch)
+        arrays = mesh_of(mesh, own)
+        return own.rig(*arrays, *given, None, watch, path=os.fspath(out), source=source)
 
     return _run(work, progress, cancel)
 

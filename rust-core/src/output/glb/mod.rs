@@ -6,29 +6,72 @@
 mod alone;
 mod animation;
 mod buffer;
+mod layout;
 mod onto;
 
 use std::{io::Write, path::Path};
 
+use serde_json::Value;
+
+pub(super) use self::{
+    animation::{Track, animation, times},
+    buffer::Buffer,
+};
 use super::{scene::Scene, targets::Targets};
 use crate::{Error, Result};
+
+/// A file in the making.
+pub(super) struct Document {
+    pub json: Value,
+    pub binary: Vec<u8>,
+    /// Where the shapes stand.
+    pub bound: Vec<Bound>,
+}
+
+/// Which shapes a mesh of the file has become targets of.
+pub(super) struct Bound {
+    pub node: usize,
+    pub mesh: usize,
+    /// Targets that the mesh had before.
+    pub before: usize,
+    /// Numbers of the shapes, a target each behind those.
+    pub shapes: Vec<usize>,
+}
+
+/// Writes a scene with its targets at `path`.
+///
+/// # Errors
+/// Those of [`document`] and of the writer.
+pub(super) fn write_glb(
+    file: (&mut impl Write, &Path),
+    scene: &Scene<'_>,
+    targets: &Targets,
+) -> Result<()> {
+    write_document(file, document(scene, targets)?)
+}
+
+/// A scene with its targets; where they do not play, without any animation of ours.
+///
+/// # Errors
+/// `InvalidInput` if the source is not that of the mesh or shows one of its meshes twice.
+pub(super) fn document(scene: &Scene<'_>, targets: &Targets) -> Result<Document> {
+    match scene.glb() {
+        Some(source) => onto::add(source, scene, targets),
+        None => alone::document(scene, targets),
+    }
+}
 
 /// Writes the file at `path`.
 ///
 /// # Errors
-/// `InvalidInput` if the source is not that of the mesh or shows one of its meshes twice; those of the writer.
-pub(super) fn write_glb(
+/// `InvalidInput` for more than the format counts, and `Io` of the writer.
+pub(super) fn write_document(
     (file, path): (&mut impl Write, &Path),
-    scene: &Scene<'_>,
-    targets: &Targets,
+    document: Document,
 ) -> Result<()> {
-    let (document, binary) = match scene.source {
-        Some(source) => onto::add(source, scene, targets)?,
-        None => alone::document(scene, targets)?,
-    };
-    let mut json = document.to_string().into_bytes();
+    let mut json = document.json.to_string().into_bytes();
     json.resize(json.len().next_multiple_of(4), b' ');
-    let mut binary = binary;
+    let mut binary = document.binary;
     binary.resize(binary.len().next_multiple_of(4), 0);
     let chunks = [(b"JSON", &json), (b"BIN\0", &binary)];
     let chunks = chunks.iter().filter(|(_, bytes)| !bytes.is_empty());
