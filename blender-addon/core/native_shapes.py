@@ -30,9 +30,10 @@ class ShapeCalls:
     ) -> Rig:
         """The ARKit shapes and visemes of a mesh that faces -Y with +Z up, in any units.
 
-        The arguments are those of `native.Engine.find`. With `path` the rig is also written there, as
-        .npz or .vrm, an avatar, which keeps what the mesh's file `source` has. Raises `AnyfaceError`, "input" also where
-        no head of the model is like the face `by` whose field the shapes are to move; `Cancelled`.
+        The arguments are those of `native.Engine.find`. With `path` the rig is also written there,
+        as .npz or .vrm, an avatar, which keeps what the mesh's file `source` has. Raises
+        `AnyfaceError`, "input" also where no head of the model is like the face `by` whose field
+        the shapes are to move; `Cancelled`.
         """
         with ExitStack() as handles:
             watch = handles.enter_context(self._watch(progress))

@@ -107,7 +107,7 @@ impl Animate {
             let vertices = mesh.positions.len();
             let kept = match Format::from_path(&self.out)?.is_scene() {
                 // Shapes are made of all frames, and of two copies of them.
-                true => 3 * frames_of(duration_s, request.fps),
+                true => 3 * frames_of(duration_s, request.fps) + self.scene.kept(&self.out),
                 false => self.layers.kept(frames, &mesh),
             };
             note_memory(&mut report, &engine, vertices, kept, heard_s)?;

@@ -114,12 +114,13 @@ impl MakeRig {
             }
             Ok(Vec::new())
         })?;
-        if !replaced.is_empty() {
-            report.warnings.push(format!(
+        let replaced = (!replaced.is_empty()).then(|| {
+            format!(
                 "the file had expressions of these names, which are new now: {}",
                 replaced.join(", ")
-            ));
-        }
+            )
+        });
+        report.warnings.extend(replaced.clone());
         report.out = Some(shown(&self.out));
         report.vertices = Some(mesh.positions.len());
         note_shapes(&mut report, &rig.reports);
@@ -130,7 +131,9 @@ impl MakeRig {
         if let Some(path) = &self.report {
             write_json(path, &full)?;
         }
-        console.value(&full, &summary(&report, &rig.reports))
+        let replaced = replaced.map(|sentence| format!("warning: {sentence}\n"));
+        let text = summary(&report, &rig.reports) + &replaced.unwrap_or_default();
+        console.value(&full, &text)
     }
 
     fn form(&self) -> Result<Form> {

@@ -6,7 +6,7 @@ use anyface::{
     Engine, Error, Face, Result,
     job::{InputKind, ProgressFn, read_file},
     output::{ClipFile, Format, TakeShapes, VrmNames},
-    rig::{ShapeSource, eye_looks},
+    rig::{SHAPES, ShapeSource, eye_looks},
 };
 use clap::{Args, ValueEnum};
 
@@ -57,6 +57,15 @@ impl SceneArgs {
             (_, Names::All) => Ok(()),
             _ if format != Format::Vrma => wrong("--expressions", ".vrma"),
             _ => Ok(()),
+        }
+    }
+
+    /// Copies of a frame that lie in memory beside the take: the shapes of the mesh, and those of a solve.
+    pub fn kept(&self, out: &Path) -> usize {
+        let is_avatar = Format::from_path(out).is_ok_and(|format| format == Format::Vrma);
+        match is_avatar || self.targets == Shapes::Arkit {
+            true => 3 * SHAPES,
+            false => 0,
         }
     }
 

@@ -57,13 +57,14 @@ console.log(JSON.stringify(Object.keys(face.morphTargetDictionary)));
 """
 
 
-def anyface(task, *words):
-    """Runs the command on the default head."""
-    given = ["--mesh", HEAD / "head.obj", "--landmarks", HEAD / "landmarks.json"]
+def anyface(task, *words, mesh=HEAD / "head.obj", landmarks=HEAD / "landmarks.json") -> str:
+    """Runs the command, by default on the default head; what it says."""
+    given = ["--mesh", mesh, "--landmarks", landmarks]
     done = subprocess.run(
         [COMMAND, task, *given, *words], capture_output=True, text=True, check=False
     )
     assert done.returncode == 0, done.stderr
+    return done.stdout + done.stderr
 
 
 def animate(folder: Path, name: str, *words) -> Path:
@@ -111,7 +112,7 @@ class Expected:
         return moved
 
     def looks(self) -> dict[str, np.ndarray]:
-        """Weights `[T]` of shapes by which eyes look; a whole one is 30 degrees aside or 25 up and down."""
+        """Weights `[T]` of shapes by which eyes look; 1 is 30 degrees aside, or 25 up and down."""
         looks = {}
         for eye, (side, left, right) in enumerate((("Right", "In", "Out"), ("Left", "Out", "In"))):
             yaw, pitch = np.degrees(self.arrays["gaze"][:, eye]).T

@@ -6,6 +6,7 @@ import sys
 
 import bpy
 import numpy as np
+
 from conftest import FPS, NEAR_M, THREE, THREE_JS, VALIDATE, VALIDATOR, node
 
 READ_USD = """

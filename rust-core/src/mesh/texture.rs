@@ -45,10 +45,7 @@ mod tests {
         }
         assert_eq!(corners[3], [[0.0; 2]; 3]);
         let plain = "v 0 0 0\nv 1 0 0\nv 1 1 0\nf 1 2 3\n".as_bytes();
-        assert_eq!(
-            texture_coordinates(plain, &parse_obj(plain).unwrap()),
-            None
-        );
+        assert_eq!(texture_coordinates(plain, &parse_obj(plain).unwrap()), None);
     }
 
     #[test]

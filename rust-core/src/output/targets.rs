@@ -38,6 +38,8 @@ pub(super) struct Targets {
     pub weights: Array2<f32>,
     /// Frames per second.
     pub fps: f64,
+    /// Whether a shape is looked at alone, so that it deserves normals of its own.
+    pub stand_alone: bool,
 }
 
 impl Targets {
@@ -80,6 +82,7 @@ impl Targets {
             shapes,
             weights,
             fps: clip.fps,
+            stand_alone: false,
         })
     }
 
@@ -119,6 +122,7 @@ impl Targets {
             weights: Array2::zeros((0, shapes.len())),
             shapes,
             fps: 1.0,
+            stand_alone: true,
         }
     }
 

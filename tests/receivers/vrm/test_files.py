@@ -1,13 +1,17 @@
 """Avatars and their motion that `anyface rig` and `animate` write, opened by three-vrm in node."""
 
+import json
+import struct
+
 import avatar as ball
 import numpy as np
 import pytest
-from conftest import FPS, THREE, VALIDATE, VALIDATOR, animate, anyface, node
+
+from conftest import FPS, HEAD, THREE, VALIDATE, VALIDATOR, animate, anyface, node
 
 PACKAGES = ("three@0.170.0", "@pixiv/three-vrm@3.5.5", "@pixiv/three-vrm-animation@3.5.5")
 SAME_M = 3e-6
-"""Shapes leave out what moves a vertex by less than 2 thousandths of a millimetre along each axis."""
+"""Shapes leave out what moves a vertex by less than 2 thousandths of a millimetre on each axis."""
 
 READ = """
 import * as THREE from 'three';
@@ -36,7 +40,9 @@ function moved() {
   });
 }
 """
-EXPRESSIONS = READ + """
+EXPRESSIONS = (
+    READ
+    + """
 const all = vrm.expressionManager, names = Object.keys(all.expressionMap);
 const rows = names.map((name) => {
   all.resetValues();
@@ -51,10 +57,35 @@ all.setValue('JawOpen', 0.5);
 all.update();
 const aa = faces[0].morphTargetInfluences[faces[0].morphTargetDictionary.viseme_aa];
 console.log(JSON.stringify({
-  names, aa, bones: Object.keys(vrm.humanoid.humanBones), meta: vrm.meta, lookAt: vrm.lookAt?.applier.constructor.type,
+  names, aa, bones: Object.keys(vrm.humanoid.humanBones), meta: vrm.meta,
+  lookAt: vrm.lookAt?.applier.constructor.type,
 }));
 """
-PLAY = READ + """
+)
+SHADED = (
+    READ
+    + """
+const { geometry } = faces[0], k = faces[0].morphTargetDictionary.jawOpen;
+const normals = geometry.attributes.normal.clone(), turned = geometry.morphAttributes.normal[k];
+const whole = geometry.clone(), shape = geometry.morphAttributes.position[k];
+whole.morphAttributes = {};
+for (let i = 0; i < normals.array.length; i++) {
+  normals.array[i] += turned.array[i];
+  whole.attributes.position.array[i] += shape.array[i];
+}
+whole.computeVertexNormals();
+let most = 0;
+for (let v = 0; v < normals.count; v++) {
+  place.fromBufferAttribute(normals, v);
+  rest.fromBufferAttribute(whole.attributes.normal, v);
+  if (rest.length() > 0.5) most = Math.max(most, place.angleTo(rest));
+}
+console.log(most * 180 / Math.PI);
+"""
+)
+PLAY = (
+    READ
+    + """
 import { VRMAnimationLoaderPlugin, VRMLookAtQuaternionProxy, createVRMAnimationClip }
   from '@pixiv/three-vrm-animation';
 const [, talk, out, fps] = process.argv.slice(1);
@@ -79,6 +110,7 @@ for (let t = 0; t < frames; t++) {
 fs.writeFileSync(out, new Float32Array(places));
 console.log(JSON.stringify({ heads, looks, tracks: clip.tracks.map((track) => track.name) }));
 """
+)
 
 
 @pytest.fixture(scope="module")
@@ -114,6 +146,38 @@ def test_every_expression_moves_what_its_shapes_move(spoken, expected, head):
     assert read["aa"] == 0.0
 
 
+def test_an_avatar_of_somebody_keeps_what_it_has(spoken, expected, head):
+    whole = head.read_bytes()
+    length = int.from_bytes(whole[12:16], "little")
+    document = json.loads(whole[20 : 20 + length])
+    vrm = document["extensions"]["VRMC_vrm"]
+    vrm["meta"]["name"] = "Mine"
+    vrm["expressions"]["custom"] = {"Ears": vrm["expressions"]["custom"]["NoseSneerLeft"]}
+    document["materials"][0]["name"] = "Skin by hand"
+    text = json.dumps(document).encode()
+    text += b" " * (-len(text) % 4)
+    rest = whole[20 + length :]
+    head_of_file = b"glTF" + struct.pack("<III", 2, 20 + len(text) + len(rest), len(text))
+    (spoken / "mine.vrm").write_bytes(head_of_file + b"JSON" + text + rest)
+    landmarks = json.loads((HEAD / "landmarks.json").read_text())["landmarks"]
+    numbers = spoken / "numbers.json"
+    numbers.write_text(json.dumps([landmark["vertex"] for landmark in landmarks]))
+    said = anyface(
+        "rig", "--out", spoken / "again.vrm", mesh=spoken / "mine.vrm", landmarks=numbers
+    )
+    assert "aa, ih, ou" in said
+    read = node(EXPRESSIONS, spoken / "again.vrm", spoken / "again.bin", packages=PACKAGES)
+    assert read["meta"]["name"] == "Mine"
+    rows = np.fromfile(spoken / "again.bin", "<f4").reshape(len(read["names"]), -1, 3)
+    moved = dict(zip(read["names"], rows, strict=True))
+    assert np.abs(moved["Ears"] - expected.shapes["noseSneerLeft"]).max() < SAME_M
+    for name in ("jawOpen", "mouthSmileLeft", "eyeBlinkRight"):
+        custom, shape = moved[name[0].upper() + name[1:]], expected.shapes[name]
+        assert np.linalg.norm(custom - shape) < 0.1 * np.linalg.norm(shape), name
+    issues = node(VALIDATE, spoken / "again.vrm", packages=VALIDATOR)
+    assert issues["numErrors"] == 0, issues["messages"][:5]
+
+
 def test_a_take_moves_the_avatar_as_the_arrays_do(spoken, expected, head):
     talk = animate(spoken, "talk.vrma")
     read = node(PLAY, head, talk, spoken / "vrma.bin", str(FPS), packages=PACKAGES)
@@ -136,12 +200,17 @@ def test_a_take_moves_the_avatar_as_the_arrays_do(spoken, expected, head):
 def test_another_avatar_speaks_by_the_presets(spoken):
     ball.write(spoken / "ball.vrm")
     talk = animate(spoken, "presets.vrma", "--expressions", "vrm")
-    read = node(PLAY.replace("new VRMLookAtQuaternionProxy(vrm.lookAt)", "new THREE.Object3D()")
-                .replace("looks.push([vrm.lookAt.yaw, vrm.lookAt.pitch]);", ""),
-                spoken / "ball.vrm", talk, spoken / "ball.bin", str(FPS), packages=PACKAGES)  # fmt: skip
+    play = PLAY.replace("new VRMLookAtQuaternionProxy(vrm.lookAt)", "new THREE.Object3D()")
+    play = play.replace("looks.push([vrm.lookAt.yaw, vrm.lookAt.pitch]);", "")
+    files = spoken / "ball.vrm", talk, spoken / "ball.bin"
+    read = node(play, *files, str(FPS), packages=PACKAGES)
     moved = np.fromfile(spoken / "ball.bin", "<f4").reshape(FPS, -1, 3)
     assert np.abs(moved).max() > 5e-3
     assert not any("Jaw" in name for name in read["tracks"])
+
+
+def test_shapes_are_shaded_as_they_are_moved(head):
+    assert node(SHADED, head, packages=PACKAGES) < 2.0
 
 
 def test_shapes_of_arkit_play_in_three(spoken, expected):

@@ -1,5 +1,6 @@
 //! A file for a mesh that has none: positions, smooth normals, triangles, targets.
 
+use glam::Vec3;
 use serde_json::json;
 
 use super::{
@@ -10,12 +11,15 @@ use super::{
 };
 use crate::{
     Result,
-    mesh::texture_coordinates,
+    mesh::{Mesh, texture_coordinates},
     output::{
         scene::{Scene, is_z_up},
-        targets::Targets,
+        targets::{Target, Targets},
     },
 };
+
+/// Normals that turn by less than this are at rest, radians.
+const LEAST_TURN: f32 = 0.02;
 
 /// The document and its bytes.
 pub(super) fn document(scene: &Scene<'_>, targets: &Targets) -> Result<Document> {
@@ -26,8 +30,14 @@ pub(super) fn document(scene: &Scene<'_>, targets: &Targets) -> Result<Document>
     let layout = Layout::new(scene.mesh, corners.as_deref());
     let count = layout.sources.len();
     let positions = buffer.points(&layout.spread(&scene.mesh.positions));
-    let normals = buffer.points(&layout.spread(&scene.mesh.vertex_normals()));
-    let mut attributes = json!({"POSITION": positions, "NORMAL": normals});
+    let mut normals = scene.mesh.vertex_normals();
+    // The format knows no normal of length 0, which a vertex without triangles has.
+    normals
+        .iter_mut()
+        .filter(|normal| **normal == [0.0; 3])
+        .for_each(|normal| *normal = [0.0, 1.0, 0.0]);
+    let at_rest = buffer.points(&layout.spread(&normals));
+    let mut attributes = json!({"POSITION": positions, "NORMAL": at_rest});
     if let Some(coordinates) = &layout.coordinates {
         attributes["TEXCOORD_0"] = json!(buffer.coordinates(coordinates));
     }
@@ -39,7 +49,12 @@ pub(super) fn document(scene: &Scene<'_>, targets: &Targets) -> Result<Document>
         let mut accessors = Vec::new();
         for shape in &targets.shapes {
             let moved = buffer.displacements(count, &layout.moved(&shape.moved));
-            accessors.push(json!({"POSITION": moved}));
+            let mut target = json!({"POSITION": moved});
+            if targets.stand_alone {
+                let turned = turned(scene.mesh, &normals, shape);
+                target["NORMAL"] = json!(buffer.displacements(count, &layout.moved(&turned)));
+            }
+            accessors.push(target);
         }
         primitive["targets"] = json!(accessors);
         let names: Vec<&str> = targets.shapes.iter().map(|shape| &*shape.name).collect();
@@ -106,4 +121,20 @@ pub(super) fn document(scene: &Scene<'_>, targets: &Targets) -> Result<Document>
             shapes: all,
         }],
     })
+}
+
+/// By how much the normals differ where a shape is whole.
+fn turned(mesh: &Mesh, normals: &[[f32; 3]], shape: &Target) -> Vec<(u32, [f32; 3])> {
+    let mut moved = mesh.clone();
+    for (v, by) in &shape.moved {
+        let place = &mut moved.positions[*v as usize];
+        *place = (Vec3::from(*place) + Vec3::from(*by)).to_array();
+    }
+    let new = moved.vertex_normals();
+    let pairs = normals.iter().zip(&new).zip(0..);
+    let turned = pairs.map(|((rest, new), v)| (v, Vec3::from(*new) - Vec3::from(*rest)));
+    turned
+        .filter(|(v, by)| by.length() > LEAST_TURN && new[*v as usize] != [0.0; 3])
+        .map(|(v, by)| (v, by.to_array()))
+        .collect()
 }

@@ -13,8 +13,8 @@ use super::{
 use crate::{
     Error, Result,
     face::Rig,
-    mesh::{Landmarks, Mesh},
     job::Unfinished,
+    mesh::{Landmarks, Mesh},
     output::{
         glb::{Document, document, write_document},
         scene::{Scene, hinges},
@@ -96,6 +96,13 @@ fn stand_on_bones(document: &mut Value, scene: &Scene<'_>, name: &str) -> Result
              first, as Blender's VRM add-on does"
                 .into(),
         ));
+    }
+    if document
+        .get("extensions")
+        .is_some_and(|all| !all.is_object())
+    {
+        let message = "glTF: expected an object of extensions, got something else";
+        return Err(Error::InvalidInput(message.into()));
     }
     let number = document["scene"].as_u64().unwrap_or(0) as usize;
     let shown = document["scenes"][number]["nodes"].take();
