@@ -28,7 +28,7 @@ use crate::{
 pub struct AnyfaceRig {
     rig: Arc<Rig>,
     /// What it is a rig of.
-    pub(crate) mesh: Mesh,
+    pub(crate) mesh: Arc<Mesh>,
     landmarks: Landmarks,
     names: Vec<CString>,
     notes: Vec<Option<CString>>,
@@ -37,7 +37,7 @@ pub struct AnyfaceRig {
 const _: () = guard::shared_by_threads::<AnyfaceRig>();
 
 impl AnyfaceRig {
-    fn new(rig: Arc<Rig>, mesh: Mesh, landmarks: Landmarks) -> Self {
+    fn new(rig: Arc<Rig>, mesh: Arc<Mesh>, landmarks: Landmarks) -> Self {
         let text = pointer::c_text;
         AnyfaceRig {
             mesh,
@@ -195,7 +195,7 @@ pub unsafe extern "C" fn anyface_rig_write(
         match path.extension().and_then(|e| e.to_str()) {
             Some("npz") => write_rig(path, &rig.rig, &rig.mesh)?,
             Some("vrm") => {
-                let own = (&rig.mesh, &rig.landmarks);
+                let own = (&*rig.mesh, &rig.landmarks);
                 write_avatar(path, &rig.rig, own, source.as_deref())?;
             }
             _ => {
@@ -247,7 +247,7 @@ mod tests {
             positions,
             triangles,
         };
-        AnyfaceRig::new(rig, mesh, landmarks)
+        AnyfaceRig::new(rig, Arc::new(mesh), landmarks)
     }
 
     #[test]
