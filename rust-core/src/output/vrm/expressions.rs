@@ -18,11 +18,18 @@ pub(super) struct Expression {
     pub takes_over: Option<&'static str>,
 }
 
-/// Presets that are mixtures of shapes: VRM 1's name, VRM 0's, the stems and weights of ARKit's shapes.
+/// A mixture of shapes: VRM 1's name, VRM 0's, the stems and weights of ARKit's shapes.
+type Mixture = (
+    &'static str,
+    Option<&'static str>,
+    &'static [(&'static str, f32)],
+);
+
+/// Presets that are mixtures.
 ///
 /// Feelings are the units of EMFACS (Ekman & Friesen 1983): happy 6, 12; angry 4, 5, 7, 23, 10; sad 1, 4, 15, 17; surprised 1, 2, 5,
 /// 26; relaxed is a weak 12 with lids that are a little lower. How strong each is, is a choice of ours.
-const MIXTURES: [(&str, Option<&str>, &[(&str, f32)]); 12] = [
+const MIXTURES: [Mixture; 12] = [
     ("blink", Some("blink"), &[("eyeBlink", 1.0)]),
     ("blinkLeft", Some("blink_l"), &[("eyeBlinkLeft", 1.0)]),
     ("blinkRight", Some("blink_r"), &[("eyeBlinkRight", 1.0)]),
