@@ -57,6 +57,29 @@ class ShapeCalls:
         pairs = zip(names, notes, strict=True)
         return Rig(names, vectors, {name: text.decode() for name, text in pairs if text})
 
+    def write_take(
+        self,
+        positions,
+        triangles,
+        landmarks,
+        landmark_vertices,
+        roles,
+        clip: "Clip",
+        path: str,
+        progress: Progress,
+    ) -> None:
+        """Writes a clip of a mesh on its ARKit shapes: .glb, .usda, or .vrma, which moves avatars.
+
+        The other arguments and errors are those of `rig`.
+        """
+        with ExitStack() as handles:
+            watch = handles.enter_context(self._watch(progress))
+            mesh = self._mesh(handles, positions, triangles)
+            options, _alive = self._face_options(landmarks, landmark_vertices, roles)
+            given = self._handle, mesh, byref(options), watch.handle
+            rig = self._own(handles, "rig", "anyface_rig_new", *given)
+            self._call("anyface_clip_write_shapes", clip, rig, os.fsencode(path))
+
     def solve(
         self,
         names: list[str],

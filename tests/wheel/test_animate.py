@@ -142,6 +142,16 @@ def test_a_rig_is_written_as_an_avatar(anyface, tmp_path):
     assert len(expressions["custom"]) == 52
 
 
+def test_a_take_is_written_for_avatars(anyface, voice, tmp_path):
+    clip = anyface.animate(HEAD, voice, out=tmp_path / "talk.vrma")
+    assert len(clip) > 1
+    whole = (tmp_path / "talk.vrma").read_bytes()
+    document = json.loads(whole[20 : 20 + int.from_bytes(whole[12:16], "little")])
+    take = document["extensions"]["VRMC_vrm_animation"]
+    assert {"aa", "ou", "blink"} <= take["expressions"]["preset"].keys()
+    assert "JawOpen" in take["expressions"]["custom"] and "lookAt" in take
+
+
 def test_progress_tells_stages_and_cancel_stops(anyface, mesh, voice):
     # A mesh that nobody kept anything of: its search takes a while.
     new = (mesh[0] * np.float32(1.013), mesh[1])

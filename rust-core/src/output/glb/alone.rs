@@ -4,9 +4,9 @@ use glam::Vec3;
 use serde_json::json;
 
 use super::{
-    Bound, Document,
     animation::{NAME, Track, animation, head, times, weights},
     buffer::Buffer,
+    document::{Bound, Document},
     layout::Layout,
 };
 use crate::{

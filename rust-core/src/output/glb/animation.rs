@@ -12,17 +12,17 @@ use crate::{
 };
 
 /// How what is ours is called.
-pub(in crate::output) const NAME: &str = "Anyface";
+pub const NAME: &str = "Anyface";
 
 /// One sampler of an animation, and the channels that it drives.
-pub(in crate::output) struct Track {
+pub struct Track {
     pub sampler: Value,
     pub node: usize,
     pub path: &'static str,
 }
 
 /// An animation of tracks over the frames of the targets.
-pub(in crate::output) fn animation(tracks: Vec<Track>, sound: Option<&str>) -> Value {
+pub fn animation(tracks: Vec<Track>, sound: Option<&str>) -> Value {
     let channels = tracks.iter().enumerate().map(|(sampler, track)| {
         json!({"sampler": sampler, "target": {"node": track.node, "path": track.path}})
     });
@@ -39,7 +39,7 @@ pub(in crate::output) fn animation(tracks: Vec<Track>, sound: Option<&str>) -> V
 ///
 /// # Errors
 /// `InvalidInput` for no frames.
-pub(in crate::output) fn times(buffer: &mut Buffer, frames: usize, fps: f64) -> Result<usize> {
+pub fn times(buffer: &mut Buffer, frames: usize, fps: f64) -> Result<usize> {
     let times: Vec<f32> = (0..frames).map(|t| (t as f64 / fps) as f32).collect();
     let ends = times.first().zip(times.last());
     let bounds = ends.map(|(first, last)| (vec![*first], vec![*last]));

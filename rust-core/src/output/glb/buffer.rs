@@ -15,7 +15,7 @@ const OF_VERTICES: u32 = 34962;
 const OF_CORNERS: u32 = 34963;
 
 /// Bytes that are added to one buffer of a document.
-pub(in crate::output) struct Buffer {
+pub struct Buffer {
     /// Number of the buffer.
     number: usize,
     bytes: Vec<u8>,
@@ -31,12 +31,7 @@ type Bounds = (Vec<f32>, Vec<f32>);
 
 impl Buffer {
     /// After `bytes` that the buffer has, and so many views and accessors of the document.
-    pub(in crate::output) fn after(
-        number: usize,
-        bytes: Vec<u8>,
-        views: usize,
-        accessors: usize,
-    ) -> Buffer {
+    pub fn after(number: usize, bytes: Vec<u8>, views: usize, accessors: usize) -> Buffer {
         Buffer {
             number,
             bytes,
@@ -48,7 +43,7 @@ impl Buffer {
     }
 
     /// The bytes, and what stands in the document for the new ones: views and accessors.
-    pub(in crate::output) fn finish(self) -> (Vec<u8>, Vec<Value>, Vec<Value>) {
+    pub fn finish(self) -> (Vec<u8>, Vec<Value>, Vec<Value>) {
         (self.bytes, self.views, self.accessors)
     }
 
@@ -98,12 +93,7 @@ impl Buffer {
     ///
     /// # Errors
     /// `InvalidInput` for no numbers, which the format has no place for.
-    pub(in crate::output) fn floats(
-        &mut self,
-        values: &[f32],
-        kind: &str,
-        bounds: Option<Bounds>,
-    ) -> Result<usize> {
+    pub fn floats(&mut self, values: &[f32], kind: &str, bounds: Option<Bounds>) -> Result<usize> {
         if values.is_empty() {
             let message = "expected at least one frame for a GLB, got none";
             return Err(Error::InvalidInput(message.into()));
@@ -135,19 +125,19 @@ impl Buffer {
     }
 
     /// An accessor of a point of each vertex, with the box about them.
-    pub(in crate::output) fn points(&mut self, points: &[[f32; 3]]) -> usize {
+    pub fn points(&mut self, points: &[[f32; 3]]) -> usize {
         let flat = points.as_flattened();
         self.values(flat, "VEC3", Some(bounds(points)), Some(OF_VERTICES))
     }
 
     /// An accessor of texture coordinates of each vertex.
-    pub(in crate::output) fn coordinates(&mut self, coordinates: &[[f32; 2]]) -> usize {
+    pub fn coordinates(&mut self, coordinates: &[[f32; 2]]) -> usize {
         let flat = coordinates.as_flattened();
         self.values(flat, "VEC2", None, Some(OF_VERTICES))
     }
 
     /// An accessor of the corners of triangles of `count` vertices.
-    pub(in crate::output) fn corners(&mut self, triangles: &[[u32; 3]], count: usize) -> usize {
+    pub fn corners(&mut self, triangles: &[[u32; 3]], count: usize) -> usize {
         let corners = triangles.as_flattened();
         let (view, kind) = self.numbers(corners.iter().copied(), count, Some(OF_CORNERS));
         self.accessor(json!({
@@ -157,11 +147,7 @@ impl Buffer {
 
     /// Displacements of `count` vertices of which these move, in the order of their numbers; the smaller of what moves
     /// and of all.
-    pub(in crate::output) fn displacements(
-        &mut self,
-        count: usize,
-        moved: &[(u32, [f32; 3])],
-    ) -> usize {
+    pub fn displacements(&mut self, count: usize, moved: &[(u32, [f32; 3])]) -> usize {
         let number_bytes = if count <= MOST_SHORT { 2 } else { 4 };
         if (12 + number_bytes) * moved.len() > 12 * count {
             let mut all = vec![[0.0; 3]; count];

@@ -7,9 +7,9 @@ use glam::{DMat3, DVec3};
 use serde_json::{Value, json};
 
 use super::{
-    Bound, Document,
     animation::{Track, animation, head, times, weights},
     buffer::Buffer,
+    document::{Bound, Document},
 };
 use crate::{
     Error, Result,

@@ -38,7 +38,7 @@ pub enum VrmNames {
 ///
 /// # Errors
 /// Those of the solve, of the writer, and `InvalidInput` for no frames.
-pub(in crate::output) fn write_vrm_animation(
+pub fn write_vrm_animation(
     file: (&mut impl Write, &Path),
     scene: &Scene<'_>,
     clip: &VertexClip,
