@@ -1507,7 +1507,8 @@ AnyfaceStatus anyface_clip_copy_landmark_displacements(const AnyfaceClip *clip,
 /// and `gaze` `[T, 2, 2]` as `anyface_motion_copy_head()` and `_gaze()` give them, and `tongue` `[T, 4]`, which the
 /// displacements hold. .pc2 and .mdd: point caches of
 /// positions for Blender, Maya, Houdini and others. .glb: morph targets and their weights over time for browsers and
-/// engines, .usda: the same as blend shapes of USD; both of the mesh alone.
+/// engines, .usda: the same as blend shapes of USD; both of the mesh alone. `anyface_clip_write_shapes()` writes ARKit's shapes
+/// instead, and .vrma.
 /// `mesh`: the mesh of the clip's face. `path`: UTF-8.
 /// Fails with `ANYFACE_STATUS_INVALID_INPUT` for another ending or another mesh,
 /// `ANYFACE_STATUS_IO` if the file cannot be written; then nothing is left of it.
@@ -1515,6 +1516,18 @@ AnyfaceStatus anyface_clip_write(const AnyfaceClip *clip,
                                  const AnyfaceMesh *mesh,
                                  const char *path,
                                  AnyfaceError **error);
+
+/// Writes the clip on the shapes of its mesh as a file whose kind follows from the end of its name.
+///
+/// .glb and .usda: the 52 ARKit shapes of `rig` with weights over time that are solved for the clip. .vrma: a VRM animation, which
+/// moves any avatar: expressions of VRM and, under the names of Perfect Sync, ARKit's; the turns of the head, and where the
+/// eyes look. Anything else as `anyface_clip_write()` writes it. `rig`: that of the clip's mesh. `path`: UTF-8.
+/// Fails with `ANYFACE_STATUS_INVALID_INPUT` for another ending or the rig of another mesh, `ANYFACE_STATUS_IO` if the file
+/// cannot be written; then nothing is left of it.
+AnyfaceStatus anyface_clip_write_shapes(const AnyfaceClip *clip,
+                                        const AnyfaceRig *rig,
+                                        const char *path,
+                                        AnyfaceError **error);
 
 /// Frees a clip that no running call uses, with everything it lent; nothing happens for NULL.
 void anyface_clip_free(AnyfaceClip *clip);
@@ -1748,6 +1761,19 @@ AnyfaceStatus anyface_rig_copy_shape(const AnyfaceRig *rig,
                                      float *buffer,
                                      size_t float_count,
                                      AnyfaceError **error);
+
+/// Writes the rig as a file whose kind follows from the end of its name.
+///
+/// .npz: `names` `[S]`, `deltas` `[S, V, 3]` and `neutral` `[V, 3]`. .vrm: an avatar with VRM's expressions, and the 52 ARKit shapes
+/// under the names of Perfect Sync. `source`: the file that the mesh was read from, or NULL; of a VRM (1.0 or 0) all else stays
+/// that it has, expressions of the same names become new ones. Other meshes stand on the fewest bones that VRM 1.0 allows.
+/// `path` and `source`: UTF-8.
+/// Fails with `ANYFACE_STATUS_INVALID_INPUT` for another ending or a source with bones that is no VRM, `ANYFACE_STATUS_IO`
+/// if a file cannot be read or written; then nothing is left of it.
+AnyfaceStatus anyface_rig_write(const AnyfaceRig *rig,
+                                const char *source,
+                                const char *path,
+                                AnyfaceError **error);
 
 /// Frees a rig that no running call uses, with everything it lent; nothing happens for NULL.
 void anyface_rig_free(AnyfaceRig *rig);

@@ -294,6 +294,8 @@ SIGNATURES = {
     "anyface_progress_cancel": (None, [_HANDLE]),
     "anyface_rig_new": (c_int32, _OF_MESH),
     "anyface_rig_new_by_field": (c_int32, [*_OF_MESH[:3], c_int32, *_OF_MESH[3:]]),
+    "anyface_clip_write_shapes": (c_int32, [_HANDLE, _HANDLE, c_char_p, _OUT]),
+    "anyface_rig_write": (c_int32, [_HANDLE, c_char_p, c_char_p, _OUT]),
     "anyface_rig_shape_count": (c_size_t, [_HANDLE]),
     "anyface_rig_shape_name": (c_char_p, [_HANDLE, c_size_t]),
     "anyface_rig_shape_note": (c_char_p, [_HANDLE, c_size_t]),

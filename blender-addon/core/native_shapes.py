@@ -25,11 +25,15 @@ class ShapeCalls:
         roles,
         progress: Progress,
         by: ShapesBy = NETWORK,
+        path: str = "",
+        source: str = "",
     ) -> Rig:
         """The ARKit shapes and visemes of a mesh that faces -Y with +Z up, in any units.
 
-        The arguments are those of `native.Engine.find`. Raises `AnyfaceError`, "input" also where
-        no head of the model is like the face `by` whose field the shapes are to move; `Cancelled`.
+        The arguments are those of `native.Engine.find`. With `path` the rig is also written there,
+        as .npz or .vrm, an avatar, which keeps what the mesh's file `source` has. Raises
+        `AnyfaceError`, "input" also where no head of the model is like the face `by` whose field
+        the shapes are to move; `Cancelled`.
         """
         with ExitStack() as handles:
             watch = handles.enter_context(self._watch(progress))
@@ -48,8 +52,33 @@ class ShapeCalls:
                 self._call("anyface_rig_copy_shape", rig, number, floats, vectors[number].size)
             names = [self._library.anyface_rig_shape_name(rig, n).decode() for n in range(count)]
             notes = [self._library.anyface_rig_shape_note(rig, n) for n in range(count)]
+            if path:
+                self._call("anyface_rig_write", rig, os.fsencode(source) or None, os.fsencode(path))
         pairs = zip(names, notes, strict=True)
         return Rig(names, vectors, {name: text.decode() for name, text in pairs if text})
+
+    def write_take(
+        self,
+        positions,
+        triangles,
+        landmarks,
+        landmark_vertices,
+        roles,
+        clip: "Clip",
+        path: str,
+        progress: Progress,
+    ) -> None:
+        """Writes a clip of a mesh on its ARKit shapes: .glb, .usda, or .vrma, which moves avatars.
+
+        The other arguments and errors are those of `rig`.
+        """
+        with ExitStack() as handles:
+            watch = handles.enter_context(self._watch(progress))
+            mesh = self._mesh(handles, positions, triangles)
+            options, _alive = self._face_options(landmarks, landmark_vertices, roles)
+            given = self._handle, mesh, byref(options), watch.handle
+            rig = self._own(handles, "rig", "anyface_rig_new", *given)
+            self._call("anyface_clip_write_shapes", clip, rig, os.fsencode(path))
 
     def solve(
         self,

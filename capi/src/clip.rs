@@ -7,6 +7,7 @@ use anyface::{
     deform::VertexClip,
     job::ProgressFn,
     motion::{Life, Motion, Visibility, lip_travel},
+    output::ClipFile,
     spread::{Animation, Collector, Movement},
 };
 use libc::c_char;
@@ -22,6 +23,7 @@ use crate::{
     motion::{AnyfaceMotion, AnyfaceMotionOptions},
     pointer::{self, handles},
     progress::{AnyfaceProgress, watched},
+    rig::AnyfaceRig,
     status::AnyfaceStatus,
     versioned_options,
 };
@@ -372,7 +374,8 @@ pub unsafe extern "C" fn anyface_clip_copy_landmark_displacements(
 /// and `gaze` `[T, 2, 2]` as `anyface_motion_copy_head()` and `_gaze()` give them, and `tongue` `[T, 4]`, which the
 /// displacements hold. .pc2 and .mdd: point caches of
 /// positions for Blender, Maya, Houdini and others. .glb: morph targets and their weights over time for browsers and
-/// engines, .usda: the same as blend shapes of USD; both of the mesh alone.
+/// engines, .usda: the same as blend shapes of USD; both of the mesh alone. `anyface_clip_write_shapes()` writes ARKit's shapes
+/// instead, and .vrma.
 /// `mesh`: the mesh of the clip's face. `path`: UTF-8.
 /// Fails with `ANYFACE_STATUS_INVALID_INPUT` for another ending or another mesh,
 /// `ANYFACE_STATUS_IO` if the file cannot be written; then nothing is left of it.
@@ -387,6 +390,30 @@ pub unsafe extern "C" fn anyface_clip_write(
         let (clip, mesh) = handles!(clip, mesh);
         let path = unsafe { pointer::path("path", path) }?;
         anyface::output::write_animation(path, &clip.animation, clip.life.as_ref(), &mesh.0)?;
+        Ok(())
+    };
+    unsafe { guard::guard(error, work) }
+}
+
+/// Writes the clip on the shapes of its mesh as a file whose kind follows from the end of its name.
+///
+/// .glb and .usda: the 52 ARKit shapes of `rig` with weights over time that are solved for the clip. .vrma: a VRM animation, which
+/// moves any avatar: expressions of VRM and, under the names of Perfect Sync, ARKit's; the turns of the head, and where the
+/// eyes look. Anything else as `anyface_clip_write()` writes it. `rig`: that of the clip's mesh. `path`: UTF-8.
+/// Fails with `ANYFACE_STATUS_INVALID_INPUT` for another ending or the rig of another mesh, `ANYFACE_STATUS_IO` if the file
+/// cannot be written; then nothing is left of it.
+#[unsafe(no_mangle)]
+pub unsafe extern "C" fn anyface_clip_write_shapes(
+    clip: *const AnyfaceClip,
+    rig: *const AnyfaceRig,
+    path: *const c_char,
+    error: *mut *mut AnyfaceError,
+) -> AnyfaceStatus {
+    let work = || {
+        let (clip, rig) = handles!(clip, rig);
+        let path = unsafe { pointer::path("path", path) }?;
+        let file = ClipFile::new(path)?.with_shapes(rig.shapes_of_take());
+        file.write_whole(&clip.animation, clip.life.as_ref(), &rig.mesh)?;
         Ok(())
     };
     unsafe { guard::guard(error, work) }

@@ -3,10 +3,11 @@
 use std::{ffi::CString, sync::Arc};
 
 use anyface::{
-    Engine,
+    Engine, Face,
     face::{FaceOptions, Rig},
-    job::ProgressFn,
-    mesh::Mesh,
+    job::{InputKind, ProgressFn, read_file},
+    mesh::{Landmarks, Mesh},
+    output::{TakeShapes, write_avatar, write_rig},
     rig::ShapeSource,
 };
 use libc::c_char;
@@ -26,6 +27,9 @@ use crate::{
 /// number of threads may use it at the same time.
 pub struct AnyfaceRig {
     rig: Arc<Rig>,
+    /// What it is a rig of.
+    pub(crate) mesh: Arc<Mesh>,
+    landmarks: Landmarks,
     names: Vec<CString>,
     notes: Vec<Option<CString>>,
 }
@@ -33,9 +37,11 @@ pub struct AnyfaceRig {
 const _: () = guard::shared_by_threads::<AnyfaceRig>();
 
 impl AnyfaceRig {
-    fn new(rig: Arc<Rig>) -> Self {
+    fn new(rig: Arc<Rig>, mesh: Arc<Mesh>, landmarks: Landmarks) -> Self {
         let text = pointer::c_text;
         AnyfaceRig {
+            mesh,
+            landmarks,
             names: rig.names.iter().map(|name| text(name)).collect(),
             notes: rig
                 .reports
@@ -44,6 +50,15 @@ impl AnyfaceRig {
                 .collect(),
             rig,
         }
+    }
+
+    fn of(face: Face, rig: Arc<Rig>) -> Self {
+        AnyfaceRig::new(rig, face.mesh, face.landmarks)
+    }
+
+    /// The shapes of a take on this mesh.
+    pub(crate) fn shapes_of_take(&self) -> TakeShapes {
+        TakeShapes::new(Arc::clone(&self.rig), &self.landmarks.vertices)
     }
 }
 
@@ -64,10 +79,10 @@ pub unsafe extern "C" fn anyface_rig_new(
     let make = || {
         let make = |engine: &Engine, mesh: &Mesh, options: &FaceOptions, watch: ProgressFn<'_>| {
             let face = engine.find(mesh, options, watch)?;
-            engine.rig(&face, ShapeSource::Network, watch)
+            let rig = engine.rig(&face, ShapeSource::Network, watch)?;
+            Ok(AnyfaceRig::of(face, rig))
         };
-        let rig = unsafe { of_mesh(engine, mesh, options, progress, make) }?;
-        Ok(AnyfaceRig::new(rig))
+        unsafe { of_mesh(engine, mesh, options, progress, make) }
     };
     unsafe { guard::give(out, error, make) }
 }
@@ -92,10 +107,10 @@ pub unsafe extern "C" fn anyface_rig_new_by_field(
         let make = |engine: &Engine, mesh: &Mesh, options: &FaceOptions, watch: ProgressFn<'_>| {
             let face = engine.find(mesh, options, watch)?;
             let in_betweens = in_betweens != 0;
-            engine.rig(&face, ShapeSource::Field { in_betweens }, watch)
+            let rig = engine.rig(&face, ShapeSource::Field { in_betweens }, watch)?;
+            Ok(AnyfaceRig::of(face, rig))
         };
-        let rig = unsafe { of_mesh(engine, mesh, options, progress, make) }?;
-        Ok(AnyfaceRig::new(rig))
+        unsafe { of_mesh(engine, mesh, options, progress, make) }
     };
     unsafe { guard::give(out, error, make) }
 }
@@ -152,6 +167,49 @@ pub unsafe extern "C" fn anyface_rig_copy_shape(
     unsafe { guard::copy(buffer, float_count, error, values) }
 }
 
+/// Writes the rig as a file whose kind follows from the end of its name.
+///
+/// .npz: `names` `[S]`, `deltas` `[S, V, 3]` and `neutral` `[V, 3]`. .vrm: an avatar with VRM's expressions, and the 52 ARKit shapes
+/// under the names of Perfect Sync. `source`: the file that the mesh was read from, or NULL; of a VRM (1.0 or 0) all else stays
+/// that it has, expressions of the same names become new ones. Other meshes stand on the fewest bones that VRM 1.0 allows.
+/// `path` and `source`: UTF-8.
+/// Fails with `ANYFACE_STATUS_INVALID_INPUT` for another ending or a source with bones that is no VRM, `ANYFACE_STATUS_IO`
+/// if a file cannot be read or written; then nothing is left of it.
+#[unsafe(no_mangle)]
+pub unsafe extern "C" fn anyface_rig_write(
+    rig: *const AnyfaceRig,
+    source: *const c_char,
+    path: *const c_char,
+    error: *mut *mut AnyfaceError,
+) -> AnyfaceStatus {
+    let work = || {
+        let rig = unsafe { pointer::handle("rig", rig) }?;
+        let path = unsafe { pointer::path("path", path) }?;
+        let source = match source.is_null() {
+            true => None,
+            false => Some(read_file(
+                unsafe { pointer::path("source", source) }?,
+                InputKind::Mesh,
+            )?),
+        };
+        match path.extension().and_then(|e| e.to_str()) {
+            Some("npz") => write_rig(path, &rig.rig, &rig.mesh)?,
+            Some("vrm") => {
+                let own = (&*rig.mesh, &rig.landmarks);
+                write_avatar(path, &rig.rig, own, source.as_deref())?;
+            }
+            _ => {
+                return Err(crate::error::Failure::invalid(format!(
+                    "{}: expected a name that ends in .npz or .vrm",
+                    path.display()
+                )));
+            }
+        }
+        Ok(())
+    };
+    unsafe { guard::guard(error, work) }
+}
+
 /// Frees a rig that no running call uses, with everything it lent; nothing happens for NULL.
 #[unsafe(no_mangle)]
 pub unsafe extern "C" fn anyface_rig_free(rig: *mut AnyfaceRig) {
@@ -174,11 +232,43 @@ mod tests {
             present: true,
             note: note.map(str::to_owned),
         };
-        AnyfaceRig::new(Arc::new(Rig {
+        let rig = Arc::new(Rig {
             names: vec!["jawOpen".into(), "tongueOut".into()],
             deltas: Array3::from_shape_fn((2, 4, 3), |(s, v, i)| (12 * s + 3 * v + i) as f32),
             reports: vec![report("jawOpen", None), report("tongueOut", Some("none"))],
-        }))
+        });
+        let (positions, triangles) = (vec![[0.0; 3]; 4], vec![[0, 1, 2], [0, 2, 3]]);
+        let landmarks = Landmarks {
+            positions: *anyface::mesh::canonical_landmarks(),
+            vertices: [0; 68],
+            confidence: [1.0; 68],
+        };
+        let mesh = Mesh {
+            positions,
+            triangles,
+        };
+        AnyfaceRig::new(rig, Arc::new(mesh), landmarks)
+    }
+
+    #[test]
+    fn a_rig_is_written_as_an_avatar_by_its_ending() {
+        let (rig, folder) = (example(), std::env::temp_dir());
+        let name = |ending: &str| {
+            let path = folder.join(format!("anyface-rig-{}.{ending}", std::process::id()));
+            (path.clone(), pointer::c_text(&path.to_string_lossy()))
+        };
+        for (ending, status) in [
+            ("vrm", AnyfaceStatus::Ok),
+            ("npz", AnyfaceStatus::Ok),
+            ("obj", AnyfaceStatus::InvalidInput),
+        ] {
+            let ((path, text), mut error) = (name(ending), null_mut());
+            let got =
+                unsafe { anyface_rig_write(&rig, std::ptr::null(), text.as_ptr(), &mut error) };
+            assert_eq!((got, path.exists()), (status, status == AnyfaceStatus::Ok));
+            unsafe { anyface_error_free(error) };
+            let _ = std::fs::remove_file(path);
+        }
     }
 
     #[test]

@@ -3,7 +3,7 @@
 use std::path::PathBuf;
 
 use anyface::{
-    Engine, Face, Result,
+    Engine, Error, Face, Result,
     job::{InputKind, Place, ProgressFn, copy_file},
     mesh::{Mesh, Mouth},
     output::{ClipFile, Format, Report},
@@ -18,9 +18,9 @@ use crate::{
     opened,
     paths::{InputPath, OutputPath, landmarks_beside},
     redo::{Redo, RedoArgs},
+    scene::SceneArgs,
     stages::{
-        Frames, clip_file, new_report, note_face, note_memory, note_result, read_sound, speak_into,
-        timed,
+        Frames, new_report, note_face, note_memory, note_result, read_sound, speak_into, timed,
     },
     surface::SurfaceArgs,
 };
@@ -39,7 +39,7 @@ pub struct Animate {
     audio: InputPath,
     /// The result: .npz (arrays, with the rotation of head and eyes and the tongue beside them), .pc2 or .mdd (point
     /// caches), .glb or .usda (shapes with their weights over time, the head as a node that turns; what else a GLB has
-    /// stays, the sound is put beside it); with --surface a new folder
+    /// stays, the sound is put beside it), .vrma (expressions, head and eyes of avatars); with --surface a new folder
     #[arg(long, value_name = "O")]
     out: OutputPath,
     /// Part lips that are one surface first; the new mesh is written beside the result, its name with
@@ -56,6 +56,8 @@ pub struct Animate {
     redo: RedoArgs,
     #[command(flatten)]
     layers: LayerArgs,
+    #[command(flatten)]
+    scene: SceneArgs,
     #[command(flatten)]
     surface: SurfaceArgs,
 }
@@ -74,6 +76,16 @@ impl Animate {
     pub fn run(&self, shared: &SharedArgs, console: &Console) -> Result<()> {
         // What is cheap to check comes before what takes time.
         self.surface.check(&self.out)?;
+        if !self.surface.is_asked() {
+            self.scene.check(&self.out)?;
+        }
+        let has_layers = !self.layers.outputs_beside(&self.out).is_empty();
+        if has_layers && Format::from_path(&self.out)? == Format::Vrma {
+            return Err(Error::InvalidInput(
+                "--layers: expected a result with vertices, such as .npz, got .vrma, whose expressions have no layers"
+                    .to_owned(),
+            ));
+        }
         self.layers.check()?;
         let request = self.motion.request(shared)?;
         let redo = self.redo.asked()?;
@@ -95,7 +107,7 @@ impl Animate {
             let vertices = mesh.positions.len();
             let kept = match Format::from_path(&self.out)?.is_scene() {
                 // Shapes are made of all frames, and of two copies of them.
-                true => 3 * frames_of(duration_s, request.fps),
+                true => 3 * frames_of(duration_s, request.fps) + self.scene.kept(&self.out),
                 false => self.layers.kept(frames, &mesh),
             };
             note_memory(&mut report, &engine, vertices, kept, heard_s)?;
@@ -121,7 +133,7 @@ impl Animate {
         }
         if !is_whole {
             let way = (&engine, &face);
-            let file = self.clip_file(is_opened)?;
+            let file = self.clip_file(way, is_opened, progress)?;
             speak_into(file, way, sound, &request, &mut report, progress)?;
             self.copy_sound()?;
             return self.surface.tell(&report, console);
@@ -140,7 +152,7 @@ impl Animate {
         let layered = timed(&mut report, "motion", || {
             self.layers.of(&engine, &face, &performance, progress)
         })?;
-        let file = self.clip_file(is_opened)?;
+        let file = self.clip_file((&engine, &face), is_opened, progress)?;
         self.spread(&layered, (redo, file), &mut report, progress)?;
         self.surface.tell(&report, console)
     }
@@ -175,9 +187,16 @@ impl Animate {
     }
 
     /// The result. A mesh whose mouth was opened is not that of its file.
-    fn clip_file(&self, is_opened: bool) -> Result<ClipFile> {
+    fn clip_file(
+        &self,
+        way: (&Engine, &Face),
+        is_opened: bool,
+        progress: ProgressFn<'_>,
+    ) -> Result<ClipFile> {
         let mesh = (!is_opened).then_some(&*self.mesh);
-        clip_file(&self.out, mesh, self.sound_of_scene().as_deref())
+        let sound = self.sound_of_scene();
+        self.scene
+            .file(&self.out, (mesh, sound.as_deref()), way, progress)
     }
 
     /// The sound beside a scene, which has none itself; none of a pipe, which is read once.

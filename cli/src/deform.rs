@@ -22,7 +22,8 @@ use crate::{
     arguments::{FaceArgs, SharedArgs},
     console::Console,
     paths::{InputPath, OutputPath},
-    stages::{clip_file, new_report, note_face, spread_into, timed},
+    scene::SceneArgs,
+    stages::{new_report, note_face, spread_into, timed},
     surface::SurfaceArgs,
 };
 
@@ -42,7 +43,8 @@ pub struct Deform {
     /// tongue [T, 4] beside head and gaze, the mesh's tongue speaks
     #[arg(long, value_name = "L.npz")]
     motion: InputPath,
-    /// The result: .npz (arrays), .pc2 or .mdd (point caches), .glb or .usda (shapes with their weights over time); for --surface a new folder
+    /// The result: .npz (arrays), .pc2 or .mdd (point caches), .glb or .usda (shapes with their weights over time), .vrma
+    /// (expressions of avatars); for --surface a new folder
     #[arg(long, value_name = "O")]
     out: OutputPath,
     /// Also write by which share each vertex attends to each landmark, mean over the frames: .npz with
@@ -52,12 +54,17 @@ pub struct Deform {
     #[command(flatten)]
     face: FaceArgs,
     #[command(flatten)]
+    scene: SceneArgs,
+    #[command(flatten)]
     surface: SurfaceArgs,
 }
 
 impl Deform {
     pub fn run(&self, shared: &SharedArgs, console: &Console) -> Result<()> {
         self.surface.check(&self.out)?;
+        if !self.surface.is_asked() {
+            self.scene.check(&self.out)?;
+        }
         let mut report = new_report();
         let motion = timed(&mut report, "read", || read_landmark_motion(&self.motion))?;
         let mesh = timed(&mut report, "read", || Mesh::read(&self.mesh))?;
@@ -92,7 +99,10 @@ impl Deform {
         let fps = motion.fps.unwrap_or(DEFAULT_FPS);
         let (progress, displacements) = (&|p| console.progress(p), motion.displacements);
         // Nothing is known of the speech, so lips may rest.
-        let file = clip_file(&self.out, Some(&self.mesh), None)?;
+        let files = (Some(&*self.mesh), None);
+        let file = self
+            .scene
+            .file(&self.out, files, (&engine, &face), progress)?;
         spread_into(file, &face, fps, 0.0, None, &mut report, |sink| {
             let spoken;
             let movement = match (motion.neutral, weights) {

@@ -22,6 +22,7 @@ mod parts;
 mod paths;
 mod redo;
 mod rig;
+mod scene;
 mod signals;
 mod solve;
 mod sounds;

@@ -7,7 +7,7 @@ use anyface::{
     face::ShapeReport,
     job::{InputKind, read_file, write_json},
     mesh::Mesh,
-    output::{Report, write_rig, write_rig_folder},
+    output::{Report, write_avatar, write_rig, write_rig_folder},
     rig::{ARKIT, ShapeSource, VISEMES},
 };
 use clap::{Args, ValueEnum};
@@ -32,10 +32,11 @@ enum By {
 /// Make the 52 ARKit shapes and 15 visemes of a head
 #[derive(Args)]
 pub struct MakeRig {
-    /// The mesh: OBJ or PLY
+    /// The mesh: OBJ, PLY, GLB or VRM
     #[arg(long, value_name = "M")]
     mesh: InputPath,
-    /// The result: .npz (names, deltas [S, V, 3], neutral), or a folder for one OBJ a shape
+    /// The result: .npz (names, deltas [S, V, 3], neutral), .vrm (an avatar with expressions: VRM's presets, and the 52 as
+    /// Perfect Sync calls them; of a VRM all else stays), or a folder for one OBJ a shape
     #[arg(long, value_name = "R")]
     out: OutputPath,
     /// What moves the skin of each shape: network, or field for that of a head that is like the mesh
@@ -75,7 +76,7 @@ impl MakeRig {
     }
 
     pub fn run(&self, shared: &SharedArgs, console: &Console) -> Result<()> {
-        let as_archive = self.as_archive()?;
+        let form = self.form()?;
         if self.in_betweens && self.by == By::Network {
             return Err(Error::InvalidInput(
                 "--in-betweens: expected --by field, got shapes by the network, which lie halfway at half their weight"
@@ -98,10 +99,28 @@ impl MakeRig {
             Ok((face, rig))
         })?;
         note_face(&mut report, &face);
-        timed(&mut report, "write", || match as_archive {
-            true => write_rig(&self.out, &rig, &mesh),
-            false => write_rig_folder(&self.out, &rig, &mesh, self.source()?.as_deref()),
+        let replaced = timed(&mut report, "write", || {
+            let bytes = || read_file(&self.mesh, InputKind::Mesh);
+            match form {
+                Form::Archive => write_rig(&self.out, &rig, &mesh)?,
+                Form::Avatar => {
+                    let own = (&mesh, &face.landmarks);
+                    return write_avatar(&self.out, &rig, own, Some(&bytes()?));
+                }
+                Form::Folder => {
+                    let source = Some(bytes()?).filter(|bytes| is_obj(bytes));
+                    write_rig_folder(&self.out, &rig, &mesh, source.as_deref())?;
+                }
+            }
+            Ok(Vec::new())
         })?;
+        let replaced = (!replaced.is_empty()).then(|| {
+            format!(
+                "the file had expressions of these names, which are new now: {}",
+                replaced.join(", ")
+            )
+        });
+        report.warnings.extend(replaced.clone());
         report.out = Some(shown(&self.out));
         report.vertices = Some(mesh.positions.len());
         note_shapes(&mut report, &rig.reports);
@@ -112,26 +131,35 @@ impl MakeRig {
         if let Some(path) = &self.report {
             write_json(path, &full)?;
         }
-        console.value(&full, &summary(&report, &rig.reports))
+        let replaced = replaced.map(|sentence| format!("warning: {sentence}\n"));
+        let text = summary(&report, &rig.reports) + &replaced.unwrap_or_default();
+        console.value(&full, &text)
     }
 
-    fn as_archive(&self) -> Result<bool> {
+    fn form(&self) -> Result<Form> {
         match self.out.extension().and_then(OsStr::to_str) {
-            Some("npz") => Ok(true),
-            _ if is_folder(&self.out) => Ok(false),
+            Some("npz") => Ok(Form::Archive),
+            Some("vrm") => Ok(Form::Avatar),
+            _ if is_folder(&self.out) => Ok(Form::Folder),
             other => Err(Error::InvalidInput(format!(
-                "{}: expected a name that ends in .npz, or a folder, got .{}",
+                "{}: expected a name that ends in .npz or .vrm, or a folder, got .{}",
                 self.out.display(),
                 other.unwrap_or_default()
             ))),
         }
     }
+}
 
-    /// The bytes of the mesh, if it is an OBJ.
-    fn source(&self) -> Result<Option<Vec<u8>>> {
-        let bytes = read_file(&self.mesh, InputKind::Mesh)?;
-        Ok((!bytes.starts_with(b"ply")).then_some(bytes))
-    }
+/// What is written.
+#[derive(Debug, Clone, Copy)]
+enum Form {
+    Archive,
+    Avatar,
+    Folder,
+}
+
+fn is_obj(bytes: &[u8]) -> bool {
+    !bytes.starts_with(b"ply") && !bytes.starts_with(b"glTF")
 }
 
 fn note_shapes(report: &mut Report, shapes: &[ShapeReport]) {

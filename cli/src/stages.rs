@@ -9,10 +9,10 @@ use anyface::{
     Engine, Face, MotionRequest, Part, Result,
     audio::SoundFile,
     face::Lids,
-    job::{InputKind, ProgressFn, read_file},
+    job::ProgressFn,
     mesh::{Mouth, ibug::REGIONS},
     motion::{Extent, Life},
-    output::{ClipFile, Format, Report, warnings_of_sound},
+    output::{ClipFile, Report, warnings_of_sound},
     speech::{HeardEmotion, frames_of},
     spread::{ClipStart, FrameBlock, FrameSink, SpreadReport},
 };
@@ -154,21 +154,6 @@ impl<S: FrameSink> FrameSink for TimedSink<S> {
     fn finish(&mut self) -> Result<()> {
         self.timed(|sink| sink.finish())
     }
-}
-
-/// The file of a result: a scene mentions its sound, and a GLB keeps all else of the GLB that the mesh came from.
-pub fn clip_file(out: &Path, mesh: Option<&Path>, sound: Option<&Path>) -> Result<ClipFile> {
-    let mut file = ClipFile::new(out)?;
-    let is_scene = Format::from_path(out)?.is_scene();
-    // A pipe is read once.
-    if let Some(mesh) = mesh.filter(|path| is_scene && path.is_file()) {
-        file = file.of_file(&read_file(mesh, InputKind::Mesh)?);
-    }
-    let name = sound.and_then(Path::file_name);
-    Ok(match name {
-        Some(name) => file.with_sound(&name.to_string_lossy()),
-        None => file,
-    })
 }
 
 /// Runs `spread` into a file, and notes what it did and how long it took; `articulation` is

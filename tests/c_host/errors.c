@@ -268,6 +268,8 @@ static void missing_handles(void) {
     CHECK_FAILS(anyface_clip_copy_landmark_displacements(NULL, &value, 1, &error), null_pointer,
                 "clip");
     CHECK_FAILS(anyface_clip_write(NULL, NULL, "x.npz", &error), null_pointer, "clip");
+    CHECK_FAILS(anyface_clip_write_shapes(NULL, NULL, "x.vrma", &error), null_pointer, "clip");
+    CHECK_FAILS(anyface_rig_write(NULL, NULL, "x.vrm", &error), null_pointer, "rig");
     CHECK_FAILS(anyface_motion_copy_displacements(NULL, &value, 1, &error), null_pointer, "motion");
     CHECK(anyface_progress_read(NULL, NULL, NULL) == null_pointer);
     CHECK(face == MARK(AnyfaceFace) && motion == MARK(AnyfaceMotion) && clip == MARK(AnyfaceClip));

@@ -1,34 +1,13 @@
-"""Scenes that `anyface animate` writes, opened by programs that others wrote.
-
-`ANYFACE_COMMAND` names the command; without it that of `cargo build` is run.
-"""
+"""Scenes that `anyface animate` writes, opened by programs that others wrote."""
 
 import json
-import os
-import shutil
 import subprocess
 import sys
-import wave
-from pathlib import Path
 
 import bpy
 import numpy as np
-import pytest
 
-ROOT = Path(__file__).resolve().parents[2]
-COMMAND = os.environ.get("ANYFACE_COMMAND", str(ROOT / "target/debug/anyface"))
-HEAD = ROOT / "weights/shared/default_head"
-PACKAGES = ROOT / "target/npm"
-RATE_HZ, SECONDS, FPS = 16000, 1.0, 25
-NEAR_M = 1e-5
-"""The default head is of human size, in metres."""
-
-VALIDATE = """
-const validator = require('gltf-validator'), fs = require('fs');
-validator.validateBytes(new Uint8Array(fs.readFileSync(process.argv[1])))
-  .then(report => console.log(JSON.stringify(report.issues)));
-"""
-
+from conftest import FPS, NEAR_M, THREE, THREE_JS, VALIDATE, VALIDATOR, node
 
 READ_USD = """
 import json, sys
@@ -62,31 +41,8 @@ print(json.dumps({
 """
 
 
-@pytest.fixture(scope="module")
-def spoken(tmp_path_factory):
-    """A folder with a take of the default head: talk.glb, talk.usda, talk.npz, talk.wav."""
-    folder = tmp_path_factory.mktemp("scenes")
-    time = np.arange(int(SECONDS * RATE_HZ)) / RATE_HZ
-    buzz = sum(np.sin(2 * np.pi * 120 * k * time) / k for k in range(1, 20))
-    samples = 0.15 * buzz * np.clip(np.sin(2 * np.pi * 4.0 * time), 0.0, None)
-    with wave.open(str(folder / "voice.wav"), "wb") as file:
-        file.setnchannels(1)
-        file.setsampwidth(2)
-        file.setframerate(RATE_HZ)
-        file.writeframes((samples * 32767).astype("<i2").tobytes())
-    for name in ("talk.glb", "talk.usda", "talk.npz"):
-        done = subprocess.run(
-            [COMMAND, "animate", "--mesh", HEAD / "head.obj",
-             "--landmarks", HEAD / "landmarks.json",
-             "--audio", folder / "voice.wav", "--fps", str(FPS), "--out", folder / name],
-            capture_output=True, text=True, check=False,
-        )  # fmt: skip
-        assert done.returncode == 0, done.stderr
-    return folder
-
-
-def test_blender_moves_every_vertex_as_the_arrays_do(spoken):
-    displacements = np.load(spoken / "talk.npz")["displacements"]
+def test_blender_moves_every_vertex_as_the_arrays_do(spoken, expected):
+    displacements = expected.displacements()
     bpy.ops.wm.read_factory_settings(use_empty=True)
     bpy.context.scene.render.fps = FPS
     bpy.ops.import_scene.gltf(filepath=str(spoken / "talk.glb"))
@@ -110,7 +66,7 @@ def test_blender_moves_every_vertex_as_the_arrays_do(spoken):
     assert largest < NEAR_M
 
 
-def test_usd_moves_every_vertex_as_the_arrays_do(spoken):
+def test_usd_moves_every_vertex_as_the_arrays_do(spoken, expected):
     # In a process of its own: Blender has a USD inside, and two do not live together.
     done = subprocess.run(
         [sys.executable, "-c", READ_USD, spoken / "talk.usda", spoken / "usd.npy"],
@@ -119,7 +75,7 @@ def test_usd_moves_every_vertex_as_the_arrays_do(spoken):
     assert done.returncode == 0, done.stderr
     read = json.loads(done.stdout)
     assert (read["errors"], read["sound"], read["up"], read["fps"]) == ([], "talk.wav", "Y", FPS)
-    displacements = np.load(spoken / "talk.npz")["displacements"]
+    displacements = expected.displacements()
     moved = np.load(spoken / "usd.npy")
     assert moved.shape == displacements.shape
     assert np.linalg.norm(moved - displacements, axis=2).max() < NEAR_M
@@ -145,23 +101,14 @@ def test_the_sound_lies_beside_the_scene(spoken):
     assert document["animations"][0]["extras"] == {"sound": "talk.wav"}
 
 
+def test_three_moves_every_vertex_as_the_arrays_do(spoken, expected):
+    names = node(THREE, spoken / "talk.glb", spoken / "three.bin", str(FPS), packages=THREE_JS)
+    displacements = expected.displacements()
+    assert expected.looks()["eyeLookInLeft"].any() and "eyeLookInLeft" in names
+    moved = np.fromfile(spoken / "three.bin", "<f4").reshape(displacements.shape)
+    assert np.linalg.norm(moved - displacements, axis=2).max() < NEAR_M
+
+
 def test_the_validator_of_khronos_finds_nothing(spoken):
-    validator()
-    done = subprocess.run(
-        ["node", "-e", VALIDATE, spoken / "talk.glb"],
-        cwd=PACKAGES, capture_output=True, text=True, check=True,
-    )  # fmt: skip
-    issues = json.loads(done.stdout)
+    issues = node(VALIDATE, spoken / "talk.glb", packages=VALIDATOR)
     assert (issues["numErrors"], issues["numWarnings"]) == (0, 0), issues["messages"][:5]
-
-
-def validator() -> None:
-    """Fetches gltf-validator, once."""
-    if shutil.which("npm") is None:
-        pytest.skip("ignored, needs npm")
-    if (PACKAGES / "node_modules/gltf-validator").is_dir():
-        return
-    PACKAGES.mkdir(parents=True, exist_ok=True)
-    install = ["npm", "install", "--silent", "--no-save", "--prefix", str(PACKAGES)]
-    if subprocess.run([*install, "gltf-validator@2.0.0-dev.3.10"], check=False).returncode:
-        pytest.skip("ignored, npm has no gltf-validator")

@@ -1,6 +1,7 @@
 """Meshes and sounds in, motion out, as a pipeline calls it."""
 
 import importlib
+import json
 import threading
 
 import numpy as np
@@ -129,6 +130,26 @@ def test_a_rig_has_all_shapes(anyface):
     rig = anyface.make_rig(HEAD)
     assert len(rig.names) == len(rig.vectors) == 67
     assert np.abs(rig.vectors[rig.names.index("jawOpen")]).max() > 5e-3
+
+
+def test_a_rig_is_written_as_an_avatar(anyface, tmp_path):
+    rig = anyface.make_rig(HEAD, out=tmp_path / "head.vrm")
+    assert len(rig.names) == 67
+    whole = (tmp_path / "head.vrm").read_bytes()
+    document = json.loads(whole[20 : 20 + int.from_bytes(whole[12:16], "little")])
+    expressions = document["extensions"]["VRMC_vrm"]["expressions"]
+    assert {"aa", "blink", "happy", "lookUp"} <= expressions["preset"].keys()
+    assert len(expressions["custom"]) == 52
+
+
+def test_a_take_is_written_for_avatars(anyface, voice, tmp_path):
+    clip = anyface.animate(HEAD, voice, out=tmp_path / "talk.vrma")
+    assert len(clip) > 1
+    whole = (tmp_path / "talk.vrma").read_bytes()
+    document = json.loads(whole[20 : 20 + int.from_bytes(whole[12:16], "little")])
+    take = document["extensions"]["VRMC_vrm_animation"]
+    assert {"aa", "ou", "blink"} <= take["expressions"]["preset"].keys()
+    assert "JawOpen" in take["expressions"]["custom"] and "lookAt" in take
 
 
 def test_progress_tells_stages_and_cancel_stops(anyface, mesh, voice):

@@ -1,5 +1,6 @@
 """The calls: a mesh and a sound in, what moves out."""
 
+import os
 from collections.abc import Callable, Mapping, Sequence
 from functools import cache
 from typing import TypeVar
@@ -47,6 +48,7 @@ def animate(
     neutral_voice: SoundLike | None = None,
     landmarks: ArrayLike | None = None,
     weights: bool = False,
+    out: str | os.PathLike[str] = "",
     forward: str = "+z",
     up: str = "+y",
     engine: Engine | None = None,
@@ -61,7 +63,9 @@ def animate(
     look like a face. `controls` are those of `systems()`, `events` such as `1.2-2.0:left wink:0.8` for
     systems that show them. In `neutral_voice` the same person speaks neutrally, ten seconds or more:
     an emotion that is heard is what differs from it. With `weights` the motion is
-    solved into ARKit weights too. `engine` brings other models than the built-in ones.
+    solved into ARKit weights too. `out` is a file that also receives the take on the mesh's ARKit
+    shapes: .glb, .usda, or .vrma, which moves any VRM avatar. `engine` brings other models than the
+    built-in ones.
 
     `progress` and `cancel` are called in the caller's own thread. Raises `AnyfaceError`, whose `kind`
     says what was wrong, or `Cancelled`.
@@ -73,6 +77,8 @@ def animate(
     def work(watch: Watch) -> Clip:
         arrays, speech = mesh_of(mesh, own), sound_of(sound, own)
         animation = own.animate(*arrays, *given, speech, request, watch)
+        if out:
+            own.write_take(*arrays, *given, None, animation.clip, os.fspath(out), watch)
         solved = _solved(own, arrays, given, animation, watch) if weights else None
         return _clip(request.fps, arrays, animation, solved)
 
@@ -108,6 +114,7 @@ def make_rig(
     mesh: MeshLike,
     *,
     landmarks: ArrayLike | None = None,
+    out: str | os.PathLike[str] = "",
     forward: str = "+z",
     up: str = "+y",
     engine: Engine | None = None,
@@ -116,12 +123,15 @@ def make_rig(
 ) -> Rig:
     """The 52 ARKit shapes and the 15 Oculus visemes of a mesh as `vectors` `[67, V, 3]`, by `names`.
 
-    Arguments are those of `animate`.
+    `out` is a file that also receives them: .npz, or .vrm, an avatar with VRM's expressions and those of
+    Perfect Sync, which keeps all else that the file `mesh` has. Other arguments are those of `animate`.
     """
     own, given = _facing(engine, forward, up), landmarks_of(landmarks)
+    source = os.fspath(mesh) if isinstance(mesh, str | os.PathLike) else ""
 
     def work(watch: Watch) -> Rig:
-        return own.rig(*mesh_of(mesh, own), *given, None, watch)
+        arrays = mesh_of(mesh, own)
+        return own.rig(*arrays, *given, None, watch, path=os.fspath(out), source=source)
 
     return _run(work, progress, cancel)
 

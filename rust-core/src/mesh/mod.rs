@@ -25,6 +25,7 @@ pub mod simplify;
 pub(crate) mod snap;
 pub(crate) mod sphere;
 mod subdivide;
+mod texture;
 pub(crate) mod tree;
 
 pub use align::{Fit, Similarity};
@@ -39,6 +40,7 @@ pub use mouth::Mouth;
 pub(crate) use obj::obj_text;
 pub use parts::Parts;
 pub use roles::{ObjectNames, Part, PartChoices, PartRole, PartSelector, RoleSource};
+pub(crate) use texture::texture_coordinates;
 pub use tree::{ClosestPlace, SurfaceTree};
 
 use ibug::LANDMARKS;

@@ -4,7 +4,7 @@
 //! in the order in which faces use them and drops those that no face uses, so that shape keys and
 //! caches would move the wrong vertices of a user's mesh. tobj serves as the twin in the tests.
 
-use super::Mesh;
+use super::{Mesh, polygons::triangulate};
 use crate::{Error, Result};
 
 /// The text of an OBJ file with continued lines joined; names in it may be in any encoding, a byte-order
@@ -52,6 +52,58 @@ pub(super) fn parse_obj(bytes: &[u8]) -> Result<Mesh> {
         mesh.add_polygon(&polygon)?;
     }
     Ok(mesh)
+}
+
+/// Where each corner of each triangle of the mesh that the file holds lies in a texture, `[F, 3]`; 0 where a polygon does not
+/// say so. Nothing where none does.
+pub(super) fn corner_coordinates(text: &str, mesh: &Mesh) -> Option<Vec<[[f32; 2]; 3]>> {
+    let mut known: Vec<[f32; 2]> = Vec::new();
+    let (mut polygons, mut vertices) = (Vec::new(), 0);
+    for line in text.lines() {
+        let mut words = line.split_whitespace();
+        match words.next() {
+            Some("v") => vertices += 1,
+            Some("vt") => {
+                let mut number = || {
+                    let number = words.next().and_then(|word| word.parse::<f32>().ok());
+                    number.filter(|x| x.is_finite()).unwrap_or(0.0)
+                };
+                known.push([number(), number()]);
+            }
+            Some("f") => {
+                let numbers = corners(words.clone(), vertices, 0).ok()?;
+                let places = words.map(|word| {
+                    let number: i64 = word.split('/').nth(1)?.parse().ok()?;
+                    let from = if number < 0 { known.len() as i64 } else { -1 };
+                    usize::try_from(from + number).ok()
+                });
+                polygons.push((numbers, places.collect::<Vec<_>>()));
+            }
+            _ => {}
+        }
+    }
+    if known.is_empty() {
+        return None;
+    }
+    let mut out = Vec::with_capacity(mesh.triangles.len());
+    let mut triangles = Vec::new();
+    for (numbers, places) in polygons {
+        let polygon: Vec<u32> = numbers.iter().map(|v| *v as u32).collect();
+        if polygon.iter().any(|v| *v as usize >= mesh.positions.len()) {
+            return None;
+        }
+        triangles.clear();
+        triangulate(&mesh.positions, &polygon, &mut triangles);
+        let mut placed: Vec<_> = polygon.iter().copied().zip(places).collect();
+        placed.sort_by_key(|(vertex, _)| *vertex);
+        let place = |vertex: u32| {
+            let corner = placed.binary_search_by_key(&vertex, |(v, _)| *v).ok()?;
+            known.get(placed[corner].1?).copied()
+        };
+        let of = |t: &[u32; 3]| t.map(|vertex| place(vertex).unwrap_or_default());
+        out.extend(triangles.iter().map(of));
+    }
+    Some(out)
 }
 
 fn position<'a>(words: impl Iterator<Item = &'a str>, line: usize) -> Result<[f32; 3]> {

@@ -3,7 +3,8 @@
 use ply_rs_bw::{
     parser::{Parser, Reader},
     ply::{
-        Encoding, Header, Property, PropertyAccess, PropertyAccessResult, PropertyType, ScalarType,
+        Encoding, Header, Payload, Property, PropertyAccess, PropertyAccessResult, PropertyType,
+        ScalarType,
     },
 };
 
@@ -17,6 +18,8 @@ const STRIP_END: i64 = -1;
 #[derive(Debug, Default)]
 struct Record {
     position: [f32; 3],
+    /// In a texture, 0 below.
+    coordinates: [f32; 2],
     corners: Vec<i64>,
 }
 
@@ -26,10 +29,12 @@ impl PropertyAccess for Record {
     }
 
     fn set_property(&mut self, name: &str, property: Property) -> PropertyAccessResult {
-        let axis = match name {
-            "x" => 0,
-            "y" => 1,
-            "z" => 2,
+        let slot = match name {
+            "x" => &mut self.position[0],
+            "y" => &mut self.position[1],
+            "z" => &mut self.position[2],
+            "s" | "u" | "texture_u" => return coordinate(&mut self.coordinates[0], property),
+            "t" | "v" | "texture_v" => return coordinate(&mut self.coordinates[1], property),
             "vertex_indices" | "vertex_index" => {
                 return match integers(property) {
                     Some(corners) => {
@@ -43,11 +48,22 @@ impl PropertyAccess for Record {
         };
         match property.to_f32_lossy() {
             Some(value) => {
-                self.position[axis] = value;
+                *slot = value;
                 PropertyAccessResult::Set
             }
             None => PropertyAccessResult::UnsupportedType,
         }
+    }
+}
+
+/// Of a texture, which a mesh does without.
+fn coordinate(slot: &mut f32, property: Property) -> PropertyAccessResult {
+    match property.to_f32_lossy().filter(|value| value.is_finite()) {
+        Some(value) => {
+            *slot = value;
+            PropertyAccessResult::Set
+        }
+        None => PropertyAccessResult::Ignored,
     }
 }
 
@@ -61,10 +77,8 @@ fn integers(property: Property) -> Option<Vec<i64>> {
     }
 }
 
-/// Parses a PLY file: `vertex`, `face` and `tristrips` (triangle strips in one list with −1 between
-/// them, every other triangle turned, as the Stanford repository writes them). Other elements are
-/// passed over.
-pub(super) fn parse_ply(bytes: &[u8]) -> Result<Mesh> {
+/// Reads the header, and the records of its elements.
+fn read(bytes: &[u8]) -> Result<(Header, Payload<Record>)> {
     let mut source = Reader::new(bytes);
     let parser = Parser::<Record>::new();
     let damaged = |e: &dyn std::fmt::Display| Error::Mesh(format!("damaged PLY: {e}"));
@@ -80,6 +94,31 @@ pub(super) fn parse_ply(bytes: &[u8]) -> Result<Mesh> {
     let payload = parser
         .read_payload(&mut source, &header)
         .map_err(|e| damaged(&e))?;
+    Ok((header, payload))
+}
+
+/// Where the vertices lie in a texture, `[V]`, 0 below, where the file says so.
+pub(super) fn vertex_coordinates(bytes: &[u8]) -> Option<Vec<[f32; 2]>> {
+    let (header, payload) = read(bytes).ok()?;
+    let has = |name: &str| {
+        header
+            .elements
+            .get("vertex")
+            .is_some_and(|v| v.properties.contains_key(name))
+    };
+    let known = [["s", "t"], ["u", "v"], ["texture_u", "texture_v"]];
+    known
+        .iter()
+        .find(|pair| pair.iter().all(|name| has(name)))?;
+    let vertices = payload.get("vertex")?;
+    Some(vertices.iter().map(|r| r.coordinates).collect())
+}
+
+/// Parses a PLY file: `vertex`, `face` and `tristrips` (triangle strips in one list with −1 between
+/// them, every other triangle turned, as the Stanford repository writes them). Other elements are
+/// passed over.
+pub(super) fn parse_ply(bytes: &[u8]) -> Result<Mesh> {
+    let (_, payload) = read(bytes)?;
     let records = |name: &str| payload.get(name).map_or(&[][..], Vec::as_slice);
     let mut mesh = Mesh {
         positions: records("vertex").iter().map(|r| r.position).collect(),

@@ -9,8 +9,18 @@ use std::{
 use ndarray::{Array3, ArrayView3};
 
 use super::{
-    Format, cache::write_positions, glb::write_glb, mdd, npz::Archive, pc2, rows::Rows,
-    scene::Scene, targets::Targets, usd::write_usd,
+    Format,
+    cache::write_positions,
+    glb::write_glb,
+    mdd,
+    npz::Archive,
+    pc2,
+    rows::Rows,
+    scene::Scene,
+    take_shapes::{TakeShapes, looks},
+    targets::Targets,
+    usd::write_usd,
+    vrm::{VrmNames, write_vrm_animation},
 };
 use crate::{
     Error, Result,
@@ -18,6 +28,7 @@ use crate::{
     job::Unfinished,
     mesh::{Mesh, ibug::LANDMARKS},
     motion::Life,
+    rig::{ARKIT, EyeLook},
     spread::{Animation, ClipStart, FrameBlock, FrameSink},
 };
 
@@ -27,7 +38,9 @@ use crate::{
 /// `[T, 68, 3]` as f32 in mesh units, `fps`, and where they are known `head` `[T, 3]`, `gaze` `[T, 2, 2]` and `tongue`
 /// `[T, 4]` as [`Life`] has them. The displacements hold the tongue alone. pc2 and mdd: positions, mesh units and axes.
 /// GLB and USD: shapes whose weights over time bring every vertex within 0.01 mm (on a head of human size) of its place,
-/// and the head as a node or a joint that turns; the file is written when all frames are there, which stay in memory until then.
+/// and the head as a node or a joint that turns; with [`ClipFile::with_shapes`] the shapes of the mesh and solved weights instead.
+/// VRMA: the expressions of avatars, which need the shapes. Such files are written when all frames are there, which stay in
+/// memory until then.
 ///
 /// Its errors as a [`FrameSink`]: `ShapeMismatch` if the frames are not those that were announced,
 /// `Io` if the file cannot be written.
@@ -42,9 +55,26 @@ pub struct ClipFile {
 /// What files of scenes have beside the clip.
 #[derive(Default)]
 pub(super) struct Beside {
-    /// The bytes of the GLB that the mesh was read from.
+    /// The bytes of the file that the mesh was read from.
     source: Option<Vec<u8>>,
     sound: Option<String>,
+    shapes: Option<TakeShapes>,
+    eyes: Vec<EyeLook>,
+    names: VrmNames,
+}
+
+impl Beside {
+    /// The clip as shapes of its own, or as those of its mesh.
+    fn targets(&self, clip: &VertexClip, scene: &Scene<'_>) -> Result<Targets> {
+        let Some(shapes) = &self.shapes else {
+            let targets = Targets::of_clip(clip, scene.landmarks)?;
+            let weights = looks(clip.displacements.dim().0, scene.life);
+            return Ok(targets.with_looks(&self.eyes, weights.view()));
+        };
+        let weights = shapes.arkit(clip.displacements.view(), scene.life)?;
+        let targets = Targets::of_rig(shapes.rig(), ARKIT, scene.landmarks);
+        Ok(targets.playing(&ARKIT, weights.view(), clip.fps))
+    }
 }
 
 /// A clip file whose frames come.
@@ -75,12 +105,34 @@ impl ClipFile {
         &self.path
     }
 
-    /// The bytes of the file that the mesh was read from: a GLB keeps its materials, bones and all else where another one is
-    /// written. Bytes of other formats change nothing.
+    /// The bytes of the file that the mesh was read from: of a GLB its materials, bones and all else stay where another one is
+    /// written, of an OBJ or PLY the texture coordinates. Other formats hold neither.
     #[must_use]
     pub fn of_file(mut self, bytes: &[u8]) -> Self {
-        let keeps = self.format == Format::Glb && bytes.starts_with(b"glTF");
-        self.beside.source = keeps.then(|| bytes.to_owned());
+        self.beside.source = (self.format == Format::Glb).then(|| bytes.to_owned());
+        self
+    }
+
+    /// The shapes of the mesh: scenes have those of [`ARKIT`] and weights that are solved for them, VRMA the expressions
+    /// that come of them.
+    #[must_use]
+    pub fn with_shapes(mut self, shapes: TakeShapes) -> Self {
+        self.beside.shapes = Some(shapes);
+        self
+    }
+
+    /// The eyes of the mesh, which turn where the take has them look: without this a scene leaves them at rest, unless it has
+    /// the shapes of the mesh, which turn them too.
+    #[must_use]
+    pub fn with_eyes(mut self, eyes: Vec<EyeLook>) -> Self {
+        self.beside.eyes = eyes;
+        self
+    }
+
+    /// Which expressions a VRMA has; without this all.
+    #[must_use]
+    pub fn with_vrm_names(mut self, names: VrmNames) -> Self {
+        self.beside.names = names;
         self
     }
 
@@ -136,6 +188,12 @@ impl ClipFile {
 
 impl FrameSink for ClipFile {
     fn begin(&mut self, start: &ClipStart<'_>) -> Result<()> {
+        if self.format == Format::Vrma && self.beside.shapes.is_none() {
+            return Err(Error::InvalidInput(format!(
+                "{}: expected the shapes of the mesh beside its motion for a VRM animation, got none",
+                self.path.display()
+            )));
+        }
         let (unfinished, file) = Unfinished::create(&self.path)?;
         let writer = Writer::begin(&self.path, file, self.format, start)?;
         self.open = Some(Open {
@@ -205,7 +263,7 @@ impl<W: Write + Seek> Writer<W> {
                 mdd::write_header(&mut file, start).map_err(io())?;
                 Body::PointCache(file, rest(), f32::to_be_bytes)
             }
-            Format::Glb | Format::Usda => {
+            Format::Glb | Format::Usda | Format::Vrma => {
                 Body::Shapes(file, format, start.mesh.clone(), Vec::new())
             }
         };
@@ -262,7 +320,6 @@ impl<W: Write + Seek> Writer<W> {
                     displacements: displacements.expect("as many numbers as were announced"),
                     fps: self.fps,
                 };
-                let targets = Targets::new(&clip, &self.landmarks)?;
                 let scene = Scene {
                     mesh: &mesh,
                     landmarks: &self.landmarks,
@@ -270,10 +327,14 @@ impl<W: Write + Seek> Writer<W> {
                     source: beside.source.as_deref(),
                     sound: beside.sound.as_deref(),
                 };
-                let file = &mut file;
-                match format {
-                    Format::Usda => write_usd((file, path), &scene, &targets)?,
-                    _ => write_glb((file, path), &scene, &targets)?,
+                let out = (&mut file, path);
+                let targets = || beside.targets(&clip, &scene);
+                match (format, &beside.shapes) {
+                    (Format::Vrma, Some(shapes)) => {
+                        write_vrm_animation(out, &scene, &clip, shapes, beside.names)?;
+                    }
+                    (Format::Usda, _) => write_usd(out, &scene, &targets()?)?,
+                    _ => write_glb(out, &scene, &targets()?)?,
                 }
                 file.flush()
             }

@@ -17,12 +17,14 @@ pub enum Format {
     Glb,
     /// USD as text: blend shapes and their weights over time; Blender, Houdini, Maya, Unreal.
     Usda,
+    /// VRM animation: expressions over time, turns of the head and where the eyes look, for avatars.
+    Vrma,
 }
 
 impl Format {
-    /// Whether a scene is written, whose shapes are made of all frames.
+    /// Whether a scene is written, which is made of all frames.
     pub fn is_scene(self) -> bool {
-        matches!(self, Format::Glb | Format::Usda)
+        matches!(self, Format::Glb | Format::Usda | Format::Vrma)
     }
 }
 
@@ -39,8 +41,9 @@ impl Format {
             "mdd" => Ok(Format::Mdd),
             "glb" => Ok(Format::Glb),
             "usda" => Ok(Format::Usda),
+            "vrma" => Ok(Format::Vrma),
             _ => Err(Error::InvalidInput(format!(
-                "{}: expected a name that ends in .npz, .pc2, .mdd, .glb or .usda, got {extension:?}",
+                "{}: expected a name that ends in .npz, .pc2, .mdd, .glb, .usda or .vrma, got {extension:?}",
                 path.display()
             ))),
         }

@@ -1,4 +1,4 @@
-//! Results as files: npz for numpy, pc2 and mdd point caches, GLB and USD for browsers, engines and studios, JSON reports.
+//! Results as files: npz for numpy, pc2 and mdd point caches, GLB and USD for browsers, engines and studios, VRM for avatars, JSON reports.
 //!
 //! Every file is written beside its place under another name and renamed when complete, so that a
 //! full disk or a failure leaves what was there before. Frames are streamed: an hour of animation
@@ -21,9 +21,11 @@ mod rig;
 mod rows;
 mod scene;
 mod surface_frames;
+mod take_shapes;
 mod targets;
 mod usd;
 mod vertex_motion;
+mod vrm;
 
 use std::path::Path;
 
@@ -36,7 +38,9 @@ pub use opened_obj::write_opened_obj;
 pub use report::{Report, warnings_of_sound};
 pub use rig::{read_rig, write_rig, write_rig_folder};
 pub use surface_frames::{check_new_folder, write_surface_frames};
+pub use take_shapes::TakeShapes;
 pub use vertex_motion::{VertexMotion, read_vertex_motion};
+pub use vrm::{VrmNames, write_avatar};
 
 use ndarray::ArrayView2;
 

@@ -12,10 +12,17 @@ pub(super) struct Scene<'a> {
     /// At rest, mesh units.
     pub landmarks: &'a [[f32; 3]; LANDMARKS],
     pub life: Option<&'a Life>,
-    /// The bytes of the GLB that the mesh was read from, unchanged.
+    /// The bytes of the file that the mesh was read from, unchanged.
     pub source: Option<&'a [u8]>,
     /// The name of the sound's file beside this one.
     pub sound: Option<&'a str>,
+}
+
+impl<'a> Scene<'a> {
+    /// The file that the mesh was read from where that is a GLB, all else of which is to stay.
+    pub fn glb(&self) -> Option<&'a [u8]> {
+        self.source.filter(|bytes| bytes.starts_with(b"glTF"))
+    }
 }
 
 /// Whether the mesh's axis nearest to the face's way up is z, as in many programs of modelling, and not y.

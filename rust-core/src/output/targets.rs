@@ -1,21 +1,26 @@
-//! A clip as morph targets: sparse shapes, each with a weight from 0 to 1 in every frame.
+//! A clip or a rig as morph targets: sparse shapes, each with a weight from 0 to 1 in every frame.
 //!
 //! Files of scenes hold no vertex positions over time, or hold them so that few programs read them; all read shapes and
-//! weights. Many programs cut weights below 0 off, so a component that goes both ways becomes two shapes.
+//! weights. Many programs cut weights below 0 off, so the weights of a component are raised until none is below, and one more
+//! shape of weight 1 takes back what that adds: all weights at 0 are the mesh at rest, half of all weights half the motion.
 
-use ndarray::{Array2, ArrayView2, Axis};
+use ndarray::{Array1, Array2, ArrayView2, Axis, concatenate};
 
 use crate::{
     Result,
     deform::{VertexClip, compression::compress},
+    face::Rig,
     job::SILENT,
     mesh::{canonical_landmarks, ibug::LANDMARKS},
+    rig::{ARKIT, EyeLook},
 };
 
-/// Every vertex comes this near to its place in every frame, metres on a head of human size.
-const MAX_ERROR_M: f32 = 8e-6;
-/// A shape holds a vertex that it moves by more than this.
-const LEAST_M: f32 = 2e-8;
+/// Every vertex comes this near to its place in every frame by the shapes of a clip, metres on a head of human size.
+const MAX_ERROR_M: f32 = 7e-6;
+/// By so much more at most what shapes leave out of a vertex moves it, all together.
+const MAX_LEFT_OUT_M: f32 = 2e-6;
+/// A shape of a rig holds a vertex that it moves by more than this.
+const LEAST_M: f32 = 2e-6;
 /// Outer corners of the eyes.
 const EYES: (usize, usize) = (36, 45);
 
@@ -26,13 +31,15 @@ pub(super) struct Target {
     pub moved: Vec<(u32, [f32; 3])>,
 }
 
-/// A clip as shapes and weights.
+/// Shapes, and their weights over time.
 pub(super) struct Targets {
     pub shapes: Vec<Target>,
-    /// `[T, N]`, within 0 to 1.
+    /// `[T, N]`, within 0 to 1; no frames where nothing plays.
     pub weights: Array2<f32>,
     /// Frames per second.
     pub fps: f64,
+    /// Whether a shape is looked at alone, so that it deserves normals of its own.
+    pub stand_alone: bool,
 }
 
 impl Targets {
@@ -40,24 +47,32 @@ impl Targets {
     ///
     /// # Errors
     /// Those of [`compress`].
-    pub(super) fn new(clip: &VertexClip, landmarks: &[[f32; 3]; LANDMARKS]) -> Result<Targets> {
-        let units_per_metre = eye_span(landmarks) / eye_span(canonical_landmarks());
+    pub(super) fn of_clip(clip: &VertexClip, landmarks: &[[f32; 3]; LANDMARKS]) -> Result<Targets> {
+        let unit = units_per_metre(landmarks);
         let frames = clip.displacements.dim().0;
-        let basis = compress(clip, MAX_ERROR_M * units_per_metre, frames.max(1), SILENT)?;
+        let mut basis = compress(clip, MAX_ERROR_M * unit, frames.max(1), SILENT)?;
+        leave_out(&mut basis.shapes, MAX_LEFT_OUT_M * unit);
         let mut shapes = Vec::new();
         let mut columns = Vec::new();
+        let mut back = Array2::zeros((basis.shapes.dim().1, 3));
         let components = basis.shapes.outer_iter().zip(basis.weights.columns());
         for (k, (shape, weights)) in components.enumerate() {
-            for (sign, side) in [(1.0, ""), (-1.0, " back")] {
-                let most = weights.iter().map(|w| sign * w).fold(0.0, f32::max);
-                if most > 0.0 {
-                    columns.push(weights.mapv(|w| (sign * w).max(0.0) / most));
-                    shapes.push(Target {
-                        name: format!("Anyface {}{side}", k + 1),
-                        moved: sparse(shape, sign * most, LEAST_M * units_per_metre),
-                    });
-                }
+            let low = weights.iter().copied().fold(0.0, f32::min);
+            let range = weights.iter().copied().fold(0.0, f32::max) - low;
+            if range > 0.0 {
+                columns.push(weights.mapv(|w| ((w - low) / range).clamp(0.0, 1.0)));
+                shapes.push(Target {
+                    name: format!("Anyface {}", k + 1),
+                    moved: sparse(shape, range, 0.0),
+                });
+                back.scaled_add(low, &shape);
             }
+        }
+        let moved = sparse(back.view(), 1.0, 0.0);
+        if !moved.is_empty() {
+            let name = "Anyface back".to_owned();
+            shapes.push(Target { name, moved });
+            columns.push(Array1::ones(frames));
         }
         let mut weights = Array2::zeros((frames, columns.len()));
         for (mut to, from) in weights.axis_iter_mut(Axis(1)).zip(&columns) {
@@ -67,7 +82,81 @@ impl Targets {
             shapes,
             weights,
             fps: clip.fps,
+            stand_alone: false,
         })
+    }
+
+    /// The same with eyes that look, by weights `[T, 52]` of [`ARKIT`]; those that never look stay out.
+    pub(super) fn with_looks(mut self, eyes: &[EyeLook], weights: ArrayView2<'_, f32>) -> Targets {
+        for look in eyes {
+            let place = ARKIT.iter().position(|name| *name == look.name);
+            let column = place.map(|place| weights.column(place));
+            if let Some(column) = column.filter(|own| own.iter().any(|w| *w > 0.0)) {
+                let with = concatenate![Axis(1), self.weights, column.insert_axis(Axis(1))];
+                self.weights = with;
+                self.shapes.push(Target {
+                    name: look.name.to_owned(),
+                    moved: look.moved.clone(),
+                });
+            }
+        }
+        self
+    }
+
+    /// The shapes of a rig of these names, in their order, which do not play yet; those that it lacks and those that move
+    /// nothing are left out.
+    pub(super) fn of_rig<'a>(
+        rig: &Rig,
+        names: impl IntoIterator<Item = &'a str>,
+        landmarks: &[[f32; 3]; LANDMARKS],
+    ) -> Targets {
+        let least = LEAST_M * units_per_metre(landmarks);
+        let shape = |name: &str| {
+            let place = rig.names.iter().position(|known| known == name)?;
+            let moved = sparse(rig.deltas.index_axis(Axis(0), place), 1.0, least);
+            let name = name.to_owned();
+            (!moved.is_empty()).then_some(Target { name, moved })
+        };
+        let shapes: Vec<Target> = names.into_iter().filter_map(shape).collect();
+        Targets {
+            weights: Array2::zeros((0, shapes.len())),
+            shapes,
+            fps: 1.0,
+            stand_alone: true,
+        }
+    }
+
+    /// The same with weights over time: `[T, S]` of shapes of these names.
+    pub(super) fn playing(self, names: &[&str], weights: ArrayView2<'_, f32>, fps: f64) -> Targets {
+        let mut own = Array2::zeros((weights.nrows(), self.shapes.len()));
+        for (mut column, shape) in own.axis_iter_mut(Axis(1)).zip(&self.shapes) {
+            if let Some(place) = names.iter().position(|name| *name == shape.name) {
+                column.assign(&weights.column(place));
+            }
+        }
+        Targets {
+            weights: own,
+            fps,
+            ..self
+        }
+    }
+}
+
+/// Takes the least displacements out of shapes `[K, V, 3]` whose weights are within −1 to 1, so that no vertex
+/// loses more than `most` in any frame.
+fn leave_out(shapes: &mut ndarray::Array3<f32>, most: f32) {
+    for mut vertex in shapes.axis_iter_mut(Axis(1)) {
+        let length = |row: ndarray::ArrayView1<'_, f32>| row.dot(&row).sqrt();
+        let mut rows: Vec<(f32, usize)> = vertex.outer_iter().map(length).zip(0..).collect();
+        rows.sort_by(|a, b| a.0.total_cmp(&b.0));
+        let mut lost = 0.0;
+        for (length, k) in rows {
+            lost += length;
+            if lost > most {
+                break;
+            }
+            vertex.row_mut(k).fill(0.0);
+        }
     }
 }
 
@@ -78,6 +167,10 @@ fn sparse(shape: ArrayView2<'_, f32>, scale: f32, least: f32) -> Vec<(u32, [f32;
     moved
         .filter(|(_, moved)| moved.iter().any(|x| x.abs() > least))
         .collect()
+}
+
+fn units_per_metre(landmarks: &[[f32; 3]; LANDMARKS]) -> f32 {
+    eye_span(landmarks) / eye_span(canonical_landmarks())
 }
 
 fn eye_span(landmarks: &[[f32; 3]; LANDMARKS]) -> f32 {

@@ -187,7 +187,7 @@ fn unknown_extensions_and_foreign_meshes_are_refused() {
     assert!(
         error
             .to_string()
-            .contains(".npz, .pc2, .mdd, .glb or .usda"),
+            .contains(".npz, .pc2, .mdd, .glb, .usda or .vrma"),
         "{error}"
     );
     mesh.positions.pop();

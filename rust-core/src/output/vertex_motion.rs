@@ -40,7 +40,7 @@ pub fn read_vertex_motion(path: &Path, mesh: &Mesh) -> Result<VertexMotion> {
         Format::Npz => read_npz(path, mesh.positions.len())?,
         Format::Pc2 => pc2(&bytes()?, mesh).map_err(|e| named(path, e))?,
         Format::Mdd => mdd(&bytes()?, mesh).map_err(|e| named(path, e))?,
-        Format::Glb | Format::Usda => {
+        Format::Glb | Format::Usda | Format::Vrma => {
             return Err(Error::InvalidInput(format!(
                 "{}: expected vertex positions over time (.npz, .pc2 or .mdd), got a scene, which holds shapes and weights",
                 path.display()

@@ -10,6 +10,7 @@ mod by_field;
 mod closures;
 mod decoded;
 mod lids;
+mod looks;
 mod make;
 mod names;
 pub mod network;
@@ -20,6 +21,7 @@ mod visemes;
 
 pub use by_field::{FieldOfFace, ShapeSource};
 pub use decoded::Learned;
+pub use looks::{EyeLook, eye_looks};
 pub use make::{MODEL, RigModel};
 pub use names::{ARKIT, VISEMES, mirrored_name};
 pub use solve::{SolveOptions, SolvedWeights, solve};

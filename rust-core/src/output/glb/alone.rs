@@ -1,64 +1,90 @@
 //! A file for a mesh that has none: positions, smooth normals, triangles, targets.
 
-use serde_json::{Value, json};
+use glam::Vec3;
+use serde_json::json;
 
 use super::{
     animation::{NAME, Track, animation, head, times, weights},
     buffer::Buffer,
+    document::{Bound, Document},
+    layout::Layout,
 };
 use crate::{
     Result,
+    mesh::{Mesh, texture_coordinates},
     output::{
         scene::{Scene, is_z_up},
-        targets::Targets,
+        targets::{Target, Targets},
     },
 };
 
+/// Normals that turn by less than this are at rest, radians.
+const LEAST_TURN: f32 = 0.02;
+
 /// The document and its bytes.
-pub(super) fn document(scene: &Scene<'_>, targets: &Targets) -> Result<(Value, Vec<u8>)> {
+pub(super) fn document(scene: &Scene<'_>, targets: &Targets) -> Result<Document> {
     let mut buffer = Buffer::after(0, Vec::new(), 0, 0);
-    let count = scene.mesh.positions.len();
-    let positions = buffer.points(&scene.mesh.positions)?;
-    let normals = buffer.points(&scene.mesh.vertex_normals())?;
-    let corners = buffer.corners(&scene.mesh.triangles);
-    let mut primitive = json!({
-        "attributes": {"POSITION": positions, "NORMAL": normals}, "indices": corners, "material": 0,
-    });
+    let corners = scene
+        .source
+        .and_then(|bytes| texture_coordinates(bytes, scene.mesh));
+    let layout = Layout::new(scene.mesh, corners.as_deref());
+    let count = layout.sources.len();
+    let positions = buffer.points(&layout.spread(&scene.mesh.positions));
+    let mut normals = scene.mesh.vertex_normals();
+    // The format knows no normal of length 0, which a vertex without triangles has.
+    normals
+        .iter_mut()
+        .filter(|normal| **normal == [0.0; 3])
+        .for_each(|normal| *normal = [0.0, 1.0, 0.0]);
+    let at_rest = buffer.points(&layout.spread(&normals));
+    let mut attributes = json!({"POSITION": positions, "NORMAL": at_rest});
+    if let Some(coordinates) = &layout.coordinates {
+        attributes["TEXCOORD_0"] = json!(buffer.coordinates(coordinates));
+    }
+    let corners = buffer.corners(&layout.triangles, count);
+    let mut primitive = json!({"attributes": attributes, "indices": corners, "material": 0});
     let mut mesh = json!({"name": NAME});
-    let times = times(&mut buffer, targets)?;
-    let mut tracks = Vec::new();
-    if !targets.shapes.is_empty() {
+    let all: Vec<usize> = (0..targets.shapes.len()).collect();
+    if !all.is_empty() {
         let mut accessors = Vec::new();
         for shape in &targets.shapes {
-            let moved = buffer.displacements(count, &shape.moved)?;
-            accessors.push(json!({"POSITION": moved}));
+            let moved = buffer.displacements(count, &layout.moved(&shape.moved));
+            let mut target = json!({"POSITION": moved});
+            if targets.stand_alone {
+                let turned = turned(scene.mesh, &normals, shape);
+                target["NORMAL"] = json!(buffer.displacements(count, &layout.moved(&turned)));
+            }
+            accessors.push(target);
         }
         primitive["targets"] = json!(accessors);
         let names: Vec<&str> = targets.shapes.iter().map(|shape| &*shape.name).collect();
         mesh["weights"] = json!(vec![0; names.len()]);
         mesh["extras"] = json!({"targetNames": names});
-        let all: Vec<usize> = (0..names.len()).collect();
-        let sampler = weights(&mut buffer, times, targets, (&[], &all))?;
-        tracks.push(Track {
-            sampler,
-            node: 0,
-            path: "weights",
-        });
+    }
+    let mut nodes = vec![json!({"name": NAME, "mesh": 0})];
+    let (mut root, mut tracks) = (0, Vec::new());
+    if targets.weights.nrows() > 0 {
+        let times = times(&mut buffer, targets.weights.nrows(), targets.fps)?;
+        if !all.is_empty() {
+            tracks.push(Track {
+                sampler: weights(&mut buffer, times, targets, (&[], &all))?,
+                node: 0,
+                path: "weights",
+            });
+        }
+        if let Some([mut head, mut rest, sampler]) = head(&mut buffer, times, scene)? {
+            rest["children"] = json!([0]);
+            head["children"] = json!([1]);
+            nodes.extend([rest, head]);
+            root = 2;
+            tracks.push(Track {
+                sampler,
+                node: root,
+                path: "rotation",
+            });
+        }
     }
     mesh["primitives"] = json!([primitive]);
-    let mut nodes = vec![json!({"name": NAME, "mesh": 0})];
-    let mut root = 0;
-    if let Some([mut head, mut rest, sampler]) = head(&mut buffer, times, scene)? {
-        rest["children"] = json!([0]);
-        head["children"] = json!([1]);
-        nodes.extend([rest, head]);
-        root = 2;
-        tracks.push(Track {
-            sampler,
-            node: root,
-            path: "rotation",
-        });
-    }
     if is_z_up(scene)? {
         // The format's way up is y.
         let half = std::f32::consts::FRAC_1_SQRT_2;
@@ -68,7 +94,7 @@ pub(super) fn document(scene: &Scene<'_>, targets: &Targets) -> Result<(Value, V
         root = nodes.len() - 1;
     }
     let (bytes, views, accessors) = buffer.finish();
-    let mut document = json!({
+    let mut json = json!({
         "asset": {"version": "2.0", "generator": concat!("Anyface ", env!("CARGO_PKG_VERSION"))},
         "scene": 0,
         "scenes": [{"nodes": [root]}],
@@ -83,7 +109,32 @@ pub(super) fn document(scene: &Scene<'_>, targets: &Targets) -> Result<(Value, V
         "accessors": accessors,
     });
     if !tracks.is_empty() {
-        document["animations"] = json!([animation(tracks, scene.sound)]);
+        json["animations"] = json!([animation(tracks, scene.sound)]);
     }
-    Ok((document, bytes))
+    Ok(Document {
+        json,
+        binary: bytes,
+        bound: vec![Bound {
+            node: 0,
+            mesh: 0,
+            before: 0,
+            shapes: all,
+        }],
+    })
+}
+
+/// By how much the normals differ where a shape is whole.
+fn turned(mesh: &Mesh, normals: &[[f32; 3]], shape: &Target) -> Vec<(u32, [f32; 3])> {
+    let mut moved = mesh.clone();
+    for (v, by) in &shape.moved {
+        let place = &mut moved.positions[*v as usize];
+        *place = (Vec3::from(*place) + Vec3::from(*by)).to_array();
+    }
+    let new = moved.vertex_normals();
+    let pairs = normals.iter().zip(&new).zip(0..);
+    let turned = pairs.map(|((rest, new), v)| (v, Vec3::from(*new) - Vec3::from(*rest)));
+    turned
+        .filter(|(v, by)| by.length() > LEAST_TURN && new[*v as usize] != [0.0; 3])
+        .map(|(v, by)| (v, by.to_array()))
+        .collect()
 }

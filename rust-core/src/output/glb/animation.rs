@@ -12,17 +12,17 @@ use crate::{
 };
 
 /// How what is ours is called.
-pub(super) const NAME: &str = "Anyface";
+pub const NAME: &str = "Anyface";
 
 /// One sampler of an animation, and the channels that it drives.
-pub(super) struct Track {
+pub struct Track {
     pub sampler: Value,
     pub node: usize,
     pub path: &'static str,
 }
 
 /// An animation of tracks over the frames of the targets.
-pub(super) fn animation(tracks: Vec<Track>, sound: Option<&str>) -> Value {
+pub fn animation(tracks: Vec<Track>, sound: Option<&str>) -> Value {
     let channels = tracks.iter().enumerate().map(|(sampler, track)| {
         json!({"sampler": sampler, "target": {"node": track.node, "path": track.path}})
     });
@@ -36,13 +36,14 @@ pub(super) fn animation(tracks: Vec<Track>, sound: Option<&str>) -> Value {
 }
 
 /// Times of the frames, seconds.
-pub(super) fn times(buffer: &mut Buffer, targets: &Targets) -> Result<usize> {
-    let frames = targets.weights.nrows();
-    let times: Vec<f32> = (0..frames)
-        .map(|t| (t as f64 / targets.fps) as f32)
-        .collect();
-    let bounds = (vec![times[0]], vec![times[frames - 1]]);
-    buffer.floats(&times, "SCALAR", Some(bounds))
+///
+/// # Errors
+/// `InvalidInput` for no frames.
+pub fn times(buffer: &mut Buffer, frames: usize, fps: f64) -> Result<usize> {
+    let times: Vec<f32> = (0..frames).map(|t| (t as f64 / fps) as f32).collect();
+    let ends = times.first().zip(times.last());
+    let bounds = ends.map(|(first, last)| (vec![*first], vec![*last]));
+    buffer.floats(&times, "SCALAR", bounds)
 }
 
 /// The sampler of the weights of some targets; `before`: weights of targets that the mesh had.

@@ -7,9 +7,15 @@ use crate::{Error, Result};
 /// Kinds of numbers in accessors.
 const FLOAT: u32 = 5126;
 const UNSIGNED_INT: u32 = 5125;
+const UNSIGNED_SHORT: u32 = 5123;
+/// Vertices that 16 bits can number; the last number means no vertex.
+const MOST_SHORT: usize = 0xFFFF;
+/// What a view holds, for graphics cards.
+const OF_VERTICES: u32 = 34962;
+const OF_CORNERS: u32 = 34963;
 
 /// Bytes that are added to one buffer of a document.
-pub(super) struct Buffer {
+pub struct Buffer {
     /// Number of the buffer.
     number: usize,
     bytes: Vec<u8>,
@@ -25,7 +31,7 @@ type Bounds = (Vec<f32>, Vec<f32>);
 
 impl Buffer {
     /// After `bytes` that the buffer has, and so many views and accessors of the document.
-    pub(super) fn after(number: usize, bytes: Vec<u8>, views: usize, accessors: usize) -> Buffer {
+    pub fn after(number: usize, bytes: Vec<u8>, views: usize, accessors: usize) -> Buffer {
         Buffer {
             number,
             bytes,
@@ -37,18 +43,45 @@ impl Buffer {
     }
 
     /// The bytes, and what stands in the document for the new ones: views and accessors.
-    pub(super) fn finish(self) -> (Vec<u8>, Vec<Value>, Vec<Value>) {
+    pub fn finish(self) -> (Vec<u8>, Vec<Value>, Vec<Value>) {
         (self.bytes, self.views, self.accessors)
     }
 
-    fn view(&mut self, bytes: impl IntoIterator<Item = [u8; 4]>) -> usize {
+    fn view<const N: usize>(
+        &mut self,
+        bytes: impl IntoIterator<Item = [u8; N]>,
+        target: Option<u32>,
+    ) -> usize {
         self.bytes.resize(self.bytes.len().next_multiple_of(4), 0);
         let first = self.bytes.len();
         self.bytes.extend(bytes.into_iter().flatten());
-        self.views.push(json!({
+        let mut view = json!({
             "buffer": self.number, "byteOffset": first, "byteLength": self.bytes.len() - first,
-        }));
+        });
+        if let Some(target) = target {
+            view["target"] = json!(target);
+        }
+        self.views.push(view);
         self.first_view + self.views.len() - 1
+    }
+
+    /// A view of numbers of vertices, of which there are `count`, and the kind of its numbers.
+    fn numbers(
+        &mut self,
+        values: impl Iterator<Item = u32>,
+        count: usize,
+        target: Option<u32>,
+    ) -> (usize, u32) {
+        match count <= MOST_SHORT {
+            true => {
+                let short = values.map(|v| (v as u16).to_le_bytes());
+                (self.view(short, target), UNSIGNED_SHORT)
+            }
+            false => (
+                self.view(values.map(u32::to_le_bytes), target),
+                UNSIGNED_INT,
+            ),
+        }
     }
 
     fn accessor(&mut self, accessor: Value) -> usize {
@@ -56,78 +89,87 @@ impl Buffer {
         self.first_accessor + self.accessors.len() - 1
     }
 
-    /// An accessor of numbers; `kind`: `SCALAR`, `VEC3` or `VEC4`.
+    /// An accessor of numbers over time; `kind`: `SCALAR`, `VEC3` or `VEC4`.
     ///
     /// # Errors
     /// `InvalidInput` for no numbers, which the format has no place for.
-    pub(super) fn floats(
-        &mut self,
-        values: &[f32],
-        kind: &str,
-        bounds: Option<Bounds>,
-    ) -> Result<usize> {
-        let width = match kind {
-            "SCALAR" => 1,
-            "VEC3" => 3,
-            _ => 4,
-        };
+    pub fn floats(&mut self, values: &[f32], kind: &str, bounds: Option<Bounds>) -> Result<usize> {
         if values.is_empty() {
             let message = "expected at least one frame for a GLB, got none";
             return Err(Error::InvalidInput(message.into()));
         }
-        let view = self.view(values.iter().map(|x| x.to_le_bytes()));
+        Ok(self.values(values, kind, bounds, None))
+    }
+
+    fn values(
+        &mut self,
+        values: &[f32],
+        kind: &str,
+        bounds: Option<Bounds>,
+        target: Option<u32>,
+    ) -> usize {
+        let width = match kind {
+            "SCALAR" => 1,
+            "VEC2" => 2,
+            "VEC3" => 3,
+            _ => 4,
+        };
+        let view = self.view(values.iter().map(|x| x.to_le_bytes()), target);
         let mut accessor = json!({
             "bufferView": view, "componentType": FLOAT, "count": values.len() / width, "type": kind,
         });
         if let Some((low, high)) = bounds {
             (accessor["min"], accessor["max"]) = (json!(low), json!(high));
         }
-        Ok(self.accessor(accessor))
+        self.accessor(accessor)
     }
 
-    /// An accessor of points, with the box about them.
-    ///
-    /// # Errors
-    /// `InvalidInput` for no points.
-    pub(super) fn points(&mut self, points: &[[f32; 3]]) -> Result<usize> {
-        self.floats(points.as_flattened(), "VEC3", Some(bounds(points)))
+    /// An accessor of a point of each vertex, with the box about them.
+    pub fn points(&mut self, points: &[[f32; 3]]) -> usize {
+        let flat = points.as_flattened();
+        self.values(flat, "VEC3", Some(bounds(points)), Some(OF_VERTICES))
     }
 
-    /// An accessor of the corners of triangles.
-    pub(super) fn corners(&mut self, triangles: &[[u32; 3]]) -> usize {
+    /// An accessor of texture coordinates of each vertex.
+    pub fn coordinates(&mut self, coordinates: &[[f32; 2]]) -> usize {
+        let flat = coordinates.as_flattened();
+        self.values(flat, "VEC2", None, Some(OF_VERTICES))
+    }
+
+    /// An accessor of the corners of triangles of `count` vertices.
+    pub fn corners(&mut self, triangles: &[[u32; 3]], count: usize) -> usize {
         let corners = triangles.as_flattened();
-        let view = self.view(corners.iter().map(|v| v.to_le_bytes()));
+        let (view, kind) = self.numbers(corners.iter().copied(), count, Some(OF_CORNERS));
         self.accessor(json!({
-            "bufferView": view, "componentType": UNSIGNED_INT, "count": corners.len(), "type": "SCALAR",
+            "bufferView": view, "componentType": kind, "count": corners.len(), "type": "SCALAR",
         }))
     }
 
-    /// Displacements of `count` vertices of which these move, in the order of their numbers; only what moves takes room.
-    pub(super) fn displacements(
-        &mut self,
-        count: usize,
-        moved: &[(u32, [f32; 3])],
-    ) -> Result<usize> {
-        let mut points: Vec<[f32; 3]> = moved.iter().map(|(_, d)| *d).collect();
-        if 4 * moved.len() > 3 * count {
+    /// Displacements of `count` vertices of which these move, in the order of their numbers; the smaller of what moves
+    /// and of all.
+    pub fn displacements(&mut self, count: usize, moved: &[(u32, [f32; 3])]) -> usize {
+        let number_bytes = if count <= MOST_SHORT { 2 } else { 4 };
+        if (12 + number_bytes) * moved.len() > 12 * count {
             let mut all = vec![[0.0; 3]; count];
             moved.iter().for_each(|(v, d)| all[*v as usize] = *d);
             return self.points(&all);
         }
+        let mut points: Vec<[f32; 3]> = moved.iter().map(|(_, d)| *d).collect();
         let mut accessor = json!({"componentType": FLOAT, "count": count, "type": "VEC3"});
         if !moved.is_empty() {
-            let indices = self.view(moved.iter().map(|(v, _)| v.to_le_bytes()));
-            let values = self.view(points.as_flattened().iter().map(|x| x.to_le_bytes()));
+            let (indices, kind) = self.numbers(moved.iter().map(|(v, _)| *v), count, None);
+            let bytes = points.as_flattened().iter().map(|x| x.to_le_bytes());
+            let values = self.view(bytes, None);
             accessor["sparse"] = json!({
                 "count": moved.len(),
-                "indices": {"bufferView": indices, "componentType": UNSIGNED_INT},
+                "indices": {"bufferView": indices, "componentType": kind},
                 "values": {"bufferView": values},
             });
         }
         points.push([0.0; 3]);
         let (low, high) = bounds(&points);
         (accessor["min"], accessor["max"]) = (json!(low), json!(high));
-        Ok(self.accessor(accessor))
+        self.accessor(accessor)
     }
 }
 

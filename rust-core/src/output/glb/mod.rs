@@ -1,62 +1,46 @@
 //! Binary glTF 2.0 of a mesh that speaks: morph targets, their weights over time, and the turns of the head.
 //!
 //! A mesh that came from a GLB keeps its file: materials, bones and all else stay, targets and an animation are added
-//! (`onto`). Any other mesh gets a file of its own (`alone`). Both write into a `Buffer`.
+//! (`onto`). Any other mesh gets a file of its own (`alone`). Both write into a `Buffer` and give a `Document`.
 
 mod alone;
 mod animation;
 mod buffer;
+mod document;
+mod layout;
 mod onto;
 
 use std::{io::Write, path::Path};
 
+pub(super) use self::{
+    animation::{Track, animation, times},
+    buffer::Buffer,
+    document::{Bound, Document, write_document},
+};
 use super::{scene::Scene, targets::Targets};
-use crate::{Error, Result};
+use crate::Result;
 
-/// Writes the file at `path`.
+/// Writes a scene with its targets at `path`.
 ///
 /// # Errors
-/// `InvalidInput` if the source is not that of the mesh or shows one of its meshes twice; those of the writer.
+/// Those of [`document`] and of the writer.
 pub(super) fn write_glb(
-    (file, path): (&mut impl Write, &Path),
+    file: (&mut impl Write, &Path),
     scene: &Scene<'_>,
     targets: &Targets,
 ) -> Result<()> {
-    let (document, binary) = match scene.source {
-        Some(source) => onto::add(source, scene, targets)?,
-        None => alone::document(scene, targets)?,
-    };
-    let mut json = document.to_string().into_bytes();
-    json.resize(json.len().next_multiple_of(4), b' ');
-    let mut binary = binary;
-    binary.resize(binary.len().next_multiple_of(4), 0);
-    let chunks = [(b"JSON", &json), (b"BIN\0", &binary)];
-    let chunks = chunks.iter().filter(|(_, bytes)| !bytes.is_empty());
-    let length = 12
-        + chunks
-            .clone()
-            .map(|(_, bytes)| 8 + bytes.len())
-            .sum::<usize>();
-    let length = number(length)?;
-    let mut write = |bytes: &[u8]| file.write_all(bytes).map_err(Error::io(path));
-    write(b"glTF")?;
-    write(&2u32.to_le_bytes())?;
-    write(&length.to_le_bytes())?;
-    for (kind, bytes) in chunks {
-        write(&number(bytes.len())?.to_le_bytes())?;
-        write(*kind)?;
-        write(bytes)?;
-    }
-    Ok(())
+    write_document(file, document(scene, targets)?)
 }
 
-/// The format counts its bytes in 32 bits.
-fn number(bytes: usize) -> Result<u32> {
-    u32::try_from(bytes).map_err(|_| {
-        Error::InvalidInput(format!(
-            "expected a GLB of less than 4 GB, got {bytes} bytes; write a shorter sound, or an .npz"
-        ))
-    })
+/// A scene with its targets; where they do not play, without any animation of ours.
+///
+/// # Errors
+/// `InvalidInput` if the source is not that of the mesh or shows one of its meshes twice.
+pub(super) fn document(scene: &Scene<'_>, targets: &Targets) -> Result<Document> {
+    match scene.glb() {
+        Some(source) => onto::add(source, scene, targets),
+        None => alone::document(scene, targets),
+    }
 }
 
 #[cfg(test)]

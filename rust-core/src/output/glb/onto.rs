@@ -9,6 +9,7 @@ use serde_json::{Value, json};
 use super::{
     animation::{Track, animation, head, times, weights},
     buffer::Buffer,
+    document::{Bound, Document},
 };
 use crate::{
     Error, Result,
@@ -20,7 +21,7 @@ use crate::{
 };
 
 /// The document and its bytes.
-pub(super) fn add(source: &[u8], scene: &Scene<'_>, targets: &Targets) -> Result<(Value, Vec<u8>)> {
+pub(super) fn add(source: &[u8], scene: &Scene<'_>, targets: &Targets) -> Result<Document> {
     let (json, binary) = glb_chunks(source)?;
     let mut document: Value = serde_json::from_slice(json).map_err(|e| wrong(e.to_string()))?;
     let parts = glb_parts(source)?;
@@ -39,8 +40,12 @@ pub(super) fn add(source: &[u8], scene: &Scene<'_>, targets: &Targets) -> Result
         false => (old("buffers"), Vec::new()),
     };
     let mut buffer = Buffer::after(number, bytes, old("bufferViews"), old("accessors"));
-    let times = times(&mut buffer, targets)?;
-    let mut tracks = Vec::new();
+    let frames = targets.weights.nrows();
+    let times = match frames {
+        0 => None,
+        _ => Some(times(&mut buffer, frames, targets.fps)?),
+    };
+    let (mut tracks, mut bound) = (Vec::new(), Vec::new());
     for (mesh, parts) in by_mesh(&parts)? {
         let node = parts[0].node;
         let own = targets_of(&parts, targets);
@@ -57,7 +62,7 @@ pub(super) fn add(source: &[u8], scene: &Scene<'_>, targets: &Targets) -> Result
                 None => &Value::Null,
             };
             let count = count.as_u64().unwrap_or(0) as usize;
-            let new = add_targets(&mut buffer, (part, count), targets, &own)?;
+            let new = add_targets(&mut buffer, (part, count), targets, &own);
             let primitive = &mut document["meshes"][mesh]["primitives"][part.primitive];
             list(primitive, "targets")?.extend(new);
         }
@@ -66,14 +71,22 @@ pub(super) fn add(source: &[u8], scene: &Scene<'_>, targets: &Targets) -> Result
         if document["nodes"][node].get("weights").is_some() {
             document["nodes"][node]["weights"] = json!(all_weights(&before, own.len()));
         }
-        tracks.push(Track {
-            sampler: weights(&mut buffer, times, targets, (&before, &own))?,
+        if let Some(times) = times {
+            tracks.push(Track {
+                sampler: weights(&mut buffer, times, targets, (&before, &own))?,
+                node,
+                path: "weights",
+            });
+        }
+        bound.push(Bound {
             node,
-            path: "weights",
+            mesh,
+            before: before.len(),
+            shapes: own,
         });
     }
     // Bones turn a head that has them; a node above would turn the body.
-    if document.get("skins").is_none() {
+    if let Some(times) = times.filter(|_| document.get("skins").is_none()) {
         tracks.extend(turn_scene(&mut document, &mut buffer, times, scene)?);
     }
     if !tracks.is_empty() {
@@ -82,14 +95,14 @@ pub(super) fn add(source: &[u8], scene: &Scene<'_>, targets: &Targets) -> Result
     let (bytes, views, accessors) = buffer.finish();
     list(&mut document, "bufferViews")?.extend(views);
     list(&mut document, "accessors")?.extend(accessors);
-    match has_chunk {
+    let binary = match has_chunk {
         true => {
             let buffers = list(&mut document, "buffers")?;
             if buffers.is_empty() {
                 buffers.push(json!({}));
             }
             buffers[0]["byteLength"] = json!(bytes.len().next_multiple_of(4));
-            Ok((document, bytes))
+            bytes
         }
         false => {
             let uri = format!(
@@ -97,9 +110,14 @@ pub(super) fn add(source: &[u8], scene: &Scene<'_>, targets: &Targets) -> Result
                 STANDARD.encode(&bytes)
             );
             list(&mut document, "buffers")?.push(json!({"byteLength": bytes.len(), "uri": uri}));
-            Ok((document, binary.to_vec()))
+            binary.to_vec()
         }
-    }
+    };
+    Ok(Document {
+        json: document,
+        binary,
+        bound,
+    })
 }
 
 fn wrong(message: String) -> Error {
@@ -156,7 +174,7 @@ fn add_targets(
     (part, count): (&GlbPart, usize),
     targets: &Targets,
     own: &[usize],
-) -> Result<Vec<Value>> {
+) -> Vec<Value> {
     let column = |c: usize| DVec3::from_slice(&[0, 1, 2].map(|r| f64::from(part.placed[c][r])));
     let placed = DMat3::from_cols(column(0), column(1), column(2));
     let back = match placed.determinant().abs() > 0.0 {
@@ -170,10 +188,10 @@ fn add_targets(
             (v - part.vertices.start as u32, local.as_vec3().to_array())
         });
         let moved: Vec<_> = moved.collect();
-        let accessor = buffer.displacements(count, &moved)?;
+        let accessor = buffer.displacements(count, &moved);
         added.push(json!({"POSITION": accessor}));
     }
-    Ok(added)
+    added
 }
 
 /// Weights of the targets that the mesh has already.
@@ -201,8 +219,11 @@ fn all_weights(before: &[f32], new: usize) -> Vec<f32> {
 
 /// Names of the new targets behind those of the old ones.
 fn name_targets(mesh: &mut Value, before: usize, own: &[usize], targets: &Targets) -> Result<()> {
-    if !mesh["extras"].is_object() {
-        mesh["extras"] = json!({});
+    // Names have to stand in an object; what stands there and is none is kept in it.
+    match mesh["extras"].take() {
+        Value::Null => mesh["extras"] = json!({}),
+        object @ Value::Object(_) => mesh["extras"] = object,
+        other => mesh["extras"] = json!({"extras": other}),
     }
     let names = list(&mut mesh["extras"], "targetNames")?;
     for k in names.len()..before {

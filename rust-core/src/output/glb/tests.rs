@@ -9,6 +9,7 @@ use crate::{
     mesh::{Mesh, canonical_landmarks},
     motion::Life,
     output::ClipFile,
+    rig::EyeLook,
     spread::{ClipStart, FrameBlock, FrameSink},
 };
 
@@ -166,6 +167,104 @@ fn another_reader_sees_every_vertex_where_it_belongs() {
         names.len(),
         json["meshes"][0]["weights"].as_array().unwrap().len()
     );
+}
+
+#[test]
+fn numbers_of_vertices_are_short_and_views_say_what_they_hold() {
+    let folder = tempfile::tempdir().unwrap();
+    let path = folder.path().join("talk.glb");
+    write(&path, &strip(), b"", None).unwrap();
+    let json = json_of(&path);
+    let primitive = &json["meshes"][0]["primitives"][0];
+    let accessor = |number: &Value| &json["accessors"][number.as_u64().unwrap() as usize];
+    let target_of = |number: &Value| {
+        let view = accessor(number)["bufferView"].as_u64().unwrap();
+        json["bufferViews"][view as usize]["target"].as_u64()
+    };
+    assert_eq!(accessor(&primitive["indices"])["componentType"], 5123);
+    assert_eq!(target_of(&primitive["indices"]), Some(34963));
+    assert_eq!(target_of(&primitive["attributes"]["POSITION"]), Some(34962));
+    let sampler = &json["animations"][0]["samplers"][0];
+    assert_eq!(target_of(&sampler["output"]), None);
+}
+
+#[test]
+fn a_texture_of_an_obj_stays() {
+    let folder = tempfile::tempdir().unwrap();
+    let path = folder.path().join("talk.glb");
+    let mesh = strip();
+    let mut text: String = (mesh.positions.iter())
+        .map(|[x, y, z]| format!("v {x} {y} {z}\nvt {x} {y}\n"))
+        .collect();
+    text += "vt 0.5 0.5\n";
+    for (t, [a, b, c]) in mesh.triangles.iter().enumerate() {
+        let [a, b, c] = [a + 1, b + 1, c + 1];
+        // The last triangle lies elsewhere in the texture by one corner.
+        let at = if t == 3 { 7 } else { a };
+        text += &format!("f {a}/{at} {b}/{b} {c}/{c}\n");
+    }
+    let displacements = write(&path, &mesh, text.as_bytes(), None).unwrap();
+    let (document, buffers, _) = gltf::import(&path).unwrap();
+    let primitive = document
+        .meshes()
+        .next()
+        .unwrap()
+        .primitives()
+        .next()
+        .unwrap();
+    let reader = primitive.reader(|buffer| Some(&buffers[buffer.index()]));
+    let places: Vec<[f32; 2]> = reader.read_tex_coords(0).unwrap().into_f32().collect();
+    assert_eq!(
+        (places.len(), places[1], places[6]),
+        (7, [0.02, 0.98], [0.5, 0.5])
+    );
+    let frames: Vec<Vec<[f32; 3]>> = self::places(&path);
+    let seam = mesh.triangles[3][0] as usize;
+    for (t, frame) in frames.iter().enumerate() {
+        for i in 0..3 {
+            let expected = mesh.positions[seam][i] + displacements[[t, seam, i]];
+            assert!((frame[6][i] - expected).abs() < NEAR, "frame {t}");
+        }
+    }
+}
+
+#[test]
+fn eyes_turn_where_the_take_looks() {
+    let folder = tempfile::tempdir().unwrap();
+    let path = folder.path().join("talk.glb");
+    let (mesh, mut life) = (strip(), Life::still(FRAMES));
+    for t in 0..FRAMES {
+        // The left eye looks up, 25 degrees at most.
+        life.gaze[[t, 1, 1]] = (5.0 * t as f32).to_radians();
+    }
+    let look = |name: &'static str| EyeLook {
+        name,
+        moved: vec![(0, [0.0, 0.01, 0.0])],
+    };
+    let eyes = vec![look("eyeLookUpLeft"), look("eyeLookUpRight")];
+    let mut file = ClipFile::new(&path).unwrap().with_eyes(eyes);
+    file.add_life(&life);
+    file.begin(&ClipStart {
+        mesh: &mesh,
+        landmarks: canonical_landmarks(),
+        frames: FRAMES,
+        fps: FPS,
+    })
+    .unwrap();
+    file.take(FrameBlock {
+        displacements: swing(mesh.positions.len()),
+        landmarks: Array3::zeros((FRAMES, 68, 3)),
+    })
+    .unwrap();
+    file.finish().unwrap();
+    let mut expected = swing(mesh.positions.len());
+    for t in 0..FRAMES {
+        expected[[t, 0, 1]] += 0.01 * t as f32 / 5.0;
+    }
+    assert_moved(&places(&path), &mesh, &expected);
+    let names = &json_of(&path)["meshes"][0]["extras"]["targetNames"];
+    assert!(names.as_array().unwrap().contains(&json!("eyeLookUpLeft")));
+    assert!(!names.as_array().unwrap().contains(&json!("eyeLookUpRight")));
 }
 
 #[test]

@@ -1,0 +1,105 @@
+//! What files of scenes and avatars hold of a take.
+
+use std::{path::Path, sync::Arc};
+
+use anyface::{
+    Engine, Error, Face, Result,
+    job::{InputKind, ProgressFn, read_file},
+    output::{ClipFile, Format, TakeShapes, VrmNames},
+    rig::{SHAPES, ShapeSource, eye_looks},
+};
+use clap::{Args, ValueEnum};
+
+/// Options of scenes and avatars.
+#[derive(Args)]
+pub struct SceneArgs {
+    /// What the shapes of a .glb or .usda are: basis, as few as move every vertex as the take does, or arkit, the mesh's 52 of
+    /// ARKit with solved weights
+    #[arg(long, value_enum, value_name = "SHAPES", default_value = "basis")]
+    targets: Shapes,
+    /// Which expressions a .vrma moves: those of Perfect Sync (ARKit's), of VRM, or all
+    #[arg(long, value_enum, value_name = "NAMES", default_value = "all")]
+    expressions: Names,
+}
+
+#[derive(Debug, Clone, Copy, PartialEq, Eq, ValueEnum)]
+enum Shapes {
+    Basis,
+    Arkit,
+}
+
+#[derive(Debug, Clone, Copy, PartialEq, Eq, ValueEnum)]
+enum Names {
+    /// Both
+    All,
+    /// The 52 of Perfect Sync alone, for an avatar that has those of VRM as well and would move twice
+    PerfectSync,
+    /// Those of VRM alone
+    Vrm,
+}
+
+impl SceneArgs {
+    /// Refuses options that the kind of a result has no use for.
+    ///
+    /// # Errors
+    /// `InvalidInput` for these and for an unknown ending.
+    pub fn check(&self, out: &Path) -> Result<()> {
+        let format = Format::from_path(out)?;
+        let is_shown = matches!(format, Format::Glb | Format::Usda);
+        let wrong = |option: &str, ending: &str| {
+            Err(Error::InvalidInput(format!(
+                "{option}: expected a result that ends in {ending}, got {}",
+                out.display()
+            )))
+        };
+        match (self.targets, self.expressions) {
+            (Shapes::Arkit, _) if !is_shown => wrong("--targets arkit", ".glb or .usda"),
+            (_, Names::All) => Ok(()),
+            _ if format != Format::Vrma => wrong("--expressions", ".vrma"),
+            _ => Ok(()),
+        }
+    }
+
+    /// Copies of a frame that lie in memory beside the take: the shapes of the mesh, and those of a solve.
+    pub fn kept(&self, out: &Path) -> usize {
+        let is_avatar = Format::from_path(out).is_ok_and(|format| format == Format::Vrma);
+        match is_avatar || self.targets == Shapes::Arkit {
+            true => 3 * SHAPES,
+            false => 0,
+        }
+    }
+
+    /// The file of a result: a scene mentions its sound, and a GLB keeps all else of the GLB that the mesh came from.
+    ///
+    /// # Errors
+    /// Those of the mesh's file and of its rig.
+    pub fn file(
+        &self,
+        out: &Path,
+        (mesh, sound): (Option<&Path>, Option<&Path>),
+        (engine, face): (&Engine, &Face),
+        progress: ProgressFn<'_>,
+    ) -> Result<ClipFile> {
+        let mut file = ClipFile::new(out)?;
+        let format = Format::from_path(out)?;
+        // A pipe is read once.
+        if let Some(mesh) = mesh.filter(|path| format.is_scene() && path.is_file()) {
+            file = file.of_file(&read_file(mesh, InputKind::Mesh)?);
+        }
+        if self.targets == Shapes::Arkit || format == Format::Vrma {
+            let rig = Arc::clone(&engine.rig(face, ShapeSource::Network, progress)?);
+            file = file.with_shapes(TakeShapes::new(rig, &face.landmarks.vertices));
+        } else if format.is_scene() {
+            file = file.with_eyes(eye_looks(face)?);
+        }
+        let name = sound.and_then(Path::file_name);
+        if let Some(name) = name {
+            file = file.with_sound(&name.to_string_lossy());
+        }
+        Ok(file.with_vrm_names(match self.expressions {
+            Names::All => VrmNames::All,
+            Names::PerfectSync => VrmNames::PerfectSync,
+            Names::Vrm => VrmNames::Vrm,
+        }))
+    }
+}

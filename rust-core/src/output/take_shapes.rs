@@ -1,0 +1,223 @@
+//! A take as weights of the shapes of its mesh, for files that avatars and engines open.
+
+use std::sync::Arc;
+
+use ndarray::{Array2, Array3, ArrayView3, Axis, s};
+
+use crate::{
+    Result,
+    face::Rig,
+    job::SILENT,
+    mesh::ibug::LANDMARKS,
+    motion::Life,
+    rig::{ARKIT, SolveOptions, parts::GAZE_DEGREES, solve},
+};
+
+/// Landmarks of the upper and of the lower lip that meet.
+const LIPS: [[usize; 2]; 3] = [[61, 67], [62, 66], [63, 65]];
+/// Visemes that VRM has expressions for, in the order of [`VOWELS`].
+pub(super) const VOWEL_SHAPES: [&str; 5] =
+    ["viseme_aa", "viseme_I", "viseme_U", "viseme_E", "viseme_O"];
+/// VRM's expressions of them.
+pub(super) const VOWELS: [&str; 5] = ["aa", "ih", "ou", "ee", "oh"];
+
+/// The shapes of a take's mesh, on which its weights are solved.
+#[derive(Debug, Clone)]
+pub struct TakeShapes {
+    rig: Arc<Rig>,
+    lips: Vec<[u32; 2]>,
+}
+
+impl TakeShapes {
+    /// `landmarks`: the vertices nearest to them, which say where the lips meet.
+    pub fn new(rig: Arc<Rig>, landmarks: &[u32; LANDMARKS]) -> TakeShapes {
+        let lips = LIPS.map(|pair| pair.map(|n| landmarks[n]));
+        TakeShapes {
+            rig,
+            lips: lips.into_iter().filter(|[a, b]| a != b).collect(),
+        }
+    }
+
+    pub(super) fn rig(&self) -> &Rig {
+        &self.rig
+    }
+
+    /// Weights `[T, 52]` of [`ARKIT`] in a clip `[T, V, 3]` of mesh units; eyes look where the take has them look, which its
+    /// vertices do not show.
+    ///
+    /// # Errors
+    /// Those of [`solve`].
+    pub(super) fn arkit(
+        &self,
+        moved: ArrayView3<'_, f32>,
+        life: Option<&Life>,
+    ) -> Result<Array2<f32>> {
+        let mut weights = looks(moved.dim().0, life);
+        let is_looking = weights.iter().any(|w| *w > 0.0);
+        let left = match is_looking {
+            true => self.without(&weights, moved),
+            false => moved.to_owned(),
+        };
+        let is_free = |name: &&str| !(is_looking && name.starts_with("eyeLook"));
+        let names: Vec<&str> = ARKIT.into_iter().filter(is_free).collect();
+        self.solve(&names, left.view(), |s, t, w| weights[[t, number(s)]] = w)?;
+        Ok(weights)
+    }
+
+    /// Weights `[T, 5]` of [`VOWELS`], where a face has no other shapes of the mouth.
+    ///
+    /// # Errors
+    /// Those of [`solve`].
+    pub(super) fn vowels(&self, moved: ArrayView3<'_, f32>) -> Result<Array2<f32>> {
+        let of_mouth = |name: &str| {
+            ["jaw", "mouth", "cheekPuff", "tongue"]
+                .iter()
+                .any(|stem| name.starts_with(stem))
+        };
+        let others = ARKIT.into_iter().filter(|name| !of_mouth(name));
+        let names: Vec<&str> = VOWEL_SHAPES.into_iter().chain(others).collect();
+        let mut weights = Array2::zeros((moved.dim().0, VOWELS.len()));
+        self.solve(&names, moved, |s, t, w| {
+            if let Some(vowel) = VOWEL_SHAPES.iter().position(|known| *known == s) {
+                weights[[t, vowel]] = w;
+            }
+        })?;
+        Ok(weights)
+    }
+
+    /// A clip without what these weights `[T, 52]` do.
+    fn without(&self, weights: &Array2<f32>, moved: ArrayView3<'_, f32>) -> Array3<f32> {
+        let mut left = moved.to_owned();
+        for (name, column) in ARKIT.iter().zip(weights.columns()) {
+            let Some(shape) = self.shape(name) else {
+                continue;
+            };
+            for (mut frame, w) in left.outer_iter_mut().zip(column) {
+                if *w > 0.0 {
+                    frame.scaled_add(-w, &self.rig.deltas.index_axis(Axis(0), shape));
+                }
+            }
+        }
+        left
+    }
+
+    /// Solves for shapes of these names that the rig has; `take` receives name, frame and weight.
+    fn solve<'a>(
+        &self,
+        names: &[&'a str],
+        moved: ArrayView3<'_, f32>,
+        mut take: impl FnMut(&'a str, usize, f32),
+    ) -> Result<()> {
+        let known: Vec<(&str, usize)> = names
+            .iter()
+            .filter_map(|name| Some((*name, self.shape(name)?)))
+            .collect();
+        let places: Vec<usize> = known.iter().map(|(_, place)| *place).collect();
+        let part = Rig {
+            names: known.iter().map(|(name, _)| (*name).to_owned()).collect(),
+            deltas: self.rig.deltas.select(Axis(0), &places),
+            reports: Vec::new(),
+        };
+        let options = SolveOptions::default();
+        let solved = solve(&part, known.len(), moved, &self.lips, &options, SILENT)?;
+        for (column, (name, _)) in solved.weights.columns().into_iter().zip(&known) {
+            column
+                .iter()
+                .enumerate()
+                .for_each(|(t, w)| take(name, t, *w));
+        }
+        Ok(())
+    }
+
+    fn shape(&self, name: &str) -> Option<usize> {
+        self.rig.names.iter().position(|known| known == name)
+    }
+}
+
+fn number(name: &str) -> usize {
+    let place = ARKIT.iter().position(|known| *known == name);
+    place.expect("a name of ARKit")
+}
+
+/// Weights `[T, 52]` of the shapes by which eyes look.
+pub(super) fn looks(frames: usize, life: Option<&Life>) -> Array2<f32> {
+    let mut weights = Array2::zeros((frames, ARKIT.len()));
+    let Some(life) = life else {
+        return weights;
+    };
+    let [up, down, inward, outward] = GAZE_DEGREES;
+    // The right eye comes first; it looks in where it looks to the subject's left.
+    for (eye, (side, left, right)) in [("Right", "In", "Out"), ("Left", "Out", "In")]
+        .into_iter()
+        .enumerate()
+    {
+        let of = |way: &str| if way == "In" { inward } else { outward };
+        let ways = [
+            (left, 0, 1.0, of(left)),
+            (right, 0, -1.0, of(right)),
+            ("Up", 1, 1.0, up),
+            ("Down", 1, -1.0, down),
+        ];
+        for (way, axis, sign, most) in ways {
+            let angles = life.gaze.slice(s![.., eye, axis]);
+            let turned = angles.mapv(|a| (sign * a.to_degrees() / most).clamp(0.0, 1.0));
+            let column = number(&format!("eyeLook{way}{side}"));
+            weights.column_mut(column).assign(&turned);
+        }
+    }
+    weights
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    /// A rig in which each of these shapes moves vertices of its own along y.
+    fn rig(names: &[&str]) -> Arc<Rig> {
+        let mut deltas = Array3::zeros((names.len(), 2 * names.len(), 3));
+        for shape in 0..names.len() {
+            deltas
+                .slice_mut(s![shape, 2 * shape..2 * shape + 2, 1])
+                .fill(0.01);
+        }
+        Arc::new(Rig {
+            names: names.iter().map(|name| (*name).to_owned()).collect(),
+            deltas,
+            reports: Vec::new(),
+        })
+    }
+
+    #[test]
+    fn eyes_look_where_the_take_has_them_look() {
+        let shapes = TakeShapes::new(
+            rig(&["eyeLookUpLeft", "eyeLookInRight", "jawOpen"]),
+            &[0; 68],
+        );
+        let mut life = Life::still(2);
+        life.gaze[[1, 0, 0]] = 15f32.to_radians();
+        life.gaze[[1, 1, 1]] = 12.5f32.to_radians();
+        let mut moved = Array3::zeros((2, 6, 3));
+        moved.slice_mut(s![1, 4.., 1]).fill(0.005);
+        let weights = shapes.arkit(moved.view(), Some(&life)).unwrap();
+        let at = |t: usize, name: &str| weights[[t, number(name)]];
+        assert!((at(1, "eyeLookUpLeft") - 0.5).abs() < 1e-6);
+        assert!((at(1, "eyeLookInRight") - 0.5).abs() < 1e-6);
+        assert!(
+            (at(1, "jawOpen") - 0.5).abs() < 0.02,
+            "{}",
+            at(1, "jawOpen")
+        );
+        assert!(at(0, "eyeLookUpLeft") == 0.0 && at(0, "jawOpen") < 0.02);
+    }
+
+    #[test]
+    fn vowels_are_solved_beside_brows() {
+        let shapes = TakeShapes::new(rig(&["viseme_aa", "viseme_U", "browInnerUp"]), &[0; 68]);
+        let mut moved = Array3::zeros((1, 6, 3));
+        moved.slice_mut(s![0, 2..4, 1]).fill(0.008);
+        moved.slice_mut(s![0, 4.., 1]).fill(0.01);
+        let weights = shapes.vowels(moved.view()).unwrap();
+        assert!((weights[[0, 2]] - 0.8).abs() < 0.01, "{weights}");
+        assert_eq!((weights[[0, 0]], weights[[0, 1]]), (0.0, 0.0));
+    }
+}

@@ -1,0 +1,193 @@
+//! A take as a VRM animation: expressions over time, turns of the head, and where the eyes look.
+
+use std::{io::Write, path::Path};
+
+use glam::{EulerRot, Quat, Vec3};
+use ndarray::ArrayView1;
+use serde_json::{Map, Value, json};
+
+use super::{
+    expressions::perfect_sync,
+    skeleton::{eyes_from_head, skeleton},
+};
+use crate::{
+    Result,
+    deform::VertexClip,
+    motion::Life,
+    output::{
+        glb::{Buffer, Document, Track, animation, times, write_document},
+        scene::Scene,
+        take_shapes::{TakeShapes, VOWELS},
+    },
+    rig::ARKIT,
+};
+
+/// Which expressions a take has for avatars.
+#[derive(Debug, Clone, Copy, PartialEq, Eq, Default)]
+pub enum VrmNames {
+    /// Both.
+    #[default]
+    All,
+    /// Those of Perfect Sync, ARKit's, for an avatar that has VRM's as well and would move twice.
+    PerfectSync,
+    /// Those of VRM alone.
+    Vrm,
+}
+
+/// Writes a take at `path`.
+///
+/// # Errors
+/// Those of the solve, of the writer, and `InvalidInput` for no frames.
+pub fn write_vrm_animation(
+    file: (&mut impl Write, &Path),
+    scene: &Scene<'_>,
+    clip: &VertexClip,
+    shapes: &TakeShapes,
+    names: VrmNames,
+) -> Result<()> {
+    let moved = clip.displacements.view();
+    let frames = moved.dim().0;
+    let arkit = shapes.arkit(moved, scene.life)?;
+    let mut take = Take::new(frames, clip.fps)?;
+    if names != VrmNames::PerfectSync {
+        let vowels = shapes.vowels(moved)?;
+        for (name, weights) in VOWELS.iter().zip(vowels.columns()) {
+            take.expression("preset", name, weights)?;
+        }
+        let column = |name: &str| {
+            let place = ARKIT.iter().position(|known| *known == name);
+            arkit.column(place.expect("a name of ARKit"))
+        };
+        let [left, right] = ["eyeBlinkLeft", "eyeBlinkRight"].map(column);
+        // Avatars add what they are sent: a blink of both eyes is one, and each eye has what it closes beyond.
+        let both = ndarray::Zip::from(left)
+            .and(right)
+            .map_collect(|l, r| l.min(*r));
+        take.expression("preset", "blink", both.view())?;
+        take.expression("preset", "blinkLeft", (&left - &both).view())?;
+        take.expression("preset", "blinkRight", (&right - &both).view())?;
+    }
+    if names != VrmNames::Vrm {
+        // The eyes look by a track of their own.
+        let faces = ARKIT.iter().zip(arkit.columns());
+        for (name, weights) in faces.filter(|(name, _)| !name.starts_with("eyeLook")) {
+            if weights.iter().any(|w| *w > 0.0) {
+                take.expression("custom", &perfect_sync(name), weights)?;
+            }
+        }
+    }
+    let document = take.document(scene)?;
+    write_document(file, document)
+}
+
+/// A file in the making.
+struct Take {
+    frames: usize,
+    buffer: Buffer,
+    times: usize,
+    nodes: Vec<Value>,
+    tracks: Vec<Track>,
+    /// `preset` and `custom`.
+    expressions: Map<String, Value>,
+}
+
+impl Take {
+    fn new(frames: usize, fps: f64) -> Result<Take> {
+        let mut buffer = Buffer::after(0, Vec::new(), 0, 0);
+        let times = times(&mut buffer, frames, fps)?;
+        Ok(Take {
+            frames,
+            buffer,
+            times,
+            nodes: Vec::new(),
+            tracks: Vec::new(),
+            expressions: Map::new(),
+        })
+    }
+
+    /// A node that is moved; its number.
+    fn track(&mut self, name: &str, path: &'static str, values: &[f32]) -> Result<usize> {
+        let kind = if path == "rotation" { "VEC4" } else { "VEC3" };
+        let output = self.buffer.floats(values, kind, None)?;
+        self.nodes.push(json!({"name": name}));
+        self.tracks.push(Track {
+            sampler: json!({"input": self.times, "output": output, "interpolation": "LINEAR"}),
+            node: self.nodes.len() - 1,
+            path,
+        });
+        Ok(self.nodes.len() - 1)
+    }
+
+    /// Weights over time, which stand as x of a node's place.
+    fn expression(&mut self, kind: &str, name: &str, weights: ArrayView1<'_, f32>) -> Result<()> {
+        let values: Vec<f32> = weights.iter().flat_map(|w| [*w, 0.0, 0.0]).collect();
+        let node = self.track(name, "translation", &values)?;
+        let group = self.expressions.entry(kind).or_insert_with(|| json!({}));
+        group[name] = json!({"node": node});
+        Ok(())
+    }
+
+    /// The whole file, with head and eyes.
+    fn document(mut self, scene: &Scene<'_>) -> Result<Document> {
+        let mut extension = json!({"specVersion": "1.0"});
+        let life = scene.life.filter(|life| life.head.nrows() == self.frames);
+        if let Some(gaze) = life.and_then(looks) {
+            let node = self.track("Eyes", "rotation", &gaze)?;
+            extension["lookAt"] = json!({"node": node, "offsetFromHeadBone": eyes_from_head()});
+        }
+        let first = self.nodes.len();
+        let mut bones = skeleton(first, &[]);
+        self.nodes.append(&mut bones.nodes);
+        if let Some(life) = life.filter(|life| life.head.iter().any(|x| *x != 0.0)) {
+            let turns = life.head.outer_iter().flat_map(|turn| {
+                let turn = Vec3::new(turn[0], turn[1], turn[2]);
+                Quat::from_scaled_axis(turn).to_array()
+            });
+            let turns: Vec<f32> = turns.collect();
+            let output = self.buffer.floats(&turns, "VEC4", None)?;
+            self.tracks.push(Track {
+                sampler: json!({"input": self.times, "output": output, "interpolation": "LINEAR"}),
+                node: bones.head,
+                path: "rotation",
+            });
+        }
+        extension["humanoid"] = json!({"humanBones": bones.human_bones});
+        if !self.expressions.is_empty() {
+            extension["expressions"] = Value::Object(self.expressions);
+        }
+        let shown: Vec<usize> = (0..=first).collect();
+        let (binary, views, accessors) = self.buffer.finish();
+        let mut json = json!({
+            "asset": {"version": "2.0", "generator": concat!("Anyface ", env!("CARGO_PKG_VERSION"))},
+            "scene": 0,
+            "scenes": [{"nodes": shown}],
+            "nodes": self.nodes,
+            "buffers": [{"byteLength": binary.len().next_multiple_of(4)}],
+            "bufferViews": views,
+            "accessors": accessors,
+            "extensionsUsed": ["VRMC_vrm_animation"],
+            "extensions": {"VRMC_vrm_animation": extension},
+        });
+        if !self.tracks.is_empty() {
+            json["animations"] = json!([animation(self.tracks, scene.sound)]);
+        }
+        Ok(Document {
+            json,
+            binary,
+            bound: Vec::new(),
+        })
+    }
+}
+
+/// Turns of the eyes against the head, a quaternion a frame, halfway between both; nothing where they rest.
+fn looks(life: &Life) -> Option<Vec<f32>> {
+    if life.gaze.iter().all(|angle| *angle == 0.0) {
+        return None;
+    }
+    let turns = life.gaze.outer_iter().flat_map(|eyes| {
+        let of = |axis: usize| 0.5 * (eyes[[0, axis]] + eyes[[1, axis]]);
+        // Yaw to the left is about +y, pitch up about -x.
+        Quat::from_euler(EulerRot::YXZ, of(0), -of(1), 0.0).to_array()
+    });
+    Some(turns.collect())
+}

@@ -1,0 +1,167 @@
+//! A mesh as an avatar.
+
+use std::{io::Write, path::Path};
+
+use glam::{DMat3, DQuat, DVec3};
+use serde_json::{Value, json};
+
+use super::{
+    expressions::{expressions, shapes_of_expressions},
+    new_groups, old_groups,
+    skeleton::skeleton,
+};
+use crate::{
+    Error, Result,
+    face::Rig,
+    job::Unfinished,
+    mesh::{Landmarks, Mesh},
+    output::{
+        glb::{Document, document, write_document},
+        scene::{Scene, hinges},
+        targets::Targets,
+    },
+};
+
+/// Axes of a mesh and those of VRM that lie nearer together than this are the same.
+const UPRIGHT_DEGREES: f64 = 15.0;
+/// A head within these sizes, as shares of a human one, keeps its own.
+const SIZES: (f64, f64) = (0.5, 2.0);
+
+/// Writes a mesh with the shapes of its rig as a VRM: presets, and ARKit's shapes under the names of Perfect Sync.
+///
+/// `source`: the bytes of the file that the mesh was read from. Of a VRM (1.0 or 0) all else stays; expressions of the same
+/// names become new ones, whose names come back. Of any other GLB all else stays too, below the head of the fewest
+/// bones that VRM 1.0 allows, on which a mesh without a GLB stands as well.
+///
+/// # Errors
+/// `ShapeMismatch` if the rig is not the mesh's, `InvalidInput` for a GLB with bones that is no VRM or one that is not the mesh's, `Io` if
+/// the file cannot be written.
+pub fn write_avatar(
+    path: &Path,
+    rig: &Rig,
+    (mesh, landmarks): (&Mesh, &Landmarks),
+    source: Option<&[u8]>,
+) -> Result<Vec<String>> {
+    let vertices = rig.deltas.dim().1;
+    if vertices != mesh.positions.len() {
+        return Err(Error::ShapeMismatch {
+            what: "mesh",
+            expected: format!("[{vertices}, 3], the rig's vertices"),
+            got: format!("[{}, 3]", mesh.positions.len()),
+        });
+    }
+    let scene = Scene {
+        mesh,
+        landmarks: &landmarks.positions,
+        life: None,
+        source,
+        sound: None,
+    };
+    let name = path.file_stem().unwrap_or_default().to_string_lossy();
+    let (avatar, replaced) = avatar(rig, &scene, &name)?;
+    let (unfinished, mut file) = Unfinished::create(path)?;
+    write_document((&mut file, path), avatar)?;
+    file.flush().map_err(Error::io(path))?;
+    drop(file);
+    unfinished.finish()?;
+    Ok(replaced)
+}
+
+/// The file, and the names of its own expressions that became new ones.
+pub(super) fn avatar(rig: &Rig, scene: &Scene<'_>, name: &str) -> Result<(Document, Vec<String>)> {
+    let targets = Targets::of_rig(rig, shapes_of_expressions(), scene.landmarks);
+    let mut avatar = document(scene, &targets)?;
+    let place = |shape: &str| targets.shapes.iter().position(|own| own.name == shape);
+    let expressions = expressions(|shape| place(shape).is_some());
+    let extensions = &avatar.json["extensions"];
+    let replaced = if extensions["VRMC_vrm"].is_object() {
+        new_groups::add(&mut avatar, &expressions, place)?
+    } else if extensions["VRM"].is_object() {
+        old_groups::add(&mut avatar, &expressions, place)?
+    } else {
+        stand_on_bones(&mut avatar.json, scene, name)?;
+        new_groups::add(&mut avatar, &expressions, place)?
+    };
+    Ok((avatar, replaced))
+}
+
+/// Puts all that the scene shows below the head of the fewest bones.
+fn stand_on_bones(document: &mut Value, scene: &Scene<'_>, name: &str) -> Result<()> {
+    if document["skins"]
+        .as_array()
+        .is_some_and(|skins| !skins.is_empty())
+    {
+        return Err(Error::InvalidInput(
+            "expected a VRM, which says which bone is which, or a mesh without bones, got a GLB with bones that is no VRM; write it as a VRM \
+             first, as Blender's VRM add-on does"
+                .into(),
+        ));
+    }
+    if document
+        .get("extensions")
+        .is_some_and(|all| !all.is_object())
+    {
+        let message = "glTF: expected an object of extensions, got something else";
+        return Err(Error::InvalidInput(message.into()));
+    }
+    let number = document["scene"].as_u64().unwrap_or(0) as usize;
+    let shown = document["scenes"][number]["nodes"].take();
+    let count = document["nodes"].as_array().map_or(0, Vec::len);
+    let placed = placed(scene, &shown)?;
+    let bones = skeleton(count + 1, &[count]);
+    if let Some(nodes) = document["nodes"].as_array_mut() {
+        nodes.push(placed);
+        nodes.extend(bones.nodes);
+    }
+    document["scenes"][number]["nodes"] = json!([count + 1]);
+    document["extensions"]["VRMC_vrm"] = json!({
+        "specVersion": "1.0",
+        "meta": {
+            "name": name, "authors": ["unknown"], "licenseUrl": "https://vrm.dev/licenses/1.0/",
+        },
+        "humanoid": {"humanBones": bones.human_bones},
+    });
+    let used = document["extensionsUsed"].as_array_mut();
+    match used {
+        Some(used) => used.push(json!("VRMC_vrm")),
+        None => document["extensionsUsed"] = json!(["VRMC_vrm"]),
+    }
+    Ok(())
+}
+
+/// A node that brings a mesh to the size and the axes of VRM, the place between the jaw's hinges to its origin.
+fn placed(scene: &Scene<'_>, below: &Value) -> Result<Value> {
+    let (to_mesh, to_head) = (hinges(scene)?, hinges(scene)?.inverse());
+    let turn = upright(DMat3::from_cols_array_2d(&to_head.rotation).transpose());
+    let scale = match (SIZES.0..SIZES.1).contains(&to_mesh.scale) {
+        true => 1.0,
+        false => to_head.scale,
+    };
+    let origin = DVec3::from_array(to_mesh.translation);
+    let rotation = DQuat::from_mat3(&turn);
+    let mut node = json!({
+        "name": "Face",
+        "children": below,
+        "translation": (-scale * (turn * origin)).as_vec3().to_array(),
+    });
+    if scale != 1.0 {
+        node["scale"] = json!(vec![scale as f32; 3]);
+    }
+    if turn != DMat3::IDENTITY {
+        node["rotation"] = json!(rotation.as_quat().to_array());
+    }
+    Ok(node)
+}
+
+/// The turn between axes that lies near this one, or itself.
+fn upright(turn: DMat3) -> DMat3 {
+    let least = UPRIGHT_DEGREES.to_radians().cos();
+    let snapped = turn
+        .to_cols_array()
+        .map(|x| if x.abs() >= least { x.signum() } else { 0.0 });
+    let snapped = DMat3::from_cols_array(&snapped);
+    match snapped.determinant() == 1.0 {
+        true => snapped,
+        false => turn,
+    }
+}

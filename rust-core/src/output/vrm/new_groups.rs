@@ -1,0 +1,78 @@
+//! Expressions of VRM 1.0.
+
+use serde_json::{Map, Value, json};
+
+use super::{expressions::Expression, skeleton::eyes_from_head};
+use crate::{
+    Error, Result,
+    output::glb::{Bound, Document},
+    rig::parts::GAZE_DEGREES,
+};
+
+/// Adds the expressions, whose shapes have these places among the targets; names of those that stood there before.
+pub(super) fn add(
+    avatar: &mut Document,
+    expressions: &[Expression],
+    place: impl Fn(&str) -> Option<usize>,
+) -> Result<Vec<String>> {
+    let vrm = &mut avatar.json["extensions"]["VRMC_vrm"];
+    let mut replaced = Vec::new();
+    for expression in expressions {
+        let kind = if expression.is_preset {
+            "preset"
+        } else {
+            "custom"
+        };
+        let mut new = json!({"morphTargetBinds": binds(&avatar.bound, expression, &place)});
+        if let Some(other) = expression.takes_over {
+            new[other] = json!("block");
+        }
+        let group = object(object(vrm, "expressions")?, kind)?;
+        let before = group
+            .as_object_mut()
+            .and_then(|group| group.insert(expression.name.clone(), new));
+        replaced.extend(before.map(|_| expression.name.clone()));
+    }
+    if vrm["lookAt"].is_null() && expressions.iter().any(|known| known.name == "lookUp") {
+        let [up, down, inward, outward] = GAZE_DEGREES;
+        let range = |most: f32| json!({"inputMaxValue": most, "outputScale": 1.0});
+        vrm["lookAt"] = json!({
+            "type": "expression", "offsetFromHeadBone": eyes_from_head(),
+            "rangeMapHorizontalInner": range(inward), "rangeMapHorizontalOuter": range(outward),
+            "rangeMapVerticalUp": range(up), "rangeMapVerticalDown": range(down),
+        });
+    }
+    Ok(replaced)
+}
+
+/// Targets of all meshes that show an expression.
+fn binds(
+    bound: &[Bound],
+    expression: &Expression,
+    place: impl Fn(&str) -> Option<usize>,
+) -> Vec<Value> {
+    let mut binds = Vec::new();
+    for (shape, weight) in &expression.parts {
+        for own in bound {
+            let number = place(shape).and_then(|k| own.shapes.iter().position(|s| *s == k));
+            if let Some(number) = number {
+                let index = own.before + number;
+                binds.push(json!({"node": own.node, "index": index, "weight": weight}));
+            }
+        }
+    }
+    binds
+}
+
+/// An object in another, which may not have it yet.
+fn object<'a>(of: &'a mut Value, name: &str) -> Result<&'a mut Value> {
+    let wrong = || Error::InvalidInput(format!("VRMC_vrm: expected an object of {name}"));
+    let inner = of.as_object_mut().ok_or_else(wrong)?;
+    let inner = inner
+        .entry(name)
+        .or_insert_with(|| Value::Object(Map::new()));
+    match inner.is_object() {
+        true => Ok(inner),
+        false => Err(wrong()),
+    }
+}

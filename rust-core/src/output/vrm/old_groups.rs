@@ -1,0 +1,63 @@
+//! Groups of VRM 0, which are its expressions.
+
+use serde_json::{Value, json};
+
+use super::expressions::{Expression, perfect_sync};
+use crate::{Error, Result, output::glb::Document};
+
+/// A preset that is none of VRM 0's.
+const OWN: &str = "unknown";
+
+/// Adds the expressions, whose shapes have these places among the targets; names of those that stood there before.
+pub(super) fn add(
+    avatar: &mut Document,
+    expressions: &[Expression],
+    place: impl Fn(&str) -> Option<usize>,
+) -> Result<Vec<String>> {
+    let master = &mut avatar.json["extensions"]["VRM"]["blendShapeMaster"];
+    if master.is_null() {
+        *master = json!({});
+    }
+    let wrong = || Error::InvalidInput("VRM: expected a list of blendShapeGroups".into());
+    let groups = master.as_object_mut().ok_or_else(wrong)?;
+    let groups = groups
+        .entry("blendShapeGroups")
+        .or_insert_with(|| json!([]));
+    let groups = groups.as_array_mut().ok_or_else(wrong)?;
+    let mut replaced = Vec::new();
+    for expression in expressions {
+        let mut binds = Vec::new();
+        for (shape, weight) in &expression.parts {
+            for own in &avatar.bound {
+                let number = place(shape).and_then(|k| own.shapes.iter().position(|s| *s == k));
+                if let Some(number) = number {
+                    let index = own.before + number;
+                    binds.push(json!({"mesh": own.mesh, "index": index, "weight": 100.0 * weight}));
+                }
+            }
+        }
+        let preset = expression.old_preset.unwrap_or(OWN);
+        let new = json!({
+            "name": perfect_sync(&expression.name), "presetName": preset, "binds": binds,
+            "materialValues": [], "isBinary": false,
+        });
+        match groups.iter_mut().find(|group| is_same(group, &new)) {
+            Some(group) => {
+                replaced.push(group["name"].as_str().unwrap_or(preset).to_owned());
+                *group = new;
+            }
+            None => groups.push(new),
+        }
+    }
+    Ok(replaced)
+}
+
+/// Whether both are the same preset, or have one name without being any.
+fn is_same(group: &Value, new: &Value) -> bool {
+    let preset = |of: &Value| of["presetName"].as_str().unwrap_or(OWN).to_lowercase();
+    let name = |of: &Value| of["name"].as_str().unwrap_or_default().to_lowercase();
+    match preset(new) == OWN {
+        true => preset(group) == OWN && name(group) == name(new),
+        false => preset(group) == preset(new),
+    }
+}
