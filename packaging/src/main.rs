@@ -16,6 +16,7 @@ mod python;
 mod steps;
 mod test;
 mod third_party;
+mod web;
 mod wheel;
 
 use anyhow::Result;
@@ -51,6 +52,8 @@ enum Task {
     Prepare(prepare::Prepare),
     /// Lints and all tests; installs what they need.
     Test(test::Test),
+    /// The library as WebAssembly, its npm package, and the page that makes heads talk.
+    Web(web::Web),
     /// The Python package as a wheel.
     Wheel(wheel::Wheel),
 }
@@ -66,6 +69,7 @@ fn main() -> Result<()> {
         Task::Package(package) => package.run(),
         Task::Prepare(prepare) => prepare.run(),
         Task::Test(test) => test.run(),
+        Task::Web(web) => web.run(),
         Task::Wheel(wheel) => wheel.run(),
     }
 }

@@ -9,7 +9,7 @@ use crate::{
     addon, apt, extension, machine, prepare,
     python::{self, Venv},
     steps::Steps,
-    wheel,
+    web, wheel,
 };
 
 /// Debian packages that the tests call: C hosts, a memory checker, voices, film, a sound system.
@@ -26,6 +26,9 @@ const TOOLS: &[&str] = &[
     "pulseaudio",
     "pulseaudio-utils",
 ];
+
+/// Programs that the page's tests call, and Debian packages of them.
+const PAGE_TOOLS: [(&str, &str); 3] = [("node", "nodejs"), ("npm", "npm"), ("chromium", "chromium")];
 
 /// Gigabytes that a first run takes: builds 8, PyTorch with its CUDA libraries 6 and 3 while it is
 /// installed, Blender 3.
@@ -47,7 +50,9 @@ impl Test {
     pub fn run(&self) -> Result<()> {
         let mut steps = Steps::new("test")?;
         machine::note_room(ROOM);
-        apt::ensure(&mut steps, &[TOOLS, apt::SOUND].concat())?;
+        let page = PAGE_TOOLS.iter().filter(|(program, _)| !machine::has(program));
+        let page: Vec<&str> = page.map(|(_, package)| *package).collect();
+        apt::ensure(&mut steps, &[TOOLS, apt::SOUND, &page, web::packages()?].concat())?;
         if self.rust_only {
             rust(&mut steps)?;
             steps.ignore("extension in headless Blender", "--rust-only");
@@ -108,7 +113,14 @@ fn python_parts(steps: &mut Steps, version: Option<&str>) -> Result<()> {
     wheel::check(steps, &library)?;
     let command = library.with_file_name("anyface");
     let mut receivers = python::pytest(&Venv::Blender.python(), "tests/receivers");
-    steps.check("receivers", receivers.env("ANYFACE_COMMAND", command))
+    steps.check("receivers", receivers.env("ANYFACE_COMMAND", &command))?;
+    if let (Some(program), None) = (web::missing(), std::env::var_os("CI")) {
+        steps.ignore("library for browsers, and its page", &format!("no {program}"));
+        return Ok(());
+    }
+    web::build(steps)?;
+    let mut page = python::pytest(&Venv::Blender.python(), "tests/web");
+    steps.check("library for browsers, and its page", page.env("ANYFACE_COMMAND", command))
 }
 
 fn training(steps: &mut Steps) -> Result<()> {
