@@ -23,16 +23,20 @@ function say(text) {
   at("status").textContent = text;
 }
 
+function sentence(text) {
+  const begun = text.charAt(0).toUpperCase() + text.slice(1);
+  return /[.!?]$/.test(begun) ? begun : `${begun}.`;
+}
+
 /** Says what went wrong, in a sentence. */
 function complain(error) {
-  const message = error.message.charAt(0).toUpperCase() + error.message.slice(1);
-  at("alert-text").textContent = /[.!?]$/.test(message) ? message : `${message}.`;
+  at("alert-text").textContent = sentence(error.message);
   at("alert").hidden = false;
   say("That did not work; the message over the head says why.");
 }
 
-/** Does what takes a while, and says so; undefined where it failed. */
-async function begin(what, work) {
+/** Does what takes a while, and says so; undefined where it failed, with a hint of what to do then. */
+async function begin(what, work, hint = "") {
   state.busy += 1;
   say(`${what}…`);
   at("progress").classList.remove("idle");
@@ -40,7 +44,7 @@ async function begin(what, work) {
   try {
     return await work();
   } catch (error) {
-    complain(error);
+    complain(new Error(`${sentence(error.message)} ${hint}`.trim()));
     return undefined;
   } finally {
     state.busy -= 1;
@@ -60,7 +64,7 @@ async function takeHead(file, name, landmarks) {
     const head = await call("face", { file: file.slice(0), landmarks });
     await show.head(head, file);
     return head;
-  });
+  }, `That was ${name}: choose a file with one whole head, or export it once more as GLB or OBJ.`);
   if (!found) return;
   state.head = name;
   at("welcome").hidden = true;

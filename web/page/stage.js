@@ -6,8 +6,8 @@ import {
 } from "./three.js";
 
 // What the camera looks at: the middle of a face; and from where.
-const MIDDLE = new Vector3(0, 0.005, 0.03);
-const FROM = new Vector3(0.09, 0.035, 0.74);
+const MIDDLE = new Vector3(0, -0.022, 0.03);
+const FROM = new Vector3(0.08, 0.01, 0.69);
 const TURN = 0.1;
 
 export class Stage {
