@@ -135,7 +135,10 @@ async function takeFiles(files) {
 
 async function event(name) {
   const expression = `${name}:${at("event-strength").value}`;
-  if (show.isListening) return begin(name, () => call("liveShow", { expression, seconds: EVENT_S }));
+  if (show.isListening) {
+    await begin(name, () => call("liveShow", { expression, seconds: EVENT_S }));
+    return say(`${name}.`);
+  }
   if (!state.clip) return say("A gesture needs a head that speaks: take a head and a sound first.");
   const from = Math.min(show.time, Math.max(0, show.duration - EVENT_S));
   const text = `${from.toFixed(2)}-${(from + EVENT_S).toFixed(2)}:${expression}`;
@@ -245,6 +248,10 @@ listen({
     at("progress").value = share;
   },
   live: (frame) => show.liveFrame(frame),
+  restart() {
+    Object.assign(state, { head: undefined, clip: undefined });
+    show.lose();
+  },
 });
 const known = await ready;
 for (const name of known?.emotions ?? []) {

@@ -77,6 +77,13 @@ export class Show {
     this.player.seek(time);
   }
 
+  /** The worker that knew the clip is gone. */
+  lose() {
+    this.clipped = undefined;
+    this.pause();
+    this.stopListening();
+  }
+
   /** Forgets frames that have changed; the one on the screen stays until it comes again. */
   forget() {
     this.frames.clear();

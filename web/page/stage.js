@@ -1,4 +1,5 @@
 // The head on the screen. All heads stand in the axes of a face: metres, x to its left, y up, z to the front.
+import { coloured } from "./colours.js";
 import {
   BufferAttribute, BufferGeometry, Color, DirectionalLight, DoubleSide, GLTFLoader, Group, HemisphereLight, Matrix3,
   Matrix4, Mesh, MeshStandardMaterial, OrbitControls, PerspectiveCamera, Scene, SRGBColorSpace, TextureLoader, Vector3,
@@ -108,13 +109,15 @@ export class Stage {
   }
 }
 
-/** A head without materials. */
-function plain({ positions, triangles }) {
+/** A head without materials: clay, with eyes and teeth that can be told from it. */
+function plain(head) {
+  const { positions, triangles } = head;
   const geometry = new BufferGeometry();
   geometry.setAttribute("position", new BufferAttribute(positions.slice(), 3));
   geometry.setIndex(new BufferAttribute(triangles, 1));
   geometry.computeVertexNormals();
-  const clay = new MeshStandardMaterial({ color: 0xc9b3a4, roughness: 0.62, metalness: 0, side: DoubleSide });
+  geometry.setAttribute("color", new BufferAttribute(coloured(head), 3));
+  const clay = new MeshStandardMaterial({ vertexColors: true, roughness: 0.62, metalness: 0, side: DoubleSide });
   const mesh = new Mesh(geometry, clay);
   mesh.frustumCulled = false;
   const place = geometry.getAttribute("position");

@@ -1,7 +1,7 @@
 // Calls the worker. It is a blob that imports the script, so that the page's rule of what it may fetch holds there too.
 
 let worker, waiting, next;
-const listeners = { progress() {}, live() {} };
+const listeners = { progress() {}, live() {}, restart() {} };
 
 export function listen(to) {
   Object.assign(listeners, to);
@@ -37,7 +37,9 @@ function restart() {
   worker.terminate();
   fail("a file stopped it");
   start();
-  call("load");
+  listeners.restart();
+  // Whoever waits for it hears of its failure by the next call.
+  call("load").catch(() => {});
 }
 
 export function call(kind, message = {}, buffers = []) {

@@ -17,7 +17,7 @@ const kinds = {
     face = found;
     return {
       positions: face.positions(), triangles: face.triangles(), place: face.place(), notes: face.notes(),
-      parts: face.glbParts(), places: face.glbPlaces(),
+      parts: face.glbParts(), places: face.glbPlaces(), roles: face.roles(), pieces: face.parts(),
     };
   },
   speak({ samples, emotion }) {

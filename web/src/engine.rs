@@ -6,7 +6,7 @@ use anyface::{
     CachePolicy, EngineOptions,
     face::FaceOptions,
     job::Progress,
-    mesh::LandmarkSource,
+    mesh::{LandmarkSource, Mouth},
     motion::{LandmarkClip, Motion},
     speech::{EmotionEar, EmotionEncoder},
     spread::Collector,
@@ -69,9 +69,10 @@ impl Engine {
             ..FaceOptions::default()
         };
         LISTENER.set(progress);
-        let face = self.engine.prepare(&mesh, &options, &tell);
+        let face = self.engine.find(&mesh, &options, &tell);
+        let face = face.and_then(|face| self.prepared(face, file));
         LISTENER.set(None);
-        Ok(Face::new(face?, file)?)
+        Ok(face?)
     }
 
     /// Moves a face by a whole sound: `samples`, mono, 16 kHz, within ±1. `emotion`: such as `happy:0.7`, or `auto` for what
@@ -141,6 +142,22 @@ impl Engine {
 }
 
 impl Engine {
+    /// The face with all that moving it needs, and lips that part. A file of whose materials a result keeps everything
+    /// stays as it is.
+    fn prepared(&self, mut face: anyface::Face, file: Vec<u8>) -> anyface::Result<Face> {
+        if face.mouth() == Mouth::Welded && !file.starts_with(b"glTF") {
+            let opened = self.engine.open_mouth(&face, &tell).and_then(|opened| {
+                let options = opened.face_options(&face);
+                self.engine.find(&opened.mesh, &options, &tell)
+            });
+            // Where it fails the lips stay one surface, which is noted.
+            face = opened.unwrap_or(face);
+        }
+        let face = Face::new(face, file)?;
+        self.pose(&face, &[0.0; _])?;
+        Ok(face)
+    }
+
     fn speaker(&self, emotion: &str, alive: bool) -> anyface::Result<Speaker> {
         let (ears, shapes) = (self.ears.clone(), Arc::clone(&self.shapes));
         Speaker::new(self.engine.stream()?, ears, shapes, (emotion, alive))

@@ -1,6 +1,6 @@
 //! A head whose face was found.
 
-use anyface::mesh::{GlbPart, Mouth, glb_parts};
+use anyface::mesh::{GlbPart, Mouth, PartRole, glb_parts};
 use wasm_bindgen::prelude::*;
 
 /// A head whose face was found.
@@ -80,11 +80,35 @@ impl Face {
         places.flatten().copied().collect()
     }
 
+    /// What each vertex belongs to, `[V]`: 0 skin, 1 what follows the jaw, 2 what follows the skull, 3 the inside of a mouth,
+    /// 4 lashes, brows and beards, 5 eyeballs, 6 anything else.
+    pub fn roles(&self) -> Vec<u8> {
+        let parts = &self.face.parts;
+        let role = |part: u32| {
+            let role = parts.parts.get(part as usize).map(|part| part.role);
+            PartRole::ALL.iter().position(|known| Some(*known) == role)
+        };
+        let numbers = parts.of_vertex().iter().map(|part| role(*part));
+        let other = PartRole::ALL.len() - 1;
+        numbers
+            .map(|number| number.unwrap_or(other) as u8)
+            .collect()
+    }
+
+    /// Number of the part, connected by its triangles, of each vertex, `[V]`.
+    pub fn parts(&self) -> Vec<u32> {
+        self.face.parts.of_vertex().to_vec()
+    }
+
     /// What of it will not move as it should, a sentence each.
     pub fn notes(&self) -> Vec<String> {
-        let welded = "The lips of this head are one surface, so they stretch instead of parting. `anyface animate \
-                      --open-mouth` or Blender can part them.";
+        let welded = "The lips of this head are one surface, so they stretch instead of parting. Anyface in Blender can \
+                      part them.";
         let lips = (self.face.mouth() == Mouth::Welded).then(|| welded.to_owned());
-        lips.into_iter().chain(self.face.at_rest()).collect()
+        // How to help stands behind it, in words of the command.
+        let rests = self.face.at_rest();
+        let rests = rests.map(|rests| rests.split("; give").next().unwrap_or_default().to_owned());
+        let rests = rests.map(|rests| format!("Some of this face was {rests}."));
+        lips.into_iter().chain(rests).collect()
     }
 }
