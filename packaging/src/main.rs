@@ -17,6 +17,7 @@ mod python;
 mod steps;
 mod test;
 mod third_party;
+mod web;
 mod wheel;
 
 use anyhow::Result;
@@ -52,6 +53,8 @@ enum Task {
     Prepare(prepare::Prepare),
     /// Lints and all tests; installs what they need.
     Test(test::Test),
+    /// The library as WebAssembly, its npm package, and the page that makes heads talk.
+    Web(web::Web),
     /// The Python package as a wheel.
     Wheel(wheel::Wheel),
 }
@@ -67,6 +70,7 @@ fn main() -> Result<()> {
         Task::Package(package) => package.run(),
         Task::Prepare(prepare) => prepare.run(),
         Task::Test(test) => test.run(),
+        Task::Web(web) => web.run(),
         Task::Wheel(wheel) => wheel.run(),
     }
 }

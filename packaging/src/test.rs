@@ -9,7 +9,7 @@ use crate::{
     addon, apt, chroot, extension, machine, prepare,
     python::{self, Venv},
     steps::Steps,
-    wheel,
+    web, wheel,
 };
 
 /// Debian packages that the tests call: C hosts, a memory checker, voices, film, a sound system, C#.
@@ -28,6 +28,9 @@ const TOOLS: &[&str] = &[
     "mono-mcs",
     "mono-runtime",
 ];
+
+/// Programs that the page's tests call, and Debian packages of them.
+const PAGE_TOOLS: [(&str, &str); 3] = [("node", "nodejs"), ("npm", "npm"), ("chromium", "chromium")];
 
 /// Gigabytes that a first run takes: builds 8, PyTorch with its CUDA libraries 6 and 3 while it is
 /// installed, Blender 3, Godot 1.
@@ -49,7 +52,9 @@ impl Test {
     pub fn run(&self) -> Result<()> {
         let mut steps = Steps::new("test")?;
         machine::note_room(ROOM);
-        apt::ensure(&mut steps, &[TOOLS, apt::SOUND].concat())?;
+        let page = PAGE_TOOLS.iter().filter(|(program, _)| !machine::has(program));
+        let page: Vec<&str> = page.map(|(_, package)| *package).collect();
+        apt::ensure(&mut steps, &[TOOLS, apt::SOUND, &page, web::packages()?].concat())?;
         if self.rust_only {
             rust(&mut steps)?;
             steps.ignore("extension in headless Blender", "--rust-only");
@@ -111,21 +116,16 @@ fn python_parts(steps: &mut Steps, version: Option<&str>) -> Result<()> {
     let command = library.with_file_name("anyface");
     let mut receivers = python::pytest(&Venv::Blender.python(), "tests/receivers");
     if let Some(godot) = chroot::GODOT.executable(steps)? {
-        // Named together: so each has the features that were compiled before.
-        let mut node = cargo();
-        node.args(["build", "-p", "anyface-godot"]);
-        node.args([
-            "-p",
-            "anyface-cli",
-            "-p",
-            "anyface-capi",
-            "-p",
-            "anyface-microphone",
-        ]);
-        steps.run("build the node for Godot", &mut node)?;
         receivers.env("ANYFACE_GODOT", godot);
     }
-    steps.check("receivers", receivers.env("ANYFACE_COMMAND", command))
+    steps.check("receivers", receivers.env("ANYFACE_COMMAND", &command))?;
+    if let (Some(program), None) = (web::missing(), std::env::var_os("CI")) {
+        steps.ignore("library for browsers, and its page", &format!("no {program}"));
+        return Ok(());
+    }
+    web::build(steps)?;
+    let mut page = python::pytest(&Venv::Blender.python(), "tests/web");
+    steps.check("library for browsers, and its page", page.env("ANYFACE_COMMAND", command))
 }
 
 fn training(steps: &mut Steps) -> Result<()> {

@@ -37,7 +37,7 @@ impl Engine {
         let encoder = EmotionEncoder::open(self.model_folder.as_deref())?;
         let ears = Ears {
             encoder: Arc::new(encoder),
-            ear: Arc::clone(&self.ear),
+            ear: Arc::clone(self.ear.get()?),
         };
         WeightStream::new(
             self.stream()?,

@@ -28,7 +28,7 @@ impl Engine {
     pub fn listen_to_phones(&self, waveform: &Waveform, text: Option<&str>) -> Result<Annotation> {
         self.threads(|| {
             let heard = self.hear(waveform, SILENT)?;
-            let said = self.phone_model.said(heard.sound(), text)?;
+            let said = self.phone_model.get()?.said(heard.sound(), text)?;
             let mut found = closures_of(&heard);
             for tier in &mut found.tiers {
                 tier.symbols = Symbols::Closures;
@@ -44,9 +44,9 @@ impl Engine {
 
     /// Listens to a sound, with what hears phones in it.
     pub(super) fn hear(&self, waveform: &Waveform, progress: ProgressFn<'_>) -> Result<Heard> {
-        let mut heard = Heard::of(waveform, &self.encoder, progress)?;
-        heard.phones = Some(Arc::clone(&self.phone_model));
-        heard.ear = Some(Arc::clone(&self.ear));
+        let mut heard = Heard::of(waveform, self.encoder.get()?, progress)?;
+        heard.phones = Some(Arc::clone(self.phone_model.get()?));
+        heard.ear = Some(Arc::clone(self.ear.get()?));
         Ok(heard)
     }
 }

@@ -27,7 +27,7 @@ use crate::{
     head::{self, COEFFICIENTS, Head, HeadOnMesh, HeadSurface, Reach, check_surface_cells},
     job::{ProgressFn, memory::MemoryNeed, outside::guarded},
     mesh::{self, LandmarkFinder, Mesh, Similarity},
-    models,
+    models::{self, Opened},
     motion::{FaceModes, LandmarkClip, Motion, MotionKind, MotionRequest, WeightClip},
     nn::finite::check_result,
     rig::{self, FieldOfFace, RigModel, ShapeSource},
@@ -100,20 +100,20 @@ impl Default for EngineOptions {
 pub struct Engine {
     registration: &'static Registration,
     system: Box<dyn System>,
-    encoder: Arc<dyn SpeechEncoder>,
+    encoder: Opened<Arc<dyn SpeechEncoder>>,
     static_weights: StaticWeights,
     creases: Creases,
     finder: LandmarkFinder,
     /// How lids go with eyes that look up and down.
     face_modes: FaceModes,
     /// What hears emotions in a voice.
-    ear: Arc<EmotionEar>,
+    ear: Opened<Arc<EmotionEar>>,
     /// Another's model that hears emotions instead.
     user_ear: Option<UserEar>,
     /// Loaded where shapes are asked for.
     rig_model: OnceLock<RigModel>,
     /// What hears phones: it says when lips touch.
-    phone_model: Arc<PhoneModel>,
+    phone_model: Opened<Arc<PhoneModel>>,
     model_folder: Option<PathBuf>,
     cache: Cache,
     /// Names the models in what is kept of a mesh.
@@ -167,7 +167,9 @@ impl Engine {
         let system = (registration.open)(folder)?;
         let checkpoint = options.speech.as_deref();
         let input = system.description().speech;
-        let encoder = Arc::from(speech::open(input, checkpoint, folder)?);
+        let encoder = Opened::of(&speech::COMPACT_MODEL, folder, || {
+            Ok(Arc::from(speech::open(input, checkpoint, folder)?))
+        })?;
         Ok(Engine {
             registration,
             system,
@@ -176,17 +178,21 @@ impl Engine {
             creases: Creases::open(folder)?,
             finder: LandmarkFinder::load(folder)?,
             face_modes: FaceModes::open(folder)?,
-            ear: Arc::new(EmotionEar::open(folder)?),
+            ear: Opened::of(&speech::EMOTION_EAR, folder, || {
+                EmotionEar::open(folder).map(Arc::new)
+            })?,
             user_ear: match &options.emotion_model {
                 Some(own) => Some(UserEar::open(own, folder)?),
                 None => None,
             },
             rig_model: OnceLock::new(),
-            phone_model: Arc::new(PhoneModel::open(folder)?),
+            phone_model: Opened::of(&speech::PHONE_MODEL, folder, || {
+                PhoneModel::open(folder).map(Arc::new)
+            })?,
             cache: Cache::new(&options.cache),
             key_of_models: key_of_models(folder)?,
             pool: threads_of_own(options.threads)?,
-            process: std::process::id(),
+            process: process_here(),
             model_folder: options.models,
         })
     }
@@ -569,7 +575,7 @@ impl Engine {
     /// `InvalidInput` in a copy of the process that made the engine, where nobody would do the work;
     /// otherwise those of `work`.
     pub fn threads<T: Send>(&self, work: impl FnOnce() -> Result<T> + Send) -> Result<T> {
-        let here = std::process::id();
+        let here = process_here();
         if here != self.process {
             return Err(Error::InvalidInput(format!(
                 "engine: expected the process that made it ({}), got {here}: threads do not live on after \
@@ -599,10 +605,18 @@ fn key_of_models(folder: Option<&Path>) -> Result<CacheKey> {
     Ok(key)
 }
 
+/// Number of this process; a browser has one, without a number.
+fn process_here() -> u32 {
+    match cfg!(target_family = "wasm") {
+        true => 0,
+        false => std::process::id(),
+    }
+}
+
 /// The threads that were asked for. In a copy of the process the shared ones are gone, so that an engine
 /// that is made there has its own.
 fn threads_of_own(asked: Option<usize>) -> Result<Option<rayon::ThreadPool>> {
-    let here = std::process::id();
+    let here = process_here();
     let is_copy = *FIRST_PROCESS.get_or_init(|| here) != here;
     let cores = || std::thread::available_parallelism().map_or(1, usize::from);
     let wanted = asked.or_else(|| is_copy.then(|| cores().min(MAX_THREADS)));

@@ -222,7 +222,7 @@ impl Engine {
             (Some(UserEar::Whisper(ear)), Some(sound)) => {
                 ear.neutral_voice(sound, voice, progress).map(Some)
             }
-            _ => self.ear.neutral_voice(voice).map(Some),
+            _ => self.ear.get()?.neutral_voice(voice).map(Some),
         }
     }
 

@@ -1,6 +1,8 @@
-//! Where weights come from: those inside the library, a folder that may override them, a user's own checkpoint.
+//! Where weights come from: those inside the library or fetched by its host, a folder that may override them, a user's
+//! own checkpoint.
 
 pub(crate) mod checkpoint;
+mod opened;
 #[cfg(feature = "checkpoints")]
 mod pickle;
 mod weights;
@@ -10,6 +12,7 @@ use std::{
     fs,
     io::{self, Read},
     path::{Path, PathBuf},
+    sync::OnceLock,
 };
 
 use anyface_weights_shared::Model;
@@ -21,6 +24,7 @@ use crate::{
     cache::CacheKey,
     job::{InputKind, read_file, read_text},
 };
+pub(crate) use opened::Opened;
 pub use weights::Weights;
 
 /// Weights as training writes them, and as they are shipped: the same bytes, see [`unpack`].
@@ -82,6 +86,8 @@ pub struct BuiltIn {
     pub sizes_of: Option<&'static str>,
     /// `model.planes.gz`; empty where the build lacks it.
     pub packed: &'static [u8],
+    /// The same from a host that has fetched it, where the build lacks it ([`BuiltIn::take_fetched`]).
+    fetched: OnceLock<Vec<u8>>,
     /// `config.json`.
     pub config: &'static str,
     /// Its model card, Markdown.
@@ -91,10 +97,15 @@ pub struct BuiltIn {
 impl BuiltIn {
     /// A model that has one size.
     pub(crate) const fn new(model: &Model) -> Self {
+        BuiltIn::of(model, None)
+    }
+
+    const fn of(model: &Model, sizes_of: Option<&'static str>) -> Self {
         BuiltIn {
             name: model.name,
-            sizes_of: None,
+            sizes_of,
             packed: model.weights,
+            fetched: OnceLock::new(),
             config: model.config,
             card: model.card,
         }
@@ -102,10 +113,7 @@ impl BuiltIn {
 
     /// A model whose folders of all sizes begin with `family`.
     pub(crate) const fn sized(model: &Model, family: &'static str) -> Self {
-        BuiltIn {
-            sizes_of: Some(family),
-            ..BuiltIn::new(model)
-        }
+        BuiltIn::of(model, Some(family))
     }
 
     /// A model that a folder may bring, but no feature of this build.
@@ -115,9 +123,46 @@ impl BuiltIn {
             name,
             sizes_of,
             packed: &[],
+            fetched: OnceLock::new(),
             config: "",
             card: "Not in this build",
         }
+    }
+
+    /// Takes the bytes of `model.planes.gz` from a host that has fetched them, for a build without the feature `embedded`.
+    ///
+    /// # Errors
+    /// `Weights` if the bytes are damaged; `InvalidInput` where the build knows no such model, or its weights already.
+    pub fn take_fetched(&self, packed: Vec<u8>) -> Result<()> {
+        if self.config.is_empty() {
+            return Err(self.no_feature());
+        }
+        let bytes = unpack(&packed).map_err(|e| self.damaged(&e))?;
+        Weights::from_bytes(&bytes)?.check_range()?;
+        let is_new = self.packed.is_empty() && self.fetched.set(packed).is_ok();
+        is_new.then_some(()).ok_or_else(|| {
+            let expected = "expected weights that are not here yet, got them a second time";
+            Error::InvalidInput(format!("{}: {expected}", self.name))
+        })
+    }
+
+    /// Bytes of `model.planes.gz` beside all folders; none where they are not here.
+    fn shipped(&self) -> &[u8] {
+        match self.packed {
+            [] => self.fetched.get().map_or(&[], Vec::as_slice),
+            packed => packed,
+        }
+    }
+
+    fn no_feature(&self) -> Error {
+        Error::Weights(format!(
+            "{}: expected a folder of models that holds it, as this build was made without the feature of its system",
+            self.name
+        ))
+    }
+
+    fn damaged(&self, error: &io::Error) -> Error {
+        Error::Weights(format!("{}: {error}", self.name))
     }
 
     /// The model in `folder` if it is there, of whatever size, else the built-in one.
@@ -128,17 +173,22 @@ impl BuiltIn {
     pub fn open(&self, folder: Option<&Path>) -> Result<ModelFiles> {
         match self.place(folder)? {
             Some(place) => ModelFiles::read(&place),
-            None if self.packed.is_empty() => Err(Error::Weights(format!(
-                "{}: expected a folder of models that holds it, as this build was made without the feature of its \
-                 system",
+            None if self.config.is_empty() => Err(self.no_feature()),
+            None if self.shipped().is_empty() => Err(Error::Weights(format!(
+                "{0}: expected its weights, which this build does not hold; fetch {0}/{PACKED} and hand it over first",
                 self.name
             ))),
             None => Ok(ModelFiles {
-                weights: unpack(self.packed)
-                    .map_err(|e| Error::Weights(format!("{}: {e}", self.name)))?,
+                weights: unpack(self.shipped()).map_err(|e| self.damaged(&e))?,
                 config: self.config.into(),
             }),
         }
+    }
+
+    /// Whether its weights are yet to be fetched.
+    fn is_awaited(&self, folder: Option<&Path>) -> Result<bool> {
+        let is_here = self.config.is_empty() || !self.shipped().is_empty();
+        Ok(!is_here && self.place(folder)?.is_none())
     }
 
     /// Where in `folder` the model lies; `None` if it does not.
@@ -173,7 +223,7 @@ impl BuiltIn {
                 let files = ModelFiles::read(&place)?;
                 key.bytes(&files.weights).text(&files.config)
             }
-            None => key.bytes(self.packed).text(self.config),
+            None => key.bytes(self.shipped()).text(self.config),
         })
     }
 
@@ -377,11 +427,54 @@ mod tests {
             let key = model.add_to(CacheKey::new("made", 1), None).unwrap();
             key.digest()
         };
-        let card = BuiltIn { card: "", ..*model };
-        assert_eq!(name(&card), name(model));
-        let (packed, config) = (&model.packed[1..], &model.config[1..]);
-        assert_ne!(name(&BuiltIn { packed, ..*model }), name(model));
-        assert_ne!(name(&BuiltIn { config, ..*model }), name(model));
+        let other = |weights, config, card| {
+            BuiltIn::new(&Model {
+                name: model.name,
+                weights,
+                config,
+                card,
+            })
+        };
+        let (packed, config) = (model.packed, model.config);
+        assert_eq!(name(&other(packed, config, "")), name(model));
+        assert_ne!(name(&other(&packed[1..], config, "")), name(model));
+        assert_ne!(name(&other(packed, &config[1..], "")), name(model));
+    }
+
+    #[test]
+    fn fetched_weights_serve_like_embedded_ones_and_are_named_before() {
+        let shipped = &crate::mesh::LANDMARK_MODEL;
+        let bare = BuiltIn::new(&Model {
+            name: shipped.name,
+            weights: &[],
+            config: shipped.config,
+            card: "",
+        });
+        let opened = || Opened::of(&bare, None, || bare.open(None)).unwrap();
+        for message in [
+            opened().get().err().unwrap().to_string(),
+            bare.open(None).err().unwrap().to_string(),
+        ] {
+            assert!(
+                message.contains("fetch landmarks/model.planes.gz"),
+                "{message}"
+            );
+        }
+        let half = shipped.packed[..shipped.packed.len() / 2].to_vec();
+        assert!(matches!(bare.take_fetched(half), Err(Error::Weights(_))));
+        bare.take_fetched(shipped.packed.to_vec()).unwrap();
+        let weights = shipped.open(None).unwrap().weights;
+        assert_eq!(bare.open(None).unwrap().weights, weights);
+        assert_eq!(opened().get().unwrap().weights, weights);
+        let name = |model: &BuiltIn| {
+            let key = model.add_to(CacheKey::new("made", 1), None).unwrap();
+            key.digest()
+        };
+        assert_eq!(name(&bare), name(shipped));
+        for model in [&bare, shipped] {
+            let again = model.take_fetched(shipped.packed.to_vec());
+            assert!(matches!(again, Err(Error::InvalidInput(_))));
+        }
     }
 
     #[test]

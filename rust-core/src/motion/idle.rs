@@ -24,7 +24,7 @@ const DRIFT_AT_REST: f64 = 0.5;
 
 /// One instant.
 #[derive(Debug, Clone, Copy, PartialEq)]
-pub(super) struct Idle {
+pub struct Idle {
     /// How far the right and the left eye are closed, 0 to 1.
     pub closed: [f32; 2],
     /// Where both eyes look, to the subject's left and up, degrees.
@@ -34,7 +34,7 @@ pub(super) struct Idle {
 }
 
 /// The process; its times rise.
-pub(super) struct IdleMotion {
+pub struct IdleMotion {
     chance: Chance,
     drift: [SlowNoise; 3],
     blink: Blink,
@@ -48,7 +48,8 @@ pub(super) struct IdleMotion {
 }
 
 impl IdleMotion {
-    pub(super) fn new(seed: u64) -> IdleMotion {
+    /// At the beginning of a performance.
+    pub fn new(seed: u64) -> IdleMotion {
         let mut chance = Chance::new(seed, STREAM);
         let drift = [(); 3].map(|()| SlowNoise::new(&mut chance, DRIFT_HZ.0, DRIFT_HZ.1));
         let first = blink_after(0.0, &mut chance);
@@ -66,7 +67,7 @@ impl IdleMotion {
     }
 
     /// The face at a time later than all before; `opening`: of the mouth, 0 to 1.
-    pub(super) fn at(&mut self, time_s: f64, opening: f64) -> Idle {
+    pub fn at(&mut self, time_s: f64, opening: f64) -> Idle {
         while time_s >= self.next_blink.start_s {
             self.blink = self.next_blink;
             self.next_blink = blink_after(self.blink.end_s(), &mut self.chance);

@@ -55,6 +55,7 @@ pub use expression::{CausalExpression, EmotionOrigin, Expressions, MODEL as EXPR
 pub use face_modes::{FaceModes, MODEL as FACE_MODES_MODEL};
 pub(crate) use frame_stream::too_short;
 pub use frame_stream::{LandmarkFrame, MotionStream, stream_whole};
+pub use idle::{Idle, IdleMotion};
 pub use join::Pose;
 pub(crate) use join::{begin_in, begin_tongue_in};
 pub use life::{Life, LifeStrengths};

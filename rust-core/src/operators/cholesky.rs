@@ -18,7 +18,7 @@ use faer::{
 };
 use rayon::prelude::*;
 
-use super::sparse::Csr;
+use super::{sparse::Csr, threads::threads};
 use crate::{Error, Result};
 
 /// Columns solved together by one thread.
@@ -139,7 +139,7 @@ fn factor_lower(lower: SparseColMatRef<'_, usize, f64>, size: usize) -> Result<S
     )
     .map_err(|e| Error::Numerics(format!("sparse Cholesky of size {size}: {e:?}")))?;
     let mut values = vec![0.0; symbolic.len_val()];
-    let par = Par::rayon(0);
+    let par = threads();
     let scratch = symbolic.factorize_numeric_llt_scratch::<f64>(par, Default::default());
     let mut memory = MemBuffer::new(scratch);
     symbolic

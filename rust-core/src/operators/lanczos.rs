@@ -8,10 +8,11 @@
 //! caller names eigenvectors of high multiplicity that it knows (`locked`), and all work stays
 //! orthogonal to them.
 
-use faer::{Accum, Mat, MatMut, MatRef, Par, Side, linalg::matmul::matmul};
+use faer::{Accum, Mat, MatMut, MatRef, Side, linalg::matmul::matmul};
 use rand::{Rng, SeedableRng};
 use rand_chacha::ChaCha8Rng;
 
+use super::threads::threads;
 use crate::{Error, Result};
 
 /// Vectors that grow together.
@@ -199,7 +200,7 @@ impl Krylov {
             view(&self.basis[..self.size * self.used], self.size),
             ritz.vectors.subcols(0, count),
             1.0,
-            Par::rayon(0),
+            threads(),
         );
         out
     }
@@ -224,7 +225,7 @@ fn remove(basis: &[f64], block: &mut [f64], size: usize) -> Mat<f64> {
     let columns = block.len() / size;
     let mut inner = Mat::zeros(basis.ncols(), columns);
     let mut block = MatMut::from_column_major_slice_mut(block, size, columns);
-    let par = Par::rayon(0);
+    let par = threads();
     matmul(
         &mut inner,
         Accum::Replace,

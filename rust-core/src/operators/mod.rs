@@ -31,6 +31,7 @@ mod laplacian;
 mod real_meshes;
 pub mod sparse;
 mod spectral;
+mod threads;
 mod tufted;
 
 pub use build::{NO_ROW, OperatorOptions, Operators};

@@ -44,6 +44,7 @@ pub use vrm::{VrmNames, write_avatar};
 
 use ndarray::ArrayView2;
 
+use self::{scene::Scene, targets::Targets};
 use crate::{
     Error, Result,
     job::write_atomically,
@@ -63,6 +64,31 @@ pub fn write_animation(
     mesh: &Mesh,
 ) -> Result<()> {
     ClipFile::new(path)?.write_whole(animation, life, mesh)
+}
+
+/// A whole animation as the bytes of a GLB, where there are no files. `source`: the bytes of the file that the mesh was
+/// read from, of which a GLB keeps its materials, bones and all else.
+///
+/// # Errors
+/// `InvalidInput` if the source is not that of the mesh or shows one of its meshes twice; those of
+/// [`crate::deform::compression::compress`].
+pub fn glb_of(
+    animation: &Animation,
+    life: Option<&Life>,
+    mesh: &Mesh,
+    source: &[u8],
+) -> Result<Vec<u8>> {
+    let scene = Scene {
+        mesh,
+        landmarks: &animation.landmarks_neutral,
+        life,
+        source: source.starts_with(b"glTF").then_some(source),
+        sound: None,
+    };
+    let targets = Targets::new(&animation.vertices, &animation.landmarks_neutral)?;
+    let mut bytes = Vec::new();
+    glb::write_glb((&mut bytes, Path::new("GLB")), &scene, &targets)?;
+    Ok(bytes)
 }
 
 /// Writes motion that is whole into a [`MotionFile`]; `landmarks`: on the mean face ([`Motion::on_mean_face`]).

@@ -6,11 +6,37 @@ pub struct Model {
     pub name: &'static str,
     /// `model.planes.gz`: the bytes of a `model.safetensors`, those at even places before those at odd ones, in gzip.
     /// The high bytes of weights in f16 are much alike; beside each other they take a third less.
+    /// Empty where weights are not embedded.
     pub weights: &'static [u8],
     /// `config.json`.
     pub config: &'static str,
     /// Its model card, Markdown.
     pub card: &'static str,
+}
+
+/// The weights in a folder of the crate that calls this.
+#[doc(hidden)]
+#[macro_export]
+#[cfg(feature = "embedded")]
+macro_rules! weights {
+    ($name:literal) => {
+        include_bytes!(concat!(
+            env!("CARGO_MANIFEST_DIR"),
+            "/",
+            $name,
+            "/model.planes.gz"
+        ))
+    };
+}
+
+/// The weights in a folder of the crate that calls this: none, which a program brings.
+#[doc(hidden)]
+#[macro_export]
+#[cfg(not(feature = "embedded"))]
+macro_rules! weights {
+    ($name:literal) => {
+        &[]
+    };
 }
 
 /// The model in a folder of the crate that calls this.
@@ -19,12 +45,7 @@ macro_rules! model {
     ($name:literal) => {
         $crate::Model {
             name: $name,
-            weights: include_bytes!(concat!(
-                env!("CARGO_MANIFEST_DIR"),
-                "/",
-                $name,
-                "/model.planes.gz"
-            )),
+            weights: $crate::weights!($name),
             config: include_str!(concat!(
                 env!("CARGO_MANIFEST_DIR"),
                 "/",

@@ -37,13 +37,17 @@ const UNDERSTOOD: [&str; 4] = [
 
 /// A primitive that a node shows, and which vertices of the mesh are its own.
 #[derive(Debug, Clone, PartialEq)]
-pub(crate) struct GlbPart {
+pub struct GlbPart {
+    /// Number of the node.
     pub node: usize,
+    /// Number of its mesh.
     pub mesh: usize,
+    /// Number of the primitive in that mesh.
     pub primitive: usize,
+    /// Numbers of its vertices in the mesh that was read.
     pub vertices: Range<usize>,
     /// Columns: what the node does to them.
-    pub placed: Matrix,
+    pub placed: [[f32; 4]; 4],
 }
 
 /// Every mesh of the default scene, one after the other, moved by its node.
@@ -54,8 +58,11 @@ pub(super) fn parse_glb(bytes: &[u8]) -> Result<Mesh> {
     Ok(read(bytes)?.0)
 }
 
-/// What each primitive of the file became in the mesh of [`parse_glb`], in the order of its vertices.
-pub(crate) fn glb_parts(bytes: &[u8]) -> Result<Vec<GlbPart>> {
+/// What each primitive of a GLB became in the mesh that [`Mesh::parse`] reads of it, in the order of its vertices.
+///
+/// # Errors
+/// `Mesh` for bytes that are no GLB that can be read.
+pub fn glb_parts(bytes: &[u8]) -> Result<Vec<GlbPart>> {
     Ok(read(bytes)?.1)
 }
 

@@ -7,7 +7,7 @@ use std::{
 
 use super::{
     AtsRequest,
-    ats::Ats,
+    ats::{Ats, AtsConfig},
     stm::{self, paper::PaperDecoder},
     stream::{CLOSURE_DIMS, CausalStream, DIMS},
 };
@@ -18,7 +18,7 @@ use crate::{
     deform::{Decoder, LEARNED},
     face::{Deformer, Face},
     job::ProgressFn,
-    models::BuiltIn,
+    models::{BuiltIn, Opened},
     motion::{
         CausalExpression, EmotionOrigin, Expressions, FaceModes, LandmarkClip, Motion, MotionKind,
         MotionRequest, MotionStream, PERFORMANCE_CONTROLS, Performer,
@@ -65,7 +65,8 @@ pub static REGISTRATION: Registration = Registration {
 
 /// The denoiser with everything that makes a performance of its motion.
 pub struct FreeTalk {
-    ats: Ats,
+    ats: Opened<Ats>,
+    config: AtsConfig,
     stream: Arc<CausalModel>,
     closures: Arc<CausalModel>,
     modes: Arc<FaceModes>,
@@ -81,13 +82,20 @@ impl FreeTalk {
     /// # Errors
     /// `Weights` or `Io` if a file is missing, truncated or does not fit its config.
     pub fn open(folder: Option<&Path>) -> Result<Self> {
-        let files = ATS_MODEL.open(folder)?;
-        let ats = Ats::load(&files.weights, &files.config)?;
+        let ats = Opened::of(&ATS_MODEL, folder, || {
+            let files = ATS_MODEL.open(folder)?;
+            Ats::load(&files.weights, &files.config)
+        })?;
+        let config = match ats.get() {
+            Ok(ats) => ats.config().clone(),
+            Err(_) => AtsConfig::from_json(ATS_MODEL.config)?,
+        };
         let files = STREAM_MODEL.open(folder)?;
         let closures = CLOSURES_MODEL.open(folder)?;
         let closures = CausalModel::load(&closures.weights, &closures.config, CLOSURE_DIMS)?;
         Ok(FreeTalk {
             ats,
+            config,
             stream: Arc::new(CausalModel::load(&files.weights, &files.config, DIMS)?),
             closures: Arc::new(closures),
             modes: Arc::new(FaceModes::open(folder)?),
@@ -109,7 +117,7 @@ impl FreeTalk {
 
 impl System for FreeTalk {
     fn description(&self) -> Description<'_> {
-        let config = self.ats.config();
+        let config = &self.config;
         Description {
             speech: Some(&config.speech),
             emotion: config.emotion,
@@ -125,15 +133,15 @@ impl System for FreeTalk {
         request: &MotionRequest,
         progress: ProgressFn<'_>,
     ) -> Result<Sampled> {
-        let fps = self.ats.config().fps;
+        let fps = self.config.fps;
         let features = heard.features(fps);
-        let asked = match self.ats.config().emotion {
+        let asked = match self.config.emotion {
             EmotionOrigin::Learned => &request.emotion,
             EmotionOrigin::Added => &EmotionCurve::Off,
         };
         let affect = asked.sample(features.nrows(), fps);
         let steps = STEPS.value(&request.controls) as usize;
-        let displacements = self.ats.sample(
+        let displacements = self.ats.get()?.sample(
             &AtsRequest {
                 speech: features.view(),
                 affect: affect.view(),
@@ -141,14 +149,14 @@ impl System for FreeTalk {
                 seed: request.seed,
                 steps: (steps > 0).then_some(steps),
                 temperature: Some(
-                    NOISE.value(&request.controls) * self.ats.config().sampling.temperature,
+                    NOISE.value(&request.controls) * self.config.sampling.temperature,
                 ),
             },
             progress,
         )?;
         let frames = heard.frames(request.fps);
         let mut clip = LandmarkClip { displacements, fps }.at_rate(request.fps, frames);
-        let closes = self.ats.config().closes_lips(request.style.as_deref());
+        let closes = self.config.closes_lips(request.style.as_deref());
         if closes || request.closures.is_some() {
             let contacts = heard.contacts(request.closures.as_deref());
             clip.make_contacts(&contacts, &self.modes)?;
@@ -166,7 +174,7 @@ impl System for FreeTalk {
         let performer = Performer {
             modes: &self.modes,
             expressions: &self.expressions,
-            emotion_origin: self.ats.config().emotion,
+            emotion_origin: self.config.emotion,
             prosody: &heard.prosody,
         };
         performer.perform(sampled, request, &request.emotion, blink_emotion)

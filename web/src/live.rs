@@ -1,0 +1,101 @@
+//! Motion while a sound is going on.
+
+use std::collections::VecDeque;
+
+use anyface::{
+    Result,
+    conditions::{EDGE_S, Event},
+};
+use wasm_bindgen::prelude::*;
+
+use crate::{
+    clip::weights_of,
+    shapes::{Landmarks, Weights},
+    speaker::Speaker,
+};
+
+/// A performance in progress: push samples, pull frames by [`crate::Engine::live_frame`].
+#[wasm_bindgen]
+pub struct Live {
+    speaker: Speaker,
+    /// What events ask of ARKit's shapes, from the next frame on.
+    asked: VecDeque<Weights>,
+    head: [f32; 3],
+}
+
+impl Live {
+    pub(crate) fn new(speaker: Speaker) -> Live {
+        Live {
+            speaker,
+            asked: VecDeque::new(),
+            head: [0.0; 3],
+        }
+    }
+
+    pub(crate) fn next(&mut self) -> Result<Option<Landmarks>> {
+        let Some(mut spoken) = self.speaker.next()? else {
+            return Ok(None);
+        };
+        if let Some(asked) = self.asked.pop_front() {
+            self.speaker.shapes().add(&asked, &mut spoken.landmarks);
+        }
+        self.head = spoken.head;
+        Ok(Some(spoken.landmarks))
+    }
+}
+
+#[wasm_bindgen]
+impl Live {
+    /// Takes samples: mono, 16 kHz, within ±1.
+    ///
+    /// # Errors
+    /// Samples that are not finite.
+    pub fn push(&mut self, samples: &[f32]) -> Result<(), JsError> {
+        Ok(self.speaker.push(samples)?)
+    }
+
+    /// What is felt from the next frame on, such as `happy:0.7`, or `auto` for what is heard in the voice.
+    ///
+    /// # Errors
+    /// An unknown emotion.
+    #[wasm_bindgen(js_name = setEmotion)]
+    pub fn set_emotion(&mut self, emotion: &str) -> Result<(), JsError> {
+        Ok(self.speaker.set_emotion(emotion)?)
+    }
+
+    /// Lets the face do something from now on for so many seconds, such as `smile:0.8`.
+    ///
+    /// # Errors
+    /// An unknown expression.
+    pub fn show(&mut self, expression: &str, seconds: f64) -> Result<(), JsError> {
+        let until_s = EDGE_S + seconds;
+        let event = Event::parse(&format!("{EDGE_S}-{until_s}:{expression}"))?;
+        let frames = ((until_s + EDGE_S) * self.speaker.fps()).ceil() as usize;
+        let asked = weights_of(&[event], frames, self.speaker.fps());
+        for (t, row) in asked.outer_iter().enumerate() {
+            if self.asked.len() == t {
+                self.asked.push_back([0.0; _]);
+            }
+            let both = self.asked[t].iter_mut().zip(row);
+            both.for_each(|(to, weight)| *to = to.max(*weight));
+        }
+        Ok(())
+    }
+
+    /// How the head turned in the last frame: rotation vector, radians, axes of the face, `[3]`.
+    pub fn head(&self) -> Vec<f32> {
+        self.head.to_vec()
+    }
+
+    /// Frames per second.
+    #[wasm_bindgen(getter)]
+    pub fn fps(&self) -> f64 {
+        self.speaker.fps()
+    }
+
+    /// Seconds of sound after a frame's own instant that it waits for.
+    #[wasm_bindgen(getter, js_name = latencyS)]
+    pub fn latency_s(&self) -> f64 {
+        self.speaker.latency_s()
+    }
+}
