@@ -29,8 +29,15 @@ const TOOLS: &[&str] = &[
     "mono-runtime",
 ];
 
-/// Programs that the page's tests call, and Debian packages of them.
-const PAGE_TOOLS: [(&str, &str); 3] = [("node", "nodejs"), ("npm", "npm"), ("chromium", "chromium")];
+/// Debian packages that the page's tests call, and under which names systems have what is in them.
+const PAGE_TOOLS: [(&str, &[&str]); 3] = [
+    ("nodejs", &["node"]),
+    ("npm", &["npm"]),
+    (
+        "chromium",
+        &["chromium", "chromium-browser", "google-chrome"],
+    ),
+];
 
 /// Gigabytes that a first run takes: builds 8, PyTorch with its CUDA libraries 6 and 3 while it is
 /// installed, Blender 3, Godot 1.
@@ -52,9 +59,14 @@ impl Test {
     pub fn run(&self) -> Result<()> {
         let mut steps = Steps::new("test")?;
         machine::note_room(ROOM);
-        let page = PAGE_TOOLS.iter().filter(|(program, _)| !machine::has(program));
-        let page: Vec<&str> = page.map(|(_, package)| *package).collect();
-        apt::ensure(&mut steps, &[TOOLS, apt::SOUND, &page, web::packages()?].concat())?;
+        let page = PAGE_TOOLS
+            .iter()
+            .filter(|(_, programs)| !programs.iter().any(|program| machine::has(program)));
+        let page: Vec<&str> = page.map(|(package, _)| *package).collect();
+        apt::ensure(
+            &mut steps,
+            &[TOOLS, apt::SOUND, &page, web::packages()?].concat(),
+        )?;
         if self.rust_only {
             rust(&mut steps)?;
             steps.ignore("extension in headless Blender", "--rust-only");
@@ -120,12 +132,18 @@ fn python_parts(steps: &mut Steps, version: Option<&str>) -> Result<()> {
     }
     steps.check("receivers", receivers.env("ANYFACE_COMMAND", &command))?;
     if let (Some(program), None) = (web::missing(), std::env::var_os("CI")) {
-        steps.ignore("library for browsers, and its page", &format!("no {program}"));
+        steps.ignore(
+            "library for browsers, and its page",
+            &format!("no {program}"),
+        );
         return Ok(());
     }
     web::build(steps)?;
     let mut page = python::pytest(&Venv::Blender.python(), "tests/web");
-    steps.check("library for browsers, and its page", page.env("ANYFACE_COMMAND", command))
+    steps.check(
+        "library for browsers, and its page",
+        page.env("ANYFACE_COMMAND", command),
+    )
 }
 
 fn training(steps: &mut Steps) -> Result<()> {
