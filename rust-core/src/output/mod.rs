@@ -67,7 +67,7 @@ pub fn write_animation(
 }
 
 /// A whole animation as the bytes of a GLB, where there are no files. `source`: the bytes of the file that the mesh was
-/// read from, of which a GLB keeps its materials, bones and all else.
+/// read from, of which a GLB keeps its materials, bones and all else, other files their texture coordinates.
 ///
 /// # Errors
 /// `InvalidInput` if the source is not that of the mesh or shows one of its meshes twice; those of
@@ -82,10 +82,10 @@ pub fn glb_of(
         mesh,
         landmarks: &animation.landmarks_neutral,
         life,
-        source: source.starts_with(b"glTF").then_some(source),
+        source: Some(source),
         sound: None,
     };
-    let targets = Targets::new(&animation.vertices, &animation.landmarks_neutral)?;
+    let targets = Targets::of_clip(&animation.vertices, &animation.landmarks_neutral)?;
     let mut bytes = Vec::new();
     glb::write_glb((&mut bytes, Path::new("GLB")), &scene, &targets)?;
     Ok(bytes)
