@@ -43,6 +43,15 @@ pub const GODOT: Program = Program {
     packages: &["godot"],
 };
 
+/// Windows' programs on Linux; older ones lack a library that Rust's programs need.
+pub const WINE: Program = Program {
+    title: "Wine",
+    variable: "ANYFACE_WINE",
+    suite: "trixie",
+    name: "wine",
+    packages: &["wine", "wine64"],
+};
+
 impl Program {
     /// Its executable, installed where it is missing; none where that is not possible.
     pub fn executable(&self, steps: &mut Steps) -> Result<Option<PathBuf>> {

@@ -113,7 +113,7 @@ pub fn build_zip(steps: &mut Steps, library: &Path, zip: &Path) -> Result<()> {
     }
     copy_folder(&machine::root().join("blender-addon"), &stage)?;
     fs::copy(machine::root().join("docs/blender.md"), stage.join(HELP))?;
-    let platform = Platform::here()?;
+    let platform = Platform::of_library(library)?;
     name_platform(&stage.join("blender_manifest.toml"), platform)?;
     copy_libraries(steps, library, &stage.join("lib"))?;
     licences::copy(&stage.join("licences"))?;
@@ -124,7 +124,7 @@ pub fn build_zip(steps: &mut Steps, library: &Path, zip: &Path) -> Result<()> {
 /// Copies `library` into `folder`, and that of the microphone where it lies beside it. Returns the paths of the copies.
 pub fn copy_libraries(steps: &mut Steps, library: &Path, folder: &Path) -> Result<Vec<PathBuf>> {
     fs::create_dir_all(folder)?;
-    let platform = Platform::here()?;
+    let platform = Platform::of_library(library)?;
     let mut copies = Vec::new();
     let microphone = library.with_file_name(platform.microphone_library());
     for (from, name) in [
@@ -160,7 +160,8 @@ fn name_platform(manifest: &Path, platform: Platform) -> Result<()> {
 
 /// Leaves debug information out: it is most of an unoptimised library.
 pub fn strip(steps: &mut Steps, library: &Path) -> Result<()> {
-    if !cfg!(target_os = "linux") || !machine::has("strip") {
+    let is_own = cfg!(target_os = "linux") && Platform::of_library(library)? == Platform::LinuxX64;
+    if !is_own || !machine::has("strip") {
         return Ok(());
     }
     let mut command = Command::new("strip");

@@ -32,6 +32,19 @@ impl Platform {
         }
     }
 
+    /// That of a shared library, by its ending.
+    pub fn of_library(library: &Path) -> Result<Self> {
+        match library.extension().and_then(|ending| ending.to_str()) {
+            Some("so") => Ok(Platform::LinuxX64),
+            Some("dylib") => Ok(Platform::MacosArm64),
+            Some("dll") => Ok(Platform::WindowsX64),
+            _ => bail!(
+                "{}: expected a shared library, .so, .dylib or .dll",
+                library.display()
+            ),
+        }
+    }
+
     /// The word in the extension's manifest and in file names.
     pub fn name(self) -> &'static str {
         match self {

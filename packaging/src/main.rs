@@ -3,6 +3,7 @@
 mod addon;
 mod apt;
 mod chroot;
+mod cross;
 mod debian;
 mod demo;
 mod extension;
@@ -19,6 +20,7 @@ mod test;
 mod third_party;
 mod web;
 mod wheel;
+mod windows;
 
 use anyhow::Result;
 use clap::{Parser, Subcommand};
@@ -57,6 +59,8 @@ enum Task {
     Web(web::Web),
     /// The Python package as a wheel.
     Wheel(wheel::Wheel),
+    /// What Windows gets, built on Linux and tried under Wine.
+    Windows(windows::Windows),
 }
 
 fn main() -> Result<()> {
@@ -72,5 +76,6 @@ fn main() -> Result<()> {
         Task::Test(test) => test.run(),
         Task::Web(web) => web.run(),
         Task::Wheel(wheel) => wheel.run(),
+        Task::Windows(windows) => windows.run(),
     }
 }

@@ -65,7 +65,7 @@ impl Test {
         let page: Vec<&str> = page.map(|(package, _)| *package).collect();
         apt::ensure(
             &mut steps,
-            &[TOOLS, apt::SOUND, &page, web::packages()?].concat(),
+            &[TOOLS, apt::SOUND, &page, &web::packages()?].concat(),
         )?;
         if self.rust_only {
             rust(&mut steps)?;

@@ -6,17 +6,19 @@ use std::{
     process::Command,
 };
 
-use anyhow::{Context, Result, bail, ensure};
+use anyhow::{Context, Result, bail};
 use clap::Args;
 
-use crate::{apt, machine, steps::Steps};
+use crate::{cross::Target, machine, steps::Steps};
 
-const TARGET: &str = "wasm32-unknown-unknown";
+/// Browsers.
+const BROWSERS: Target = Target {
+    triple: "wasm32-unknown-unknown",
+    standard_library: "std,panic_abort",
+    linker: "wasm-ld",
+    packages: &[],
+};
 const PROFILE: &str = "web";
-/// Debian's compiler for browsers, where rustup has none.
-const DEBIAN: &[&str] = &["rustc-web", "cargo-web", "rust-web-src", "lld"];
-/// What `rust-web-src` puts where that compiler looks.
-const DEBIAN_SOURCES: &str = "/usr/lib/rustlib/src";
 /// What shows the head, and what makes one file of it.
 const PACKAGES: [(&str, &str); 2] = [("three", "0.187.0"), ("esbuild", "0.25.12")];
 /// Packs a file as every browser unpacks it.
@@ -53,8 +55,8 @@ pub fn missing() -> Option<&'static str> {
 }
 
 /// Debian packages that building it takes here.
-pub fn packages() -> Result<&'static [&'static str]> {
-    Ok(if has_target()? { &[] } else { DEBIAN })
+pub fn packages() -> Result<Vec<&'static str>> {
+    BROWSERS.all_packages()
 }
 
 /// Builds all of it; the folder that a host serves.
@@ -80,52 +82,12 @@ pub fn build(steps: &mut Steps) -> Result<PathBuf> {
     Ok(folder)
 }
 
-/// The library for one thread with SIMD, in a folder of its own: flags of others would build everything anew.
+/// The library for one thread with SIMD.
 fn library(steps: &mut Steps) -> Result<PathBuf> {
-    let target = machine::target().join("web-build");
-    let by_rustup = has_target()?;
-    if !by_rustup {
-        apt::ensure(steps, packages()?)?;
-        ensure!(
-            Path::new(DEBIAN_SOURCES).is_dir(),
-            "expected Rust for {TARGET}, found none: rustup target add {TARGET}"
-        );
-    }
-    let cargo = match by_rustup {
-        true => std::env::var_os("CARGO").unwrap_or("cargo".into()),
-        false => "/usr/bin/cargo".into(),
-    };
-    let mut build = Command::new(cargo);
-    build
-        .current_dir(machine::root())
-        .args(["rustc", "-p", "anyface-web", "--lib", "--profile", PROFILE])
-        .args(["--target", TARGET, "--target-dir"])
-        .arg(&target)
-        .env(
-            "CARGO_ENCODED_RUSTFLAGS",
-            format!("{}\x1f-Ctarget-feature=+simd128", machine::release_flags()),
-        );
-    if !by_rustup {
-        // Debian ships the standard library as sources, and LLVM's linker under its own name.
-        build
-            .args(["-Zbuild-std=std,panic_abort", "--", "-Clinker=wasm-ld"])
-            .env("RUSTC", "/usr/bin/rustc")
-            .env("RUSTC_BOOTSTRAP", "1")
-            .env_remove("RUSTUP_TOOLCHAIN");
-    }
+    let mut build = BROWSERS.cargo(steps, "build", "-Ctarget-feature=+simd128")?;
+    build.args(["-p", "anyface-web", "--lib", "--profile", PROFILE]);
     steps.run("build for browsers", &mut build)?;
-    Ok(target.join(TARGET).join(PROFILE).join("anyface_web.wasm"))
-}
-
-/// Whether the compiler that runs this has the target.
-fn has_target() -> Result<bool> {
-    let rustc = std::env::var_os("RUSTC").unwrap_or("rustc".into());
-    let folder = Command::new(rustc)
-        .args(["--print", "target-libdir", "--target", TARGET])
-        .output()
-        .context("asking rustc for its targets")?;
-    let folder = String::from_utf8_lossy(&folder.stdout);
-    Ok(Path::new(folder.trim()).is_dir())
+    Ok(BROWSERS.built(PROFILE).join("anyface_web.wasm"))
 }
 
 /// The program that writes the JavaScript beside the library, of the very version that the library has; built once.
