@@ -141,7 +141,8 @@ def test_a_c_host_speaks(prefix, voice, tmp_path):
         pytest.skip(f"ignored, needs {COMPILER}")
     program = tmp_path / "talk.exe"
     words = ["-std=c11", "-Wall", "-Wextra", "-Werror", f"-I{ROOT}/include"]
-    run([COMPILER, *words, ROOT / "capi/examples/talk.c", "-o", program, f"-L{WINDOWS}", "-lanyface"])
+    words += [ROOT / "capi/examples/talk.c", "-o", program, f"-L{WINDOWS}", "-lanyface"]
+    run([COMPILER, *words])
     shutil.copy(f"{WINDOWS}/anyface.dll", tmp_path)
     plain = tmp_path / "voice.wav"
     shutil.copy(voice, plain)
