@@ -5,14 +5,12 @@ they cannot be had.
 Pictures of the mouth at its sounds lie in target/vrm after a run.
 """
 
-import base64
 import functools
 import http.server
-import json
 import os
 import shutil
 import subprocess
-import tempfile
+import sys
 import threading
 import time
 from pathlib import Path
@@ -21,8 +19,9 @@ import avatar
 import numpy as np
 import pytest
 
-connect = pytest.importorskip("websockets.sync.client").connect
 ROOT = Path(__file__).resolve().parents[3]
+sys.path.insert(0, str(ROOT / "tests/web"))
+browser = pytest.importorskip("browser")
 COMMAND = os.environ.get("ANYFACE_COMMAND", str(ROOT / "target/debug/anyface"))
 FOLDER = ROOT / "target/vrm"
 RATE_HZ = 16000
@@ -40,7 +39,7 @@ class Quiet(http.server.SimpleHTTPRequestHandler):
 @pytest.fixture(scope="module")
 def place():
     """Address of a server that has the page, the avatar and the packages."""
-    if shutil.which("npm") is None or shutil.which("chromium") is None:
+    if shutil.which("npm") is None or not any(map(shutil.which, browser.BROWSERS)):
         pytest.skip("ignored: npm or chromium is not installed")
     FOLDER.mkdir(parents=True, exist_ok=True)
     if not (FOLDER / "node_modules/@pixiv/three-vrm").is_dir():
@@ -71,77 +70,15 @@ def spoken() -> bytes:
     return (np.concatenate(parts) * 32767).astype("<i2").tobytes()
 
 
-class Page:
-    """A page in a browser of its own, over the protocol of its developer tools."""
-
-    def __init__(self, address: str):
-        self._folder = tempfile.TemporaryDirectory(ignore_cleanup_errors=True)
-        self._process = subprocess.Popen(
-            [
-                "chromium",
-                "--headless=new",
-                "--no-sandbox",
-                "--remote-debugging-port=0",
-                "--use-angle=swiftshader",
-                "--enable-unsafe-swiftshader",
-                "--window-size=400,400",
-                f"--user-data-dir={self._folder.name}",
-                "about:blank",
-            ],
-            stderr=subprocess.DEVNULL,
-        )
-        port_file = Path(self._folder.name) / "DevToolsActivePort"
-        wait(lambda: port_file.is_file() and len(port_file.read_text().split()) == 2)
-        self._number = 0
-        port, browser = port_file.read_text().split()
-        self._socket = connect(f"ws://127.0.0.1:{port}{browser}", max_size=None)
-        target = self.call("Target.createTarget", url=address)["targetId"]
-        self._socket.close()
-        page = f"ws://127.0.0.1:{port}/devtools/page/{target}"
-        self._socket = connect(page, max_size=None)
-
-    def call(self, method: str, **parameters):
-        """What the browser answers."""
-        self._number += 1
-        self._socket.send(json.dumps({"id": self._number, "method": method, "params": parameters}))
-        while (answer := json.loads(self._socket.recv(timeout=60))).get("id") != self._number:
-            pass
-        return answer["result"]
-
-    def read(self, expression: str):
-        """Value of JavaScript."""
-        answer = self.call("Runtime.evaluate", expression=expression, returnByValue=True)
-        return answer["result"].get("value")
-
-    def photograph(self, name: str) -> None:
-        """A picture in target/vrm."""
-        picture = self.call("Page.captureScreenshot")["data"]
-        (FOLDER / f"{name}.png").write_bytes(base64.b64decode(picture))
-
-    def close(self) -> None:
-        """Ends the browser."""
-        self._socket.close()
-        self._process.terminate()
-        self._process.wait()
-
-
-def wait(is_so, seconds: float = 60.0) -> None:
-    """Until `is_so()`."""
-    end = time.monotonic() + seconds
-    while not is_so():
-        assert time.monotonic() < end, "nothing came"
-        time.sleep(0.05)
-
-
 def test_an_avatar_speaks_blinks_and_shuts_its_mouth(place):
     words = [COMMAND, "live", "--input", "-", "--any-sound", "--websocket", "127.0.0.1:0"]
     live = subprocess.Popen(words, stdin=subprocess.PIPE, stderr=subprocess.PIPE, text=False)
     socket = live.stderr.readline().decode().split()[-1].strip('"}').rstrip(".")
-    page = Page(f"{place}?socket={socket}")
+    page = browser.Page(f"{place}?socket={socket}", size=(400, 400))
     is_over = threading.Event()
     threading.Thread(target=speak, args=(live.stdin, is_over), daemon=True).start()
     try:
-        wait(lambda: (page.read("window.anyface?.frames") or 0) > 5)
+        browser.wait(lambda: (page.read("window.anyface?.frames") or 0) > 5)
         seen = {}
         wanted = {
             "a": lambda w: w["aa"] > 0.4,
@@ -154,7 +91,7 @@ def test_an_avatar_speaks_blinks_and_shuts_its_mouth(place):
             weights = page.read("window.anyface.weights")
             for name, is_so in wanted.items():
                 if name not in seen and is_so(weights):
-                    page.photograph(name)
+                    page.photograph(FOLDER / f"{name}.png")
                     seen[name] = weights
         assert seen.keys() == wanted.keys(), seen
     finally:
