@@ -6,6 +6,7 @@ the tools are missing the tests are ignored, and fail where `CI` is set. Picture
 target/web-pictures after a run.
 """
 
+import base64
 import functools
 import http.server
 import json
@@ -238,6 +239,21 @@ def test_dropped_files_speak_with_emotion_and_gestures_and_become_a_glb(page):
     )
     browser.wait(lambda: "again.glb speaks" in status(page) and frames(page) > before + 5)
     page.photograph(PICTURES / "again.png")
+
+
+def test_an_avatar_speaks(page, tmp_path):
+    avatar = tmp_path / "avatar.vrm"
+    words = ["rig", "--mesh", HEAD / "head.obj", "--landmarks", HEAD / "landmarks.json"]
+    subprocess.run([COMMAND, *words, "--out", avatar], check=True, capture_output=True)
+    packed = base64.b64encode(avatar.read_bytes()).decode()
+    page.read(
+        f"const bytes = Uint8Array.from(atob('{packed}'), (c) => c.charCodeAt(0));"
+        "const a = new DataTransfer(); a.items.add(new File([bytes], 'avatar.vrm'));"
+        "document.dispatchEvent(new DragEvent('drop', {dataTransfer: a, bubbles: true}))"
+    )
+    browser.wait(lambda: "Now drop a sound" in status(page))
+    page.read("document.getElementById('sample-sound').click()")
+    browser.wait(lambda: "avatar.vrm speaks" in status(page) and frames(page) > 5)
 
 
 def test_a_head_follows_the_microphone(page):

@@ -97,7 +97,13 @@ export class Show {
   }
 
   tick() {
-    if (!this.clipped || this.isListening) return;
+    if (this.isListening) {
+      // Frames that came while the screen was busy are passed over.
+      if (this.newest) this.stage.pose(this.newest.moved, this.newest.head);
+      this.newest = undefined;
+      return;
+    }
+    if (!this.clipped) return;
     if (this.isPlaying) this.onstate();
     const now = this.now();
     const first = Math.floor(now);
@@ -146,7 +152,7 @@ export class Show {
     if (!this.isListening) return;
     this.stopMicrophone();
     this.stopMicrophone = undefined;
-    this.shown = undefined;
+    this.shown = this.newest = undefined;
     await call("liveStop");
     this.onstate();
   }
@@ -155,7 +161,7 @@ export class Show {
     if (!this.isListening) return;
     this.measured.frames += 1;
     this.measured.frameMs.push(took);
-    this.stage.pose(moved, head);
+    this.newest = { moved, head };
   }
 }
 

@@ -104,8 +104,12 @@ export class Stage {
     this.draw();
   }
 
+  /** Draws when the screen next does, however often it is called before. */
   draw() {
-    this.renderer.render(this.scene, this.camera);
+    this.waiting ??= requestAnimationFrame(() => {
+      this.waiting = undefined;
+      this.renderer.render(this.scene, this.camera);
+    });
   }
 }
 
