@@ -118,12 +118,10 @@ def check_alike(programs, prefix, voice, mesh, system, tmp_path):
         done = subprocess.run([*program, *words], env=prefix, capture_output=True, check=False)
         codes.append((done.returncode, done.stderr.decode(errors="replace")[-500:]))
     assert codes[0][0] == codes[1][0], codes
-    print(f"{mesh.name}: exit code {codes[0][0]}")
     if codes[0][0] == 0:
         here, there = (np.load(out)["displacements"] for out in outs)
         size = np.abs(here).max()
         assert here.shape == there.shape and size > 0
-        print(f"{mesh.name} {system}: {np.abs(here - there).max() / size:.1e} of the largest motion")
         assert np.abs(here - there).max() < 1e-4 * size
 
 
