@@ -67,6 +67,34 @@ def anyface(task, *words, mesh=HEAD / "head.obj", landmarks=HEAD / "landmarks.js
     return done.stdout + done.stderr
 
 
+def write_wav(path: Path, samples: bytes) -> None:
+    """A file of 16-bit samples, mono."""
+    with wave.open(str(path), "wb") as file:
+        file.setnchannels(1)
+        file.setsampwidth(2)
+        file.setframerate(RATE_HZ)
+        file.writeframes(samples)
+
+
+# First two formants, hertz, and how long each sounds, seconds.
+SOUNDS = [((730, 1090), 1.5), (None, 1.5), ((300, 870), 1.5), (None, 4.0)]
+
+
+def vowels() -> bytes:
+    """Vowels and pauses, 16 bit."""
+    parts = []
+    for formants, seconds in SOUNDS:
+        time_s = np.arange(int(seconds * RATE_HZ)) / RATE_HZ
+        pitch = 120 * (1 + 0.1 * np.sin(5.6 * time_s))
+        phase = 2 * np.pi * np.cumsum(pitch) / RATE_HZ
+        sound = np.zeros_like(time_s)
+        for k in range(1, 30) if formants else ():
+            near = sum(np.exp(-(((k * pitch - hz) / 150) ** 2)) for hz in formants)
+            sound += near * np.sin(k * phase)
+        parts.append(0.2 * sound)
+    return (np.concatenate(parts) * 32767).astype("<i2").tobytes()
+
+
 def animate(folder: Path, name: str, *words) -> Path:
     """A take of the voice in the folder."""
     voice = ["--audio", folder / "voice.wav", "--fps", str(FPS)]
@@ -81,11 +109,7 @@ def spoken(tmp_path_factory):
     time = np.arange(int(SECONDS * RATE_HZ)) / RATE_HZ
     buzz = sum(np.sin(2 * np.pi * 120 * k * time) / k for k in range(1, 20))
     samples = 0.15 * buzz * np.clip(np.sin(2 * np.pi * 4.0 * time), 0.0, None)
-    with wave.open(str(folder / "voice.wav"), "wb") as file:
-        file.setnchannels(1)
-        file.setsampwidth(2)
-        file.setframerate(RATE_HZ)
-        file.writeframes((samples * 32767).astype("<i2").tobytes())
+    write_wav(folder / "voice.wav", (samples * 32767).astype("<i2").tobytes())
     for name in ("talk.glb", "talk.usda", "talk.npz"):
         animate(folder, name)
     return folder

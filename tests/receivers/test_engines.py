@@ -7,15 +7,12 @@ import json
 import os
 import shutil
 import subprocess
-import sys
-import wave
 from pathlib import Path
 
 import numpy as np
 import pytest
 
-sys.path.insert(0, str(Path(__file__).parent / "vrm"))
-from test_avatar import spoken
+from conftest import vowels, write_wav
 
 ROOT = Path(__file__).resolve().parents[2]
 HERE = Path(__file__).parent
@@ -29,13 +26,9 @@ EMOTION = "happy:0.8"
 def sound(tmp_path_factory):
     """Three seconds of a voice: raw samples and a WAV file, and the frames of the command."""
     folder = tmp_path_factory.mktemp("engines")
-    samples = spoken()[: 2 * SECONDS * RATE_HZ]
+    samples = vowels()[: 2 * SECONDS * RATE_HZ]
     (folder / "voice.raw").write_bytes(samples)
-    with wave.open(str(folder / "voice.wav"), "wb") as file:
-        file.setnchannels(1)
-        file.setsampwidth(2)
-        file.setframerate(RATE_HZ)
-        file.writeframes(samples)
+    write_wav(folder / "voice.wav", samples)
     words = ["live", "--input", "-", "--any-sound", "--emotion", EMOTION, "--json"]
     done = subprocess.run([COMMAND, *words], input=samples, capture_output=True, check=True)
     frames = [json.loads(line) for line in done.stdout.splitlines()]

@@ -7,13 +7,14 @@ import json
 import os
 import socket
 import subprocess
-import wave
 from pathlib import Path
 
 import numpy as np
 import pytest
 from pylivelinkface import FaceBlendShape, PyLiveLinkFace
 from pythonosc.osc_bundle import OscBundle
+
+from conftest import write_wav
 
 ROOT = Path(__file__).resolve().parents[2]
 COMMAND = os.environ.get("ANYFACE_COMMAND", str(ROOT / "target/debug/anyface"))
@@ -27,11 +28,7 @@ def voice(tmp_path_factory):
     buzz = sum(np.sin(2 * np.pi * 120 * k * time) / k for k in range(1, 20))
     samples = 0.15 * buzz * np.clip(np.sin(2 * np.pi * 4.0 * time), 0.0, None)
     path = tmp_path_factory.mktemp("voice") / "voice.wav"
-    with wave.open(str(path), "wb") as file:
-        file.setnchannels(1)
-        file.setsampwidth(2)
-        file.setframerate(RATE_HZ)
-        file.writeframes((samples * 32767).astype("<i2").tobytes())
+    write_wav(path, (samples * 32767).astype("<i2").tobytes())
     return path
 
 

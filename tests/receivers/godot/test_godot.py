@@ -7,17 +7,14 @@ import json
 import os
 import shutil
 import subprocess
-import sys
 import threading
 import time
-import wave
 from pathlib import Path
 
 import numpy as np
 import pytest
 
-sys.path.insert(0, str(Path(__file__).parents[1] / "vrm"))
-from test_avatar import spoken as sounds
+from conftest import vowels, write_wav
 
 ROOT = Path(__file__).resolve().parents[3]
 COMMAND = os.environ.get("ANYFACE_COMMAND", str(ROOT / "target/debug/anyface"))
@@ -67,15 +64,6 @@ class Lines(threading.Thread):
             time.sleep(0.02)
 
 
-def write_wav(path, samples):
-    """A file of 16-bit samples."""
-    with wave.open(str(path), "wb") as file:
-        file.setnchannels(1)
-        file.setsampwidth(2)
-        file.setframerate(RATE_HZ)
-        file.writeframes(samples)
-
-
 def rotation(vector):
     """Quaternion x, y, z, w of a rotation vector."""
     angle = np.linalg.norm(vector)
@@ -92,7 +80,7 @@ def test_a_mesh_follows_the_live_face(project):
     sent, shown = Lines(map(bytes.decode, live.stdout)), Lines(engine.stdout)
     try:
         shown.wait(1)
-        sound, block = sounds()[: 2 * 3 * RATE_HZ], 2 * RATE_HZ // FPS
+        sound, block = vowels()[: 2 * 3 * RATE_HZ], 2 * RATE_HZ // FPS
         begun = time.monotonic()
         for number, first in enumerate(range(0, len(sound), block)):
             time.sleep(max(0.0, begun + number / FPS - time.monotonic()))
@@ -131,7 +119,7 @@ def test_a_node_speaks_with_its_player(project):
     (project / ".godot").mkdir()
     listed = "res://addons/anyface/anyface.gdextension\n"
     (project / ".godot/extension_list.cfg").write_text(listed)
-    samples = sounds()[: 2 * 3 * RATE_HZ]
+    samples = vowels()[: 2 * 3 * RATE_HZ]
     write_wav(project / "voice.wav", samples)
     words = ["live", "--input", "-", "--any-sound", "--emotion", "happy:1", "--json"]
     live = subprocess.run([COMMAND, *words], input=samples, capture_output=True, check=True)

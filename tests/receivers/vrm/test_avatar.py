@@ -16,17 +16,15 @@ import time
 from pathlib import Path
 
 import avatar
-import numpy as np
 import pytest
+
+from conftest import RATE_HZ, vowels
 
 ROOT = Path(__file__).resolve().parents[3]
 sys.path.insert(0, str(ROOT / "tests/web"))
 browser = pytest.importorskip("browser")
 COMMAND = os.environ.get("ANYFACE_COMMAND", str(ROOT / "target/debug/anyface"))
 FOLDER = ROOT / "target/vrm"
-RATE_HZ = 16000
-# First two formants, hertz, and how long each sounds, seconds.
-SOUNDS = [((730, 1090), 1.5), (None, 1.5), ((300, 870), 1.5), (None, 4.0)]
 
 
 class Quiet(http.server.SimpleHTTPRequestHandler):
@@ -53,21 +51,6 @@ def place():
         threading.Thread(target=server.serve_forever, daemon=True).start()
         yield f"http://127.0.0.1:{server.server_port}/three-vrm.html"
         server.shutdown()
-
-
-def spoken() -> bytes:
-    """Vowels and pauses, 16 bit."""
-    parts = []
-    for formants, seconds in SOUNDS:
-        time_s = np.arange(int(seconds * RATE_HZ)) / RATE_HZ
-        pitch = 120 * (1 + 0.1 * np.sin(5.6 * time_s))
-        phase = 2 * np.pi * np.cumsum(pitch) / RATE_HZ
-        sound = np.zeros_like(time_s)
-        for k in range(1, 30) if formants else ():
-            near = sum(np.exp(-(((k * pitch - hz) / 150) ** 2)) for hz in formants)
-            sound += near * np.sin(k * phase)
-        parts.append(0.2 * sound)
-    return (np.concatenate(parts) * 32767).astype("<i2").tobytes()
 
 
 def test_an_avatar_speaks_blinks_and_shuts_its_mouth(place):
@@ -103,7 +86,7 @@ def test_an_avatar_speaks_blinks_and_shuts_its_mouth(place):
 
 def speak(pipe, is_over: threading.Event) -> None:
     """Sends the sounds by the clock, over and over."""
-    sound, block = spoken(), 2 * RATE_HZ // 50
+    sound, block = vowels(), 2 * RATE_HZ // 50
     begun = time.monotonic()
     for number in range(10**6):
         at = number * block % (len(sound) - block)
