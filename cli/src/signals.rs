@@ -1,16 +1,13 @@
 //! Signals that ask the command to end: the first cancels, the second ends it at once.
 
-#[cfg(unix)]
-use std::process::exit;
-#[cfg(unix)]
-use std::sync::Arc;
-use std::sync::atomic::{AtomicBool, Ordering};
+use std::{
+    process::exit,
+    sync::atomic::{AtomicBool, Ordering},
+};
 
-#[cfg(unix)]
 use anyface::job::remove_unfinished;
 
 /// Exit code of the second signal: 128 and the number of SIGINT, as shells have it.
-#[cfg(unix)]
 const AT_ONCE: i32 = 130;
 
 static TO_END: AtomicBool = AtomicBool::new(false);
@@ -33,7 +30,7 @@ pub fn listen() {
         iterator::Signals,
     };
     // Without it such a write ends the command, and leaves files.
-    let _ = flag::register(SIGXFSZ, Arc::default());
+    let _ = flag::register(SIGXFSZ, std::sync::Arc::default());
     let Ok(mut signals) = Signals::new([SIGINT, SIGTERM, SIGHUP]) else {
         return;
     };
@@ -42,13 +39,21 @@ pub fn listen() {
         .name("signals".into())
         .spawn(move || {
             for _ in signals.forever() {
-                if TO_END.swap(true, Ordering::Relaxed) {
-                    remove_unfinished();
-                    exit(AT_ONCE);
-                }
+                end();
             }
         });
 }
 
-#[cfg(not(unix))]
-pub fn listen() {}
+/// Listens for Ctrl-C, Ctrl-Break and the end of the session from now on; see the other systems' `listen`.
+#[cfg(windows)]
+pub fn listen() {
+    // A command without it can still be ended, only not politely.
+    let _ = ctrlc::set_handler(end);
+}
+
+fn end() {
+    if TO_END.swap(true, Ordering::Relaxed) {
+        remove_unfinished();
+        exit(AT_ONCE);
+    }
+}

@@ -7,24 +7,79 @@ use std::{
 
 use anyhow::{Context, Result, ensure};
 
-use crate::{apt, machine, steps::Steps};
+use crate::{apt, machine, python::Venv, steps::Steps};
 
 /// Debian's compiler, whose name is that of its first users.
 const DEBIAN: &[&str] = &["rustc-web", "cargo-web", "rust-web-src", "lld"];
 /// What `rust-web-src` puts where that compiler looks.
 const DEBIAN_SOURCES: &str = "/usr/lib/rustlib/src";
+/// The oldest glibc of the systems that Blender 4.2 runs on (VFX platform 2023).
+pub const GLIBC: (u32, u32) = (2, 28);
 
-/// A system that is not this one.
+/// A system for which this one compiles.
 pub struct Target {
     /// How Rust names it.
     pub triple: &'static str,
     /// The parts of the standard library that are built where the compiler has none for it.
     pub standard_library: &'static str,
-    /// What links for it with Debian's compiler.
-    pub linker: &'static str,
-    /// Debian packages that it takes with either compiler.
+    /// What links for it here; none where only Zig does.
+    pub linker: Option<&'static str>,
+    /// Debian packages with that linker, and what runs its programs.
     pub packages: &'static [&'static str],
+    /// Words before a program that run it here; none where nothing does.
+    pub runner: Option<&'static [&'static str]>,
 }
+
+const UNWIND: &str = "std,panic_unwind";
+
+/// Linux on x86-64.
+pub const LINUX_X64: Target = Target {
+    triple: "x86_64-unknown-linux-gnu",
+    standard_library: UNWIND,
+    linker: Some("cc"),
+    packages: &[],
+    runner: Some(&[]),
+};
+
+/// Linux on 64-bit ARM; QEMU runs its programs.
+pub const LINUX_ARM64: Target = Target {
+    triple: "aarch64-unknown-linux-gnu",
+    standard_library: UNWIND,
+    linker: Some("aarch64-linux-gnu-gcc"),
+    packages: &["gcc-aarch64-linux-gnu", "qemu-user"],
+    runner: Some(&["qemu-aarch64", "-L", "/usr/aarch64-linux-gnu"]),
+};
+
+/// macOS on Apple's processors.
+pub const MACOS_ARM64: Target = Target {
+    triple: "aarch64-apple-darwin",
+    standard_library: UNWIND,
+    linker: None,
+    packages: &[],
+    runner: None,
+};
+
+/// macOS on Intel's processors.
+pub const MACOS_X64: Target = Target {
+    triple: "x86_64-apple-darwin",
+    standard_library: UNWIND,
+    linker: None,
+    packages: &[],
+    runner: None,
+};
+
+/// 64-bit Windows, by the linker of the system that builds.
+pub const WINDOWS_X64: Target = Target {
+    triple: match cfg!(windows) {
+        true => "x86_64-pc-windows-msvc",
+        false => "x86_64-pc-windows-gnu",
+    },
+    standard_library: UNWIND,
+    linker: Some("x86_64-w64-mingw32-gcc"),
+    // lld writes the import library.
+    packages: &["gcc-mingw-w64-x86-64-win32", "lld"],
+    runner: None,
+};
 
 impl Target {
     /// Debian packages that are needed here.
@@ -39,40 +94,77 @@ impl Target {
     /// Cargo's command `task` for this system, in a folder of its own: flags of others would build everything anew.
     pub fn cargo(&self, steps: &mut Steps, task: &str, flags: &str) -> Result<Command> {
         apt::ensure(steps, &self.all_packages()?)?;
-        let by_rustup = self.is_known()?;
-        let cargo = match by_rustup {
-            true => std::env::var_os("CARGO").unwrap_or("cargo".into()),
-            false => "/usr/bin/cargo".into(),
-        };
-        let mut build = Command::new(cargo);
-        build
-            .current_dir(machine::root())
-            .args([task, "--target", self.triple, "--target-dir"])
-            .arg(self.folder())
-            .env(
-                "CARGO_ENCODED_RUSTFLAGS",
-                [&machine::release_flags(), flags].join(if flags.is_empty() { "" } else { "\x1f" }),
-            );
-        if !by_rustup {
-            ensure!(
-                Path::new(DEBIAN_SOURCES).is_dir(),
-                "expected Rust for {0}, found none: rustup target add {0}",
-                self.triple
-            );
+        let mut build = self.compiler()?;
+        build.args([task, "--target", self.triple, "--target-dir"]);
+        self.finish(&mut build, flags)?;
+        if let (Some(linker), true) = (self.linker, self.needs_linker()?) {
             let variable = self.triple.to_uppercase().replace('-', "_");
-            build
-                .env(format!("CARGO_TARGET_{variable}_LINKER"), self.linker)
-                .arg(format!("-Zbuild-std={}", self.standard_library))
-                .env("RUSTC", "/usr/bin/rustc")
-                .env("RUSTC_BOOTSTRAP", "1")
-                .env_remove("RUSTUP_TOOLCHAIN");
+            build.env(format!("CARGO_TARGET_{variable}_LINKER"), linker);
         }
+        Ok(build)
+    }
+
+    /// Cargo's command that builds for systems of this kind that are years older: Zig links it with their symbols.
+    pub fn cargo_for_old_systems(&self, steps: &mut Steps) -> Result<Command> {
+        apt::ensure(steps, &self.all_packages()?)?;
+        let python = Venv::Packaging.ensure(steps)?;
+        let tools = python.parent().context("venv path")?.to_owned();
+        let path = std::env::var_os("PATH").unwrap_or_default();
+        let path = std::env::join_paths([tools].into_iter().chain(std::env::split_paths(&path)))?;
+        let target = match self.triple.ends_with("linux-gnu") {
+            true => format!("{}.{}.{}", self.triple, GLIBC.0, GLIBC.1),
+            false => self.triple.to_owned(),
+        };
+        let mut build = self.compiler()?;
+        build.args(["zigbuild", "--target", &target, "--target-dir"]);
+        self.finish(&mut build, "")?;
+        build.env("PATH", path);
         Ok(build)
     }
 
     /// Where a profile leaves what was built.
     pub fn built(&self, profile: &str) -> PathBuf {
-        self.folder().join(self.triple).join(profile)
+        let folder = if profile == "dev" { "debug" } else { profile };
+        self.folder().join(self.triple).join(folder)
+    }
+
+    /// Cargo with a compiler that knows this system, or its sources.
+    fn compiler(&self) -> Result<Command> {
+        if self.is_known()? {
+            return Ok(Command::new(
+                std::env::var_os("CARGO").unwrap_or("cargo".into()),
+            ));
+        }
+        ensure!(
+            Path::new(DEBIAN_SOURCES).is_dir(),
+            "expected Rust for {0}, found none: rustup target add {0}",
+            self.triple
+        );
+        let mut cargo = Command::new("/usr/bin/cargo");
+        cargo
+            .env("CARGO", "/usr/bin/cargo")
+            .env("RUSTC", "/usr/bin/rustc")
+            .env("RUSTC_BOOTSTRAP", "1")
+            .env_remove("RUSTUP_TOOLCHAIN");
+        Ok(cargo)
+    }
+
+    /// What all commands have at their end.
+    fn finish(&self, build: &mut Command, flags: &str) -> Result<()> {
+        let separator = if flags.is_empty() { "" } else { "\x1f" };
+        build.current_dir(machine::root()).arg(self.folder()).env(
+            "CARGO_ENCODED_RUSTFLAGS",
+            [&machine::release_flags(), flags].join(separator),
+        );
+        if !self.is_known()? {
+            build.arg(format!("-Zbuild-std={}", self.standard_library));
+        }
+        Ok(())
+    }
+
+    /// rustup brings a linker for browsers alone.
+    fn needs_linker(&self) -> Result<bool> {
+        Ok(cfg!(target_os = "linux") && (!self.packages.is_empty() || !self.is_known()?))
     }
 
     fn folder(&self) -> PathBuf {

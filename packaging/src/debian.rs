@@ -8,16 +8,16 @@ use std::{
 
 use anyhow::{Context, Result};
 
-use crate::{install, licences, machine, steps::Steps};
+use crate::{install, licences, machine, platform::Platform, steps::Steps};
 
 const NAME: &str = "libanyface-dev";
 const PROGRAM: &str = "#include <anyface.h>\n\
      int main(void) { return anyface_abi_version() != ANYFACE_ABI_VERSION; }\n";
 
 /// Packs the libraries of `built` into `out` and returns the package.
-pub fn build(steps: &mut Steps, built: &Path, out: &Path) -> Result<PathBuf> {
+pub fn build(steps: &mut Steps, platform: Platform, built: &Path, out: &Path) -> Result<PathBuf> {
     let tree = machine::target().join("debian");
-    let package = stage(built, &tree, out)?;
+    let package = stage(platform, built, &tree, out)?;
     let mut pack = Command::new("dpkg-deb");
     pack.args(["--root-owner-group", "--build"])
         .arg(&tree)
@@ -27,17 +27,24 @@ pub fn build(steps: &mut Steps, built: &Path, out: &Path) -> Result<PathBuf> {
 }
 
 /// Lays the files of the package out in `tree`; returns where the package goes.
-fn stage(built: &Path, tree: &Path, out: &Path) -> Result<PathBuf> {
+fn stage(platform: Platform, built: &Path, tree: &Path, out: &Path) -> Result<PathBuf> {
     let version = env!("CARGO_PKG_VERSION");
     machine::empty(tree)?;
-    install::install(built, &tree.join("usr"))?;
+    install::install(platform, built, &tree.join("usr"))?;
     let documents = tree.join("usr/share/doc").join(NAME);
     fs::create_dir_all(&documents)?;
     fs::write(documents.join("copyright"), copyright()?)?;
     fs::create_dir_all(tree.join("DEBIAN"))?;
     let size = size_kb(&tree.join("usr"))?;
-    fs::write(tree.join("DEBIAN/control"), control(version, size))?;
-    Ok(out.join(format!("{NAME}_{version}_amd64.deb")))
+    let processor = match platform {
+        Platform::LinuxArm64 => "arm64",
+        _ => "amd64",
+    };
+    fs::write(
+        tree.join("DEBIAN/control"),
+        control(version, processor, size),
+    )?;
+    Ok(out.join(format!("{NAME}_{version}_{processor}.deb")))
 }
 
 /// All licences in the one file where Debian looks for them.
@@ -49,9 +56,9 @@ fn copyright() -> Result<String> {
     Ok(texts.collect::<Result<Vec<_>>>()?.join("\n\n"))
 }
 
-fn control(version: &str, size_kb: u64) -> String {
+fn control(version: &str, processor: &str, size_kb: u64) -> String {
     format!(
-        "Package: {NAME}\nVersion: {version}\nArchitecture: amd64\nSection: libdevel\n\
+        "Package: {NAME}\nVersion: {version}\nArchitecture: {processor}\nSection: libdevel\n\
          Priority: optional\nMaintainer: {} <anyface@localhost>\nInstalled-Size: {size_kb}\n\
          Depends: libc6 (>= 2.28)\nDescription: {}\n The library, shared and static, with its \
          weights, the C header, and the files of\n pkg-config and CMake.\n",
@@ -143,7 +150,7 @@ mod tests {
         );
         fs::create_dir_all(&built).unwrap();
         stand_in(&built);
-        let package = stage(&built, &tree, &folder).unwrap();
+        let package = stage(Platform::here().unwrap(), &built, &tree, &folder).unwrap();
         let mut pack = Command::new("dpkg-deb");
         pack.args(["--root-owner-group", "--build"])
             .arg(&tree)

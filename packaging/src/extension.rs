@@ -11,8 +11,8 @@ use anyhow::{Context, Result, ensure};
 use clap::Args;
 
 use crate::{
-    apt, licences,
-    machine::{self, Platform},
+    apt, licences, machine,
+    platform::Platform,
     python::{PYTHON, Venv},
     steps::Steps,
 };
@@ -160,8 +160,8 @@ fn name_platform(manifest: &Path, platform: Platform) -> Result<()> {
 
 /// Leaves debug information out: it is most of an unoptimised library.
 pub fn strip(steps: &mut Steps, library: &Path) -> Result<()> {
-    let is_own = cfg!(target_os = "linux") && Platform::of_library(library)? == Platform::LinuxX64;
-    if !is_own || !machine::has("strip") {
+    let is_own = Platform::of_library(library)? == Platform::here()?;
+    if !(is_own && cfg!(target_os = "linux")) || !machine::has("strip") {
         return Ok(());
     }
     let mut command = Command::new("strip");
@@ -244,12 +244,7 @@ mod tests {
     #[test]
     fn what_runs_here_alone_is_not_named_like_what_is_handed_out() {
         let local = default_zip();
-        let every = [
-            Platform::LinuxX64,
-            Platform::WindowsX64,
-            Platform::MacosArm64,
-        ];
-        for platform in every {
+        for platform in Platform::ALL {
             assert_ne!(local.file_name().unwrap(), zip_name(platform).as_str());
         }
     }

@@ -9,10 +9,7 @@ use std::{
 use anyhow::{Context, Result, ensure};
 use clap::Args;
 
-use crate::{
-    licences,
-    machine::{self, Platform},
-};
+use crate::{licences, machine, platform::Platform};
 
 /// Version of all crates of the workspace, this one too.
 const VERSION: &str = env!("CARGO_PKG_VERSION");
@@ -21,8 +18,8 @@ const VERSION: &str = env!("CARGO_PKG_VERSION");
 fn system_libraries(platform: Platform) -> &'static [&'static str] {
     match platform {
         // And gcc_s, which compilers link by themselves, in its static form where that is asked for.
-        Platform::LinuxX64 => &["util", "rt", "pthread", "m", "dl", "c"],
-        Platform::MacosArm64 => &["iconv", "System", "c", "m"],
+        Platform::LinuxX64 | Platform::LinuxArm64 => &["util", "rt", "pthread", "m", "dl", "c"],
+        Platform::MacosArm64 | Platform::MacosX64 => &["iconv", "System", "c", "m"],
         Platform::WindowsX64 => &["kernel32", "ntdll", "userenv", "ws2_32", "dbghelp"],
     }
 }
@@ -45,7 +42,7 @@ impl Install {
             Some(folder) => folder.clone(),
             None => build()?,
         };
-        install(&built, &self.prefix)?;
+        install(Platform::here()?, &built, &self.prefix)?;
         licences::copy(&self.prefix.join("share/doc/anyface"))?;
         println!("installed into {}", self.prefix.display());
         Ok(())
@@ -67,10 +64,9 @@ fn build() -> Result<PathBuf> {
 ///
 /// # Errors
 /// If a library is missing or the prefix cannot be written.
-pub fn install(built: &Path, prefix: &Path) -> Result<()> {
+pub fn install(platform: Platform, built: &Path, prefix: &Path) -> Result<()> {
     let root = machine::root();
     let (lib, include) = (prefix.join("lib"), prefix.join("include"));
-    let platform = Platform::here()?;
     let shared = platform.shared_library();
     let soname = soname(platform)?;
     copy(&built.join(shared), &lib.join(&soname))?;
@@ -127,7 +123,7 @@ enum Separator {
 /// If the header cannot be read or does not state the version.
 fn soname(platform: Platform) -> Result<String> {
     let library = platform.shared_library();
-    if platform != Platform::LinuxX64 {
+    if !platform.is_linux() {
         return Ok(library.to_owned());
     }
     let header = fs::read_to_string(machine::root().join("include/anyface.h"))?;
@@ -213,7 +209,7 @@ mod tests {
     #[test]
     fn a_library_that_was_not_built_is_named() {
         let prefix = std::env::temp_dir().join(format!("anyface-install-{}", std::process::id()));
-        let error = install(Path::new("/nowhere"), &prefix)
+        let error = install(Platform::LinuxX64, Path::new("/nowhere"), &prefix)
             .unwrap_err()
             .to_string();
         assert!(error.contains("anyface"), "{error}");

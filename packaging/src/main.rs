@@ -6,21 +6,23 @@ mod chroot;
 mod cross;
 mod debian;
 mod demo;
+mod elsewhere;
 mod extension;
 mod header;
 mod install;
 mod licences;
 mod machine;
 mod package;
+mod platform;
 mod portable;
 mod prepare;
 mod python;
 mod steps;
+mod symbols;
 mod test;
 mod third_party;
 mod web;
 mod wheel;
-mod windows;
 
 use anyhow::Result;
 use clap::{Parser, Subcommand};
@@ -59,8 +61,6 @@ enum Task {
     Web(web::Web),
     /// The Python package as a wheel.
     Wheel(wheel::Wheel),
-    /// What Windows gets, built on Linux and tried under Wine.
-    Windows(windows::Windows),
 }
 
 fn main() -> Result<()> {
@@ -76,6 +76,5 @@ fn main() -> Result<()> {
         Task::Test(test) => test.run(),
         Task::Web(web) => web.run(),
         Task::Wheel(wheel) => wheel.run(),
-        Task::Windows(windows) => windows.run(),
     }
 }

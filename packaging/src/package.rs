@@ -1,4 +1,4 @@
-//! `cargo xtask package`: everything that is handed out for this machine's system, in one folder.
+//! `cargo xtask package`: everything that is handed out for one system, in one folder.
 
 use std::{
     fs,
@@ -10,18 +10,22 @@ use anyhow::{Result, ensure};
 use clap::Args;
 
 use crate::{
-    debian, extension, install, licences,
-    machine::{self, Platform},
-    portable,
-    steps::Steps,
+    debian, extension, install, licences, machine, platform::Platform, portable, steps::Steps,
     wheel,
 };
 
-/// Builds the extension's zip, the Python wheel, the C library as a tarball and, on Linux, a Debian
+/// Builds the extension's zip, the Python wheel, the command with the C library as a tarball and, for Linux, a Debian
 /// package.
 #[derive(Args)]
 pub struct Package {
-    /// Folder of built libraries to take; without it they are built, on Linux for glibc 2.28.
+    /// The system, as Rust names it: x86_64-unknown-linux-gnu, aarch64-unknown-linux-gnu, aarch64-apple-darwin,
+    /// x86_64-apple-darwin, x86_64-pc-windows-gnu; default: this one.
+    #[arg(long, value_parser = Platform::of_words)]
+    target: Option<Platform>,
+    /// Profile of Cargo.toml: `demo` compiles sooner than `release`, with the same results.
+    #[arg(long, default_value = "release")]
+    profile: String,
+    /// Folder of built libraries to take; without it they are built, for Linux with glibc 2.28.
     #[arg(long)]
     library_dir: Option<PathBuf>,
     /// Where the packages go; default `target/package`.
@@ -33,9 +37,10 @@ impl Package {
     /// Builds, packs, checks.
     pub fn run(&self) -> Result<()> {
         let mut steps = Steps::new("package")?;
+        let platform = self.target.map_or_else(Platform::here, Ok)?;
         let built = match &self.library_dir {
             Some(folder) => folder.clone(),
-            None => portable::build(&mut steps)?,
+            None => portable::build(&mut steps, platform, &self.profile)?,
         };
         let out = self
             .out
@@ -43,15 +48,16 @@ impl Package {
             .unwrap_or(machine::target().join("package"));
         fs::create_dir_all(&out)?;
         let out = out.canonicalize()?;
-        let platform = Platform::here()?;
         let zip = out.join(extension::zip_name(platform));
         let library = built.join(platform.shared_library());
         extension::build_zip(&mut steps, &library, &zip)?;
         let wheel = wheel::build(&mut steps, &library, &out)?;
         let mut made = vec![zip, wheel, tarball(&mut steps, &built, &out, platform)?];
-        if platform == Platform::LinuxX64 && machine::has("dpkg-deb") {
-            let package = debian::build(&mut steps, &built, &out)?;
-            debian::check(&mut steps, &package)?;
+        if platform.is_linux() && machine::has("dpkg-deb") {
+            let package = debian::build(&mut steps, platform, &built, &out)?;
+            if platform == Platform::here()? {
+                debian::check(&mut steps, &package)?;
+            }
             made.push(package);
         }
         for path in made {
@@ -62,19 +68,25 @@ impl Package {
     }
 }
 
-/// Lays out the tarball: library, header, package files of pkg-config and CMake, licences.
-fn stage(built: &Path, tree: &Path) -> Result<()> {
+/// Lays out the tarball: command, library, header, package files of pkg-config and CMake, licences.
+fn stage(platform: Platform, built: &Path, tree: &Path) -> Result<()> {
     machine::empty(tree)?;
-    install::install(built, tree)?;
+    install::install(platform, built, tree)?;
+    let command = built.join(platform.command());
+    // A folder of libraries alone is enough for whoever has no use for the command.
+    if command.is_file() {
+        fs::create_dir_all(tree.join("bin"))?;
+        fs::copy(command, tree.join("bin").join(platform.command()))?;
+    }
     licences::copy(tree)
 }
 
-/// Packs the C library and what belongs to it.
+/// Packs the command, the C library and what belongs to them.
 fn tarball(steps: &mut Steps, built: &Path, out: &Path, platform: Platform) -> Result<PathBuf> {
     let name = format!("anyface-{}-{}", env!("CARGO_PKG_VERSION"), platform.name());
     let folder = machine::target().join("tarball");
     let tree = folder.join(&name);
-    stage(built, &tree)?;
+    stage(platform, built, &tree)?;
     let path = out.join(format!("{name}.tar.gz"));
     let mut command = Command::new("tar");
     command
@@ -83,7 +95,7 @@ fn tarball(steps: &mut Steps, built: &Path, out: &Path, platform: Platform) -> R
         .arg("-C")
         .arg(&folder)
         .arg(&name);
-    steps.run("pack the C library", &mut command)?;
+    steps.run("pack the command and the C library", &mut command)?;
     ensure!(path.is_file(), "tar wrote no {}", path.display());
     Ok(path)
 }
@@ -99,14 +111,21 @@ mod tests {
         fs::create_dir_all(&built).unwrap();
         let platform = Platform::here().unwrap();
         let library = platform.static_library();
-        for name in [platform.shared_library(), library, "anyface.dll.lib"] {
+        let command = platform.command();
+        for name in [
+            platform.shared_library(),
+            library,
+            "anyface.dll.lib",
+            command,
+        ] {
             fs::write(built.join(name), name).unwrap();
         }
-        stage(&built, &tree).unwrap();
+        stage(platform, &built, &tree).unwrap();
         let names = ["lib", "include"].iter().chain(licences::FILES);
         let missing: Vec<_> = names.filter(|name| !tree.join(name).exists()).collect();
         assert!(missing.is_empty(), "{missing:?}");
         assert!(tree.join("lib").join(library).is_file());
+        assert!(tree.join("bin").join(command).is_file());
         fs::remove_dir_all(folder).unwrap();
     }
 }

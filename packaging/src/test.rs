@@ -6,7 +6,9 @@ use anyhow::Result;
 use clap::Args;
 
 use crate::{
-    addon, apt, chroot, extension, machine, prepare,
+    addon, apt, chroot, elsewhere, extension, machine,
+    platform::Platform,
+    prepare,
     python::{self, Venv},
     steps::Steps,
     web, wheel,
@@ -52,12 +54,20 @@ pub struct Test {
     /// Test the extension in this version of Blender, such as 4.2, instead of the usual one.
     #[arg(long)]
     blender: Option<String>,
+    /// Try what another system gets, as Rust names it, instead: x86_64-pc-windows-gnu under Wine,
+    /// aarch64-unknown-linux-gnu under QEMU.
+    #[arg(long, value_parser = Platform::of_words)]
+    target: Option<Platform>,
 }
 
 impl Test {
     /// Runs every check, prints the counts, fails if one failed.
     pub fn run(&self) -> Result<()> {
         let mut steps = Steps::new("test")?;
+        if let Some(platform) = self.target {
+            elsewhere::check(&mut steps, platform)?;
+            return steps.finish();
+        }
         machine::note_room(ROOM);
         let page = PAGE_TOOLS
             .iter()

@@ -15,8 +15,9 @@ use crate::{cross::Target, machine, steps::Steps};
 const BROWSERS: Target = Target {
     triple: "wasm32-unknown-unknown",
     standard_library: "std,panic_abort",
-    linker: "wasm-ld",
+    linker: Some("wasm-ld"),
     packages: &[],
+    runner: None,
 };
 const PROFILE: &str = "web";
 /// What shows the head, and what makes one file of it.

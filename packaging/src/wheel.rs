@@ -10,11 +10,12 @@ use anyhow::{Context, Result, ensure};
 use clap::Args;
 
 use crate::{
-    extension,
-    machine::{self, Platform},
+    extension, machine,
+    platform::Platform,
     portable,
     python::{self, PYTHON, Venv},
     steps::Steps,
+    symbols,
 };
 
 /// Four systems with their weights, 38 MB before packing, and a library that may be built for tests; PyPI
@@ -42,7 +43,8 @@ impl Wheel {
         let library = match &self.library {
             Some(path) => path.clone(),
             None if self.release => {
-                portable::build(&mut steps)?.join(Platform::here()?.shared_library())
+                let platform = Platform::here()?;
+                portable::build(&mut steps, platform, "release")?.join(platform.shared_library())
             }
             None => extension::build_library(&mut steps, false)?,
         };
@@ -57,7 +59,7 @@ pub fn build(steps: &mut Steps, library: &Path, out: &Path) -> Result<PathBuf> {
     ensure!(library.is_file(), "no library at {}", library.display());
     let stage = machine::target().join("wheel-stage");
     machine::empty(&stage)?;
-    let platform = Platform::here()?;
+    let platform = Platform::of_library(library)?;
     let inside = extension::copy_libraries(steps, library, &stage)?;
     let mut pack = Command::new(PYTHON);
     pack.arg(machine::root().join("packaging/wheel/pack.py"));
@@ -84,14 +86,19 @@ pub fn build(steps: &mut Steps, library: &Path, out: &Path) -> Result<PathBuf> {
 /// symbols which they need (PEP 600).
 fn tag(platform: Platform, libraries: &[PathBuf]) -> Result<String> {
     Ok(match platform {
-        Platform::LinuxX64 => {
-            let needed = libraries.iter().map(|path| portable::needed_glibc(path));
+        Platform::LinuxX64 | Platform::LinuxArm64 => {
+            let needed = libraries.iter().map(|path| symbols::needed_glibc(path));
             let needed = needed.collect::<Result<Vec<_>>>()?;
             let (major, minor) = needed.into_iter().max().context("expected a library")?;
-            format!("manylinux_{major}_{minor}_x86_64")
+            let processor = match platform {
+                Platform::LinuxArm64 => "aarch64",
+                _ => "x86_64",
+            };
+            format!("manylinux_{major}_{minor}_{processor}")
         }
-        // The oldest macOS on Apple's processors, which is what Rust builds for.
+        // The oldest ones that Rust builds for.
         Platform::MacosArm64 => "macosx_11_0_arm64".to_owned(),
+        Platform::MacosX64 => "macosx_10_12_x86_64".to_owned(),
         Platform::WindowsX64 => "win_amd64".to_owned(),
     })
 }

