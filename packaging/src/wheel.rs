@@ -96,9 +96,10 @@ fn tag(platform: Platform, libraries: &[PathBuf]) -> Result<String> {
     })
 }
 
-/// Builds a wheel with `library` and runs the tests of tests/wheel, which install it.
-pub fn check(steps: &mut Steps, library: &Path) -> Result<()> {
+/// Builds a wheel with `library` and runs the tests of tests/wheel, which install it; returns its path.
+pub fn check(steps: &mut Steps, library: &Path) -> Result<PathBuf> {
     let wheel = build(steps, library, &machine::target().join("wheel"))?;
     let mut tests = python::pytest(&Venv::Blender.python(), "tests/wheel");
-    steps.check("Python wheel", tests.env("ANYFACE_WHEEL", wheel))
+    steps.check("Python wheel", tests.env("ANYFACE_WHEEL", &wheel))?;
+    Ok(wheel)
 }
