@@ -9,7 +9,7 @@ import sys
 import bpy
 
 from ..core import options as words
-from ..core.errors import plain, say
+from ..core.errors import AnyfaceError, plain, say
 from ..farm import batch
 from ..scene import outputs
 from . import run, shot
@@ -35,6 +35,13 @@ def main(arguments: list[str]) -> int:
 def start(options: argparse.Namespace) -> int:
     """Runs a parsed command."""
     if options.task == "batch":
+        if options.scheduler and not bpy.app.online_access:
+            raise AnyfaceError(
+                "input",
+                "--scheduler opens a connection, and Allow Online Access is off in Blender's "
+                "preferences: turn it on, start Blender with --online-mode, or run "
+                "`python anyface_batch.py batch …` without Blender",
+            )
         return batch.run(options, bpy.app.binary_path)
     if options.task == "shot":
         return shot.main()

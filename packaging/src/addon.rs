@@ -72,7 +72,7 @@ fn bench(steps: &mut Steps, python: &Path, zip: &Path) -> Result<()> {
 }
 
 /// Runs the tests; `blender` is an executable to test as well.
-pub fn check(steps: &mut Steps, python: &Path, zip: &Path, blender: Option<PathBuf>) -> Result<()> {
+pub fn check(steps: &mut Steps, python: &Path, zip: &Path, blender: Option<&Path>) -> Result<()> {
     let mut test = python::pytest(python, "tests/addon");
     test.env("ANYFACE_EXTENSION", zip);
     if let Some(blender) = blender {

@@ -197,7 +197,7 @@ fn validate(steps: &mut Steps, zip: &Path) -> Result<()> {
 }
 
 /// `blender_ext.py` of the newest Blender in the Python environment.
-fn extension_tool() -> Option<PathBuf> {
+pub fn extension_tool() -> Option<PathBuf> {
     let environment = Venv::Blender.python().ancestors().nth(2)?.to_owned();
     let folder = environment.join(if cfg!(windows) { "" } else { "lib" });
     let inside = |folder: &Path| -> Vec<PathBuf> {

@@ -17,6 +17,7 @@ mod platform;
 mod portable;
 mod prepare;
 mod python;
+mod site;
 mod steps;
 mod symbols;
 mod test;
@@ -55,6 +56,8 @@ enum Task {
     Package(package::Package),
     /// What the tests install: Python environments, and Blender as a program.
     Prepare(prepare::Prepare),
+    /// All that is handed out as a folder for any host of files.
+    Site(site::Site),
     /// Lints and all tests; installs what they need.
     Test(test::Test),
     /// The library as WebAssembly, its npm package, and the page that makes heads talk.
@@ -73,6 +76,7 @@ fn main() -> Result<()> {
         Task::Licences(licences) => licences.run(),
         Task::Package(package) => package.run(),
         Task::Prepare(prepare) => prepare.run(),
+        Task::Site(site) => site.run(),
         Task::Test(test) => test.run(),
         Task::Web(web) => web.run(),
         Task::Wheel(wheel) => wheel.run(),

@@ -99,6 +99,17 @@ impl Platform {
         }
     }
 
+    /// How tags of wheels for it begin and end: `manylinux_2_28_x86_64`.
+    pub fn wheel_tag(self) -> (&'static str, &'static str) {
+        match self {
+            Platform::LinuxX64 => ("manylinux", "x86_64"),
+            Platform::LinuxArm64 => ("manylinux", "aarch64"),
+            Platform::MacosArm64 => ("macosx", "arm64"),
+            Platform::MacosX64 => ("macosx", "x86_64"),
+            Platform::WindowsX64 => ("win", "amd64"),
+        }
+    }
+
     /// How Rust's compiler gets there.
     pub fn target(self) -> &'static Target {
         match self {

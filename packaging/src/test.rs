@@ -132,9 +132,9 @@ fn python_parts(steps: &mut Steps, version: Option<&str>) -> Result<()> {
     let python = python::blender(steps, version)?;
     let zip = addon::built_zip(steps, false)?;
     let executable = chroot::BLENDER.executable(steps)?;
-    addon::check(steps, &python, &zip, executable)?;
+    addon::check(steps, &python, &zip, executable.as_deref())?;
     let library = extension::library_of("dev")?;
-    wheel::check(steps, &library)?;
+    let wheel = wheel::check(steps, &library)?;
     let command = library.with_file_name("anyface");
     let mut receivers = python::pytest(&Venv::Blender.python(), "tests/receivers");
     if let Some(godot) = chroot::GODOT.executable(steps)? {
@@ -146,14 +146,21 @@ fn python_parts(steps: &mut Steps, version: Option<&str>) -> Result<()> {
             "library for browsers, and its page",
             &format!("no {program}"),
         );
-        return Ok(());
+    } else {
+        web::build(steps)?;
+        let mut page = python::pytest(&Venv::Blender.python(), "tests/web");
+        steps.check(
+            "library for browsers, and its page",
+            page.env("ANYFACE_COMMAND", command),
+        )?;
     }
-    web::build(steps)?;
-    let mut page = python::pytest(&Venv::Blender.python(), "tests/web");
-    steps.check(
-        "library for browsers, and its page",
-        page.env("ANYFACE_COMMAND", command),
-    )
+    let mut site = python::pytest(&Venv::Blender.python(), "tests/site");
+    if let Some(blender) = executable {
+        site.env("ANYFACE_BLENDER", blender);
+    }
+    site.env("ANYFACE_EXTENSION", zip)
+        .env("ANYFACE_WHEEL", wheel);
+    steps.check("site, workflows, and what stores ask", &mut site)
 }
 
 fn training(steps: &mut Steps) -> Result<()> {

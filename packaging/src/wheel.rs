@@ -85,27 +85,25 @@ pub fn build(steps: &mut Steps, library: &Path, out: &Path) -> Result<PathBuf> {
 /// The systems on which `libraries` run, as pip names them: on Linux those with a glibc that has all
 /// symbols which they need (PEP 600).
 fn tag(platform: Platform, libraries: &[PathBuf]) -> Result<String> {
+    let (system, processor) = platform.wheel_tag();
     Ok(match platform {
         Platform::LinuxX64 | Platform::LinuxArm64 => {
             let needed = libraries.iter().map(|path| symbols::needed_glibc(path));
             let needed = needed.collect::<Result<Vec<_>>>()?;
             let (major, minor) = needed.into_iter().max().context("expected a library")?;
-            let processor = match platform {
-                Platform::LinuxArm64 => "aarch64",
-                _ => "x86_64",
-            };
-            format!("manylinux_{major}_{minor}_{processor}")
+            format!("{system}_{major}_{minor}_{processor}")
         }
         // The oldest ones that Rust builds for.
-        Platform::MacosArm64 => "macosx_11_0_arm64".to_owned(),
-        Platform::MacosX64 => "macosx_10_12_x86_64".to_owned(),
-        Platform::WindowsX64 => "win_amd64".to_owned(),
+        Platform::MacosArm64 => format!("{system}_11_0_{processor}"),
+        Platform::MacosX64 => format!("{system}_10_12_{processor}"),
+        Platform::WindowsX64 => format!("{system}_{processor}"),
     })
 }
 
-/// Builds a wheel with `library` and runs the tests of tests/wheel, which install it.
-pub fn check(steps: &mut Steps, library: &Path) -> Result<()> {
+/// Builds a wheel with `library` and runs the tests of tests/wheel, which install it; returns its path.
+pub fn check(steps: &mut Steps, library: &Path) -> Result<PathBuf> {
     let wheel = build(steps, library, &machine::target().join("wheel"))?;
     let mut tests = python::pytest(&Venv::Blender.python(), "tests/wheel");
-    steps.check("Python wheel", tests.env("ANYFACE_WHEEL", wheel))
+    steps.check("Python wheel", tests.env("ANYFACE_WHEEL", &wheel))?;
+    Ok(wheel)
 }

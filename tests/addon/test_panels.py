@@ -286,7 +286,7 @@ def test_the_manifest_tells_what_is_true(installed):
     manifest = tomllib.loads((installed / "blender_manifest.toml").read_text(encoding="utf-8"))
     # There is no page of it yet.
     assert "website" not in manifest
-    assert manifest["copyright"] == ["2026 The Anyface authors"]
+    assert manifest["copyright"][0] == "2026 The Anyface authors"
     files = manifest["permissions"]["files"]
     assert len(files) <= 64 and "exports" in files and "caches" in files
 

@@ -227,6 +227,24 @@ def test_it_works_without_internet_and_opens_no_connection(addon, tmp_path, monk
     assert bpy.ops.anyface.find_face() == {"FINISHED"}
 
 
+def test_a_batch_opens_a_connection_only_where_blender_allows_it(addon, tmp_path, capsys):
+    jobs = tmp_path / "jobs.json"
+    jobs.write_text('{"shots": []}')
+    system, words = bpy.context.preferences.system, "Allow Online Access is off"
+    batch = ["batch", str(jobs), "--scheduler", "tcp://127.0.0.1:9"]
+    before = system.use_online_access
+    try:
+        system.use_online_access = False
+        assert addon("command").main(batch) == addon("core.errors").EXIT_CODES["input"]
+        assert words in capsys.readouterr().err
+        assert addon("command").main(batch[:2]) == 0
+        system.use_online_access = True
+        addon("command").main(batch)
+        assert words not in capsys.readouterr().err
+    finally:
+        system.use_online_access = before
+
+
 def test_files_are_written_in_its_own_user_folder_only(addon):
     from test_heads import import_head
 

@@ -1,0 +1,126 @@
+"""A site as `cargo xtask site` writes it, and a server that shows it to this machine alone.
+
+`ANYFACE_EXTENSION` and `ANYFACE_WHEEL` name a zip and a wheel for this machine; without them they
+are built.
+"""
+
+import contextlib
+import functools
+import http.server
+import os
+import re
+import shutil
+import subprocess
+import threading
+import wave
+import zipfile
+from pathlib import Path
+
+import numpy as np
+import pytest
+
+ROOT = Path(__file__).resolve().parents[2]
+HEAD = ROOT / "weights/shared/default_head/head.obj"
+HERE = "linux-x64"
+OTHERS = ("macos-arm64", "windows-x64")
+RATE_HZ = 16000
+
+
+@pytest.fixture(scope="session")
+def extension(tmp_path_factory):
+    """The extension's zip."""
+    path = os.environ.get("ANYFACE_EXTENSION")
+    if path:
+        return Path(path).resolve()
+    path = tmp_path_factory.mktemp("extension") / "anyface.zip"
+    subprocess.run(["cargo", "xtask", "extension", "--out", path], cwd=ROOT, check=True)
+    return path
+
+
+@pytest.fixture(scope="session")
+def wheel(tmp_path_factory):
+    """The Python wheel."""
+    path = os.environ.get("ANYFACE_WHEEL")
+    if path:
+        return Path(path).resolve()
+    out = tmp_path_factory.mktemp("wheel")
+    subprocess.run(["cargo", "xtask", "wheel", "--out", out], cwd=ROOT, check=True)
+    return next(out.glob("*.whl"))
+
+
+def repack(extension: Path, folder: Path, version: str, system: str) -> None:
+    """Writes the zip as another version, or for another system, which has no library then."""
+    path = folder / f"anyface-{version}-{system}.zip"
+    with zipfile.ZipFile(extension) as old, zipfile.ZipFile(path, "w") as new:
+        for item in old.infolist():
+            content = old.read(item)
+            if item.filename == "blender_manifest.toml":
+                text = re.sub(r'(?m)^version = ".*"$', f'version = "{version}"', content.decode())
+                text = re.sub(r"(?m)^platforms = .*$", f'platforms = ["{system}"]', text)
+                content = text.encode()
+            if system == HERE or not item.filename.startswith("lib/"):
+                new.writestr(item, content)
+
+
+def packages(extension: Path, folder: Path, version: str) -> Path:
+    """A folder with the extension for three systems."""
+    folder.mkdir()
+    for system in (HERE, *OTHERS):
+        repack(extension, folder, version, system)
+    return folder
+
+
+def write_site(out: Path, *words) -> str:
+    """`cargo xtask site`; returns what it says."""
+    command = ["cargo", "xtask", "site", "--out", out, *words]
+    done = subprocess.run(command, cwd=ROOT, capture_output=True, text=True, check=False)
+    assert done.returncode == 0, done.stdout + done.stderr
+    return done.stdout
+
+
+@pytest.fixture(scope="session")
+def site(extension, wheel, tmp_path_factory):
+    """The folder of a site; the file `said.txt` beside it holds what the task says."""
+    folder = tmp_path_factory.mktemp("site")
+    packed = packages(extension, folder / "packages", "0.1.0")
+    shutil.copy(wheel, packed)
+    # What a C library's archive holds is tested where it is packed.
+    (packed / f"anyface-0.1.0-{HERE}.tar.gz").write_bytes(b"stands for an archive")
+    (folder / "said.txt").write_text(write_site(folder / "out", "--packages", packed))
+    return folder / "out"
+
+
+class Quiet(http.server.SimpleHTTPRequestHandler):
+    """Serves a folder and writes no log."""
+
+    def log_message(self, *_):
+        """Says nothing."""
+
+
+@contextlib.contextmanager
+def served(folder: Path):
+    """The address at which this machine sees a folder."""
+    handler = functools.partial(Quiet, directory=folder)
+    with http.server.ThreadingHTTPServer(("127.0.0.1", 0), handler) as server:
+        threading.Thread(target=server.serve_forever, daemon=True).start()
+        yield f"http://127.0.0.1:{server.server_port}"
+        server.shutdown()
+
+
+@pytest.fixture(scope="session")
+def voice(tmp_path_factory):
+    """A WAV file: a buzz of 120 Hz through the formants of a, four syllables a second."""
+    time_s = np.arange(int(1.5 * RATE_HZ)) / RATE_HZ
+    samples = np.zeros(len(time_s))
+    for hertz in 120.0 * np.arange(1, 40):
+        strength = sum(1.0 / (1.0 + ((hertz - f) / 90.0) ** 2) for f in (730.0, 1090.0, 2440.0))
+        samples += strength * np.sin(2 * np.pi * hertz * time_s)
+    samples *= np.clip(np.sin(2 * np.pi * 4.0 * time_s), 0.0, None)
+    samples *= 0.5 / np.abs(samples).max()
+    path = tmp_path_factory.mktemp("voice") / "voice.wav"
+    with wave.open(str(path), "wb") as file:
+        file.setnchannels(1)
+        file.setsampwidth(2)
+        file.setframerate(RATE_HZ)
+        file.writeframes((samples * 32767).astype("<i2").tobytes())
+    return path

