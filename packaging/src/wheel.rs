@@ -17,7 +17,7 @@ use crate::{
     steps::Steps,
 };
 
-/// Four systems with their weights, 38 MB before packing, and a library that may be built for tests; PyPI
+/// Four systems with their weights, 23 MB, and a library that may be built for tests; PyPI
 /// takes up to 100 MB.
 const LARGEST_MB: f64 = 50.0;
 
