@@ -15,6 +15,7 @@ from safetensors.torch import save_file
 from torch import Tensor, nn
 
 GOLDENS = {
+    "eight_bits": "training.nn.golden_eight_bits",
     "log_mel": "training.speech.golden_log_mel",
     "emotion_ear": "training.speech.golden_emotion_ear",
     "emotion_model": "training.speech.golden_emotion_model",

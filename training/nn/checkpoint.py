@@ -1,6 +1,7 @@
 """Model folders, config.json beside weights: what training writes and the library reads.
 
-The weights are model.safetensors, or for shipped models model.planes.gz, which holds the same bytes.
+The weights are model.safetensors, or for shipped models model.planes.gz, such a file in gzip whose large
+matrices are 8-bit numbers with scales.
 """
 
 import gzip
@@ -22,6 +23,12 @@ EXACT = (
     "feature_mean", "feature_scale", "shape_mean", "shape_basis",
 )  # fmt: skip
 """What stays f32 in every model: statistics, and numbers of vertices."""
+SCALE = ".scale"
+"""What the name of 8-bit numbers has behind it where their scales are named."""
+HALF = ("compact_speech.", "facetalk_compact.identity.", "head_topology.", "stm_paper.")
+"""Beginnings of MODEL.ARRAY: what stays f16 in shipped models; docs/training.md says why."""
+SMALLEST, SHORTEST_ROW = 2048, 16
+"""Numbers of a matrix, and of a row of it, from which on it is shipped in eight bits."""
 Network = TypeVar("Network", bound=nn.Module)
 
 
@@ -42,21 +49,49 @@ def unpack(packed: bytes) -> bytes:
     return bytes(plain)
 
 
-def write_model(folder: Path, state: dict[str, Tensor], config: dict, exact: tuple[str, ...] = EXACT) -> Path:
-    """Weights and `config.json` of one model; the weights are packed in a folder below `WEIGHTS`.
+def quantised(values: Tensor) -> tuple[Tensor, Tensor]:
+    """Matrix or kernel [R, ...] as int8 of the same shape, and the scale [R] of each row in bf16.
 
-    Weights are f16, but for the names in `exact` and those that begin as the ones in it with a point at their
-    end; `""` keeps f32 everywhere.
+    The largest magnitude of a row becomes 127. `scaled` in rust-core/src/models/weights.rs and `in_floats`
+    are the way back; what they return becomes the same again.
+    """
+    rows = values.float().flatten(1)
+    scales = (rows.abs().amax(1) / 127).bfloat16()
+    steps = torch.where(scales > 0, scales, torch.ones_like(scales)).float()[:, None]
+    return (rows / steps).round().clamp(-127, 127).to(torch.int8).view(values.shape), scales
+
+
+def is_large(value: Tensor) -> bool:
+    """Whether an array is a matrix or kernel in f16 that is worth scales."""
+    is_matrix = value.dtype == torch.float16 and value.ndim > 1
+    return is_matrix and value.numel() >= SMALLEST and value[0].numel() >= SHORTEST_ROW
+
+
+def in_eight_bits(stored: dict[str, Tensor], model: str = "") -> dict[str, Tensor]:
+    """Arrays of a file, the large ones `quantised`, their scales beside them; `HALF` of `model` stays."""
+    large = {
+        name: quantised(value)
+        for name, value in stored.items()
+        if is_large(value) and not f"{model}.{name}".startswith(HALF)
+    }
+    numbers = {name: both[0] for name, both in large.items()}
+    return stored | numbers | {name + SCALE: both[1] for name, both in large.items()}
+
+
+def write_model(folder: Path, state: dict[str, Tensor], config: dict, exact: tuple[str, ...] = EXACT) -> Path:
+    """Weights and `config.json` of one model; below `WEIGHTS` they are packed, large matrices in eight bits.
+
+    Other weights are f16, but for the names in `exact` and those that begin as the ones in it with a point at
+    their end; `""` keeps f32 everywhere.
     """
     folder.mkdir(parents=True, exist_ok=True)
     begins = tuple(name for name in exact if name.endswith(".") or not name)
     stored = {name: value if name in exact or name.startswith(begins) else value.half()
               for name, value in state.items()}  # fmt: skip
+    is_shipped = WEIGHTS in folder.resolve().parents
+    stored = in_eight_bits(stored, folder.name) if is_shipped else stored
     plain = to_bytes({name: value.contiguous() for name, value in stored.items()})
-    if WEIGHTS in folder.resolve().parents:
-        (folder / PACKED).write_bytes(pack(plain))
-    else:
-        (folder / PLAIN).write_bytes(plain)
+    (folder / (PACKED if is_shipped else PLAIN)).write_bytes(pack(plain) if is_shipped else plain)
     (folder / "config.json").write_text(json.dumps(config, indent=2) + "\n")
     return folder
 
@@ -70,9 +105,19 @@ def read_bytes(folder: Path) -> bytes:
     raise FileNotFoundError(f"{folder}: expected {PLAIN} or {PACKED}, got neither")
 
 
+def in_floats(stored: dict[str, Tensor]) -> dict[str, Tensor]:
+    """Arrays of a file in f32, those in eight bits multiplied by their scales."""
+    scales = {name + SCALE for name, value in stored.items() if value.dtype == torch.int8}
+    arrays = {name: value.float() for name, value in stored.items() if name not in scales}
+    for scale in scales:
+        rows = arrays[scale.removesuffix(SCALE)].view(len(stored[scale]), -1)
+        rows *= stored[scale].float()[:, None]
+    return arrays
+
+
 def read_arrays(folder: Path) -> dict[str, Tensor]:
     """Weights of a model folder in f32, by name."""
-    return {name: value.float() for name, value in load(read_bytes(folder)).items()}
+    return in_floats(load(read_bytes(folder)))
 
 
 def read_model(folder: Path) -> tuple[dict, dict[str, Tensor]]:

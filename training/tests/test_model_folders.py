@@ -4,10 +4,24 @@ import json
 
 import pytest
 import torch
+from safetensors.torch import load
 
 from training import WEIGHTS
 from training.nn import checkpoint
-from training.nn.checkpoint import PACKED, PLAIN, pack, read_arrays, read_model, unpack, write_model
+from training.nn.checkpoint import (
+    HALF,
+    PACKED,
+    PLAIN,
+    in_eight_bits,
+    in_floats,
+    pack,
+    quantised,
+    read_arrays,
+    read_bytes,
+    read_model,
+    unpack,
+    write_model,
+)
 
 
 @pytest.mark.parametrize("plain", [b"", b"a", b"abc", bytes(range(256))])
@@ -27,6 +41,31 @@ def test_a_shipped_folder_is_packed_and_reads_like_a_plain_one(tmp_path, monkeyp
         assert written == config
         assert torch.equal(arrays["mean"], state["mean"])
         assert torch.equal(arrays["layer"], state["layer"].half().float())
+
+
+def test_a_shipped_matrix_is_in_eight_bits_unless_its_model_cannot_bear_it(tmp_path, monkeypatch):
+    monkeypatch.setattr(checkpoint, "WEIGHTS", tmp_path)
+    state = {"mean": torch.rand(64, 64), "matrix": torch.randn(64, 64), "table": torch.randn(1024, 4)}
+    for name, dtype in (("small", torch.int8), (HALF[0].rstrip("."), torch.float16)):
+        folder = write_model(tmp_path / "shared" / name, state, {})
+        stored, arrays = load(read_bytes(folder)), read_arrays(folder)
+        assert arrays.keys() == state.keys()
+        assert stored["matrix"].dtype == dtype
+        assert stored["table"].dtype == torch.float16, "rows of four numbers are too short for a scale"
+        assert torch.equal(arrays["mean"], state["mean"])
+
+
+def test_eight_bits_are_within_half_a_step_and_stay_what_they_are():
+    matrix = (torch.randn(96, 40, 3) * torch.logspace(-5, 2, 96)[:, None, None]).half()
+    matrix[5] = 0
+    eight, scales = quantised(matrix)
+    assert (eight.flatten(1).abs().amax(1) == 127).sum() == 95 and (eight[5] == 0).all()
+    stored = in_eight_bits({"matrix": matrix})
+    again = in_floats(stored)["matrix"]
+    allowed = 0.51 * matrix.float().flatten(1).abs().amax(1) / 127
+    assert ((again - matrix.float()).flatten(1).abs().amax(1) <= allowed).all()
+    back, same = quantised(again)
+    assert torch.equal(back, eight) and torch.equal(same, scales)
 
 
 def test_every_shipped_model_can_be_read():

@@ -12,5 +12,5 @@ export interface LoadOptions {
   progress?: (share: number) => void;
 }
 
-/** Fetches the library and its models, 7 MB. Call it in a worker: what it offers works on the thread that calls. */
+/** Fetches the library and its models, 5 MB. Call it in a worker: what it offers works on the thread that calls. */
 export function load(options?: LoadOptions): Promise<Library>;

@@ -625,7 +625,9 @@ fn threads_of_own(asked: Option<usize>) -> Result<Option<rayon::ThreadPool>> {
 
 fn thread_pool(threads: usize) -> Result<rayon::ThreadPool> {
     let builder = rayon::ThreadPoolBuilder::new().num_threads(threads);
-    builder
-        .build()
-        .map_err(|error| Error::InvalidInput(format!("threads: {error}")))
+    builder.build().map_err(|error| {
+        Error::OutOfMemory(format!(
+            "expected room for the stacks of {threads} threads, got none ({error}); ask for fewer or free memory"
+        ))
+    })
 }

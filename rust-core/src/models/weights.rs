@@ -35,8 +35,9 @@ impl Array {
 
 /// The arrays of a weights file under a name prefix; cheap to clone.
 ///
-/// Half-precision files are widened to `f32` when they are read: half precision saves space in
-/// storage but costs time on a CPU.
+/// Half precision and 8-bit numbers are widened to `f32` when they are read: they save space in storage but cost time on
+/// a CPU. Each 8-bit number is a multiple of a scale: those of `NAME` stand in `NAME.scale`, whose numbers belong to runs
+/// of equal length, such as the rows of a matrix.
 ///
 /// ```
 /// # use anyface::models::Weights;
@@ -57,8 +58,8 @@ impl Weights {
     /// Reads a safetensors file from memory.
     ///
     /// # Errors
-    /// `Weights` if the bytes are truncated or not safetensors, or a type is neither f16, bf16,
-    /// f32 nor f64. Integer arrays are skipped.
+    /// `Weights` if the bytes are truncated or not safetensors, or 8-bit numbers have no scales that fit. Arrays of other
+    /// integers are skipped.
     pub fn from_bytes(bytes: &[u8]) -> Result<Self> {
         let file = SafeTensors::deserialize(bytes).map_err(|error| {
             Error::Weights(format!(
@@ -66,10 +67,17 @@ impl Weights {
                 bytes.len()
             ))
         })?;
-        let arrays = file
-            .iter()
-            .filter_map(|(name, view)| Some((name.to_owned(), read(&view)?)))
-            .collect();
+        let mut arrays = HashMap::new();
+        for (name, view) in file.iter() {
+            let values = match view.dtype() {
+                Dtype::I8 => Some(scaled(&file, name, &view)?),
+                _ => floats(&view),
+            };
+            if let Some(values) = values {
+                let shape = view.shape().to_vec();
+                arrays.insert(name.to_owned(), Array { shape, values });
+            }
+        }
         Ok(Self::of(arrays))
     }
 
@@ -176,10 +184,37 @@ impl Weights {
     }
 }
 
-/// Widens one array to `f32`; `None` for a type that holds no weights.
-fn read(view: &TensorView<'_>) -> Option<Array> {
+/// 8-bit numbers times their scales. `quantised` in training/nn/checkpoint.py is the way back.
+fn scaled(file: &SafeTensors<'_>, name: &str, view: &TensorView<'_>) -> Result<Vec<f32>> {
+    let expected = |what: String| Error::Weights(format!("{name}.scale: expected {what}"));
+    let scales = file
+        .tensor(&format!("{name}.scale"))
+        .ok()
+        .and_then(|scales| floats(&scales))
+        .ok_or_else(|| {
+            expected(format!(
+                "the scales of the 8-bit numbers of {name}, got none"
+            ))
+        })?;
+    let (count, rows) = (view.data().len(), scales.len());
+    let length = count
+        .checked_div(rows)
+        .filter(|length| *length > 0 && length * rows == count)
+        .ok_or_else(|| {
+            expected(format!(
+                "scales for equal runs of the {count} numbers of {name}, got {rows}"
+            ))
+        })?;
+    let runs = view.data().chunks_exact(length).zip(scales);
+    Ok(runs
+        .flat_map(|(run, scale)| run.iter().map(move |x| f32::from(x.cast_signed()) * scale))
+        .collect())
+}
+
+/// Widens the numbers of an array to `f32`; `None` for a type that holds no weights by itself.
+fn floats(view: &TensorView<'_>) -> Option<Vec<f32>> {
     let data = view.data();
-    let values = match view.dtype() {
+    Some(match view.dtype() {
         Dtype::F32 => chunks(data, f32::from_le_bytes),
         Dtype::F64 => chunks(data, |bytes| f64::from_le_bytes(bytes) as f32),
         Dtype::F16 => chunks(data, |bytes| widen_f16(u16::from_le_bytes(bytes))),
@@ -187,9 +222,7 @@ fn read(view: &TensorView<'_>) -> Option<Array> {
             f32::from_bits(u32::from(u16::from_le_bytes(bytes)) << 16)
         }),
         _ => return None,
-    };
-    let shape = view.shape().to_vec();
-    Some(Array { shape, values })
+    })
 }
 
 fn chunks<const N: usize>(data: &[u8], convert: impl Fn([u8; N]) -> f32) -> Vec<f32> {
@@ -213,6 +246,7 @@ fn widen_f16(half: u16) -> f32 {
 #[cfg(test)]
 mod tests {
     use super::*;
+    use crate::nn::golden::Golden;
 
     fn file(values: &[f32]) -> Vec<u8> {
         let data: Vec<u8> = values.iter().flat_map(|v| v.to_le_bytes()).collect();
@@ -231,6 +265,77 @@ mod tests {
             (0x7c00, f32::INFINITY),
         ] {
             assert_eq!(widen_f16(half), single, "{half:#06x}");
+        }
+    }
+
+    /// A file with the 8-bit matrix `a.weight`, `[2, 2]`, beside such arrays.
+    fn quantised(others: &[(&str, Dtype, &[u8])]) -> Result<Weights> {
+        let eight = [127u8, 0x81, 1, 0]; // 127, -127, 1, 0
+        let matrix = TensorView::new(Dtype::I8, vec![2, 2], &eight).unwrap();
+        let others = others.iter().map(|(name, dtype, data)| {
+            let count = data.len() * 8 / dtype.bitsize();
+            let view = TensorView::new(*dtype, vec![count], data).unwrap();
+            (*name, view)
+        });
+        let views = others.chain([("a.weight", matrix)]);
+        Weights::from_bytes(&safetensors::serialize(views, None).unwrap())
+    }
+
+    #[test]
+    fn eight_bit_numbers_are_multiples_of_the_scale_of_their_run() {
+        // 0.5 and 2 in bf16, one for each row.
+        let scales: &[u8] = &[0x00, 0x3f, 0x00, 0x40];
+        let rows = quantised(&[("a.weight.scale", Dtype::BF16, scales)]).unwrap();
+        let got = rows.values("a.weight", &[2, 2]).unwrap();
+        assert_eq!(got, [63.5, -63.5, 2.0, 0.0]);
+        let one = quantised(&[("a.weight.scale", Dtype::F32, &2f32.to_le_bytes())]).unwrap();
+        let got = one.values("a.weight", &[2, 2]).unwrap();
+        assert_eq!(got, [254.0, -254.0, 2.0, 0.0]);
+    }
+
+    #[test]
+    fn eight_bit_numbers_are_read_as_training_reads_them() {
+        let golden = Golden::open("eight_bits");
+        for name in ["matrix", "kernel"] {
+            let got = golden.values(name);
+            assert_eq!(got, golden.values(&format!("floats.{name}")), "{name}");
+            assert!(got.iter().any(|x| *x != 0.0));
+        }
+    }
+
+    #[test]
+    fn scales_that_are_missing_or_do_not_fit_are_named() {
+        let name = "a.weight.scale";
+        for (others, words) in [
+            (
+                vec![],
+                "expected the scales of the 8-bit numbers of a.weight",
+            ),
+            (vec![(name, Dtype::I16, &[0u8; 4][..])], "got none"),
+            (
+                vec![(name, Dtype::BF16, &[])],
+                "the 4 numbers of a.weight, got 0",
+            ),
+            (
+                vec![(name, Dtype::BF16, &[0; 6])],
+                "the 4 numbers of a.weight, got 3",
+            ),
+            (
+                vec![(name, Dtype::BF16, &[0; 10])],
+                "the 4 numbers of a.weight, got 5",
+            ),
+        ] {
+            let message = quantised(&others).unwrap_err().to_string();
+            let is_named = message.contains("a.weight.scale: ") && message.contains(words);
+            assert!(is_named, "{message}");
+        }
+        for scale in [f32::NAN, f32::INFINITY, 1e5] {
+            let damaged = quantised(&[(name, Dtype::F32, &scale.to_le_bytes())]).unwrap();
+            let message = damaged.check_range().unwrap_err().to_string();
+            assert!(
+                message.contains("a.weight: expected numbers within"),
+                "{message}"
+            );
         }
     }
 

@@ -5,7 +5,7 @@ pub struct Model {
     /// Its folder's name.
     pub name: &'static str,
     /// `model.planes.gz`: the bytes of a `model.safetensors`, those at even places before those at odd ones, in gzip.
-    /// The high bytes of weights in f16 are much alike; beside each other they take a third less.
+    /// Large matrices are 8-bit numbers, with a scale for each row; what they cannot bear is f16 or f32.
     /// Empty where weights are not embedded.
     pub weights: &'static [u8],
     /// `config.json`.

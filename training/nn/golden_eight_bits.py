@@ -1,0 +1,24 @@
+"""Golden of matrices in eight bits: what Rust makes of them is what Python does, to the last bit."""
+
+from pathlib import Path
+
+import torch
+
+from training.goldens import write_golden
+from training.nn.checkpoint import in_eight_bits, in_floats
+
+
+def write(out: Path, shared: Path) -> Path:
+    """`matrix` [70, 40] with a row of zeros and `kernel` [16, 48, 3] as shipped, `floats.*` as they are read.
+
+    `shared` is not used.
+    """
+    torch.manual_seed(11)
+    weights = {
+        "matrix": torch.randn(70, 40),
+        "kernel": torch.randn(16, 48, 3) * torch.logspace(-6, 2, 16)[:, None, None],
+    }
+    weights["matrix"][3] = 0
+    stored = in_eight_bits({name: value.half() for name, value in weights.items()})
+    floats = {f"floats.{name}": value for name, value in in_floats(stored).items()}
+    return write_golden(out / "eight_bits.safetensors", stored | floats, "eight_bits", tolerance="0")
