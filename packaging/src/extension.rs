@@ -161,7 +161,7 @@ fn name_platform(manifest: &Path, platform: Platform) -> Result<()> {
 /// Leaves debug information out: it is most of an unoptimised library.
 pub fn strip(steps: &mut Steps, library: &Path) -> Result<()> {
     let is_own = Platform::of_library(library)? == Platform::here()?;
-    if !(is_own && cfg!(target_os = "linux")) || !machine::has("strip") {
+    if !(is_own && cfg!(target_os = "linux") && machine::has("strip")) {
         return Ok(());
     }
     let mut command = Command::new("strip");
