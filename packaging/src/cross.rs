@@ -76,8 +76,7 @@ pub const WINDOWS_X64: Target = Target {
     },
     standard_library: UNWIND,
     linker: Some("x86_64-w64-mingw32-gcc"),
-    // lld writes the import library.
-    packages: &["gcc-mingw-w64-x86-64-win32", "lld"],
+    packages: &["gcc-mingw-w64-x86-64-win32"],
     runner: None,
 };
 

@@ -13,8 +13,8 @@ use crate::{apt, machine, platform::Platform, steps::Steps, symbols};
 
 /// Builds both C libraries, that of the microphone and the command; returns their folder.
 ///
-/// Where the sound system's headers for the other system are missing here, the command comes without a microphone and
-/// the third library is left out.
+/// Where the sound system's headers for the other system are missing here, the third library is left out. The command
+/// listens to a microphone on Windows and macOS alone: on Linux it would not start where there is no sound system.
 pub fn build(steps: &mut Steps, platform: Platform, profile: &str) -> Result<PathBuf> {
     let has_sound = platform == Platform::here()? || platform == Platform::WindowsX64;
     if has_sound && platform.is_linux() {
@@ -37,7 +37,7 @@ pub fn build(steps: &mut Steps, platform: Platform, profile: &str) -> Result<Pat
     machine::check_names_no_folder(&library)?;
     let mut command = cargo(steps, platform, profile)?;
     command.args(["-p", "anyface-cli"]);
-    if !has_sound {
+    if !has_sound || platform.is_linux() {
         command.arg("--no-default-features");
     }
     steps.run(&format!("build the command for {name}"), &mut command)?;
@@ -59,18 +59,18 @@ fn cargo(steps: &mut Steps, platform: Platform, profile: &str) -> Result<Command
     Ok(build)
 }
 
-/// The import library under the name and in the form that Microsoft's tools write; those of GNU read it as well.
+/// The import library under the name that Microsoft's tools give it; their linker and GNU's read it.
 fn import_library(steps: &mut Steps, built: &Path) -> Result<()> {
     let names = symbols::exported(&built.join("anyface.dll"))?;
     let definitions = built.join("anyface.def");
     let text = format!("LIBRARY anyface.dll\nEXPORTS\n{}\n", names.join("\n"));
     fs::write(&definitions, text)?;
-    let mut write = Command::new("lld-link");
+    let mut write = Command::new("x86_64-w64-mingw32-dlltool");
     write.current_dir(built).args([
-        "/lib",
-        "/machine:x64",
-        "/def:anyface.def",
-        "/out:anyface.dll.lib",
+        "--machine=i386:x86-64",
+        "--input-def=anyface.def",
+        "--dllname=anyface.dll",
+        "--output-lib=anyface.dll.lib",
     ]);
     steps.run("write the import library", &mut write)?;
     Ok(())
