@@ -47,10 +47,13 @@ impl Tree {
             members,
             &format!("members = [\"{name}/*\"]\nexclude = [\"{name}/include\"]"),
         );
-        let text = text.replace(
-            "path = \"rust-core\"",
-            &format!("path = \"{name}/rust-core\""),
-        );
+        let parts = ["rust-core", "microphone"];
+        let text = parts.iter().fold(text, |text, part| {
+            text.replace(
+                &format!("path = \"{part}\""),
+                &format!("path = \"{name}/{part}\""),
+            )
+        });
         let weights = format!("path = \"{}/weights/", root().display());
         let text = text.replace("path = \"weights/", &weights);
         fs::write(folder.join("Cargo.toml"), text).unwrap();
