@@ -7,7 +7,12 @@ const SOURCE: &str = "src/version.rs";
 
 fn main() {
     println!("cargo::rerun-if-changed={SOURCE}");
-    if env::var("CARGO_CFG_TARGET_OS").as_deref() != Ok("linux") {
+    let system = env::var("CARGO_CFG_TARGET_OS");
+    if system.as_deref() == Ok("macos") {
+        // Else it is named after the folder that it was built in.
+        println!("cargo::rustc-cdylib-link-arg=-Wl,-install_name,@rpath/libanyface.dylib");
+    }
+    if system.as_deref() != Ok("linux") {
         return;
     }
     let text = std::fs::read_to_string(SOURCE).expect("the crate holds its version");
