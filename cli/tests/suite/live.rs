@@ -277,12 +277,14 @@ fn a_signal_ends_it() {
     );
     let mut notes = BufReader::new(child.stderr.take().unwrap());
     place(&mut notes);
+    // Standard input stays open, which `wait` would close: nothing but the signal ends it.
+    let input = child.stdin.take();
     let kill = Command::new("kill")
         .args(["-INT", &child.id().to_string()])
         .status();
     assert!(kill.unwrap().success());
-    // Standard input stays open: nothing else ends it.
     assert_eq!(child.wait().unwrap().code(), Some(9));
+    drop(input);
     let mut rest = String::new();
     notes.read_to_string(&mut rest).unwrap();
     assert!(rest.contains("cancelled"), "{rest}");
