@@ -9,6 +9,7 @@ import os
 import shutil
 import signal
 import subprocess
+import sys
 import time
 import wave
 from pathlib import Path
@@ -16,7 +17,9 @@ from pathlib import Path
 import numpy as np
 import pytest
 
-ROOT = Path(__file__).resolve().parents[2]
+sys.path.insert(0, str(Path(__file__).resolve().parents[1]))
+from common import RATE_HZ, ROOT, write_wav
+
 SHARED = Path(os.environ.get("ANYFACE_SHARED", ROOT / "../shared"))
 HEAD = ROOT / "weights/shared/default_head"
 COMMAND = os.environ.get("ANYFACE_COMMAND", str(ROOT / "target/debug/anyface"))
@@ -25,7 +28,6 @@ IS_WINDOWS = Path(BUILT, "anyface.exe").is_file()
 PROGRAM = "anyface.exe" if IS_WINDOWS else "anyface"
 LIBRARY = "anyface.dll" if IS_WINDOWS else "libanyface.so"
 COMPILER = "x86_64-w64-mingw32-gcc" if IS_WINDOWS else "aarch64-linux-gnu-gcc"
-RATE_HZ = 16000
 # Sines and exponentials of another C library.
 NEAR_M = 1e-5
 
@@ -82,11 +84,7 @@ def voice(tmp_path_factory):
     buzz = sum(np.sin(k * phase) / k for k in range(1, 20))
     samples = 0.15 * buzz * np.clip(np.sin(2 * np.pi * 4.0 * time), 0.0, None)
     path = folder / "Stimme ü.wav"
-    with wave.open(str(path), "wb") as file:
-        file.setnchannels(1)
-        file.setsampwidth(2)
-        file.setframerate(RATE_HZ)
-        file.writeframes((samples * 32767).astype("<i2").tobytes())
+    write_wav(path, samples)
     return path
 
 

