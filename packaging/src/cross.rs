@@ -93,12 +93,9 @@ impl Target {
     /// Cargo's command `task` for this system, in a folder of its own: flags of others would build everything anew.
     pub fn cargo(&self, steps: &mut Steps, task: &str, flags: &str) -> Result<Command> {
         apt::ensure(steps, &self.all_packages()?)?;
-        let mut build = self.compiler()?;
-        build.args([task, "--target", self.triple, "--target-dir"]);
-        self.finish(&mut build, flags)?;
+        let mut build = self.command(task, self.triple, flags)?;
         if let (Some(linker), true) = (self.linker, self.needs_linker()?) {
-            let variable = self.triple.to_uppercase().replace('-', "_");
-            build.env(format!("CARGO_TARGET_{variable}_LINKER"), linker);
+            build.env(self.variable("LINKER"), linker);
         }
         Ok(build)
     }
@@ -114,11 +111,15 @@ impl Target {
             true => format!("{}.{}.{}", self.triple, GLIBC.0, GLIBC.1),
             false => self.triple.to_owned(),
         };
-        let mut build = self.compiler()?;
-        build.args(["zigbuild", "--target", &target, "--target-dir"]);
-        self.finish(&mut build, "")?;
+        let mut build = self.command("zigbuild", &target, "")?;
         build.env("PATH", path);
         Ok(build)
+    }
+
+    /// The variable by which cargo is told `what`, such as `RUNNER`, of this target alone.
+    pub fn variable(&self, what: &str) -> String {
+        let target = self.triple.to_uppercase().replace('-', "_");
+        format!("CARGO_TARGET_{target}_{what}")
     }
 
     /// Where a profile leaves what was built.
@@ -148,17 +149,22 @@ impl Target {
         Ok(cargo)
     }
 
-    /// What all commands have at their end.
-    fn finish(&self, build: &mut Command, flags: &str) -> Result<()> {
+    /// Cargo's command `task`; `triple` may name a version of glibc too.
+    fn command(&self, task: &str, triple: &str, flags: &str) -> Result<Command> {
         let separator = if flags.is_empty() { "" } else { "\x1f" };
-        build.current_dir(machine::root()).arg(self.folder()).env(
-            "CARGO_ENCODED_RUSTFLAGS",
-            [&machine::release_flags(), flags].join(separator),
-        );
+        let mut build = self.compiler()?;
+        build
+            .current_dir(machine::root())
+            .args([task, "--target", triple, "--target-dir"])
+            .arg(self.folder())
+            .env(
+                "CARGO_ENCODED_RUSTFLAGS",
+                [&machine::release_flags(), flags].join(separator),
+            );
         if !self.is_known()? {
             build.arg(format!("-Zbuild-std={}", self.standard_library));
         }
-        Ok(())
+        Ok(build)
     }
 
     /// rustup brings a linker for browsers alone.

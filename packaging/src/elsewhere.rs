@@ -117,8 +117,7 @@ fn suite(steps: &mut Steps, platform: Platform, runner: &[String]) -> Result<()>
     let target = platform.target();
     let mut test = target.cargo(steps, "test", "")?;
     test.args(["--profile", PROFILE, "-p", "anyface", "--lib"]);
-    let variable = target.triple.to_uppercase().replace('-', "_");
-    test.env(format!("CARGO_TARGET_{variable}_RUNNER"), runner.join(" "));
+    test.env(target.variable("RUNNER"), runner.join(" "));
     if platform == Platform::LinuxArm64 {
         test.arg("--").args(GOLDENS);
     }

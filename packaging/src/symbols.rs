@@ -82,7 +82,7 @@ pub fn check(platform: Platform, library: &Path) -> Result<()> {
         platform.name()
     );
     if platform.is_linux() {
-        let newest = needed_glibc(library)?;
+        let newest = glibc_of(library, &bytes)?;
         ensure!(
             newest <= GLIBC,
             "{}: expected symbols up to glibc {GLIBC:?}, got {newest:?}",
@@ -108,9 +108,12 @@ pub fn exported(library: &Path) -> Result<Vec<String>> {
 /// # Errors
 /// If the file is no library, or names no version.
 pub fn needed_glibc(library: &Path) -> Result<Version> {
-    // Names of versions stand as texts in the file.
-    let bytes = read(library)?;
-    newest_glibc(&String::from_utf8_lossy(&bytes))
+    glibc_of(library, &read(library)?)
+}
+
+/// The same of a library that is read already: names of versions stand as texts in it.
+fn glibc_of(library: &Path, bytes: &[u8]) -> Result<Version> {
+    newest_glibc(&String::from_utf8_lossy(bytes))
         .with_context(|| format!("{}: expected symbols of glibc, got none", library.display()))
 }
 
