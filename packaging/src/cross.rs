@@ -26,8 +26,6 @@ pub struct Target {
     pub linker: Option<&'static str>,
     /// Debian packages with that linker, and what runs its programs.
     pub packages: &'static [&'static str],
-    /// Words before a program that run it here; none where nothing does.
-    pub runner: Option<&'static [&'static str]>,
 }
 
 const UNWIND: &str = "std,panic_unwind";
@@ -38,16 +36,14 @@ pub const LINUX_X64: Target = Target {
     standard_library: UNWIND,
     linker: Some("cc"),
     packages: &[],
-    runner: Some(&[]),
 };
 
-/// Linux on 64-bit ARM; QEMU runs its programs.
+/// Linux on 64-bit ARM.
 pub const LINUX_ARM64: Target = Target {
     triple: "aarch64-unknown-linux-gnu",
     standard_library: UNWIND,
     linker: Some("aarch64-linux-gnu-gcc"),
     packages: &["gcc-aarch64-linux-gnu", "qemu-user"],
-    runner: Some(&["qemu-aarch64", "-L", "/usr/aarch64-linux-gnu"]),
 };
 
 /// macOS on Apple's processors.
@@ -56,7 +52,6 @@ pub const MACOS_ARM64: Target = Target {
     standard_library: UNWIND,
     linker: None,
     packages: &[],
-    runner: None,
 };
 
 /// macOS on Intel's processors.
@@ -65,7 +60,6 @@ pub const MACOS_X64: Target = Target {
     standard_library: UNWIND,
     linker: None,
     packages: &[],
-    runner: None,
 };
 
 /// 64-bit Windows, by the linker of the system that builds.
@@ -77,7 +71,6 @@ pub const WINDOWS_X64: Target = Target {
     standard_library: UNWIND,
     linker: Some("x86_64-w64-mingw32-gcc"),
     packages: &["gcc-mingw-w64-x86-64-win32"],
-    runner: None,
 };
 
 impl Target {

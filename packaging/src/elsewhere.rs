@@ -20,6 +20,8 @@ use crate::{
 
 /// Built sooner than for release, with the same results.
 const PROFILE: &str = "demo";
+/// Runs programs of ARM with the libraries of Debian's compiler for it.
+const QEMU: [&str; 3] = ["qemu-aarch64", "-L", "/usr/aarch64-linux-gnu"];
 /// Parts of names of tests: networks, and goldens of PyTorch, SciPy and others. QEMU would take hours for all tests.
 const GOLDENS: &[&str] = &[
     "nn::",
@@ -77,19 +79,16 @@ pub fn check(steps: &mut Steps, platform: Platform) -> Result<()> {
 
 /// Words before a program of `platform`.
 fn runner(steps: &mut Steps, platform: Platform) -> Result<Option<Vec<String>>> {
-    if platform == Platform::WindowsX64 {
-        let Some(wine) = chroot::WINE.executable(steps)? else {
-            return Ok(None);
-        };
-        return Ok(Some(vec![wine.display().to_string()]));
-    }
-    let Some(words) = platform.target().runner else {
-        bail!(
-            "expected a system whose programs run here (linux-x64, linux-arm64, windows-x64), got {}",
-            platform.name()
-        );
-    };
-    Ok(Some(words.iter().map(|word| (*word).to_owned()).collect()))
+    Ok(match platform {
+        Platform::WindowsX64 => chroot::WINE
+            .executable(steps)?
+            .map(|wine| vec![wine.display().to_string()]),
+        Platform::LinuxArm64 => Some(QEMU.map(str::to_owned).to_vec()),
+        other => bail!(
+            "expected a system whose programs Wine or QEMU run here (windows-x64, linux-arm64), got {}",
+            other.name()
+        ),
+    })
 }
 
 /// Folders that a program in a folder of another Debian sees, and a Windows of its own.

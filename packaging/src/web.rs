@@ -17,7 +17,6 @@ const BROWSERS: Target = Target {
     standard_library: "std,panic_abort",
     linker: Some("wasm-ld"),
     packages: &[],
-    runner: None,
 };
 const PROFILE: &str = "web";
 /// What shows the head, and what makes one file of it.
