@@ -24,7 +24,7 @@ pub struct Addon {
     /// The zip to install; without it one is built.
     #[arg(long)]
     zip: Option<PathBuf>,
-    /// Measure what the extension costs instead, with the optimised library: docs/speed.md.
+    /// Measure what the extension costs instead, with the optimised library: docs/measured/speed.md.
     #[arg(long)]
     bench: bool,
 }
@@ -55,7 +55,7 @@ pub fn built_zip(steps: &mut Steps, release: bool) -> Result<PathBuf> {
     Ok(zip)
 }
 
-/// Prints lines of the tables of docs/speed.md.
+/// Prints lines of the tables of docs/measured/speed.md.
 fn bench(steps: &mut Steps, python: &Path, zip: &Path) -> Result<()> {
     apt::ensure(steps, &["flite"])?;
     let mut measure = Command::new(python);

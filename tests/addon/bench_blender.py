@@ -1,4 +1,4 @@
-"""What the extension costs in Blender: the numbers of docs/speed.md, as lines of its tables.
+"""What the extension costs in Blender: the numbers of docs/measured/speed.md, as lines of its tables.
 
 The sliders' errors of docs/blender.md come with them.
 

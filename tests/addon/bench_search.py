@@ -1,4 +1,4 @@
-"""What it costs to refuse a mesh without a face, and to cancel that: docs/speed.md.
+"""What it costs to refuse a mesh without a face, and to cancel that: docs/measured/speed.md.
 
 Part of `bench_blender.py`: balls with bumps, larger and larger.
 """

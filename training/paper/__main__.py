@@ -1,6 +1,6 @@
 """Writes the paper's tables and figures for corpus folders, as one page.
 
-    python -m training.paper --corpus DIR [DIR ...] --anyface target/release/anyface --out docs/paper.md
+    python -m training.paper --corpus DIR [DIR ...] --anyface target/release/anyface --out docs/measured/paper.md
 
 `--options` go with every call of the command, such as `--options=--weights=mine`. `--ablations` adds rows for
 models that were trained without a part (`training.paper.ablations`).
@@ -25,7 +25,7 @@ HEAD = """# The paper's tables, made here
 What FreeTalk's tables 2 and 3 measure (LVE, EVE, MVE, FDD, DTW, DFD, δM, δCd; definitions in
 `training/paper/metrics.py`), on the corpora named below instead of MEAD-EMOTE, VOCAset, BIWI and Multiface,
 none of which are at hand. `python -m training.paper` makes the same page of any
-[corpus folder](training.md); with those sets in such folders it measures the paper's own tables.
+[corpus folder](../training.md); with those sets in such folders it measures the paper's own tables.
 Held-out clips, 25 fps, at most 10 s of each; lower is better, of FDD nearer to 0. Motion is not scaled, and
 "nothing moves" is what a still face would get. The paper's table 4 and its NJF and MLP decoders (part of its
 figure 6) are not made: Anyface has neither PoissonNet nor Jacobian fields. Ablations of
@@ -67,7 +67,7 @@ def main(
     options: Annotated[list[str], "of every call"] = (),
     ablations: Annotated[Path | None, "folder that training.paper.ablations wrote"] = None,
     clips: Annotated[int, "held-out clips of each folder"] = 20,
-    out: Path = Path("docs/paper.md"),
+    out: Path = Path("docs/measured/paper.md"),
 ) -> None:
     """Entry of the command."""
     engine = Engine(anyface.resolve(), options)

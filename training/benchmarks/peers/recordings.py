@@ -58,7 +58,7 @@ def mouth_features(motion: np.ndarray, neutral: np.ndarray) -> np.ndarray:
     """Displacements [T, 68, 3] and face at rest [68, 3], metres, to the `FEATURES`, [T, 3] mm.
 
     Gap of the inner lips ‖62 − 66‖, width ‖48 − 54‖, protrusion (mean z of 51 and 57, from rest): those of
-    `docs/quality.md`.
+    `docs/measured/quality.md`.
     """
     left, right = (motion[:, n] + neutral[n] for n in CORNERS)
     width = np.linalg.norm(left - right, axis=1)
