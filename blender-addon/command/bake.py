@@ -5,10 +5,11 @@ import os
 
 import bpy
 
-from ..core import emotion, systems
-from ..core.errors import AnyfaceError
+from ..core import emotion, look, systems
+from ..core.errors import AnyfaceError, plain
 from ..core.take import EMOTION_WORDS, Basis
 from ..scene import bake, stale
+from ..scene.sound import decode
 from ..ui import preferences, running
 from ..ui.settings import from_object
 from . import telling
@@ -34,7 +35,20 @@ def run(options: argparse.Namespace) -> dict:
         ob.anyface.report, ob.anyface.report_is_error = text, False
     old = stale.everywhere()
     text = " ".join([text, *(f"({note})" for note in old)])
-    return {"message": text, **_numbers(take), **({"stale_caches": old} if old else {})}
+    fields = {"message": text, **_numbers(take), **({"stale_caches": old} if old else {})}
+    # Rows of a batch have no such option: each has a report.
+    if getattr(options, "report", True):
+        fields["look"] = _look(snapshot, take)
+    return fields
+
+
+def _look(snapshot, take) -> dict:
+    """What the page of a batch shows; the shot is done, whatever happens here."""
+    try:
+        sound = snapshot.source.load(decode.decoder(snapshot.engine))
+        return look.of_take(snapshot.face, sound, take)
+    except Exception as raised:
+        return {"warnings": [f"no picture of it could be made: {plain(raised)}"]}
 
 
 def _numbers(take) -> dict:
@@ -56,7 +70,7 @@ def _settings(ob, scene, options) -> bake.Settings:
         settings.start_frame = scene.frame_start
     if options.emotion is not None:
         _set_emotion(settings, options.emotion)
-    given = {
+    values = {
         "start_frame": options.start,
         "mode": options.mode,
         "error_mm": options.error,
@@ -70,7 +84,7 @@ def _settings(ob, scene, options) -> bake.Settings:
         "neutral_voice": os.path.abspath(options.neutral_voice) if options.neutral_voice else None,
         "event_file": os.path.abspath(options.events) if options.events else None,
     }
-    for name, value in given.items():
+    for name, value in values.items():
         if value is not None:
             setattr(settings, name, value)
     settings.held = {
@@ -90,9 +104,9 @@ def _set_emotion(settings: bake.Settings, text: str) -> None:
 
 def named(collection, name: str, what: str):
     """An item of `collection`; raises `AnyfaceError("input")` with those that would do."""
-    found = collection.get(name)
-    if found is None:
+    match = collection.get(name)
+    if match is None:
         fitting = [item.name for item in collection if getattr(item, "type", "MESH") == "MESH"]
         known = ", ".join(fitting) or "none"
         raise AnyfaceError("input", f"{what}: expected one of {known}, got {name!r}")
-    return found
+    return match

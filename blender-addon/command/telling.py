@@ -11,10 +11,10 @@ _LOOK_S, _SHARE = 0.2, 0.1
 
 def work(snapshot, quiet: bool):
     """What `snapshot.work` returns; unless `quiet`, stages are told on standard error."""
-    job, told = Job(snapshot.work).start(), ("", 0.0)
+    job, last = Job(snapshot.work).start(), ("", 0.0)
     try:
         while not job.wait(_LOOK_S):
-            told = _tell(snapshot.object_name, job.progress.at, told, quiet)
+            last = _tell(snapshot.object_name, job.progress.at, last, quiet)
     except BaseException:
         job.cancel(wait_s=None)
         raise
@@ -22,10 +22,10 @@ def work(snapshot, quiet: bool):
     return job.result()
 
 
-def _tell(name: str, now: tuple[str, float], told: tuple[str, float], quiet: bool):
+def _tell(name: str, now: tuple[str, float], last: tuple[str, float], quiet: bool):
     """Tells a new stage, or more of the same; returns what was told last."""
     stage, share = now
-    if quiet or not stage or (stage == told[0] and share < told[1] + _SHARE):
-        return told
+    if quiet or not stage or (stage == last[0] and share < last[1] + _SHARE):
+        return last
     say(f"anyface: {name}: {stage} {share:.0%}", sys.stderr)
     return now

@@ -83,13 +83,18 @@ def write(path, content) -> None:
 
     Raises `AnyfaceError("file")`; what lay there stays.
     """
+    write_text(path, json.dumps(content, indent=1, ensure_ascii=False) + "\n")
+
+
+def write_text(path, text: str) -> None:
+    """Writes any text as `write` does."""
     path = Path(path)
     beside = path.with_name(f".{path.name}.{socket.gethostname()}.{os.getpid()}")
     try:
         path.parent.mkdir(parents=True, exist_ok=True)
         # Half a character, as names of files may have it, stands there as its number.
         with open(beside, "w", encoding="utf-8", errors="backslashreplace") as file:
-            file.write(json.dumps(content, indent=1, ensure_ascii=False) + "\n")
+            file.write(text)
             file.flush()
             os.fsync(file.fileno())
         os.replace(beside, path)

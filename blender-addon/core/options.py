@@ -36,6 +36,18 @@ def real(text: str) -> float:
     return value
 
 
+def rows(text: str) -> range:
+    """Rows `A-B`, or a single one, from 1; raises `argparse.ArgumentTypeError`."""
+    first, dash, last = text.partition("-")
+    try:
+        numbers = range(int(first), int(last if dash else first) + 1)
+    except ValueError:
+        numbers = range(0)
+    if not numbers or numbers.start < 1:
+        raise argparse.ArgumentTypeError(f"expected rows such as 1-20, got {text[:40]!r}")
+    return numbers
+
+
 def step_parser(task: str) -> argparse.ArgumentParser:
     """The options of one task as a row of a jobs file gives them: no file, nothing to save.
 
@@ -131,7 +143,13 @@ def _add_object(task: argparse.ArgumentParser) -> None:
 def add_batch(task: argparse.ArgumentParser) -> None:
     """Options of many shots at once."""
     task.add_argument("jobs", help="the JSON file that lists the shots")
+    task.add_argument(
+        "--rows", type=rows, metavar="A-B", help="only these rows of the file, from 1 to its last"
+    )
     task.add_argument("--workers", type=int, default=1, help="processes on this machine")
+    task.add_argument(
+        "--chunk", type=int, default=20, metavar="N", help="shots that one Blender does in a row"
+    )
     task.add_argument("--scheduler", metavar="tcp://…", help="a Dask scheduler: its workers do it")
     task.add_argument("--connect", type=real, default=30.0, metavar="S", help="wait for it")
     task.add_argument("--reports", metavar="FOLDER", help="default: beside the jobs file")
@@ -139,6 +157,15 @@ def add_batch(task: argparse.ArgumentParser) -> None:
     task.add_argument("--retries", type=int, default=1, help="new tries after a crash")
     task.add_argument("--timeout", type=real, metavar="S", help="seconds that a shot may take")
     task.add_argument("--again", action="store_true", help="finished shots too")
+    task.add_argument(
+        "--map",
+        action="append",
+        default=[],
+        metavar="FROM=TO",
+        help="a folder that has another name on this machine; may be repeated",
+    )
+    task.add_argument("--dry-run", action="store_true", help="say what is left, do nothing")
+    task.add_argument("--sum", action="store_true", help="only write the page of all reports")
 
 
 # What may be done with one open file: help, what adds the options, whether it must be saved.

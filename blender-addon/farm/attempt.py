@@ -1,4 +1,4 @@
-"""One shot in a process of its own.
+"""Shots in a process of their own.
 
 These functions, and those of `ledger` and `core` that they call, are sent to other
 machines as they are: they need nothing but Python's own library there.
@@ -8,114 +8,178 @@ import contextlib
 import json
 import os
 import subprocess
+import threading
 import time
+from collections.abc import Iterator
 
 from ..core import beside
 from ..core.errors import plain
 from .ledger import close, finished, forget, read
 
-# Seconds between two looks at a running process.
+# What a process prints at the end of a line when its shot has ended.
+END = "\x1eanyface: the shot has ended"
+# Seconds between two looks at a process that works.
 _LOOK_S = 0.1
-# The exit code of a defect, as `core.errors` has it.
-_INTERNAL = 10
+# Exit codes of a defect and of a full memory, as `core.errors` has them: the next shot gets a new
+# process.
+_INTERNAL, _MEMORY = 10, 13
 # SIGKILL, which not every system has by name.
 _KILLED = 9
 
 
-def run_shot(command, shot, threads=None, retries=1, timeout_s=None, stop=None) -> dict:
-    """Runs `command` with `shot` (`asdict(Shot)`) on its standard input; returns the report.
+class ShotProcess:
+    """A Blender that does one shot after another, and hears them on its standard input.
 
-    A process that ends without a report has crashed; it is tried again up to `retries` times.
-    `threads` is what the process may use; `stop` is an event that ends it early. Nothing is raised:
-    whatever goes wrong stands in the report, and the other shots go on.
+    It starts with its first shot and ends after `chunk` of them. `command` starts it, `threads` is
+    what it may use. Its input stays open as long as this process lives: where this one is killed,
+    the other reads the end of its input, and stops too.
     """
-    began = time.monotonic()
-    try:
-        outcome = _outcome(command, shot, threads, retries, timeout_s, stop)
-        if outcome.get("name") is not None:
-            return outcome
-    except BaseException as raised:
-        error = plain(raised)
-        outcome = {"kind": error.kind, "message": str(error), "exit_code": error.exit_code}
-    with contextlib.suppress(Exception):
-        beside.remove_all(shot["save"])
-    seconds = round(time.monotonic() - began, 3)
-    return close(shot, {"ok": False, **outcome, "seconds": seconds})
 
+    def __init__(self, command: list[str], threads: int | None = None, chunk: int = 1):
+        self._command, self._threads, self._chunk = command, threads, chunk
+        self._process, self._reader, self._shots = None, None, 0
+        self._log, self._ended = None, threading.Event()
 
-def _outcome(command, shot, threads, retries, timeout_s, stop) -> dict:
-    """The report of a shot, or why there is none."""
-    done = finished(shot)
-    if done is not None:
-        return done
-    forget(shot)
-    for _ in range(retries + 1):
-        code, message = _run(command, shot, threads, timeout_s, stop)
-        told = read(shot["report"])
-        if told is not None:
-            return told
-        if stop is not None and stop.is_set():
-            break
-    outcome = {"kind": "internal", "message": message, "process_code": code}
-    return {**outcome, "exit_code": _INTERNAL}
+    def do(self, shot: dict, retries=1, timeout_s=None, stop=None) -> dict:
+        """Does a `shot` (`asdict(Shot)`) and returns its report.
 
-
-def _run(command, shot, threads, timeout_s, stop) -> tuple[int | None, str]:
-    """Exit code of one process, and what to say where it leaves no report."""
-    log = os.path.splitext(shot["report"])[0] + ".log"
-    os.makedirs(os.path.dirname(log), exist_ok=True)
-    environment = dict(os.environ)
-    if threads:
-        environment.setdefault("RAYON_NUM_THREADS", str(threads))
-    with open(log, "ab") as output:
+        Where the process ends without a report it has crashed; a new one tries again, up to
+        `retries` times. `stop` is an event that ends it early. Nothing is raised: whatever goes
+        wrong stands in the report, and the other shots go on.
+        """
+        began = time.monotonic()
         try:
-            process = subprocess.Popen(
-                command,
+            outcome = self._outcome(shot, retries, timeout_s, stop)
+            if outcome.get("name") is not None:
+                return outcome
+        except BaseException as raised:
+            self.close()
+            error = plain(raised)
+            outcome = {"kind": error.kind, "message": str(error), "exit_code": error.exit_code}
+        with contextlib.suppress(Exception):
+            beside.remove_all(shot["save"])
+        seconds = round(time.monotonic() - began, 3)
+        return close(shot, {"ok": False, **outcome, "seconds": seconds})
+
+    def close(self) -> None:
+        """Ends the process; the next shot starts another one."""
+        process, self._process, self._shots = self._process, None, 0
+        if process is None:
+            return
+        process.kill()
+        process.wait()
+        with contextlib.suppress(OSError):
+            process.stdin.close()
+        self._reader.join(1.0)
+
+    def _outcome(self, shot: dict, retries: int, timeout_s, stop) -> dict:
+        """The report of a shot, or why there is none."""
+        earlier = finished(shot)
+        if earlier is not None:
+            return earlier
+        forget(shot)
+        for _ in range(retries + 1):
+            code, message = self._run(shot, timeout_s, stop)
+            report = read(shot["report"])
+            if report is not None:
+                self._shots += 1
+                if self._shots >= self._chunk or report.get("exit_code") in (_INTERNAL, _MEMORY):
+                    self.close()
+                return report
+            self.close()
+            if stop is not None and stop.is_set():
+                break
+        outcome = {"kind": "internal", "message": message, "process_code": code}
+        return {**outcome, "exit_code": _INTERNAL}
+
+    def _run(self, shot: dict, timeout_s, stop) -> tuple[int | None, str]:
+        """The process's exit code, and what to say where it leaves no report."""
+        path = os.path.splitext(shot["report"])[0] + ".log"
+        os.makedirs(os.path.dirname(path), exist_ok=True)
+        with open(path, "ab") as self._log:
+            try:
+                why = self._start() or self._feed(shot, timeout_s, stop)
+            finally:
+                code = self._process.poll() if self._process is not None else None
+                if code is not None:
+                    # Its last words.
+                    self._reader.join(1.0)
+                self._log = None
+        return code, why or _ending(code, path)
+
+    def _start(self) -> str:
+        """Starts the process where none runs; says why where it cannot."""
+        if self._process is not None and self._process.poll() is None:
+            return ""
+        self.close()
+        environment = dict(os.environ)
+        if self._threads:
+            environment.setdefault("RAYON_NUM_THREADS", str(self._threads))
+        try:
+            self._process = subprocess.Popen(
+                self._command,
                 stdin=subprocess.PIPE,
-                stdout=output,
+                stdout=subprocess.PIPE,
                 stderr=subprocess.STDOUT,
                 env=environment,
             )
         except OSError as error:
-            return None, f"{command[0]}: {error.strerror}: check --blender, and that it may be run"
-    late = _feed(process, shot, timeout_s, stop)
-    if late:
-        return process.returncode, late
-    return process.returncode, _ending(process.returncode, log)
+            program = self._command[0]
+            return f"{program}: {error.strerror}: check --blender, and that it may be run"
+        self._reader = threading.Thread(target=self._listen, args=(self._process.stdout,))
+        self._reader.daemon = True
+        self._reader.start()
+        return ""
+
+    def _listen(self, output) -> None:
+        """Writes what a process prints into the log of its shot."""
+        with contextlib.suppress(OSError, ValueError), output:
+            for line in output:
+                log, has_ended = self._log, line.rstrip().endswith(END.encode())
+                # Blender itself may have begun the line.
+                line = line.replace(END.encode(), b"").lstrip() if has_ended else line
+                if log is not None and line:
+                    # The log may be closed meanwhile, or the disk full.
+                    with contextlib.suppress(OSError, ValueError):
+                        log.write(line)
+                        log.flush()
+                if has_ended:
+                    self._ended.set()
+
+    def _feed(self, shot: dict, timeout_s, stop) -> str:
+        """Gives the shot to the process and waits; says why where it was stopped."""
+        last = time.monotonic() + (timeout_s or float("inf"))
+        self._ended.clear()
+        with contextlib.suppress(OSError):
+            self._process.stdin.write(json.dumps(shot).encode() + b"\n")
+            self._process.stdin.flush()
+        while not self._ended.wait(_LOOK_S) and self._process.poll() is None:
+            if time.monotonic() > last:
+                self._process.kill()
+                self._process.wait()
+                return f"took longer than {timeout_s:g} s and was stopped: raise --timeout"
+            if stop is not None and stop.is_set():
+                self._process.kill()
+                self._process.wait()
+                return "stopped: run the batch again to go on"
+        return ""
 
 
-def _ending(code: int, log: str) -> str:
+def run_shots(command: list[str], shots: list[dict], **limits) -> Iterator[dict]:
+    """The reports of `shots`, which one process does one after another; `limits` as
+    `ShotProcess.do` has them."""
+    with contextlib.closing(ShotProcess(command, chunk=len(shots))) as process:
+        for shot in shots:
+            yield process.do(shot, **limits)
+
+
+def _ending(code: int | None, log: str) -> str:
     """How a process without a report has ended, and where to look."""
     if code == -_KILLED:
         return (
             f"the process was killed, most often by a system that is out of memory: run fewer "
             f"--workers, and see {log}"
         )
+    if code is None:
+        return f"the shot left no report: see {log} and that {os.path.dirname(log)} may be written"
     return f"the process ended early ({code}): see {log}, then run the batch again"
-
-
-def _feed(process, shot, timeout_s, stop) -> str:
-    """Gives the shot to the process and waits; says why where it had to be stopped.
-
-    The pipe stays open as long as this process lives: where it is killed, the other one reads the
-    end of its input, and stops too.
-    """
-    last = time.monotonic() + (timeout_s or float("inf"))
-    try:
-        process.stdin.write(json.dumps(shot).encode() + b"\n")
-        process.stdin.flush()
-        while process.poll() is None:
-            if time.monotonic() > last:
-                return f"took longer than {timeout_s:g} s and was stopped: raise --timeout"
-            if stop is not None and stop.is_set():
-                return "stopped: run the batch again to go on"
-            time.sleep(_LOOK_S)
-    except OSError:
-        # It has ended, or reads no more.
-        process.wait()
-    finally:
-        process.kill()
-        process.wait()
-        with contextlib.suppress(OSError):
-            process.stdin.close()
-    return ""

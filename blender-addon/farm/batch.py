@@ -8,9 +8,9 @@ import time
 from dataclasses import asdict
 from pathlib import Path
 
-from ..core import json_file
 from ..core.errors import EXIT_CODES, AnyfaceError, plain, say
-from . import cluster, jobs, ledger, local
+from . import cluster, jobs, ledger, local, results
+from .paths import PathMap
 
 _GO_ON = "what is finished stays, run the batch again to go on"
 _ENTRY = Path(__file__).resolve().parents[1] / "anyface_batch.py"
@@ -22,56 +22,112 @@ def run(options: argparse.Namespace, blender: str = "") -> int:
     `blender` is the executable that runs this, "" for plain Python.
     """
     try:
-        reports = _run(options, options.blender or blender)
+        is_whole = _run(options, options.blender or blender)
     except BaseException as raised:
         error = plain(raised)
         more = "" if isinstance(raised, AnyfaceError) else f": {_GO_ON}"
         say(f"anyface: {error}{more}", sys.stderr)
         return error.exit_code
-    return 0 if all(report["ok"] for report in reports) else EXIT_CODES["shots"]
+    return 0 if is_whole else EXIT_CODES["shots"]
 
 
-def _run(options, blender: str) -> list[dict]:
+def _run(options, blender: str) -> bool:
+    """Does what is asked of the rows; whether all of them are well."""
+    for name in ("workers", "chunk"):
+        if getattr(options, name) < 1:
+            text = f"--{name}: expected 1 or more, got {getattr(options, name)}"
+            raise AnyfaceError("input", text)
+    paths = PathMap(options.map)
+    path = Path(paths.here(options.jobs))
+    default = path.with_suffix(".reports")
+    folder = Path(paths.here(options.reports) if options.reports else default).resolve()
+    listed = jobs.read(path, folder, paths, options.rows)
+    if options.sum:
+        return _sum(path, folder, listed)
+    if options.dry_run:
+        return _tell_plan(options, listed)
+    return _work(options, command(paths.here(blender)), (path, folder), listed)
+
+
+def _work(options, words: list[str], where: tuple[Path, Path], listed: jobs.Listed) -> bool:
     began = time.monotonic()
-    path = Path(options.jobs)
-    folder = Path(options.reports or path.with_suffix(".reports")).resolve()
-    listed = jobs.read(path, folder)
+    path, folder = where
     shots = [asdict(shot) for shot in listed.shots]
     total = len(shots) + len(listed.broken)
-    if options.workers < 1:
-        raise AnyfaceError("input", f"--workers: expected 1 or more, got {options.workers}")
     if options.again:
         for shot in shots:
             ledger.forget(shot)
     reports = [report for shot in shots if (report := ledger.finished(shot)) is not None]
-    kept = {report["name"] for report in reports}
-    left = [shot for shot in shots if shot["name"] not in kept]
+    finished = {report["name"] for report in reports}
+    left = [shot for shot in shots if shot["name"] not in finished]
     if reports:
         say(f"anyface: {len(reports)} of {total} shots were finished before", sys.stdout)
     for row in listed.broken:
         reports.append(ledger.close(asdict(row.shot), row.outcome))
         _tell(reports[-1], len(reports), total)
-    limits = {"retries": options.retries, "timeout_s": options.timeout}
-    with contextlib.closing(_start(options, command(blender), left, limits)) as ended:
+    with contextlib.closing(_start(options, words, left)) as ended:
         for report in ended:
             reports.append(report)
             _tell(report, len(reports), total)
-    summary = _summary(reports, time.monotonic() - began)
-    say(f"anyface: {summary['ok']} of {total} shots are finished, reports in {folder}", sys.stdout)
-    json_file.write(folder / f"{jobs.SUMMARY}.json", summary)
-    return reports
+    well = sum(report["ok"] for report in reports)
+    say(f"anyface: {well} of {total} shots are finished, reports in {folder}", sys.stdout)
+    if options.rows is None:
+        # Of some rows others know more.
+        results.write(folder, path.name, reports, round(time.monotonic() - began, 3))
+        say(f"anyface: {folder / 'results.html'} shows them", sys.stdout)
+    return well == total
 
 
-def _start(options, words: list[str], shots: list[dict], limits: dict):
+def _start(options, words: list[str], shots: list[dict]):
     if not shots:
         return (nothing for nothing in ())
+    limits = {"retries": options.retries, "timeout_s": options.timeout}
     if options.scheduler:
-        return cluster.run(words, shots, options.scheduler, options.connect, **limits)
-    return local.run(words, shots, options.workers, **limits)
+        where = options.scheduler, options.connect
+        return cluster.run(words, shots, *where, options.chunk, **limits)
+    return local.run(words, shots, options.workers, options.chunk, **limits)
+
+
+def _sum(path: Path, folder: Path, listed: jobs.Listed) -> bool:
+    """Writes what came of all rows, by their reports."""
+    rows = [asdict(shot) for shot in listed.shots]
+    reports = [report for shot in rows if (report := ledger.read(shot["report"])) is not None]
+    for row in listed.broken:
+        shot = asdict(row.shot)
+        reports.append(ledger.read(shot["report"]) or ledger.close(shot, row.outcome))
+    total = len(rows) + len(listed.broken)
+    well = results.write(folder, path.name, reports, None)["ok"]
+    missing = f", {total - len(reports)} have no report yet" if total > len(reports) else ""
+    say(f"anyface: {well} of {total} shots are finished{missing}", sys.stdout)
+    say(f"anyface: {folder / 'results.html'} shows them", sys.stdout)
+    return well == total
+
+
+def _tell_plan(options, listed: jobs.Listed) -> bool:
+    """Says what a run would do."""
+    known = [ledger.read(shot.report) for shot in listed.shots]
+    known = [report for report in known if report is not None]
+    left = [shot for shot in listed.shots if ledger.finished(asdict(shot)) is None]
+    for row in listed.broken:
+        say(f"anyface: {row.shot.name}: {row.outcome['message']}", sys.stderr)
+    say(
+        f"anyface: {len(listed.shots) - len(left)} shots are finished, {len(left)} are left, "
+        f"{len(listed.broken)} cannot be right",
+        sys.stdout,
+    )
+    seconds = [report["seconds"] for report in known if report["ok"] and "seconds" in report]
+    if left and seconds:
+        minutes = sum(seconds) / len(seconds) * len(left) / options.workers / 60.0
+        say(f"anyface: by earlier reports they take about {minutes:.1f} min", sys.stdout)
+    memory = max((report.get("memory_mb") or 0 for report in known), default=0)
+    if memory:
+        say(f"anyface: by earlier reports a process takes up to {memory} MB", sys.stdout)
+    return not listed.broken
 
 
 def command(blender: str) -> list[str]:
-    """How one shot is started: a Blender that has the extension, or this Python with bpy."""
+    """How a process that does shots is started: a Blender that has the extension, or this Python
+    with bpy."""
     if blender:
         return [shutil.which(blender) or blender, "-b", "--command", "anyface", "shot"]
     return [sys.executable, str(_ENTRY), "shot"]
@@ -80,13 +136,3 @@ def command(blender: str) -> list[str]:
 def _tell(report: dict, number: int, total: int) -> None:
     stream = sys.stdout if report["ok"] else sys.stderr
     say(f"anyface: {number}/{total} {report['name']}: {report['message']}", stream)
-
-
-def _summary(reports: list[dict], seconds: float) -> dict:
-    rows = sorted(reports, key=lambda report: report["name"])
-    return {
-        "ok": sum(report["ok"] for report in reports),
-        "failed": [report["name"] for report in rows if not report["ok"]],
-        "seconds": round(seconds, 3),
-        "shots": rows,
-    }

@@ -1,4 +1,4 @@
-"""The same over Dask: its workers, on any number of machines, each run one shot at a time.
+"""The same over Dask: its workers, on any number of machines, each do some shots in a row.
 
 Only the Python that runs the batch and those of the workers need Dask; Blender's does not.
 """
@@ -10,11 +10,20 @@ from ..core import beside, errors, json_file
 from ..core.errors import AnyfaceError, plain
 from . import attempt, ledger
 
+# So many parts of the work each thread of a worker gets, if there are enough shots.
+_TURNS = 4
+
 
 def run(
-    command: list[str], shots: list[dict], scheduler: str, connect_s: float, **limits
+    command: list[str],
+    shots: list[dict],
+    scheduler: str,
+    connect_s: float,
+    chunk: int,
+    **limits,
 ) -> Iterator[dict]:
-    """Reports of all shots as they end; a shot whose worker is lost goes to another one."""
+    """Reports of all shots as they end, up to `chunk` of them by one process; those whose worker is
+    lost go to another one, which does what is not finished yet."""
     distributed, cloudpickle = _dask()
     for module in (attempt, ledger, json_file, errors, beside):
         # Workers need not have the extension in their own Python.
@@ -24,23 +33,27 @@ def run(
     except (OSError, TimeoutError, ValueError) as error:
         text = f"no Dask scheduler at {scheduler}: {error}: start one, or check the address"
         raise AnyfaceError("input", text) from error
-    work = attempt.run_shot
+    work = attempt.run_shots
 
-    def one(shot: dict) -> dict:
+    def some(shots: list[dict]) -> list[dict]:
         # A function inside a function: Dask sends it by value, and what it calls with it.
-        return work(command, shot, **limits)
+        return list(work(command, shots, **limits))
 
     with client:
+        threads = sum(client.nthreads().values())
+        # Each of them gets several, so that none waits long for the last.
+        size = max(1, min(chunk, len(shots) // (_TURNS * max(1, threads))))
         futures = {}
-        for shot in shots:
-            key = f"anyface-{shot['name']}-{shot['digest']}"
-            futures[client.submit(one, shot, key=key)] = shot
+        for first in range(0, len(shots), size):
+            part = shots[first : first + size]
+            key = f"anyface-{part[0]['name']}-{part[0]['digest']}-{len(part)}"
+            futures[client.submit(some, part, key=key)] = part
         for future in distributed.as_completed(list(futures)):
-            yield _report(future, futures[future])
+            yield from _reports(future, futures[future])
 
 
-def _report(future, shot: dict) -> dict:
-    """The report of a shot, or one that says why its worker has sent none."""
+def _reports(future, shots: list[dict]) -> list[dict]:
+    """The reports of shots; those that their worker has not sent say why."""
     try:
         if future.status == "finished":
             return future.result()
@@ -52,7 +65,8 @@ def _report(future, shot: dict) -> dict:
     except BaseException as raised:
         text = f"its result did not arrive: {plain(raised)}"
     text = f"{text}: see that scheduler and workers run, then run the batch again"
-    return ledger.close(shot, {"ok": False, "kind": "internal", "exit_code": 10, "message": text})
+    outcome = {"ok": False, "kind": "internal", "exit_code": 10, "message": text}
+    return [ledger.finished(shot) or ledger.close(shot, outcome) for shot in shots]
 
 
 def _dask():

@@ -4,21 +4,24 @@ A shot names its `file`, where to `save`, and the options of `bake` without thei
 a list of such options where several faces of one file are animated. Paths count from the jobs file.
 """
 
+import functools
 import hashlib
 import json
 import os
 import re
 from argparse import ArgumentError
-from dataclasses import asdict, dataclass
+from dataclasses import dataclass, replace
 from pathlib import Path
 
 from ..core import json_file, model_card, options, schema, wording
 from ..core.errors import AnyfaceError
+from .paths import PathMap
 
 _PATHS = ("audio", "events", "emotion_of", "neutral_voice", "landmarks", "out", "weights")
 _READ = ("--audio", "--events", "--emotion-of", "--neutral-voice", "--landmarks")
 _OWN = ("name", "file", "save", "faces")
 _NAME = re.compile(r"[\w.-]+")
+_parser = functools.cache(options.step_parser)
 _LONGEST = 200
 # The stem of the file beside the reports that tells of all of them.
 SUMMARY = "batch"
@@ -50,37 +53,47 @@ class Broken:
 
 @dataclass(frozen=True)
 class Listed:
-    """The rows of a jobs file that can be done, and those that cannot be right."""
+    """The rows of a jobs file that can be done, and those that cannot be right; `total` counts all
+    rows of the file."""
 
     shots: list[Shot]
     broken: list[Broken]
+    total: int
 
 
-def read(path: Path, reports: Path) -> Listed:
-    """All rows of the file; one that cannot be right keeps no other from being done.
+def read(path: Path, reports: Path, paths: PathMap, chosen: range | None = None) -> Listed:
+    """The rows of the file, or those with the numbers `chosen`, from 1; one that cannot be right
+    keeps no other from being done.
 
     Raises `AnyfaceError("input")` where the file as a whole, or what its rows share, is wrong.
     """
     content = schema.check(str(path), json_file.read(path), schema.OBJECT)
     rows = schema.check(f"{path}: shots", content.get("shots"), schema.LIST)
     defaults = _row(f"{path.name}, defaults", content.get("defaults", {}))
+    if chosen is None:
+        chosen = range(1, len(rows) + 1)
+    elif chosen.start > len(rows):
+        text = f"--rows: expected rows of 1 to {len(rows)}, got {chosen.start}"
+        raise AnyfaceError("input", text)
     shots, wrong = {}, {}
     for number, row in enumerate(rows, start=1):
         where = f"{path.name}, shot {number}"
         try:
             row = {**defaults, **_row(where, row)}
-            shots[number] = _shot(where, row, path.parent.resolve(), reports)
+            shots[number] = _shot(where, row, path.parent.resolve(), reports, paths)
         except AnyfaceError as error:
             wrong[number] = error
     wrong |= _clashes(path, shots)
     good = {number: shot for number, shot in shots.items() if number not in wrong}
-    taken = {SUMMARY, *(shot.name.casefold() for shot in good.values())}
+    names = {SUMMARY, *(shot.name.casefold() for shot in good.values())}
     broken = []
     for number, error in sorted(wrong.items()):
-        name = _name_of(number, rows[number - 1], taken)
-        taken.add(name.casefold())
-        broken.append(_broken(name, reports, error))
-    return Listed(list(good.values()), broken)
+        name = _name_of(number, rows[number - 1], names)
+        names.add(name.casefold())
+        if number in chosen:
+            broken.append(_broken(name, reports, error))
+    shots = [shot for number, shot in good.items() if number in chosen]
+    return Listed(shots, broken, len(rows))
 
 
 def _broken(name: str, reports: Path, error: AnyfaceError) -> Broken:
@@ -89,15 +102,15 @@ def _broken(name: str, reports: Path, error: AnyfaceError) -> Broken:
     return Broken(shot, {**outcome, "exit_code": error.exit_code, "seconds": 0.0})
 
 
-def _name_of(number: int, row, taken: set[str]) -> str:
+def _name_of(number: int, row, names: set[str]) -> str:
     """The name of a row that cannot be right, or its number where it has none for itself."""
     name = row.get("name") if isinstance(row, dict) else None
     if name is None and isinstance(row, dict) and isinstance(row.get("save"), str):
         name = Path(row["save"]).stem
-    if _is_name(name) and name.casefold() not in taken:
+    if _is_name(name) and name.casefold() not in names:
         return name
     name = f"row-{number}"
-    while name in taken:
+    while name in names:
         name += "-"
     return name
 
@@ -117,7 +130,7 @@ def _row(where: str, row) -> dict:
     return row
 
 
-def _shot(where: str, row: dict, folder: Path, reports: Path) -> Shot:
+def _shot(where: str, row: dict, folder: Path, reports: Path, paths: PathMap) -> Shot:
     for field in ("file", "save"):
         if not row.get(field) or "\0" in row[field]:
             raise AnyfaceError("input", f"{where}: expected a path in {field!r}")
@@ -136,18 +149,19 @@ def _shot(where: str, row: dict, folder: Path, reports: Path) -> Shot:
     faces = row.get("faces", [{}])
     if not faces:
         raise AnyfaceError("input", f"{where}: faces: expected at least one, got none")
-    steps = tuple(_step(f"{where} ({name})", {**shared, **face}, folder) for face in faces)
+    where = f"{where} ({name})"
+    steps = tuple(_step(where, {**shared, **face}, folder, paths) for face in faces)
     shot = Shot(
         name=name,
-        file=str(folder / row["file"]),
-        save=str(folder / row["save"]),
+        file=str(folder / paths.here(row["file"])),
+        save=str(folder / paths.here(row["save"])),
         report=str(reports / f"{name}.json"),
         steps=steps,
     )
-    return Shot(**{**asdict(shot), "steps": steps, "digest": _digest(shot)})
+    return replace(shot, digest=_digest(row, shot))
 
 
-def _step(where: str, row: dict, folder: Path) -> tuple[str, ...]:
+def _step(where: str, row: dict, folder: Path, paths: PathMap) -> tuple[str, ...]:
     """The command line of one row, tried on the parser that the worker will use."""
     row = dict(row)
     task = row.pop("task", options.TASKS[0])
@@ -160,10 +174,10 @@ def _step(where: str, row: dict, folder: Path) -> tuple[str, ...]:
         if "\0" in field or "\0" in str(value):
             raise AnyfaceError("input", f"{where}: {field}: expected text without a null")
         if field in _PATHS:
-            value = folder / str(value)
+            value = folder / paths.here(str(value))
         words.append(f"--{field}={value}")
     try:
-        unknown = options.step_parser(task).parse_known_args(words)[1]
+        unknown = _parser(task).parse_known_args(words)[1]
     except ArgumentError as error:
         raise AnyfaceError("input", f"{where}: {error}") from None
     if unknown:
@@ -171,22 +185,25 @@ def _step(where: str, row: dict, folder: Path) -> tuple[str, ...]:
     return (task, *words)
 
 
-def _digest(shot: Shot) -> str:
-    """Of the row, and of size and time of the files and models that it names."""
-    digest = hashlib.blake2b(json.dumps(asdict(shot)).encode(), digest_size=12)
+def _digest(row: dict, shot: Shot) -> str:
+    """Of the row, and of size and time of the files and models that it names.
+
+    It holds no path of this machine, so that all machines agree on what is finished.
+    """
+    digest = hashlib.blake2b(json.dumps(row).encode(), digest_size=12)
     for path in (shot.file, *_values(shot, *_READ)):
         if os.path.isfile(path):
             state = os.stat(path)
-            digest.update(f"{path} {state.st_size} {state.st_mtime_ns}".encode())
+            digest.update(f"{state.st_size} {state.st_mtime_ns} ".encode())
     for models in _values(shot, "--weights"):
-        digest.update(f"{models} {model_card.changed_ns(Path(models))}".encode())
+        digest.update(f"{model_card.changed_ns(Path(models))} ".encode())
     return digest.hexdigest()
 
 
 def _clashes(path: Path, shots: dict[int, Shot]) -> dict[int, AnyfaceError]:
     """Rows that would meet others: they run in any order and at once, so that no name, and no file
     that is written, may be another's too. By their numbers."""
-    found = {}
+    errors = {}
     for what, of in (("name", lambda shot: {shot.name.casefold()}), ("output", _written)):
         owners = {}
         for number, shot in shots.items():
@@ -197,13 +214,13 @@ def _clashes(path: Path, shots: dict[int, Shot]) -> dict[int, AnyfaceError]:
                 others = wording.listed([str(n) for n in numbers if n != number][:3])
                 where = f"{path.name}, shot {number}"
                 text = f"{where}: shots {others} have the {what} {key} too"
-                found[number] = AnyfaceError("input", text)
+                errors[number] = AnyfaceError("input", text)
     files = {key for shot in shots.values() for key in _files_read(shot)}
     for number, shot in shots.items():
         for key in _written(shot) & files:
             text = f"{path.name}, shot {number}: {key} is read and written: save elsewhere"
-            found[number] = AnyfaceError("input", text)
-    return found
+            errors[number] = AnyfaceError("input", text)
+    return errors
 
 
 def _written(shot: Shot) -> set[str]:

@@ -22,10 +22,19 @@ def read(report: str) -> dict | None:
 
 def finished(shot: dict) -> dict | None:
     """The report of a shot (`asdict(Shot)`) that was done as it stands now, and lies there."""
-    found = read(shot["report"])
-    if found is None or not found.get("ok") or found.get("digest") != shot["digest"]:
+    report = read(shot["report"])
+    if report is None or not report.get("ok") or report.get("digest") != shot["digest"]:
         return None
-    return found if os.path.isfile(shot["save"]) else None
+    return report if os.path.isfile(shot["save"]) else None
+
+
+def brief(report: dict) -> dict:
+    """A report without what only a page shows."""
+    faces = [
+        {name: value for name, value in face.items() if name != "look"}
+        for face in report.get("faces", [])
+    ]
+    return {**report, "faces": faces} if faces else report
 
 
 def forget(shot: dict) -> None:
@@ -43,7 +52,7 @@ def close(shot: dict, outcome: dict) -> dict:
     report = {"name": shot["name"], **outcome, "digest": shot["digest"], **where}
     try:
         write_json(shot["report"], report)
-        line = json.dumps({"at": round(time.time(), 3), **report})
+        line = json.dumps({"at": round(time.time(), 3), **brief(report)})
         history = os.path.join(os.path.dirname(shot["report"]), "history.jsonl")
         with open(history, "a", encoding="utf-8") as file:
             file.write(line + "\n")

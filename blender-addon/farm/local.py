@@ -1,27 +1,42 @@
 """A pool of processes on this machine."""
 
 import os
+import queue
 import threading
 from collections.abc import Iterator
 from concurrent.futures import ThreadPoolExecutor, as_completed
 
-from .attempt import run_shot
+from .attempt import ShotProcess
 
 
-def run(command: list[str], shots: list[dict], workers: int, **limits) -> Iterator[dict]:
-    """Reports of all shots as they end, `workers` at a time; `limits` as `run_shot` has them.
+def run(
+    command: list[str], shots: list[dict], workers: int, chunk: int, **limits
+) -> Iterator[dict]:
+    """Reports of all shots as they end, `workers` at a time; `limits` as `ShotProcess.do` has them.
 
-    The cores are shared out. Where the caller stops early, running processes are ended.
+    A process does up to `chunk` shots. The cores are shared out. Where the caller stops early,
+    running processes are ended.
     """
     threads = max(1, (os.cpu_count() or 1) // workers)
-    stop = threading.Event()
+    processes = [ShotProcess(command, threads, chunk) for _ in range(workers)]
+    idle, stop = queue.SimpleQueue(), threading.Event()
+    for process in processes:
+        idle.put(process)
+
+    def one(shot: dict) -> dict:
+        process = idle.get()
+        try:
+            return process.do(shot, stop=stop, **limits)
+        finally:
+            idle.put(process)
+
     with ThreadPoolExecutor(workers) as pool:
-        waiting = [
-            pool.submit(run_shot, command, shot, threads, stop=stop, **limits) for shot in shots
-        ]
+        waiting = [pool.submit(one, shot) for shot in shots]
         try:
             for future in as_completed(waiting):
                 yield future.result()
         finally:
             stop.set()
-            pool.shutdown(wait=False, cancel_futures=True)
+            pool.shutdown(cancel_futures=True)
+            for process in processes:
+                process.close()

@@ -1,4 +1,4 @@
-"""What the extension costs in Blender: the numbers of docs/measured/speed.md, as lines of its tables.
+"""What the extension costs in Blender: lines of the tables of docs/measured/speed.md.
 
 The sliders' errors of docs/blender.md come with them.
 

@@ -3,6 +3,7 @@
 import collections
 import json
 import os
+import re
 import signal
 import stat
 import subprocess
@@ -92,6 +93,12 @@ class Floor:
                 return
             time.sleep(0.1)
         raise AssertionError(f"only {len(self.begun())} of {count} faces were begun in a minute")
+
+
+def rows_of(page: str) -> list[dict]:
+    """The rows that the page of a batch holds."""
+    (line,) = re.findall(r"const ROWS = (\[.*\]);", page)
+    return json.loads(line)
 
 
 def wait_gone(process_id: int):

@@ -6,6 +6,8 @@ import signal
 import bpy
 import pytest
 
+import floor as floors
+from figures import curves as curves_of
 from figures import tone
 from floor import Floor, wait_gone
 
@@ -146,3 +148,91 @@ def test_a_jobs_file_that_is_none_is_refused(floor):
     for text, code in (("[", 3), ('{"defaults": [], "shots": []}', 3), (None, 8)):
         floor.jobs.write_text(text) if text else floor.jobs.unlink()
         assert floor.run()[0] == code
+
+
+def test_one_process_does_shots_in_a_row_and_a_crash_loses_one_of_them(floor):
+    floor.write(6)
+    assert floor.run("--chunk", 3)[0] == 0
+    processes = [child for _, child in floor.begun()]
+    assert [processes.count(each) for each in dict.fromkeys(processes)] == [3, 3]
+    logs = [(floor.reports / f"sh0{n}.log").read_text() for n in range(6)]
+    assert all("frames" in log and "\x1e" not in log for log in logs), logs
+    (floor.marks / "crash").touch()
+    code, text = floor.run("--again", "--retries", 0)
+    assert code == 12 and "5 of 6 shots are finished" in text, text
+    assert not floor.report("sh00")["ok"]
+    assert floor.run()[0] == 0
+    assert floor.ended() == {"sh00": 3, **{f"sh0{n}": 2 for n in range(1, 6)}}
+
+
+def test_shots_of_one_process_are_those_of_a_process_each(floor):
+    def motion(name):
+        bpy.ops.wm.open_mainfile(filepath=str(floor.folder / "out" / f"{name}.blend"))
+        keys = bpy.data.objects["Head"].data.shape_keys
+        curves = curves_of(keys.animation_data.action)
+        shapes = [[tuple(point.co) for point in key.data] for key in keys.key_blocks]
+        return shapes, [[tuple(point.co) for point in curve.keyframe_points] for curve in curves]
+
+    floor.write(3)
+    assert floor.run("--chunk", 3)[0] == 0
+    together = [motion(f"sh0{n}") for n in range(3)]
+    assert floor.run("--chunk", 1, "--again")[0] == 0
+    assert together == [motion(f"sh0{n}") for n in range(3)]
+
+
+def test_some_rows_of_a_file_are_done_alone(floor):
+    floor.write(5)
+    code, text = floor.run("--rows", "2-3")
+    assert code == 0 and "2 of 2 shots are finished" in text, text
+    assert floor.ended() == {"sh01": 1, "sh02": 1}
+    assert not (floor.reports / "batch.json").exists(), "others may be at work on the other rows"
+    assert floor.run("--rows", "5-9")[0] == 0
+    code, text = floor.run("--sum")
+    assert code == 12 and "3 of 5" in text and "2 have no report yet" in text, text
+    assert json.loads((floor.reports / "batch.json").read_text())["ok"] == 3
+    for words in ("6-8", "0-3", "3-2", "x"):
+        code, text = floor.run("--rows", words)
+        assert code in (2, 3) and "expected rows" in text, text
+
+
+def test_a_dry_run_says_what_is_left_and_does_nothing(floor):
+    floor.write(3)
+    assert floor.run("--rows", "1")[0] == 0
+    content = json.loads(floor.jobs.read_text())
+    content["shots"][2]["strp"] = "Voice"
+    floor.jobs.write_text(json.dumps(content))
+    before = sorted(floor.folder.rglob("*"))
+    code, text = floor.run("--dry-run")
+    assert code == 12 and "1 shots are finished, 1 are left, 1 cannot be right" in text, text
+    assert "--strp" in text and "MB" in text
+    assert sorted(floor.folder.rglob("*")) == before
+
+
+def test_folders_with_another_name_are_found(floor):
+    floor.write(1, audio="Z:\\show\\voice.wav", file="/mnt/show/shot.blend")
+    maps = f"/mnt/show={floor.folder}", f"{floor.folder}=Z:\\show"
+    code, text = floor.run("--map", maps[0], "--map", maps[1])
+    assert code == 0, text
+    content = json.loads(floor.jobs.read_text())
+    assert floor.run("--map", maps[0], "--map", maps[1])[1].count("finished before") == 1
+    assert content["defaults"]["audio"].startswith("Z:")
+    code, text = floor.run("--map", "/mnt/show")
+    assert code == 3 and "expected FROM=TO" in text
+
+
+def test_the_page_shows_every_shot_and_what_went_wrong_first(floor):
+    floor.write(3)
+    content = json.loads(floor.jobs.read_text())
+    content["shots"][1] |= {"object": "</script><b>", "name": "bad"}
+    floor.jobs.write_text(json.dumps(content))
+    code, text = floor.run()
+    assert code == 12 and "results.html" in text
+    page = (floor.reports / "results.html").read_text()
+    rows = floors.rows_of(page)
+    assert rows[0]["name"] == "bad" and rows[0]["reasons"][0] == "failed"
+    assert sorted(row["name"] for row in rows) == ["bad", "sh00", "sh02"]
+    assert "</script><b>" not in page.replace("<\\/", "")
+    good = rows[1]
+    assert len(good["wave"]) == 200 and max(good["wave"]) == 1.0
+    history = (floor.reports / "history.jsonl").read_text()
+    assert "wave" not in history and "sh02" in history

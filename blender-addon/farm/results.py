@@ -1,0 +1,59 @@
+"""What came of a batch: `batch.json`, and a page for a browser with what needs an eye on top."""
+
+import html
+import json
+from pathlib import Path
+
+from ..core import json_file
+from ..core.errors import AnyfaceError
+from . import jobs, ledger
+
+_PAGE = Path(__file__).resolve().parent / "engines" / "results.html"
+# So many rows have pictures and curves, those that need an eye most: a page stays small.
+_SHOWN = 100
+
+
+def write(folder: Path, title: str, reports: list[dict], seconds: float | None) -> dict:
+    """Writes both into `folder` and returns the sum; raises `AnyfaceError("file")`."""
+    rows = sorted(reports, key=lambda report: report["name"])
+    summary = {
+        "ok": sum(report["ok"] for report in rows),
+        "failed": [report["name"] for report in rows if not report["ok"]],
+        "seconds": seconds,
+        "shots": [ledger.brief(report) for report in rows],
+    }
+    json_file.write(folder / f"{jobs.SUMMARY}.json", summary)
+    try:
+        page = _PAGE.read_text(encoding="utf-8")
+        text = page.replace("{{TITLE}}", html.escape(title))
+        # Nothing in a string may end the script.
+        text = text.replace("{{ROWS}}", json.dumps(_ranked(rows)).replace("</", "<\\/"))
+        json_file.write_text(folder / "results.html", text)
+    except OSError as error:
+        raise AnyfaceError("file", f"{error.filename}: {error.strerror}") from error
+    return summary
+
+
+def _ranked(reports: list[dict]) -> list[dict]:
+    """A row of the page for each report, those that need an eye first."""
+    times = sorted(report.get("seconds", 0.0) for report in reports)
+    usual = times[len(times) // 2] if times else 0.0
+    rows = sorted((_row(report, usual) for report in reports), key=lambda row: -row["attention"])
+    for row in rows[_SHOWN:]:
+        for field in ("gap", "wave", "pictures"):
+            row.pop(field, None)
+    return rows
+
+
+def _row(report: dict, usual_s: float) -> dict:
+    looks = [face.get("look", {}) for face in report.get("faces", [])]
+    row = {name: report[name] for name in ("name", "ok", "message")}
+    row |= {name: report[name] for name in ("seconds", "host", "memory_mb") if name in report}
+    row |= {name: value for look in looks[:1] for name, value in look.items()}
+    row["warnings"] = [text for look in looks for text in look.get("warnings", [])]
+    row["out"] = report.get("file", "")
+    slow = report["ok"] and report.get("seconds", 0.0) > 3.0 * usual_s + 1.0
+    reasons = [] if report["ok"] else ["failed"]
+    reasons += row["warnings"] + (["took far longer than the others"] if slow else [])
+    attention = 100.0 * (not report["ok"]) + 10.0 * len(row["warnings"]) + 1.0 * slow
+    return row | {"reasons": reasons, "attention": attention}
