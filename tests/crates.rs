@@ -140,8 +140,8 @@ fn published_crates_need_published_ones_of_a_version() {
     let packages = packages();
     for name in PUBLISHED {
         for needed in packages[name]["dependencies"].as_array().unwrap() {
-            let (own, kind) = (needed["path"].as_str(), needed["kind"].as_str());
-            if own.is_none() || kind == Some("dev") {
+            let (path, kind) = (needed["path"].as_str(), needed["kind"].as_str());
+            if path.is_none() || kind == Some("dev") {
                 continue;
             }
             let other = needed["name"].as_str().unwrap();

@@ -11,15 +11,15 @@ const ENDINGS: [&str; 5] = ["rs", "py", "md", "h", "c"];
 const SKIPPED: [&str; 3] = ["target", "runs", "demo-output"];
 
 /// Every source and document under `folder`.
-fn files(folder: &Path, found: &mut Vec<PathBuf>) {
+fn files(folder: &Path, paths: &mut Vec<PathBuf>) {
     for entry in fs::read_dir(folder).unwrap().flatten() {
         let path = entry.path();
         let name = entry.file_name().into_string().unwrap();
         let ending = path.extension().unwrap_or_default();
         if path.is_dir() && !name.starts_with('.') && !SKIPPED.contains(&name.as_str()) {
-            files(&path, found);
+            files(&path, paths);
         } else if ENDINGS.iter().any(|known| ending == *known) {
-            found.push(path);
+            paths.push(path);
         }
     }
 }
@@ -27,11 +27,11 @@ fn files(folder: &Path, found: &mut Vec<PathBuf>) {
 /// Path and text of every source and document.
 fn texts() -> Vec<(String, String)> {
     let root = Path::new(env!("CARGO_MANIFEST_DIR")).join("..");
-    let mut found = Vec::new();
-    files(&root, &mut found);
+    let mut paths = Vec::new();
+    files(&root, &mut paths);
     let shown = |path: &Path| path.strip_prefix(&root).unwrap().display().to_string();
     let read = |path: &PathBuf| (shown(path), fs::read_to_string(path).unwrap());
-    found.iter().map(read).collect()
+    paths.iter().map(read).collect()
 }
 
 /// What stands between single backticks, within a line, outside of fenced blocks.

@@ -197,13 +197,13 @@ impl Crate {
                 continue;
             };
             let has_library = folder.join("lib.rs").exists();
-            let own = match stem {
+            let module = match stem {
                 "main" if has_library => continue,
                 "mod" | "lib" | "main" => module.clone(),
                 _ => [module.as_slice(), &[stem.to_owned()]].concat(),
             };
             let text = fs::read_to_string(&path).unwrap();
-            self.sources.insert(own, Source::read(&text));
+            self.sources.insert(module, Source::read(&text));
         }
     }
 
@@ -283,14 +283,14 @@ impl Crate {
     fn circles(&self) -> Vec<String> {
         let imports = self.imports();
         let reached = |from: &Module| {
-            let mut found = BTreeSet::new();
+            let mut reached_modules = BTreeSet::new();
             let mut left: Vec<&Module> = imports[from].keys().collect();
             while let Some(next) = left.pop() {
-                if found.insert(next.clone()) {
+                if reached_modules.insert(next.clone()) {
                     left.extend(imports[next].keys());
                 }
             }
-            found
+            reached_modules
         };
         let reached: BTreeMap<&Module, BTreeSet<Module>> = imports
             .keys()

@@ -110,8 +110,8 @@ def _arrange(basis: Basis, part: slice, axes, regions: np.ndarray, tongue) -> li
     named, into = _way(weights, _products(vectors), amounts)
     if not np.linalg.cond(into) < _WORST:
         return _numbered([REST] * count)
-    found = weights @ into
-    peak = found[np.abs(found).argmax(axis=0), np.arange(count)]
+    arranged = weights @ into
+    peak = arranged[np.abs(arranged).argmax(axis=0), np.arange(count)]
     into = into / np.where(np.abs(peak) > 1e-12, peak, 1.0)
     back = np.linalg.inv(into)
     for at in range(0, vectors.shape[1], _BLOCK):
@@ -128,13 +128,13 @@ def _arrange(basis: Basis, part: slice, axes, regions: np.ndarray, tongue) -> li
 def _of_tongue(weights: np.ndarray, tongue) -> dict[str, np.ndarray]:
     """How far each vector moves the tongue towards each of its places, `[K]`, for places that the
     weights know of."""
-    found = {}
+    names = {}
     for name, over_time in zip(_TONGUE, () if tongue is None else tongue.T, strict=False):
         amount = np.linalg.lstsq(weights, over_time, rcond=1e-6)[0]
         missing = np.linalg.norm(over_time - weights @ amount)
         if missing < _OWN * np.linalg.norm(over_time):
-            found[name] = amount
-    return found
+            names[name] = amount
+    return names
 
 
 def _amount(moved: np.ndarray, control: str) -> np.ndarray:
@@ -159,18 +159,18 @@ def _way(
     faint = _FAINT * np.eye(count)
     steps = np.concatenate([np.diff(weights, axis=0), faint])
     gram = steps.T @ steps
-    left, found = np.eye(count), {}
+    left, directions = np.eye(count), {}
 
     def take(names: list[str]) -> np.ndarray:
         """Takes out of what is left whatever moves with controls, those of `names` at once."""
         columns = left @ np.stack([amounts[name] for name in names], axis=1)
-        found.update(zip(names, columns.T, strict=True))
+        directions.update(zip(names, columns.T, strict=True))
         return left - columns @ np.linalg.pinv(columns.T @ gram @ columns) @ columns.T @ gram @ left
 
-    def is_own(name: str, own: np.ndarray) -> bool:
-        """Whether a control of which `own` `[K]` is left moves in a way of its own."""
-        size, whole = np.linalg.norm(steps @ own), np.linalg.norm(steps @ amounts[name])
-        return np.ptp(weights @ own) >= _LEAST and size >= _OWN * whole
+    def is_own(name: str, shape: np.ndarray) -> bool:
+        """Whether a control of which `shape` `[K]` is left moves in a way of its own."""
+        size, whole = np.linalg.norm(steps @ shape), np.linalg.norm(steps @ amounts[name])
+        return np.ptp(weights @ shape) >= _LEAST and size >= _OWN * whole
 
     alone: list[str] = []
     for one in _moving(_ALONE, weights, amounts):
@@ -179,13 +179,13 @@ def _way(
         alone += [one] if is_own(one, amounts[one] - others @ alike) else []
     left = take(alone[: count - 1]) if alone[: count - 1] else left
     for one in _moving(_AFTER, weights, amounts):
-        if len(found) < count - 1 and is_own(one, left @ amounts[one]):
+        if len(directions) < count - 1 and is_own(one, left @ amounts[one]):
             left = take([one])
-    named = [name for name in _ORDER if name in found]
+    named = [name for name in _ORDER if name in directions]
     values, turned = np.linalg.eigh(products)
     rest = left @ turned * np.sqrt(np.maximum(values, 1e-12 * values.max()))
     _, _, turned_rest = np.linalg.svd(np.concatenate([weights, faint]) @ rest)
-    columns = [found[name][:, None] for name in named]
+    columns = [directions[name][:, None] for name in named]
     into = np.concatenate([*columns, rest @ turned_rest[: count - len(named)].T], axis=1)
     scale = np.linalg.norm(weights @ into, axis=0)
     # Of vectors of sliders alone the size is that of the change.
@@ -231,7 +231,7 @@ def _weights(positions: np.ndarray, landmarks: np.ndarray) -> np.ndarray:
     """How much each vertex counts in each of `_REGIONS`, `[R, V]`, rows add up to 1."""
     eyes = landmarks[36:42].mean(axis=0) - landmarks[42:48].mean(axis=0)
     near = _NEAR * np.linalg.norm(eyes)
-    found = []
+    weights = []
     for name, numbers in _REGIONS.items():
         distance = np.min(
             [((positions - landmarks[number]) ** 2).sum(axis=1) for number in numbers], axis=0
@@ -239,14 +239,14 @@ def _weights(positions: np.ndarray, landmarks: np.ndarray) -> np.ndarray:
         # Lids and lips lie close to those on the other side: they are told finely.
         sigma = near * (0.3 if "li" in name else 1.0)
         share = np.exp(-distance / (2.0 * sigma**2))
-        found.append(share / max(share.sum(), 1e-12))
-    return np.array(found, dtype=np.float32)
+        weights.append(share / max(share.sum(), 1e-12))
+    return np.array(weights, dtype=np.float32)
 
 
 def _numbered(labels: list[str]) -> list[str]:
     """The labels, those after the first of a kind with a number: jaw, jaw 2."""
-    found, seen = [], {}
+    numbered, counts = [], {}
     for label in labels:
-        seen[label] = seen.get(label, 0) + 1
-        found.append(label if seen[label] == 1 else f"{label} {seen[label]}")
-    return found
+        counts[label] = counts.get(label, 0) + 1
+        numbered.append(label if counts[label] == 1 else f"{label} {counts[label]}")
+    return numbered

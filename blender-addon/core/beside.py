@@ -16,10 +16,10 @@ def remove_all(path: str) -> None:
     folder, start = os.path.split(_name(os.path.abspath(path), ""))
     start = start.removesuffix(".blend")
     # Blender itself writes to a name with an @ at its end first.
-    for found in glob.glob(os.path.join(glob.escape(folder), f"{glob.escape(start)}*.blend*")):
+    for left_file in glob.glob(os.path.join(glob.escape(folder), f"{glob.escape(start)}*.blend*")):
         # What cannot go is in nobody's way: the next try has another name.
         with contextlib.suppress(OSError):
-            os.remove(found)
+            os.remove(left_file)
 
 
 def _name(full: str, mark: str) -> str:

@@ -51,11 +51,11 @@ def read(path: Path) -> list[Row]:
 @lru_cache(maxsize=1)
 def presets() -> dict[str, list[str]]:
     """The names of each list, by its label."""
-    found = {}
+    presets_by_name = {}
     for path in sorted(_FOLDER.glob("*.json")):
         document = json_file.read(path)
-        found[document["label"]] = document["bones"]
-    return found
+        presets_by_name[document["label"]] = document["bones"]
+    return presets_by_name
 
 
 def fitting(preset: str, bones: list[str]) -> list[str]:
@@ -66,6 +66,6 @@ def fitting(preset: str, bones: list[str]) -> list[str]:
 
 def guess(bones: list[str]) -> tuple[str, list[str]]:
     """The list that names most of `bones`, and these; ("", []) where none fits."""
-    found = {preset: fitting(preset, bones) for preset in presets()}
-    best = max(found, key=lambda preset: len(found[preset]))
-    return (best, found[best]) if len(found[best]) >= _FEWEST else ("", [])
+    bones_by_preset = {preset: fitting(preset, bones) for preset in presets()}
+    best = max(bones_by_preset, key=lambda preset: len(bones_by_preset[preset]))
+    return (best, bones_by_preset[best]) if len(bones_by_preset[best]) >= _FEWEST else ("", [])

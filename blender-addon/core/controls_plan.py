@@ -27,10 +27,10 @@ class FollowPoints(Plan):
     """Keeps the motion of the points that controls are fitted to."""
 
     def finish(self, face, take, engine, progress):
-        found = finding.find(face, {}, engine.find, progress)
-        own = face.pieces[0].count if face.pieces else len(face.positions)
-        vertices, regions = nearby(face.positions[:own], found)
-        vertices, regions, pairs = _with_lips(vertices, regions, found.lips(own))
+        landmarks = finding.find(face, {}, engine.find, progress)
+        count = face.pieces[0].count if face.pieces else len(face.positions)
+        vertices, regions = nearby(face.positions[:count], landmarks)
+        vertices, regions, pairs = _with_lips(vertices, regions, landmarks.lips(count))
         frames = np.ascontiguousarray(take.motion.displacements[:, vertices])
         largest = max(float(np.sqrt((f.astype(np.float64) ** 2).sum(axis=1).max()))
                       for f in take.motion.displacements)  # fmt: skip
@@ -39,9 +39,9 @@ class FollowPoints(Plan):
         return replace(take, motion=motion)
 
 
-def nearby(positions: np.ndarray, found: Found) -> tuple[np.ndarray, np.ndarray]:
+def nearby(positions: np.ndarray, face: Found) -> tuple[np.ndarray, np.ndarray]:
     """Numbers `[P]` of vertices `[V, 3]` of the skin near the landmarks, and their regions."""
-    landmarks = found.positions
+    landmarks = face.positions
     width = float(np.linalg.norm(landmarks[0] - landmarks[16]))
     nearest = np.empty(len(positions), dtype=np.int64)
     apart = np.empty(len(positions))
@@ -49,7 +49,7 @@ def nearby(positions: np.ndarray, found: Found) -> tuple[np.ndarray, np.ndarray]
         rows = slice(first, first + _BLOCK)
         away = np.linalg.norm(positions[rows, None] - landmarks[None], axis=2)
         nearest[rows], apart[rows] = away.argmin(axis=1), away.min(axis=1)
-    is_skin = np.asarray(found.part_roles)[found.part_of_vertex[: len(positions)]] == _SKIN
+    is_skin = np.asarray(face.part_roles)[face.part_of_vertex[: len(positions)]] == _SKIN
     inside = np.flatnonzero((apart <= _NEAR * width) & is_skin)
     step = max(1, -(-len(inside) // _MOST))
     inside = inside[::step]

@@ -220,8 +220,8 @@ def largest_misses(
     """The largest distance in any frame by region, in the unit of the motion `[T, P, 3]`;
     `regions` `[P]` are numbers into `names`."""
     apart = np.linalg.norm(target - shown, axis=2).max(axis=0, initial=0.0)
-    found = {name: apart[regions == number] for number, name in enumerate(names)}
-    return {name: float(some.max()) for name, some in found.items() if some.size}
+    misses = {name: apart[regions == number] for number, name in enumerate(names)}
+    return {name: float(some.max()) for name, some in misses.items() if some.size}
 
 
 def rigid_motions(rest: np.ndarray) -> np.ndarray:

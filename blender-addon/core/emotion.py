@@ -63,7 +63,7 @@ def write_shares(shares: Iterable[Share]) -> str:
 
 def read_shares(text: str) -> list[Share]:
     """Reads `happy:0.4,surprised:0.3` in its order, whatever the sum. Raises `AnyfaceError`."""
-    found = []
+    shares = []
     for item in filter(None, (part.strip() for part in text.split(","))):
         name, _, value = item.partition(":")
         try:
@@ -73,8 +73,8 @@ def read_shares(text: str) -> list[Share]:
                 "input", f"emotion {name}: expected a number, got {value!r}"
             ) from None
         _index(name)
-        found.append(Share(name, _checked(name, number)))
-    return found
+        shares.append(Share(name, _checked(name, number)))
+    return shares
 
 
 def parse(text: str) -> list[float]:

@@ -55,17 +55,17 @@ def plain(error: BaseException) -> AnyfaceError:
     """
     if isinstance(error, AnyfaceError):
         return error
-    found = _known(error)
-    if found is None:
+    known = _known(error)
+    if known is None:
         _show(error)
         text = f"{type(error).__name__}: {readable(error)}"
-        found = AnyfaceError(
+        known = AnyfaceError(
             "internal",
             f"{text}: a fault of Anyface; try it again, and if it comes back report it with what "
             "the console says",
         )
-    found.__cause__ = error
-    return found
+    known.__cause__ = error
+    return known
 
 
 def details(error: AnyfaceError) -> str:

@@ -41,12 +41,12 @@ class Cost:
     beside: bool = False
 
 
-def seconds_of(cost: Cost, asked: Asked, known: bool) -> float:
+def seconds_of(cost: Cost, job: Asked, known: bool) -> float:
     """How long all the work takes; `known` says that the mesh was animated before, whose landmarks
     and weights are kept."""
-    million = asked.frames * asked.vertices / 1e6
-    work = _BEGIN_S + _SPEECH_S * asked.seconds + (_MILLION_S + cost.million_s) * million
-    return work + (cost.vertex_s + (0.0 if known else _NEW_S)) * asked.vertices
+    million = job.frames * job.vertices / 1e6
+    work = _BEGIN_S + _SPEECH_S * job.seconds + (_MILLION_S + cost.million_s) * million
+    return work + (cost.vertex_s + (0.0 if known else _NEW_S)) * job.vertices
 
 
 def between(seconds: float, short: float, long: float) -> float:
@@ -55,11 +55,11 @@ def between(seconds: float, short: float, long: float) -> float:
     return short + share * (long - short)
 
 
-def in_words(cost: Cost, asked: Asked, known: bool) -> str:
+def in_words(cost: Cost, job: Asked, known: bool) -> str:
     """ "120 frames, about 14 MB in the .blend, 2 s"."""
     where = "in a file" if cost.beside else "in the .blend"
-    seconds = _seconds(seconds_of(cost, asked, known))
-    return f"{asked.frames} frames, about {_bytes(cost.size)} {where}, {seconds}"
+    seconds = _seconds(seconds_of(cost, job, known))
+    return f"{job.frames} frames, about {_bytes(cost.size)} {where}, {seconds}"
 
 
 def _bytes(size: int) -> str:

@@ -67,8 +67,8 @@ class Reader(Calls):
         """Units such as `12,6L`, words such as `left wink:0.5`, or English. Raises `AnyfaceError`
         where the model of texts cannot be used."""
         with ExitStack() as handles:
-            given = self._models, text.encode()
-            read = self._own(handles, "expression", "anyface_expression_new", *given)
+            arguments = self._models, text.encode()
+            read = self._own(handles, "expression", "anyface_expression_new", *arguments)
             count = self._library.anyface_expression_unit_count(read)
             units = (self._library.anyface_expression_unit(read, at) for at in range(count))
             return Expression(

@@ -22,12 +22,12 @@ def find(
     `find_in` is `native.Engine.find`, or what stands in for it in a test. Raises
     `AnyfaceError("face")` where there is no face.
     """
-    own = face.space
-    held = {number: own.points(place[None])[0] for number, place in fixed.items()}
-    with naming(face) if held else searching(face):
-        found = find_in(*own.seen(face), held, face.roles, progress)
-    found.positions = own.points_to_object(found.positions)
-    return found
+    space = face.space
+    fixed_points = {number: space.points(place[None])[0] for number, place in fixed.items()}
+    with naming(face) if fixed_points else searching(face):
+        face_found = find_in(*space.seen(face), fixed_points, face.roles, progress)
+    face_found.positions = space.points_to_object(face_found.positions)
+    return face_found
 
 
 @contextmanager
@@ -49,9 +49,9 @@ def digest(face: FaceMesh) -> str:
     """A digest of all that a search depends on."""
     digest = hashlib.blake2b(face.axes.encode(), digest_size=12)
     roles = face.roles
-    told = [] if roles is None else [roles.object_of_vertex, roles.object_roles]
-    told += [] if roles is None else [roles.numbers, roles.number_roles]
-    for values in (face.positions, face.triangles, face.matrix_world, *told):
+    role_arrays = [] if roles is None else [roles.object_of_vertex, roles.object_roles]
+    role_arrays += [] if roles is None else [roles.numbers, roles.number_roles]
+    for values in (face.positions, face.triangles, face.matrix_world, *role_arrays):
         digest.update(np.ascontiguousarray(values).tobytes())
     for values in (face.landmarks, face.landmark_vertices):
         digest.update(b"-" if values is None else np.ascontiguousarray(values).tobytes())

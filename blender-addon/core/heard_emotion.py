@@ -61,9 +61,9 @@ class HeardEmotion:
     def likely(self) -> list[tuple[str, float, float]]:
         """The emotions that are likely at any time, the likeliest first: each with its largest
         probability, and the second of that."""
-        found = []
+        names = []
         for name, row in self.probability.items():
             at = int(np.argmax(row))
             if row[at] >= LIKELY:
-                found.append((name, float(row[at]), float(self.time_s[at])))
-        return sorted(found, key=lambda of: -of[1])
+                names.append((name, float(row[at]), float(self.time_s[at])))
+        return sorted(names, key=lambda of: -of[1])

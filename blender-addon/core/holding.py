@@ -36,17 +36,17 @@ def poses(opening: np.ndarray, touching: np.ndarray, holds: Holds) -> np.ndarray
             # The most firmly closed of them.
             source[number] = first + here[opening[first + here].argmin()]
             closed[number] = True
-    taken = closed.copy()
-    _stretch(source, taken, _runs(closed), -(-holds.closures // on))
-    open_ = np.where(taken, -np.inf, opening[source])
+    boundaries = closed.copy()
+    _stretch(source, boundaries, _runs(closed), -(-holds.closures // on))
+    open_ = np.where(boundaries, -np.inf, opening[source])
     tops = [
         (number, number + 1)
         for number in range(1, len(firsts) - 1)
-        if not taken[number]
+        if not boundaries[number]
         and open_[number] > open_[number - 1]
         and open_[number] >= open_[number + 1]
     ]
-    _stretch(source, taken, tops, -(-holds.vowels // on))
+    _stretch(source, boundaries, tops, -(-holds.vowels // on))
     return source[np.arange(count) // on]
 
 
@@ -56,18 +56,18 @@ def _runs(marks: np.ndarray) -> list[tuple[int, int]]:
     return list(zip(edges[::2].tolist(), edges[1::2].tolist(), strict=True))
 
 
-def _stretch(source: np.ndarray, taken: np.ndarray, runs, least: int) -> None:
+def _stretch(source: np.ndarray, boundaries: np.ndarray, runs, least: int) -> None:
     """Lets each run of poses last for `least` of them, behind it first, as far as others let it."""
     for begin, end in runs:
         first, last = begin, end
         while last - first < least:
-            if last < len(source) and not taken[last]:
+            if last < len(source) and not boundaries[last]:
                 source[last], last = source[last - 1], last + 1
-            elif first > 0 and not taken[first - 1]:
+            elif first > 0 and not boundaries[first - 1]:
                 source[first - 1], first = source[first], first - 1
             else:
                 break
-        taken[first:last] = True
+        boundaries[first:last] = True
 
 
 def hold(take: Take, holds: Holds) -> bool:

@@ -43,29 +43,29 @@ def pairs(preset: str, keys: list[str]) -> list[Pair]:
         kind = shapes.ARKIT if preset == ARKIT else shapes.VISEMES
         return [Pair(n, key) for n, key in shapes.match(keys).items() if n in kind]
     known = _spellings(keys)
-    found = []
+    matches = []
     for shape, names in _lists()[preset].items():
         fitting = ([Pair(shape, known[_plain(n)], factor) for n in every if _plain(n) in known]
                    for every, factor in names)  # fmt: skip
-        found += next((some for some in fitting if some), [])
-    return found
+        matches += next((some for some in fitting if some), [])
+    return matches
 
 
 def guess(keys: list[str]) -> tuple[str, list[Pair]]:
     """The list that knows most of the `keys`, and its pairs; ("", []) where none fits."""
     best = "", []
     for preset in presets():
-        found = pairs(preset, keys)
+        matches = pairs(preset, keys)
         fewest = 1 if preset in (ARKIT, OCULUS) else _FEWEST
-        count = len({pair.key for pair in found})
+        count = len({pair.key for pair in matches})
         if count >= fewest and count > len({pair.key for pair in best[1]}):
-            best = preset, found
+            best = preset, matches
     return best
 
 
-def write(found: list[Pair], path) -> None:
+def write(pairs: list[Pair], path) -> None:
     """Writes a list of keys; raises `AnyfaceError("file")`."""
-    rows = [[pair.shape, pair.key, pair.factor] for pair in found]
+    rows = [[pair.shape, pair.key, pair.factor] for pair in pairs]
     json_file.write(path, {"version": 2, "keys": rows})
 
 
@@ -75,28 +75,28 @@ def read(path) -> list[Pair]:
     try:
         rows = document["keys"]
         rows = [(*row, 1.0) for row in rows.items()] if isinstance(rows, dict) else rows
-        found = [Pair(str(shape), str(key), float(factor)) for shape, key, factor in rows]
+        pairs_read = [Pair(str(shape), str(key), float(factor)) for shape, key, factor in rows]
     except (ValueError, KeyError, TypeError, AttributeError) as error:
         raise AnyfaceError("input", f"not a mapping file: {error}") from None
     every = {*shapes.ARKIT, *shapes.VISEMES}
-    unknown = [pair.shape for pair in found if pair.shape not in every]
+    unknown = [pair.shape for pair in pairs_read if pair.shape not in every]
     if unknown:
         raise AnyfaceError(
             "input", f"mapping: expected ARKit shapes or visemes, got {', '.join(unknown[:3])}"
         )
-    return found
+    return pairs_read
 
 
 @lru_cache(maxsize=1)
 def _lists() -> dict[str, dict[str, list[tuple[list[str], float]]]]:
-    found = {}
+    lists = {}
     for path in sorted(_FOLDER.glob("*.json")):
         document = json_file.read(path)
-        found[document["label"]] = {
+        lists[document["label"]] = {
             shape: [_alternative(*([name] if isinstance(name, str) else name)) for name in names]
             for shape, names in document["keys"].items()
         }
-    return found
+    return lists
 
 
 def _alternative(name: str, factor: float = 1.0) -> tuple[list[str], float]:
@@ -106,12 +106,12 @@ def _alternative(name: str, factor: float = 1.0) -> tuple[list[str], float]:
 
 def _spellings(keys: list[str]) -> dict[str, str]:
     """Keys by what they may be read as: their name, or its end behind a separator."""
-    found = {_plain(key): key for key in reversed(keys)}
+    keys_by_spelling = {_plain(key): key for key in reversed(keys)}
     for key in keys:
         for text in shapes.suffixes(key)[1:]:
             if len(text) >= _SHORT:
-                found.setdefault(text, key)
-    return found
+                keys_by_spelling.setdefault(text, key)
+    return keys_by_spelling
 
 
 def _plain(name: str) -> str:

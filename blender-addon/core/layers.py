@@ -9,21 +9,21 @@ from .take import Basis
 _KNOTS = (0.0, 1.5)
 
 
-def joined(said: Basis, felt: Basis) -> Basis:
+def joined(said: Basis, emotion: Basis) -> Basis:
     """Both layers as one basis, which keeps its sliders of speech and blinks; that of the emotion
     scales what is felt."""
     first = said.weights.shape[1]
-    weights = np.concatenate([said.weights, felt.weights], axis=1)
+    weights = np.concatenate([said.weights, emotion.weights], axis=1)
     more = ((0, 0), (0, 0), (0, weights.shape[1] - first))
     sliders = {
         name: SliderChange(change.knots, np.pad(change.changes, more))
         for name, change in said.sliders.items()
         if name in ("articulation", "blinks")
     }
-    if felt.weights.any():
-        scaled = np.concatenate([np.zeros_like(said.weights), felt.weights], axis=1)
+    if emotion.weights.any():
+        scaled = np.concatenate([np.zeros_like(said.weights), emotion.weights], axis=1)
         knots = np.array(_KNOTS, dtype=np.float32)
         sliders["emotion"] = SliderChange(knots, (knots - 1.0)[:, None, None] * scaled)
-    vectors = np.concatenate([said.vectors, felt.vectors])
-    error_mm = said.error_mm + felt.error_mm
+    vectors = np.concatenate([said.vectors, emotion.vectors])
+    error_mm = said.error_mm + emotion.error_mm
     return Basis(vectors, weights, error_mm, sliders, offered=said.offered, emotion_first=first)

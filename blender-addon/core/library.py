@@ -391,10 +391,10 @@ SIGNATURES |= {f"anyface_{noun}_free": (None, [_HANDLE]) for noun in _FREED}
 
 def library_path() -> Path:
     """The library in `lib` beside this folder; `ANYFACE_LIBRARY` names another one."""
-    given = os.environ.get("ANYFACE_LIBRARY")
+    variable = os.environ.get("ANYFACE_LIBRARY")
     names = {"win32": "anyface.dll", "darwin": "libanyface.dylib"}
     name = names.get(sys.platform, "libanyface.so")
-    return Path(given) if given else Path(__file__).resolve().parents[1] / "lib" / name
+    return Path(variable) if variable else Path(__file__).resolve().parents[1] / "lib" / name
 
 
 def load(path: Path) -> ctypes.CDLL:
@@ -406,15 +406,15 @@ def load(path: Path) -> ctypes.CDLL:
             function.restype, function.argtypes = result, arguments
     except (OSError, AttributeError) as error:
         raise AnyfaceError("weights", f"the native library cannot be used: {error}") from error
-    found = library.anyface_abi_version()
-    if found != ABI_VERSION:
+    version = library.anyface_abi_version()
+    if version != ABI_VERSION:
         raise AnyfaceError(
-            "weights", f"{path}: expected interface {ABI_VERSION}, got {found}: install it again"
+            "weights", f"{path}: expected interface {ABI_VERSION}, got {version}: install it again"
         )
     return library
 
 
 def texts(function: Callable[[int], bytes | None]) -> list[str]:
     """The texts that a function of the library has for 0, 1, 2 and so on, up to the end."""
-    found = takewhile(lambda text: text is not None, map(function, count()))
-    return [text.decode() for text in found]
+    entries = takewhile(lambda text: text is not None, map(function, count()))
+    return [text.decode() for text in entries]

@@ -12,8 +12,8 @@ _BLOCK = 256
 def largest(take: Take, pieces: list[Piece], progress: Progress) -> list[float]:
     """The largest displacement in any frame of each piece, mm: the largest of all is that of the
     take. Raises `Cancelled`."""
-    found = [_largest(take.motion, p.rows, progress) for p in pieces]
-    return [take.largest_mm * each / max(*found, 1e-20) for each in found]
+    largest_of = [_largest(take.motion, p.rows, progress) for p in pieces]
+    return [take.largest_mm * each / max(*largest_of, 1e-20) for each in largest_of]
 
 
 def _largest(motion: Motion, rows: slice, progress: Progress) -> float:

@@ -70,8 +70,8 @@ class Microphone:
     def __init__(self, name: str = ""):
         self._library = _library()
         message = ctypes.create_string_buffer(_ROOM)
-        wanted = name.encode() if name else None
-        self._handle = self._library.anyface_microphone_open(wanted, message, len(message))
+        device = name.encode() if name else None
+        self._handle = self._library.anyface_microphone_open(device, message, len(message))
         if not self._handle:
             raise AnyfaceError("audio", message.value.decode("utf-8", "replace"))
         # Whether the device is gone; it is silent then, and comes back by itself.

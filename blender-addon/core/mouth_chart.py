@@ -55,19 +55,19 @@ def guess(kind: str, names: list[str]) -> dict[str, str]:
     read = {}
     for name in names:
         read.setdefault(_plain(name), name)
-    found: dict[str, str] = {}
+    objects: dict[str, str] = {}
     spelled = [mouth.lower() for mouth in MOUTHS[kind] if mouth.lower() in read]
     for mouth, spellings in MOUTHS[kind].items():
-        own, *others = dict.fromkeys((mouth.lower(), *spellings))
+        spelling, *others = dict.fromkeys((mouth.lower(), *spellings))
         # Letters of the chart itself, once most of them are there, are nothing else's name.
         if len(spelled) > len(MOUTHS[kind]) // 2:
             others = [text for text in others if text not in spelled and len(text) > 1]
         elif kind == RHUBARB:
-            own, others = (others[0], others[1:]) if len(own) == 1 else (own, others)
-        hit = next((text for text in (own, *others) if text in read), None)
-        if hit is not None and read[hit] not in found.values():
-            found[mouth] = read[hit]
-    return found
+            spelling, others = (others[0], others[1:]) if len(spelling) == 1 else (spelling, others)
+        hit = next((text for text in (spelling, *others) if text in read), None)
+        if hit is not None and read[hit] not in objects.values():
+            objects[mouth] = read[hit]
+    return objects
 
 
 def _plain(name: str) -> str:
@@ -84,18 +84,18 @@ def complete(kind: str, drawings: dict[str, object], where: str) -> dict[str, ob
     `drawings` are those that are there by mouth, `where` says where they were looked for. Raises
     `AnyfaceError("input")` where a mouth has none and nothing may stand in for it.
     """
-    found, missing = {}, []
+    shown, missing = {}, []
     for mouth in MOUTHS[kind]:
         drawing = drawings.get(mouth, drawings.get(STAND_INS[kind].get(mouth)))
         if drawing is not None:
-            found[mouth] = drawing
+            shown[mouth] = drawing
         elif mouth not in STAND_INS[kind] or STAND_INS[kind][mouth] not in missing:
             missing.append(mouth)
     if missing:
         every = ", ".join(missing)
         text = f"no drawing of {every} in {where}: name one for each, or choose it in the list"
         raise AnyfaceError("input", text)
-    return found
+    return shown
 
 
 def changes(
@@ -113,8 +113,8 @@ def changes(
     at = {begin - 1: resting} if begin - 1 >= earliest else {}
     at |= {round(start_frame + start_s * fps): mouth for start_s, _, mouth in chart}
     at[round(start_frame + chart[-1][1] * fps)] = resting
-    found: list[tuple[int, str]] = []
+    starts: list[tuple[int, str]] = []
     for frame, mouth in sorted(at.items()):
-        if not found or found[-1][1] != mouth:
-            found.append((frame, mouth))
-    return found
+        if not starts or starts[-1][1] != mouth:
+            starts.append((frame, mouth))
+    return starts

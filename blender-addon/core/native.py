@@ -94,8 +94,8 @@ class Engine(
         """
         self._library = load(library_path())
         self.models = weights
-        told = systems.find(system, systems.read(self._library))
-        self._controls, self._sliders_offered = told.controls, told.sliders
+        description = systems.find(system, systems.read(self._library))
+        self._controls, self._sliders_offered = description.controls, description.sliders
         options = self._options(EngineOptions, "anyface_engine_options_init")
         options.threads, options.system = threads, system.encode() or None
         if cache is not None:
@@ -178,8 +178,8 @@ class Engine(
             notes = self._memory_notes(len(positions), sound, request)
             face = self._face(handles, positions, triangles, marks, request, watch)
             motion, clip = self._spoken(handles, face, sound, request, watch)
-            made = face, motion, clip
-            animation = self._animation(handles, made, request, watch)
+            results = face, motion, clip
+            animation = self._animation(handles, results, request, watch)
             animation.notes = notes + animation.notes
             return animation
 
@@ -196,8 +196,8 @@ class Engine(
 
     def _spoken(self, handles, face, sound, request, watch):
         motion = self._motion(handles, sound, request, watch, face)
-        given = (self._handle, face, motion, watch.handle)
-        clip = Clip(self, self._make("anyface_clip_new", *given))
+        arguments = (self._handle, face, motion, watch.handle)
+        clip = Clip(self, self._make("anyface_clip_new", *arguments))
         if not request.keeps_clip:
             handles.callback(clip.close)
         return motion, clip
@@ -207,26 +207,26 @@ class Engine(
         mesh = self._mesh(handles, positions, triangles)
         options, _alive = self._face_options(*landmarks, request.roles)
         _set = self._control(options, request, systems.FACE)
-        given = (self._handle, mesh, byref(options), watch.handle)
-        return self._own(handles, "face", "anyface_face_new", *given)
+        arguments = (self._handle, mesh, byref(options), watch.handle)
+        return self._own(handles, "face", "anyface_face_new", *arguments)
 
-    def _animation(self, handles, made, request, watch) -> Animation:
+    def _animation(self, handles, results, request, watch) -> Animation:
         """A face, its motion and its clip as numpy arrays."""
-        face, _, clip = made
+        face, _, clip = results
         mm_per_unit = 1000.0 * self._library.anyface_face_metres_per_unit(face)
         largest = self._library.anyface_clip_largest_displacement(clip)
         visibility = VISIBILITIES[self._library.anyface_clip_visibility(clip)]
         animation = Animation(largest * mm_per_unit, visibility)
         animation.mouth, animation.lids = self._mouth(face), self._lids(face)
-        animation.life = self._life(made, clip.shape[0])
+        animation.life = self._life(results, clip.shape[0])
         animation.landmarks = self._landmarks(clip, clip.shape[0])
         animation.unit_mm = mm_per_unit
         animation.touching = sparse.touching(animation.landmarks, mm_per_unit)
-        animation.shape_weights = self._shape_weights(made[1])
+        animation.shape_weights = self._shape_weights(results[1])
         animation.heard_emotion = HeardEmotion.of_json(
-            self._library.anyface_motion_heard_emotion(made[1])
+            self._library.anyface_motion_heard_emotion(results[1])
         )
-        animation.notes = self._unseen(handles, face, made[1], request.events, watch)
+        animation.notes = self._unseen(handles, face, results[1], request.events, watch)
         if request.keeps_clip:
             animation.clip = clip
             return animation
@@ -235,14 +235,14 @@ class Engine(
             return animation
         limit = request.error_mm / mm_per_unit
         if request.layered:
-            animation.basis = self._layers(handles, made, limit, watch)
+            animation.basis = self._layers(handles, results, limit, watch)
         else:
-            animation.basis = self._basis(handles, made, limit, watch)
+            animation.basis = self._basis(handles, results, limit, watch)
         animation.basis.error_mm *= mm_per_unit
         return animation
 
-    def _life(self, made, frames: int) -> Life:
-        face, motion, _ = made
+    def _life(self, spoken, frames: int) -> Life:
+        face, motion, _ = spoken
         head = np.empty((frames, 3), dtype=np.float32)
         gaze = np.empty((frames, 2, 2), dtype=np.float32)
         tongue = np.empty((frames, 4), dtype=np.float32)
@@ -282,8 +282,15 @@ class Engine(
             motion = self._motion(handles, sound, request, watch, face)
             last = self._library.anyface_motion_frame_count(motion) - 1
             out = np.empty(len(positions), dtype=np.float32)
-            given = (motion, self._handle, face, min(max(frame, 0), last), _floats(out), out.size)
-            self._call("anyface_motion_copy_mask", *given)
+            arguments = (
+                motion,
+                self._handle,
+                face,
+                min(max(frame, 0), last),
+                _floats(out),
+                out.size,
+            )
+            self._call("anyface_motion_copy_mask", *arguments)
             return out
 
     def find(
@@ -311,8 +318,8 @@ class Engine(
         """A mesh whose face is known; `landmarks` are positions and vertices."""
         mesh = self._mesh(handles, positions, triangles)
         options, _alive = self._face_options(*landmarks, roles, fixed)
-        given = (self._handle, mesh, byref(options), watch.handle)
-        return self._own(handles, "face", "anyface_face_find", *given)
+        arguments = (self._handle, mesh, byref(options), watch.handle)
+        return self._own(handles, "face", "anyface_face_find", *arguments)
 
     def _found(self, face, vertex_count: int) -> Found:
         places = np.empty((LANDMARKS, 3), dtype=np.float32)
@@ -381,14 +388,14 @@ class Engine(
 
     def _audio(self, handles, sound):
         samples = np.ascontiguousarray(sound.samples, dtype=np.float32)
-        given = (_floats(samples), len(samples), 1, round(sound.rate_hz))
-        return self._own(handles, "audio", "anyface_audio_new", *given)
+        arguments = (_floats(samples), len(samples), 1, round(sound.rate_hz))
+        return self._own(handles, "audio", "anyface_audio_new", *arguments)
 
     def _pose(self, handles, face, displacements):
         """The pose of a face whose vertices are displaced, as a motion of one frame."""
         moved = np.ascontiguousarray(displacements, dtype=np.float32)
-        given = (face, _floats(moved), len(moved))
-        return self._own(handles, "motion", "anyface_motion_new_pose", *given)
+        arguments = (face, _floats(moved), len(moved))
+        return self._own(handles, "motion", "anyface_motion_new_pose", *arguments)
 
     def _motion(self, handles, sound, request, watch, face=None):
         audio = self._audio(handles, sound)
@@ -415,8 +422,8 @@ class Engine(
             options.neutral_voice = self._audio(handles, request.neutral_voice)
         if request.starts_from is not None and face is not None:
             options.starts_from = self._pose(handles, face, request.starts_from)
-        given = (self._handle, audio, byref(options), watch.handle)
-        return self._own(handles, "motion", "anyface_motion_new", *given)
+        arguments = (self._handle, audio, byref(options), watch.handle)
+        return self._own(handles, "motion", "anyface_motion_new", *arguments)
 
     def _options(self, kind, init: str):
         options = kind()

@@ -16,32 +16,32 @@ _FLOATS = POINTER(c_float)
 class BasisCalls:
     """What `native.Engine` knows of bases and their sliders."""
 
-    def _layers(self, handles, made, limit: float, watch) -> Basis:
+    def _layers(self, handles, results, limit: float, watch) -> Basis:
         """What is said and what is felt beyond it, each within half of `limit`, as one basis."""
-        face, motion, clip = made
-        given = (self._handle, motion, watch.handle)
-        content = self._own(handles, "motion", "anyface_motion_new_content", *given)
-        given = (self._handle, face, content, watch.handle)
-        spoken = self._own(handles, "clip", "anyface_clip_new", *given)
+        face, motion, clip = results
+        arguments = (self._handle, motion, watch.handle)
+        content = self._own(handles, "motion", "anyface_motion_new_content", *arguments)
+        arguments = (self._handle, face, content, watch.handle)
+        spoken = self._own(handles, "clip", "anyface_clip_new", *arguments)
         said = self._basis(handles, (face, content, spoken), 0.5 * limit, watch)
         more = self._own(handles, "clip", "anyface_clip_new_difference", clip, spoken)
-        felt, _ = self._vectors(handles, more, 0.5 * limit, watch)
-        return layers.joined(said, felt)
+        emotion, _ = self._vectors(handles, more, 0.5 * limit, watch)
+        return layers.joined(said, emotion)
 
-    def _basis(self, handles, made, limit: float, watch) -> Basis:
+    def _basis(self, handles, results, limit: float, watch) -> Basis:
         """A face, its motion and its clip as a basis with sliders.
 
         `limit` and the basis' error are in mesh units here.
         """
-        basis, handle = self._vectors(handles, made[-1], limit, watch)
-        basis.sliders = self._sliders(handles, *made, handle, basis.weights.shape, watch)
+        basis, handle = self._vectors(handles, results[-1], limit, watch)
+        basis.sliders = self._sliders(handles, *results, handle, basis.weights.shape, watch)
         basis.offered = self._sliders_offered
         return basis
 
     def _vectors(self, handles, clip, limit: float, watch):
         """A clip as a basis, and the library's handle of it."""
-        given = (self._handle, clip, limit, MAX_VECTORS, watch.handle)
-        basis = self._own(handles, "basis", "anyface_basis_new", *given)
+        arguments = (self._handle, clip, limit, MAX_VECTORS, watch.handle)
+        basis = self._own(handles, "basis", "anyface_basis_new", *arguments)
         count = self._library.anyface_basis_shape_count(basis)
         frames = self._library.anyface_clip_frame_count(clip)
         vertices = self._library.anyface_clip_vertex_count(clip)
@@ -53,9 +53,9 @@ class BasisCalls:
 
     def _sliders(self, handles, face, motion, clip, basis, shape, watch) -> dict[str, SliderChange]:
         """The sliders that move something; `shape` is `(T, K)` of the basis."""
-        given = (self._handle, face, motion, clip, basis, watch.handle)
-        sliders = self._own(handles, "sliders", "anyface_sliders_new", *given)
-        found = {}
+        arguments = (self._handle, face, motion, clip, basis, watch.handle)
+        sliders = self._own(handles, "sliders", "anyface_sliders_new", *arguments)
+        slider_changes = {}
         for number, name in enumerate(ALL):
             count = self._library.anyface_sliders_knot_count(sliders, number)
             if count == 0:
@@ -68,5 +68,5 @@ class BasisCalls:
             ):
                 floats = array.ctypes.data_as(_FLOATS)
                 self._call(function, sliders, number, floats, array.size)
-            found[name] = SliderChange(knots, changes)
-        return found
+            slider_changes[name] = SliderChange(knots, changes)
+        return slider_changes

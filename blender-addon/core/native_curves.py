@@ -32,30 +32,35 @@ class CurveCalls:
         vectors = np.ascontiguousarray(vectors, dtype=np.float32)
         marks = None if touching is None else np.ascontiguousarray(touching, dtype=np.uint8)
         shapes = vectors.ctypes.data_as(_FLOATS), vectors.shape[1], tolerance
-        given = weights.ctypes.data_as(_FLOATS), *weights.shape, *shapes, _bytes(marks)
+        arguments = weights.ctypes.data_as(_FLOATS), *weights.shape, *shapes, _bytes(marks)
         with ExitStack() as handles:
             watch = handles.enter_context(self._watch(progress))
-            made = self._own(handles, "curves", "anyface_curves_new", *given, watch.handle)
-            return self._keys(made, weights.shape[1])
+            curves = self._own(handles, "curves", "anyface_curves_new", *arguments, watch.handle)
+            return self._keys(curves, weights.shape[1])
 
     def few_keys_each(self, values: np.ndarray, limits: np.ndarray) -> list[CurveKeys]:
         """Keys of the curves of `values` `[T, K]`, each within its own of `limits` `[K]`."""
         values = np.ascontiguousarray(values, dtype=np.float32)
         limits = np.ascontiguousarray(limits, dtype=np.float32)
-        given = values.ctypes.data_as(_FLOATS), *values.shape, limits.ctypes.data_as(_FLOATS), None
+        arguments = (
+            values.ctypes.data_as(_FLOATS),
+            *values.shape,
+            limits.ctypes.data_as(_FLOATS),
+            None,
+        )
         with ExitStack() as handles:
-            made = self._own(handles, "curves", "anyface_curves_new_each", *given)
-            return self._keys(made, values.shape[1])
+            curves = self._own(handles, "curves", "anyface_curves_new_each", *arguments)
+            return self._keys(curves, values.shape[1])
 
-    def _keys(self, made, count: int) -> list[CurveKeys]:
-        found = []
+    def _keys(self, curves, count: int) -> list[CurveKeys]:
+        rows_and_slopes = []
         for number in range(count):
-            keys = self._library.anyface_curves_key_count(made, number)
+            keys = self._library.anyface_curves_key_count(curves, number)
             rows, slopes = np.empty(keys, dtype=np.uint32), np.empty(keys, dtype=np.float32)
             places = rows.ctypes.data_as(_ROWS), slopes.ctypes.data_as(_FLOATS)
-            self._call("anyface_curves_copy_keys", made, number, *places, keys)
-            found.append(CurveKeys(rows.astype(np.int64), slopes))
-        return found
+            self._call("anyface_curves_copy_keys", curves, number, *places, keys)
+            rows_and_slopes.append(CurveKeys(rows.astype(np.int64), slopes))
+        return rows_and_slopes
 
 
 def _bytes(marks: np.ndarray | None):

@@ -18,26 +18,26 @@ _FLOATS = POINTER(c_float)
 class EventCalls:
     """What `native.Engine` knows of events and of weights that nobody has to solve."""
 
-    def _events(self, handles: ExitStack, asked: list[Asked]):
+    def _events(self, handles: ExitStack, events: list[Asked]):
         """Events as the library keeps them, or None where there are none."""
-        if not asked:
+        if not events:
             return None
-        rows = (Event * len(asked))()
-        for row, event in zip(rows, asked, strict=True):
+        rows = (Event * len(events))()
+        for row, event in zip(rows, events, strict=True):
             units = (c_char_p * len(event.units))(*(unit.encode() for unit in event.units))
             row.start_s, row.end_s = event.start_s, event.end_s
             row.units, row.unit_count = units, len(event.units)
             row.strength, row.over_speech = event.strength, event.over_speech
-        return self._own(handles, "events", "anyface_events_new", rows, len(asked))
+        return self._own(handles, "events", "anyface_events_new", rows, len(events))
 
-    def _unseen(self, handles: ExitStack, face, motion, asked: list[Asked], watch) -> list[str]:
+    def _unseen(self, handles: ExitStack, face, motion, events: list[Asked], watch) -> list[str]:
         """What of a motion and its events this face cannot show, in sentences with their names."""
-        given = self._handle, face, motion, watch.handle
-        notes = self._own(handles, "event_notes", "anyface_event_notes_new", *given)
+        arguments = self._handle, face, motion, watch.handle
+        notes = self._own(handles, "event_notes", "anyface_event_notes_new", *arguments)
         text = self._library.anyface_event_notes_text
         count = self._library.anyface_event_notes_count(notes)
         said = [text(notes, number).decode() for number in range(count)]
-        return shortened(list(dict.fromkeys(_named(note, asked) for note in said)))
+        return shortened(list(dict.fromkeys(_named(note, events) for note in said)))
 
     def _shape_weights(self, motion) -> ShapeWeights | None:
         """The weights of a motion as the system made them; None where it makes others."""
@@ -57,12 +57,14 @@ class EventCalls:
         texts = (c_char_p * len(names))(*(name.encode() for name in names))
         with ExitStack() as handles:
             values = (weights.ctypes.data_as(_FLOATS), len(names), len(weights))
-            given = self._own(handles, "weights", "anyface_weights_new_given", texts, *values)
-            self._call("anyface_weights_write", given, os.fsencode(path), fps)
+            weights_handle = self._own(
+                handles, "weights", "anyface_weights_new_given", texts, *values
+            )
+            self._call("anyface_weights_write", weights_handle, os.fsencode(path), fps)
 
 
-def _named(note: str, asked: list[Asked]) -> str:
+def _named(note: str, events: list[Asked]) -> str:
     """A sentence of the library, which counts events from 1, with the name of its event."""
     match = re.match(r"event (\d+) \(.*?\)", note)
-    name = asked[int(match[1]) - 1].name if match else ""
+    name = events[int(match[1]) - 1].name if match else ""
     return f"the event {name}{note[match.end() :]}" if name else note

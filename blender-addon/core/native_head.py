@@ -58,9 +58,9 @@ class HeadCalls:
             marks = landmarks, landmark_vertices
             face = self._found_face(handles, positions, triangles, marks, watch)
             head = self._own(handles, "head", "anyface_head_fit", None, face, watch.handle)
-            made = self._made_head(handles, head)
+            result = self._made_head(handles, head)
             far = self._library.anyface_head_fit_mm(head)
-            return made, far, self._library.anyface_face_metres_per_unit(face)
+            return result, far, self._library.anyface_face_metres_per_unit(face)
 
     def _made_head(self, handles: ExitStack, head) -> MadeHead:
         library, marks = self._library, np.empty(68, dtype=np.uint32)
@@ -78,7 +78,7 @@ class HeadCalls:
             library.anyface_head_material_name(head, n)
             for n in range(library.anyface_head_material_count(head))
         )
-        made = MadeHead(
+        head_made = MadeHead(
             positions=np.empty((library.anyface_mesh_vertex_count(mesh), 3), np.float32),
             faces=np.empty((faces, 4), np.uint32),
             uv=np.empty((skin, 4, 2), np.float32),
@@ -86,12 +86,14 @@ class HeadCalls:
             material_names=tuple(name.decode() for name in names),
             landmark_vertices=marks,
         )
-        self._copy("anyface_mesh_copy_positions", mesh, made.positions)
-        self._copy("anyface_head_copy_uv", head, made.uv)
-        faces, kinds = (array.ctypes.data_as(_INDICES) for array in (made.faces, made.materials))
-        self._call("anyface_head_copy_faces", head, faces, made.faces.size)
-        self._call("anyface_head_copy_face_materials", head, kinds, made.materials.size)
-        return made
+        self._copy("anyface_mesh_copy_positions", mesh, head_made.positions)
+        self._copy("anyface_head_copy_uv", head, head_made.uv)
+        faces, kinds = (
+            array.ctypes.data_as(_INDICES) for array in (head_made.faces, head_made.materials)
+        )
+        self._call("anyface_head_copy_faces", head, faces, head_made.faces.size)
+        self._call("anyface_head_copy_face_materials", head, kinds, head_made.materials.size)
+        return head_made
 
 
 class Heads(Calls, HeadCalls):

@@ -41,15 +41,15 @@ class LiveCalls:
         """
         with ExitStack() as handles:
             watch = handles.enter_context(self._watch(progress))
-            with ExitStack() as kept:
+            with ExitStack() as stack:
                 marks = landmarks, landmark_vertices
-                face = self._face(kept, positions, triangles, marks, request, watch)
-                audio = self._audio(kept, sound)
+                face = self._face(stack, positions, triangles, marks, request, watch)
+                audio = self._audio(stack, sound)
                 samples = np.empty(self._library.anyface_audio_sample_count(audio), np.float32)
                 self._copy("anyface_audio_copy_samples", audio, samples)
                 follower = LiveFace(self, face, len(positions), samples)
                 follower.start(0)
-                follower.keep(kept.pop_all())
+                follower.keep(stack.pop_all())
                 return follower
 
     def live_microphone(
@@ -72,12 +72,12 @@ class LiveCalls:
         """
         with ExitStack() as handles:
             watch = handles.enter_context(self._watch(progress))
-            with ExitStack() as kept:
+            with ExitStack() as stack:
                 marks = landmarks, landmark_vertices
-                face = self._face(kept, positions, triangles, marks, request, watch)
-                device = kept.enter_context(Microphone(microphone))
+                face = self._face(stack, positions, triangles, marks, request, watch)
+                device = stack.enter_context(Microphone(microphone))
                 follower = ListeningFace(self, face, len(positions), device, look_ahead)
-                follower.keep(kept.pop_all())
+                follower.keep(stack.pop_all())
                 return follower
 
 

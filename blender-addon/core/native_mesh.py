@@ -31,8 +31,8 @@ class MeshCalls:
         points = (_pointer(positions, _FLOATS), len(positions))
         ends = (_pointer(sizes, _INDICES), len(sizes), _pointer(corners, _INDICES), len(corners))
         with ExitStack() as handles:
-            given = ("mesh", "anyface_mesh_new_polygons", *points, *ends)
-            return self._arrays(self._own(handles, *given))
+            arguments = ("mesh", "anyface_mesh_new_polygons", *points, *ends)
+            return self._arrays(self._own(handles, *arguments))
 
     def _mesh(self, handles, positions, triangles):
         positions = np.ascontiguousarray(positions, dtype=np.float32)

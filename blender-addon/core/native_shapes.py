@@ -39,12 +39,12 @@ class ShapeCalls:
             watch = handles.enter_context(self._watch(progress))
             mesh = self._mesh(handles, positions, triangles)
             options, _alive = self._face_options(landmarks, landmark_vertices, roles)
-            given = self._handle, mesh, byref(options)
+            arguments = self._handle, mesh, byref(options)
             if by.field:
-                given = "anyface_rig_new_by_field", *given, by.in_betweens, watch.handle
+                arguments = "anyface_rig_new_by_field", *arguments, by.in_betweens, watch.handle
             else:
-                given = "anyface_rig_new", *given, watch.handle
-            rig = self._own(handles, "rig", *given)
+                arguments = "anyface_rig_new", *arguments, watch.handle
+            rig = self._own(handles, "rig", *arguments)
             count = self._library.anyface_rig_shape_count(rig)
             vectors = np.empty((count, len(positions), 3), dtype=np.float32)
             for number in range(count):
@@ -76,8 +76,8 @@ class ShapeCalls:
             watch = handles.enter_context(self._watch(progress))
             mesh = self._mesh(handles, positions, triangles)
             options, _alive = self._face_options(landmarks, landmark_vertices, roles)
-            given = self._handle, mesh, byref(options), watch.handle
-            rig = self._own(handles, "rig", "anyface_rig_new", *given)
+            arguments = self._handle, mesh, byref(options), watch.handle
+            rig = self._own(handles, "rig", "anyface_rig_new", *arguments)
             self._call("anyface_clip_write_shapes", clip, rig, os.fsencode(path))
 
     def solve(
@@ -98,13 +98,19 @@ class ShapeCalls:
         moved = np.ascontiguousarray(moved, dtype=np.float32)
         motion = (moved.ctypes.data_as(_FLOATS), len(moved), moved.shape[1])
         shapes = _shapes(names, vectors)
-        given = "anyface_weights_new", (*shapes, *motion, *_pairs(lips)), (len(moved), len(names))
-        return self._solved(*given, progress, path, fps)
+        arguments = (
+            "anyface_weights_new",
+            (*shapes, *motion, *_pairs(lips)),
+            (len(moved), len(names)),
+        )
+        return self._solved(*arguments, progress, path, fps)
 
-    def _solved(self, function, given, shape, progress: Progress, path: str, fps: float) -> Solved:
+    def _solved(
+        self, function, arguments, shape, progress: Progress, path: str, fps: float
+    ) -> Solved:
         with ExitStack() as handles:
             watch = handles.enter_context(self._watch(progress))
-            solved = self._own(handles, "weights", function, *given, watch.handle)
+            solved = self._own(handles, "weights", function, *arguments, watch.handle)
             weights = np.empty(shape, dtype=np.float32)
             self._copy("anyface_weights_copy", solved, weights)
             if path:
@@ -149,10 +155,10 @@ class Clip:
         """
         same = np.array_equal(way, np.eye(3))
         turned = None if same else np.ascontiguousarray(way, np.float32).ctypes.data_as(_FLOATS)
-        given = (self, *_shapes(names, vectors), vectors.shape[1], turned, *_pairs(lips))
+        arguments = (self, *_shapes(names, vectors), vectors.shape[1], turned, *_pairs(lips))
         shape = self.shape[0], len(names)
         function = "anyface_weights_new_of_clip"
-        return self._engine._solved(function, given, shape, progress, path, fps)
+        return self._engine._solved(function, arguments, shape, progress, path, fps)
 
 
 def _shapes(names: list[str], vectors: np.ndarray):

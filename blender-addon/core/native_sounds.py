@@ -37,8 +37,8 @@ class SoundCalls:
     ) -> tuple[np.ndarray, list[tuple[float, float, str]]]:
         """The same, and start, end in seconds and label of each word of the text that is said."""
         with ExitStack() as handles:
-            given = self._handle, self._audio(handles, sound), text.encode()
-            sounds = self._own(handles, "sounds", "anyface_sounds_new_with_text", *given)
+            arguments = self._handle, self._audio(handles, sound), text.encode()
+            sounds = self._own(handles, "sounds", "anyface_sounds_new_with_text", *arguments)
             return self._closures(sounds), self._intervals(sounds, _WORDS)
 
     def chart(
@@ -75,12 +75,12 @@ class SoundCalls:
             marks = landmarks, landmark_vertices
             face = self._face(handles, positions, triangles, marks, request, watch)
             _, clip = self._spoken(handles, face, sound, replace(request, keeps_clip=False), watch)
-            given = self._handle, self._audio(handles, sound), text.encode() or None
-            said = self._own(handles, "sounds", "anyface_sounds_new_with_text", *given)
+            arguments = self._handle, self._audio(handles, sound), text.encode() or None
+            said = self._own(handles, "sounds", "anyface_sounds_new_with_text", *arguments)
             if request.closures is not None:
                 said = self._mended(handles, said, request)
-            given = clip, said, MOUTHS.index(mouths), on, hold, closure_hold, vowel_hold
-            drawn = self._own(handles, "sounds", "anyface_sounds_new_chart", *given)
+            arguments = clip, said, MOUTHS.index(mouths), on, hold, closure_hold, vowel_hold
+            drawn = self._own(handles, "sounds", "anyface_sounds_new_chart", *arguments)
             if path:
                 self._call("anyface_sounds_write", drawn, os.fsencode(path), request.fps)
             return self._intervals(drawn, _MOUTHS)
@@ -119,8 +119,8 @@ class SoundCalls:
     def read_sounds(self, path: str, fps: float) -> np.ndarray:
         """The same of a file of another tool; `fps` is what frames of .dat count."""
         with ExitStack() as handles:
-            given = os.fsencode(path), fps
-            return self._closures(self._own(handles, "sounds", "anyface_sounds_read", *given))
+            arguments = os.fsencode(path), fps
+            return self._closures(self._own(handles, "sounds", "anyface_sounds_read", *arguments))
 
     def write_sounds(
         self, path: str, labelled: list[tuple[float, float, str]], duration_s: float, fps: float
@@ -137,8 +137,8 @@ class SoundCalls:
             lines = os.path.join(folder, "sounds.txt")
             with open(lines, "w", encoding="utf-8") as file:
                 file.write("\n".join(rows))
-            given = os.fsencode(lines), fps
-            sounds = self._own(handles, "sounds", "anyface_sounds_read", *given)
+            arguments = os.fsencode(lines), fps
+            sounds = self._own(handles, "sounds", "anyface_sounds_read", *arguments)
             self._call("anyface_sounds_write", sounds, os.fsencode(path), fps)
 
     def closes_lips(self, label: str) -> bool:
@@ -146,10 +146,10 @@ class SoundCalls:
         return self._library.anyface_sounds_label_closes_lips(label.encode()) == 1
 
     def _closures(self, sounds) -> np.ndarray:
-        found = np.empty((self._library.anyface_sounds_closure_count(sounds), 2))
-        doubles = found.ctypes.data_as(POINTER(c_double))
-        self._call("anyface_sounds_copy_closures", sounds, doubles, found.size)
-        return found
+        intervals = np.empty((self._library.anyface_sounds_closure_count(sounds), 2))
+        doubles = intervals.ctypes.data_as(POINTER(c_double))
+        self._call("anyface_sounds_copy_closures", sounds, doubles, intervals.size)
+        return intervals
 
     def animate_stretch(
         self,
@@ -168,15 +168,15 @@ class SoundCalls:
             marks = landmarks, landmark_vertices
             face = self._face(handles, positions, triangles, marks, request, watch)
             spoken = self._motion(handles, sound, request, watch)
-            made = self._shape_weights(spoken)
-            if made is not None:
-                return self._stretch_of_weights(handles, (face, spoken), made, rows)
+            weights = self._shape_weights(spoken)
+            if weights is not None:
+                return self._stretch_of_weights(handles, (face, spoken), weights, rows)
             frames = self._library.anyface_motion_frame_count(spoken)
             part = range(max(rows.start, 0), min(rows.stop, frames))
-            given = (spoken, part.start, len(part))
-            motion = self._own(handles, "motion", "anyface_motion_new_frames", *given)
-            given = (self._handle, face, motion, watch.handle)
-            clip = Clip(self, self._make("anyface_clip_new", *given))
+            arguments = (spoken, part.start, len(part))
+            motion = self._own(handles, "motion", "anyface_motion_new_frames", *arguments)
+            arguments = (self._handle, face, motion, watch.handle)
+            clip = Clip(self, self._make("anyface_clip_new", *arguments))
             handles.callback(clip.close)
             animation = Animation(self._millimetres(face, clip))
             animation.unit_mm = self._unit_mm(face)
@@ -184,20 +184,20 @@ class SoundCalls:
             animation.life = self._life((face, motion, clip), len(part))
         return animation
 
-    def _stretch_of_weights(self, handles, given, made, rows: range) -> Animation:
+    def _stretch_of_weights(self, handles, arguments, weights, rows: range) -> Animation:
         """The same of weights, which move the mesh as a whole before frames are taken."""
-        face, spoken = given
+        face, spoken = arguments
         clip = Clip(self, self._make("anyface_clip_new", self._handle, face, spoken, None))
         handles.callback(clip.close)
-        part = slice(max(rows.start, 0), min(rows.stop, len(made.weights)))
+        part = slice(max(rows.start, 0), min(rows.stop, len(weights.weights)))
         animation = Animation(self._millimetres(face, clip))
         animation.unit_mm = self._unit_mm(face)
         animation.displacements = clip.displacements()[part]
-        life = self._life((face, spoken, clip), len(made.weights))
+        life = self._life((face, spoken, clip), len(weights.weights))
         animation.life = replace(
             life, head=life.head[part], gaze=life.gaze[part], tongue=life.tongue[part]
         )
-        animation.shape_weights = replace(made, weights=made.weights[part])
+        animation.shape_weights = replace(weights, weights=weights.weights[part])
         return animation
 
     def _millimetres(self, face, clip) -> float:

@@ -77,11 +77,12 @@ def frames_in(path: Path, vertices: int) -> int:
     """How many frames a cache of `vertices` has; raises `AnyfaceError("file")`."""
     try:
         with open(path, "rb") as file:
-            _, _, own, _, _, count = struct.unpack(_HEADER, file.read(struct.calcsize(_HEADER)))
+            header = file.read(struct.calcsize(_HEADER))
+            _, _, width, _, _, count = struct.unpack(_HEADER, header)
     except (OSError, struct.error) as error:
         raise AnyfaceError("file", f"{path}: no cache that can be read: {error}") from error
-    if own != vertices:
-        text = f"{path.stem}: expected a cache of {vertices} vertices, got {own}: generate again"
+    if width != vertices:
+        text = f"{path.stem}: expected a cache of {vertices} vertices, got {width}: generate again"
         raise AnyfaceError("file", text)
     return count
 

@@ -21,11 +21,11 @@ def perform(
     `animate` is `native.Engine.animate`, or what stands in for it in a test.
     """
     verdict.check_sound(sound)
-    found = face.space
+    space = face.space
     if request.starts_from is not None:
-        request = replace(request, starts_from=found.moved(request.starts_from))
+        request = replace(request, starts_from=space.moved(request.starts_from))
     with finding.searching(face):
-        animation = animate(*found.seen(face), sound, request, progress)
+        animation = animate(*space.seen(face), sound, request, progress)
     # Category 0 is neutral.
     intensity = max((sum(row[1:]) for _, row in request.emotion), default=0.0)
     verdict.check_seen(animation, sound, intensity)
@@ -34,25 +34,25 @@ def perform(
     if motion is not None and animation.landmarks is not None and request.named_keys:
         tongue = animation.life.tongue if animation.life is not None else None
         # In the frame in which the library saw the face.
-        positions, *_ = found.seen(face)
+        positions, *_ = space.seen(face)
         basis_names.arrange(motion, positions, animation.landmarks.neutral, tongue)
     if animation.clip is not None:
-        motion = ClipMotion(animation.clip, found.back)
+        motion = ClipMotion(animation.clip, space.back)
     elif motion is None:
-        motion = Frames(found.to_object(animation.displacements))
+        motion = Frames(space.to_object(animation.displacements))
     else:
         motion.why_missing = sliders.why_missing(request, motion.sliders, motion.offered)
-        motion.vectors = found.to_object(motion.vectors)
+        motion.vectors = space.to_object(motion.vectors)
     take = Take(request.fps, animation.largest_mm, request.output, motion)
     take.shape_weights, take.notes = animation.shape_weights, animation.notes
     take.heard_emotion = animation.heard_emotion
     take.mouth, take.lids = animation.mouth, animation.lids
     # How long a unit of the object is in units of the mesh that the library saw.
-    scale = abs(float(np.linalg.det(found.back.astype(np.float64)))) ** (1.0 / 3.0)
+    scale = abs(float(np.linalg.det(space.back.astype(np.float64)))) ** (1.0 / 3.0)
     if animation.landmarks is not None:
         take.opening = sparse.opening(animation.landmarks, animation.unit_mm)
     take.unit_mm, take.touching = animation.unit_mm / scale, animation.touching
     if animation.life is not None:
-        way = found.from_world(face.matrix_world)
+        way = space.from_world(face.matrix_world)
         take.life = replace(animation.life, way=animation.life.way @ way)
     return take

@@ -35,16 +35,16 @@ def draw(points: np.ndarray, triangles: np.ndarray, view: View, size: int = 128)
     side = _SAMPLES * size
     # Samples count from the picture's lower left corner.
     flat = np.column_stack([points[:, 0] - view.x, points[:, 1] - view.y]) / (2.0 * view.half)
-    seen = np.column_stack([(flat + 0.5) * side - 0.5, points[:, 2]]).astype(np.float32)
+    samples = np.column_stack([(flat + 0.5) * side - 0.5, points[:, 2]]).astype(np.float32)
     normals, facing = _normals(points, triangles)
     colours = np.zeros((side * side, 4), dtype=np.float32)
-    pixels, owners, shares = _cover(seen, triangles[facing > 0.0], side)
+    pixels, owners, shares = _cover(samples, triangles[facing > 0.0], side)
     lit = np.einsum("nk,nkd->nd", shares, normals[triangles[facing > 0.0][owners]])
     colours[pixels, :3], colours[pixels, 3] = _SKIN * _light(lit)[:, None], 1.0
     # Holes show the inside.
     inside = triangles[facing < 0.0]
-    inside = inside[_reaches(seen, inside, colours[:, 3] == 0.0, side)]
-    pixels = _cover(seen, inside, side)[0]
+    inside = inside[_reaches(samples, inside, colours[:, 3] == 0.0, side)]
+    pixels = _cover(samples, inside, side)[0]
     pixels = pixels[colours[pixels, 3] == 0.0]
     colours[pixels, :3], colours[pixels, 3] = _SKIN * _BACK, 1.0
     fine = colours.reshape(size, _SAMPLES, size, _SAMPLES, 4).mean(axis=(1, 3))
@@ -53,19 +53,19 @@ def draw(points: np.ndarray, triangles: np.ndarray, view: View, size: int = 128)
     return (np.clip(fine[::-1], 0.0, 1.0) * 255.0 + 0.5).astype(np.uint8)
 
 
-def _reaches(seen, triangles, free, side: int) -> np.ndarray:
+def _reaches(samples, triangles, free, side: int) -> np.ndarray:
     """Whether the box about each triangle holds one of the samples that are `free`."""
     sums = np.zeros((side + 1, side + 1), dtype=np.int32)
     sums[1:, 1:] = free.reshape(side, side).cumsum(axis=0).cumsum(axis=1)
-    (left, wide), (low, tall) = (_span(*seen[triangles, axis].T, side) for axis in (0, 1))
+    (left, wide), (low, tall) = (_span(*samples[triangles, axis].T, side) for axis in (0, 1))
     right, high = left + wide, low + tall
     return sums[high, right] - sums[low, right] - sums[high, left] + sums[low, left] > 0
 
 
-def _cover(seen, triangles, side: int):
+def _cover(samples, triangles, side: int):
     """Which samples `[N]` are covered, by which triangle `[N]` in front of all, and the shares
-    `[N, 3]` of its corners; `seen` `[V, 3]` are points in samples, and their depth."""
-    (ax, ay, az), (bx, by, bz), (cx, cy, cz) = (seen[triangles[:, k]].T for k in range(3))
+    `[N, 3]` of its corners; `samples` `[V, 3]` are points in samples, and their depth."""
+    (ax, ay, az), (bx, by, bz), (cx, cy, cz) = (samples[triangles[:, k]].T for k in range(3))
     left, wide = _span(ax, bx, cx, side)
     low, tall = _span(ay, by, cy, side)
     counts = wide * tall
@@ -89,8 +89,12 @@ def _cover(seen, triangles, side: int):
     # Of several that are written to one place the last stays.
     front[pixels[order]] = order
     covered = np.flatnonzero(front >= 0)
-    taken = front[covered]
-    return covered, owners[taken], np.column_stack([first[taken], second[taken], third[taken]])
+    front_triangles = front[covered]
+    return (
+        covered,
+        owners[front_triangles],
+        np.column_stack([first[front_triangles], second[front_triangles], third[front_triangles]]),
+    )
 
 
 def _span(a, b, c, side: int):

@@ -154,8 +154,8 @@ def _solved(face, take: Take, engine, names, vectors, progress: Progress, path: 
     """Weights of the shapes `vectors` `[S, V, 3]` of a face in object space, on the clip where the
     take has one; with `path` they are written there."""
     motion = take.motion
-    found = finding.find(face, {}, engine.find, progress)
-    shapes = names, vectors, found.lips(vectors.shape[1])
+    face_found = finding.find(face, {}, engine.find, progress)
+    shapes = names, vectors, face_found.lips(vectors.shape[1])
     if isinstance(motion, ClipMotion):
         return motion.clip.weights(*shapes, motion.way, progress, path, take.fps)
     moved = motion.displacements[:, : vectors.shape[1]]
@@ -164,10 +164,10 @@ def _solved(face, take: Take, engine, names, vectors, progress: Progress, path: 
 
 def as_made(take: Take, shapes: list[str]) -> Solved | None:
     """The weights of `shapes` where the system made them; None where it made none of these."""
-    made = take.shape_weights
-    if made is None or not set(shapes) & set(made.names):
+    weights = take.shape_weights
+    if weights is None or not set(shapes) & set(weights.names):
         return None
-    return Solved(made.of(shapes), made.left_out(shapes))
+    return Solved(weights.of(shapes), weights.left_out(shapes))
 
 
 def by_key(shapes: list[str], keys: list[str], factors: np.ndarray) -> dict[str, dict[str, float]]:
@@ -186,9 +186,9 @@ class MakeKeys(Plan):
 
     def finish(self, face, take, engine, progress):
         arkit, visemes = _arkit(face, engine, progress)
-        made = take.shape_weights
-        if made is not None:
-            solved = Solved(made.of(arkit.names), made.left_out(arkit.names))
+        weights = take.shape_weights
+        if weights is not None:
+            solved = Solved(weights.of(arkit.names), weights.left_out(arkit.names))
         else:
             solved = _solved(face, take, engine, arkit.names, arkit.vectors, progress)
         motion = KeyMotion(arkit.names, solved.weights, solved.left_out, arkit.vectors)
@@ -215,10 +215,10 @@ class WriteTable(Plan):
             raise
 
     def _write(self, waits: str, face, take, engine, progress) -> WrittenFile:
-        made = take.shape_weights
-        if made is not None:
-            engine.write_weights(made.names, made.weights, waits, take.fps)
-            return WrittenFile(self.name, self.path, len(made.weights), waits=waits)
+        weights = take.shape_weights
+        if weights is not None:
+            engine.write_weights(weights.names, weights.weights, waits, take.fps)
+            return WrittenFile(self.name, self.path, len(weights.weights), waits=waits)
         arkit, _ = _arkit(face, engine, progress)
         solved = _solved(face, take, engine, arkit.names, arkit.vectors, progress, waits)
         left_out = solved.left_out

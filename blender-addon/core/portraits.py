@@ -48,14 +48,20 @@ class Portraits:
     engine: object = field(repr=False)
 
     def __post_init__(self):
-        kept = {name: value for name, value in self.controls.items() if name not in STILL}
-        self.controls = kept | dict.fromkeys(STILL, 0.0)
+        moving = {name: value for name, value in self.controls.items() if name not in STILL}
+        self.controls = moving | dict.fromkeys(STILL, 0.0)
         self.folder = self.cache / self._key()
 
     def _key(self) -> str:
         models = self.engine.models
-        told = library.library_path().stat()
-        parts = _VERSION, told.st_size, told.st_mtime_ns, self.system, str(models or "")
+        library_file = library.library_path().stat()
+        parts = (
+            _VERSION,
+            library_file.st_size,
+            library_file.st_mtime_ns,
+            self.system,
+            str(models or ""),
+        )
         parts += (model_card.changed_ns(models) if models else 0, round(self.intensity, 3))
         parts += (sorted(self.controls.items()), finding.digest(self.face))
         return hashlib.blake2b(repr(parts).encode(), digest_size=12).hexdigest()
@@ -90,10 +96,10 @@ class Portraits:
         )
         with finding.searching(self.face):
             sound = Sound(silence, _RATE_HZ, "silence")
-            made = self.engine.animate(positions, triangles, *marks, sound, request, progress)
-        turn, offset = made.life.way[:, :3], made.life.way[:, 3]
-        moved = positions + made.displacements[::_HOLD_S]
-        view = _view(made.landmarks.neutral @ turn.T + offset)
+            animation = self.engine.animate(positions, triangles, *marks, sound, request, progress)
+        turn, offset = animation.life.way[:, :3], animation.life.way[:, 3]
+        moved = positions + animation.displacements[::_HOLD_S]
+        view = _view(animation.landmarks.neutral @ turn.T + offset)
         return moved @ turn.T + offset, triangles, view
 
     def _write(self, faces, triangles, view, progress: Progress) -> None:

@@ -64,8 +64,8 @@ def _without_jaw_lips(values: dict) -> dict:
         return values
     jaw, lips = 1.0 + 0.5 * shift, 1.0 - 0.5 * shift
     articulation = min(2.0, lips * values.get("articulation", 1.0))
-    kept = {name: value for name, value in values.items() if name != "jaw_lips"}
-    return kept | {"articulation": articulation, "jaw": min(2.0, jaw / lips)}
+    others = {name: value for name, value in values.items() if name != "jaw_lips"}
+    return others | {"articulation": articulation, "jaw": min(2.0, jaw / lips)}
 
 
 def _checked(where: str, name: str, value):
@@ -114,10 +114,10 @@ def file_name(name: str) -> str:
 
 def in_folder(folder) -> list[Preset]:
     """The presets of a folder by name; files that hold none are passed over."""
-    found = []
+    presets_found = []
     for path in sorted(Path(folder).glob(f"*{SUFFIX}")) if folder else []:
         try:
-            found.append(read(path))
+            presets_found.append(read(path))
         except AnyfaceError:
             continue
-    return sorted(found, key=lambda preset: preset.name.lower())
+    return sorted(presets_found, key=lambda preset: preset.name.lower())

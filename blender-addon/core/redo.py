@@ -35,10 +35,10 @@ class ObjectKeys:
 
     def by_shape(self) -> tuple[list[str], np.ndarray]:
         """The shapes that the keys show `[S]`, and how far each moves each key, `[S, K]`."""
-        found = self.factors or [{shape: 1.0} for shape in self.shapes]
-        names = list(dict.fromkeys(shape for factors in found for shape in factors))
-        rows = [[factors.get(shape, 0.0) for factors in found] for shape in names]
-        return names, np.array(rows, dtype=np.float32).reshape(len(names), len(found))
+        factors_of_keys = self.factors or [{shape: 1.0} for shape in self.shapes]
+        names = list(dict.fromkeys(shape for factors in factors_of_keys for shape in factors))
+        rows = [[factors.get(shape, 0.0) for factors in factors_of_keys] for shape in names]
+        return names, np.array(rows, dtype=np.float32).reshape(len(names), len(factors_of_keys))
 
 
 @dataclass
@@ -124,24 +124,24 @@ class Redo:
         largest = np.sqrt((frames**2).sum(axis=2).max(initial=0.0))
         per_mm = largest / max(take.largest_mm, 1e-9)
         limit = _ROOM * snapshot.settings.error_mm * per_mm
-        made = {}
+        stretches = {}
         for keys in self.keys:
             _, moved = plan.of_piece(snapshot.face, frames, keys.name)
             moved = moved[:, : keys.vectors.shape[1]]
             if keys.free:
-                made[keys.name] = fit(keys.vectors, moved, limit)
+                stretches[keys.name] = fit(keys.vectors, moved, limit)
                 continue
             shapes, factors = keys.by_shape()
             solved = plan.as_made(take, shapes)
             if solved is None:
                 vectors = np.tensordot(factors, keys.vectors, axes=1).astype(np.float32)
-                found = finding.find(snapshot.face, {}, snapshot.engine.find, progress)
-                lips = found.lips(vectors.shape[1])
+                face_found = finding.find(snapshot.face, {}, snapshot.engine.find, progress)
+                lips = face_found.lips(vectors.shape[1])
                 solved = snapshot.engine.solve(shapes, vectors, lips, moved, progress)
             weights = np.clip(solved.weights @ factors, 0.0, 1.0)
             none = np.empty((0, *moved.shape[1:])), np.empty((len(moved), 0))
-            made[keys.name] = Fit(weights, *none, solved.left_out)
-        return Redone(made, take.life, len(frames), 1.0 / max(per_mm, 1e-12))
+            stretches[keys.name] = Fit(weights, *none, solved.left_out)
+        return Redone(stretches, take.life, len(frames), 1.0 / max(per_mm, 1e-12))
 
 
 def fit(vectors: np.ndarray, moved: np.ndarray, limit: float) -> Fit:
@@ -156,18 +156,18 @@ def fit(vectors: np.ndarray, moved: np.ndarray, limit: float) -> Fit:
     weights = np.linalg.lstsq(gram, shapes @ motion.T, rcond=1e-10)[0].T
     left = motion - weights @ shapes
     missing = float(np.linalg.norm(left) / max(np.linalg.norm(motion), 1e-20))
-    found: list[tuple[np.ndarray, np.ndarray]] = []
-    while _farthest(left) > limit and len(found) < min(_MOST_MORE, len(motion)):
+    pieces: list[tuple[np.ndarray, np.ndarray]] = []
+    while _farthest(left) > limit and len(pieces) < min(_MOST_MORE, len(motion)):
         _, columns = np.linalg.eigh(left @ left.T)
         column = columns[:, -1]
         peak = np.abs(column).max()
         vector = (column @ left) * peak
         column = column / peak
         left = left - np.outer(column, vector)
-        found.append((vector.reshape(moved.shape[1:]), column))
+        pieces.append((vector.reshape(moved.shape[1:]), column))
         missing = float(np.linalg.norm(left) / max(np.linalg.norm(motion), 1e-20))
-    more = np.array([vector for vector, _ in found]).reshape(-1, *moved.shape[1:])
-    more_weights = np.array([column for _, column in found]).reshape(-1, len(moved)).T
+    more = np.array([vector for vector, _ in pieces]).reshape(-1, *moved.shape[1:])
+    more_weights = np.array([column for _, column in pieces]).reshape(-1, len(moved)).T
     return Fit(weights, more, more_weights, missing)
 
 

@@ -109,8 +109,8 @@ class PatchTable(Plan):
 
     def finish(self, face, take, engine, progress):
         before = _text(self.old).splitlines(keepends=True)
-        made = self.table.finish(face, take, engine, progress)
-        (file,) = made.motion.files
+        table = self.table.finish(face, take, engine, progress)
+        (file,) = table.motion.files
         try:
             rows = _text(file.waits).splitlines()[1:]
             for number in np.flatnonzero(self.shares[: len(rows)] > 0.0):
@@ -123,7 +123,7 @@ class PatchTable(Plan):
             take_back([file])
             raise
         file.frames = len(before) - 1
-        return made
+        return table
 
 
 def _text(path: str) -> str:

@@ -32,12 +32,12 @@ def match(keys: list[str]) -> dict[str, str]:
     for Left and Right, on either end. A key serves one shape; the first that fits wins.
     """
     known = _spellings()
-    found: dict[str, str] = {}
+    keys_by_shape: dict[str, str] = {}
     for key in keys:
         name = next((known[text] for text in suffixes(key) if text in known), None)
-        if name is not None and name not in found:
-            found[name] = key
-    return {name: found[name] for name in (*ARKIT, *VISEMES) if name in found}
+        if name is not None and name not in keys_by_shape:
+            keys_by_shape[name] = key
+    return {name: keys_by_shape[name] for name in (*ARKIT, *VISEMES) if name in keys_by_shape}
 
 
 def suffixes(key: str) -> list[str]:

@@ -63,12 +63,12 @@ def place(name: str, placed: dict[str, float]) -> float:
     return 1.0 - (1.0 - placed.get("emotion", 1.0)) * (1.0 - placed.get("blinks", 1.0))
 
 
-def why_missing(request, found, offered: tuple[str, ...] = NAMES) -> dict[str, str]:
-    """Why a take lacks the sliders of `NAMES` that are not in `found`, in words by name.
+def why_missing(request, sliders, offered: tuple[str, ...] = NAMES) -> dict[str, str]:
+    """Why a take lacks the sliders of `NAMES` that are not in `sliders`, in words by name.
 
     `offered` are those that its system has at all.
     """
-    missing = {name: _NO_EFFECT[name] for name in NAMES if name not in found}
+    missing = {name: _NO_EFFECT[name] for name in NAMES if name not in sliders}
     if request.control_keys:
         missing = dict.fromkeys(missing, _OVER_TIME)
     elif request.emotion_source == "OFF":

@@ -57,9 +57,9 @@ class FaceSpace:
     def from_world(self, matrix_world: np.ndarray) -> np.ndarray:
         """The way `[4, 4]` from the world to the frame in which the library sees the face."""
         inverse = np.linalg.inv(np.asarray(matrix_world, dtype=np.float64))
-        own = np.eye(4)
-        own[:3, :3], own[:3, 3] = self.matrix, self.offset
-        return own @ inverse
+        matrix = np.eye(4)
+        matrix[:3, :3], matrix[:3, 3] = self.matrix, self.offset
+        return matrix @ inverse
 
     @property
     def mirrored(self) -> bool:

@@ -38,8 +38,8 @@ def thin(take: Take, vectors, engine, tolerance_mm: float, progress: Progress) -
     """Finds few keys for the weights of a take of shapes `vectors` `[K, V, 3]`, in its unit."""
     motion = take.motion
     tolerance = tolerance_mm / take.unit_mm
-    found = engine.few_keys(motion.weights, vectors, tolerance, take.touching, progress)
-    motion.keys_of_curves = found
+    keys = engine.few_keys(motion.weights, vectors, tolerance, take.touching, progress)
+    motion.keys_of_curves = keys
 
 
 @dataclass
@@ -54,16 +54,16 @@ class Few:
         """The keys of a curve `[T]` whose unit moves a point by up to `size_mm`; yields while they
         are looked for beside Blender's own thread."""
         limit = np.array([ALONE * self.tolerance_mm / max(size_mm, 1e-9)])
-        found = []
+        keys_found = []
         way = threading.Thread(
-            target=lambda: found.append(self.engine.few_keys_each(values[:, None], limit)[0])
+            target=lambda: keys_found.append(self.engine.few_keys_each(values[:, None], limit)[0])
         )
         way.start()
         way.join(_WAIT_S)
         while way.is_alive():
             yield
             way.join(_WAIT_S)
-        return found[0] if found else None
+        return keys_found[0] if keys_found else None
 
 
 def describe(take: Take, tolerance_mm: float) -> str:

@@ -84,11 +84,11 @@ def controls() -> tuple[Control, ...]:
 
 def find(name: str, among: tuple[System, ...]) -> System:
     """The system of this name, for "" the first. Raises `AnyfaceError("input")`."""
-    found = next((system for system in among if name in ("", system.name)), None)
-    if found is None:
+    match = next((system for system in among if name in ("", system.name)), None)
+    if match is None:
         names = ", ".join(system.name for system in among)
         raise AnyfaceError("input", f"system: expected one of {names}, got {name!r}")
-    return found
+    return match
 
 
 @cache
@@ -122,26 +122,26 @@ def _system(loaded, number: int) -> System:
     hears_emotion = loaded.anyface_system_hears_emotion(number) == 1
     starts = loaded.anyface_system_starts_from_pose(number) == 1
     has = loaded.anyface_system_has_slider
-    found = tuple(name for at, name in enumerate(sliders.NAMES) if has(number, at) == 1)
+    sliders_of_system = tuple(name for at, name in enumerate(sliders.NAMES) if has(number, at) == 1)
     able = takes_events, hears_emotion, starts
-    return System(name, label, text, controls, *able, found)
+    return System(name, label, text, controls, *able, sliders_of_system)
 
 
 def _control(loaded, system: int, number: int) -> Control:
-    told = library.Control()
-    if loaded.anyface_system_control(system, number, byref(told), sizeof(told)) != 0:
+    description = library.Control()
+    if loaded.anyface_system_control(system, number, byref(description), sizeof(description)) != 0:
         raise AnyfaceError("internal", f"the library does not tell control {number} of {system}")
-    name, unit = told.name.decode(), told.unit.decode()
+    name, unit = description.name.decode(), description.unit.decode()
     return Control(
         name=name,
         flag=name.removesuffix(f"_{unit}").replace("_", "-"),
-        label=told.label.decode(),
-        help=told.help.decode(),
-        choices=tuple(told.choices[at].decode() for at in range(told.choice_count)),
-        values=told.values,
-        stage=told.stage,
-        low=told.low,
-        high=told.high,
-        default=told.default_value,
-        is_animatable=bool(told.animatable),
+        label=description.label.decode(),
+        help=description.help.decode(),
+        choices=tuple(description.choices[at].decode() for at in range(description.choice_count)),
+        values=description.values,
+        stage=description.stage,
+        low=description.low,
+        high=description.high,
+        default=description.default_value,
+        is_animatable=bool(description.animatable),
     )

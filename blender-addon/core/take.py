@@ -55,8 +55,8 @@ class Found:
     def lips(self, count: int) -> np.ndarray:
         """Vertices `[N, 2]` of the upper and of the lower lip that meet, of the first `count`."""
         pairs = np.asarray(self.vertices, dtype=np.uint32)[_LIPS]
-        own = (pairs < count).all(axis=1) & (pairs[:, 0] != pairs[:, 1])
-        return np.ascontiguousarray(pairs[own])
+        is_inside = (pairs < count).all(axis=1) & (pairs[:, 0] != pairs[:, 1])
+        return np.ascontiguousarray(pairs[is_inside])
 
 
 @dataclass
@@ -166,9 +166,9 @@ class Piece:
 
     def vectors(self, moved: np.ndarray) -> np.ndarray:
         """Those of displacements `[N, V, 3]` that are its own, in its own space."""
-        own = np.ascontiguousarray(moved[:, self.rows])
+        moved_here = np.ascontiguousarray(moved[:, self.rows])
         back = np.linalg.inv(self.matrix[:3, :3]).astype(np.float32)
-        return own if np.array_equal(back, np.eye(3)) else own @ back.T
+        return moved_here if np.array_equal(back, np.eye(3)) else moved_here @ back.T
 
 
 @dataclass
@@ -351,11 +351,11 @@ class ShapeWeights:
 
     def of(self, names: list[str]) -> np.ndarray:
         """Weights `[T, N]` of shapes of other order, 0 where one is not among them."""
-        found = np.zeros((len(self.weights), len(names)), dtype=np.float32)
+        weights = np.zeros((len(self.weights), len(names)), dtype=np.float32)
         for column, name in enumerate(names):
             if name in self.names:
-                found[:, column] = self.weights[:, self.names.index(name)]
-        return found
+                weights[:, column] = self.weights[:, self.names.index(name)]
+        return weights
 
     def missing(self, names: list[str], least: float = 0.1) -> list[str]:
         """Shapes beside `names` whose weights reach `least`, the strongest first."""

@@ -9,15 +9,17 @@ from .take import Animation, Sound
 SILENT_DB = -60.0
 
 
-def check_seen(seen: Animation, sound: Sound, intensity: float) -> None:
+def check_seen(animation: Animation, sound: Sound, intensity: float) -> None:
     """Raises `AnyfaceError("nothing_moved")` with the likely reason where nobody sees the face
     speak; `intensity` is that of the emotion."""
-    if not np.isfinite(seen.largest_mm):
+    if not np.isfinite(animation.largest_mm):
         raise AnyfaceError("internal", "the result holds values that are not numbers")
-    if seen.visibility == "NOTHING":
-        text = f"nothing moved by more than {seen.largest_mm:.3f} mm: {_reason(sound, intensity)}"
+    if animation.visibility == "NOTHING":
+        text = (
+            f"nothing moved by more than {animation.largest_mm:.3f} mm: {_reason(sound, intensity)}"
+        )
         raise AnyfaceError("nothing_moved", text, ("choose_sound",))
-    if seen.visibility == "LIPS_REST":
+    if animation.visibility == "LIPS_REST":
         raise AnyfaceError(
             "nothing_moved",
             f"nothing moved but lids and brows: {_reason(sound, 1.0)}; choose the sound with the "

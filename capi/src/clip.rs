@@ -81,16 +81,16 @@ impl AnyfaceClip {
         let mut collector = Collector::default();
         let motion = followed(engine, face, motion, watch)?;
         let movement = Movement::from(&*motion).with_tongue(tongue);
-        let made = engine.0.spread(face, movement, &mut collector, watch)?;
+        let moved = engine.0.spread(face, movement, &mut collector, watch)?;
         let mm = 1000.0 * face.metres_per_unit() as f32;
-        let lips_mm = mm * lip_travel(made.landmarks.view());
+        let lips_mm = mm * lip_travel(moved.landmarks.view());
         // Motion that the caller brought may let the lips rest.
         let articulation = performance.map_or(0.0, Performance::articulation);
-        let visibility = Visibility::of(mm * made.largest, lips_mm, articulation);
+        let visibility = Visibility::of(mm * moved.largest, lips_mm, articulation);
         let life = performance.map(|performance| performance.life.clone());
         Ok(AnyfaceClip {
             life,
-            ..AnyfaceClip::new(collector.into_animation(), made.largest, visibility)
+            ..AnyfaceClip::new(collector.into_animation(), moved.largest, visibility)
         })
     }
 
@@ -193,7 +193,7 @@ pub unsafe extern "C" fn anyface_engine_animate(
     let make = || {
         let (engine, face, audio) = handles!(engine, face, audio);
         let request = unsafe { versioned_options::read(options)?.to_library() }?;
-        let made = |watch: ProgressFn<'_>| {
+        let animate = |watch: ProgressFn<'_>| {
             let performance = engine.0.perform(&audio.0, &request, watch)?;
             AnyfaceClip::spread(
                 engine,
@@ -203,7 +203,7 @@ pub unsafe extern "C" fn anyface_engine_animate(
                 watch,
             )
         };
-        let clip = unsafe { watched(progress, made) }?;
+        let clip = unsafe { watched(progress, animate) }?;
         Ok(clip)
     };
     unsafe { guard::give(out, error, make) }

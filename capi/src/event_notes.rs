@@ -42,15 +42,15 @@ pub unsafe extern "C" fn anyface_event_notes_new(
         let (engine, face, motion) = handles!(engine, face, motion);
         let performance = motion.spoken()?;
         let find = |watch: anyface::job::ProgressFn<'_>| {
-            let mut found = performance.unseen_events(&engine.0, &face.0, watch)?;
+            let mut notes = performance.unseen_events(&engine.0, &face.0, watch)?;
             let reach = engine.0.mouth_reach(&face.0, watch)?;
-            found.extend(reach.iter().flat_map(anyface::MouthReach::sentences));
-            Ok(found)
+            notes.extend(reach.iter().flat_map(anyface::MouthReach::sentences));
+            Ok(notes)
         };
-        let found = unsafe { watched(progress, find) }?;
+        let notes = unsafe { watched(progress, find) }?;
         let speaks = performance.life.tongue.iter().any(|share| *share != 0.0);
         let tongue = speaks.then(|| tongue_note(&face.0)).flatten();
-        let texts = found.into_iter().chain(face.0.field_note());
+        let texts = notes.into_iter().chain(face.0.field_note());
         let texts = texts.chain(tongue.map(str::to_owned));
         let texts = texts.map(|text| pointer::c_text(&text));
         Ok(AnyfaceEventNotes(texts.collect()))
@@ -107,13 +107,13 @@ mod tests {
         let engine = Engine::new(options).unwrap();
         let head = Head::open(None).unwrap();
         let code = head.identity_code(&Head::random(6)).unwrap();
-        let mut made = head.one(code).unwrap().mesh(72, SILENT).unwrap();
-        made.mesh.positions.iter_mut().for_each(|p| p[0] *= 3.0);
+        let mut narrow = head.one(code).unwrap().mesh(72, SILENT).unwrap();
+        narrow.mesh.positions.iter_mut().for_each(|p| p[0] *= 3.0);
         let options = FaceOptions {
-            landmarks: Some(LandmarkSource::Vertices(made.landmarks.vertices.to_vec())),
+            landmarks: Some(LandmarkSource::Vertices(narrow.landmarks.vertices.to_vec())),
             ..FaceOptions::default()
         };
-        let face = AnyfaceFace(engine.prepare(&made.mesh, &options, SILENT).unwrap());
+        let face = AnyfaceFace(engine.prepare(&narrow.mesh, &options, SILENT).unwrap());
         let samples = (0..8000).map(|i| (i as f32 * 0.08).sin()).collect();
         let spoken = engine.perform(&Waveform { samples }, &MotionRequest::default(), SILENT);
         let motion = AnyfaceMotion::new(Made::Spoken(Box::new(spoken.unwrap())));
@@ -139,10 +139,10 @@ mod tests {
             assert_eq!(status, AnyfaceStatus::Ok);
             anyface_clip_free(clip);
         }
-        let told = notes();
+        let lines = notes();
         assert!(
-            told.len() == 2 && told[0].contains("landmarks alone") && told[1] == without_tongue,
-            "{told:?}"
+            lines.len() == 2 && lines[0].contains("landmarks alone") && lines[1] == without_tongue,
+            "{lines:?}"
         );
     }
 }

@@ -266,12 +266,12 @@ mod tests {
 
     #[test]
     fn lines_of_words_and_units_are_events() {
-        let mut made = null_mut();
+        let mut handle = null_mut();
         let text = c"1.2-2.0:smile:0.8\n\n2.4-2.8:45L\n";
         let status =
-            unsafe { anyface_events_from_text(null(), text.as_ptr(), &mut made, null_mut()) };
+            unsafe { anyface_events_from_text(null(), text.as_ptr(), &mut handle, null_mut()) };
         assert_eq!(status, AnyfaceStatus::Ok);
-        let events = unsafe { &(*made).rows };
+        let events = unsafe { &(*handle).rows };
         assert_eq!(events.len(), 2);
         assert_eq!(events[1], Event::parse("2.4-2.8:45L").unwrap());
         assert!(
@@ -280,7 +280,7 @@ mod tests {
                 .iter()
                 .any(|(unit, _)| ACTION_UNITS[*unit].name == "12")
         );
-        unsafe { anyface_events_free(made) };
+        unsafe { anyface_events_free(handle) };
     }
 
     #[test]
@@ -291,7 +291,7 @@ mod tests {
             change(&mut changed);
             changed
         };
-        for (wrong, told) in [
+        for (wrong, reason) in [
             (event(&bad), "99"),
             (event(&[]), "units"),
             (of(|event| event.end_s = 1.0), "slot"),
@@ -301,7 +301,7 @@ mod tests {
         ] {
             let message = unsafe { made(&[event(&good), wrong]) }.unwrap_err();
             assert!(
-                message.contains("event 2") && message.contains(told),
+                message.contains("event 2") && message.contains(reason),
                 "{message}"
             );
         }

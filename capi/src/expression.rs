@@ -173,20 +173,20 @@ mod tests {
 
     fn read(text: &str) -> (Vec<String>, f32, Option<String>) {
         let text = CString::new(text).unwrap();
-        let (mut made, mut error) = (null_mut(), null_mut());
+        let (mut expression, mut error) = (null_mut(), null_mut());
         let said =
             |text: *const c_char| unsafe { CStr::from_ptr(text) }.to_str().unwrap().to_owned();
         unsafe {
-            let status = anyface_expression_new(null(), text.as_ptr(), &mut made, &mut error);
+            let status = anyface_expression_new(null(), text.as_ptr(), &mut expression, &mut error);
             assert_eq!(status, AnyfaceStatus::Ok);
-            let count = anyface_expression_unit_count(made);
-            let units = (0..count).map(|at| said(anyface_expression_unit(made, at)));
+            let count = anyface_expression_unit_count(expression);
+            let units = (0..count).map(|at| said(anyface_expression_unit(expression, at)));
             let units = units.collect();
-            assert!(anyface_expression_unit(made, count).is_null());
-            let hint = anyface_expression_hint(made);
+            assert!(anyface_expression_unit(expression, count).is_null());
+            let hint = anyface_expression_hint(expression);
             let hint = (!hint.is_null()).then(|| said(hint));
-            let strength = anyface_expression_strength(made);
-            anyface_expression_free(made);
+            let strength = anyface_expression_strength(expression);
+            anyface_expression_free(expression);
             (units, strength, hint)
         }
     }
@@ -205,21 +205,21 @@ mod tests {
             (units, strength, hint),
             (vec!["6R".into(), "45R".into()], 0.5, None)
         );
-        let mut made = null_mut();
+        let mut expression = null_mut();
         let menu = (0..)
             .map(|at| anyface_expression_word(at))
             .take_while(|word| !word.is_null());
         for word in menu {
             unsafe {
-                let status = anyface_expression_new(null(), word, &mut made, null_mut());
+                let status = anyface_expression_new(null(), word, &mut expression, null_mut());
                 assert_eq!(status, AnyfaceStatus::Ok);
-                assert!(anyface_expression_unit_count(made) > 0);
+                assert!(anyface_expression_unit_count(expression) > 0);
                 assert_eq!(
-                    CStr::from_ptr(anyface_expression_said(made)),
+                    CStr::from_ptr(anyface_expression_said(expression)),
                     CStr::from_ptr(word)
                 );
-                assert_eq!(anyface_expression_over_speech(made), 0);
-                anyface_expression_free(made);
+                assert_eq!(anyface_expression_over_speech(expression), 0);
+                anyface_expression_free(expression);
             }
         }
         assert_eq!(WORDS.len(), MENU.len());

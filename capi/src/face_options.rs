@@ -162,12 +162,12 @@ impl AnyfaceFaceOptions {
     }
 
     unsafe fn landmarks(&self) -> Result<Option<LandmarkSource>, Failure> {
-        let given = [
+        let sources = [
             self.landmark_positions.is_null(),
             self.landmark_vertices.is_null(),
             self.landmark_json.is_null(),
         ];
-        match given {
+        match sources {
             [true, true, true] => Ok(None),
             [false, true, true] => {
                 let positions = unsafe { self.positions() }?;

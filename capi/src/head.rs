@@ -256,7 +256,7 @@ pub unsafe extern "C" fn anyface_head_mesh(
 ) -> AnyfaceStatus {
     let make = || {
         let head = unsafe { pointer::handle("head", head) }?;
-        let made = match resolution {
+        let surface = match resolution {
             0 => head.maker.mesh(&head.numbers, parts != 0)?,
             _ if parts != 0 => {
                 return Err(Failure::invalid(format!(
@@ -270,12 +270,12 @@ pub unsafe extern "C" fn anyface_head_mesh(
                 })
             }?,
         };
-        let (vertices, skin) = (made.landmarks.vertices, [made.skin_vertices()]);
+        let (vertices, skin) = (surface.landmarks.vertices, [surface.skin_vertices()]);
         unsafe {
             pointer::copy_where_asked("landmark_vertices", &vertices, landmark_vertices)?;
             pointer::copy_where_asked("skin_vertices", &skin, skin_vertices)?;
         }
-        Ok(AnyfaceMesh(made.mesh))
+        Ok(AnyfaceMesh(surface.mesh))
     };
     unsafe { guard::give(out, error, make) }
 }

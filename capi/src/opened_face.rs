@@ -209,7 +209,7 @@ mod tests {
             triangle: 0,
             corners,
         };
-        let own = [[1.0, 0.0, 0.0], [0.0, 1.0, 0.0], [0.0, 0.0, 1.0]];
+        let corners = [[1.0, 0.0, 0.0], [0.0, 1.0, 0.0], [0.0, 0.0, 1.0]];
         AnyfaceOpenedFace(OpenedFace {
             mesh: Mesh {
                 positions: vec![[0.0; 3], [1.0, 0.0, 0.0], [0.0, 1.0, 0.0], [0.5, 0.5, 0.0]],
@@ -226,7 +226,10 @@ mod tests {
                 [(2, 1.0), (2, 0.0), (2, 0.0)],
                 [(1, 0.5), (2, 0.5), (1, 0.0)],
             ],
-            triangle_sources: vec![source([own[0], own[1], [0.0, 0.5, 0.5]]), source(own)],
+            triangle_sources: vec![
+                source([corners[0], corners[1], [0.0, 0.5, 0.5]]),
+                source(corners),
+            ],
             first_inside_vertex: 4,
             first_lining_triangle: 2,
             first_inside_triangle: 2,

@@ -114,8 +114,8 @@ pub(crate) fn one_of<T, const N: usize>(
     code: i32,
     known: [(i32, T); N],
 ) -> Result<T, Failure> {
-    let found = known.into_iter().find(|(number, _)| *number == code);
-    found.map(|(_, meaning)| meaning).ok_or_else(|| {
+    let entry = known.into_iter().find(|(number, _)| *number == code);
+    entry.map(|(_, meaning)| meaning).ok_or_else(|| {
         let last = N - 1;
         Failure::invalid(format!("{name}: expected 0 to {last}, got {code}"))
     })

@@ -195,8 +195,8 @@ pub unsafe extern "C" fn anyface_rig_write(
         match path.extension().and_then(|e| e.to_str()) {
             Some("npz") => write_rig(path, &rig.rig, &rig.mesh)?,
             Some("vrm") => {
-                let own = (&*rig.mesh, &rig.landmarks);
-                write_avatar(path, &rig.rig, own, source.as_deref())?;
+                let target = (&*rig.mesh, &rig.landmarks);
+                write_avatar(path, &rig.rig, target, source.as_deref())?;
             }
             _ => {
                 return Err(crate::error::Failure::invalid(format!(

@@ -87,8 +87,8 @@ pub unsafe extern "C" fn anyface_sliders_new(
             }
             Made::Redone(..) | Made::Given(..) => Ok(Vec::new()),
         };
-        let found = unsafe { watched(progress, find) }?;
-        Ok(AnyfaceSliders(found))
+        let changes = unsafe { watched(progress, find) }?;
+        Ok(AnyfaceSliders(changes))
     };
     unsafe { guard::give(out, error, make) }
 }
@@ -99,8 +99,8 @@ pub unsafe extern "C" fn anyface_sliders_knot_count(
     sliders: *const AnyfaceSliders,
     slider: i32,
 ) -> usize {
-    let found = unsafe { sliders.as_ref() }.and_then(|sliders| sliders.of(slider).ok()?);
-    found.map_or(0, |change| change.knots.len())
+    let change = unsafe { sliders.as_ref() }.and_then(|sliders| sliders.of(slider).ok()?);
+    change.map_or(0, |change| change.knots.len())
 }
 
 /// Copies the knots of an `AnyfaceSlider` into the caller's buffer.
@@ -116,8 +116,8 @@ pub unsafe extern "C" fn anyface_sliders_copy_knots(
     error: *mut *mut AnyfaceError,
 ) -> AnyfaceStatus {
     let values = || {
-        let found = unsafe { pointer::handle("sliders", sliders) }?.of(slider)?;
-        Ok(found.map_or(&[][..], |change| &change.knots))
+        let change_of_slider = unsafe { pointer::handle("sliders", sliders) }?.of(slider)?;
+        Ok(change_of_slider.map_or(&[][..], |change| &change.knots))
     };
     unsafe { guard::copy(buffer, float_count, error, values) }
 }
@@ -135,8 +135,8 @@ pub unsafe extern "C" fn anyface_sliders_copy_changes(
     error: *mut *mut AnyfaceError,
 ) -> AnyfaceStatus {
     let values = || {
-        let found = unsafe { pointer::handle("sliders", sliders) }?.of(slider)?;
-        let changes = found.map_or(&[][..], |change| &change.changes);
+        let change_of_slider = unsafe { pointer::handle("sliders", sliders) }?.of(slider)?;
+        let changes = change_of_slider.map_or(&[][..], |change| &change.changes);
         Ok(changes.iter().flatten().copied().collect::<Vec<f32>>())
     };
     unsafe { guard::copy(buffer, float_count, error, values) }
@@ -191,8 +191,8 @@ mod tests {
         ] {
             assert_eq!(unsafe { anyface_sliders_knot_count(&sliders, slider) }, 0);
             let to = none.as_mut_ptr();
-            let found = unsafe { anyface_sliders_copy_knots(&sliders, slider, to, 0, null_mut()) };
-            assert_eq!(found, status);
+            let answer = unsafe { anyface_sliders_copy_knots(&sliders, slider, to, 0, null_mut()) };
+            assert_eq!(answer, status);
         }
     }
 }

@@ -179,8 +179,8 @@ pub unsafe extern "C" fn anyface_sounds_new_with_text(
     let make = || {
         let (engine, audio) = handles!(engine, audio);
         let text = unsafe { pointer::optional_text("text", text) }?;
-        let found = engine.0.listen_to_phones(&audio.0, text)?;
-        AnyfaceSounds::of(found)
+        let phones = engine.0.listen_to_phones(&audio.0, text)?;
+        AnyfaceSounds::of(phones)
     };
     unsafe { guard::give(out, error, make) }
 }
@@ -262,8 +262,8 @@ pub unsafe extern "C" fn anyface_sounds_interval_count(
     sounds: *const AnyfaceSounds,
     tier: i32,
 ) -> usize {
-    let found = unsafe { sounds.as_ref() }.and_then(|sounds| sounds.intervals(tier).ok());
-    found.map_or(0, <[Interval]>::len)
+    let intervals = unsafe { sounds.as_ref() }.and_then(|sounds| sounds.intervals(tier).ok());
+    intervals.map_or(0, <[Interval]>::len)
 }
 
 /// Label of an interval of an `AnyfaceTier`: a phone (IPA) or a word; lives until the sounds are freed.

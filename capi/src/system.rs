@@ -235,7 +235,7 @@ pub unsafe extern "C" fn anyface_system_control(
             .get(system)
             .and_then(|listed| listed.controls.get(control));
         match listed {
-            Some(found) => unsafe { versioned_options::write(*found, out, struct_size) },
+            Some(control) => unsafe { versioned_options::write(*control, out, struct_size) },
             None => AnyfaceStatus::InvalidInput,
         }
     })

@@ -81,9 +81,9 @@ pub fn text(bytes: &[u8]) {
     let folder = tempfile::tempdir().unwrap();
     let path = folder.path().join(format!("a.{ending}"));
     std::fs::write(&path, bytes).unwrap();
-    if let Ok(found) = Annotation::read(&path, 24.0) {
+    if let Ok(annotation) = Annotation::read(&path, 24.0) {
         let out = folder.path().join("b.TextGrid");
-        let _ = found.write(&out, 24.0);
+        let _ = annotation.write(&out, 24.0);
     }
     if ending == "json" {
         let _ = (
@@ -117,12 +117,17 @@ pub fn models(bytes: &[u8]) {
         target[at] = change[3];
     }
     let folder = tempfile::tempdir().unwrap();
-    let own = folder.path().join(model.name);
-    std::fs::create_dir(&own).unwrap();
-    std::fs::write(own.join("model.safetensors"), weights).unwrap();
-    std::fs::write(own.join("config.json"), config).unwrap();
+    let model_folder = folder.path().join(model.name);
+    std::fs::create_dir(&model_folder).unwrap();
+    std::fs::write(model_folder.join("model.safetensors"), weights).unwrap();
+    std::fs::write(model_folder.join("config.json"), config).unwrap();
     // Of a model that all share, any system's.
-    let owns = |system: &&&Registration| system.models.iter().any(|own| own.name == model.name);
+    let owns = |system: &&&Registration| {
+        system
+            .models
+            .iter()
+            .any(|model_folder| model_folder.name == model.name)
+    };
     let shared = SYSTEMS[usize::from(part / 2) % SYSTEMS.len()];
     let options = EngineOptions {
         system: Some(SYSTEMS.iter().find(owns).unwrap_or(&shared).name.to_owned()),
@@ -137,8 +142,8 @@ pub fn models(bytes: &[u8]) {
     };
     let samples = (0..4_000).map(|i| (i as f32 * 0.08).sin() * 0.5).collect();
     let request = MotionRequest::default();
-    if let Ok(made) = engine.perform(&Waveform { samples }, &request, SILENT) {
-        assert!(made.motion.values().iter().all(|x| x.is_finite()));
+    if let Ok(performance) = engine.perform(&Waveform { samples }, &request, SILENT) {
+        assert!(performance.motion.values().iter().all(|x| x.is_finite()));
     }
 }
 
@@ -147,17 +152,17 @@ fn beside_the_engine(model: &str, folder: &Path) {
     if model == text::MODEL.name
         && let Ok(words) = TextUnits::open(Some(folder))
     {
-        let told = words.understand("a wide smile, the left eye shut");
-        for unit in told.unwrap_or_default().units {
+        let meaning = words.understand("a wide smile, the left eye shut");
+        for unit in meaning.unwrap_or_default().units {
             assert!(unit.2.is_finite() && unit.3.is_finite());
         }
     }
     if model == head::MODEL.name
         && let Ok(head) = Head::open(Some(folder))
         && let Ok(one) = head.one(vec![0.1; head.config().identity_code()])
-        && let Ok(made) = one.mesh(32, SILENT)
+        && let Ok(head) = one.mesh(32, SILENT)
     {
-        let numbers = made.mesh.positions.as_flattened().iter();
+        let numbers = head.mesh.positions.as_flattened().iter();
         assert!(numbers.copied().all(f32::is_finite));
     }
 }
@@ -248,23 +253,23 @@ fn redo_as_still(was: &Motion, stretch: &Stretch) {
         }),
         _ => return,
     };
-    let Ok(made) = was.redone(&again, stretch) else {
+    let Ok(again_made) = was.redone(&again, stretch) else {
         return;
     };
-    assert_eq!(made.values().shape(), was.values().shape());
+    assert_eq!(again_made.values().shape(), was.values().shape());
     let rows = stretch.frames(was.frames(), was.fps()).unwrap();
-    for (t, (made, was)) in made
+    for (t, (again_made, was)) in again_made
         .values()
         .outer_iter()
         .zip(was.values().outer_iter())
         .enumerate()
     {
         let same = |(a, b): (&f32, &f32)| a.to_bits() == b.to_bits();
-        assert!(rows.contains(&t) || made.iter().zip(&was).all(same));
+        assert!(rows.contains(&t) || again_made.iter().zip(&was).all(same));
         let finite = |x: &f32| x.is_finite();
-        assert!(!was.iter().all(finite) || made.iter().all(finite));
+        assert!(!was.iter().all(finite) || again_made.iter().all(finite));
     }
-    let _ = made.frames_of(rows);
+    let _ = again_made.frames_of(rows);
 }
 
 /// Options and files of the parametric head: what is refused says why, and what is made is a mesh.

@@ -31,15 +31,15 @@ pub fn options(bytes: &[u8]) {
 
 /// Names and sizes of the files of a folder, in folders too.
 fn sizes(folder: &Path) -> Vec<(PathBuf, u64)> {
-    let mut found = Vec::new();
+    let mut entries = Vec::new();
     for entry in fs::read_dir(folder).unwrap().flatten() {
         match entry.metadata().unwrap() {
-            kind if kind.is_dir() => found.extend(sizes(&entry.path())),
-            kind => found.push((entry.path(), kind.len())),
+            kind if kind.is_dir() => entries.extend(sizes(&entry.path())),
+            kind => entries.push((entry.path(), kind.len())),
         }
     }
-    found.sort();
-    found
+    entries.sort();
+    entries
 }
 
 /// A folder with small files for all options that read one, and models that cannot be loaded; made once.
@@ -86,10 +86,10 @@ fn made() -> tempfile::TempDir {
         );
     }
     for model in built_in_models() {
-        let own = folder.path().join("models").join(model.name);
-        fs::create_dir_all(&own).unwrap();
-        fs::write(own.join("config.json"), "{").unwrap();
-        fs::write(own.join("model.safetensors"), "").unwrap();
+        let model_folder = folder.path().join("models").join(model.name);
+        fs::create_dir_all(&model_folder).unwrap();
+        fs::write(model_folder.join("config.json"), "{").unwrap();
+        fs::write(model_folder.join("model.safetensors"), "").unwrap();
     }
     folder
 }

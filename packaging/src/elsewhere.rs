@@ -94,13 +94,13 @@ fn runner(steps: &mut Steps, platform: Platform) -> Result<Option<Vec<String>>> 
 /// Folders that a program in a folder of another Debian sees, and a Windows of its own.
 fn surround(command: &mut Command) -> Result<()> {
     let root = machine::root().canonicalize()?;
-    let seen = [
+    let folders = [
         Some(root),
         machine::shared().and_then(|folder| folder.canonicalize().ok()),
     ];
-    let seen: Vec<PathBuf> = seen.into_iter().flatten().collect();
+    let folders: Vec<PathBuf> = folders.into_iter().flatten().collect();
     command
-        .env("ANYFACE_SEES", env::join_paths(seen)?)
+        .env("ANYFACE_SEES", env::join_paths(folders)?)
         .env(
             "WINEPREFIX",
             machine::target().canonicalize()?.join("wine-prefix"),
@@ -184,9 +184,9 @@ fn in_python_of_windows(steps: &mut Steps, runner: &[String], built: &Path) -> R
 fn python_of_windows(steps: &mut Steps) -> Result<PathBuf> {
     let folder = machine::target().join("windows-python");
     let python = folder.join("python.exe");
-    let wanted = [&[WINDOWS_PYTHON], WINDOWS_PACKAGES].concat().join("\n");
+    let list = [&[WINDOWS_PYTHON], WINDOWS_PACKAGES].concat().join("\n");
     let note = folder.join("installed.txt");
-    if fs::read_to_string(&note).is_ok_and(|text| text == wanted) {
+    if fs::read_to_string(&note).is_ok_and(|text| text == list) {
         return Ok(python.canonicalize()?);
     }
     machine::empty(&folder)?;
@@ -209,7 +209,7 @@ fn python_of_windows(steps: &mut Steps) -> Result<PathBuf> {
     // This file, where it stands beside python.exe, is the whole search path.
     let paths = "python311.zip\n.\nLib/site-packages\nimport site\n";
     fs::write(folder.join("python311._pth"), paths)?;
-    fs::write(note, wanted)?;
+    fs::write(note, list)?;
     python
         .canonicalize()
         .context("expected python.exe in the package")

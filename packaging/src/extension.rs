@@ -153,8 +153,8 @@ fn name_platform(manifest: &Path, platform: Platform) -> Result<()> {
         "expected {line} in {}",
         manifest.display()
     );
-    let own = format!("platforms = [\"{}\"]", platform.name());
-    fs::write(manifest, text.replace(&line, &own))?;
+    let this_platform = format!("platforms = [\"{}\"]", platform.name());
+    fs::write(manifest, text.replace(&line, &this_platform))?;
     Ok(())
 }
 

@@ -28,26 +28,28 @@ pub fn release_flags() -> String {
     let home = std::env::home_dir().unwrap_or_default();
     let crates = crates.map_or(home.join(".cargo"), PathBuf::from);
     let rust = rust.map_or(home.join(".rustup"), PathBuf::from);
-    let own = root().canonicalize().unwrap_or(root());
+    let workspace = root().canonicalize().unwrap_or(root());
     let target = std::path::absolute(target()).unwrap_or(target());
     // rustc takes the last one that fits, so that a folder stands behind those around it.
     let names = [
         (home, "home"),
         (crates, "crates"),
         (rust, "rust"),
-        (own, "anyface"),
+        (workspace, "anyface"),
         (target, "target"),
     ];
     let flags = names.map(|(path, name)| format!("--remap-path-prefix={}={name}", path.display()));
     // Cargo divides these by the unit separator, so that paths may hold spaces.
-    let given = std::env::var("CARGO_ENCODED_RUSTFLAGS").ok();
+    let flags_of_caller = std::env::var("CARGO_ENCODED_RUSTFLAGS").ok();
     let plain = || {
         std::env::var("RUSTFLAGS")
             .ok()
             .map(|flags| flags.replace(' ', "\x1f"))
     };
-    let given = given.or_else(plain).filter(|flags| !flags.is_empty());
-    given
+    let flags_of_caller = flags_of_caller
+        .or_else(plain)
+        .filter(|flags| !flags.is_empty());
+    flags_of_caller
         .into_iter()
         .chain(flags)
         .collect::<Vec<_>>()
@@ -64,7 +66,7 @@ pub fn named_folder(file: &Path) -> Result<Option<PathBuf>> {
         // Short ones such as `/` stand in every file.
         let name = folder.as_os_str().as_encoded_bytes();
         let name = [name, b"/"].concat();
-        name.len() > 3 && bytes.windows(name.len()).any(|found| found == name)
+        name.len() > 3 && bytes.windows(name.len()).any(|window| window == name)
     }))
 }
 
@@ -123,10 +125,10 @@ mod tests {
     /// What a compiler builds under the flags names no folder; without them it does.
     #[test]
     fn what_is_handed_out_names_no_folder_of_this_machine() {
-        let own = root().canonicalize().unwrap();
+        let workspace = root().canonicalize().unwrap();
         let folder = target().join(format!("paths-{}", std::process::id()));
         fs::create_dir_all(&folder).unwrap();
-        let source = own
+        let source = workspace
             .join("target")
             .join(format!("paths-{}.rs", std::process::id()));
         fs::write(

@@ -52,15 +52,15 @@ impl Package {
         let library = built.join(platform.shared_library());
         extension::build_zip(&mut steps, &library, &zip)?;
         let wheel = wheel::build(&mut steps, &library, &out)?;
-        let mut made = vec![zip, wheel, tarball(&mut steps, &built, &out, platform)?];
+        let mut files = vec![zip, wheel, tarball(&mut steps, &built, &out, platform)?];
         if platform.is_linux() && machine::has("dpkg-deb") {
             let package = debian::build(&mut steps, platform, &built, &out)?;
             if platform == Platform::here()? {
                 debian::check(&mut steps, &package)?;
             }
-            made.push(package);
+            files.push(package);
         }
-        for path in made {
+        for path in files {
             let size = fs::metadata(&path)?.len() as f64 / 1e6;
             println!("{size:6.1} MB {}", path.display());
         }

@@ -36,10 +36,10 @@ impl Platform {
     pub fn here() -> Result<Self> {
         let here = (std::env::consts::OS, std::env::consts::ARCH);
         let (system, processor) = here;
-        let found = Self::ALL
+        let platform = Self::ALL
             .into_iter()
             .find(|platform| platform.key() == here);
-        found.with_context(|| format!("expected {}, got {system} on {processor}", Self::names()))
+        platform.with_context(|| format!("expected {}, got {system} on {processor}", Self::names()))
     }
 
     /// That of a target as Rust names it, such as `aarch64-apple-darwin`.
@@ -193,9 +193,9 @@ mod tests {
 
     #[test]
     fn a_library_says_for_which_system_it_is() {
-        let own = std::env::current_exe().unwrap();
+        let program = std::env::current_exe().unwrap();
         assert_eq!(
-            Platform::of_library(&own).unwrap(),
+            Platform::of_library(&program).unwrap(),
             Platform::here().unwrap()
         );
         let text = Path::new(env!("CARGO_MANIFEST_DIR")).join("Cargo.toml");

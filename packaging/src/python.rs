@@ -57,16 +57,16 @@ impl Venv {
 
     /// Creates or refreshes the environment.
     pub fn ensure(self, steps: &mut Steps) -> Result<PathBuf> {
-        let wanted = std::fs::read_to_string(self.requirements())
+        let packages = std::fs::read_to_string(self.requirements())
             .with_context(|| format!("reading {}", self.requirements().display()))?;
-        if is_current(self.folder(), &wanted) {
+        if is_current(self.folder(), &packages) {
             return Ok(self.python());
         }
         let from = match self {
             Venv::Blender => any_of_blender()?,
             _ => PYTHON.to_owned(),
         };
-        environment(steps, &from, self.folder(), &wanted)
+        environment(steps, &from, self.folder(), &packages)
     }
 }
 
@@ -77,12 +77,12 @@ pub fn blender(steps: &mut Steps, version: Option<&str>) -> Result<PathBuf> {
     };
     let usual = std::fs::read_to_string(Venv::Blender.requirements())?;
     let name = format!("bpy-{version}");
-    let wanted = of_version(&usual, version);
-    if is_current(&name, &wanted) {
+    let packages = of_version(&usual, version);
+    if is_current(&name, &packages) {
         return Ok(interpreter(&name));
     }
     let from = first_of(&[python_for(version)?])?;
-    environment(steps, &from, &name, &wanted)
+    environment(steps, &from, &name, &packages)
 }
 
 /// The interpreter of an environment; `ANYFACE_VENVS` moves all to another folder.
@@ -103,15 +103,15 @@ fn folder(name: &str) -> Result<PathBuf> {
 }
 
 /// Whether an environment has what the lines `wanted` ask for.
-fn is_current(name: &str, wanted: &str) -> bool {
+fn is_current(name: &str, packages: &str) -> bool {
     let Ok(folder) = folder(name) else {
         return false;
     };
-    std::fs::read_to_string(folder.join("installed.txt")).is_ok_and(|text| text == wanted)
+    std::fs::read_to_string(folder.join("installed.txt")).is_ok_and(|text| text == packages)
 }
 
 /// Creates or refreshes an environment of the interpreter `from`; `wanted` are pip's lines.
-fn environment(steps: &mut Steps, from: &str, name: &str, wanted: &str) -> Result<PathBuf> {
+fn environment(steps: &mut Steps, from: &str, name: &str, packages: &str) -> Result<PathBuf> {
     let (python, folder) = (interpreter(name), folder(name)?);
     // Debian's python3 comes without it.
     let complete = Command::new(from).args(["-c", "import ensurepip"]).output();
@@ -125,14 +125,14 @@ fn environment(steps: &mut Steps, from: &str, name: &str, wanted: &str) -> Resul
     }
     steps.run(&format!("make a Python environment ({name})"), &mut create)?;
     let list = folder.join("wanted.txt");
-    std::fs::write(&list, wanted)?;
+    std::fs::write(&list, packages)?;
     let mut pip = Command::new(&python);
     pip.args(["-m", "pip", "install", "-q", "-U", "pip"]);
     steps.run(&format!("update pip ({name})"), &mut pip)?;
     let mut pip = Command::new(&python);
     pip.args(["-m", "pip", "install", "-r"]).arg(list);
     steps.run(&format!("install Python packages ({name})"), &mut pip)?;
-    std::fs::write(folder.join("installed.txt"), wanted)?;
+    std::fs::write(folder.join("installed.txt"), packages)?;
     Ok(python)
 }
 
@@ -155,10 +155,10 @@ fn first_of(minors: &[u32]) -> Result<String> {
             return Ok(name);
         }
     }
-    let wanted: Vec<String> = minors.iter().map(|minor| format!("3.{minor}")).collect();
-    let found = usual.map_or("none".to_owned(), |minor| format!("3.{minor}"));
+    let versions: Vec<String> = minors.iter().map(|minor| format!("3.{minor}")).collect();
+    let version = usual.map_or("none".to_owned(), |minor| format!("3.{minor}"));
     bail!(
-        "Blender's Python module needs Python {}, and {PYTHON} is {found}: install one of them \
+        "Blender's Python module needs Python {}, and {PYTHON} is {version}: install one of them \
          (Debian 12 has 3.11, Debian 13 has 3.13) so that it is on the PATH",
         wanted.join(" or ")
     )

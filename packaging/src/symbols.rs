@@ -196,7 +196,7 @@ fn load_commands(bytes: &[u8]) -> Result<Vec<(u32, Option<String>)>> {
     let file = MachOFile64::<Endianness>::parse(bytes)?;
     let endian = file.endian();
     let mut commands = file.macho_header().load_commands(endian, bytes, 0)?;
-    let mut found = Vec::new();
+    let mut entries = Vec::new();
     while let Some(command) = commands.next()? {
         let name = match command.variant()? {
             LoadCommandVariant::Dylib(library) => {
@@ -205,9 +205,9 @@ fn load_commands(bytes: &[u8]) -> Result<Vec<(u32, Option<String>)>> {
             }
             _ => None,
         };
-        found.push((command.cmd(), name));
+        entries.push((command.cmd(), name));
     }
-    Ok(found)
+    Ok(entries)
 }
 
 /// Apple's processors load nothing that is not signed, if only by the linker.

@@ -21,9 +21,9 @@ const FENCE: &str = "```";
 ///
 /// # Errors
 /// If the JSON lacks a field, or a licence has no holder.
-pub fn page(template: &str, found: &Value) -> Result<String> {
+pub fn page(template: &str, list_of_crates: &Value) -> Result<String> {
     let mut crates = BTreeMap::new();
-    for entry in list(found, "crates")? {
+    for entry in list(list_of_crates, "crates")? {
         let package = &entry["package"];
         if is_of_others(package) {
             crates.insert(release(package)?, row(package, text(entry, "license")?)?);
@@ -37,7 +37,7 @@ pub fn page(template: &str, found: &Value) -> Result<String> {
     Ok(template
         .replace("@MOZILLA@", &sources.join("\n"))
         .replace("@CRATES@", &rows.join("\n"))
-        .replace("@TEXTS@", &licences(found)?))
+        .replace("@TEXTS@", &licences(list_of_crates)?))
 }
 
 /// A crate's name and version.
@@ -75,9 +75,9 @@ impl Terms {
 }
 
 /// All licences, of those with the same name the most frequent first.
-fn licences(found: &Value) -> Result<String> {
+fn licences(list_of_crates: &Value) -> Result<String> {
     let mut all: BTreeMap<(String, String), Terms> = BTreeMap::new();
-    for licence in list(found, "licenses")? {
+    for licence in list(list_of_crates, "licenses")? {
         let name = text(licence, "name")?;
         for user in list(licence, "used_by")? {
             let package = &user["crate"];
@@ -255,7 +255,7 @@ mod tests {
     #[test]
     fn terms_are_written_once_below_their_holders() {
         let ours = json!({"name": "anyface", "version": "0.1.0", "source": null, "authors": []});
-        let found = json!({
+        let list_of_crates = json!({
             "crates": [
                 {"package": package("one"), "license": "MIT"},
                 {"package": package("two"), "license": "MPL-2.0"},
@@ -268,7 +268,7 @@ mod tests {
                 licence("MIT", "Do something else.", &[package("one")]),
             ],
         });
-        let page = page("@MOZILLA@\n@CRATES@\n@TEXTS@", &found).unwrap();
+        let page = page("@MOZILLA@\n@CRATES@\n@TEXTS@", &list_of_crates).unwrap();
         assert_eq!(
             page,
             "- https://crates.io/crates/two/1.0.0\n\

@@ -133,8 +133,8 @@ fn finish_package(steps: &mut Steps, package: &Path) -> Result<()> {
     }
     let names = fs::read_to_string(root.join("web/models.txt"))?;
     for name in names.lines() {
-        let found = ["shared", "freetalk"].map(|data| root.join("weights").join(data).join(name));
-        let from = found.iter().find(|folder| folder.is_dir());
+        let folders = ["shared", "freetalk"].map(|data| root.join("weights").join(data).join(name));
+        let from = folders.iter().find(|folder| folder.is_dir());
         let from = from.with_context(|| format!("web/models.txt: no model {name} in weights"))?;
         let to = package.join("models").join(name);
         fs::create_dir_all(&to)?;

@@ -67,11 +67,11 @@ pub fn build(steps: &mut Steps, library: &Path, out: &Path) -> Result<PathBuf> {
     pack.args(["--version", env!("CARGO_PKG_VERSION")]);
     pack.args(["--tag", &tag(platform, &inside)?]);
     pack.arg("--out").arg(out);
-    let told = steps.run("pack the wheel", &mut pack)?;
+    let output = steps.run("pack the wheel", &mut pack)?;
     // The last line is the path; a log's heading stands before it.
-    let path = PathBuf::from(told.lines().last().unwrap_or_default());
+    let path = PathBuf::from(output.lines().last().unwrap_or_default());
     let size_mb = fs::metadata(&path)
-        .with_context(|| format!("expected a wheel, got {told:?}"))?
+        .with_context(|| format!("expected a wheel, got {output:?}"))?
         .len() as f64
         / 1e6;
     ensure!(

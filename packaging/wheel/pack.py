@@ -97,12 +97,12 @@ def main() -> None:
     parser.add_argument("--version", required=True)
     parser.add_argument("--tag", required=True, help="such as manylinux_2_28_x86_64")
     parser.add_argument("--out", type=Path, required=True, help="the folder of the wheel")
-    given = parser.parse_args()
-    files = contents(given.library, given.version, given.tag)
-    name = f"anyface-{given.version}.dist-info/RECORD"
+    options = parser.parse_args()
+    files = contents(options.library, options.version, options.tag)
+    name = f"anyface-{options.version}.dist-info/RECORD"
     files = dict(sorted(files.items())) | {name: record(files, name)}
-    given.out.mkdir(parents=True, exist_ok=True)
-    path = given.out / f"anyface-{given.version}-py3-none-{given.tag}.whl"
+    options.out.mkdir(parents=True, exist_ok=True)
+    path = options.out / f"anyface-{options.version}-py3-none-{options.tag}.whl"
     write(files, path)
     print(path)
 

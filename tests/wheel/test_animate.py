@@ -82,7 +82,7 @@ def test_arrays_give_what_files_give(anyface, clip, mesh):
 
 def test_polygons_of_any_length_are_taken(anyface, mesh):
     engine = anyface.Engine()
-    given = importlib.import_module("anyface.given")
+    given = importlib.import_module("anyface.arguments")
     vertices = np.indices((2, 2, 2)).reshape(3, -1).T
     box = [[0, 1, 3, 2], [4, 6, 7, 5], [0, 4, 5, 1], [2, 3, 7, 6], [0, 2, 6, 4], [1, 5, 7, 3]]
     positions, triangles = given.mesh_of((vertices, np.array(box)), engine)

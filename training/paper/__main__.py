@@ -1,6 +1,6 @@
 """Writes the paper's tables and figures for corpus folders, as one page.
 
-    python -m training.paper --corpus DIR [DIR ...] --anyface target/release/anyface --out docs/measured/paper.md
+    python -m training.paper --corpus DIR [DIR ...] --anyface target/release/anyface --out PAGE.md
 
 `--options` go with every call of the command, such as `--options=--weights=mine`. `--ablations` adds rows for
 models that were trained without a part (`training.paper.ablations`).

@@ -65,19 +65,22 @@ pub fn by_name(frame: &WeightFrame) -> VarDictionary {
 fn shapes_of(mesh: &Gd<MeshInstance3D>) -> Result<Vec<(i32, usize)>, String> {
     let array = mesh.get_mesh().and_then(|m| m.try_cast::<ArrayMesh>().ok());
     let array = array.ok_or("mesh: expected one with blend shapes, got none")?;
-    let own: Vec<String> = (0..array.get_blend_shape_count())
+    let names_of_mesh: Vec<String> = (0..array.get_blend_shape_count())
         .map(|place| array.get_blend_shape_name(place).to_string())
         .collect();
     // A mesh with both kinds would move its mouth twice.
-    let names = match own.iter().any(|name| name == "jawOpen") {
+    let names = match names_of_mesh.iter().any(|name| name == "jawOpen") {
         true => 0..ARKIT.len(),
         false => ARKIT.len()..ARKIT.len() + VISEMES.len(),
     };
     let all: Vec<&str> = ARKIT.iter().chain(VISEMES.iter()).copied().collect();
-    let pairs = own.iter().enumerate().filter_map(|(place, name)| {
-        let weight = names.clone().find(|&weight| all[weight] == name)?;
-        Some((place as i32, weight))
-    });
+    let pairs = names_of_mesh
+        .iter()
+        .enumerate()
+        .filter_map(|(place, name)| {
+            let weight = names.clone().find(|&weight| all[weight] == name)?;
+            Some((place as i32, weight))
+        });
     let pairs: Vec<(i32, usize)> = pairs.collect();
     if pairs.is_empty() {
         return Err(format!(

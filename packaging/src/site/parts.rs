@@ -199,9 +199,9 @@ fn list_extensions(steps: &mut Steps, folder: &Path, count: usize) -> Result<()>
     // The tool goes on after a zip that it cannot read, and after two for the same system.
     let list = fs::read_to_string(folder.join("index.json"))?;
     let list: serde_json::Value = serde_json::from_str(&list)?;
-    let found = list["data"].as_array().map_or(0, Vec::len);
-    if found != count || output.contains("duplicates") {
-        bail!("expected {count} extensions, each for a system of its own, got {found}:\n{output}");
+    let listed = list["data"].as_array().map_or(0, Vec::len);
+    if listed != count || output.contains("duplicates") {
+        bail!("expected {count} extensions, each for a system of its own, got {listed}:\n{output}");
     }
     Ok(())
 }

@@ -1,4 +1,4 @@
-"""What a caller may give, as what the library takes; all that does not fit is told in words."""
+"""The arguments of callers as what the library takes, and in words what does not fit."""
 
 import os
 import warnings
@@ -51,8 +51,8 @@ def sound_of(sound: SoundLike, engine: Engine) -> Sound:
         if missing:
             warnings.warn(missing, stacklevel=3)
         return Sound(samples, rate_hz, os.fspath(sound))
-    given, rate_hz = _pair("sound", sound, "(samples, rate)")
-    samples = _full_scale(np.asarray(given))
+    array, rate_hz = _pair("sound", sound, "(samples, rate)")
+    samples = _full_scale(np.asarray(array))
     if samples.ndim == 2 and samples.shape[1] <= _MOST_CHANNELS:
         samples = samples.mean(axis=1)
     if samples.ndim != 1:
@@ -64,12 +64,12 @@ def landmarks_of(landmarks: ArrayLike | None) -> tuple[np.ndarray | None, np.nda
     """Positions `[68, 3]` and vertex numbers `[68]` of landmarks; at most one of them is there."""
     if landmarks is None:
         return None, None
-    given = np.asarray(landmarks)
-    if given.shape == (LANDMARKS, 3):
-        return _numbers("landmarks", given), None
-    if given.shape == (LANDMARKS,):
-        return None, _vertex_numbers(given, 2**32)
-    raise _unfit("landmarks", "positions [68, 3] or vertex numbers [68]", given.shape)
+    array = np.asarray(landmarks)
+    if array.shape == (LANDMARKS, 3):
+        return _numbers("landmarks", array), None
+    if array.shape == (LANDMARKS,):
+        return None, _vertex_numbers(array, 2**32)
+    raise _unfit("landmarks", "positions [68, 3] or vertex numbers [68]", array.shape)
 
 
 def request_of(
@@ -142,10 +142,10 @@ def _numbers(what: str, values: ArrayLike) -> NDArray[np.float32]:
         raise _wrong(f"{what}: expected an array of numbers: {error}") from error
 
 
-def _pair(what: str, given, expected: str):
-    if not isinstance(given, tuple | list) or len(given) != 2:
-        raise _wrong(f"{what}: expected a path or {expected}, got {type(given).__name__}")
-    return given
+def _pair(what: str, pair, expected: str):
+    if not isinstance(pair, tuple | list) or len(pair) != 2:
+        raise _wrong(f"{what}: expected a path or {expected}, got {type(pair).__name__}")
+    return pair
 
 
 def _unfit(what: str, expected: str, shape: tuple[int, ...]) -> AnyfaceError:

@@ -8,13 +8,7 @@ from typing import TypeVar
 import numpy as np
 from numpy.typing import ArrayLike
 
-from .clip import Clip, Weights
-from .core import shapes
-from .core.job import Job
-from .core.job import Progress as Watch
-from .core.native import Engine
-from .core.take import Animation, Found, Rig
-from .given import (
+from .arguments import (
     ControlLike,
     EmotionLike,
     Mesh,
@@ -25,6 +19,12 @@ from .given import (
     request_of,
     sound_of,
 )
+from .clip import Clip, Weights
+from .core import shapes
+from .core.job import Job
+from .core.job import Progress as Watch
+from .core.native import Engine
+from .core.take import Animation, Found, Rig
 
 Progress = Callable[[str, float], object]
 """Is told the stage of the work and its done share, 0 to 1, some times a second."""
@@ -70,16 +70,16 @@ def animate(
     `progress` and `cancel` are called in the caller's own thread. Raises `AnyfaceError`, whose `kind`
     says what was wrong, or `Cancelled`.
     """
-    own = _facing(engine, forward, up)
-    request = request_of(own, fps, emotion, seed, style, controls or {}, events, neutral_voice)
-    given = landmarks_of(landmarks)
+    oriented = _facing(engine, forward, up)
+    request = request_of(oriented, fps, emotion, seed, style, controls or {}, events, neutral_voice)
+    points = landmarks_of(landmarks)
 
     def work(watch: Watch) -> Clip:
-        arrays, speech = mesh_of(mesh, own), sound_of(sound, own)
-        animation = own.animate(*arrays, *given, speech, request, watch)
+        arrays, speech = mesh_of(mesh, oriented), sound_of(sound, oriented)
+        animation = oriented.animate(*arrays, *points, speech, request, watch)
         if out:
-            own.write_take(*arrays, *given, None, animation.clip, os.fspath(out), watch)
-        solved = _solved(own, arrays, given, animation, watch) if weights else None
+            oriented.write_take(*arrays, *points, None, animation.clip, os.fspath(out), watch)
+        solved = _solved(oriented, arrays, points, animation, watch) if weights else None
         return _clip(request.fps, arrays, animation, solved)
 
     return _run(work, progress, cancel)
@@ -101,11 +101,11 @@ def find_landmarks(
     `fixed` are landmarks `[3]` by number, 0 to 67, that stay where they are while the others follow.
     The rest as for `animate`.
     """
-    own, given = _facing(engine, forward, up), landmarks_of(landmarks)
-    held = {number: np.asarray(place, np.float32) for number, place in (fixed or {}).items()}
+    oriented, points = _facing(engine, forward, up), landmarks_of(landmarks)
+    fixed_points = {number: np.asarray(place, np.float32) for number, place in (fixed or {}).items()}
 
     def work(watch: Watch) -> Found:
-        return own.find(*mesh_of(mesh, own), *given, held, None, watch)
+        return oriented.find(*mesh_of(mesh, oriented), *points, fixed_points, None, watch)
 
     return _run(work, progress, cancel)
 
@@ -126,12 +126,12 @@ def make_rig(
     `out` is a file that also receives them: .npz, or .vrm, an avatar with VRM's expressions and those of
     Perfect Sync, which keeps all else that the file `mesh` has. Other arguments are those of `animate`.
     """
-    own, given = _facing(engine, forward, up), landmarks_of(landmarks)
+    oriented, points = _facing(engine, forward, up), landmarks_of(landmarks)
     source = os.fspath(mesh) if isinstance(mesh, str | os.PathLike) else ""
 
     def work(watch: Watch) -> Rig:
-        arrays = mesh_of(mesh, own)
-        return own.rig(*arrays, *given, None, watch, path=os.fspath(out), source=source)
+        arrays = mesh_of(mesh, oriented)
+        return oriented.rig(*arrays, *points, None, watch, path=os.fspath(out), source=source)
 
     return _run(work, progress, cancel)
 
@@ -162,27 +162,27 @@ def _run(work: Callable[[Watch], Made], progress: Progress | None, cancel: Cance
     return job.result()
 
 
-def _solved(own: Engine, mesh: Mesh, landmarks, animation: Animation, watch: Watch) -> Weights:
-    rig, count = own.rig(*mesh, *landmarks, None, watch), len(shapes.ARKIT)
+def _solved(engine: Engine, mesh: Mesh, landmarks, animation: Animation, watch: Watch) -> Weights:
+    rig, count = engine.rig(*mesh, *landmarks, None, watch), len(shapes.ARKIT)
     names, vectors = rig.names[:count], rig.vectors[:count]
-    lips = own.find(*mesh, *landmarks, {}, None, watch).lips(vectors.shape[1])
+    lips = engine.find(*mesh, *landmarks, {}, None, watch).lips(vectors.shape[1])
     solved = animation.clip.weights(names, vectors, lips, np.eye(3), watch)
     return Weights(tuple(names), solved.weights, solved.left_out)
 
 
-def _clip(fps: float, mesh: Mesh, made: Animation, weights: Weights | None) -> Clip:
+def _clip(fps: float, mesh: Mesh, animation: Animation, weights: Weights | None) -> Clip:
     return Clip(
         fps=fps,
         rest=mesh[0],
         triangles=mesh[1],
-        displacements=made.clip.displacements(),
-        landmarks=made.landmarks.neutral,
-        landmark_displacements=made.landmarks.displacements,
-        head=made.life.head,
-        gaze=made.life.gaze,
-        tongue=made.life.tongue,
-        largest_mm=made.largest_mm,
-        speaks=made.visibility == "SPEAKS",
+        displacements=animation.clip.displacements(),
+        landmarks=animation.landmarks.neutral,
+        landmark_displacements=animation.landmarks.displacements,
+        head=animation.life.head,
+        gaze=animation.life.gaze,
+        tongue=animation.life.tongue,
+        largest_mm=animation.largest_mm,
+        speaks=animation.visibility == "SPEAKS",
         weights=weights,
-        heard_emotion=made.heard_emotion,
+        heard_emotion=animation.heard_emotion,
     )

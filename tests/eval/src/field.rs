@@ -110,13 +110,13 @@ impl Field {
                 let decoded = own_motion(&engine, &face, marks)?;
                 let mean = field.landmarks(codes.view())?;
                 let landmarked = own_motion(&engine, &face, face.own_motion(mean.view()))?;
-                let own = &landmarked + &field.beyond(codes.view(), &landmarked)?;
+                let with_field = &landmarked + &field.beyond(codes.view(), &landmarked)?;
                 let of_known = &landmarked + &known.beyond(codes.view(), &landmarked)?;
-                for (n, made) in [&still, &decoded, &landmarked, &own, &of_known]
+                for (n, prediction) in [&still, &decoded, &landmarked, &with_field, &of_known]
                     .into_iter()
                     .enumerate()
                 {
-                    sums[set][n].add(made, &truth, &lips);
+                    sums[set][n].add(prediction, &truth, &lips);
                 }
             }
         }
@@ -148,19 +148,19 @@ impl Field {
                 let missing =
                     || Error::InvalidInput(format!("{channel}: expected a shape, got none"));
                 let whole = of(&network, channel).ok_or_else(missing)?;
-                let made = [
+                let predictions = [
                     (0.5, &whole * 0.5, of(&field, &format!("{channel}_half"))),
                     (1.0, whole, of(&field, channel)),
                 ];
-                for ((weight, network, field), sums) in made.into_iter().zip(sums) {
+                for ((weight, network, field), sums) in predictions.into_iter().zip(sums) {
                     let field = field.ok_or_else(missing)?;
                     for v in 0..FACE_VERTICES {
                         let whole = [0, 1, 2].map(|i| truth[[0, v, i]]);
                         if MM_PER_CM * distance(whole, [0.0; 3]) > MOVING_MM {
                             let to = whole.map(|x| weight * x);
-                            let off = |made: &Array2<f32>| {
-                                let made = [0, 1, 2].map(|i| made[[v, i]]);
-                                f64::from(MM_PER_CM * distance(made, to))
+                            let off = |predictions: &Array2<f32>| {
+                                let predictions = [0, 1, 2].map(|i| predictions[[v, i]]);
+                                f64::from(MM_PER_CM * distance(predictions, to))
                             };
                             sums[0] += 1.0;
                             sums[1] += off(&network);
@@ -238,12 +238,13 @@ pub(super) fn spoken(data: &Path, channels: &[String]) -> Result<Array2<f32>> {
 
 impl Distances {
     /// Both in centimetres.
-    pub(super) fn add(&mut self, made: &Array3<f32>, truth: &Array3<f32>, lips: &[bool]) {
-        for (made, truth) in made.outer_iter().zip(truth.outer_iter()) {
+    pub(super) fn add(&mut self, prediction: &Array3<f32>, truth: &Array3<f32>, lips: &[bool]) {
+        for (prediction, truth) in prediction.outer_iter().zip(truth.outer_iter()) {
             for (v, is_lip) in lips.iter().enumerate() {
-                let [made, to] = [made, truth].map(|all| [0, 1, 2].map(|i| all[[v, i]]));
+                let [prediction, to] =
+                    [prediction, truth].map(|all| [0, 1, 2].map(|i| all[[v, i]]));
                 let moves = MM_PER_CM * distance(to, [0.0; 3]) > MOVING_MM;
-                let off = f64::from(MM_PER_CM * distance(made, to));
+                let off = f64::from(MM_PER_CM * distance(prediction, to));
                 for (n, counts) in [true, *is_lip, moves].into_iter().enumerate() {
                     if counts {
                         self.sums[n] += off;

@@ -129,8 +129,8 @@ impl Lids {
                 let each = each.map(|(frame, of)| cells.marked(Some(frame), &of.0, &view));
                 columns.push(under(&each.collect::<Vec<_>>()));
             }
-            let seen = blinks::seen(&face, frames.index_axis(Axis(0), 2));
-            row.in_sight = row.in_sight.into_iter().chain(seen).reduce(f64::max);
+            let in_sight = blinks::in_sight(&face, frames.index_axis(Axis(0), 2));
+            row.in_sight = row.in_sight.into_iter().chain(in_sight).reduce(f64::max);
         }
         if let Some(album) = album {
             album.picture(&file_stem(&subject.title), &beside(&columns))?;
@@ -183,7 +183,7 @@ impl Row {
 }
 
 fn line(row: &Row) -> String {
-    let seen = row
+    let in_sight = row
         .in_sight
         .map_or("-".into(), |x| format!("{:.1} %", 100.0 * x));
     let of = |counts: &[[usize; 3]]| {
@@ -193,7 +193,7 @@ fn line(row: &Row) -> String {
         each.collect::<Vec<_>>().join(" | ")
     };
     format!(
-        "{:>36} {:>13} in sight {seen:>7} turned {} grown {}",
+        "{:>36} {:>13} in sight {in_sight:>7} turned {} grown {}",
         row.title,
         row.lids.join(" "),
         of(&row.turned),

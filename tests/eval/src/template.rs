@@ -68,10 +68,11 @@ impl Template {
                     .displacements_to_canonical(truth.select(Axis(1), &vertices).view());
                 let marks = on_face.landmarks(motion.view());
                 let landmarked = own_motion(&engine, &face, face.own_motion(marks.view()))?;
-                let own = &landmarked + &on_face.beyond(motion.view(), &landmarked);
+                let with_template = &landmarked + &on_face.beyond(motion.view(), &landmarked);
                 let still = Array3::zeros(truth.dim());
-                for (sum, made) in sums.iter_mut().zip([&still, &landmarked, &own]) {
-                    sum.add(made, &truth, &lips);
+                for (sum, prediction) in sums.iter_mut().zip([&still, &landmarked, &with_template])
+                {
+                    sum.add(prediction, &truth, &lips);
                 }
             }
         }

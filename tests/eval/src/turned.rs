@@ -127,8 +127,8 @@ impl Turned {
             match finder.find(&mesh, Axis::PosZ, Axis::PosY, &[], SILENT) {
                 Err(Error::FaceNotFound(_)) => row.refused.push(rotation),
                 Err(other) => return Err(other),
-                Ok(found) => {
-                    let (turned_deg, aside) = apart(&truth, &found, &turn)?;
+                Ok(landmarks) => {
+                    let (turned_deg, aside) = apart(&truth, &landmarks, &turn)?;
                     match turned_deg > MOST_TURNED_DEG || aside > MOST_ASIDE {
                         false => row.right += 1,
                         true => row.wrong.push(Wrong {
@@ -149,8 +149,8 @@ impl Turned {
 /// # Errors
 /// `FaceNotFound` where nothing says it.
 fn truth(finder: &LandmarkFinder, subject: &Subject) -> Result<Landmarks> {
-    let found = locate_landmarks_with(finder, &subject.mesh, &subject.options, SILENT);
-    found.map_err(|error| match error {
+    let landmarks = locate_landmarks_with(finder, &subject.mesh, &subject.options, SILENT);
+    landmarks.map_err(|error| match error {
         Error::FaceNotFound(why) => Error::FaceNotFound(format!(
             "{}: left out, since it is refused upright too: {why}",
             subject.title
@@ -161,8 +161,8 @@ fn truth(finder: &LandmarkFinder, subject: &Subject) -> Result<Landmarks> {
 
 /// Of landmarks found on a turned mesh: degrees between their pose and the true one, and how far the middles of the
 /// mouths lie apart, in widths of the true mouth.
-fn apart(truth: &Landmarks, found: &Landmarks, turn: &Similarity) -> Result<(f64, f32)> {
-    let step = align_to_canonical(found)?
+fn apart(truth: &Landmarks, landmarks: &Landmarks, turn: &Similarity) -> Result<(f64, f32)> {
+    let step = align_to_canonical(landmarks)?
         .compose(turn)
         .compose(&align_to_canonical(truth)?.inverse());
     let trace: f64 = (0..3).map(|i| step.rotation[i][i]).sum();
@@ -171,7 +171,8 @@ fn apart(truth: &Landmarks, found: &Landmarks, turn: &Similarity) -> Result<(f64
         std::array::from_fn(|i| mouth.iter().map(|p| p[i]).sum::<f32>() / mouth.len() as f32)
     };
     let width = distance(truth.positions[48], truth.positions[54]);
-    let aside = distance(middle(found), turn.apply(middle(truth))) / width.max(f32::MIN_POSITIVE);
+    let aside =
+        distance(middle(landmarks), turn.apply(middle(truth))) / width.max(f32::MIN_POSITIVE);
     Ok((
         (0.5 * (trace - 1.0)).clamp(-1.0, 1.0).acos().to_degrees(),
         aside,
@@ -246,9 +247,9 @@ mod tests {
     fn a_face_found_where_it_is_lies_nowhere_aside_however_it_is_turned() {
         for k in 0..20 {
             let turn = random_turn(k);
-            let mut found = canonical();
-            found.positions = found.positions.map(|p| turn.apply(p));
-            let (degrees, aside) = apart(&canonical(), &found, &turn).unwrap();
+            let mut landmarks = canonical();
+            landmarks.positions = landmarks.positions.map(|p| turn.apply(p));
+            let (degrees, aside) = apart(&canonical(), &landmarks, &turn).unwrap();
             assert!(degrees < 0.1 && aside < 1e-4, "{k}: {degrees} {aside}");
         }
     }
@@ -259,9 +260,9 @@ mod tests {
             rotation: [[-1.0, 0.0, 0.0], [0.0, -1.0, 0.0], [0.0, 0.0, 1.0]],
             ..Similarity::IDENTITY
         };
-        let mut found = canonical();
-        found.positions = found.positions.map(|p| roll.apply(p));
-        let (degrees, aside) = apart(&canonical(), &found, &Similarity::IDENTITY).unwrap();
+        let mut landmarks = canonical();
+        landmarks.positions = landmarks.positions.map(|p| roll.apply(p));
+        let (degrees, aside) = apart(&canonical(), &landmarks, &Similarity::IDENTITY).unwrap();
         assert!(degrees > 179.0 && aside > MOST_ASIDE, "{degrees} {aside}");
     }
 }

@@ -94,13 +94,13 @@ fn triangulations(mesh: &Mesh) -> (Vec<Mesh>, Vec<Vec<u32>>) {
         .filter(|size| **size < mesh.positions.len())
         .map(|&size| down_to(mesh, size))
         .collect();
-    let own: Vec<u32> = (0..mesh.positions.len() as u32).collect();
-    coarser.push((mesh.clone(), own.clone()));
+    let indices: Vec<u32> = (0..mesh.positions.len() as u32).collect();
+    coarser.push((mesh.clone(), indices.clone()));
     let mut fine = mesh.clone();
     while 4 * fine.positions.len() < FINEST {
         fine = fine.cut_in_four();
     }
-    coarser.push((fine, own));
+    coarser.push((fine, indices));
     let first = coarser[0].1.clone();
     let number = |original: &[u32]| -> Vec<u32> {
         let of: HashMap<u32, u32> = original.iter().copied().zip(0..).collect();
@@ -119,13 +119,13 @@ fn down_to(mesh: &Mesh, vertices: usize) -> (Mesh, Vec<u32>) {
     let exact: Vec<_> = (0..mesh.positions.len() as u32)
         .map(|v| mesh.point(v))
         .collect();
-    let wanted = vec![1.0; exact.len()];
+    let weights = vec![1.0; exact.len()];
     let options = SimplifyOptions {
         vertices,
         error: f64::INFINITY,
     };
     let locked = vec![false; exact.len()];
-    let simple = simplify(&exact, &mesh.triangles, &wanted, &locked, &options);
+    let simple = simplify(&exact, &mesh.triangles, &weights, &locked, &options);
     let mut original: Vec<u32> = simple.triangles.iter().flatten().copied().collect();
     original.sort_unstable();
     original.dedup();

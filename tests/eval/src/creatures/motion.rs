@@ -45,7 +45,7 @@ pub(super) fn shut_eyes() -> Array3<f32> {
 pub(super) fn of_landmarks(
     face: &Face,
     frame: ArrayView2<'_, f32>,
-    wanted: ArrayView2<'_, f32>,
+    requested: ArrayView2<'_, f32>,
     some: &[usize],
     less: &[usize],
 ) -> f32 {
@@ -60,7 +60,7 @@ pub(super) fn of_landmarks(
             .rotate([row[0], row[1], row[2]])
             .map(|x| x * units)
     };
-    let asked = |n: usize| -> [f32; 3] { std::array::from_fn(|i| wanted[[n, i]]) };
+    let requested_step = |n: usize| -> [f32; 3] { std::array::from_fn(|i| requested[[n, i]]) };
     let along = |motion: &dyn Fn(usize) -> [f32; 3]| -> [f32; 3] {
         let (some, less) = (mean(some, motion), mean(less, motion));
         std::array::from_fn(|i| some[i] - less[i])
@@ -69,13 +69,13 @@ pub(super) fn of_landmarks(
     let (sum, length) = match less.is_empty() {
         true => some.iter().fold((0.0, 0.0), |(sum, length), n| {
             (
-                sum + dot(moved(*n), asked(*n)),
-                length + dot(asked(*n), asked(*n)),
+                sum + dot(moved(*n), requested_step(*n)),
+                length + dot(requested_step(*n), requested_step(*n)),
             )
         }),
         false => (
-            dot(along(&moved), along(&asked)),
-            dot(along(&asked), along(&asked)),
+            dot(along(&moved), along(&requested_step)),
+            dot(along(&requested_step), along(&requested_step)),
         ),
     };
     sum / length.max(f32::MIN_POSITIVE)

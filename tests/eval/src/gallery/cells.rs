@@ -65,8 +65,8 @@ impl View {
         let view = View { yaw, ..self };
         let count = marks.len() as f32;
         let marks = &face.landmarks.positions[marks];
-        let seen = marks.iter().map(|p| view.seen(face, *p));
-        let middle_m = seen.fold([0.0; 2], |sum, [x, y, _]| {
+        let positions_in_view = marks.iter().map(|p| view.seen(face, *p));
+        let middle_m = positions_in_view.fold([0.0; 2], |sum, [x, y, _]| {
             [sum[0] + x / count, sum[1] + y / count]
         });
         View { middle_m, ..view }
@@ -209,11 +209,11 @@ pub(crate) fn error_mm(truth: &Truth, moved: ArrayView3<'_, f32>) -> Errors {
         worst_of_vertex: vec![0.0; moved.dim().1],
         means: Vec::new(),
     };
-    for (made, real) in moved.outer_iter().zip(truth.displacements.outer_iter()) {
+    for (predicted, real) in moved.outer_iter().zip(truth.displacements.outer_iter()) {
         let (mut sum, mut count) = (0.0, 0);
-        for (v, (made, real)) in made.rows().into_iter().zip(real.rows()).enumerate() {
-            let [made, real] = [made, real].map(|row| [0, 1, 2].map(|i| row[i]));
-            let error = truth.mm * distance(made, real);
+        for (v, (predicted, real)) in predicted.rows().into_iter().zip(real.rows()).enumerate() {
+            let [predicted, real] = [predicted, real].map(|row| [0, 1, 2].map(|i| row[i]));
+            let error = truth.mm * distance(predicted, real);
             let motion = truth.mm * distance(real, [0.0; 3]);
             errors.worst_of_vertex[v] = errors.worst_of_vertex[v].max(error);
             if motion > LEAST_MOTION_MM {
@@ -268,9 +268,9 @@ mod tests {
         let mut moved = Array3::zeros((2, 3, 3));
         assert_eq!(stretch(&mesh, moved.view()), [0.0]);
         moved[[1, 1, 0]] = 1.0;
-        let found = stretch(&mesh, moved.view())[0];
-        assert!((found - 2f32.ln()).abs() < 1e-2, "{found}");
-        assert_eq!(at_vertices(&mesh, &[found]), [found; 3]);
+        let value = stretch(&mesh, moved.view())[0];
+        assert!((value - 2f32.ln()).abs() < 1e-2, "{value}");
+        assert_eq!(at_vertices(&mesh, &[value]), [value; 3]);
     }
 
     #[test]

@@ -34,7 +34,7 @@ pub(super) fn emotions(engine: &Engine, subject: &Subject) -> Result<Option<Emot
         return Ok(None);
     };
     let face = engine.prepare(&subject.mesh, &subject.options, SILENT)?;
-    let made = own_motion(engine, &face, truth.of_landmarks())?;
+    let prediction = own_motion(engine, &face, truth.of_landmarks())?;
     let cells = Cells {
         mesh: &subject.mesh,
         face: &face,
@@ -53,12 +53,12 @@ pub(super) fn emotions(engine: &Engine, subject: &Subject) -> Result<Option<Emot
             &subject.mesh,
             &region,
             truth.displacements.view(),
-            made.view(),
+            prediction.view(),
         )
     });
     Ok(Some(Emotions {
-        picture: under(&[row(truth.displacements.view()), row(made.view())]),
-        error_mm: error_mm(truth, made.view()).means,
+        picture: under(&[row(truth.displacements.view()), row(prediction.view())]),
+        error_mm: error_mm(truth, prediction.view()).means,
         turned,
     }))
 }
@@ -77,21 +77,21 @@ fn turn(
     mesh: &Mesh,
     region: &[usize],
     truth: ArrayView3<'_, f32>,
-    made: ArrayView3<'_, f32>,
+    prediction: ArrayView3<'_, f32>,
 ) -> f32 {
     let rest = mesh.vertex_normals();
     let normals = |frame| pose(mesh, frame).vertex_normals();
     let (mut along, mut whole) = (0.0f32, 0.0f32);
-    for (truth, made) in truth.outer_iter().zip(made.outer_iter()) {
-        let (truth, made) = (normals(truth), normals(made));
+    for (truth, prediction) in truth.outer_iter().zip(prediction.outer_iter()) {
+        let (truth, prediction) = (normals(truth), normals(prediction));
         for &v in region {
             let turned =
                 |of: &[[f32; 3]]| -> [f32; 3] { std::array::from_fn(|i| of[v][i] - rest[v][i]) };
-            let (truth, made) = (turned(&truth), turned(&made));
+            let (truth, prediction) = (turned(&truth), turned(&prediction));
             let squared: f32 = truth.iter().map(|x| x * x).sum();
             if squared > LEAST_TURN * LEAST_TURN {
                 whole += squared;
-                along += (0..3).map(|i| truth[i] * made[i]).sum::<f32>();
+                along += (0..3).map(|i| truth[i] * prediction[i]).sum::<f32>();
             }
         }
     }

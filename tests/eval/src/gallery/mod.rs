@@ -180,9 +180,9 @@ fn frames(
 fn landmark_error(subject: &Subject, face: &Face, truth: &Truth) -> f32 {
     let mut distances: Vec<f32> = (0..LANDMARKS)
         .map(|n| {
-            let own = subject.mesh.positions[truth.landmarks[n] as usize];
-            let found = face.landmarks.positions[n];
-            truth.mm * distance(own, found)
+            let exact = subject.mesh.positions[truth.landmarks[n] as usize];
+            let position = face.landmarks.positions[n];
+            truth.mm * distance(exact, position)
         })
         .collect();
     distances.sort_by(f32::total_cmp);
@@ -271,16 +271,16 @@ impl Scenes<'_> {
             title => s.truth.is_some() && !title.ends_with("found"),
         };
         for subject in subjects.iter().filter(whole) {
-            let made = blinks::blinks(self.engine, subject)?;
-            let seen = made.in_sight.map(|shares| {
+            let blinks_shown = blinks::blinks(self.engine, subject)?;
+            let in_sight = blinks_shown.in_sight.map(|shares| {
                 let each = shares.iter().map(|share| format!("{:.1}", 100.0 * share));
                 format!("{} %", each.collect::<Vec<_>>().join(", "))
             });
-            let text_of = match seen {
-                Some(seen) => format!("Of the eyeballs in sight when shut: {seen}."),
+            let text_of = match in_sight {
+                Some(in_sight) => format!("Of the eyeballs in sight when shut: {in_sight}."),
                 None => "Its eyes are part of the skin.".into(),
             };
-            text += &self.section("Blinks", subject, &text_of, &made.picture)?;
+            text += &self.section("Blinks", subject, &text_of, &blinks_shown.picture)?;
         }
         Ok(text)
     }
@@ -292,10 +292,10 @@ impl Scenes<'_> {
             titles.join(", ")
         );
         for subject in subjects {
-            let Some(made) = creases::emotions(self.engine, subject)? else {
+            let Some(creases_shown) = creases::emotions(self.engine, subject)? else {
                 continue;
             };
-            let each = made.error_mm.iter().map(|mm| format!("{mm:.2}"));
+            let each = creases_shown.error_mm.iter().map(|mm| format!("{mm:.2}"));
             let said = format!(
                 "Mean error over vertices that move by more than 0.5 mm: {} mm. Normals turn along the true \
                  turn by {:.2} of it between the brows, {:.2} on the cheeks.",
@@ -303,7 +303,7 @@ impl Scenes<'_> {
                 made.turned[0],
                 made.turned[1]
             );
-            text += &self.section("Creases", subject, &said, &made.picture)?;
+            text += &self.section("Creases", subject, &said, &creases_shown.picture)?;
         }
         Ok(text)
     }
@@ -331,7 +331,7 @@ impl Scenes<'_> {
                 "Untouched, {:.2} % of the mouth's triangles grow beyond twice their area; {parted}.",
                 100.0 * made.grown
             );
-            text += &self.section("Lips", subject, &said, &made.picture)?;
+            text += &self.section("Lips", subject, &said, &mouth_shown.picture)?;
         }
         Ok(text)
     }

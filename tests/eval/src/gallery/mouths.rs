@@ -113,7 +113,7 @@ fn parting(face: &Face, frames: ArrayView3<'_, f32>, motion: &LandmarkClip) -> f
     let [upper, lower] = [62, 66].map(|n| face.landmarks.vertices[n] as usize);
     let frame = frames.index_axis(ndarray::Axis(0), 0);
     let apart: [f32; 3] = std::array::from_fn(|i| frame[[upper, i]] - frame[[lower, i]]);
-    let made = face.to_canonical.rotate(apart)[1] * face.to_canonical.scale as f32;
-    let asked = motion.displacements[[0, 62, 1]] - motion.displacements[[0, 66, 1]];
-    made / asked
+    let reached = face.to_canonical.rotate(apart)[1] * face.to_canonical.scale as f32;
+    let requested = motion.displacements[[0, 62, 1]] - motion.displacements[[0, 66, 1]];
+    reached / requested
 }

@@ -81,19 +81,19 @@ fn clips(data: &Path) -> Result<Vec<Vec<f32>>> {
         let folder = data.join("speech").join(folder);
         let listed = fs::read_dir(&folder)
             .map_err(|e| anyface::Error::InvalidInput(format!("{}: {e}", folder.display())))?;
-        let mut found: Vec<_> = listed
+        let mut paths: Vec<_> = listed
             .filter_map(|entry| Some(entry.ok()?.path()))
             .collect();
-        found.retain(|path| path.extension().is_some_and(|kind| kind == "ogg"));
-        found.sort();
+        paths.retain(|path| path.extension().is_some_and(|kind| kind == "ogg"));
+        paths.sort();
         files.extend(
             [
-                found.len() / 5,
-                found.len() / 3,
-                found.len() / 2,
-                2 * found.len() / 3,
+                paths.len() / 5,
+                paths.len() / 3,
+                paths.len() / 2,
+                2 * paths.len() / 3,
             ]
-            .map(|n| found[n].clone()),
+            .map(|n| paths[n].clone()),
         );
     }
     let read = |path: &std::path::PathBuf| {

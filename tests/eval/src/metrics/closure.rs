@@ -24,7 +24,7 @@ pub struct Closure {
 /// closure, seconds. Windows without a frame of the clip are left out.
 pub fn closures(gap: &[f64], fps: f64, windows: &[(f64, f64)]) -> Vec<Closure> {
     let open = quantile(gap, OPEN);
-    let found = windows.iter().filter_map(|&(from, to)| {
+    let closures_of_windows = windows.iter().filter_map(|&(from, to)| {
         let smallest = minimum(gap, fps, from, to)?;
         let place = minimum(gap, fps, from - SEARCH_S, to + SEARCH_S)?.0;
         Some(Closure {
@@ -33,7 +33,7 @@ pub fn closures(gap: &[f64], fps: f64, windows: &[(f64, f64)]) -> Vec<Closure> {
             offset_s: place - 0.5 * (from + to),
         })
     });
-    found.collect()
+    closures_of_windows.collect()
 }
 
 /// Time and value of the smallest of the frames from `from` to `to` seconds; the time is that of
@@ -68,19 +68,19 @@ mod tests {
 
     #[test]
     fn a_shut_mouth_in_the_window_is_a_closure() {
-        let found = closures(&gap(), 25.0, &[(0.96, 1.04), (1.96, 2.04), (2.4, 2.6)]);
-        let shares: Vec<f64> = found.iter().map(|c| c.gap_share).collect();
+        let result = closures(&gap(), 25.0, &[(0.96, 1.04), (1.96, 2.04), (2.4, 2.6)]);
+        let shares: Vec<f64> = result.iter().map(|c| c.gap_share).collect();
         assert_eq!(shares, [0.0, 0.5, 1.0]);
-        let gaps: Vec<f64> = found.iter().map(|c| c.gap).collect();
+        let gaps: Vec<f64> = result.iter().map(|c| c.gap).collect();
         assert_eq!(gaps, [0.0, 5.0, 10.0]);
-        assert!(found[0].offset_s.abs() < 1e-9);
+        assert!(result[0].offset_s.abs() < 1e-9);
     }
 
     #[test]
     fn a_late_minimum_is_late_even_outside_the_window() {
-        let found = closures(&gap(), 25.0, &[(0.86, 0.94)]);
-        assert!((found[0].offset_s - 0.1).abs() < 1e-9);
-        assert_eq!(found[0].gap_share, 1.0);
+        let result = closures(&gap(), 25.0, &[(0.86, 0.94)]);
+        assert!((result[0].offset_s - 0.1).abs() < 1e-9);
+        assert_eq!(result[0].gap_share, 1.0);
     }
 
     #[test]

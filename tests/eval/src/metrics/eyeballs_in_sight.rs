@@ -41,7 +41,7 @@ pub fn eyeballs_in_sight(
     let mut view = FrontView::new(bounds.0, bounds.1, cell);
     skin.iter().for_each(|t| view.draw(corners(t), SKIN));
     eyeballs.iter().for_each(|t| view.draw(corners(t), EYEBALL));
-    let (mut seen, mut beside) = (0usize, 0usize);
+    let (mut visible, mut beside) = (0usize, 0usize);
     for column in 0..view.columns() {
         let (mut run, mut longest, mut all) = (0usize, 0usize, 0usize);
         for row in 0..view.rows() {
@@ -50,12 +50,12 @@ pub fn eyeballs_in_sight(
             longest = longest.max(run);
             all += usize::from(is_eye);
         }
-        seen += all;
+        visible += all;
         beside += all - longest;
     }
     let area = f64::from(cell).powi(2);
     EyeballsInSight {
-        area: area * seen as f64,
+        area: area * visible as f64,
         through_lids: area * beside as f64,
     }
 }
@@ -81,12 +81,12 @@ mod tests {
         assert!((open.area - 4.0).abs() < 0.05 && open.through_lids == 0.0);
         // A band across leaves 0.3 below and 1.2 above it.
         let lid = square(&mut points, [0.0, -0.45, 1.0], [2.0, 0.25]);
-        let seen = eyeballs_in_sight(&points, &lid, &eye, 0.01);
-        assert!((seen.area - 3.0).abs() < 0.05, "{seen:?}");
-        assert!((seen.through_lids - 0.6).abs() < 0.05, "{seen:?}");
+        let visible = eyeballs_in_sight(&points, &lid, &eye, 0.01);
+        assert!((visible.area - 3.0).abs() < 0.05, "{visible:?}");
+        assert!((visible.through_lids - 0.6).abs() < 0.05, "{visible:?}");
         let behind = square(&mut points, [0.0, 0.0, -1.0], [2.0, 2.0]);
-        let seen = eyeballs_in_sight(&points, &behind, &eye, 0.01);
-        assert!((seen.area - 4.0).abs() < 0.05);
+        let visible = eyeballs_in_sight(&points, &behind, &eye, 0.01);
+        assert!((visible.area - 4.0).abs() < 0.05);
         assert_eq!(eyeballs_in_sight(&points, &lid, &[], 0.01).area, 0.0);
     }
 }

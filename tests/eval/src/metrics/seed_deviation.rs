@@ -45,8 +45,8 @@ mod tests {
         }
         let pair = [still.view(), moved.view()];
         // The deviation of two values is their distance over √2.
-        let wanted = 5.0 / 2f64.sqrt();
-        assert!((seed_deviation(&pair, &[1]).unwrap() - wanted).abs() < 1e-12);
+        let expected = 5.0 / 2f64.sqrt();
+        assert!((seed_deviation(&pair, &[1]).unwrap() - expected).abs() < 1e-12);
         assert_eq!(seed_deviation(&pair, &[0]).unwrap(), 0.0);
         assert_eq!(seed_deviation(&pair[..1], &[1]).unwrap(), 0.0);
     }

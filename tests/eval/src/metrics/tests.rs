@@ -50,10 +50,10 @@ fn all_match_public_implementations() {
     let r = reference();
     let (p, g) = (r.prediction.view(), r.truth.view());
     let near = |name: &str, got: f64| {
-        let wanted = r.values[name].as_f64().unwrap();
+        let expected = r.values[name].as_f64().unwrap();
         assert!(
-            (got - wanted).abs() < 1e-6 * wanted.abs(),
-            "{name}: {got}, expected {wanted}"
+            (got - expected).abs() < 1e-6 * expected.abs(),
+            "{name}: {got}, expected {expected}"
         );
     };
     near("LVE", lip_vertex_error(p, g, &r.lips).unwrap());

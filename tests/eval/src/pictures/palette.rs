@@ -49,8 +49,8 @@ fn nearest(palette: &[[u8; 3]], colour: [u8; 3]) -> u8 {
         let apart = (0..3).map(|i| i32::from(colour[i]) - i32::from(other[i]));
         apart.map(|d| d * d).sum()
     };
-    let found = palette.iter().enumerate().min_by_key(|(_, c)| distance(c));
-    found.map_or(0, |(number, _)| number as u8)
+    let closest = palette.iter().enumerate().min_by_key(|(_, c)| distance(c));
+    closest.map_or(0, |(number, _)| number as u8)
 }
 
 /// What went wrong in a drawing.

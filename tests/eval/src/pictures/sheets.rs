@@ -175,11 +175,11 @@ mod tests {
     #[test]
     fn faces_take_the_colour_that_was_named_last() {
         let known = materials("newmtl skin\nKd 0.7 0.5 0.4\n\nnewmtl lips\nKd 0.6 0.3 0.2\n");
-        let found = colours(
+        let result = colours(
             "usemtl skin\nf 1 2 3\nf 1 3 4\nusemtl lips\nf 2 3 4\n",
             &known,
         );
-        assert_eq!(found, [[0.7, 0.5, 0.4], [0.7, 0.5, 0.4], [0.6, 0.3, 0.2]]);
+        assert_eq!(result, [[0.7, 0.5, 0.4], [0.7, 0.5, 0.4], [0.6, 0.3, 0.2]]);
     }
 
     #[test]

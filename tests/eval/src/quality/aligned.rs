@@ -194,8 +194,8 @@ mod tests {
     #[test]
     fn vowels_and_labiodentals_are_told_from_the_rest() {
         let vowels = ["ˈiː", "i", "u", "ˌɑː", "aɪ", "ɪ", "y", "IY1"];
-        let found = vowels.map(|name| phone(name).plain_vowel());
-        let wanted = [
+        let result = vowels.map(|name| phone(name).plain_vowel());
+        let expected = [
             Some('i'),
             Some('i'),
             Some('u'),
@@ -205,7 +205,7 @@ mod tests {
             None,
             None,
         ];
-        assert_eq!(found, wanted);
+        assert_eq!(result, expected);
         assert!(
             ["f", "v", "ʋ", "F", "fː"]
                 .iter()

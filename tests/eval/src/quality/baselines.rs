@@ -132,8 +132,8 @@ mod tests {
     fn a_jaw_that_follows_loudness_is_found_exactly() {
         let clip = clip();
         let baselines = Baselines::fit(std::slice::from_ref(&clip)).unwrap();
-        let made = baselines.loudness(&clip);
-        let error = metrics::mean_vertex_error(made.view(), clip.motion.view()).unwrap();
+        let prediction = baselines.loudness(&clip);
+        let error = metrics::mean_vertex_error(prediction.view(), clip.motion.view()).unwrap();
         assert!(error < 1e-9, "{error}");
         let still = baselines.constant(&clip);
         assert_eq!(still[[0, 66, 1]], still[[49, 66, 1]]);

@@ -97,10 +97,10 @@ mod tests {
     #[test]
     fn the_interval_of_a_mean_is_two_standard_errors_wide_on_either_side() {
         let values: Vec<f64> = (0..400).map(|k| f64::from(k % 20)).collect();
-        let found = estimate(&values, mean).unwrap();
-        assert!((found.value - 9.5).abs() < 1e-12);
+        let result = estimate(&values, mean).unwrap();
+        assert!((result.value - 9.5).abs() < 1e-12);
         // Deviation of 0 to 19: √((20² − 1) / 12) = 5.766; over √400.
-        let [low, high] = found.interval.unwrap();
+        let [low, high] = result.interval.unwrap();
         let error = 1.96 * 5.766 / 20.0;
         assert!((low - (9.5 - error)).abs() < 0.1, "{low}");
         assert!((high - (9.5 + error)).abs() < 0.1, "{high}");
@@ -123,10 +123,10 @@ mod tests {
     fn numbers_are_written_with_their_sign() {
         assert_eq!(number(-0.25, 1), "−0.2");
         assert_eq!(number(-0.001, 2), "0.00");
-        let found = Estimate {
+        let result = Estimate {
             value: 1.0,
             interval: Some([0.5, 1.5]),
         };
-        assert_eq!(found.text(1), "1.0 (0.5 to 1.5)");
+        assert_eq!(result.text(1), "1.0 (0.5 to 1.5)");
     }
 }

@@ -35,8 +35,8 @@ impl Classifier {
         let scatter = white.transpose() * &white;
         // Scaled features have unit variance: the mean variance is 1.
         let covariance = Mat::from_fn(features, features, |a, b| {
-            let own = if a == b { SHRINKAGE } else { 0.0 };
-            (1.0 - SHRINKAGE) * scatter[(a, b)] / rows.len() as f64 + own
+            let ridge = if a == b { SHRINKAGE } else { 0.0 };
+            (1.0 - SHRINKAGE) * scatter[(a, b)] / rows.len() as f64 + ridge
         });
         let right = Mat::from_fn(features, classes, |f, c| means[c][f] / scale[f]);
         let solved = covariance

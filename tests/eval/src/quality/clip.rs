@@ -63,8 +63,11 @@ impl Clip {
 
     /// Rows of the landmarks that `of` takes among those that the recording saw.
     pub(super) fn rows(&self, of: impl Fn(usize) -> bool) -> Vec<usize> {
-        let seen = self.observed.iter().enumerate();
-        seen.filter(|(_, n)| of(**n)).map(|(row, _)| row).collect()
+        let observations = self.observed.iter().enumerate();
+        observations
+            .filter(|(_, n)| of(**n))
+            .map(|(row, _)| row)
+            .collect()
     }
 
     /// The face at rest on which a predictor's motion is judged: the recording moves the speaker's,

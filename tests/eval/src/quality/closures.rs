@@ -48,7 +48,7 @@ impl Record {
 /// From and to of the closures that the phones of a clip ask for, seconds: from half of the phone
 /// or pause before, 40 to 120 ms, to the phone's end.
 pub(super) fn windows(phones: &[Phone]) -> Vec<(f64, f64)> {
-    let mut found = Vec::new();
+    let mut spans = Vec::new();
     for (k, phone) in phones.iter().enumerate() {
         if phone.closes_the_lips() {
             let before_s = match k.checked_sub(1) {
@@ -58,10 +58,10 @@ pub(super) fn windows(phones: &[Phone]) -> Vec<(f64, f64)> {
                 None => 0.0,
             };
             let lead_s = (0.5 * before_s).clamp(LEAD_S.0, LEAD_S.1);
-            found.push((phone.from_s - lead_s, phone.to_s));
+            spans.push((phone.from_s - lead_s, phone.to_s));
         }
     }
-    found
+    spans
 }
 
 /// One table for every source that has phone times.
@@ -98,16 +98,16 @@ pub(super) fn score<'a>(
         }
     }
     let share = |of: &[&Record], is: fn(&Record, &Closure) -> bool| {
-        let found = || {
+        let are_shut = || {
             of.iter()
                 .flat_map(|r| r.closures.iter().map(move |c| is(r, c)))
         };
-        let shut = found().filter(|is| *is).count() as f64;
-        (found().count() > 0).then(|| PER_CENT * shut / found().count() as f64)
+        let shut = are_shut().filter(|is| *is).count() as f64;
+        (are_shut().count() > 0).then(|| PER_CENT * shut / are_shut().count() as f64)
     };
     let timing = |of: &[&Record]| {
-        let found = of.iter().flat_map(|r| &r.closures);
-        median(found.map(|c| c.offset_s.abs() * MS))
+        let are_shut = of.iter().flat_map(|r| &r.closures);
+        median(are_shut.map(|c| c.offset_s.abs() * MS))
     };
     let gap = |of: &[&Record]| median(of.iter().flat_map(|r| r.gaps_mm()));
     let time_closed = |of: &[&Record]| {
@@ -167,11 +167,11 @@ mod tests {
             phone(0.35, 0.45, "m"),
             phone(1.45, 1.5, "b"),
         ];
-        let found = windows(&phones);
-        let wanted = [(0.01, 0.15), (0.25, 0.45), (1.33, 1.5)];
-        assert_eq!(found.len(), wanted.len());
-        for (found, wanted) in found.iter().zip(wanted) {
-            assert!((found.0 - wanted.0).abs() < 1e-9 && (found.1 - wanted.1).abs() < 1e-9);
+        let result = windows(&phones);
+        let expected = [(0.01, 0.15), (0.25, 0.45), (1.33, 1.5)];
+        assert_eq!(result.len(), expected.len());
+        for (result, expected) in result.iter().zip(expected) {
+            assert!((result.0 - expected.0).abs() < 1e-9 && (result.1 - expected.1).abs() < 1e-9);
         }
     }
 
@@ -179,9 +179,9 @@ mod tests {
     fn closed_frames_and_closures_are_counted_from_rest() {
         let mut gap = vec![10.0; 100];
         gap[25..30].fill(2.4);
-        let found = record(&gap, 2.0, 25.0, &[(1.0, 1.16), (2.0, 2.2)]);
-        assert_eq!(found.frames_closed, 5.0);
-        let gaps: Vec<f64> = found.gaps_mm().collect();
+        let result = record(&gap, 2.0, 25.0, &[(1.0, 1.16), (2.0, 2.2)]);
+        assert_eq!(result.frames_closed, 5.0);
+        let gaps: Vec<f64> = result.gaps_mm().collect();
         assert!((gaps[0] - 0.4).abs() < 1e-9 && (gaps[1] - 8.0).abs() < 1e-9);
     }
 
@@ -209,9 +209,9 @@ mod tests {
         };
         for (least_m, percent) in [(0.0004, 100.0), (0.0008, 0.0)] {
             let clip = clip(least_m);
-            let found = score("", [(&clip, clip.motion.view())].into_iter()).unwrap();
-            assert_eq!(found.estimate("closed_percent").unwrap().value, percent);
-            assert_eq!(found.estimate("shut_percent").unwrap().value, 100.0);
+            let result = score("", [(&clip, clip.motion.view())].into_iter()).unwrap();
+            assert_eq!(result.estimate("closed_percent").unwrap().value, percent);
+            assert_eq!(result.estimate("shut_percent").unwrap().value, 100.0);
         }
     }
 }

@@ -66,8 +66,8 @@ fn acted(speaker: &Speaker, wish: &Wish, data: &Path, limit: Option<usize>) -> R
     let mut falls: BTreeMap<&'static str, Vec<[f64; 2]>> = BTreeMap::new();
     for emotions in said.values().take(limit.unwrap_or(usize::MAX)) {
         let fall = |emotion: &str| -> Result<Option<f64>> {
-            let found = emotions.iter().find(|r| r.emotion == emotion);
-            let measured = found.map(|r| {
+            let matching = emotions.iter().find(|r| r.emotion == emotion);
+            let measured = matching.map(|r| {
                 let sound = Waveform::from_file(&folder.join(format!("{}.ogg", r.name)))?;
                 fall_mm(speaker, wish, &sound)
             });
@@ -159,9 +159,9 @@ mod tests {
 
     #[test]
     fn ratios_are_averaged_as_ratios() {
-        let found = score("".into(), &[[2.0, 1.0], [4.0, 8.0], [8.0, 1.0]]);
-        assert!((found.estimate("ratio").unwrap().value - 2.0).abs() < 1e-12);
-        assert_eq!(found.estimate("loud_mm").unwrap().value, 4.0);
+        let result = score("".into(), &[[2.0, 1.0], [4.0, 8.0], [8.0, 1.0]]);
+        assert!((result.estimate("ratio").unwrap().value - 2.0).abs() < 1e-12);
+        assert_eq!(result.estimate("loud_mm").unwrap().value, 4.0);
         assert_eq!(score("".into(), &[]).estimate("ratio"), None);
     }
 
@@ -171,9 +171,9 @@ mod tests {
         let path = folder.path().join("clips.tsv");
         let text = "clip\tactor\tsentence\tfeeling\na\t03\tb01\tanger\nb\t03\tb01\tsadness\nc\t08\tb01\tanger\n";
         std::fs::write(&path, text).unwrap();
-        let found = by_actor_and_sentence(read(&path).unwrap());
-        assert_eq!(found.len(), 2);
-        assert_eq!(found[&("03".to_owned(), "b01".to_owned())].len(), 2);
+        let recordings = by_actor_and_sentence(read(&path).unwrap());
+        assert_eq!(recordings.len(), 2);
+        assert_eq!(recordings[&("03".to_owned(), "b01".to_owned())].len(), 2);
         std::fs::write(&path, "clip\tactor\n").unwrap();
         assert!(read(&path).is_err());
     }

@@ -19,20 +19,23 @@ const PANELS_IN_A_ROW: usize = 5;
 
 impl Album {
     /// Rows: what was performed, over all heads; columns: what was read; the darker, the more.
-    pub(super) fn confusion(&self, name: &str, found: &Reading) -> Result<String> {
-        let (rows, columns) = (found.answers.len() as i32 - 1, found.answers.len() as i32);
+    pub(super) fn confusion(&self, name: &str, reading: &Reading) -> Result<String> {
+        let (rows, columns) = (
+            reading.answers.len() as i32 - 1,
+            reading.answers.len() as i32,
+        );
         let size = (NAMES + CELL * columns + 12, NAMES + CELL * rows + 24);
-        let stills: usize = found.heads.iter().map(|head| head.stills).sum();
+        let stills: usize = reading.heads.iter().map(|head| head.stills).sum();
         self.plot(name, (size.0 as u32, size.1 as u32), |canvas| {
-            for (column, answer) in (0..).zip(&found.answers) {
+            for (column, answer) in (0..).zip(&reading.answers) {
                 let x = NAMES + CELL * column + CELL / 2;
                 label(canvas, answer, (x, NAMES - 6), true)?;
             }
-            for (row, emotion) in (0..).zip(&found.answers[1..]) {
+            for (row, emotion) in (0..).zip(&reading.answers[1..]) {
                 let y = NAMES + CELL * row;
                 label(canvas, emotion, (NAMES - 6, y + CELL / 2), false)?;
                 for column in 0..columns {
-                    let of_head = found.heads.iter().map(|h| &h.confusion[row as usize]);
+                    let of_head = reading.heads.iter().map(|h| &h.confusion[row as usize]);
                     let read: usize = of_head.map(|counts| counts[column as usize]).sum();
                     let share = read as f64 / stills.max(1) as f64;
                     cell(canvas, (NAMES + CELL * column, y), share)?;

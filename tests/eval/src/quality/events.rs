@@ -189,11 +189,11 @@ fn teeth_reached(
                 frames.extend(nearest.iter().map(|frame| frame.to_owned()));
             }
         }
-        let own: Vec<_> = frames[1][first..]
+        let frames_of_event: Vec<_> = frames[1][first..]
             .iter()
             .map(|frame| frame.view())
             .collect();
-        if let Some(far) = mouth.distance_mm(&speaker.engine, &own)?
+        if let Some(far) = mouth.distance_mm(&speaker.engine, &frames_of_event)?
             && out.worst.as_ref().is_none_or(|(_, worst)| far > *worst)
         {
             out.worst = Some((ACTION_UNITS[unit].name.to_owned(), far));
@@ -303,11 +303,11 @@ fn frames(clip: &Clip) -> Range<usize> {
 fn unit_weights(clip: &WeightClip, unit: usize) -> Vec<f64> {
     let unit = &ACTION_UNITS[unit];
     let is_own = |name: &str| unit.shapes.iter().any(|stem| name.starts_with(stem));
-    let own: Vec<usize> = (0..clip.names.len())
+    let columns: Vec<usize> = (0..clip.names.len())
         .filter(|&n| is_own(&clip.names[n]))
         .collect();
     let mean = |row: ndarray::ArrayView1<'_, f32>| {
-        own.iter().map(|&n| f64::from(row[n])).sum::<f64>() / own.len() as f64
+        columns.iter().map(|&n| f64::from(row[n])).sum::<f64>() / columns.len() as f64
     };
     clip.weights.outer_iter().map(mean).collect()
 }
@@ -328,15 +328,18 @@ impl Closures {
     fn add(&mut self, clip: &Clip, shown: [&Shown; 4]) -> Result<()> {
         let phones = clip.phones.as_deref().unwrap_or_default();
         let inside = |(from, to): &(f64, f64)| *from >= SLOT_S[0] && *to <= SLOT_S[1];
-        let wanted: Vec<_> = windows(phones).into_iter().filter(inside).collect();
+        let windows_in_event: Vec<_> = windows(phones).into_iter().filter(inside).collect();
         let rest_mm = rest_gap_mm(&clip.neutral)?;
         let closed = shown.map(|shown| {
-            let found = closures(&shown.gap_mm, clip.fps, &wanted);
-            found.iter().filter(|c| c.gap - rest_mm < CLOSED_MM).count() as f64
+            let closures_in_event = closures(&shown.gap_mm, clip.fps, &windows_in_event);
+            closures_in_event
+                .iter()
+                .filter(|c| c.gap - rest_mm < CLOSED_MM)
+                .count() as f64
         });
         let [without, with, over, added] = closed;
         let more = Closures {
-            count: wanted.len(),
+            count: windows_in_event.len(),
             without_percent: without,
             with_percent: with,
             over_percent: over,

@@ -141,9 +141,9 @@ mod tests {
 
     #[test]
     fn what_the_weights_move_is_judged() {
-        let seen: Vec<usize> = (0..LANDMARKS).filter(|n| !unseen(*n)).collect();
-        assert!(seen.contains(&8) && seen.contains(&30) && seen.contains(&67));
-        assert!(!seen.contains(&2) && !seen.contains(&17) && !seen.contains(&40));
-        assert_eq!(seen.len(), 68 - 28);
+        let judged: Vec<usize> = (0..LANDMARKS).filter(|n| !unseen(*n)).collect();
+        assert!(judged.contains(&8) && judged.contains(&30) && judged.contains(&67));
+        assert!(!judged.contains(&2) && !judged.contains(&17) && !judged.contains(&40));
+        assert_eq!(judged.len(), 68 - 28);
     }
 }

@@ -49,10 +49,15 @@ mod tests {
         motion[[1, 8, 1]] = -0.008;
         motion[[1, 51, 2]] = 0.004;
         motion[[1, 57, 2]] = 0.002;
-        let found = of(&neutral, motion.view()).unwrap();
-        let wanted = [[0.0, 10.0], [50.0, 51.0], [0.0, 8.0], [0.0, 3.0]];
-        for (found, wanted) in found.iter().zip(wanted) {
-            assert!(found.iter().zip(wanted).all(|(a, b)| (a - b).abs() < 1e-9));
+        let result = of(&neutral, motion.view()).unwrap();
+        let expected = [[0.0, 10.0], [50.0, 51.0], [0.0, 8.0], [0.0, 3.0]];
+        for (result, expected) in result.iter().zip(expected) {
+            assert!(
+                result
+                    .iter()
+                    .zip(expected)
+                    .all(|(a, b)| (a - b).abs() < 1e-9)
+            );
         }
     }
 }

@@ -41,8 +41,8 @@ impl Figures {
         &'a self,
         source: &'a str,
     ) -> impl Iterator<Item = (&'static str, &'a str)> {
-        let own = self.plots.iter().filter(move |(of, _, _)| of == source);
-        own.map(|(_, title, file)| (*title, file.as_str()))
+        let plots = self.plots.iter().filter(move |(of, _, _)| of == source);
+        plots.map(|(_, title, file)| (*title, file.as_str()))
     }
 
     /// Draws everything into `album`; without a head there are no contact sheets.
@@ -56,8 +56,8 @@ impl Figures {
         for source in performed.iter().filter(|p| p.corpus.recorded) {
             out.plots_of(album, source)?;
         }
-        if let Some(found) = &results.reading {
-            out.confusion = Some(album.confusion("confusion", found)?);
+        if let Some(reading) = &results.reading {
+            out.confusion = Some(album.confusion("confusion", reading)?);
         }
         if !results.intensity.is_empty() {
             out.intensities = Some(album.intensities("intensity", &results.intensity)?);
@@ -119,7 +119,7 @@ impl Figures {
         source: &Performed,
     ) -> Result<()> {
         let model = source.model();
-        let Some((clip, made)) = model.first() else {
+        let Some((clip, prediction)) = model.first() else {
             return Ok(());
         };
         let frames = spread(clip.frames().min((3.0 * clip.fps) as usize));
@@ -133,7 +133,7 @@ impl Figures {
             &format!("speech_{name}"),
             (&speaker.engine, head),
             &frames.iter().map(at).collect::<Vec<_>>(),
-            &[row(RECORDED, &clip.motion), row(MODEL, made)],
+            &[row(RECORDED, &clip.motion), row(MODEL, prediction)],
         )?;
         let title = format!("Speech: {name}, held-out clip {}", clip.name);
         self.sheets.push((title, file));

@@ -135,11 +135,11 @@ fn read_tracks(file: &TensorFile, clips: usize) -> Result<Vec<Track>> {
 }
 
 /// The longest stretch of frames that were found.
-fn longest_run(found: &[bool]) -> Range<usize> {
+fn longest_run(tracked: &[bool]) -> Range<usize> {
     let mut best = 0..0;
     let mut start = 0;
-    for end in 1..=found.len() {
-        if !found[end - 1] {
+    for end in 1..=tracked.len() {
+        if !tracked[end - 1] {
             start = end;
         } else if end - start > best.len() {
             best = start..end;
@@ -149,13 +149,13 @@ fn longest_run(found: &[bool]) -> Range<usize> {
 }
 
 /// Linear interpolation over lost frames, ends held.
-fn filled(track: &Array3<f64>, found: &[bool]) -> Array3<f64> {
-    let good: Vec<usize> = (0..found.len()).filter(|t| found[*t]).collect();
+fn filled(track: &Array3<f64>, tracked: &[bool]) -> Array3<f64> {
+    let good: Vec<usize> = (0..found.len()).filter(|t| tracked[*t]).collect();
     let (Some(first), Some(last)) = (good.first(), good.last()) else {
         return track.clone();
     };
     let mut out = track.clone();
-    for t in (0..found.len()).filter(|t| !found[*t]) {
+    for t in (0..found.len()).filter(|t| !tracked[*t]) {
         let next = good.partition_point(|g| *g < t);
         let after = good.get(next).unwrap_or(last);
         let before = next.checked_sub(1).map_or(first, |k| &good[k]);
@@ -196,8 +196,8 @@ fn rest_template(tracks: &[Track]) -> Array2<f64> {
     for track in tracks {
         let frames = track.found.len();
         let ends = (0..EDGE_FRAMES.min(frames)).chain(frames.saturating_sub(EDGE_FRAMES)..frames);
-        let seen = ends.filter(|t| track.found[*t]);
-        edges.extend(seen.map(|t| track.landmarks.index_axis(Axis(0), t)));
+        let tracked = ends.filter(|t| track.found[*t]);
+        edges.extend(tracked.map(|t| track.landmarks.index_axis(Axis(0), t)));
     }
     let gap = |face: &ArrayView2<'_, f64>| {
         let squared = (0..3).map(|i| (face[[62, i]] - face[[66, i]]).powi(2));
@@ -243,11 +243,11 @@ mod tests {
     fn lost_frames_are_bridged_and_ends_held() {
         let clean = track(9);
         let mut broken = clean.clone();
-        let found: Vec<bool> = (0..9).map(|t| ![0, 3, 4, 8].contains(&t)).collect();
-        for t in (0..9).filter(|t| !found[*t]) {
+        let tracked: Vec<bool> = (0..9).map(|t| ![0, 3, 4, 8].contains(&t)).collect();
+        for t in (0..9).filter(|t| !tracked[*t]) {
             broken[[t, 5, 1]] += 10.0;
         }
-        let out = filled(&broken, &found);
+        let out = filled(&broken, &tracked);
         assert!((out[[3, 5, 1]] - clean[[3, 5, 1]]).abs() < 1e-12);
         assert!((out[[4, 7, 2]] - clean[[4, 7, 2]]).abs() < 1e-12);
         assert_eq!(out[[0, 5, 1]], clean[[1, 5, 1]]);
@@ -257,8 +257,8 @@ mod tests {
 
     #[test]
     fn the_longest_stretch_without_a_lost_frame_is_judged() {
-        let found = [false, true, true, false, true, true, true, false];
-        assert_eq!(longest_run(&found), 4..7);
+        let tracked = [false, true, true, false, true, true, true, false];
+        assert_eq!(longest_run(&tracked), 4..7);
         assert_eq!(longest_run(&[true; 3]), 0..3);
         assert!(longest_run(&[false; 3]).is_empty());
     }

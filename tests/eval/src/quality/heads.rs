@@ -65,13 +65,13 @@ impl Head {
     /// `[T, 68, 3]`, millimetres along the canonical axes on a head of human size.
     pub(super) fn landmarks(&self, engine: &Engine, motion: &Array3<f64>) -> Result<Array3<f64>> {
         let vertices = self.face.landmarks.vertices.map(|v| v as usize);
-        let found = self.moved(engine, motion)?.select(Axis(1), &vertices);
+        let moved = self.moved(engine, motion)?.select(Axis(1), &vertices);
         let (turn, scale) = (
             self.face.to_canonical.rotation,
             self.face.to_canonical.scale,
         );
-        Ok(Array3::from_shape_fn(found.dim(), |(t, n, i)| {
-            let along = (0..3).map(|j| turn[i][j] * f64::from(found[[t, n, j]]));
+        Ok(Array3::from_shape_fn(moved.dim(), |(t, n, i)| {
+            let along = (0..3).map(|j| turn[i][j] * f64::from(moved[[t, n, j]]));
             MM * scale * along.sum::<f64>()
         }))
     }

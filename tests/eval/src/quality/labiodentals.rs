@@ -64,7 +64,7 @@ struct Record {
 /// The recording and the model on every source with f and v; all languages of espeak-ng together.
 pub(super) fn measure(engine: &Engine, mouth: &Mouth, performed: &[Performed]) -> Result<Vec<Row>> {
     let mut out = Vec::new();
-    let mut made = Vec::new();
+    let mut all_frames = Vec::new();
     for source in performed {
         for (name, pairs) in source.with_recording() {
             let frames = || {
@@ -73,7 +73,7 @@ pub(super) fn measure(engine: &Engine, mouth: &Mouth, performed: &[Performed]) -
                     .flat_map(|&(clip, motion)| mouth.nearest_frames(clip, motion))
             };
             match (name, source.corpus.is_synthetic()) {
-                (MODEL, true) => made.extend(frames()),
+                (MODEL, true) => all_frames.extend(frames()),
                 (MODEL | RECORDED, false) => {
                     let frames: Vec<_> = frames().collect();
                     out.extend(mouth.score(engine, (&source.corpus.source, name), &frames)?);
@@ -82,7 +82,7 @@ pub(super) fn measure(engine: &Engine, mouth: &Mouth, performed: &[Performed]) -
             }
         }
     }
-    out.extend(mouth.score(engine, ("all of espeak-ng", MODEL), &made)?);
+    out.extend(mouth.score(engine, ("all of espeak-ng", MODEL), &all_frames)?);
     Ok(out)
 }
 

@@ -61,20 +61,20 @@ pub(super) fn measure(
         .iter()
         .map(Surroundings::numbers)
         .collect();
-    let made = clips.iter().map(|clip| performed(speaker, &wish, clip));
-    let made: Vec<Numbers> = made
+    let numbers = clips.iter().map(|clip| performed(speaker, &wish, clip));
+    let numbers: Vec<Numbers> = numbers
         .map(|life| Ok(life?.numbers()))
         .collect::<Result<_>>()?;
     let rows = QUANTITIES.iter().enumerate().map(|(k, quantity)| {
         let of_speaker: Vec<f64> = recorded.iter().filter_map(|n| n[k]).collect();
         let tails = TAILS.map(|q| quantile(&of_speaker, q));
-        let found: Vec<f64> = made.iter().filter_map(|n| n[k]).collect();
-        let made = estimate(&found, |of| mean(of.iter().map(|x| **x)));
-        let within = made.map(|made| (tails[0]..=tails[2]).contains(&made.value));
+        let values: Vec<f64> = numbers.iter().filter_map(|n| n[k]).collect();
+        let numbers = estimate(&values, |of| mean(of.iter().map(|x| **x)));
+        let within = numbers.map(|numbers| (tails[0]..=tails[2]).contains(&numbers.value));
         Row::default()
             .with("quantity", "", 0, *quantity)
             .with("recorded", "speaker, 5, 50, 95 %", 2, tails)
-            .with("made", "performance", 2, made)
+            .with("made", "performance", 2, numbers)
             .with("within", "within", 0, within)
     });
     Ok(rows.collect())
@@ -202,8 +202,8 @@ impl Weights {
         let both = |way: &str| -> Result<[usize; 2]> {
             let column = |side: &str| {
                 let name = format!("eyeLook{way}{side}");
-                let found = names.iter().position(|n| *n == name);
-                found.ok_or_else(|| file.bad(&format!("expected a weight {name}, got none")))
+                let position = names.iter().position(|n| *n == name);
+                position.ok_or_else(|| file.bad(&format!("expected a weight {name}, got none")))
             };
             Ok([column("Left")?, column("Right")?])
         };

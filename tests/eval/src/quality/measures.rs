@@ -58,8 +58,8 @@ fn slope<const FEATURE: usize>(clips: &[&ClipScores]) -> Option<f64> {
 
 /// Root of the ratio of the scatters within clips.
 fn amplitude<const FEATURE: usize>(clips: &[&ClipScores]) -> Option<f64> {
-    let [made, recorded, _] = scatter(clips, FEATURE);
-    (recorded > 0.0).then(|| (made / recorded).sqrt())
+    let [predicted, recorded, _] = scatter(clips, FEATURE);
+    (recorded > 0.0).then(|| (predicted / recorded).sqrt())
 }
 
 fn lag_ms(clips: &[&ClipScores]) -> Option<f64> {
@@ -81,8 +81,8 @@ fn spectra(clips: &[&ClipScores]) -> [Spectrum; 2] {
 }
 
 fn band_ratio(clips: &[&ClipScores], low: f64, high: f64) -> Option<f64> {
-    let [made, recorded] = spectra(clips).map(|s| s.band(low, high));
-    (recorded > 0.0).then(|| made / recorded)
+    let [predicted, recorded] = spectra(clips).map(|s| s.band(low, high));
+    (recorded > 0.0).then(|| predicted / recorded)
 }
 
 /// The four numbers of one feature.
@@ -219,11 +219,11 @@ pub(super) fn pairs() -> impl Iterator<Item = [&'static Measure; 2]> {
 
 /// Every measure of `clips` with its interval; those that the clips do not hold are left out.
 pub(super) fn scores(clips: &[ClipScores]) -> Scores {
-    let found = measures().filter_map(|measure| {
+    let estimates = measures().filter_map(|measure| {
         let value = estimate(clips, measure.of)?;
         Some((measure.key, value))
     });
-    found.collect()
+    estimates.collect()
 }
 
 #[cfg(test)]
@@ -231,10 +231,10 @@ mod tests {
     use super::*;
     use crate::metrics::Spectrum;
 
-    fn clip(made: &[f64], recorded: &[f64]) -> ClipScores {
+    fn clip(predicted: &[f64], recorded: &[f64]) -> ClipScores {
         ClipScores {
-            frames: made.len() as f64,
-            features: [Moments::of(made, recorded); 4],
+            frames: predicted.len() as f64,
+            features: [Moments::of(predicted, recorded); 4],
             lag: LagCurve::default(),
             frame_s: 0.04,
             spectrum: [Spectrum::default(), Spectrum::default()],

@@ -190,13 +190,13 @@ impl Quality {
         console: &Console,
     ) -> Result<()> {
         let wish = self.wish();
-        let asked = self.asked(speaker, others, &wish);
+        let run = self.asked(speaker, others, &wish);
         let [ends, whole] = facegood::read(data, ict, self.limit)?;
         let mut performed = vec![
-            asked.perform_plainly(grid::read(data, ict, self.limit)?)?,
-            asked.perform_plainly(ends)?,
+            run.perform_plainly(grid::read(data, ict, self.limit)?)?,
+            run.perform_plainly(ends)?,
         ];
-        performed.extend(asked.files_alone(whole)?);
+        performed.extend(run.files_alone(whole)?);
         let sources: Vec<SourceScores> = performed.iter().map(score).collect::<Result<_>>()?;
         let features = || measures().take(FEATURE_ROWS);
         let table: String = sources.iter().map(|s| table(s, features())).collect();
@@ -244,14 +244,14 @@ impl Quality {
             aligned::attach(folder, &mut corpora, ict, limit)?;
         }
         let wish = self.wish();
-        let asked = self.asked(speaker, others, &wish);
+        let run = self.asked(speaker, others, &wish);
         let count = corpora.len() as f32;
         let each = corpora.into_iter().enumerate();
         let performed = each.map(|(k, corpus): (usize, Corpus)| {
             console.stage("sources", 0.3 * k as f32 / count);
-            asked.perform(corpus, Some(&fallback))
+            run.perform(corpus, Some(&fallback))
         });
-        Ok((performed.collect::<Result<_>>()?, asked.files_alone(whole)?))
+        Ok((performed.collect::<Result<_>>()?, run.files_alone(whole)?))
     }
 
     /// What a report holds beside the scores of the sources.
@@ -410,10 +410,10 @@ mod tests {
             .iter()
             .map(|clip| ClipScores::new(clip, baselines.loudness(clip).view()).unwrap())
             .collect();
-        let found = scores(&clips);
-        let error = found["lve_root_mm"].value;
+        let all_scores = scores(&clips);
+        let error = all_scores["lve_root_mm"].value;
         assert!(error > 0.5 && error < 10.0, "{error}");
-        found["gap_r"].value
+        all_scores["gap_r"].value
     }
 
     #[test]

@@ -105,14 +105,14 @@ impl Asked<'_> {
         fallback: Option<&Baselines>,
     ) -> Result<Performed> {
         let mut predictors = vec![self.model(&corpus)?];
-        let own = self.styles.iter().find(|style| **style == corpus.source);
-        if let (Some(own), None) = (own, &self.wish.style) {
+        let style = self.styles.iter().find(|style| **style == corpus.source);
+        if let (Some(style), None) = (style, &self.wish.style) {
             let wish = Wish {
-                style: Some(own.clone()),
+                style: Some(style.clone()),
                 ..self.wish.clone()
             };
             let speak = |clip: &Clip| self.speaker.speak(clip, &wish);
-            let name = format!("{MODEL}, style {own}");
+            let name = format!("{MODEL}, style {style}");
             predictors.push(Predictor::of_all(name, &corpus, speak)?);
         }
         if corpus.recorded && self.speaker.engine.stream().is_ok() {
@@ -154,9 +154,9 @@ impl Asked<'_> {
             ..Wish::default()
         };
         let others = self.others.iter();
-        let made =
+        let predictors =
             others.map(|(name, of)| Predictor::of_all(name, corpus, |clip| of.speak(clip, &wish)));
-        made.collect()
+        predictors.collect()
     }
 
     /// A corpus for which there are files alone; none where there are no files.
@@ -167,27 +167,27 @@ impl Asked<'_> {
 
     /// The predictors that have a file for some clip of `corpus`.
     fn read_files(&self, corpus: &Corpus) -> Result<Vec<Predictor>> {
-        let mut found = Vec::new();
+        let mut predictors = Vec::new();
         for folder in self.also.map(sub_folders).transpose()?.unwrap_or_default() {
             let name = folder.file_name().unwrap_or_default().to_string_lossy();
             let motions = from_files(&folder.join(&corpus.source), &corpus.held_out)?;
-            found.extend(motions.iter().any(Option::is_some).then_some(Predictor {
+            predictors.extend(motions.iter().any(Option::is_some).then_some(Predictor {
                 name: name.into(),
                 motions,
             }));
         }
-        Ok(found)
+        Ok(predictors)
     }
 }
 
 fn sub_folders(folder: &Path) -> Result<Vec<PathBuf>> {
-    let mut found: Vec<PathBuf> = std::fs::read_dir(folder)
+    let mut folders: Vec<PathBuf> = std::fs::read_dir(folder)
         .map_err(Error::io(folder))?
         .filter_map(|entry| entry.ok().map(|e| e.path()))
         .filter(|path| path.is_dir())
         .collect();
-    found.sort();
-    Ok(found)
+    folders.sort();
+    Ok(folders)
 }
 
 /// `folder/<clip>.npz` for every clip that has one.
@@ -255,10 +255,10 @@ mod tests {
         };
         let whole = Motion::Landmarks(motion.clone());
         write_motion(&folder.path().join("a.npz"), &whole, &motion, None).unwrap();
-        let found = from_files(folder.path(), &[clip("a"), clip("b")]).unwrap();
-        let made = found[0].as_ref().unwrap();
-        assert_eq!(made.dim(), (25, LANDMARKS, 3));
-        assert!(made.iter().all(|x| (x - 0.25).abs() < 1e-6));
-        assert!(found[1].is_none());
+        let motions = from_files(folder.path(), &[clip("a"), clip("b")]).unwrap();
+        let motion = motions[0].as_ref().unwrap();
+        assert_eq!(motion.dim(), (25, LANDMARKS, 3));
+        assert!(motion.iter().all(|x| (x - 0.25).abs() < 1e-6));
+        assert!(motions[1].is_none());
     }
 }

@@ -111,21 +111,21 @@ pub(super) fn measure(
 ) -> Result<Reading> {
     let mut random = ChaCha8Rng::seed_from_u64(SEED);
     let reader = Classifier::fit(&examples(ict, speech, &mut random)?, FACES.len())?;
-    let own = examples(ict, speech, &mut random)?;
-    let right = own
+    let examples_of_ict = examples(ict, speech, &mut random)?;
+    let right = examples_of_ict
         .iter()
         .filter(|(row, answer)| reader.classify(row) == *answer);
-    let own_percent = PER_CENT * right.count() as f64 / own.len() as f64;
+    let own_percent = PER_CENT * right.count() as f64 / examples_of_ict.len() as f64;
     let clips: Vec<&Clip> = spaced(clips, CLIPS).collect();
-    let mut found = Vec::new();
+    let mut heads = Vec::new();
     let mut verdicts = Vec::new();
     for head in heads {
         let mut confusion = vec![vec![0; FACES.len()]; FACES.len() - 1];
         for (row, answer) in confusion.iter_mut().zip(1..) {
             for clip in &clips {
                 let stills = stills(speaker, &with_emotion(wish, number(answer), 1.0), clip)?;
-                let seen = head.landmarks(&speaker.engine, &stills)?;
-                let read = seen
+                let landmarks = head.landmarks(&speaker.engine, &stills)?;
+                let read = landmarks
                     .outer_iter()
                     .map(|face| reader.classify(&features(face)));
                 let read: Vec<usize> = read.collect();
@@ -134,7 +134,7 @@ pub(super) fn measure(
                 verdicts.push(right as f64 / read.len() as f64);
             }
         }
-        found.push(HeadReading {
+        heads.push(HeadReading {
             head: head.title,
             stills: clips.len() * STILLS,
             confusion,
@@ -148,7 +148,7 @@ pub(super) fn measure(
         answers: FACES.iter().map(|(name, _)| *name).collect(),
         accuracy_percent: estimate(&verdicts, share),
         own_percent,
-        heads: found,
+        heads: heads,
     })
 }
 

@@ -90,8 +90,8 @@ fn glance(page: &mut Page, results: &Results) {
     let rows = results.sources.iter().flat_map(|source| {
         source.predictors.iter().map(|predictor| {
             let value = |m: &super::measures::Measure| {
-                let found = predictor.scores.get(m.key);
-                found.map_or("–".into(), |e| number(e.value, m.digits))
+                let score = predictor.scores.get(m.key);
+                score.map_or("–".into(), |e| number(e.value, m.digits))
             };
             let features = pairs().map(|[r, slope]| format!("{} / {}", value(r), value(slope)));
             let names = [source.source.clone(), predictor.name.clone()];
@@ -227,7 +227,7 @@ fn seeds(page: &mut Page, results: &Results) {
 }
 
 fn seams(page: &mut Page, results: &Results) {
-    let Some(found) = &results.seams else {
+    let Some(seams) = &results.seams else {
         return;
     };
     page.block("## Long sounds");

@@ -49,11 +49,11 @@ impl ClipScores {
     pub(super) fn new(clip: &Clip, prediction: metrics::Clip<'_>) -> Result<Self> {
         // Only what the recording saw is judged.
         let frames = Slice::from(clip.judged.clone());
-        let seen = |motion: metrics::Clip<'_>| {
+        let judged_part = |motion: metrics::Clip<'_>| {
             let stretch = motion.slice_axis(Axis(0), frames);
             stretch.select(Axis(1), &clip.observed) * MM
         };
-        let (p, g) = (seen(prediction), seen(clip.motion.view()));
+        let (p, g) = (judged_part(prediction), judged_part(clip.motion.view()));
         let (p, g) = (p.view(), g.view());
         let (lips, upper) = (clip.rows(lips), clip.rows(upper));
         let fdd = match upper.is_empty() {
@@ -61,12 +61,12 @@ impl ClipScores {
             false => Some(metrics::face_dynamics_deviation(p, g, &upper)?),
         };
         let judged = |curve: Vec<f64>| curve[clip.judged.clone()].to_vec();
-        let made = features::of(&clip.neutral, prediction)?.map(judged);
+        let predicted = features::of(&clip.neutral, prediction)?.map(judged);
         let recorded = features::of(&clip.speaker, clip.motion.view())?.map(judged);
-        let (gap, truth) = (&made[features::GAP], &recorded[features::GAP]);
+        let (gap, truth) = (&predicted[features::GAP], &recorded[features::GAP]);
         Ok(ClipScores {
             frames: clip.judged.len() as f64,
-            features: std::array::from_fn(|k| Moments::of(&made[k], &recorded[k])),
+            features: std::array::from_fn(|k| Moments::of(&predicted[k], &recorded[k])),
             lag: LagCurve::of(gap, truth, LAG_REACH),
             frame_s: 1.0 / clip.fps,
             spectrum: [gap, truth].map(|gap| Spectrum::of(gap, clip.fps, SEGMENT)),

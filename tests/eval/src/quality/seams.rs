@@ -71,21 +71,21 @@ pub(super) fn measure(
     let moved: Vec<Range<usize>> = moved.collect();
     let late = late.slice(ndarray::s![delay.., .., ..]).to_owned();
     let curves = [curves(&plain, fps), curves(&late, fps)];
-    let mut found = compare(&curves[0], &curves[1], &meet(frames), &moved);
-    found.extend(compare(&curves[1], &curves[0], &moved, &meet(frames)));
+    let mut jumps = compare(&curves[0], &curves[1], &meet(frames), &moved);
+    jumps.extend(compare(&curves[1], &curves[0], &moved, &meet(frames)));
     let ratio = |of: fn(&Seam) -> [f64; 2], k: usize| {
-        estimate(&found, move |seams| {
+        estimate(&jumps, move |seams| {
             let here = seams.iter().map(|s| s.here[k]).collect::<Vec<_>>();
             let against = seams.iter().map(|s| of(s)[k]).collect::<Vec<_>>();
             let against = root_mean_square(&against);
             (against > 0.0).then(|| root_mean_square(&here) / against)
         })
     };
-    Ok((!found.is_empty()).then(|| SeamScores {
+    Ok((!jumps.is_empty()).then(|| SeamScores {
         seconds: sound.duration_s(),
         window_frames: windows.frames,
         overlap_frames: windows.overlap,
-        seams: found.len(),
+        seams: jumps.len(),
         speed: ratio(|s| s.others, 0),
         acceleration: ratio(|s| s.others, 1),
         paired_speed: ratio(|s| s.elsewhere, 0),
@@ -132,14 +132,14 @@ fn curves(motion: &Array3<f64>, fps: f64) -> [Vec<f64>; 2] {
 
 /// The seams of one performance that lie where the other one has none.
 fn compare(
-    own: &[Vec<f64>; 2],
+    here: &[Vec<f64>; 2],
     other: &[Vec<f64>; 2],
     seams: &[Range<usize>],
     other_seams: &[Range<usize>],
 ) -> Vec<Seam> {
     let free = |t: usize| !seams.iter().any(|r| r.contains(&t));
     let others = [0, 1].map(|k| {
-        let values = own[k].iter().enumerate().filter(|(t, _)| free(*t));
+        let values = here[k].iter().enumerate().filter(|(t, _)| free(*t));
         root_mean_square(&values.map(|(_, x)| *x).collect::<Vec<_>>())
     });
     let apart = |r: &&Range<usize>| {
@@ -155,7 +155,7 @@ fn compare(
                 Some([root_mean_square(speed), root_mean_square(acceleration)])
             };
             Some(Seam {
-                here: at(own)?,
+                here: at(here)?,
                 elsewhere: at(other)?,
                 others,
             })
@@ -187,11 +187,11 @@ mod tests {
         for curve in &mut jerky {
             curve[10..14].fill(3.0);
         }
-        let found = compare(&jerky, &calm, from_ref(&(10..14)), from_ref(&(20..24)));
-        assert_eq!(found.len(), 1);
-        assert_eq!(found[0].here, [3.0, 3.0]);
-        assert_eq!(found[0].elsewhere, [1.0, 1.0]);
-        assert_eq!(found[0].others, [1.0, 1.0]);
+        let result = compare(&jerky, &calm, from_ref(&(10..14)), from_ref(&(20..24)));
+        assert_eq!(result.len(), 1);
+        assert_eq!(result[0].here, [3.0, 3.0]);
+        assert_eq!(result[0].elsewhere, [1.0, 1.0]);
+        assert_eq!(result[0].others, [1.0, 1.0]);
     }
 
     #[test]

@@ -58,9 +58,9 @@ pub(super) fn measure(speaker: &Speaker, wish: &Wish, corpus: &Corpus) -> Result
 
 /// Largest difference between curves of the gap of the smallest value within one window, mm.
 fn closure_difference(gaps: &[Vec<f64>], fps: f64, windows: &[(f64, f64)]) -> Option<f64> {
-    let found: Vec<_> = gaps.iter().map(|gap| closures(gap, fps, windows)).collect();
+    let closures_of_seeds: Vec<_> = gaps.iter().map(|gap| closures(gap, fps, windows)).collect();
     let each = (0..found.first()?.len()).map(|k| {
-        let of_seeds = || found.iter().map(|closures| closures[k].gap);
+        let of_seeds = || closures_of_seeds.iter().map(|closures| closures[k].gap);
         of_seeds().fold(f64::MIN, f64::max) - of_seeds().fold(f64::MAX, f64::min)
     });
     each.reduce(f64::max)
@@ -104,8 +104,8 @@ mod tests {
             gap[10] = least;
             gap[30] = 1.0;
         }
-        let found = closure_difference(&gaps, 25.0, &[(0.36, 0.44), (1.16, 1.24)]);
-        assert!((found.unwrap() - 0.3).abs() < 1e-9);
+        let difference = closure_difference(&gaps, 25.0, &[(0.36, 0.44), (1.16, 1.24)]);
+        assert!((difference.unwrap() - 0.3).abs() < 1e-9);
         assert_eq!(closure_difference(&gaps, 25.0, &[]), None);
     }
 }

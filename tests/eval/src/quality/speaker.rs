@@ -105,10 +105,10 @@ impl Speaker {
             fps: clip.fps,
             ..MotionRequest::default()
         };
-        let made = self
+        let motion = self
             .engine
             .causal_motion(&clip.waveform, &request, SILENT)?;
-        as_long_as(clip, made.displacements.mapv(f64::from))
+        as_long_as(clip, motion.displacements.mapv(f64::from))
     }
 }
 
@@ -119,12 +119,14 @@ fn as_long_as(clip: &Clip, motion: Array3<f64>) -> Result<Array3<f64>> {
 
 /// The first `frames` frames, the last one held where there are fewer; none of no frames.
 pub(super) fn fitted(motion: Array3<f64>, frames: usize) -> Option<Array3<f64>> {
-    let made = motion.dim().0;
-    if made >= frames {
+    let length = motion.dim().0;
+    if length >= frames {
         return Some(motion.slice_axis(Axis(0), Slice::from(..frames)).to_owned());
     }
-    let rows: Vec<usize> = (0..frames).map(|t| t.min(made.saturating_sub(1))).collect();
-    (made > 0).then(|| motion.select(Axis(0), &rows))
+    let rows: Vec<usize> = (0..frames)
+        .map(|t| t.min(length.saturating_sub(1)))
+        .collect();
+    (length > 0).then(|| motion.select(Axis(0), &rows))
 }
 
 #[cfg(test)]

@@ -47,8 +47,8 @@ fn at_steps(
     let records: Vec<ClipScores> = pairs()
         .map(|(clip, motion)| ClipScores::new(clip, motion))
         .collect::<Result<_>>()?;
-    let found = scores(&records);
-    let score = |key| found.get(key).copied();
+    let all_scores = scores(&records);
+    let score = |key| all_scores.get(key).copied();
     let closed = closures::score("", pairs())?.estimate("closed_percent");
     let sound_s: f64 = clips.iter().map(|c| c.waveform.duration_s()).sum();
     let work = work_s / sound_s.max(f64::MIN_POSITIVE);

@@ -134,11 +134,11 @@ fn through_resonances(
 ) -> Vec<f64> {
     let mut out = vec![0.0; samples.len()];
     for at in (0..samples.len()).step_by(STEP) {
-        let (taps, wanted) = predictor(&frame_at(samples, at, resonances));
+        let (taps, level) = predictor(&frame_at(samples, at, resonances));
         let mut frame = excite(at);
         let power: f64 = frame.iter().map(|x| x * x).sum();
-        let own = (power / frame.len().max(1) as f64).sqrt();
-        let gain = wanted / own.max(1e-9);
+        let power_of_frame = (power / frame.len().max(1) as f64).sqrt();
+        let gain = level / power_of_frame.max(1e-9);
         for k in 0..frame.len() {
             let past = taps.iter().zip((0..k).rev());
             let ringing: f64 = past.map(|(tap, j)| tap * frame[j]).sum();
@@ -168,12 +168,12 @@ fn stretched(samples: &[f64], length: usize) -> Vec<f64> {
     let at = |k: usize| samples.get(k).copied().unwrap_or(0.0);
     let mut next = 0;
     for start in (0..length).step_by(half) {
-        let wanted = (start as f64 * ratio) as usize;
+        let position = (start as f64 * ratio) as usize;
         let fit = |from: &usize| -> f64 { (0..half).map(|k| at(from + k) * at(next + k)).sum() };
-        let candidates = (wanted.saturating_sub(REACH)..=wanted + REACH).step_by(2);
+        let candidates = (position.saturating_sub(REACH)..=position + REACH).step_by(2);
         let best = candidates
             .max_by(|a, b| fit(a).total_cmp(&fit(b)))
-            .unwrap_or(wanted);
+            .unwrap_or(position);
         for k in 0..FRAME.min(length - start) {
             out[start + k] += window(k) * at(best + k);
         }
@@ -212,18 +212,18 @@ mod tests {
     fn a_whisper_has_the_length_but_not_the_voice() {
         let spoken = voice(120.0);
         assert!(period(&spoken).1 > 0.8);
-        let found = whispered(&spoken);
-        assert_eq!(found.samples.len(), spoken.samples.len());
-        assert!(period(&found).1 < 0.5, "{:?}", period(&found));
-        assert!(found.samples.iter().all(|x| x.is_finite()));
+        let whisper = whispered(&spoken);
+        assert_eq!(whisper.samples.len(), spoken.samples.len());
+        assert!(period(&whisper).1 < 0.5, "{:?}", period(&whisper));
+        assert!(whisper.samples.iter().all(|x| x.is_finite()));
     }
 
     #[test]
     fn a_shout_is_higher_and_as_long() {
         let spoken = voice(120.0);
-        let found = shouted(&spoken);
-        assert_eq!(found.samples.len(), spoken.samples.len());
-        let ratio = period(&spoken).0 as f64 / period(&found).0 as f64;
+        let shout = shouted(&spoken);
+        assert_eq!(shout.samples.len(), spoken.samples.len());
+        let ratio = period(&spoken).0 as f64 / period(&shout).0 as f64;
         assert!((ratio - PITCH).abs() < 0.1, "{ratio}");
     }
 
@@ -232,8 +232,8 @@ mod tests {
         let nothing = Waveform {
             samples: vec![0.0; 2000],
         };
-        for made in [whispered(&nothing), shouted(&nothing)] {
-            assert!(made.samples.iter().all(|x| x.is_finite()));
+        for voice in [whispered(&nothing), shouted(&nothing)] {
+            assert!(voice.samples.iter().all(|x| x.is_finite()));
         }
     }
 }

@@ -26,7 +26,7 @@ struct Record {
 /// Every source that is spoken only and has enough vowels, then all languages of espeak-ng together.
 pub(super) fn measure(performed: &[Performed]) -> Result<Vec<Row>> {
     let mut out = Vec::new();
-    let mut made = Vec::new();
+    let mut all_records = Vec::new();
     for source in performed.iter().filter(|p| !p.corpus.recorded) {
         let pairs = source.model();
         let pairs = pairs
@@ -37,11 +37,11 @@ pub(super) fn measure(performed: &[Performed]) -> Result<Vec<Row>> {
             out.push(score(&source.corpus.source, &records));
         }
         if source.corpus.is_synthetic() {
-            made.extend(records);
+            all_records.extend(records);
         }
     }
-    if !made.is_empty() {
-        out.push(score("all of espeak-ng", &made));
+    if !all_records.is_empty() {
+        out.push(score("all of espeak-ng", &all_records));
     }
     Ok(out)
 }
@@ -117,15 +117,15 @@ mod tests {
             record([1, 0, 2], [2.0, 0.0, 16.0]),
             record([1, 1, 0], [4.0, 1.0, 0.0]),
         ];
-        let found = score("", &records);
+        let result = score("", &records);
         assert_eq!(counts(&records), [2, 1, 2]);
-        assert!((found.estimate("gap_a_i_mm").unwrap().value - 5.0).abs() < 1e-12);
+        assert!((result.estimate("gap_a_i_mm").unwrap().value - 5.0).abs() < 1e-12);
     }
 
     #[test]
     fn curves_are_read_between_frames() {
         let curve = [0.0, 2.0, 6.0];
-        let found = [-1.0, 0.5, 1.25, 9.0].map(|frame| between_frames(&curve, frame));
-        assert_eq!(found, [0.0, 1.0, 3.0, 6.0]);
+        let values = [-1.0, 0.5, 1.25, 9.0].map(|frame| between_frames(&curve, frame));
+        assert_eq!(values, [0.0, 1.0, 3.0, 6.0]);
     }
 }
