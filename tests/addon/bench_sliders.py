@@ -1,4 +1,4 @@
-"""How near the sliders of a take come to a new run: the table of docs/blender.md.
+"""How near the sliders of a take come to a new run: docs/blender.md states the worst of it.
 
 Part of `bench_blender.py`. Of each case the worst of two voices and two emotions is told.
 """
