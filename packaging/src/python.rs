@@ -160,7 +160,7 @@ fn first_of(minors: &[u32]) -> Result<String> {
     bail!(
         "Blender's Python module needs Python {}, and {PYTHON} is {version}: install one of them \
          (Debian 12 has 3.11, Debian 13 has 3.13) so that it is on the PATH",
-        wanted.join(" or ")
+        versions.join(" or ")
     )
 }
 

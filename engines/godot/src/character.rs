@@ -86,7 +86,7 @@ fn shapes_of(mesh: &Gd<MeshInstance3D>) -> Result<Vec<(i32, usize)>, String> {
         return Err(format!(
             "mesh: expected blend shapes with names of ARKit (jawOpen, …) or visemes (viseme_aa, …), got {}; anyface rig \
              gives a mesh its shapes",
-            own.join(", ")
+            names_of_mesh.join(", ")
         ));
     }
     Ok(pairs)

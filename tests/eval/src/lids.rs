@@ -129,7 +129,7 @@ impl Lids {
                 let each = each.map(|(frame, of)| cells.marked(Some(frame), &of.0, &view));
                 columns.push(under(&each.collect::<Vec<_>>()));
             }
-            let in_sight = blinks::in_sight(&face, frames.index_axis(Axis(0), 2));
+            let in_sight = blinks::seen(&face, frames.index_axis(Axis(0), 2));
             row.in_sight = row.in_sight.into_iter().chain(in_sight).reduce(f64::max);
         }
         if let Some(album) = album {

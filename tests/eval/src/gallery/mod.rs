@@ -300,8 +300,8 @@ impl Scenes<'_> {
                 "Mean error over vertices that move by more than 0.5 mm: {} mm. Normals turn along the true \
                  turn by {:.2} of it between the brows, {:.2} on the cheeks.",
                 each.collect::<Vec<_>>().join(", "),
-                made.turned[0],
-                made.turned[1]
+                creases_shown.turned[0],
+                creases_shown.turned[1]
             );
             text += &self.section("Creases", subject, &said, &creases_shown.picture)?;
         }
@@ -320,16 +320,16 @@ impl Scenes<'_> {
             fps: motion.fps,
         };
         for subject in subjects {
-            let Some(made) = mouths::welded_lips(self.engine, subject, &motion)? else {
+            let Some(mouth_shown) = mouths::welded_lips(self.engine, subject, &motion)? else {
                 continue;
             };
-            let parted = match &made.parted {
+            let parted = match &mouth_shown.parted {
                 Ok(share) => format!("opened, the lips part by {share:.2} of what is asked"),
                 Err(why) => format!("not opened: {why}"),
             };
             let said = format!(
                 "Untouched, {:.2} % of the mouth's triangles grow beyond twice their area; {parted}.",
-                100.0 * made.grown
+                100.0 * mouth_shown.grown
             );
             text += &self.section("Lips", subject, &said, &mouth_shown.picture)?;
         }

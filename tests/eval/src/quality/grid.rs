@@ -150,12 +150,12 @@ fn longest_run(tracked: &[bool]) -> Range<usize> {
 
 /// Linear interpolation over lost frames, ends held.
 fn filled(track: &Array3<f64>, tracked: &[bool]) -> Array3<f64> {
-    let good: Vec<usize> = (0..found.len()).filter(|t| tracked[*t]).collect();
+    let good: Vec<usize> = (0..tracked.len()).filter(|t| tracked[*t]).collect();
     let (Some(first), Some(last)) = (good.first(), good.last()) else {
         return track.clone();
     };
     let mut out = track.clone();
-    for t in (0..found.len()).filter(|t| !tracked[*t]) {
+    for t in (0..tracked.len()).filter(|t| !tracked[*t]) {
         let next = good.partition_point(|g| *g < t);
         let after = good.get(next).unwrap_or(last);
         let before = next.checked_sub(1).map_or(first, |k| &good[k]);

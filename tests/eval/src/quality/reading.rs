@@ -117,7 +117,7 @@ pub(super) fn measure(
         .filter(|(row, answer)| reader.classify(row) == *answer);
     let own_percent = PER_CENT * right.count() as f64 / examples_of_ict.len() as f64;
     let clips: Vec<&Clip> = spaced(clips, CLIPS).collect();
-    let mut heads = Vec::new();
+    let mut readings = Vec::new();
     let mut verdicts = Vec::new();
     for head in heads {
         let mut confusion = vec![vec![0; FACES.len()]; FACES.len() - 1];
@@ -134,7 +134,7 @@ pub(super) fn measure(
                 verdicts.push(right as f64 / read.len() as f64);
             }
         }
-        heads.push(HeadReading {
+        readings.push(HeadReading {
             head: head.title,
             stills: clips.len() * STILLS,
             confusion,
@@ -148,7 +148,7 @@ pub(super) fn measure(
         answers: FACES.iter().map(|(name, _)| *name).collect(),
         accuracy_percent: estimate(&verdicts, share),
         own_percent,
-        heads: heads,
+        heads: readings,
     })
 }
 

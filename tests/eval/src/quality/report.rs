@@ -236,10 +236,10 @@ fn seams(page: &mut Page, results: &Results) {
          over all landmarks in the shared frames against the rest, and against the same frames of \
          the same sound performed half a stride later, where windows meet elsewhere. 1: a seam \
          cannot be told. {} seams; intervals over seams.",
-        number(found.seconds, 0),
-        found.window_frames,
-        found.overlap_frames,
-        found.seams
+        number(seams.seconds, 0),
+        seams.window_frames,
+        seams.overlap_frames,
+        seams.seams
     ));
     let row = |name: &str, rest: &Option<Estimate>, paired: &Option<Estimate>| {
         vec![
@@ -249,11 +249,11 @@ fn seams(page: &mut Page, results: &Results) {
         ]
     };
     let rows = [
-        row("speed", &found.speed, &found.paired_speed),
+        row("speed", &seams.speed, &seams.paired_speed),
         row(
             "acceleration",
-            &found.acceleration,
-            &found.paired_acceleration,
+            &seams.acceleration,
+            &seams.paired_acceleration,
         ),
     ];
     page.table(&["", "over the rest", "over the same frames"], rows);

@@ -59,7 +59,7 @@ pub(super) fn measure(speaker: &Speaker, wish: &Wish, corpus: &Corpus) -> Result
 /// Largest difference between curves of the gap of the smallest value within one window, mm.
 fn closure_difference(gaps: &[Vec<f64>], fps: f64, windows: &[(f64, f64)]) -> Option<f64> {
     let closures_of_seeds: Vec<_> = gaps.iter().map(|gap| closures(gap, fps, windows)).collect();
-    let each = (0..found.first()?.len()).map(|k| {
+    let each = (0..closures_of_seeds.first()?.len()).map(|k| {
         let of_seeds = || closures_of_seeds.iter().map(|closures| closures[k].gap);
         of_seeds().fold(f64::MIN, f64::max) - of_seeds().fold(f64::MAX, f64::min)
     });
