@@ -107,13 +107,13 @@ class Snapshot:
     engine: object = field(repr=False)
     # What is said besides, and the panel's settings as they were.
     notes: list[str] = field(default_factory=list)
-    asked: dict = field(default_factory=dict)
+    panel_values: dict = field(default_factory=dict)
     # The numbers of all objects that take part, by their names at that time.
     numbers: dict[str, int] = field(default_factory=dict)
     # Start and end in seconds, and the text, of strips that say what is heard.
     sounds: list[tuple[float, float, str]] | None = None
     # Another recording whose emotion is shown.
-    felt: SoundSource | None = None
+    emotion_sound: SoundSource | None = None
     # The same person's neutral voice.
     neutral: SoundSource | None = None
 
@@ -125,8 +125,10 @@ class Snapshot:
         if self.sounds is not None:
             closed = [[a, b] for a, b, label in self.sounds if self.engine.closes_lips(label)]
             request = replace(request, closures=np.array(closed).reshape(-1, 2))
-        if self.felt is not None:
-            request = replace(request, emotion_of=self.felt.load(decode.decoder(self.engine)))
+        if self.emotion_sound is not None:
+            request = replace(
+                request, emotion_of=self.emotion_sound.load(decode.decoder(self.engine))
+            )
         if self.neutral is not None:
             neutral = self.neutral.load(decode.decoder(self.engine))
             request = replace(request, neutral_voice=neutral)
@@ -213,10 +215,10 @@ def read(ob, scene, settings: Settings, engine) -> Snapshot:
         scene_start=scene.frame_start,
         engine=engine,
         notes=notes,
-        asked=panel_settings.read(ob),
+        panel_values=panel_settings.read(ob),
         numbers=_numbers(names, settings),
         sounds=sounds.read(scene, source),
-        felt=_felt(scene, settings, engine),
+        emotion_sound=_emotion_sound(scene, settings, engine),
         neutral=_neutral(settings),
     )
 
@@ -232,8 +234,8 @@ def read_still(ob, scene, settings: Settings) -> tuple[FaceMesh, Request]:
 
 def _numbers(names: list[str], settings: Settings) -> dict[str, int]:
     every = {*names, *(part.name for part in settings.parts), *settings.life.names}
-    found = {name: bpy.data.objects.get(name) for name in every if name}
-    return {name: identity.number(ob) for name, ob in found.items() if ob is not None}
+    objects = {name: bpy.data.objects.get(name) for name in every if name}
+    return {name: identity.number(ob) for name, ob in objects.items() if ob is not None}
 
 
 def follow_names(snapshot: Snapshot, files: Iterable[WrittenFile]) -> None:
@@ -290,23 +292,23 @@ def landing(ob, snapshot: Snapshot, take: Take):
     Closed before it yields `BEGUN` it has changed nothing.
     """
     follow_names(snapshot, take.motion.files)
-    asked = snapshot.settings.output
+    output_settings = snapshot.settings.output
     take.earliest = float(snapshot.scene_start)
     start, scene_fps = snapshot.source.start_frame, snapshot.scene_fps
     output = outputs.of_take(take)
     yield from head_and_eyes.look(take, snapshot.settings, start, scene_fps)
-    take = yield from output.settle(ob, take, asked)
+    take = yield from output.settle(ob, take, output_settings)
     if snapshot.settings.curves == sparse.SPARSE:
         take.few = sparse.Few(snapshot.engine, snapshot.settings.curves_mm)
     keep = output.keep if output.in_files else take_list.keep
-    before = (lambda: keep(ob)) if asked.new_take else None
+    before = (lambda: keep(ob)) if output_settings.new_take else None
     yield from together.landing(ob, snapshot.face.pieces, take, start, scene_fps, before)
     if not take.motion.files:
         yield BEGUN
     turned = yield from head_and_eyes.writing(ob, take, snapshot.settings, start, scene_fps)
     notes = snapshot.notes + take.notes + snapshot.source.notes
     notes += [] if take.motion.files else guard.notes(ob)
-    notes += output.notes(ob, asked)
+    notes += output.notes(ob, output_settings)
     if ob.library is None:
         ob.anyface.mouth, ob.anyface.lids = take.mouth, " ".join(take.lids)
         ob.anyface.report_details = details(ob, take, snapshot.settings.curves_mm)
@@ -316,27 +318,31 @@ def landing(ob, snapshot: Snapshot, take: Take):
     if "joined" in take.lids:
         notes.append(opening.JOINED)
     text = " ".join([describe(take), *(f"({note})" for note in [*turned, *notes])])
-    panel_settings.note(ob, snapshot.asked, text, take.heard_emotion)
+    panel_settings.note(ob, snapshot.panel_values, text, take.heard_emotion)
     return text
 
 
-def discard(made) -> None:
+def discard(result) -> None:
     """Takes back the files of a take that was not written, or of those of a list, and closes a face
     that nobody follows; needs no Blender."""
-    if isinstance(made, StreamedFace):
-        made.close()
-    for take in _takes(made):
+    if isinstance(result, StreamedFace):
+        result.close()
+    for take in _takes(result):
         plan.take_back(take.motion.files)
 
 
-def settle(made) -> None:
+def settle(result) -> None:
     """The take, or those of a list, stands: what its files have replaced goes."""
-    for take in _takes(made):
+    for take in _takes(result):
         plan.settle(take.motion.files)
 
 
-def _takes(made) -> list[Take]:
-    return [take for take in (made if isinstance(made, list) else [made]) if isinstance(take, Take)]
+def _takes(result) -> list[Take]:
+    return [
+        take
+        for take in (result if isinstance(result, list) else [result])
+        if isinstance(take, Take)
+    ]
 
 
 def describe(take: Take) -> str:
@@ -348,9 +354,9 @@ def details(ob, take: Take, curves_mm: float) -> str:
     """What only some want to know: "moves by up to 9.1 mm, exact to 0.10 mm"; curves with few keys
     are within `curves_mm`."""
     is_human = mesh.is_of_human_size(ob)
-    found = [f"moves by up to {wording.length(take.largest_mm, is_human)}"]
-    found += outputs.of_take(take).details(take, is_human)
-    return ", ".join(filter(None, [*found, sparse.describe(take, curves_mm)]))
+    phrases = [f"moves by up to {wording.length(take.largest_mm, is_human)}"]
+    phrases += outputs.of_take(take).details(take, is_human)
+    return ", ".join(filter(None, [*phrases, sparse.describe(take, curves_mm)]))
 
 
 def find_sound(scene, settings: Settings, engine) -> SoundSource:
@@ -365,7 +371,7 @@ def find_sound(scene, settings: Settings, engine) -> SoundSource:
     raise AnyfaceError("audio", NO_SOUND, ("choose_sound",))
 
 
-def _felt(scene, settings: Settings, engine) -> SoundSource | None:
+def _emotion_sound(scene, settings: Settings, engine) -> SoundSource | None:
     """The recording that gives the emotion; a strip is let be where the system does not hear it."""
     if settings.emotion_file:
         return sound_source.from_file(settings.emotion_file, settings.start_frame)
@@ -393,8 +399,8 @@ def _pose(ob, face: FaceMesh, settings: Settings) -> np.ndarray | None:
     if not settings.starts_from_pose or not systems.by_name(settings.system).starts_from_pose:
         return None
     moved = np.zeros_like(face.positions)
-    own = mesh.read_pose(ob)
-    moved[: len(own)] = own
+    face_pose = mesh.read_pose(ob)
+    moved[: len(face_pose)] = face_pose
     for piece in face.pieces[1:]:
         stands = mesh.read_pose(bpy.data.objects[piece.name])
         moved[piece.rows] = stands @ piece.matrix[:3, :3].T

@@ -57,12 +57,12 @@ def unused() -> Unused:
     folders = {path.parent for path in played}
     if bpy.data.filepath:
         folders.add(Path(bpy.data.filepath).parent / FOLDER)
-    found = Unused([], [])
+    result = Unused([], [])
     for folder in sorted(folder for folder in folders if folder.is_dir()):
         files = [path for path in folder.iterdir() if _OURS.fullmatch(path.name)]
         spare = [path for path in files if path.resolve() not in played]
-        _add_unnamed(spare, folder.parent, found)
-    return found
+        _add_unnamed(spare, folder.parent, result)
+    return result
 
 
 def delete(files: list[Path]) -> None:
@@ -77,19 +77,19 @@ def delete(files: list[Path]) -> None:
             folder.rmdir()
 
 
-def _add_unnamed(spare: list[Path], beside: Path, found: Unused) -> None:
+def _add_unnamed(spare: list[Path], beside: Path, result: Unused) -> None:
     """Adds those of `spare` that no .blend near `beside`, backups included, names."""
     places = (beside.glob("*.blend*"), beside.glob("*/*.blend*"), beside.parent.glob("*/*.blend*"))
     for blend in {path for place in places for path in place if path.is_file()} if spare else ():
         named = _named_in(blend, [path.name for path in spare])
         if named is None:
-            found.unread.append(blend)
+            result.unread.append(blend)
             return
         spare = [path for path in spare if path.name not in named]
-    found.files += spare
+    result.files += spare
 
 
-def _named_in(blend: Path, wanted: list[str]) -> set[str] | None:
+def _named_in(blend: Path, candidates: list[str]) -> set[str] | None:
     """The file names among `wanted` that a .blend holds; None where it cannot be read here."""
     try:
         with open(blend, "rb") as file:
@@ -100,7 +100,7 @@ def _named_in(blend: Path, wanted: list[str]) -> set[str] | None:
                 content = gzip.decompress(blend.read_bytes())
             else:
                 content = mmap.mmap(file.fileno(), 0, access=mmap.ACCESS_READ) if start else b""
-            return {name for name in wanted if content.find(name.encode()) >= 0}
+            return {name for name in candidates if content.find(name.encode()) >= 0}
     except (OSError, EOFError, ValueError, ImportError):
         return None
 

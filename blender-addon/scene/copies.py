@@ -23,15 +23,15 @@ def settle() -> None:
     bearers = {}
     for ob in bpy.data.objects:
         _prepare_override(ob)
-        found = identity.read(ob) if ob.library is None else None
-        if found is not None:
-            bearers.setdefault(found.id, []).append((ob, found))
+        object_identity = identity.read(ob) if ob.library is None else None
+        if object_identity is not None:
+            bearers.setdefault(object_identity.id, []).append((ob, object_identity))
     originals, copies = {}, {}
-    for own, members in bearers.items():
-        originals[own] = _original(members)
-        made = [ob for ob, _ in members if ob != originals[own]]
-        if made:
-            copies[own] = sorted(made, key=lambda ob: ob.name)
+    for object_id, members in bearers.items():
+        originals[object_id] = _original(members)
+        duplicates = [ob for ob, _ in members if ob != originals[object_id]]
+        if duplicates:
+            copies[object_id] = sorted(duplicates, key=lambda ob: ob.name)
     for ob in originals.values():
         if ob is not None:
             identity.write(ob, identity.read(ob))
@@ -49,22 +49,22 @@ def _prepare_override(ob) -> None:
 
 def _original(members: list[tuple]):
     """The object that an identity was written for; None where only copies of it are left."""
-    for ob, found in members:
-        if identity.is_current(ob, found):
+    for ob, object_identity in members:
+        if identity.is_current(ob, object_identity):
             return ob
     unsure = [pair for pair in members if not identity.is_copy(*pair)]
-    named = [ob for ob, found in unsure if found.name == ob.name]
+    named = [ob for ob, object_identity in unsure if object_identity.name == ob.name]
     named += sorted((ob for ob, _ in unsure), key=lambda ob: ob.name)
     return named[0] if named else None
 
 
 def _renew(copies: dict[str, list], originals: dict) -> None:
     """Gives copies, by the id that they bear, identities of their own."""
-    before = {ob: identity.read(ob) for made in copies.values() for ob in made}
+    before = {ob: identity.read(ob) for duplicates in copies.values() for ob in duplicates}
     for ob in before:
         identity.write(ob, identity.Identity())
-    for ob, found in before.items():
-        face = _face_of(ob, originals.get(found.id), copies.get(found.face, []))
+    for ob, object_identity in before.items():
+        face = _face_of(ob, originals.get(object_identity.id), copies.get(object_identity.face, []))
         if face is not None:
             identity.join(face, ob)
     for ob in before:

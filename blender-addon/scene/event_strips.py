@@ -46,7 +46,7 @@ class Row:
 
 
 @dataclass
-class Found:
+class CharacterEvents:
     """The events of a character, and what is to be said of strips that are none."""
 
     events: list[Event] = field(default_factory=list)
@@ -59,10 +59,12 @@ def strips_of(scene, channel: int, ob=None) -> list:
     With `ob` those that name another character of this channel are left out too.
     """
     faces, every = others(scene, channel), sequencer.all_strips(scene) if channel else []
-    found = [s for s in every if s.type == "TEXT" and s.channel == channel and not sounds.shows(s)]
+    text_strips = [
+        s for s in every if s.type == "TEXT" and s.channel == channel and not sounds.shows(s)
+    ]
     if ob is not None:
-        found = [s for s in found if strips.named_in(s.name, faces) in (None, ob)]
-    return sorted(found, key=lambda strip: sequencer.ends(strip)[0])
+        text_strips = [s for s in text_strips if strips.named_in(s.name, faces) in (None, ob)]
+    return sorted(text_strips, key=lambda strip: sequencer.ends(strip)[0])
 
 
 def marked(scene, ob, settings, models: Path | None = None) -> list[Row]:
@@ -77,7 +79,7 @@ def marked(scene, ob, settings, models: Path | None = None) -> list[Row]:
     named = [marker for marker in scene.timeline_markers if _says_something(marker)]
     named = [marker for marker in named if strips.named_in(marker.name, faces) in (None, ob)]
     fps = scene.render.fps / scene.render.fps_base
-    length, found, begun = max(1, round(settings.marker_s * fps)), [], []
+    length, event_rows, begun = max(1, round(settings.marker_s * fps)), [], []
     for marker in sorted(named, key=lambda marker: marker.frame):
         text = strips.without_name(marker.name, faces)
         ended = events.ended_by(text, [row.expression.said for row in begun])
@@ -87,9 +89,9 @@ def marked(scene, ob, settings, models: Path | None = None) -> list[Row]:
             continue
         expression = events.expression(text, models)
         row = Row(marker.name, expression, marker.frame, marker.frame + length)
-        found.append(row)
+        event_rows.append(row)
         begun.append(row)
-    return found
+    return event_rows
 
 
 def _says_something(marker) -> bool:
@@ -119,16 +121,16 @@ def rows(
     `settings` has `event_channel`, `event_markers` and `marker_s`; `when` is the frame at which the
     sound begins, and its seconds where they are known; `models` the folder of the models.
     """
-    found = [
+    event_rows = [
         Row(strip.name, events.expression(strip.text, models), *sequencer.ends(strip), strip=strip)
         for strip in strips_of(scene, settings.event_channel, ob)
     ]
-    found += marked(scene, ob, settings, models)
-    for row in found:
+    event_rows += marked(scene, ob, settings, models)
+    for row in event_rows:
         row.wrong = row.expression.hint
         if not row.wrong and when is not None and _slot(scene, row, *when) is None:
             row.wrong = f"frames {row.first} to {row.last} lie outside the sound"
-    return sorted(found, key=lambda row: row.first)
+    return sorted(event_rows, key=lambda row: row.first)
 
 
 def read(
@@ -138,32 +140,32 @@ def read(
     start_frame: float,
     duration_s: float | None,
     models: Path | None = None,
-) -> Found:
+) -> CharacterEvents:
     """The events of a character for a system that takes them; none for others.
 
     Strips and markers that say nothing, or lie outside the sound, are named and left out.
     """
-    found = Found()
+    result = CharacterEvents()
     if not systems.by_name(settings.system).takes_events:
         if settings.event_file:
             raise AnyfaceError("input", "events: expected a system that shows them")
-        return found
+        return result
     if settings.event_file:
-        found.events = events.of_file(settings.event_file, models)
-        return found
+        result.events = events.of_file(settings.event_file, models)
+        return result
     when = start_frame, duration_s
     for row in rows(scene, ob, settings, when, models):
         if row.wrong:
-            found.notes.append(f"the event {row.name} was left out: {row.wrong}")
+            result.notes.append(f"the event {row.name} was left out: {row.wrong}")
             continue
         slot = _slot(scene, row, *when)
         said = row.expression
         for start_s, end_s, opacity in _pieces(scene, row, slot, start_frame):
             strength = opacity * said.strength
             event = Event(start_s, end_s, said.units, strength, said.over_speech, row.name)
-            found.events.append(event)
-    found.notes = events.shortened(found.notes)
-    return found
+            result.events.append(event)
+    result.notes = events.shortened(result.notes)
+    return result
 
 
 def add(scene, ob, channel: int, text: str, frame: int, strength: float = 1.0):
@@ -215,14 +217,14 @@ def _pieces(scene, row: Row, slot, start_frame: float) -> list[tuple[float, floa
     frames = np.arange(np.floor(first), np.ceil(last))
     strengths = [_STEP * round(np.clip(curve.evaluate(at), 0.0, 1.0) / _STEP) for at in frames]
     changes = [0, *(np.flatnonzero(np.diff(strengths)) + 1), len(frames)]
-    found = []
+    steps = []
     for begins, ends in pairwise(changes):
         if strengths[begins] == 0.0:
             continue
         start_s = max((frames[begins] - start_frame) / fps, seconds[0])
         end_s = min((frames[ends - 1] + 1 - start_frame) / fps, seconds[1])
-        found.append((float(start_s), float(end_s), float(strengths[begins])))
-    return found
+        steps.append((float(start_s), float(end_s), float(strengths[begins])))
+    return steps
 
 
 def _opacity_curve(scene, strip):

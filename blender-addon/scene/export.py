@@ -115,15 +115,15 @@ def write(ob, kind: Kind, path: str, whole_scene: bool) -> None:
 
 def _of_face(ob) -> list:
     """The face, the objects that speak with it, and what all of these hang on."""
-    found = [ob, *identity.parts_of(ob)]
-    for one in found:
+    objects = [ob, *identity.parts_of(ob)]
+    for one in objects:
         rigs = [m.object for m in one.modifiers if m.type == "ARMATURE" and m.object is not None]
-        found += [more for more in {*rigs, one.parent} - {None} if more not in found]
-    return found
+        objects += [more for more in {*rigs, one.parent} - {None} if more not in objects]
+    return objects
 
 
 def _select(layer, objects: list) -> None:
     for one in layer.objects:
-        wanted = one in objects
-        if one.select_get(view_layer=layer) != wanted:
-            one.select_set(wanted, view_layer=layer)
+        is_chosen = one in objects
+        if one.select_get(view_layer=layer) != is_chosen:
+            one.select_set(is_chosen, view_layer=layer)

@@ -42,15 +42,15 @@ _changed: list[_Changed] = []
 def before_export(_settings) -> None:
     """Rewrites all basis takes that have negative weights; they move as before."""
     after_export(_settings)
-    seen = set()
+    mesh_names = set()
     for ob in bpy.data.objects:
-        if ob.type != "MESH" or ob.data.library is not None or ob.data.name in seen:
+        if ob.type != "MESH" or ob.data.library is not None or ob.data.name in mesh_names:
             continue
-        seen.add(ob.data.name)
-        taken = record.everyone(ob.data.shape_keys)
-        wanted = [one for one in taken if outputs.of_record(one).as_basis]
-        if wanted:
-            _rewrite(ob, wanted)
+        mesh_names.add(ob.data.name)
+        records = record.everyone(ob.data.shape_keys)
+        basis_records = [one for one in records if outputs.of_record(one).as_basis]
+        if basis_records:
+            _rewrite(ob, basis_records)
 
 
 def after_export(_settings) -> None:
@@ -64,20 +64,20 @@ def after_export(_settings) -> None:
             _put_back(ob, changed)
 
 
-def _rewrite(ob, wanted) -> None:
+def _rewrite(ob, records) -> None:
     changed = _Changed(ob.name)
     _changed.append(changed)
     ob.data.shape_keys[_MARK] = changed.mark
     with guard.object_mode(ob), guard.selection_kept(ob):
-        for taken in wanted:
-            _rewrite_take(ob, taken, changed)
+        for take_record in records:
+            _rewrite_take(ob, take_record, changed)
 
 
-def _rewrite_take(ob, taken, changed: _Changed) -> None:
+def _rewrite_take(ob, take_record, changed: _Changed) -> None:
     shape_keys = ob.data.shape_keys
-    bag = take_list.channels_of(shape_keys, taken)
+    bag = take_list.channels_of(shape_keys, take_record)
     standing, span = 0.0, None
-    for name in taken.keys if bag is not None else ():
+    for name in take_record.keys if bag is not None else ():
         block, curve = shape_keys.key_blocks.get(name), bag.fcurves.find(curves.value_path(name))
         if block is None or curve is None or block.mute:
             continue
@@ -87,14 +87,14 @@ def _rewrite_take(ob, taken, changed: _Changed) -> None:
         if low == 0.0 and not block.vertex_group:
             continue
         high = max(0.0, *(values[1::2].max() for values in before.values()))
-        changed.points[taken.id, curve.data_path] = before
+        changed.points[take_record.id, curve.data_path] = before
         curves.put(curve, {name: _within_one(values, low, high) for name, values in before.items()})
         standing = standing + low * _scale(ob, block, high - low, changed)
         span = np.array(curve.range())
     if span is not None:
         name = _add_standing(ob, bag, standing, span)
         changed.standing.append(name)
-        if taken.in_nla:
+        if take_record.in_nla:
             nla.hold(nla.rest_channels(shape_keys), [name])
 
 
@@ -128,9 +128,9 @@ def _put_back(ob, changed: _Changed) -> None:
     shape_keys = ob.data.shape_keys
     del shape_keys[_MARK]
     with guard.object_mode(ob), guard.selection_kept(ob):
-        for taken in record.everyone(shape_keys):
-            bag = take_list.channels_of(shape_keys, taken)
-            _put_curves_back(bag, taken.id, changed)
+        for take_record in record.everyone(shape_keys):
+            bag = take_list.channels_of(shape_keys, take_record)
+            _put_curves_back(bag, take_record.id, changed)
             _forget(bag, changed.standing)
         _forget(nla.rest_channels(shape_keys), changed.standing)
         for name in changed.standing:

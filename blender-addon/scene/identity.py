@@ -42,10 +42,10 @@ def read(ob) -> Identity | None:
         return None
 
 
-def write(ob, found: Identity) -> None:
+def write(ob, identity: Identity) -> None:
     """Stores an identity with the stamp of `ob`."""
-    found.session, found.number, found.name = _session, number(ob), ob.name
-    text = json.dumps(asdict(found))
+    identity.session, identity.number, identity.name = _session, number(ob), ob.name
+    text = json.dumps(asdict(identity))
     if getattr(ob, PROPERTY) != text and not ob.is_property_readonly(PROPERTY):
         setattr(ob, PROPERTY, text)
 
@@ -55,35 +55,35 @@ def number(ob) -> int:
     return getattr(ob, "session_uid", 0)
 
 
-def with_number(wanted: int, name: str):
+def with_number(object_number: int, name: str):
     """The object of that number, whatever it is called now; None where it is gone.
 
     Blender versions that number nothing know it by its `name`.
     """
-    if not wanted:
+    if not object_number:
         return bpy.data.objects.get(name)
-    return next((ob for ob in bpy.data.objects if number(ob) == wanted), None)
+    return next((ob for ob in bpy.data.objects if number(ob) == object_number), None)
 
 
-def is_copy(ob, found: Identity) -> bool:
+def is_copy(ob, identity: Identity) -> bool:
     """True where `found` was written on another object since the file was opened, or comes from
     the linked object that `ob` overrides."""
     linked = ob.override_library.reference if ob.override_library is not None else None
     inherited = read(linked) if linked is not None else None
-    if inherited is not None and inherited.id == found.id:
+    if inherited is not None and inherited.id == identity.id:
         return True
-    return found.session == _session and found.number != number(ob)
+    return identity.session == _session and identity.number != number(ob)
 
 
-def is_current(ob, found: Identity) -> bool:
+def is_current(ob, identity: Identity) -> bool:
     """True where `found` was written on `ob` itself since the file was opened."""
-    return found.session == _session and not is_copy(ob, found)
+    return identity.session == _session and not is_copy(ob, identity)
 
 
 def known(ob) -> str:
     """The id of `ob`; empty where it has none, or only that of the one it was copied from."""
-    found = read(ob)
-    return "" if found is None or is_copy(ob, found) else found.id
+    identity = read(ob)
+    return "" if identity is None or is_copy(ob, identity) else identity.id
 
 
 def of(ob) -> str:
@@ -102,22 +102,22 @@ def join(face, part) -> None:
     """From now on `part` belongs to `face`."""
     owner = of(face)
     of(part)
-    found = read(part)
-    if found.face != owner:
-        found.face = owner
-        write(part, found)
+    identity = read(part)
+    if identity.face != owner:
+        identity.face = owner
+        write(part, identity)
 
 
 def parts_of(face) -> list:
     """The objects that belong to `face`."""
-    own = known(face)
-    return [ob for ob in _local() if own and ob != face and _face(ob) == own]
+    face_id = known(face)
+    return [ob for ob in _local() if face_id and ob != face and _face(ob) == face_id]
 
 
 def face_of(part):
     """The face to which an object belongs, or None."""
-    wanted = _face(part)
-    return next((ob for ob in _local() if wanted and known(ob) == wanted), None)
+    face_id = _face(part)
+    return next((ob for ob in _local() if face_id and known(ob) == face_id), None)
 
 
 def _face(ob) -> str:

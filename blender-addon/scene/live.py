@@ -34,10 +34,10 @@ class Follower:
     # Number and name of each, its place in the whole face, its rest.
     parts: list[tuple[int, str, Piece, np.ndarray]]
     face: object
-    found: space.FaceSpace
+    face_space: space.FaceSpace
     start_frame: float
     # Strengths `[15]` of the emotion that it shows, None where it hears its own.
-    felt: np.ndarray | None = None
+    strengths: np.ndarray | None = None
     # What the face gave last: the same array where nothing more was heard.
     shown: np.ndarray | None = None
 
@@ -69,16 +69,16 @@ def begin(ob, mesh_face, face, start_frame: float = 0.0) -> None:
 
     Raises `AnyfaceError` where an object cannot have a key; nothing has changed then.
     """
-    own, *others = mesh_face.pieces
-    found = [(ob, own)]
-    found += [(pieces.object_of(pieces.Part(piece.name), ob), piece) for piece in others]
-    for one, piece in found:
+    face_piece, *others = mesh_face.pieces
+    objects = [(ob, face_piece)]
+    objects += [(pieces.object_of(pieces.Part(piece.name), ob), piece) for piece in others]
+    for one, piece in objects:
         guard.check_editable(one)
         guard.check_size(one, piece.count)
     end(ob)
     parts, way = [], mesh_face.space
     try:
-        for one, piece in found:
+        for one, piece in objects:
             rested = mesh.read_basis(one.data)
             with guard.object_mode(one), guard.selection_kept(one):
                 _add_key(one, rested)
@@ -102,11 +102,11 @@ def _add_key(ob, rested: np.ndarray) -> None:
 
 def end(ob) -> bool:
     """`ob` and what moves with it stand as before; False where it did not follow."""
-    found = _of(ob)
-    for follower in found:
+    followers = _of(ob)
+    for follower in followers:
         _forget(follower)
     _sweep()
-    return bool(found)
+    return bool(followers)
 
 
 def end_all(*_) -> None:
@@ -125,8 +125,8 @@ def _forget(follower: Follower) -> None:
 def _sweep() -> None:
     """Takes the key from whatever follows nothing: what did until now, its copies, what an undo
     brought back, what a crash left in a file."""
-    kept = [identity.with_number(part[0], part[1]) for f in _followers for part in f.parts]
-    meshes = [ob.data for ob in kept if ob is not None]
+    following = [identity.with_number(part[0], part[1]) for f in _followers for part in f.parts]
+    meshes = [ob.data for ob in following if ob is not None]
     for ob in bpy.data.objects:
         is_own = ob.type == "MESH" and ob.library is None and ob.data.library is None
         if is_own and ob.data not in meshes:
@@ -181,14 +181,14 @@ def show(scene, followers: list[Follower] | None = None) -> None:
 def _show(ob, scene, follower: Follower) -> None:
     scene_fps = scene.render.fps / scene.render.fps_base
     seconds = (scene.frame_current_final - follower.start_frame) / scene_fps
-    follower.felt = _feels(ob)
-    if follower.felt is not None:
-        follower.face.feel(follower.felt)
+    follower.strengths = _feels(ob)
+    if follower.strengths is not None:
+        follower.face.feel(follower.strengths)
     displacements = follower.face.at(seconds)
     if displacements is follower.shown:
         return
     follower.shown = displacements
-    moved = follower.found.to_object(displacements)
+    moved = follower.face_space.to_object(displacements)
     for number, name, piece, rested in follower.parts:
         one = identity.with_number(number, name)
         if one is None or one.mode == "EDIT":
@@ -211,7 +211,7 @@ def _feels(ob) -> np.ndarray | None:
 def _shows_another(follower: Follower) -> bool:
     """Whether the panel asks for another emotion than the one that is shown."""
     ob = identity.with_number(follower.number, follower.name)
-    return ob is not None and not np.array_equal(_feels(ob), follower.felt)
+    return ob is not None and not np.array_equal(_feels(ob), follower.strengths)
 
 
 def _say(ob, text: str) -> None:

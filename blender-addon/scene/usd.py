@@ -25,9 +25,9 @@ def rewrite(stage) -> None:
     ours = _keys_of_takes()
     every = [prim for prim in Usd.PrimRange(stage.GetPseudoRoot()) if prim.IsA("SkelRoot")]
     for root in every:
-        found = list(Usd.PrimRange(root))
-        shaped = [prim for prim in found if prim.HasRelationship(_TARGETS)]
-        for animation in found:
+        prims = list(Usd.PrimRange(root))
+        shaped = [prim for prim in prims if prim.HasRelationship(_TARGETS)]
+        for animation in prims:
             if animation.GetTypeName() == "SkelAnimation":
                 _rewrite(animation, shaped, ours)
 
@@ -36,15 +36,15 @@ def _keys_of_takes() -> dict[str, list[tuple]]:
     """Objects and keys of all basis takes, by the names that keys have in a file."""
     from pxr import Tf
 
-    found = {}
+    by_name = {}
     for ob in bpy.data.objects:
         shape_keys = ob.data.shape_keys if ob.type == "MESH" and ob.data else None
-        for taken in record.everyone(shape_keys):
-            for name in taken.keys if outputs.of_record(taken).as_basis else ():
+        for take_record in record.everyone(shape_keys):
+            for name in take_record.keys if outputs.of_record(take_record).as_basis else ():
                 block = shape_keys.key_blocks.get(name)
                 if block is not None:
-                    found.setdefault(Tf.MakeValidIdentifier(name), []).append((ob, block))
-    return found
+                    by_name.setdefault(Tf.MakeValidIdentifier(name), []).append((ob, block))
+    return by_name
 
 
 def _rewrite(animation, shaped: list, ours: dict) -> None:
@@ -87,8 +87,8 @@ def _rewrite_mesh(mesh, changed: dict, ours: dict) -> bool:
     targets = mesh.GetRelationship(_TARGETS)
     paths, count = list(targets.GetTargets()), len(mesh.GetAttribute("points").Get() or ())
     sums = np.zeros((2, count, 3))
-    found = [pair for pair in zip(tokens, paths, strict=False) if pair[0] in changed]
-    for token, path in found:
+    pairs = [pair for pair in zip(tokens, paths, strict=False) if pair[0] in changed]
+    for token, path in pairs:
         shape = UsdSkel.BlendShape(mesh.GetStage().GetPrimAtPath(path))
         a, b = changed[token]
         for row, attribute in enumerate([shape.GetOffsetsAttr(), shape.GetNormalOffsetsAttr()]):
@@ -100,16 +100,20 @@ def _rewrite_mesh(mesh, changed: dict, ours: dict) -> bool:
             offsets = offsets * _mask(ours[token], count, path)[at]
             sums[row][at] += a * offsets
             attribute.Set(Vt.Vec3fArray.FromNumpy(((b - a) * offsets).astype(np.float32)))
-    if found:
+    if pairs:
         path = mesh.GetPath().AppendChild(_standing())
-        made = UsdSkel.BlendShape.Define(mesh.GetStage(), path)
-        both = zip((made.CreateOffsetsAttr(), made.CreateNormalOffsetsAttr()), sums, strict=True)
+        standing_shape = UsdSkel.BlendShape.Define(mesh.GetStage(), path)
+        both = zip(
+            (standing_shape.CreateOffsetsAttr(), standing_shape.CreateNormalOffsetsAttr()),
+            sums,
+            strict=True,
+        )
         for attribute, total in both:
             attribute.Set([Gf.Vec3f(*map(float, row)) for row in total])
-        made.CreatePointIndicesAttr().Set(list(range(count)))
+        standing_shape.CreatePointIndicesAttr().Set(list(range(count)))
         mesh.GetAttribute(_OF_MESH).Set([*tokens, _standing()])
         targets.SetTargets([*paths, path])
-    return bool(found)
+    return bool(pairs)
 
 
 def _mask(blocks: list[tuple], count: int, path) -> np.ndarray:
@@ -155,10 +159,10 @@ _registered = []
 
 def register() -> None:
     """Has exports to USD call it."""
-    found = _hook()
-    if found is not None:
-        bpy.utils.register_class(found)
-        _registered.append(found)
+    hook = _hook()
+    if hook is not None:
+        bpy.utils.register_class(hook)
+        _registered.append(hook)
 
 
 def unregister() -> None:

@@ -78,9 +78,9 @@ class WayBack:
 
 
 def _more(error: AnyfaceError, text: str) -> AnyfaceError:
-    found = AnyfaceError(error.kind, f"{error} ({text})", error.mends)
-    found.__cause__ = error.__cause__
-    return found
+    longer = AnyfaceError(error.kind, f"{error} ({text})", error.mends)
+    longer.__cause__ = error.__cause__
+    return longer
 
 
 def _can_mark() -> bool:
@@ -97,9 +97,9 @@ def _looks() -> tuple:
 
 def _look_of(ob) -> tuple:
     keys = ob.data.shape_keys
-    own = (len(keys.key_blocks), keys.get(record.PROPERTY)) if keys is not None else None
+    keys_state = (len(keys.key_blocks), keys.get(record.PROPERTY)) if keys is not None else None
     caches = [(m.name, getattr(m, "filepath", "")) for m in ob.modifiers]
-    return ob.name, ob.data.name, len(ob.data.vertices), own, caches, sorted(ob.keys())
+    return ob.name, ob.data.name, len(ob.data.vertices), keys_state, caches, sorted(ob.keys())
 
 
 @contextlib.contextmanager
@@ -112,8 +112,8 @@ def _object_mode(ob):
 
 
 def _modes() -> list[tuple[int, str, str]]:
-    found = {bpy.context.view_layer.objects.active} - {None}
-    return [(identity.number(ob), ob.name, ob.mode) for ob in found if ob.mode != "OBJECT"]
+    objects = {bpy.context.view_layer.objects.active} - {None}
+    return [(identity.number(ob), ob.name, ob.mode) for ob in objects if ob.mode != "OBJECT"]
 
 
 def _leave_modes() -> None:

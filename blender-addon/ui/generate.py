@@ -50,7 +50,7 @@ class ANYFACE_OT_generate(WithSound, InThread, Operator):
         mends = ["find_parts"] if left else []
         ob.anyface.report, ob.anyface.report_is_error = text, False
         mending.keep(ob, mends)
-        panel_settings.note(ob, snapshot.asked, text)
+        panel_settings.note(ob, snapshot.panel_values, text)
         return " ".join([text, *(f"({more})" for more in mending.said_of_scene(ob))])
 
     def fail(self, error, ob=None):
@@ -65,13 +65,13 @@ class ANYFACE_OT_generate(WithSound, InThread, Operator):
 
 def _said_once(along: list[str], scene) -> list[str]:
     """What was done for the artist with the first take, in words."""
-    found = [f"together with {wording.listed(along)}"] if along else []
+    notes = [f"together with {wording.listed(along)}"] if along else []
     if not scene.anyface.synced:
         scene.anyface.synced = True
         if scene.sync_mode != "AUDIO_SYNC":
             scene.sync_mode = "AUDIO_SYNC"
-            found.append("Playback is set to Sync to Audio")
-    return found
+            notes.append("Playback is set to Sync to Audio")
+    return notes
 
 
 class ANYFACE_OT_cancel(Operator):

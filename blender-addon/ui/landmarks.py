@@ -42,10 +42,10 @@ def _read(ob, models: str | None = None) -> tuple:
     return bake.read_face(ob, settings, editable=False), running.engine(settings.system, models)
 
 
-def keep(ob, found, fixed=()) -> str:
+def keep(ob, face_points, fixed=()) -> str:
     """Stores what was found on `ob` and lists its parts; returns it in words."""
-    landmarks.store(ob, found, fixed)
-    character.list_loose(ob, found)
+    landmarks.store(ob, face_points, fixed)
+    character.list_loose(ob, face_points)
     return landmarks.describe(landmarks.load(ob))
 
 
@@ -61,9 +61,9 @@ class ANYFACE_OT_find_face(InThread, Operator):
         """The mesh."""
         return search_of(ob)
 
-    def finish(self, ob, search, found):
+    def finish(self, ob, search, face_points):
         """Keeps the landmarks."""
-        return keep(ob, found)
+        return keep(ob, face_points)
 
 
 class ANYFACE_OT_reset_landmarks(Acting, Operator):
@@ -100,8 +100,8 @@ class ANYFACE_OT_move_landmark(Alone, Operator):
         drag = landmarks.Drag(ob)
         drag.hold(self.number)
         drag.stored.positions[self.number] = drag.surface.nearest(self.place)
-        found = drag.search(*_read(ob)).work(Progress())
-        return keep(ob, found, drag.stored.fixed)
+        face_points = drag.search(*_read(ob)).work(Progress())
+        return keep(ob, face_points, drag.stored.fixed)
 
 
 class ANYFACE_OT_edit_landmarks(InView, Operator):
@@ -121,13 +121,13 @@ class ANYFACE_OT_edit_landmarks(InView, Operator):
 
     def follow(self, context, ob, event, view):
         """One drag is one undo step."""
-        if self._drag.held is not None and event.type == "MOUSEMOVE":
+        if self._drag.number is not None and event.type == "MOUSEMOVE":
             if view is not None:
                 self._move(ob, view)
             return {"RUNNING_MODAL"}
         if event.type == "LEFTMOUSE" and event.value == "PRESS" and view is not None:
             return self._press(ob, view)
-        if event.type == "LEFTMOUSE" and event.value == "RELEASE" and self._drag.held is not None:
+        if event.type == "LEFTMOUSE" and event.value == "RELEASE" and self._drag.number is not None:
             return self._release(ob)
         return {"PASS_THROUGH"}
 
@@ -139,8 +139,8 @@ class ANYFACE_OT_edit_landmarks(InView, Operator):
             return self.fail(error)
         region, data, at = view
         places = on_screen(region, data, ob, self._drag.stored.positions)
-        taken = self._drag.hold_near(np.array(at), places, _REACH_PX)
-        return {"RUNNING_MODAL"} if taken else {"PASS_THROUGH"}
+        is_hit = self._drag.hold_near(np.array(at), places, _REACH_PX)
+        return {"RUNNING_MODAL"} if is_hit else {"PASS_THROUGH"}
 
     def _move(self, ob, view):
         self._drag.move(*ray(ob, view))
@@ -154,7 +154,7 @@ class ANYFACE_OT_edit_landmarks(InView, Operator):
             self.clear()
             self.fail(error)
             return {"RUNNING_MODAL"}
-        self._drag.held = None
+        self._drag.number = None
         self.search(ob, search)
         return {"RUNNING_MODAL"}
 
@@ -235,8 +235,8 @@ class ANYFACE_OT_place_points(InView, Operator):
         numbers = [number for number, _ in landmarks.CLICKS]
         return landmarks.Search(face, engine, dict(zip(numbers, places, strict=True)))
 
-    def _keep(self, ob, found):
-        return keep(ob, found, {number for number, _ in landmarks.CLICKS})
+    def _keep(self, ob, face_points):
+        return keep(ob, face_points, {number for number, _ in landmarks.CLICKS})
 
 
 # Positions `[68, 3]` by object name that are drawn instead of the stored ones, during a drag.
@@ -291,17 +291,17 @@ def _draw() -> None:
 def kinds(stored: landmarks.Stored) -> tuple[list[int], list[int], list[int]]:
     """Numbers of the landmarks that were found, that are doubtful and that were put by hand."""
     doubtful = {n for name in stored.doubtful for n in landmarks.REGIONS[name]} - stored.fixed
-    found = set(range(landmarks.COUNT)) - stored.fixed - doubtful
-    return sorted(found), sorted(doubtful), sorted(stored.fixed)
+    sure = set(range(landmarks.COUNT)) - stored.fixed - doubtful
+    return sorted(sure), sorted(doubtful), sorted(stored.fixed)
 
 
 def _paint(ob, positions: np.ndarray, stored: landmarks.Stored) -> None:
-    found, doubtful, held = (positions[numbers].tolist() for numbers in kinds(stored))
+    sure, doubtful, by_hand = (positions[numbers].tolist() for numbers in kinds(stored))
     layers = (
         ("LINES", segments(positions), (0.1, 0.8, 1.0, 0.5)),
-        ("POINTS", found, (0.1, 0.9, 1.0, 1.0)),
+        ("POINTS", sure, (0.1, 0.9, 1.0, 1.0)),
         ("POINTS", doubtful, (1.0, 0.5, 0.0, 1.0)),
-        ("POINTS", held, _PLACED),
+        ("POINTS", by_hand, _PLACED),
     )
     _paint_layers(ob, layers)
 

@@ -133,8 +133,8 @@ def test_the_pointer_takes_the_nearest_landmark_within_reach(stage, addon):
     drag = addon("scene.face.landmarks").Drag(ob)
     pixels = np.column_stack([np.arange(68) * 20.0, np.zeros(68)])
     pixels[3] = np.nan
-    assert drag.hold_near(np.array((101.0, 5.0)), pixels, 14.0) and drag.held == 5
-    assert not drag.hold_near(np.array((60.0, 0.0)), pixels, 14.0) and drag.held is None
+    assert drag.hold_near(np.array((101.0, 5.0)), pixels, 14.0) and drag.number == 5
+    assert not drag.hold_near(np.array((60.0, 0.0)), pixels, 14.0) and drag.number is None
 
 
 def test_dragging_needs_a_face(stage, addon):

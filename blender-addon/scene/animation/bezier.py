@@ -21,8 +21,8 @@ def is_sparse(curve) -> bool:
 def bend(curve, slopes: np.ndarray) -> None:
     """Gives the keys of a curve handles along `slopes` `[N, 2]`, before and behind, per frame."""
     count = len(curve.keyframe_points)
-    found = _handles(_pairs(curve, "co"), slopes)
-    _put(curve, found, _kinds_of(slopes, count))
+    vectors = _handles(_pairs(curve, "co"), slopes)
+    _put(curve, vectors, _kinds_of(slopes, count))
 
 
 def eased(at: np.ndarray, values: np.ndarray, slopes: np.ndarray, lead: int) -> np.ndarray:
@@ -47,8 +47,8 @@ def change(curve, factor: float, moved: float, more=None) -> tuple[float, float]
 
     The keys stay where they are on it. Returns the lowest and the highest value.
     """
-    found = {name: _pairs(curve, name) for name in _VECTORS}
-    at = found["co"][:, 0].copy()
+    vectors = {name: _pairs(curve, name) for name in _VECTORS}
+    at = vectors["co"][:, 0].copy()
     inside, slopes, added = np.zeros(len(at)), np.zeros(len(at)), np.zeros(len(at))
     if more is not None:
         frames, changes = more
@@ -56,11 +56,11 @@ def change(curve, factor: float, moved: float, more=None) -> tuple[float, float]
         inside = (at > frames[0] - half) & (at < frames[-1] + half)
         added = np.where(inside, np.interp(at, frames, changes), 0.0)
         slopes = np.where(inside, _slopes(at, inside, frames, changes), 0.0)
-    for pairs in found.values():
+    for pairs in vectors.values():
         pairs[:, 1] = factor * pairs[:, 1] + added + slopes * (pairs[:, 0] - at)
         pairs[:, 0] += moved
-    _put(curve, found)
-    values = found["co"][:, 1]
+    _put(curve, vectors)
+    values = vectors["co"][:, 1]
     return float(values.min(initial=0.0)), float(values.max(initial=0.0))
 
 
@@ -68,9 +68,9 @@ def _slopes(at, inside, frames, changes) -> np.ndarray:
     """The slopes of handles with which keys at `at` `[N]` come nearest to changes `[T]` at frames:
     least squares over all segments."""
     keys = np.flatnonzero(inside)
-    found = np.zeros(len(at))
+    slopes = np.zeros(len(at))
     if len(keys) < 2:
-        return found
+        return slopes
     x = at[keys]
     y = np.interp(x, frames, changes)
     at_frame = frames[(frames > x[0] + _AT) & (frames < x[-1] - _AT)]
@@ -89,8 +89,8 @@ def _slopes(at, inside, frames, changes) -> np.ndarray:
     right += np.bincount(number + 1, behind * rest, len(x))
     pull = 1e-3 * max(float(diagonal.mean()), 1e-12)
     right += pull * np.gradient(y, x)
-    found[keys] = _tridiagonal(diagonal + pull, beside, right)
-    return found
+    slopes[keys] = _tridiagonal(diagonal + pull, beside, right)
+    return slopes
 
 
 def _parameter(share: np.ndarray) -> np.ndarray:
@@ -111,10 +111,10 @@ def _tridiagonal(diagonal, beside, right) -> np.ndarray:
         share = beside[n - 1] / diagonal[n - 1]
         diagonal[n] -= share * beside[n - 1]
         right[n] -= share * right[n - 1]
-    found = [0.0] * (len(diagonal) + 1)
+    solution = [0.0] * (len(diagonal) + 1)
     for n in range(len(diagonal) - 1, -1, -1):
-        found[n] = (right[n] - beside[n] * found[n + 1]) / diagonal[n]
-    return np.array(found[:-1])
+        solution[n] = (right[n] - beside[n] * solution[n + 1]) / diagonal[n]
+    return np.array(solution[:-1])
 
 
 def splice(curve, at: np.ndarray, new: np.ndarray, stretch, few_keys) -> bool:
@@ -135,24 +135,24 @@ def splice(curve, at: np.ndarray, new: np.ndarray, stretch, few_keys) -> bool:
     rows = np.arange(len(at)) if keys is None else keys.rows
     step = (at[-1] - at[0]) / max(len(at) - 1, 1)
     slopes = np.gradient(values, at) if keys is None else keys.slopes / max(step, 1e-9)
-    made = _handles(np.column_stack([at, values])[rows], np.column_stack([slopes, slopes]))
+    new_vectors = _handles(np.column_stack([at, values])[rows], np.column_stack([slopes, slopes]))
     kinds = _kinds_of(np.column_stack([slopes, slopes]), len(rows))
-    found = {name: _pairs(curve, name) for name in _VECTORS}
-    before, behind = _cut(found, at[0]), _cut(found, at[-1])
-    frames = found["co"][:, 0]
+    old_vectors = {name: _pairs(curve, name) for name in _VECTORS}
+    before, behind = _cut(old_vectors, at[0]), _cut(old_vectors, at[-1])
+    frames = old_vectors["co"][:, 0]
     earlier, later = frames < at[0] - _AT, frames > at[-1] + _AT
     # The pieces of the segments that were cut keep their shape.
     if before is not None and earlier.any() and shares[0] == 0.0:
-        made["handle_left"][0] = before[1]
-        found["handle_right"][np.flatnonzero(earlier)[-1]] = before[0]
+        new_vectors["handle_left"][0] = before[1]
+        old_vectors["handle_right"][np.flatnonzero(earlier)[-1]] = before[0]
         kinds["handle_left_type"][0] = kinds["handle_right_type"][0] = _FREE
     if behind is not None and later.any() and shares[-1] == 0.0:
-        made["handle_right"][-1] = behind[2]
-        found["handle_left"][np.flatnonzero(later)[0]] = behind[3]
+        new_vectors["handle_right"][-1] = behind[2]
+        old_vectors["handle_left"][np.flatnonzero(later)[0]] = behind[3]
         kinds["handle_left_type"][-1] = kinds["handle_right_type"][-1] = _FREE
     parts = {
-        name: np.concatenate([pairs[earlier], made[name], pairs[later]])
-        for name, pairs in found.items()
+        name: np.concatenate([pairs[earlier], new_vectors[name], pairs[later]])
+        for name, pairs in old_vectors.items()
     }
     types = {name: _kinds(curve, name) for name in _KINDS}
     types = {
@@ -164,23 +164,23 @@ def splice(curve, at: np.ndarray, new: np.ndarray, stretch, few_keys) -> bool:
     return True
 
 
-def _cut(found, frame: float):
+def _cut(vectors, frame: float):
     """The four inner handles `[4, 2]` of the segment around a frame when it is cut there (de
     Casteljau): of its beginning, of the cut on both sides, of its end. At a key those around it;
     None where no segment is."""
-    found = {name: pairs.astype(np.float64) for name, pairs in found.items()}
-    frames = found["co"][:, 0]
+    vectors = {name: pairs.astype(np.float64) for name, pairs in vectors.items()}
+    frames = vectors["co"][:, 0]
     number = int(np.abs(frames - frame).argmin())
     if abs(frames[number] - frame) <= _AT and 0 < number < len(frames) - 1:
         return np.array([
-            found["handle_right"][number - 1], found["handle_left"][number],
-            found["handle_right"][number], found["handle_left"][number + 1],
+            vectors["handle_right"][number - 1], vectors["handle_left"][number],
+            vectors["handle_right"][number], vectors["handle_left"][number + 1],
         ])  # fmt: skip
     number = int(np.searchsorted(frames, frame)) - 1
     if number < 0 or number + 1 >= len(frames):
         return None
-    a, d = found["co"][number], found["co"][number + 1]
-    b, c = found["handle_right"][number], found["handle_left"][number + 1]
+    a, d = vectors["co"][number], vectors["co"][number + 1]
+    b, c = vectors["handle_right"][number], vectors["handle_left"][number + 1]
     low, high = 0.0, 1.0
     for _ in range(50):
         t = 0.5 * (low + high)
@@ -216,15 +216,15 @@ def _kinds_of(slopes: np.ndarray, count: int) -> dict[str, np.ndarray]:
 
 
 def _pairs(curve, name: str) -> np.ndarray:
-    found = np.empty(len(curve.keyframe_points) * 2, dtype=np.float32)
-    curve.keyframe_points.foreach_get(name, found)
-    return found.reshape(-1, 2)
+    flat = np.empty(len(curve.keyframe_points) * 2, dtype=np.float32)
+    curve.keyframe_points.foreach_get(name, flat)
+    return flat.reshape(-1, 2)
 
 
 def _kinds(curve, name: str) -> np.ndarray:
-    found = np.empty(len(curve.keyframe_points), dtype=np.int32)
-    curve.keyframe_points.foreach_get(name, found)
-    return found
+    numbers = np.empty(len(curve.keyframe_points), dtype=np.int32)
+    curve.keyframe_points.foreach_get(name, numbers)
+    return numbers
 
 
 def _put(curve, vectors: dict[str, np.ndarray], kinds=None) -> None:

@@ -159,8 +159,8 @@ class Prepared:
         animation, self_action = shape_keys.animation_data, self.action
         if animation is None or animation.action is not None or self_action is None:
             return False
-        made = [self._bag.fcurves.find(_PREPARED.format(n)) for n in range(len(names))]
-        for curve, name in zip(made, names, strict=True):
+        fcurves = [self._bag.fcurves.find(_PREPARED.format(n)) for n in range(len(names))]
+        for curve, name in zip(fcurves, names, strict=True):
             curve.data_path = value_path(name)
         assign(animation, self_action)
         self.action = None
@@ -204,9 +204,9 @@ def remove(animation_data, data_paths: set[str], group=_GROUP) -> None:
         return
     for curve in [curve for curve in bag.fcurves if curve.data_path in data_paths]:
         bag.fcurves.remove(curve)
-    found = bag.groups.get(group)
-    if found is not None and len(found.channels) == 0:
-        bag.groups.remove(found)
+    our_group = bag.groups.get(group)
+    if our_group is not None and len(our_group.channels) == 0:
+        bag.groups.remove(our_group)
 
 
 def of_group(animation_data) -> list:
@@ -237,7 +237,7 @@ def bags(action) -> list:
     return [bag for strip in strips for bag in strip.channelbags]
 
 
-def own_channels(animation_data, name: str, id_type: str, taken):
+def own_channels(animation_data, name: str, id_type: str, record):
     """Where new curves go: the assigned action, or a new one called `name`.
 
     What had to be made (action, slot) is written down in the record `taken`. An action that the
@@ -246,11 +246,11 @@ def own_channels(animation_data, name: str, id_type: str, taken):
     if animation_data.action is None:
         action = bpy.data.actions.new(name)
         animation_data.action = action
-        taken.made_action = True
+        record.made_action = True
     if LAYERED and animation_data.action_slot is None:
         slot = animation_data.action.slots.new(id_type=id_type, name=name)
         animation_data.action_slot = slot
-        taken.made_slot = True
+        record.made_slot = True
     return channels(animation_data, create=True)
 
 
@@ -260,14 +260,14 @@ def channels_empty(animation_data) -> bool:
     return bag is None or len(bag.fcurves) == 0
 
 
-def key_channels(ob, taken):
+def key_channels(ob, record):
     """Where curves of a mesh's shape keys go: the artist's action, or one of our own."""
     shape_keys = ob.data.shape_keys
     animation = shape_keys.animation_data
     if animation is None:
         animation = shape_keys.animation_data_create()
-        taken.made_animation_data = True
-    return own_channels(animation, f"{ob.name} {_GROUP}", "KEY", taken)
+        record.made_animation_data = True
+    return own_channels(animation, f"{ob.name} {_GROUP}", "KEY", record)
 
 
 def new_action(name: str, id_type: str = "KEY"):
@@ -282,9 +282,9 @@ def new_action(name: str, id_type: str = "KEY"):
 
 def places(curve, name: str = "co") -> np.ndarray:
     """One of `KEY_VECTORS` of all keyframes, `[2T]`: frame, value, frame, …"""
-    found = np.empty(len(curve.keyframe_points) * 2, dtype=np.float32)
-    curve.keyframe_points.foreach_get(name, found)
-    return found
+    coordinates = np.empty(len(curve.keyframe_points) * 2, dtype=np.float32)
+    curve.keyframe_points.foreach_get(name, coordinates)
+    return coordinates
 
 
 def put(curve, named: dict[str, np.ndarray]) -> None:
@@ -322,20 +322,20 @@ def copy(source, bag) -> None:
     stale = bag.fcurves.find(**place)
     if stale is not None:
         bag.fcurves.remove(stale)
-    made = bag.fcurves.new(**place)
-    made.extrapolation, made.mute, made.lock = source.extrapolation, source.mute, source.lock
+    curve = bag.fcurves.new(**place)
+    curve.extrapolation, curve.mute, curve.lock = source.extrapolation, source.mute, source.lock
     if source.group is not None:
         name = source.group.name
-        made.group = bag.groups.get(name) or bag.groups.new(name)
+        curve.group = bag.groups.get(name) or bag.groups.new(name)
     count = len(source.keyframe_points)
-    made.keyframe_points.add(count)
+    curve.keyframe_points.add(count)
     for name in KEY_VECTORS:
-        made.keyframe_points.foreach_set(name, places(source, name))
+        curve.keyframe_points.foreach_set(name, places(source, name))
     for name in _KEY_FIELDS:
         values = np.empty(count, dtype=np.int32)
         source.keyframe_points.foreach_get(name, values)
-        made.keyframe_points.foreach_set(name, values)
-    made.update()
+        curve.keyframe_points.foreach_set(name, values)
+    curve.update()
 
 
 def copy_paths(source, bag, data_paths: set[str]) -> None:
@@ -374,22 +374,22 @@ def delete_action(action) -> None:
         bpy.data.actions.remove(action)
 
 
-def drop_empty_action(animation, taken) -> None:
+def drop_empty_action(animation, record) -> None:
     """Takes the action or slot away that was made for what `taken` records, if it is empty."""
     action = animation.action
     if action is None:
         return
-    if taken.made_action and is_empty(action):
+    if record.made_action and is_empty(action):
         animation.action = None
         delete_action(action)
-    elif taken.made_slot and channels_empty(animation):
+    elif record.made_slot and channels_empty(animation):
         slot = animation.action_slot
         animation.action_slot = None
         action.slots.remove(slot)
 
 
-def drop_idle_animation(block, made: bool) -> None:
+def drop_idle_animation(block, is_ours: bool) -> None:
     """Takes away animation data that was `made` for a take, once nothing else is in it."""
     animation = block.animation_data
-    if made and animation.action is None and not animation.drivers and not animation.nla_tracks:
+    if is_ours and animation.action is None and not animation.drivers and not animation.nla_tracks:
         block.animation_data_clear()

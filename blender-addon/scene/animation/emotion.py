@@ -23,17 +23,17 @@ def emotion_keys(ob, scene, settings, start_frame: float, duration_s: float | No
     `settings` holds the values where no curves are (`emotion`, `intensity`, `mixture`). Times count
     from `start_frame`; before the first and after the last row the values hold.
     """
-    own, *others = shares(settings)
+    main, *others = shares(settings)
     paths = [WEIGHT_PATH.format(number) for number in range(len(others))]
     names = sliders.animated(ob, ("emotion", "intensity", *paths))
     if not names:
-        return [(0.0, mix([own, *others]))]
+        return [(0.0, mix([main, *others]))]
     scene_fps = scene.render.fps / scene.render.fps_base
     at = sliders.times(ob, names, start_frame, scene_fps, duration_s)
     read = sliders.values(ob, scene, names, start_frame + at * scene_fps)
-    emotions = read.get("emotion", np.full(len(at), EMOTIONS.index(own.emotion)))
+    emotions = read.get("emotion", np.full(len(at), EMOTIONS.index(main.emotion)))
     numbers = np.clip(np.round(emotions), 0, len(EMOTIONS) - 1).astype(int)
-    still = zip(("intensity", *paths), (own, *others), strict=True)
+    still = zip(("intensity", *paths), (main, *others), strict=True)
     amounts = [read.get(name, np.full(len(at), share.weight)) for name, share in still]
     weights = np.clip(amounts, 0.0, MAX_INTENSITY)
     kinds = [[EMOTIONS[number], *(share.emotion for share in others)] for number in numbers]

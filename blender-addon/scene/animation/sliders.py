@@ -39,8 +39,8 @@ def times(ob, names, start_frame: float, scene_fps: float, duration_s: float | N
 
     They reach to the last keyframe, and where a driver has to be followed to `duration_s`.
     """
-    found = [curves.find(ob.animation_data, _PREFIX + name) for name in names]
-    last_frame = max((c.range()[1] for c in found if c is not None), default=start_frame)
+    fcurves = [curves.find(ob.animation_data, _PREFIX + name) for name in names]
+    last_frame = max((c.range()[1] for c in fcurves if c is not None), default=start_frame)
     last_s = max(0.0, (last_frame - start_frame) / scene_fps)
     if any(needs_scene(ob, name) for name in names):
         last_s = max(last_s, duration_s if duration_s is not None else 60.0)
@@ -61,7 +61,7 @@ def values(ob, scene, names, frames: np.ndarray) -> dict[str, np.ndarray]:
 
 def _by_stepping(ob, scene, names, frames) -> dict[str, np.ndarray]:
     """Goes through the scene and comes back to the frame that was shown."""
-    kept = scene.frame_current, scene.frame_subframe
+    before = scene.frame_current, scene.frame_subframe
     rows = []
     try:
         for frame in frames:
@@ -70,7 +70,7 @@ def _by_stepping(ob, scene, names, frames) -> dict[str, np.ndarray]:
             shown = ob.evaluated_get(bpy.context.evaluated_depsgraph_get()).anyface
             rows.append([_number(shown, name) for name in names])
     finally:
-        scene.frame_set(kept[0], subframe=kept[1])
+        scene.frame_set(before[0], subframe=before[1])
     columns = np.array(rows, dtype=np.float64).reshape(len(frames), len(names)).T
     return dict(zip(names, columns, strict=True))
 

@@ -69,25 +69,25 @@ def make(heads: Heads, key: str) -> MadeHead:
     changes = [0.0] * len(names)
     for name, value in character.traits.items():
         changes[names.index(name)] = value
-    made = heads.make(Recipe(character.seed, changes=tuple(changes)))
-    return replace(made, positions=with_large_eyes(made, character.eye_scale))
+    head = heads.make(Recipe(character.seed, changes=tuple(changes)))
+    return replace(head, positions=with_large_eyes(head, character.eye_scale))
 
 
-def dress(ob, made: MadeHead, key: str, height: float) -> None:
+def dress(ob, head: MadeHead, key: str, height: float) -> None:
     """Gives the object of `made` its landmarks, colours, and hair, which is a child of it."""
     character = CHARACTERS[key]
     ob.name = ob.data.name = character.name
-    made_head.keep_landmarks(ob, made)
+    made_head.keep_landmarks(ob, head)
     colour(ob, character)
-    hair(ob, made, character, height)
+    hair(ob, head, character, height)
 
 
-def with_large_eyes(made: MadeHead, scale: float) -> np.ndarray:
+def with_large_eyes(head: MadeHead, scale: float) -> np.ndarray:
     """Positions `[V, 3]` with eyes, lids, lashes and sockets grown about the middle of each eye."""
     if scale == 1.0:
-        return made.positions
-    positions = made.positions.astype(np.float64)
-    marks = positions[made.landmark_vertices]
+        return head.positions
+    positions = head.positions.astype(np.float64)
+    marks = positions[head.landmark_vertices]
     grown = positions.copy()
     for eye in EYES:
         centre = marks[eye].mean(axis=0)
@@ -98,18 +98,18 @@ def with_large_eyes(made: MadeHead, scale: float) -> np.ndarray:
     return grown
 
 
-def hair(ob, made: MadeHead, character: Character, height: float) -> None:
+def hair(ob, head: MadeHead, character: Character, height: float) -> None:
     """Adds a cap over the scalp as an object that follows `ob`."""
-    positions = made.positions.astype(np.float64)
-    marks = positions[made.landmark_vertices]
-    number = made.material_names.index("skin")
-    faces = np.array([f for f, m in zip(made.faces, made.materials, strict=True) if m == number])
+    positions = head.positions.astype(np.float64)
+    marks = positions[head.landmark_vertices]
+    number = head.material_names.index("skin")
+    faces = np.array([f for f, m in zip(head.faces, head.materials, strict=True) if m == number])
     inside = scalp(positions, marks, character)
-    kept = faces[inside[faces].all(axis=1)]
-    used, corners = np.unique(kept, return_inverse=True)
-    kept = corners.reshape(kept.shape)
+    cap_faces = faces[inside[faces].all(axis=1)]
+    used, corners = np.unique(cap_faces, return_inverse=True)
+    cap_faces = corners.reshape(cap_faces.shape)
     points, normals = positions[used], vertex_normals(positions, faces)[used]
-    share = np.clip(distance_to_border(points, kept) / EDGE_M, 0.0, 1.0)
+    share = np.clip(distance_to_border(points, cap_faces) / EDGE_M, 0.0, 1.0)
     share = share * share * (3.0 - 2.0 * share)
     points = points + normals * (share * thickness(points, marks, character) - SUNK_M)[:, None]
     upright = sample_head.standing(points, height, positions)
@@ -117,9 +117,9 @@ def hair(ob, made: MadeHead, character: Character, height: float) -> None:
     data = sample_head.smooth_mesh(
         f"{character.name} Hair",
         upright,
-        made_head.polygons(kept),
+        made_head.polygons(cap_faces),
         [material],
-        np.zeros(len(kept), np.int32),
+        np.zeros(len(cap_faces), np.int32),
     )
     cap = bpy.data.objects.new(data.name, data)
     for collection in ob.users_collection:

@@ -22,11 +22,11 @@ def weights(ob, name: str) -> np.ndarray:
     if group is None:
         return np.ones((len(ob.data.vertices), 1), dtype=np.float32)
     at = group.index
-    found = (sum(g.weight for g in v.groups if g.group == at) for v in ob.data.vertices)
-    return np.fromiter(found, dtype=np.float32, count=len(ob.data.vertices))[:, None]
+    sums = (sum(g.weight for g in v.groups if g.group == at) for v in ob.data.vertices)
+    return np.fromiter(sums, dtype=np.float32, count=len(ob.data.vertices))[:, None]
 
 
-def show_heat(ob, believed: np.ndarray) -> None:
+def show_heat(ob, shares: np.ndarray) -> None:
     """Puts shares `[V]` as colours on the mesh; the artist's own stay, and stay the ones shown."""
     colours = ob.data.color_attributes
     shown, rendered = colours.active_color_name, colours.render_color_index
@@ -34,7 +34,7 @@ def show_heat(ob, believed: np.ndarray) -> None:
     heat = colours.new(HEAT, "FLOAT_COLOR", "POINT")
     if shown:
         colours.active_color_name, colours.render_color_index = shown, rendered
-    at = np.clip(believed, 0.0, 1.0) * (len(_COLOURS) - 1)
+    at = np.clip(shares, 0.0, 1.0) * (len(_COLOURS) - 1)
     flat = np.ones((len(at), 4), dtype=np.float32)
     for axis, column in enumerate(np.transpose(_COLOURS)):
         flat[:, axis] = np.interp(at, range(len(column)), column)
@@ -49,10 +49,10 @@ def shows_heat(ob) -> bool:
 
 def hide_heat(ob) -> bool:
     """Takes the colours of `show_heat` away; False where there are none."""
-    found = ob.data.color_attributes.get(HEAT)
-    if found is None:
+    heat = ob.data.color_attributes.get(HEAT)
+    if heat is None:
         return False
-    ob.data.color_attributes.remove(found)
+    ob.data.color_attributes.remove(heat)
     return True
 
 

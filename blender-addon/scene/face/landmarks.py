@@ -61,9 +61,11 @@ class Stored:
     @property
     def doubtful(self) -> list[str]:
         """Names of the regions that an artist should look at; none that is all put by hand."""
-        held = np.isin(np.arange(COUNT), list(self.fixed))
-        confidence = np.where(held, 1.0, self.confidence)
-        return [name for name, own in REGIONS.items() if confidence[list(own)].mean() < DOUBTFUL]
+        by_hand = np.isin(np.arange(COUNT), list(self.fixed))
+        confidence = np.where(by_hand, 1.0, self.confidence)
+        return [
+            name for name, indices in REGIONS.items() if confidence[list(indices)].mean() < DOUBTFUL
+        ]
 
 
 def load(ob) -> Stored | None:
@@ -94,7 +96,7 @@ def _rows(text) -> dict | None:
     return value
 
 
-def store(ob, found: Found, fixed=()) -> None:
+def store(ob, face_points: Found, fixed=()) -> None:
     """Writes what was found on `ob`, in the format of a landmark file; `fixed` are numbers."""
     if ob.library is not None or not ob.is_editable:
         text = f"{ob.name} is linked: make it local to keep the points of its face on it"
@@ -103,14 +105,19 @@ def store(ob, found: Found, fixed=()) -> None:
     for number in range(COUNT):
         row = {
             "index": number,
-            "position": [round(float(x), 9) for x in found.positions[number]],
-            "vertex": int(found.vertices[number]),
-            "confidence": round(float(found.confidence[number]), 4),
+            "position": [round(float(x), 9) for x in face_points.positions[number]],
+            "vertex": int(face_points.vertices[number]),
+            "confidence": round(float(face_points.confidence[number]), 4),
         }
         rows.append(row | ({"fixed": True} if number in fixed else {}))
-    confidence = round(float(found.confidence.mean()), 4)
-    document = {"version": 1, "confidence": confidence, "mouth": found.mouth, "landmarks": rows}
-    document["lids"] = list(found.lids)
+    confidence = round(float(face_points.confidence.mean()), 4)
+    document = {
+        "version": 1,
+        "confidence": confidence,
+        "mouth": face_points.mouth,
+        "landmarks": rows,
+    }
+    document["lids"] = list(face_points.lids)
     document["box"] = mesh.box_of(mesh.read_basis(ob.data)).round(6).tolist()
     ob[mesh.LANDMARKS_PROPERTY] = json.dumps(document)
 
@@ -129,7 +136,7 @@ _NO_BLINK = {
 
 def _eyes(both: tuple[str, str], lids: str) -> str:
     """Which eyes have such lids, in words."""
-    named = [side for side, own in zip(("right", "left"), both, strict=True) if own == lids]
+    named = [side for side, state in zip(("right", "left"), both, strict=True) if state == lids]
     return "both eyes" if len(named) == 2 else f"{named[0]} eye"
 
 
@@ -162,10 +169,10 @@ class Search:
 
         Landmarks that only follow are as sure as they were (`confidence` `[68]`).
         """
-        found = finding.find(self.face, self.fixed, self.engine.find, progress)
+        face_points = finding.find(self.face, self.fixed, self.engine.find, progress)
         if self.confidence is not None:
-            found.confidence = np.maximum(found.confidence, self.confidence)
-        return found
+            face_points.confidence = np.maximum(face_points.confidence, self.confidence)
+        return face_points
 
 
 def ask_for_click(number: int) -> str:
@@ -202,32 +209,32 @@ class Drag:
             raise AnyfaceError("face", text, ("place_points",))
         self._before = self.stored.positions.copy()
         self.surface = surface or Surface(ob)
-        self.held: int | None = None
+        self.number: int | None = None
 
     def hold(self, number: int) -> None:
         """Takes landmark `number`, 0 to 67."""
         if not 0 <= number < COUNT:
             raise AnyfaceError("input", f"point: expected 0 to {COUNT - 1}, got {number}")
-        self.held = number
+        self.number = number
 
     def hold_near(self, at: np.ndarray, places: np.ndarray, reach: float) -> bool:
         """Takes the landmark nearest to `at` `[2]` among `places` `[68, 2]`, NaN for unseen."""
         apart = np.linalg.norm(places - at, axis=1)
         apart = np.where(np.isnan(apart), np.inf, apart)
-        self.held = int(apart.argmin()) if apart.min() <= reach else None
-        return self.held is not None
+        self.number = int(apart.argmin()) if apart.min() <= reach else None
+        return self.number is not None
 
     def move(self, origin, direction) -> bool:
         """Moves the held landmark to where a ray in object space meets the face."""
         place = self.surface.hit(origin, direction)
-        if place is None or self.held is None:
+        if place is None or self.number is None:
             return False
-        self.stored.positions[self.held] = place
+        self.stored.positions[self.number] = place
         return True
 
     def search(self, face: FaceMesh, engine) -> Search:
         """What lets the others follow: all that the artist has put stay, the held one too."""
-        self.stored.fixed.add(self.held)
+        self.stored.fixed.add(self.number)
         face.landmarks, face.landmark_vertices = self._before, None
         fixed = {number: self.stored.positions[number] for number in sorted(self.stored.fixed)}
         return Search(face, engine, fixed, self.stored.confidence)

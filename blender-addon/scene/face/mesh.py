@@ -44,9 +44,9 @@ def read_face(ob, landmark_file: str = "") -> FaceMesh:
 
 def check_face(ob, face: FaceMesh) -> None:
     """Raises `AnyfaceError("mesh")` where a face is to be found on what can hold none."""
-    given = face.landmarks is not None or face.landmark_vertices is not None
+    has_landmarks = face.landmarks is not None or face.landmark_vertices is not None
     count = len(face.positions)
-    if count < _FEWEST and not given:
+    if count < _FEWEST and not has_landmarks:
         raise AnyfaceError(
             "mesh", f"{ob.name} has {count} vertices, too few for a face: pick the mesh of the head"
         )
@@ -198,8 +198,8 @@ def _from_file(rows, ob, box=None):
         return _as_landmarks(positions)
     size = np.ptp(positions, axis=0).max()
     apart = np.linalg.norm(basis[vertices] - positions, axis=1).max()
-    found, _ = _as_landmarks(positions)
-    return (found if apart < 0.05 * size else None), vertices
+    points, _ = _as_landmarks(positions)
+    return (points if apart < 0.05 * size else None), vertices
 
 
 def _as_landmarks(value) -> tuple[np.ndarray | None, np.ndarray | None]:
@@ -224,13 +224,13 @@ def _as_landmarks(value) -> tuple[np.ndarray | None, np.ndarray | None]:
 
 def _hints(ob) -> list[str]:
     """What may be the reason where no face is found."""
-    found = []
+    hints = []
     if any(modifier.type == "MIRROR" for modifier in ob.modifiers):
-        found.append("Half of the face comes from a Mirror modifier: apply it")
+        hints.append("Half of the face comes from a Mirror modifier: apply it")
     around = _around(ob)
     if around:
-        found.append(f"{around} lies around it: pick that mesh if it is the face")
-    return found
+        hints.append(f"{around} lies around it: pick that mesh if it is the face")
+    return hints
 
 
 def _around(ob) -> str:
@@ -248,9 +248,9 @@ def _around(ob) -> str:
 
 def corners(ob) -> np.ndarray:
     """The corners `[8, 3]` of an object's box in the world, armatures in rest pose."""
-    matrix, found = rest.world(ob), np.array(ob.bound_box, dtype=np.float64)
+    matrix, points = rest.world(ob), np.array(ob.bound_box, dtype=np.float64)
     if any(modifier.type == "ARMATURE" for modifier in ob.modifiers):
         # That box is of the posed mesh.
         low_high = box_of(read_basis(ob.data))
-        found = np.stack([low_high[list(pick), range(3)] for pick in np.ndindex(2, 2, 2)])
-    return found @ matrix[:3, :3].T + matrix[:3, 3]
+        points = np.stack([low_high[list(pick), range(3)] for pick in np.ndindex(2, 2, 2)])
+    return points @ matrix[:3, :3].T + matrix[:3, 3]

@@ -64,18 +64,24 @@ class Opening:
     def work(self, progress: Progress) -> OpenedFace:
         """The opened mesh in object space; raises `AnyfaceError`."""
         opens = {"mouth": self.engine.open_mouth, "eyes": self.engine.open_eyes}[self.feature]
-        own = self.face.space
+        space = self.face.space
         if self.stored is None:
-            found = finding.find(self.face, {}, self.engine.find, progress)
-            self.face.landmarks, self.face.landmark_vertices = found.positions, found.vertices
+            face_points = finding.find(self.face, {}, self.engine.find, progress)
+            self.face.landmarks, self.face.landmark_vertices = (
+                face_points.positions,
+                face_points.vertices,
+            )
             self.stored = landmarks.Stored(
-                found.positions, found.confidence, found.mouth, lids=found.lids
+                face_points.positions,
+                face_points.confidence,
+                face_points.mouth,
+                lids=face_points.lids,
             )
         with finding.naming(self.face):
-            opened = opens(*own.seen(self.face), progress)
-        opened.positions = own.points_to_object(opened.positions)
-        opened.landmarks = own.points_to_object(opened.landmarks)
-        if own.mirrored:
+            opened = opens(*space.seen(self.face), progress)
+        opened.positions = space.points_to_object(opened.positions)
+        opened.landmarks = space.points_to_object(opened.landmarks)
+        if space.mirrored:
             opened.triangles = opened.triangles[:, ::-1]
             opened.corner_shares = opened.corner_shares[:, ::-1, ::-1]
         return opened
@@ -105,9 +111,9 @@ def write(ob, opening: Opening, opened: OpenedFace) -> str:
     if opening.feature == "mouth":
         mouth, done = "slit", f"the lips of {ob.name} part now"
     else:
-        lids = tuple("close" if own == "joined" else own for own in lids)
-    found = Found(places, nearest, stored.confidence, mouth, none, none, lids)
-    landmarks.store(ob, found, stored.fixed)
+        lids = tuple("close" if state == "joined" else state for state in lids)
+    face_points = Found(places, nearest, stored.confidence, mouth, none, none, lids)
+    landmarks.store(ob, face_points, stored.fixed)
     ob.anyface.mouth, ob.anyface.lids = mouth, " ".join(lids)
     return done
 

@@ -47,13 +47,19 @@ def add(face: FaceMesh, ob, parts: list[Part], loose: dict[int, str]) -> None:
         other = object_of(part, ob)
         matrix = to_face @ rest.world(other)
         _inverse(matrix, other.name)
-        own = mesh.read_face(other)
+        part_face = mesh.read_face(other)
         first = sum(len(block) for block in positions)
-        corners = own.triangles[:, ::-1] if np.linalg.det(matrix[:3, :3]) < 0 else own.triangles
-        positions.append((own.positions @ matrix[:3, :3].T + matrix[:3, 3]).astype(np.float32))
+        corners = (
+            part_face.triangles[:, ::-1]
+            if np.linalg.det(matrix[:3, :3]) < 0
+            else part_face.triangles
+        )
+        positions.append(
+            (part_face.positions @ matrix[:3, :3].T + matrix[:3, 3]).astype(np.float32)
+        )
         triangles.append(corners + np.uint32(first))
         role = ROLES.index(part.role) if part.role else BY_SHAPE
-        face.pieces.append(Piece(other.name, first, len(own.positions), matrix, role))
+        face.pieces.append(Piece(other.name, first, len(part_face.positions), matrix, role))
     face.positions = np.concatenate(positions)
     face.triangles = np.concatenate(triangles)
     if parts or loose:
@@ -104,7 +110,7 @@ def split(take: Take, pieces: list[Piece]) -> list[tuple[Piece, Take | None]]:
 def suggest(ob, objects, centre, radius: float) -> list[Part]:
     """Objects that look like parts of the face: meshes near `centre` (world, `[3]`), not larger
     than the head of `radius`, with the role that their name tells."""
-    found = []
+    parts = []
     for other in objects:
         if other == ob or other.type != "MESH" or other.data == ob.data:
             continue
@@ -113,8 +119,8 @@ def suggest(ob, objects, centre, radius: float) -> list[Part]:
         box = mesh.corners(other)
         middle, size = box.mean(axis=0), np.ptp(box, axis=0).max()
         if np.linalg.norm(middle - centre) <= radius and size <= 2.5 * radius:
-            found.append(Part(other.name, role_of_name(other.name)))
-    return found
+            parts.append(Part(other.name, role_of_name(other.name)))
+    return parts
 
 
 def role_of_name(name: str) -> str:

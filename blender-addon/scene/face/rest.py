@@ -15,22 +15,22 @@ def world(ob) -> np.ndarray:
     return back(ob) @ _array(ob.matrix_world)
 
 
-def back(ob, held=()) -> np.ndarray:
+def back(ob, visited=()) -> np.ndarray:
     """What takes `ob` in the world from where it is posed to its rest, `[4, 4]`.
 
     `held` are objects that hang on it: constraints may close a circle, which ends there.
     """
     holder, bone = _holder(ob)
-    if holder is None or holder in held:
+    if holder is None or holder in visited:
         return np.eye(4)
-    held = (*held, ob)
+    visited = (*visited, ob)
     if not bone:
-        return back(holder, held)
+        return back(holder, visited)
     pose = holder.pose.bones[bone]
     here = _array(holder.matrix_world)
     # At rest a bone is at matrix_local, posed at matrix, both in the armature's space.
     turn = _array(pose.bone.matrix_local) @ np.linalg.pinv(_array(pose.matrix))
-    return back(holder, held) @ here @ turn @ np.linalg.pinv(here)
+    return back(holder, visited) @ here @ turn @ np.linalg.pinv(here)
 
 
 def _holder(ob) -> tuple:

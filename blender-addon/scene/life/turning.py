@@ -35,10 +35,10 @@ def of_object(ob, vectors: np.ndarray, mine: set[str], centre=None) -> list[Chan
     parent = np.array(ob.matrix_world) @ _inverse(ob.matrix_basis, ob.name)
     turns = turn.of_vectors(vectors @ _rotation(parent, ob.name))
     kind = _kind(ob.rotation_mode, ob.name)
-    found = getattr(ob, f"delta_rotation_{kind}")
-    rest = found.to_quaternion() if kind == _EULER else found
+    rotation = getattr(ob, f"delta_rotation_{kind}")
+    rest = rotation.to_quaternion() if kind == _EULER else rotation
     path = f"delta_rotation_{kind}"
-    channels = [Channel(path, _values(turns, rest, ob.rotation_mode), list(found))]
+    channels = [Channel(path, _values(turns, rest, ob.rotation_mode), list(rotation))]
     if centre is not None:
         origin = np.array(ob.matrix_basis.translation)
         away = origin - (np.linalg.inv(parent) @ [*centre, 1.0])[:3]
@@ -61,10 +61,10 @@ def of_bone(armature, name: str, vectors: np.ndarray, mine: set[str]) -> Channel
     at_rest = np.array(bone.matrix) @ _inverse(bone.matrix_basis, what)
     turns = turn.of_vectors(vectors @ _rotation(np.array(armature.matrix_world) @ at_rest, what))
     kind = _kind(bone.rotation_mode, what)
-    found = getattr(bone, f"rotation_{kind}")
-    rest = found.to_quaternion() if kind == _EULER else found
+    rotation = getattr(bone, f"rotation_{kind}")
+    rest = rotation.to_quaternion() if kind == _EULER else rotation
     path = bone.path_from_id(f"rotation_{kind}")
-    channel = Channel(path, _values(turns, rest, bone.rotation_mode), list(found))
+    channel = Channel(path, _values(turns, rest, bone.rotation_mode), list(rotation))
     return _free(armature, channel, mine, what)
 
 
@@ -108,9 +108,9 @@ def _free(ob, channel: Channel, mine: set[str], what: str) -> Channel:
     """The channel, where neither a keyframe nor a driver of the artist's has it."""
     animation = ob.animation_data
     bag = curves.channels(animation)
-    taken = [*(bag.fcurves if bag is not None else ())]
-    taken += animation.drivers if animation is not None else ()
-    if channel.path not in mine and any(curve.data_path == channel.path for curve in taken):
+    animated = [*(bag.fcurves if bag is not None else ())]
+    animated += animation.drivers if animation is not None else ()
+    if channel.path not in mine and any(curve.data_path == channel.path for curve in animated):
         raise AnyfaceError(
             "mesh",
             f"{what} has keyframes or drivers on {channel.path}: pick an empty or a bone that has "

@@ -64,7 +64,7 @@ def release(ob) -> None:
     owned = _owned(ob)
     for other, entries in owned:
         for entry in _of(ob, entries, ""):
-            entries = [kept for kept in entries if kept is not entry]
+            entries = [other_entry for other_entry in entries if other_entry is not entry]
             _inherit(entries, entry)
             _take_off(other, entry)
         _store(other, entries)
@@ -80,7 +80,7 @@ def keep(ob, take_id: str) -> None:
         for entry in _of(ob, entries, ""):
             action, bag = curves.new_action(f"{other.name} {take_id}", "OBJECT")
             curves.copy_paths(other.animation_data.action, bag, set(entry.before))
-            _inherit([kept for kept in entries if kept is not entry], entry)
+            _inherit([other_entry for other_entry in entries if other_entry is not entry], entry)
             _take_off(other, entry)
             entry.take = take_id
             other[_ACTION + take_id] = action
@@ -108,23 +108,23 @@ def follow(copy, copies: dict[str, list]) -> None:
 
     Where the character was not copied, the curves are the artist's from now on.
     """
-    kept = []
+    entries = []
     for entry in _entries(copy):
         faces = copies.get(entry.owner, [])
-        found = faces if len(faces) == 1 else [face for face in faces if _names(face, copy)]
-        if found:
-            entry.owner = identity.known(found[0])
-            kept.append(entry)
+        owners = faces if len(faces) == 1 else [face for face in faces if _names(face, copy)]
+        if owners:
+            entry.owner = identity.known(owners[0])
+            entries.append(entry)
     if ENTRIES in copy:
-        _store(copy, kept)
+        _store(copy, entries)
 
 
 def _names(face, other) -> bool:
     """Whether the settings of `face` name another object."""
     stored = face.anyface_life_settings
     kinds = [prop.identifier for prop in stored.bl_rna.properties if prop.type == "POINTER"]
-    found = [getattr(stored, kind) for kind in kinds]
-    return other in [*found, *(row.object for row in face.anyface_face.parts)]
+    pointers = [getattr(stored, kind) for kind in kinds]
+    return other in [*pointers, *(row.object for row in face.anyface_face.parts)]
 
 
 def _channels(other, entry: Entry):
@@ -174,8 +174,8 @@ def _owned(ob) -> list[tuple]:
     owner = identity.known(ob)
     if not owner:
         return []
-    found = [(other, _entries(other)) for other in bpy.data.objects]
-    return [(o, entries) for o, entries in found if any(e.owner == owner for e in entries)]
+    pairs = [(other, _entries(other)) for other in bpy.data.objects]
+    return [(o, entries) for o, entries in pairs if any(e.owner == owner for e in entries)]
 
 
 def _entries(other) -> list[Entry]:

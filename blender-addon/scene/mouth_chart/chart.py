@@ -80,10 +80,10 @@ class Chart:
     note: str = ""
 
 
-def read(ob, scene, settings: bake.Settings, wanted: Drawings, holds: Holds, text, engine):
+def read(ob, scene, settings: bake.Settings, drawings: Drawings, holds: Holds, text, engine):
     """Reads the sound of `ob` and its face, where it is a mesh; raises `AnyfaceError` in words."""
-    outputs.check(wanted)
-    outputs.check_editable(wanted)
+    outputs.check(drawings)
+    outputs.check_editable(drawings)
     source = bake.find_sound(scene, settings, engine)
     fps = scene.render.fps / scene.render.fps_base
     keys = emotion.control_keys(ob, scene, settings, source.start_frame, strips.duration_s(source))
@@ -95,7 +95,7 @@ def read(ob, scene, settings: bake.Settings, wanted: Drawings, holds: Holds, tex
     face = bake.read_face(ob, settings, editable=False) if is_face else None
     request.roles = face.roles if face is not None else None
     return Snapshot(
-        face, source, request, wanted, holds, text, fps, scene.frame_start, engine,
+        face, source, request, drawings, holds, text, fps, scene.frame_start, engine,
         sounds.read(scene, source),
     )  # fmt: skip
 
@@ -105,33 +105,33 @@ def write(ob, snapshot: Snapshot, chart: Chart) -> str:
 
     A chart of `ob` that stands there already goes; nothing changes where `AnyfaceError` is raised.
     """
-    wanted = snapshot.drawings
-    outputs.check(wanted)
+    drawings = snapshot.drawings
+    outputs.check(drawings)
     start, fps = snapshot.source.start_frame, snapshot.scene_fps
-    changes = mouth_chart.changes(wanted.kind, chart.mouths, start, fps, snapshot.scene_start)
+    changes = mouth_chart.changes(drawings.kind, chart.mouths, start, fps, snapshot.scene_start)
     if not changes:
         raise AnyfaceError("audio", "the sound has no frame to draw a mouth in")
-    if wanted.output != outputs.PENCIL:
-        found = outputs.channels(wanted, changes) if _is_there(wanted) else []
-        entry.check_free(found)
+    if drawings.output != outputs.PENCIL:
+        existing = outputs.channels(drawings, changes) if _is_there(drawings) else []
+        entry.check_free(existing)
     remove(ob)
-    for other in outputs.shown_on(wanted):
+    for other in outputs.shown_on(drawings):
         entry.take_off(other)
-    made = outputs.make(wanted)
+    additions = outputs.make(drawings)
     frames = np.array([frame for frame, _ in changes], dtype=float)
     by_object: dict = {}
-    for channel in outputs.channels(wanted, changes):
+    for channel in outputs.channels(drawings, changes):
         by_object.setdefault(channel.ob, []).append(channel)
     for channels in by_object.values():
-        entry.put(ob, channels, frames, **made)
+        entry.put(ob, channels, frames, **additions)
     drawn = len({mouth for _, mouth in changes})
-    said = f"{len(changes)} mouths, {drawn} of {len(mouth_chart.MOUTHS[wanted.kind])} are used"
+    said = f"{len(changes)} mouths, {drawn} of {len(mouth_chart.MOUTHS[drawings.kind])} are used"
     return f"{said} ({chart.note})" if chart.note else said
 
 
-def _is_there(wanted: Drawings) -> bool:
+def _is_there(drawings: Drawings) -> bool:
     """False for a custom property that is made with the chart."""
-    return wanted.output != outputs.NUMBER or not outputs.is_new_property(wanted)
+    return drawings.output != outputs.NUMBER or not outputs.is_new_property(drawings)
 
 
 def remove(ob) -> int:

@@ -37,7 +37,7 @@ class Channel:
 
 
 @dataclass
-class Made:
+class Undo:
     """What had to be made on a data-block for the curves of a chart, and what was there before.
 
     `before` are values by data path.
@@ -65,8 +65,8 @@ def read(ob) -> Entry | None:
     """What a chart has put on an object, or None."""
     text = ob.get(PROPERTY)
     try:
-        found = json.loads(text) if isinstance(text, str) else None
-        return json_file.known_fields(Entry, found) if found is not None else None
+        fields = json.loads(text) if isinstance(text, str) else None
+        return json_file.known_fields(Entry, fields) if fields is not None else None
     except (ValueError, TypeError, AttributeError):
         return None
 
@@ -129,18 +129,18 @@ def put(speaker, channels: list[Channel], frames: np.ndarray, made_property="", 
     ob[PROPERTY] = json.dumps(asdict(entry))
 
 
-def _put(ob, holder: str, channels: list[Channel], frames: np.ndarray) -> Made:
-    block, made = block_of(ob, holder), Made()
+def _put(ob, holder: str, channels: list[Channel], frames: np.ndarray) -> Undo:
+    block, undo = block_of(ob, holder), Undo()
     curves.own_action(block, block.animation_data.action if block.animation_data else None)
     if block.animation_data is None:
         block.animation_data_create()
-        made.made_animation_data = True
-    bag = curves.own_channels(block.animation_data, f"{ob.name} {GROUP}", holder, made)
+        undo.made_animation_data = True
+    bag = curves.own_channels(block.animation_data, f"{ob.name} {GROUP}", holder, undo)
     for channel in channels:
         if channel.holder == holder:
-            made.before[channel.path] = float(block.path_resolve(channel.path))
+            undo.before[channel.path] = float(block.path_resolve(channel.path))
             curves.write(bag, channel.path, frames, channel.values, constant=True, group=GROUP)
-    return made
+    return undo
 
 
 def take_off(ob) -> bool:
@@ -151,7 +151,7 @@ def take_off(ob) -> bool:
     for holder, stored in entry.on.items():
         block = block_of(ob, holder) if holder == OBJECT or ob.type == "MESH" else None
         if block is not None and block.library is None:
-            _take_off(block, json_file.known_fields(Made, stored))
+            _take_off(block, json_file.known_fields(Undo, stored))
     if entry.made_property and entry.made_property in ob:
         del ob[entry.made_property]
     for every in filter(None, (ob.modifiers, getattr(ob, "grease_pencil_modifiers", None))):
@@ -161,14 +161,14 @@ def take_off(ob) -> bool:
     return True
 
 
-def _take_off(block, made: Made) -> None:
+def _take_off(block, undo: Undo) -> None:
     animation = block.animation_data
     if animation is not None:
         curves.own_action(block, animation.action)
-        curves.remove(animation, set(made.before), GROUP)
-        curves.drop_empty_action(animation, made)
-        curves.drop_idle_animation(block, made.made_animation_data)
-    for path, value in made.before.items():
+        curves.remove(animation, set(undo.before), GROUP)
+        curves.drop_empty_action(animation, undo)
+        curves.drop_idle_animation(block, undo.made_animation_data)
+    for path, value in undo.before.items():
         _set(block, path, value)
 
 

@@ -53,8 +53,8 @@ class Cache(Output):
                 f"{ob.name} is linked and takes no modifier: make a library override first "
                 "(Object > Library Override > Make)",
             )
-        own = self.find(ob)
-        before = [m.name for m in ob.modifiers if m.type not in _HARMLESS and m != own]
+        ours = self.find(ob)
+        before = [m.name for m in ob.modifiers if m.type not in _HARMLESS and m != ours]
         if ob.override_library is not None and before:
             raise AnyfaceError(
                 "mesh",
@@ -64,19 +64,19 @@ class Cache(Output):
                 ("make_object_local",),
             )
 
-    def check(self, ob, asked):
-        super().check(ob, asked)
-        check_place(asked.cache_folder)
+    def check(self, ob, settings):
+        super().check(ob, settings)
+        check_place(settings.cache_folder)
 
     def draw(self, layout, ob):
         super().draw(layout, ob)
         layout.operator("anyface.remove_unused_caches", icon="TRASH")
 
-    def cost(self, asked):
-        return Cost(asked.frames * asked.vertices * VERTEX, beside=True)
+    def cost(self, workload):
+        return Cost(workload.frames * workload.vertices * VERTEX, beside=True)
 
-    def plan(self, ob, asked, fps, objects):
-        place = Path(bpy.path.abspath(asked.cache_folder or f"//{cache_files.FOLDER}"))
+    def plan(self, ob, settings, fps, objects):
+        place = Path(bpy.path.abspath(settings.cache_folder or f"//{cache_files.FOLDER}"))
         paths = {name: str(place / file) for name, file in cache_files.names(objects).items()}
         return WriteCaches(paths, math.ceil(curves.EASE_S * fps))
 
@@ -111,13 +111,13 @@ class Cache(Output):
 
     def _playing(self, ob) -> list:
         """The modifiers that play the take of `ob`, its own first."""
-        own = self.find(ob)
-        if own is None:
+        face_modifier = self.find(ob)
+        if face_modifier is None:
             return []
-        take = cache_files.take_of(own.filepath)
-        found = [self.find(other) for other in identity.parts_of(ob)]
-        beside = [m for m in found if m is not None and cache_files.take_of(m.filepath) == take]
-        return [own, *beside]
+        take = cache_files.take_of(face_modifier.filepath)
+        modifiers = [self.find(other) for other in identity.parts_of(ob)]
+        beside = [m for m in modifiers if m is not None and cache_files.take_of(m.filepath) == take]
+        return [face_modifier, *beside]
 
     def span(self, ob, snapshot):
         modifier, ease = self.find(ob), snapshot.plan.ease

@@ -35,20 +35,20 @@ class Csv(Output):
     def check_object(self, ob):
         guard.check_mesh(ob)
 
-    def check(self, ob, asked):
-        super().check(ob, asked)
-        check_place(asked.csv_file)
-        path = _path_of(ob, asked.csv_file)
+    def check(self, ob, settings):
+        super().check(ob, settings)
+        check_place(settings.csv_file)
+        path = _path_of(ob, settings.csv_file)
         if path.suffix.lower() != ".csv":
             raise AnyfaceError("file", f"{path}: expected a name that ends in .csv")
         if path.exists() and not self._is_ours(ob, path):
             raise AnyfaceError("file", f"{path} exists already: choose another name or delete it")
 
-    def cost(self, asked):
-        return Cost(asked.frames * _COLUMNS * _NUMBER, SOLVE_S, RIG_S, beside=True)
+    def cost(self, workload):
+        return Cost(workload.frames * _COLUMNS * _NUMBER, SOLVE_S, RIG_S, beside=True)
 
-    def plan(self, ob, asked, fps, objects):
-        return WriteTable(ob.name, str(_path_of(ob, asked.csv_file)))
+    def plan(self, ob, settings, fps, objects):
+        return WriteTable(ob.name, str(_path_of(ob, settings.csv_file)))
 
     def describe(self, take):
         (file,) = take.motion.files
@@ -101,10 +101,10 @@ class Csv(Output):
         return noted.get("blend") == _blend() and noted["digest"] == _digest(path)
 
 
-def _path_of(ob, given: str) -> Path:
+def _path_of(ob, path: str) -> Path:
     """Where the table goes; by default beside the .blend, named after it and the object."""
     name = f"{Path(_blend()).stem}_{bpy.path.clean_name(ob.name)}.csv"
-    return Path(bpy.path.abspath(given or f"//{name}"))
+    return Path(bpy.path.abspath(path or f"//{name}"))
 
 
 def _blend() -> str:

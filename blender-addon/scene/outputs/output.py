@@ -72,14 +72,14 @@ class Output:
         """Raises `AnyfaceError` with the remedy where `ob`, or one beside it, cannot be written."""
         guard.check_editable(ob)
 
-    def check(self, ob, asked: OutputSettings) -> None:
+    def check(self, ob, settings: OutputSettings) -> None:
         """The same for the face itself, with what the output was told."""
         self.check_object(ob)
 
-    def why_not(self, ob, asked: OutputSettings) -> str:
+    def why_not(self, ob, settings: OutputSettings) -> str:
         """Why it cannot work on `ob`, in words; empty where it can."""
         try:
-            self.check(ob, asked)
+            self.check(ob, settings)
         except AnyfaceError as error:
             return str(error)
         return ""
@@ -89,11 +89,11 @@ class Output:
         for name in self.options:
             layout.prop(ob.anyface_output, name)
 
-    def cost(self, asked: Asked) -> Cost:
+    def cost(self, workload: Asked) -> Cost:
         """How large it gets and what it adds to the work."""
         raise NotImplementedError
 
-    def plan(self, ob, asked: OutputSettings, fps: float, objects: list[str]) -> Plan:
+    def plan(self, ob, settings: OutputSettings, fps: float, objects: list[str]) -> Plan:
         """What the worker thread does; `check` has found nothing.
 
         `fps` are frames of the take per second, `objects` the names of the face's objects.
@@ -108,7 +108,7 @@ class Output:
         """What only some want to know: "exact to 0.10 mm"; lengths as `wording.length` has them."""
         return []
 
-    def notes(self, ob, asked: OutputSettings) -> list[str]:
+    def notes(self, ob, settings: OutputSettings) -> list[str]:
         """What the artist should know besides."""
         return []
 
@@ -116,12 +116,12 @@ class Output:
         """What each object of a face gets, the face itself first; None where one does not move."""
         return pieces.split(take, parts)
 
-    def settle(self, ob, take: Take, asked: OutputSettings):
+    def settle(self, ob, take: Take, settings: OutputSettings):
         """The take as it is written, once what needs Blender is done: in steps, yields between."""
         return take
         yield
 
-    def write(self, ob, take: Take, rest, at, taken: record.Record) -> None:
+    def write(self, ob, take: Take, rest, at, take_record: record.Record) -> None:
         """Writes keys and curves on `ob` and notes them in `taken`.
 
         `rest` `[V, 3]` are the positions of the Basis, `at` the scene frames of `curves.with_rest`:
@@ -146,9 +146,9 @@ class Output:
     def keep(self, ob) -> None:
         """Lets go of an earlier take that lies elsewhere, where the next one is to go beside it."""
 
-    def paths(self, taken: record.Record) -> set[str]:
+    def paths(self, take_record: record.Record) -> set[str]:
         """The data paths of all curves of a take."""
-        return {curves.value_path(name) for name in (*taken.keys, *taken.values)}
+        return {curves.value_path(name) for name in (*take_record.keys, *take_record.values)}
 
     def leave(self, shape_keys) -> None:
         """Undoes what `write` has set on the shape keys as a whole."""
@@ -186,29 +186,29 @@ def draw_list_buttons(layout, stem: str, find: str) -> None:
     row.operator(f"anyface.{stem}_clear", text="", icon="X")
 
 
-def write_weights(ob, taken: record.Record, names: list[str], at, motion) -> None:
+def write_weights(ob, take_record: record.Record, names: list[str], at, motion) -> None:
     """Notes the curves of the values of keys, which `play` makes of the weights of a motion, from
     rest and back to it."""
-    taken.waiting = names, at, motion
+    take_record.waiting = names, at, motion
 
 
-def play(ob, taken: record.Record):
+def play(ob, take_record: record.Record):
     """Gives the keys of a take the curves that it waits for; yields between those that it makes.
 
     Those that were prepared are used, where no action of the artist's has to hold them.
     """
-    names, at, motion = taken.waiting
-    taken.waiting = None
+    names, at, motion = take_record.waiting
+    take_record.waiting = None
     shape_keys = ob.data.shape_keys
-    if taken.prepared is not None and shape_keys.animation_data is None:
+    if take_record.prepared is not None and shape_keys.animation_data is None:
         shape_keys.animation_data_create()
-        taken.made_animation_data = True
-    if taken.prepared is not None and taken.prepared.play(shape_keys, names):
-        taken.made_action = True
+        take_record.made_animation_data = True
+    if take_record.prepared is not None and take_record.prepared.play(shape_keys, names):
+        take_record.made_action = True
         return
     every = curves.keys_of(motion)
     for name, column, keys in zip(names, motion.weights.T, every, strict=True):
-        bag = curves.key_channels(ob, taken)
+        bag = curves.key_channels(ob, take_record)
         values, lead = curves.from_rest(column, at), curves.rests_before(at, len(column))
         curves.write_take(bag, curves.value_path(name), at, values, keys, lead=lead)
         yield

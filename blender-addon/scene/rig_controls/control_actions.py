@@ -63,34 +63,34 @@ def prepare(fitted: Fitted, at: np.ndarray, times: np.ndarray, few=None):
     `times` `[T]` are the scene frames of the values, `at` `[2]` the first and the last of all;
     `few` (`core.sparse.Few`) finds the keys of curves that are to have few.
     """
-    by_block, made = {}, {}
+    by_block, actions = {}, {}
     for (control, moved), sizes in zip(fitted.moved, fitted.sizes, strict=True):
         by_block.setdefault(control.block, []).append((control, moved, sizes))
     try:
         for block, moved in by_block.items():
             check(block)
-            made[block], bag = curves.new_action(f"{block.name} Anyface", block.id_type)
+            actions[block], bag = curves.new_action(f"{block.name} Anyface", block.id_type)
             for control, rows, sizes in moved:
                 yield from _write_curves(bag, control, rows, at, times, few, sizes)
                 yield
     except BaseException:
-        drop(made)
+        drop(actions)
         raise
-    return made
+    return actions
 
 
-def drop(made: dict) -> None:
+def drop(actions: dict) -> None:
     """Deletes actions that were prepared and not used; an undo may have done so already."""
-    for action in made.values():
+    for action in actions.values():
         with suppress(ReferenceError):
             curves.delete_action(action)
 
 
-def write(ob, fitted: Fitted, made: dict) -> None:
+def write(ob, fitted: Fitted, actions: dict) -> None:
     """Gives each data-block the action that was prepared for it."""
-    for block in made:
+    for block in actions:
         check(block)
-    for block, action in made.items():
+    for block, action in actions.items():
         controls = [control for control, _ in fitted.moved if control.block == block]
         _write_on(ob, block, controls, action)
 
@@ -101,8 +101,8 @@ def redo(ob, fitted: Fitted, at: np.ndarray, stretch) -> None:
     marked = [(action, mark.block, mark.paths) for action, mark in actions_of(ob)]
     for control, rows in fitted.moved:
         name, path = _id(control.block), control.curve_path
-        found = [action for action, block, paths in marked if block == name and path in paths]
-        bags = [bag for action in found for bag in curves.bags(action)]
+        actions = [action for action, block, paths in marked if block == name and path in paths]
+        bags = [bag for action in actions for bag in curves.bags(action)]
         for index, column in control.columns(rows).items():
             for curve in [bag.fcurves.find(path, index=index) for bag in bags]:
                 if curve is not None:
@@ -118,11 +118,13 @@ def actions_of(ob) -> list[tuple]:
 
 def rests(ob) -> dict[tuple, float]:
     """Where numbers that a take of `ob` animates are at rest, by data-block and data path."""
-    found = {}
+    rest_values = {}
     for action, mark in actions_of(ob):
         for block in _players(action, mark):
-            found |= {(block, path): values[0] for path, values in mark.before if len(values) == 1}
-    return found
+            rest_values |= {
+                (block, path): values[0] for path, values in mark.before if len(values) == 1
+            }
+    return rest_values
 
 
 def release(ob, keep: bool = False) -> bool:
@@ -130,16 +132,16 @@ def release(ob, keep: bool = False) -> bool:
 
     With `keep` its actions stay in the file and are the artist's.
     """
-    found = actions_of(ob)
-    if found:
+    marked = actions_of(ob)
+    if marked:
         turns.release(ob)
-    for action, mark in found:
+    for action, mark in marked:
         players = _players(action, mark)
         for block in players:
             _take_off(block, action, mark)
         if players or action.users == action.use_fake_user:
             _part_with(action, keep)
-    return bool(found)
+    return bool(marked)
 
 
 def follow(copy, copies: dict[str, list]) -> None:

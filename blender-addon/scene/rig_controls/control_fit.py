@@ -164,11 +164,11 @@ def _try(bench, rest, source: Source, control: Control, nudge: float, mm: float)
     count, sided = len(control.indices), source.sided
     control.set([nudge] * count)
     moves = np.abs(bench.read() - rest).max() * mm >= _STILL_MM
-    found = []
+    handles = []
     for element in range(count) if moves or sided else ():
-        found += _try_element(bench, rest, source, control, element, nudge, mm)
+        handles += _try_element(bench, rest, source, control, element, nudge, mm)
     control.set([0.0] * count)
-    return found
+    return handles
 
 
 def _stays(turns: np.ndarray, direction: np.ndarray) -> bool:
@@ -240,16 +240,16 @@ def _turned(bench: Bench, handles: list[Handle], values: np.ndarray, jaw: int):
     knots = np.sort([0.0, 0.5 * most, most])
     rest_directions = np.stack([handle.direction for handle in handles])
     directions = np.stack([rest_directions] * 3)
-    own = np.zeros((3, *rest_directions.shape[1:]))
+    jaw_motion = np.zeros((3, *rest_directions.shape[1:]))
     others, rest = np.flatnonzero(_on_jaw(rest_directions, jaw)), bench.at_zero()
     for knot in np.flatnonzero(knots):
         opened = _with_jaw(bench, handles[jaw], float(knots[knot]))
-        own[knot] = opened - rest
+        jaw_motion[knot] = opened - rest
         for number in [jaw, *others]:
             nudged = _with_jaw(bench, handles[jaw], float(knots[knot]), handles[number])
             directions[knot, number] = (nudged - opened) / handles[number].nudge
             yield
-    return Response(directions, own, knots, jaw)
+    return Response(directions, jaw_motion, knots, jaw)
 
 
 def _on_jaw(directions: np.ndarray, jaw: int) -> np.ndarray:
@@ -257,9 +257,9 @@ def _on_jaw(directions: np.ndarray, jaw: int) -> np.ndarray:
     size = np.linalg.norm(directions[jaw], axis=1)
     moved = size > 0.02 * size.max()
     energy = (directions**2).sum(axis=2)
-    found = energy[:, moved].sum(axis=1) > _ON_JAW * energy.sum(axis=1)
-    found[jaw] = False
-    return found
+    follows = energy[:, moved].sum(axis=1) > _ON_JAW * energy.sum(axis=1)
+    follows[jaw] = False
+    return follows
 
 
 def _with_jaw(bench: Bench, jaw: Handle, angle: float, other: Handle | None = None) -> np.ndarray:
@@ -298,21 +298,21 @@ def _judge(bench: Bench, motion: ControlMotion, handles: list[Handle], values: n
 
 def _together(handles: list[Handle], values: np.ndarray) -> list[tuple[Control, np.ndarray]]:
     """The values `[T, N]` of the free elements of each control that has a handle."""
-    found = {}
+    by_control = {}
     for handle, column in zip(handles, values.T, strict=True):
         control = handle.control
         empty = np.zeros((len(values), len(control.indices)))
-        _, rows = found.setdefault(id(control), (control, empty))
+        _, rows = by_control.setdefault(id(control), (control, empty))
         rows[:, handle.element] += column
-    return list(found.values())
+    return list(by_control.values())
 
 
 def _sizes(handles: list[Handle], mm: float) -> list[np.ndarray]:
     """How far a unit of the elements `[N]` of each control moves any point, mm; in the order of
     `_together`."""
-    found = {}
+    by_control = {}
     for handle in handles:
-        sizes = found.setdefault(id(handle.control), np.zeros(len(handle.control.indices)))
+        sizes = by_control.setdefault(id(handle.control), np.zeros(len(handle.control.indices)))
         farthest = np.linalg.norm(handle.direction, axis=1).max() * mm
         sizes[handle.element] = max(sizes[handle.element], farthest)
-    return list(found.values())
+    return list(by_control.values())

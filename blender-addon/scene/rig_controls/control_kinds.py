@@ -203,9 +203,9 @@ def number(block, path: str) -> Number | None:
     except (AttributeError, KeyError):
         return None
     low, high = max(low, value - MOST_VALUE), min(high, value + MOST_VALUE)
-    found = Number(block, path, [index or 0], [low - value], [high - value])
-    found.rest = value
-    return found
+    control = Number(block, path, [index or 0], [low - value], [high - value])
+    control.rest = value
+    return control
 
 
 def _indexed(block, path: str) -> str:
@@ -221,11 +221,11 @@ def _indexed(block, path: str) -> str:
 
 def _limits(owner, key: str, custom: bool) -> tuple[float, float]:
     if custom:
-        told = owner.id_properties_ui(key).as_dict()
-        return (max(told.get("min", -MOST_VALUE), told.get("soft_min", -MOST_VALUE)),
-                min(told.get("max", MOST_VALUE), told.get("soft_max", MOST_VALUE)))  # fmt: skip
-    told = owner.bl_rna.properties[key]
-    return told.soft_min, told.soft_max
+        ui = owner.id_properties_ui(key).as_dict()
+        return (max(ui.get("min", -MOST_VALUE), ui.get("soft_min", -MOST_VALUE)),
+                min(ui.get("max", MOST_VALUE), ui.get("soft_max", MOST_VALUE)))  # fmt: skip
+    rna = owner.bl_rna.properties[key]
+    return rna.soft_min, rna.soft_max
 
 
 def location(rig, bone, reach: float) -> Location | None:

@@ -42,25 +42,25 @@ class Source:
     def controls(self, reach: float) -> list[Control]:
         """What can be moved of it; bones go `reach` from rest where nothing limits them."""
         if self.kind == NUMBER:
-            found = [control_kinds.number(self.block, self.name)]
+            controls = [control_kinds.number(self.block, self.name)]
         else:
             bone = self.block.pose.bones.get(self.name)
             if bone is None:
                 return []
-            found = [control_kinds.location(self.block, bone, reach)]
-            found.append(control_kinds.rotation(self.block, bone))
-        return [control for control in found if control is not None and control.indices]
+            controls = [control_kinds.location(self.block, bone, reach)]
+            controls.append(control_kinds.rotation(self.block, bone))
+        return [control for control in controls if control is not None and control.indices]
 
 
 def rig_of(ob):
     """The armature that moves `ob`: that of its modifier, its parent, or that of its drivers."""
-    found = [m.object for m in ob.modifiers if m.type == "ARMATURE" and m.object is not None]
+    candidates = [m.object for m in ob.modifiers if m.type == "ARMATURE" and m.object is not None]
     parent = ob.parent
     while parent is not None:
-        found.append(parent)
+        candidates.append(parent)
         parent = parent.parent
-    found += [target for _, target, _ in _targets(_blocks(ob, None))]
-    return next((other for other in found if getattr(other, "type", "") == "ARMATURE"), None)
+    candidates += [target for _, target, _ in _targets(_blocks(ob, None))]
+    return next((other for other in candidates if getattr(other, "type", "") == "ARMATURE"), None)
 
 
 def has_any(ob) -> bool:
@@ -74,15 +74,15 @@ def propose(ob, rig, left_alone: list[str]) -> list[Source]:
     Bones are those of a list of names that fits, or all that an artist sees. Those of names
     `left_alone` are worked by others.
     """
-    found = {source.key: source for source in _driving(ob, rig)}
+    sources = {source.key: source for source in _driving(ob, rig)}
     if rig is not None:
         free = [bone for bone in rig.pose.bones if not _follows(bone)]
-        seen = [bone.name for bone in free if _is_seen(rig, bone)]
+        visible = [bone.name for bone in free if _is_seen(rig, bone)]
         _, named = control_names.guess([bone.name for bone in free])
-        for name in named or seen:
+        for name in named or visible:
             source = Source(BONE, rig, name, name in _acting(rig))
-            found.setdefault(source.key, source)
-    return [source for source in found.values() if source.name not in left_alone]
+            sources.setdefault(source.key, source)
+    return [source for source in sources.values() if source.name not in left_alone]
 
 
 def of_preset(rig, preset: str) -> list[Source]:
@@ -93,14 +93,18 @@ def of_preset(rig, preset: str) -> list[Source]:
 
 def find(kind: str, id_type: str, block: str, name: str, sided: bool) -> Source:
     """The source that a stored row names; raises `AnyfaceError("input")` where it is gone."""
-    found = getattr(bpy.data, COLLECTIONS.get(id_type, "objects")).get(block)
+    data_block = getattr(bpy.data, COLLECTIONS.get(id_type, "objects")).get(block)
     if kind == NUMBER:
-        there = found is not None and _leads(found, name)
+        there = data_block is not None and _leads(data_block, name)
     else:
-        there = found is not None and found.type == "ARMATURE" and name in found.pose.bones
+        there = (
+            data_block is not None
+            and data_block.type == "ARMATURE"
+            and name in data_block.pose.bones
+        )
     if not there:
         raise AnyfaceError("input", f"{block} has no {name} any more: press Find Controls")
-    return Source(kind, found, name, sided)
+    return Source(kind, data_block, name, sided)
 
 
 def _leads(block, path: str) -> bool:
@@ -114,18 +118,18 @@ def _leads(block, path: str) -> bool:
 
 def _driving(ob, rig) -> list[Source]:
     """What the drivers of a face and its rig read, each source once."""
-    found = []
+    sources = []
     for variable, block, target in _targets(_blocks(ob, rig)):
         if block.id_type not in COLLECTIONS:
             continue
         if variable.type == "SINGLE_PROP":
-            found.append(_of_path(block, target.data_path))
+            sources.append(_of_path(block, target.data_path))
         elif target.bone_target:
-            found.append(Source(BONE, block, target.bone_target, True))
+            sources.append(Source(BONE, block, target.bone_target, True))
         elif variable.type == "TRANSFORMS" and target.transform_type.startswith("LOC_"):
             axis = "XYZ".index(target.transform_type[-1])
-            found.append(Source(NUMBER, block, f"location[{axis}]", True))
-    return [source for source in found if source is not None]
+            sources.append(Source(NUMBER, block, f"location[{axis}]", True))
+    return [source for source in sources if source is not None]
 
 
 def _of_path(block, path: str) -> Source | None:

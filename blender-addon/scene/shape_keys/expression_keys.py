@@ -40,14 +40,14 @@ def add(ob, face: FaceMesh, rig: Rig, left_out=()) -> tuple[list[str], np.ndarra
     Returns their names and vectors `[S, V, 3]`. Raises `AnyfaceError` where the mesh has changed or
     a part is gone; nothing has changed then.
     """
-    kept = [row for row, name in enumerate(rig.names) if name not in left_out]
-    names, vectors = [rig.names[row] for row in kept], rig.vectors[kept]
+    rows = [row for row, name in enumerate(rig.names) if name not in left_out]
+    names, vectors = [rig.names[row] for row in rows], rig.vectors[rows]
     moved = [(one, plan.of_piece(face, vectors, one.name)[1]) for one in objects(ob, face)]
-    for one, own in moved:
+    for one, part_vectors in moved:
         guard.check_editable(one)
-        guard.check_size(one, own.shape[1])
-    for one, own in moved:
-        _add(one, names, own, everything=one == ob)
+        guard.check_size(one, part_vectors.shape[1])
+    for one, part_vectors in moved:
+        _add(one, names, part_vectors, everything=one == ob)
     return names, vectors
 
 
@@ -56,14 +56,14 @@ def _add(ob, names: list[str], vectors: np.ndarray, everything: bool) -> None:
 
     Those that move nothing are left out unless `everything` is wanted.
     """
-    wanted = [number for number in range(len(names)) if everything or vectors[number].any()]
-    if not wanted:
+    numbers = [number for number in range(len(names)) if everything or vectors[number].any()]
+    if not numbers:
         return
     with guard.object_mode(ob), guard.selection_kept(ob):
         if ob.data.shape_keys is None:
             ob.shape_key_add(name="Basis", from_mix=False)
         rest = mesh.read_basis(ob.data)
-        for number in wanted:
+        for number in numbers:
             mesh.add_key(ob, names[number], rest + vectors[number])
         ob.data.update()
 
@@ -80,17 +80,17 @@ def bent(rig: Rig) -> Rig:
 
 def drive(ob, face: FaceMesh) -> None:
     """Lets one slider of `ob` move a shape, what it lacks halfway, and the key of each part."""
-    own = ob.data.shape_keys
+    face_keys = ob.data.shape_keys
     for name in shapes.ARKIT:
-        if name + HALF in own.key_blocks:
-            _driven(own, name + HALF, own, name, HALFWAY)
+        if name + HALF in face_keys.key_blocks:
+            _driven(face_keys, name + HALF, face_keys, name, HALFWAY)
     for one in objects(ob, face):
         part = one.data.shape_keys
         if one == ob or part is None:
             continue
         for name in (*shapes.ARKIT, *(name + HALF for name in shapes.ARKIT)):
-            if name in part.key_blocks and name in own.key_blocks:
-                _driven(part, name, own, name, "w")
+            if name in part.key_blocks and name in face_keys.key_blocks:
+                _driven(part, name, face_keys, name, "w")
 
 
 def _driven(of, name: str, by, source: str, expression: str) -> None:

@@ -8,16 +8,16 @@ _PROPERTY = "anyface_sliders_"
 _last: tuple[bytes, dict[str, sliders.SliderChange]] = (b"", {})
 
 
-def write(shape_keys, taken: record.Record, packed: bytes) -> None:
+def write(shape_keys, take_record: record.Record, packed: bytes) -> None:
     """Stores the sliders of a take; nothing where it has none."""
     if packed:
-        shape_keys[_PROPERTY + taken.id] = packed
+        shape_keys[_PROPERTY + take_record.id] = packed
 
 
-def read(shape_keys, taken: record.Record) -> dict[str, sliders.SliderChange]:
+def read(shape_keys, take_record: record.Record) -> dict[str, sliders.SliderChange]:
     """The sliders of a take by name; none where nothing was stored, or something else."""
     global _last
-    packed = shape_keys.get(_PROPERTY + taken.id)
+    packed = shape_keys.get(_PROPERTY + take_record.id)
     if not isinstance(packed, bytes):
         return {}
     if packed != _last[0]:
@@ -28,7 +28,7 @@ def read(shape_keys, taken: record.Record) -> dict[str, sliders.SliderChange]:
     return _last[1]
 
 
-def clear(shape_keys, taken: record.Record) -> None:
+def clear(shape_keys, take_record: record.Record) -> None:
     """Takes the sliders of a take away."""
-    if _PROPERTY + taken.id in shape_keys:
-        del shape_keys[_PROPERTY + taken.id]
+    if _PROPERTY + take_record.id in shape_keys:
+        del shape_keys[_PROPERTY + take_record.id]

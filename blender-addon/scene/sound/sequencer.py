@@ -24,8 +24,8 @@ def all_strips(scene) -> list:
 
 def sound_strips(scene) -> list:
     """The sound strips of a scene, first to last."""
-    found = [strip for strip in all_strips(scene) if strip.type == "SOUND"]
-    return sorted(found, key=lambda strip: (ends(strip)[0], strip.channel))
+    strips = [strip for strip in all_strips(scene) if strip.type == "SOUND"]
+    return sorted(strips, key=lambda strip: (ends(strip)[0], strip.channel))
 
 
 def outer_strips(editor):
@@ -53,16 +53,16 @@ def _standing(scene, path: str, frame: int):
         sound = strip.sound
         if sound is None or ends(strip)[0] != frame:
             continue
-        own = bpy.path.abspath(sound.filepath, library=sound.library)
-        if os.path.normcase(os.path.abspath(own)) == full:
+        strip_path = bpy.path.abspath(sound.filepath, library=sound.library)
+        if os.path.normcase(os.path.abspath(strip_path)) == full:
             return strip
     return None
 
 
 def _new_sound(editor, path: str, frame: int):
     strips = outer_strips(editor)
-    taken = [(strip.channel, *ends(strip)) for strip in strips]
-    highest = min(max((channel for channel, *_ in taken), default=0) + 1, MOST_CHANNELS)
+    spans = [(strip.channel, *ends(strip)) for strip in strips]
+    highest = min(max((channel for channel, *_ in spans), default=0) + 1, MOST_CHANNELS)
     # How long it is Blender says only of a strip that is there.
     name = os.path.splitext(os.path.basename(path))[0]
     strip = strips.new_sound(name, path, highest, frame)
@@ -74,7 +74,7 @@ def _new_sound(editor, path: str, frame: int):
         row = editor.channels[channel]
         if row.mute or row.lock:
             continue
-        if all(last <= a or b <= first for at, a, b in taken if at == channel):
+        if all(last <= a or b <= first for at, a, b in spans if at == channel):
             strip.channel = channel
             return strip
     _drop(strips, strip)

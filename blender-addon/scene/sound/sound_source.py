@@ -56,7 +56,7 @@ def _mix_down(scene, strip) -> SoundSource:
     """A retimed strip as Blender itself plays it; everything else is muted meanwhile."""
     others = [other for other in sequencer.all_strips(scene) if other != strip]
     muted = [(other, other.mute) for other in others]
-    kept = strip.mute, scene.frame_start, scene.frame_end
+    before = strip.mute, scene.frame_start, scene.frame_end
     start, end = sequencer.ends(strip)
     folder = tempfile.TemporaryDirectory(prefix="anyface-")
     path = os.path.join(folder.name, "strip.wav")
@@ -79,5 +79,5 @@ def _mix_down(scene, strip) -> SoundSource:
     finally:
         for other, mute in muted:
             other.mute = mute
-        strip.mute, scene.frame_start, scene.frame_end = kept
+        strip.mute, scene.frame_start, scene.frame_end = before
     return SoundSource(path, strip.name, start, folder=folder)

@@ -58,7 +58,7 @@ def show(scene, source, closures: np.ndarray, words=()) -> int:
 
 def _row(scene, source, channel: int, labelled) -> list:
     """Strips for start, end and label, one behind the other."""
-    fps, free, made = scene.render.fps / scene.render.fps_base, -np.inf, []
+    fps, free, strips = scene.render.fps / scene.render.fps_base, -np.inf, []
     start = round(source.start_frame)
     for start_s, end_s, label in labelled:
         first, last = (round(source.start_frame + at * fps) for at in (start_s, end_s))
@@ -68,18 +68,18 @@ def _row(scene, source, channel: int, labelled) -> list:
         strip.text, strip.mute = label, True
         strip[_SOUND], strip[_SECONDS] = source.name, [float(start_s), float(end_s)]
         strip[_FRAMES] = [first - start, last - start]
-        made.append(strip)
-    return made
+        strips.append(strip)
+    return strips
 
 
 def _word_of(closure, words) -> int | None:
     """The number of the word that an interval is heard in: one with p, b or m before others."""
-    found = []
+    candidates = []
     for number, (start_s, end_s, label) in enumerate(words):
         shared_s = min(closure[1], end_s) - max(closure[0], start_s - _EARLY_S)
         if shared_s > 0.0:
-            found.append((bool(_LIP_LETTERS.intersection(label)), shared_s, number))
-    return max(found)[-1] if found else None
+            candidates.append((bool(_LIP_LETTERS.intersection(label)), shared_s, number))
+    return max(candidates)[-1] if candidates else None
 
 
 def clear(scene, name: str) -> None:
@@ -90,8 +90,8 @@ def clear(scene, name: str) -> None:
 
 def read(scene, source) -> list[tuple[float, float, str]] | None:
     """Start and end in seconds, and the text, of each closure of a sound; None without strips."""
-    found = [(*now, strip.text.strip()) for strip, now in _closures(scene, source)]
-    return sorted(found) or ([] if _of(scene, source.name) else None)
+    closures = [(*now, strip.text.strip()) for strip, now in _closures(scene, source)]
+    return sorted(closures) or ([] if _of(scene, source.name) else None)
 
 
 def follow(scene, source) -> None:
@@ -122,15 +122,15 @@ def _closures(scene, source) -> list[tuple]:
     words = {}
     for strip in _words(scene, source):
         words.setdefault(strip[_WORD], []).append(_times(scene, source, strip))
-    found = []
+    closures = []
     for strip in _of(scene, source.name):
         if _WORD in strip:
             continue
         times, word = _times(scene, source, strip), words.get(strip.get(_IN_WORD), [])
         # Of a word that was copied nobody knows which of the two the closure is in.
         carried = len(word) == 1 and word[0].moved and not times.moved
-        found.append((strip, _carried(times.now, word[0]) if carried else times.now))
-    return found
+        closures.append((strip, _carried(times.now, word[0]) if carried else times.now))
+    return closures
 
 
 def _carried(interval: tuple[float, float], word: _Times) -> tuple[float, float]:
@@ -162,12 +162,12 @@ def _words(scene, source) -> list:
 
 def apart(labelled: list[tuple[float, float, str]]) -> list[tuple[float, float, str]]:
     """The same intervals, each behind the one before: strips of two channels may overlap."""
-    found, free = [], 0.0
+    intervals, free = [], 0.0
     for start_s, end_s, label in labelled:
         if end_s > max(start_s, free):
-            found.append((max(start_s, free), end_s, label or LABEL))
+            intervals.append((max(start_s, free), end_s, label or LABEL))
             free = end_s
-    return found
+    return intervals
 
 
 def shows(strip) -> bool:

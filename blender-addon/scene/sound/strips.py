@@ -21,16 +21,16 @@ def chosen(scene, names: list[str], channel: int) -> list:
     """
     strips = sequencer.sound_strips(scene)
     if names:
-        found = [sequencer.sound_strip(scene, name) for name in names]
-        return sorted(found, key=lambda strip: sequencer.ends(strip)[0])
-    found = [strip for strip in strips if strip.channel == channel]
-    if not found:
+        selection = [sequencer.sound_strip(scene, name) for name in names]
+        return sorted(selection, key=lambda strip: sequencer.ends(strip)[0])
+    selection = [strip for strip in strips if strip.channel == channel]
+    if not selection:
         known = ", ".join(str(n) for n in sorted({strip.channel for strip in strips})) or "none"
         raise AnyfaceError(
             "audio",
             f"no sound strip on channel {channel} of {scene.name} (there are some on {known})",
         )
-    return found
+    return selection
 
 
 def named_in(name: str, objects: list):
@@ -42,10 +42,10 @@ def named_in(name: str, objects: list):
 
 def without_name(name: str, objects: list) -> str:
     """A name without that of the object which stands in it: "Anna: smile" is "smile"."""
-    found = named_in(name, objects)
-    if found is None:
+    ob = named_in(name, objects)
+    if ob is None:
         return name
-    letters = r"[\W_]*".join(map(re.escape, _words(found.name).split()))
+    letters = r"[\W_]*".join(map(re.escape, _words(ob.name).split()))
     return re.sub(rf"(?i)[\W_]*{letters}[\s:_.-]*", " ", name, count=1).strip()
 
 

@@ -22,7 +22,7 @@ _NAMED = "it acts on New Keys; scale mouth, blinks and brows instead"
 _OLDER = "the take was made by an earlier version: generate again"
 
 
-def adjust(ob, **wanted: float) -> None:
+def adjust(ob, **changes: float) -> None:
     """Changes the take of `ob` and of the objects beside it.
 
     `strength` scales all of it, a name of `GROUPS` those shapes, `shift` moves it by scene frames;
@@ -32,7 +32,7 @@ def adjust(ob, **wanted: float) -> None:
     copies.settle()
     for part in (ob, *together.others_of(ob)):
         if record.is_generated(part):
-            _adjust(part, wanted)
+            _adjust(part, changes)
 
 
 def has_take(ob) -> bool:
@@ -50,8 +50,8 @@ def names_of(ob) -> tuple[str, ...]:
     """What the panel shows of a take beside its strength: sliders, or groups of shapes."""
     if is_named(ob):
         return tuple(groups_of(record.read(ob.data.shape_keys)))
-    taken = record.read(ob.data.shape_keys) if record.is_generated(ob) else None
-    still = taken.still if taken is not None else {}
+    take_record = record.read(ob.data.shape_keys) if record.is_generated(ob) else None
+    still = take_record.still if take_record is not None else {}
     return tuple(name for name in sliders.NAMES if still.get(name) != sliders.NONE)
 
 
@@ -62,64 +62,74 @@ def why_not(ob, name: str) -> str:
         return "there is no take: generate one"
     if output.finished:
         return output.finished
-    taken = record.read(ob.data.shape_keys)
+    take_record = record.read(ob.data.shape_keys)
     if not output.as_basis:
-        return "" if name in groups_of(taken) else _NAMED
-    if name in slider_changes.read(ob.data.shape_keys, taken):
+        return "" if name in groups_of(take_record) else _NAMED
+    if name in slider_changes.read(ob.data.shape_keys, take_record):
         return ""
-    return taken.still.get(name, _OLDER)
+    return take_record.still.get(name, _OLDER)
 
 
-def groups_of(taken: record.Record) -> list[str]:
+def groups_of(take_record: record.Record) -> list[str]:
     """The groups that a take has shapes of."""
-    found = [_group(taken.shown.get(name, name)) for name in (*taken.keys, *taken.values)]
-    return [name for name in GROUPS if name in found]
+    groups = [
+        _group(take_record.shown.get(name, name))
+        for name in (*take_record.keys, *take_record.values)
+    ]
+    return [name for name in GROUPS if name in groups]
 
 
-def _adjust(ob, wanted: dict[str, float]) -> None:
-    guard.own(ob)
+def _adjust(ob, changes: dict[str, float]) -> None:
+    guard.unshare(ob)
     shape_keys = ob.data.shape_keys
-    taken = record.read(shape_keys)
-    before, shift = dict(taken.adjusted), taken.adjusted.get("shift", 0.0)
-    found, output = slider_changes.read(shape_keys, taken), outputs.of_record(taken)
-    taken.adjusted |= _possible(wanted, output, found)
-    moved = taken.adjusted.get("shift", 0.0) - shift
-    added = _added(found, before, taken.adjusted)
+    take_record = record.read(shape_keys)
+    before, shift = dict(take_record.adjusted), take_record.adjusted.get("shift", 0.0)
+    take_sliders, output = (
+        slider_changes.read(shape_keys, take_record),
+        outputs.of_record(take_record),
+    )
+    take_record.adjusted |= _possible(changes, output, take_sliders)
+    moved = take_record.adjusted.get("shift", 0.0) - shift
+    added = _added(take_sliders, before, take_record.adjusted)
     if added is not None:
-        frames = taken.first_frame + shift + taken.frame_step * np.arange(len(added))
+        frames = take_record.first_frame + shift + take_record.frame_step * np.arange(len(added))
     bag = curves.channels(shape_keys.animation_data)
-    made = {curve.data_path: curve for curve in bag.fcurves} if bag is not None else {}
-    if "eval_time" in made:
-        _change(made["eval_time"], 1.0, moved)
-    for number, name in enumerate((*taken.keys, *taken.values) if not output.finished else ()):
-        shown = taken.shown.get(name, name)
-        now, block = factor(shown, taken.adjusted), shape_keys.key_blocks.get(name)
-        if block is None or curves.value_path(name) not in made:
+    fcurves = {curve.data_path: curve for curve in bag.fcurves} if bag is not None else {}
+    if "eval_time" in fcurves:
+        _change(fcurves["eval_time"], 1.0, moved)
+    for number, name in enumerate(
+        (*take_record.keys, *take_record.values) if not output.finished else ()
+    ):
+        shown = take_record.shown.get(name, name)
+        now, block = factor(shown, take_record.adjusted), shape_keys.key_blocks.get(name)
+        if block is None or curves.value_path(name) not in fcurves:
             continue
         more = None if added is None else (frames, now * added[:, number])
-        low, high = _change(made[curves.value_path(name)], now / factor(shown, before), moved, more)
-        if name in taken.keys:
+        low, high = _change(
+            fcurves[curves.value_path(name)], now / factor(shown, before), moved, more
+        )
+        if name in take_record.keys:
             block.slider_min, block.slider_max = min(block.slider_min, low), max(1.0, high)
-    record.write(shape_keys, taken)
+    record.write(shape_keys, take_record)
 
 
-def _possible(wanted, output, found) -> dict[str, float]:
+def _possible(changes, output, take_sliders) -> dict[str, float]:
     """What is wanted and can be; of basis keys within the limits of their sliders."""
     if not output.as_basis:
         groups = ("strength", "shift", *GROUPS)
-        return {name: value for name, value in wanted.items() if name in groups}
+        return {name: value for name, value in changes.items() if name in groups}
     limited = {
-        name: min(max(wanted[name], change.limits[0]), change.limits[1])
-        for name, change in found.items()
-        if name in wanted and name in sliders.NAMES
+        name: min(max(changes[name], change.limits[0]), change.limits[1])
+        for name, change in take_sliders.items()
+        if name in changes and name in sliders.NAMES
     }
-    return {name: wanted[name] for name in ("strength", "shift") if name in wanted} | limited
+    return {name: changes[name] for name in ("strength", "shift") if name in changes} | limited
 
 
-def _added(found, before, after) -> np.ndarray | None:
+def _added(take_sliders, before, after) -> np.ndarray | None:
     """What sliders that stand elsewhere than before add to the weights, `[T, K]`; None for none."""
     moved = []
-    for name, change in found.items():
+    for name, change in take_sliders.items():
         old, new = sliders.place(name, before), sliders.place(name, after)
         if old != new:
             moved.append(change.at(new) - change.at(old))

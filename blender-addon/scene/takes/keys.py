@@ -59,19 +59,19 @@ def writing(ob, take: Take, start_frame: float, scene_fps: float, prepared: curv
     with guard.object_mode(ob):
         remove_earlier(ob)
         with guard.selection_kept(ob):
-            taken = record.Record(output.name)
-            taken.prepared = prepared
-            guard.make_single_user(ob, taken)
-            record.write(ob.data.shape_keys, taken)
-            output.write(ob, take, mesh.read_basis(ob.data), at, taken)
-            record.write(ob.data.shape_keys, taken)
+            take_record = record.Record(output.name)
+            take_record.prepared = prepared
+            guard.make_single_user(ob, take_record)
+            record.write(ob.data.shape_keys, take_record)
+            output.write(ob, take, mesh.read_basis(ob.data), at, take_record)
+            record.write(ob.data.shape_keys, take_record)
             ob.data.update()
-    if taken.waiting is not None:
+    if take_record.waiting is not None:
         yield BEGUN
-        for _ in play(ob, taken):
+        for _ in play(ob, take_record):
             yield BEGUN
-        record.write(ob.data.shape_keys, taken)
-    return taken
+        record.write(ob.data.shape_keys, take_record)
+    return take_record
 
 
 def remove_earlier(ob) -> None:

@@ -15,13 +15,13 @@ REST = "anyface_rest"
 _REST_NAME = "Anyface Rest"
 
 
-def push(ob, taken: record.Record, action) -> None:
+def push(ob, take_record: record.Record, action) -> None:
     """Adds a track with a strip that plays `action` at its own frames."""
     shape_keys = ob.data.shape_keys
     animation = shape_keys.animation_data
-    _hold_at_rest(ob, taken)
+    _hold_at_rest(ob, take_record)
     first, last = action.frame_range
-    strip = add_strip(animation, taken.name, action, first)
+    strip = add_strip(animation, take_record.name, action, first)
     # The constructor knows whole frames only.
     strip.action_frame_start, strip.action_frame_end = first, last
     strip.frame_end, strip.frame_start = last, first
@@ -29,7 +29,7 @@ def push(ob, taken: record.Record, action) -> None:
     strip.extrapolation = "NOTHING"
 
 
-def leave(shape_keys, taken: record.Record, action) -> None:
+def leave(shape_keys, take_record: record.Record, action) -> None:
     """Takes the strips of `action` and its keys' rest away."""
     animation = shape_keys.animation_data
     remove_strips(animation, action)
@@ -37,8 +37,8 @@ def leave(shape_keys, taken: record.Record, action) -> None:
     if rest is None:
         return
     others = [other for other in record.everyone(shape_keys) if other.in_nla]
-    used = {name for other in others if other.id != taken.id for name in other.keys}
-    paths = {curves.value_path(name) for name in taken.keys if name not in used}
+    used = {name for other in others if other.id != take_record.id for name in other.keys}
+    paths = {curves.value_path(name) for name in take_record.keys if name not in used}
     for bag in curves.bags(rest):
         for curve in [curve for curve in bag.fcurves if curve.data_path in paths]:
             bag.fcurves.remove(curve)
@@ -60,8 +60,8 @@ def hold(bag, names: list[str]) -> None:
         curves.write(bag, curves.value_path(name), np.zeros(1), np.zeros(1))
 
 
-def _hold_at_rest(ob, taken) -> None:
-    if not taken.keys:
+def _hold_at_rest(ob, take_record) -> None:
+    if not take_record.keys:
         return
     shape_keys = ob.data.shape_keys
     rest = shape_keys.get(REST)
@@ -69,7 +69,7 @@ def _hold_at_rest(ob, taken) -> None:
     if fresh:
         rest, _ = curves.new_action(f"{ob.name} {_REST_NAME}")
         shape_keys[REST] = rest
-    hold(rest_channels(shape_keys), taken.keys)
+    hold(rest_channels(shape_keys), take_record.keys)
     if fresh:
         add_strip(shape_keys.animation_data, _REST_NAME, rest, 0.0).extrapolation = "HOLD"
 

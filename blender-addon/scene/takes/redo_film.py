@@ -19,12 +19,12 @@ def read(ob, output, snapshot, bounds: tuple[float, float]) -> FilmRedo:
     return FilmRedo(snapshot, rows, plan, bounds)
 
 
-def landing(ob, wanted: FilmRedo, take: Take):
+def landing(ob, job: FilmRedo, take: Take):
     """Writes the frames in steps; returns in one line what was done."""
-    snapshot = wanted.snapshot
+    snapshot = job.snapshot
     bake.follow_names(snapshot, take.motion.files)
     output = outputs.of(snapshot.settings.mode)
-    stretch, rows, at = _where(ob, output, snapshot, wanted.bounds)
+    stretch, rows, at = _where(ob, output, snapshot, job.bounds)
     parts = [ob, *together.others_of(ob)]
     yield from output.redo_write(parts, snapshot, take, rows.start, at, stretch)
     if take.life is not None:
