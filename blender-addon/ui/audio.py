@@ -91,8 +91,10 @@ def fill(settings, ob, scene=None) -> None:
 
 def strip_of(ob, scene) -> str:
     """The strip that was chosen, else the only one that the sequencer of `scene` has, else ""."""
-    found = sequencer.sound_strips(scene) if scene is not None and not ob.anyface.strip else []
-    return found[0].name if len(found) == 1 else ob.anyface.strip
+    sound_strips = (
+        sequencer.sound_strips(scene) if scene is not None and not ob.anyface.strip else []
+    )
+    return sound_strips[0].name if len(sound_strips) == 1 else ob.anyface.strip
 
 
 class WithSound(Alone):
@@ -117,8 +119,8 @@ class ANYFACE_OT_use_selected_strips(Acting, Operator):
 
     def act(self, ob):
         """Writes the names of the selected strips down."""
-        found = sequencer.sound_strips(sequencer_scene(bpy.context))
-        names = [strip.name for strip in found if strip.select]
+        sound_strips = sequencer.sound_strips(sequencer_scene(bpy.context))
+        names = [strip.name for strip in sound_strips if strip.select]
         if not names:
             raise AnyfaceError("input", "select sound strips in the video sequencer first")
         ob.anyface_audio.chosen.clear()
@@ -145,7 +147,7 @@ def draw(layout, ob, scene, width: int) -> None:
         words.draw(layout.column(align=True), text, width, icon)
 
 
-def draw_felt(layout, ob, scene) -> None:
+def draw_emotion_strip(layout, ob, scene) -> None:
     """Draws which strip gives the emotion, where the sequencer has any."""
     if scene is not None and scene.sequence_editor is not None:
         search_strip(layout, ob.anyface_audio, "emotion_strip", scene.sequence_editor)
@@ -206,17 +208,17 @@ def lines(ob, scene) -> list[tuple[str, str]]:
         length = strips.length_of_file(scene, ob.anyface.sound_file, ob.anyface.start_frame)
         return [(str(length), "SOUND")] if length is not None else []
     try:
-        found = _strips(ob, scene)
+        sound_strips = _strips(ob, scene)
     except AnyfaceError as error:
         return [(str(error), "ERROR")]
-    if not found:
+    if not sound_strips:
         return []
     # A single muted strip is read all the same: somebody who picks it wants it.
     single = ob.anyface.source == "STRIP"
-    muted = [] if single else [strip.name for strip in found if strip.mute]
-    length = strips.length_of(scene, found, with_muted=single)
-    only = f"{found[0].name}, " if single and not ob.anyface.strip else ""
-    said = [] if length is None else [(f"{only}{_count(found)}{length}", "SOUND")]
+    muted = [] if single else [strip.name for strip in sound_strips if strip.mute]
+    length = strips.length_of(scene, sound_strips, with_muted=single)
+    only = f"{sound_strips[0].name}, " if single and not ob.anyface.strip else ""
+    said = [] if length is None else [(f"{only}{_count(sound_strips)}{length}", "SOUND")]
     return said + [(f"Muted, left out: {name}", "MUTE_IPO_ON") for name in muted]
 
 
@@ -250,8 +252,8 @@ def first_frame(ob, scene) -> float | None:
     return None if length is None else length.first
 
 
-def _count(found: list) -> str:
-    return "" if len(found) == 1 else f"{len(found)} strips, "
+def _count(sound_strips: list) -> str:
+    return "" if len(sound_strips) == 1 else f"{len(sound_strips)} strips, "
 
 
 GROUPS = (AnyfaceStrip, AnyfaceAudio)

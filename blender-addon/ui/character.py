@@ -64,21 +64,21 @@ def fill(settings, ob) -> None:
     """Puts the parts of `ob` into plain settings; parts whose object was deleted are left out."""
     chosen = [part for part in ob.anyface_face.parts if is_there(part.object)]
     settings.parts = [pieces.Part(part.object.name, _role(part)) for part in chosen]
-    told = [part for part in ob.anyface_face.loose if part.role != "AUTO"]
-    settings.loose = {part.number: part.role for part in told}
+    with_role = [part for part in ob.anyface_face.loose if part.role != "AUTO"]
+    settings.loose = {part.number: part.role for part in with_role}
 
 
 def _role(part) -> str:
     return "" if part.role == "AUTO" else part.role
 
 
-def list_loose(ob, found) -> None:
+def list_loose(ob, face_points) -> None:
     """Lists the connected parts of the face mesh itself; roles that were chosen stay."""
     chosen = {part.number: part.role for part in ob.anyface_face.loose if part.role != "AUTO"}
-    own = found.part_of_vertex[: len(ob.data.vertices)]
+    part_of_vertex = face_points.part_of_vertex[: len(ob.data.vertices)]
     ob.anyface_face.loose.clear()
-    for number, role in enumerate(found.part_roles):
-        count = int((own == number).sum())
+    for number, role in enumerate(face_points.part_roles):
+        count = int((part_of_vertex == number).sum())
         if count == 0:
             continue
         row = ob.anyface_face.loose.add()
@@ -114,7 +114,7 @@ class ANYFACE_OT_find_parts(Acting, Operator):
 
     def act(self, ob):
         """Adds what is near the head and belongs to the same collections or parent."""
-        fresh = _add_found(ob, suggestions(ob))
+        fresh = _add_new(ob, suggestions(ob))
         return f"parts found: {', '.join(fresh) or 'none'}"
 
 
@@ -155,12 +155,12 @@ def take_along(ob) -> list[str]:
     """Adds teeth, tongue and lashes to a face whose parts nobody has looked at yet; their names."""
     if ob.anyface_face.looked or len(ob.anyface_face.parts) or ob.library is not None:
         return []
-    return _add_found(ob, [part for part in suggestions(ob) if _moves(part)])
+    return _add_new(ob, [part for part in suggestions(ob) if _moves(part)])
 
 
-def _add_found(ob, found: list[pieces.Part]) -> list[str]:
+def _add_new(ob, parts: list[pieces.Part]) -> list[str]:
     known = {part.object for part in ob.anyface_face.parts}
-    fresh = [part for part in found if bpy.data.objects[part.name] not in known]
+    fresh = [part for part in parts if bpy.data.objects[part.name] not in known]
     for part in fresh:
         _add(ob, bpy.data.objects[part.name], part.role)
     ob.anyface_face.looked = True
@@ -180,19 +180,19 @@ def suggestions(ob) -> list:
     for collection in ob.users_collection:
         near |= set(collection.objects)
     centre, radius = landmarks.head(ob)
-    found = pieces.suggest(ob, sorted(near, key=lambda other: other.name), centre, radius)
-    owners = [identity.face_of(bpy.data.objects[part.name]) for part in found]
-    return [part for part, owner in zip(found, owners, strict=True) if owner in (None, ob)]
+    parts = pieces.suggest(ob, sorted(near, key=lambda other: other.name), centre, radius)
+    owners = [identity.face_of(bpy.data.objects[part.name]) for part in parts]
+    return [part for part, owner in zip(parts, owners, strict=True) if owner in (None, ob)]
 
 
 def left_behind(ob) -> str:
     """Which teeth, tongues and lashes beside a face without parts would rest, in words, or ""."""
     if len(ob.anyface_face.parts):
         return ""
-    found = [part.name for part in suggestions(ob) if _moves(part)]
-    if not found:
+    names = [part.name for part in suggestions(ob) if _moves(part)]
+    if not names:
         return ""
-    return f"{', '.join(found)} did not move along: Find Parts adds them"
+    return f"{', '.join(names)} did not move along: Find Parts adds them"
 
 
 def _moves(part) -> bool:

@@ -33,11 +33,11 @@ class ANYFACE_OT_choose_sound(WithFile, Operator):
             if block.library is not None:
                 text = f"{block.name} is linked and keeps no settings: make it local"
                 raise AnyfaceError("mesh", text)
-        told = _speak(ob, scene, _kept_path(self.filepath))
+        message = _speak(ob, scene, _kept_path(self.filepath))
         if ob.anyface.report_is_error:
             ob.anyface.report, ob.anyface.report_mends = "", ""
             ob.anyface.report_is_error = False
-        return told
+        return message
 
 
 def _speak(ob, scene, path: str) -> str:

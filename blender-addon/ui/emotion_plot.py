@@ -33,21 +33,21 @@ def heard(ob) -> tuple[str, HeardEmotion] | None:
     """The number of the take that plays on `ob` and the emotion that was heard in it; None where
     nothing was heard."""
     shape_keys = ob.data.shape_keys if ob is not None and ob.type == "MESH" else None
-    taken = record.read(shape_keys)
-    if taken is None or not taken.heard_emotion:
+    take_record = record.read(shape_keys)
+    if take_record is None or not take_record.heard_emotion:
         return None
-    if taken.id not in _heard:
-        _heard[taken.id] = HeardEmotion.of_plain(taken.heard_emotion)
-    found = _heard[taken.id]
-    return None if found is None else (taken.id, found)
+    if take_record.id not in _heard:
+        _heard[take_record.id] = HeardEmotion.of_plain(take_record.heard_emotion)
+    emotion = _heard[take_record.id]
+    return None if emotion is None else (take_record.id, emotion)
 
 
 def draw(layout, ob) -> None:
     """Draws the picture and what its colours mean; nothing where nothing was heard."""
-    found = heard(ob)
-    if found is None:
+    take_and_emotion = heard(ob)
+    if take_and_emotion is None:
         return
-    take_id, emotion = found
+    take_id, emotion = take_and_emotion
     column = layout.column(align=True)
     column.label(text="Heard in the Voice", icon="SOUND")
     column.template_icon(icon_value=icon(take_id, emotion), scale=_LINES)
@@ -83,12 +83,12 @@ def _swatch(emotion: str) -> int:
 
 
 def _put(name: str, pixels: np.ndarray) -> None:
-    made = _previews.new(name)
+    preview = _previews.new(name)
     upright = np.ascontiguousarray(pixels[::-1])
     for kind in ("image", "icon"):
-        setattr(made, f"{kind}_size", pixels.shape[:2])
+        setattr(preview, f"{kind}_size", pixels.shape[:2])
         numbers = (upright.astype(np.float32) / 255.0).ravel()
-        getattr(made, f"{kind}_pixels_float").foreach_set(numbers)
+        getattr(preview, f"{kind}_pixels_float").foreach_set(numbers)
 
 
 @persistent

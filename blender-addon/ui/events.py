@@ -56,12 +56,12 @@ class ANYFACE_PT_events(OfFacePanel, Panel):
             layout.prop(ob.anyface_audio, "marker_s")
         column = layout.column(align=True)
         models = preferences.model_folder(scene)
-        found = event_strips.rows(scene, ob, ob.anyface_audio, _when(ob, scene), models)
-        for row in found[:_MOST_ROWS]:
+        event_rows = event_strips.rows(scene, ob, ob.anyface_audio, _when(ob, scene), models)
+        for row in event_rows[:_MOST_ROWS]:
             _draw_row(column, row, context.region.width)
-        if len(found) > _MOST_ROWS:
-            column.label(text=f"and {len(found) - _MOST_ROWS} more")
-        if not found:
+        if len(event_rows) > _MOST_ROWS:
+            column.label(text=f"and {len(event_rows) - _MOST_ROWS} more")
+        if not event_rows:
             text = "A text strip in this channel is an event: its text what the face does"
             words.draw(column, text, context.region.width, "INFO")
 
@@ -136,9 +136,9 @@ copied and renamed"""
         side = {"AS_IS": "", "LEFT": "left ", "RIGHT": "right "}[self.side]
         if self.expression != _UNITS:
             return f"{side}{self.expression}"
-        found = expression(f"{side}{self.units}")
-        if found.hint:
-            raise AnyfaceError("input", found.hint)
+        meaning = expression(f"{side}{self.units}")
+        if meaning.hint:
+            raise AnyfaceError("input", meaning.hint)
         if not side:
             return self.units.strip()
-        return ",".join(found.units) + ("!" if found.over_speech else "")
+        return ",".join(meaning.units) + ("!" if meaning.over_speech else "")

@@ -37,10 +37,10 @@ colour"""
         frame = round(seconds * snapshot.request.fps)
         return Work(lambda progress: snapshot.ask(snapshot.engine.mask, progress, frame))
 
-    def finish(self, ob, _work, believed):
+    def finish(self, ob, _work, shares):
         """Writes the colours of shares `[V]` of the face's own vertices."""
-        emotion_mask.show_heat(ob, believed[: len(ob.data.vertices)])
-        return f"emotion is believed by {believed.mean():.0%} in the mean"
+        emotion_mask.show_heat(ob, shares[: len(ob.data.vertices)])
+        return f"emotion is believed by {shares.mean():.0%} in the mean"
 
 
 class ANYFACE_OT_heat_map_hide(Acting, Operator):

@@ -77,7 +77,7 @@ class InView(Alone):
         self._end(context)
         error = plain(raised)
         with unharmed():
-            error = details.kept(error)
+            error = details.save(error)
         return self.fail(error)
 
     def _end(self, context):

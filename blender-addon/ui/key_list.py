@@ -34,10 +34,10 @@ class ANYFACE_OT_mapping_find(OnList, Operator):
 
     def act(self, ob):
         """Replaces the list."""
-        found = artist_keys.find(ob, [])
-        if not found:
+        pairs = artist_keys.find(ob, [])
+        if not pairs:
             raise Notice("no key has a known name: press + and pick shapes and keys by hand")
-        fill(ob, found)
+        fill(ob, pairs)
 
 
 class ANYFACE_OT_mapping_preset(OnList, Operator):
@@ -51,10 +51,10 @@ class ANYFACE_OT_mapping_preset(OnList, Operator):
     def act(self, ob):
         """Replaces the list."""
         blocks = ob.data.shape_keys.key_blocks if ob.data.shape_keys is not None else []
-        found = key_names.pairs(self.preset, [block.name for block in blocks])
-        if not found:
+        pairs = key_names.pairs(self.preset, [block.name for block in blocks])
+        if not pairs:
             raise Notice(f"no key has a name of {self.preset}")
-        fill(ob, found)
+        fill(ob, pairs)
 
 
 class ANYFACE_OT_mapping_add(OnList, Operator):
@@ -111,8 +111,8 @@ class ANYFACE_OT_mapping_save(OnList, ToFile, Operator):
 
     def act(self, ob):
         """Writes the list, or what is found by name where it is empty."""
-        found = output_properties.read(ob).mapping or artist_keys.find(ob, [])
-        key_names.write(found, self.path)
+        pairs = output_properties.read(ob).mapping or artist_keys.find(ob, [])
+        key_names.write(pairs, self.path)
 
 
 class ANYFACE_OT_mapping_load(OnList, WithFile, Operator):

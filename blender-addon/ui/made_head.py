@@ -53,9 +53,9 @@ class ANYFACE_OT_add_head(AddHead, Operator):
         """Makes it and adds it."""
         recipe = Recipe(self.seed, self.other, self.share, tuple(self.changes))
         try:
-            made = heads().make(recipe)
-            ob = self.add(context, made_head.mesh(made, self.height))
-            made_head.keep_landmarks(ob, made)
+            head = heads().make(recipe)
+            ob = self.add(context, made_head.mesh(head, self.height))
+            made_head.keep_landmarks(ob, head)
         except BaseException as error:
             self.report({"ERROR"}, f"Anyface: {plain(error)}")
             return {"CANCELLED"}
@@ -91,8 +91,8 @@ class ANYFACE_OT_head_like(InThread, Operator):
 
     def finish(self, ob, likeness, worked):
         """Adds the head, as the active object."""
-        made, far, height = worked
-        new = made_head.beside(ob, made, height)
+        head, far, height = worked
+        new = made_head.beside(ob, head, height)
         for other in bpy.context.selected_objects:
             other.select_set(False)
         new.select_set(True)

@@ -45,7 +45,7 @@ _OPERATORS = {
 _SETTINGS = {"direction": "axes", "points_file": "landmark_file"}
 
 
-def kept(ob) -> list[str]:
+def offers(ob) -> list[str]:
     """The names of what is offered for `ob`: what its report asks for, and what its face lacks."""
     # It cannot keep a report.
     if ob.library is not None:
@@ -79,7 +79,7 @@ def said_of_scene(ob) -> list[str]:
 def draw(layout, ob, width: int) -> None:
     """Draws a button for each mend."""
     column = layout.column(align=True)
-    for name in kept(ob):
+    for name in offers(ob):
         text = dict(_of_scene(ob)).get(name, "")
         if text:
             words.draw(column, text, width, "INFO")
@@ -173,8 +173,8 @@ def _make_object_local(ob) -> None:
 
 
 def _make_local(ob) -> None:
-    own = ob.make_local()
-    own.data.make_local()
+    local = ob.make_local()
+    local.data.make_local()
 
 
 def _turn_relative_on(ob) -> None:

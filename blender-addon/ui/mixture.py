@@ -46,9 +46,9 @@ def fill(settings, text: str) -> None:
     _fill(settings, emotion.read_shares(text))
 
 
-def _fill(settings, found: list[emotion.Share]) -> None:
+def _fill(settings, emotions: list[emotion.Share]) -> None:
     settings.mixture.clear()
-    for share in found:
+    for share in emotions:
         row = settings.mixture.add()
         row.emotion, row.weight = share.emotion, share.weight
 
@@ -92,11 +92,14 @@ def _drop_curves(ob, number: int, count: int) -> None:
     """Removes curve and driver of a row's weight; those of the `count` rows move up."""
     animation = ob.animation_data
     bag = curves.channels(animation)
-    for held in (bag.fcurves if bag is not None else None, getattr(animation, "drivers", None)):
-        for row in range(number, count) if held is not None else ():
-            curve = held.find("anyface." + WEIGHT_PATH.format(row))
+    for collection in (
+        bag.fcurves if bag is not None else None,
+        getattr(animation, "drivers", None),
+    ):
+        for row in range(number, count) if collection is not None else ():
+            curve = collection.find("anyface." + WEIGHT_PATH.format(row))
             if curve is not None and row == number:
-                held.remove(curve)
+                collection.remove(curve)
             elif curve is not None:
                 curve.data_path = "anyface." + WEIGHT_PATH.format(row - 1)
 

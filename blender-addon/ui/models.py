@@ -24,10 +24,10 @@ class ANYFACE_PT_models(OfFacePanel, Panel):
         if folder is None:
             layout.label(text="The built-in models speak", icon="INFO")
             return
-        found = model_card.cards(folder)
-        if not found:
+        cards = model_card.cards(folder)
+        if not cards:
             words.draw(_tight(layout), f"No models in {folder}", width, "ERROR")
-        for card in found:
+        for card in cards:
             row = layout.row()
             words.draw(_tight(row), card.title, width - 30, "FILE_TEXT")
             if card.path is not None:

@@ -133,13 +133,13 @@ def drawings(ob) -> outputs.Drawings:
 def find(ob) -> int:
     """Lists all mouths of the chart anew, each with the drawing that is called like it; returns
     how many have one. Numbers that were chosen stay."""
-    wanted, stored = drawings(ob), ob.anyface_mouth_chart
-    names = outputs.names_of(wanted)
-    guessed = mouth_chart.guess(wanted.kind, names)
-    if wanted.output == KEYS and names:
-        guessed.setdefault(mouth_chart.rest(wanted.kind), names[0])
+    chosen, stored = drawings(ob), ob.anyface_mouth_chart
+    names = outputs.names_of(chosen)
+    guessed = mouth_chart.guess(chosen.kind, names)
+    if chosen.output == KEYS and names:
+        guessed.setdefault(mouth_chart.rest(chosen.kind), names[0])
     stored.drawings.clear()
-    for mouth, number in wanted.numbers.items():
+    for mouth, number in chosen.numbers.items():
         row = stored.drawings.add()
         row.name, row.number, row.drawing = mouth, number, guessed.get(mouth, "")
     return len(guessed)
@@ -259,13 +259,13 @@ class ANYFACE_PT_mouth_chart(OfMorePanel, Panel):
 
 
 def _draw_list(column, ob) -> None:
-    stored, wanted = ob.anyface_mouth_chart, drawings(ob)
-    has_keys = wanted.output == KEYS and getattr(wanted.ob.data, "shape_keys", None) is not None
+    stored, chosen = ob.anyface_mouth_chart, drawings(ob)
+    has_keys = chosen.output == KEYS and getattr(chosen.ob.data, "shape_keys", None) is not None
     for row in stored.drawings:
         if stored.output in (NUMBER, PENCIL):
             column.prop(row, "number", text=row.name)
         elif has_keys:
-            keys = wanted.ob.data.shape_keys
+            keys = chosen.ob.data.shape_keys
             column.prop_search(row, "drawing", keys, "key_blocks", text=row.name)
         elif stored.output == OBJECTS and stored.collection is not None:
             shown = stored.collection, "all_objects"

@@ -37,7 +37,7 @@ class Acting(OfFace):
             copies.settle()
             return self.tell(self.act(self.face(context)))
         except BaseException as error:
-            return self.fail(_kept(plain(error)))
+            return self.fail(_save_details(plain(error)))
 
     def tell(self, text):
         """Says what was done, where there is something to say."""
@@ -143,9 +143,9 @@ class InThread(Alone):
             snapshot = self.read(context, self._here())
             worked = snapshot.work(Progress())
             self._open_way_back()
-            told = self.finish(self._here(), snapshot, worked)
+            message = self.finish(self._here(), snapshot, worked)
             self._close_way_back(worked)
-            return self.tell(told)
+            return self.tell(message)
         except BaseException as error:
             return self._break(context, error, worked)
 
@@ -264,7 +264,7 @@ class InThread(Alone):
         with unharmed():
             if way_back is not None:
                 error = way_back.go(error, isinstance(raised, AnyfaceError))
-        error, ob = _kept(error), None
+        error, ob = _save_details(error), None
         with unharmed():
             ob = identity.with_number(self._number, self._name) if self._name else None
         try:
@@ -295,9 +295,9 @@ class InThread(Alone):
             redraw(context)
 
 
-def _kept(error: AnyfaceError) -> AnyfaceError:
+def _save_details(error: AnyfaceError) -> AnyfaceError:
     with unharmed():
-        return details.kept(error)
+        return details.save(error)
     return error
 
 

@@ -24,8 +24,8 @@ class ANYFACE_PT_output(OfFacePanel, Panel):
         layout, ob = self.layout, target(context)
         layout.use_property_split = True
         layout.use_property_decorate = False
-        asked = output_properties.read(ob)
-        reason = _draw_modes(layout, ob, asked)
+        settings = output_properties.read(ob)
+        reason = _draw_modes(layout, ob, settings)
         outputs.of(ob.anyface.mode).draw(layout, ob)
         if outputs.of(ob.anyface.mode).has_curves:
             layout.prop(ob.anyface, "curves")
@@ -41,14 +41,14 @@ class ANYFACE_PT_output(OfFacePanel, Panel):
         if adjust.has_take(ob) and not running.is_running():
             _draw_sliders(layout, ob)
         scene = sequencer_scene(context)
-        text = estimate.describe(ob, scene, audio.seconds(ob, scene), ob.anyface, asked)
+        text = estimate.describe(ob, scene, audio.seconds(ob, scene), ob.anyface, settings)
         _draw_words(layout, text, context.region.width)
         layout.operator("anyface.export", text="Export Talking Head…", icon="EXPORT")
 
 
-def _draw_modes(layout, ob, asked) -> str:
+def _draw_modes(layout, ob, settings) -> str:
     """A button for each output, grey where it cannot work; why the chosen one cannot."""
-    reasons = {output.name: output.why_not(ob, asked) for output in outputs.ALL}
+    reasons = {output.name: output.why_not(ob, settings) for output in outputs.ALL}
     column = layout.column(align=True)
     # Split, the names would stand beside empty buttons.
     column.use_property_split = False

@@ -39,7 +39,7 @@ class ANYFACE_PT_performance(OfFacePanel, Panel):
             layout.prop(settings, "system")
         layout.prop(settings, "emotion_source")
         if systems.by_name(settings.system).hears_emotion:
-            audio.draw_felt(layout, target(context), sequencer_scene(context))
+            audio.draw_emotion_strip(layout, target(context), sequencer_scene(context))
             audio.draw_heat(layout, target(context))
         if systems.by_name(settings.system).starts_from_pose:
             layout.prop(settings, "starts_from_pose")

@@ -53,9 +53,9 @@ def _is(preset: presets.Preset, settings) -> bool:
     return bool(values) and all(_same(getattr(settings, name), values[name]) for name in values)
 
 
-def _same(held, value) -> bool:
+def _same(setting, value) -> bool:
     """To the rounding of a slider."""
-    return held == value if isinstance(value, str) else abs(held - value) < 1e-4
+    return setting == value if isinstance(value, str) else abs(setting - value) < 1e-4
 
 
 def apply(preset: presets.Preset, settings) -> None:
@@ -120,13 +120,13 @@ class ANYFACE_OT_preset_delete(Acting, Operator):
 
     def act(self, ob):
         """Deletes its file; shipped presets stay."""
-        own = {preset.name: preset for preset in presets.in_folder(own_folder())}
-        if self.name not in own:
-            known = ", ".join(own) or "none"
+        own_presets = {preset.name: preset for preset in presets.in_folder(own_folder())}
+        if self.name not in own_presets:
+            known = ", ".join(own_presets) or "none"
             raise AnyfaceError(
                 "input", f"preset: expected one of your own ({known}), got {self.name!r}"
             )
-        own[self.name].path.unlink(missing_ok=True)
+        own_presets[self.name].path.unlink(missing_ok=True)
         return f"preset {self.name} deleted"
 
 
@@ -186,9 +186,9 @@ class ANYFACE_MT_preset_delete(Menu):
 
     def draw(self, context):
         """Draws the artist's own presets."""
-        own = _own()
-        for preset in own:
+        own_presets = _own()
+        for preset in own_presets:
             entry = self.layout.operator("anyface.preset_delete", text=preset.name, icon="TRASH")
             entry.name = preset.name
-        if not own:
+        if not own_presets:
             self.layout.label(text="No presets of your own")

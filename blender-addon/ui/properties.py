@@ -274,8 +274,10 @@ def _of_library() -> dict:
         (system.name, system.label, system.help.rstrip("."), number)
         for number, system in enumerate(systems.known())
     ]
-    found = {"system": EnumProperty(name="System", items=items, options=set())} if items else {}
-    return found | {control.name: _of_control(control) for control in systems.controls()}
+    system_choice = (
+        {"system": EnumProperty(name="System", items=items, options=set())} if items else {}
+    )
+    return system_choice | {control.name: _of_control(control) for control in systems.controls()}
 
 
 def _of_control(control: systems.Control):

@@ -39,9 +39,9 @@ class ANYFACE_OT_add_sample_head(AddHead, Operator):
             self.add(context, sample_head.mesh(self.height))
             return {"FINISHED"}
         try:
-            made = characters.make(heads(), self.character)
-            ob = self.add(context, made_head.mesh(made, self.height))
-            characters.dress(ob, made, self.character, self.height)
+            head = characters.make(heads(), self.character)
+            ob = self.add(context, made_head.mesh(head, self.height))
+            characters.dress(ob, head, self.character, self.height)
         except BaseException as error:
             self.report({"ERROR"}, f"Anyface: {plain(error)}")
             return {"CANCELLED"}

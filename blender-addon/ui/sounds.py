@@ -91,8 +91,8 @@ class ANYFACE_OT_sounds_read(WithSound, WithFile, Operator):
         engine = running.engine(settings.system)
         source = bake.find_sound(scene, settings, engine)
         fps = scene.render.fps / scene.render.fps_base
-        found = engine.read_sounds(bpy.path.abspath(self.filepath), fps)
-        return f"{sounds.show(scene, source, found)} times the lips close"
+        closures = engine.read_sounds(bpy.path.abspath(self.filepath), fps)
+        return f"{sounds.show(scene, source, closures)} times the lips close"
 
 
 class ANYFACE_OT_redo(WithSound, InThread, Operator):
@@ -113,13 +113,13 @@ class ANYFACE_OT_redo(WithSound, InThread, Operator):
         settings = from_object(ob, scene)
         return redo.read(ob, scene, settings, running.engine(settings.system))
 
-    def finish(self, ob, wanted, made):
+    def finish(self, ob, job, result):
         """Writes the new frames at once."""
-        return at_once(self.land(ob, wanted, made))
+        return at_once(self.land(ob, job, result))
 
-    def land(self, ob, wanted, made):
+    def land(self, ob, job, result):
         """Writes the new frames."""
-        text = yield from redo.landing(ob, bpy.data.scenes[self._scene], wanted, made)
+        text = yield from redo.landing(ob, bpy.data.scenes[self._scene], job, result)
         ob.anyface.report, ob.anyface.report_is_error = text, False
         ob.anyface.report_details = ""
         return text

@@ -57,14 +57,14 @@ class ANYFACE_OT_sounds_write(WithSound, WithFile, Operator):
         settings = from_object(ob, scene)
         engine = running.engine(settings.system)
         source = bake.find_sound(scene, settings, engine)
-        found = sounds.read(scene, source)
-        if not found:
+        closures = sounds.read(scene, source)
+        if not closures:
             raise AnyfaceError("input", _NO_STRIPS)
         path = bpy.path.abspath(self._path())
         fps = scene.render.fps / scene.render.fps_base
-        ends_s = max(strips.duration_s(source) or 0.0, found[-1][1])
-        engine.write_sounds(path, sounds.apart(found), ends_s, fps)
-        return f"{len(found)} sounds in {Path(path).name}"
+        ends_s = max(strips.duration_s(source) or 0.0, closures[-1][1])
+        engine.write_sounds(path, sounds.apart(closures), ends_s, fps)
+        return f"{len(closures)} sounds in {Path(path).name}"
 
     def _path(self) -> str:
         """The path with the ending of its kind; one that names a kind itself keeps it."""

@@ -38,8 +38,8 @@ def _likeness(ob) -> tuple:
     known = len(key_names.guess([block.name for block in blocks])[1]) if blocks else 0
     name = ob.name.lower()
     word = next((-at for at, word in enumerate(_HEADS) if word in name), -len(_HEADS))
-    taken = outputs.has_take(ob), LANDMARKS_PROPERTY in ob, known >= _KNOWN_KEYS
-    return *taken, word, len(ob.data.vertices)
+    signs = outputs.has_take(ob), LANDMARKS_PROPERTY in ob, known >= _KNOWN_KEYS
+    return *signs, word, len(ob.data.vertices)
 
 
 class OfFace:

@@ -18,8 +18,8 @@ def of(ob, scene) -> str:
     """The text of the sound that a character speaks, or ""."""
     if ob is None or scene is None:
         return ""
-    found = scene.anyface.texts.get(_key(ob, scene))
-    return found.text.strip() if found is not None else ""
+    row = scene.anyface.texts.get(_key(ob, scene))
+    return row.text.strip() if row is not None else ""
 
 
 def get(_settings) -> str:
@@ -32,9 +32,9 @@ def put(_settings, text: str) -> None:
     ob, scene = target(bpy.context), sequencer_scene(bpy.context)
     if ob is None or scene is None:
         return
-    key, kept = _key(ob, scene), scene.anyface.texts
-    found = kept.get(key) or kept.add()
-    found.name, found.text = key, text
+    key, rows = _key(ob, scene), scene.anyface.texts
+    row = rows.get(key) or rows.add()
+    row.name, row.text = key, text
 
 
 def _key(ob, scene) -> str:
