@@ -86,15 +86,15 @@ def heard(addon, ob):
 
 def test_the_face_speaks_with_the_artist_and_nothing_stays(addon, room, listener):
     rest = now(listener)
-    seen = []
+    shapes = []
     for _ in range(8):
         room.speak(0.1)
-        seen.append(heard(addon, listener))
-    assert max(np.abs(points - rest).max() for points in seen) > 0.002
-    assert np.array_equal(heard(addon, listener), seen[-1]), "nothing more was heard"
+        shapes.append(heard(addon, listener))
+    assert max(np.abs(points - rest).max() for points in shapes) > 0.002
+    assert np.array_equal(heard(addon, listener), shapes[-1]), "nothing more was heard"
     listener.anyface.emotion, listener.anyface.intensity = "happy", 1.0
     room.speak(1.0)
-    assert np.abs(heard(addon, listener) - seen[-1]).max() > 0.003
+    assert np.abs(heard(addon, listener) - shapes[-1]).max() > 0.003
     assert room.open == 1
     assert bpy.ops.anyface.listen() == {"FINISHED"}
     assert room.open == 0 and listener.data.shape_keys is None

@@ -175,9 +175,9 @@ def test_a_linked_face_offers_to_become_local(addon, tmp_path):
     path = str(tmp_path / "library.blend")
     bpy.data.libraries.write(path, {bpy.data.objects["Linked"]})
     bpy.ops.wm.read_homefile(use_empty=True, use_factory_startup=True)
-    with bpy.data.libraries.load(path, link=True) as (_, wanted):
-        wanted.objects = ["Linked"]
-    (ob,) = wanted.objects
+    with bpy.data.libraries.load(path, link=True) as (_, names):
+        names.objects = ["Linked"]
+    (ob,) = names.objects
     bpy.context.scene.collection.objects.link(ob)
     bpy.context.view_layer.objects.active = ob
     assert offered(addon, ob) == ["Make Local"]
