@@ -1,14 +1,14 @@
 """Text strips and timeline markers that are events.
 
-Of a strip the text is the expression, the place the slot, the opacity the strength. It belongs to
-the characters that name its channel; where the name of one of them stands in its own, to that one
-alone. Those of *Add at Playhead* are muted, for Blender would render them over the picture; muted
-strips act all the same.
+The text of a strip is the expression, its place the time slot, its opacity the strength. The strip
+belongs to every character that listens to its channel. If its name contains the name of one of
+them, it belongs to that one alone. *Add at Playhead* mutes its strips, since Blender would render
+them over the picture; muted strips act all the same.
 
-Of a marker the name is the expression, with `:0.5` behind it the strength; it begins where it
-stands, and lasts as long as the character's settings say, or until a marker that is named `end`, or
-`end` and the same expression. It belongs to the characters that listen to markers, or to the one
-that it names.
+The name of a marker is the expression; `:0.5` behind it is the strength. The event begins at the
+marker. It lasts as long as the character's settings say, or until a marker named `end`, or `end`
+and the same expression. It belongs to the characters that listen to markers, or to the one that it
+names.
 """
 
 import re
@@ -24,7 +24,7 @@ from ..core.events import Event, Expression
 from .animation import curves
 from .sound import sequencer, sounds, strips
 
-# Steps in which an opacity that changes over time is followed.
+# The step in which an opacity that changes over time is sampled.
 _STEP = 0.05
 # How long a new event is, seconds.
 LENGTH_S = 0.8
@@ -32,9 +32,9 @@ LENGTH_S = 0.8
 
 @dataclass
 class Row:
-    """A strip, or a marker without one, as the panel lists it, from `first` up to `last`.
+    """A strip or a marker as the panel lists it, from frame `first` up to `last`.
 
-    `wrong` says in words why it does nothing, or not all.
+    `wrong` says why it does nothing, or not all. A marker has no `strip`.
     """
 
     name: str
@@ -47,16 +47,16 @@ class Row:
 
 @dataclass
 class CharacterEvents:
-    """The events of a character, and what is to be said of strips that are none."""
+    """The events of a character, and notes about strips and markers that are none."""
 
     events: list[Event] = field(default_factory=list)
     notes: list[str] = field(default_factory=list)
 
 
 def strips_of(scene, channel: int, ob=None) -> list:
-    """The text strips of a channel, first to last; those that show sounds are left out.
+    """The text strips of a channel, first to last, without those that show sounds.
 
-    With `ob` those that name another character of this channel are left out too.
+    With `ob` it leaves out those that name another character of this channel.
     """
     faces, every = others(scene, channel), sequencer.all_strips(scene) if channel else []
     text_strips = [
@@ -70,8 +70,8 @@ def strips_of(scene, channel: int, ob=None) -> list:
 def marked(scene, ob, settings, models: Path | None = None) -> list[Row]:
     """Each marker that may be an event of `ob`; none where it does not listen to markers.
 
-    `settings` has `event_markers` and `marker_s`, `models` is the folder of the models. Markers
-    that bind a camera and those that still have the name that Blender gave them say nothing.
+    `settings` has `event_markers` and `marker_s`; `models` is the folder of the models. Markers
+    that bind a camera, and those that still have the name that Blender gave them, do not count.
     """
     if not settings.event_markers:
         return []
@@ -100,7 +100,7 @@ def _says_something(marker) -> bool:
 
 
 def others(scene, channel: int) -> list:
-    """The characters whose events lie in a channel."""
+    """The characters that listen to a channel."""
     meshes = _meshes(scene)
     return [ob for ob in meshes if channel and ob.anyface_audio.event_channel == channel]
 
@@ -116,10 +116,11 @@ def rows(
     when: tuple[float, float | None] | None = None,
     models: Path | None = None,
 ) -> list[Row]:
-    """Each strip and marker that is `ob`'s, first to last, with what is understood of it.
+    """Each strip and marker that belongs to `ob`, first to last, and how it is understood.
 
-    `settings` has `event_channel`, `event_markers` and `marker_s`; `when` is the frame at which the
-    sound begins, and its seconds where they are known; `models` the folder of the models.
+    `settings` has `event_channel`, `event_markers` and `marker_s`. `when` is the frame at which the
+    sound begins, and its length in seconds where that is known. `models` is the folder of the
+    models.
     """
     event_rows = [
         Row(strip.name, events.expression(strip.text, models), *sequencer.ends(strip), strip=strip)
@@ -141,9 +142,9 @@ def read(
     duration_s: float | None,
     models: Path | None = None,
 ) -> CharacterEvents:
-    """The events of a character for a system that takes them; none for others.
+    """The events of a character, for a system that takes them; none for other systems.
 
-    Strips and markers that say nothing, or lie outside the sound, are named and left out.
+    Strips and markers that mean nothing, or lie outside the sound, are left out with a note.
     """
     result = CharacterEvents()
     if not systems.by_name(settings.system).takes_events:
@@ -169,8 +170,11 @@ def read(
 
 
 def add(scene, ob, channel: int, text: str, frame: int, strength: float = 1.0):
-    """A new strip of `ob` at `frame`, which ends where the next one of its channel begins; it names
-    the character where others have the same channel. Returns it."""
+    """Adds a strip of `ob` at `frame` that ends where the next one of its channel begins; returns
+    it.
+
+    Its name contains the character's where other characters listen to the same channel.
+    """
     fps = scene.render.fps / scene.render.fps_base
     last = frame + max(1, round(LENGTH_S * fps))
     behind = [sequencer.ends(strip)[0] for strip in _in_channel(scene, channel)]
@@ -189,7 +193,7 @@ def is_free(scene, channel: int, frame: int) -> bool:
 
 
 def free_channel(scene) -> int:
-    """The first channel above everything that is there."""
+    """The first channel above all strips."""
     return 1 + max((strip.channel for strip in sequencer.all_strips(scene)), default=0)
 
 
@@ -198,7 +202,7 @@ def _in_channel(scene, channel: int) -> list:
 
 
 def _slot(scene, row: Row, start_frame: float, duration_s: float | None):
-    """The frames of a strip or marker that lie in the sound; None where none does."""
+    """The frames of a strip or marker that lie in the sound; None where it lies outside."""
     fps = scene.render.fps / scene.render.fps_base
     ends = np.inf if duration_s is None else start_frame + duration_s * fps
     first, last = max(row.first, start_frame), min(row.last, ends)
@@ -206,7 +210,10 @@ def _slot(scene, row: Row, start_frame: float, duration_s: float | None):
 
 
 def _pieces(scene, row: Row, slot, start_frame: float) -> list[tuple[float, float, float]]:
-    """Start and end in seconds, and opacity: one piece, or as many as the opacity has steps."""
+    """Start and end in seconds, and opacity, of each piece of an event.
+
+    A constant opacity makes one piece, and an animated one a piece for each step.
+    """
     fps = scene.render.fps / scene.render.fps_base
     first, last = slot
     seconds = [(at - start_frame) / fps for at in (first, last)]
@@ -228,6 +235,6 @@ def _pieces(scene, row: Row, slot, start_frame: float) -> list[tuple[float, floa
 
 
 def _opacity_curve(scene, strip):
-    """The keyframes of a strip's opacity, which lie in the scene's action, or None."""
+    """The curve of a strip's opacity, which lies in the scene's action, or None."""
     path = f"{strip.path_from_id()}.blend_alpha"
     return curves.find(scene.animation_data, path)

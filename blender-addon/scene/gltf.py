@@ -1,9 +1,10 @@
-"""Weights within 0 and 1 while a glTF file is written: importers and engines clamp others.
+"""Keeps weights within 0 and 1 while a glTF file is written, since importers and engines clamp
+others.
 
-`Σ w v` with `w` from `m` to `M` equals `Σ (w - m)/(M - m) · (M - m) v + Σ m v`: the last sum is one
-shape more, which stays at 1. In Blender a take keeps weights of both signs: most of them are 0 in a
-frame, which costs nothing. Its glTF exporter calls `before_export` and `after_export` by the names
-that `__init__` gives them.
+`Σ w v` with `w` from `m` to `M` equals `Σ (w - m)/(M - m) · (M - m) v + Σ m v`. The last sum is one
+more shape, which stays at 1. In Blender a take keeps weights of both signs: most of them are 0 in a
+frame, which costs nothing. Blender's glTF exporter calls `before_export` and `after_export` by the
+names that `__init__` gives them.
 """
 
 import uuid
@@ -20,14 +21,17 @@ from .shape_keys import guard, record
 from .takes import nla, take_list
 
 STANDING = "Anyface.standing"
-# Marks shape keys that are changed, with the number of the change.
+# Marks shape keys that were changed, with the id of the change.
 _MARK = "anyface_one_sided"
 
 
 @dataclass
 class _Changed:
-    """What one mesh had before: positions, slider ranges, values and vertex groups of keys by name,
-    keyframes of curves by take and data path."""
+    """The state of one mesh before the export.
+
+    It holds positions, slider ranges, values and vertex groups of keys by name, and keyframes of
+    curves by take and data path.
+    """
 
     name: str
     mark: str = field(default_factory=lambda: uuid.uuid4().hex)
@@ -40,7 +44,7 @@ _changed: list[_Changed] = []
 
 
 def before_export(_settings) -> None:
-    """Rewrites all basis takes that have negative weights; they move as before."""
+    """Rewrites all basis takes that have negative weights; their motion stays the same."""
     after_export(_settings)
     mesh_names = set()
     for ob in bpy.data.objects:
@@ -54,7 +58,7 @@ def before_export(_settings) -> None:
 
 
 def after_export(_settings) -> None:
-    """Puts back what `before_export` has changed; also what an export that failed has left."""
+    """Undoes what `before_export` has changed, also after an export that failed."""
     while _changed:
         changed = _changed.pop()
         ob = bpy.data.objects.get(changed.name)
@@ -83,7 +87,7 @@ def _rewrite_take(ob, take_record, changed: _Changed) -> None:
             continue
         before = {name: curves.places(curve, name) for name in curves.KEY_VECTORS}
         low = min(0.0, *(values[1::2].min() for values in before.values()))
-        # The exporter knows no vertex groups of keys.
+        # The exporter ignores vertex groups of keys.
         if low == 0.0 and not block.vertex_group:
             continue
         high = max(0.0, *(values[1::2].max() for values in before.values()))
@@ -99,15 +103,18 @@ def _rewrite_take(ob, take_record, changed: _Changed) -> None:
 
 
 def _within_one(pairs: np.ndarray, low: float, high: float) -> np.ndarray:
-    """Places `[2T]` (frame, value, frame, …) with values from `low` to `high` as from 0 to 1."""
+    """Coordinates `[2T]` (frame, value, frame, …) with values from `low` to `high` scaled to 0 to
+    1."""
     pairs = pairs.copy()
     pairs[1::2] = (pairs[1::2] - low) / (high - low)
     return pairs
 
 
 def _scale(ob, block, factor: float, changed: _Changed) -> np.ndarray:
-    """Makes a key move `factor` times as far, where its vertex group lets it; returns its
-    displacements `[V, 3]` before."""
+    """Multiplies the motion of a key by `factor`, and applies its vertex group to it.
+
+    Returns its displacements `[V, 3]` before.
+    """
     positions, at_rest = read_key(block), read_key(block.relative_key)
     limits = block.slider_min, block.slider_max, block.value
     changed.keys[block.name] = (positions, *limits, block.vertex_group)
@@ -118,7 +125,8 @@ def _scale(ob, block, factor: float, changed: _Changed) -> np.ndarray:
 
 
 def _add_standing(ob, bag, vector: np.ndarray, span: np.ndarray) -> str:
-    """A key of the displacements `vector` `[V, 3]` that stays at 1 through the take; its name."""
+    """Adds a key of the displacements `vector` `[V, 3]` that stays at 1 through the take; returns
+    its name."""
     block = add_key(ob, STANDING, read_basis(ob.data) + vector)
     curves.write(bag, curves.value_path(block.name), span, np.ones(2), constant=True)
     return block.name

@@ -1,7 +1,7 @@
-"""Weights within 0 and 1 in a USD file as well: importers clamp others.
+"""Keeps weights within 0 and 1 in a USD file, since importers clamp others.
 
-Blender calls `on_export` once the stage stands and before it is saved. The sum of `gltf` holds here
-too; what is rewritten is the file alone, nothing of the scene.
+Blender calls `on_export` when the stage is complete, before it is saved. The sum in `gltf` holds
+here too. Only the file is rewritten, nothing in the scene.
 """
 
 import importlib.util
@@ -19,7 +19,7 @@ _TARGETS, _OF_MESH = "skel:blendShapeTargets", "skel:blendShapes"
 
 
 def rewrite(stage) -> None:
-    """Rewrites the weights of basis takes that go below 0 in all animations of a stage."""
+    """Rewrites the weights of basis takes below 0 in all animations of a stage."""
     from pxr import Usd
 
     ours = _keys_of_takes()
@@ -33,7 +33,7 @@ def rewrite(stage) -> None:
 
 
 def _keys_of_takes() -> dict[str, list[tuple]]:
-    """Objects and keys of all basis takes, by the names that keys have in a file."""
+    """Objects and keys of all basis takes, by the names that the keys have in a file."""
     from pxr import Tf
 
     by_name = {}
@@ -80,7 +80,7 @@ def _standing() -> str:
 
 
 def _rewrite_mesh(mesh, changed: dict, ours: dict) -> bool:
-    """Scales the shapes of one mesh, and adds the one that stands; False where it has none."""
+    """Scales the shapes of one mesh, and adds the one that stays at 1; False where none changes."""
     from pxr import Gf, UsdSkel, Vt
 
     tokens = list(mesh.GetAttribute(_OF_MESH).Get() or ())
@@ -117,7 +117,7 @@ def _rewrite_mesh(mesh, changed: dict, ours: dict) -> bool:
 
 
 def _mask(blocks: list[tuple], count: int, path) -> np.ndarray:
-    """How far a key acts at each vertex, `[V, 1]`: the file knows no vertex groups of keys."""
+    """How strongly a key acts at each vertex, `[V, 1]`: the file has no vertex groups of keys."""
     from pxr import Tf
 
     of_mesh = [pair for pair in blocks if len(pair[0].data.vertices) == count]
@@ -129,13 +129,13 @@ def _mask(blocks: list[tuple], count: int, path) -> np.ndarray:
 
 
 def _hook():
-    """What Blender calls, or None where this Blender has no USD that Python reaches."""
+    """The class that Blender calls, or None where Python cannot use Blender's USD."""
     if not hasattr(bpy.types, "USDHook"):
         return None
-    # Where Blender is a Python module its USD has to be asked for.
+    # Blender as a Python module exposes its USD only on request.
     if getattr(bpy.app, "module", False) and hasattr(bpy.utils, "expose_bundled_modules"):
         bpy.utils.expose_bundled_modules()
-    # Without it Blender would end at the first export.
+    # Without `pxr` Blender would crash at the first export.
     if importlib.util.find_spec("pxr") is None:
         return None
 
@@ -158,7 +158,7 @@ _registered = []
 
 
 def register() -> None:
-    """Has exports to USD call it."""
+    """Registers the hook for exports to USD."""
     hook = _hook()
     if hook is not None:
         bpy.utils.register_class(hook)
@@ -166,6 +166,6 @@ def register() -> None:
 
 
 def unregister() -> None:
-    """Lets them be."""
+    """Removes the hook."""
     while _registered:
         bpy.utils.unregister_class(_registered.pop())

@@ -1,4 +1,4 @@
-"""Curves of a take with few keys: handles, and what changes of such a curve."""
+"""Curves of a take with few keys: their handles, and how such a curve is changed."""
 
 import numpy as np
 
@@ -9,7 +9,7 @@ _BEZIER = 2
 _FREE, _ALIGNED = 0, 3
 _VECTORS = ("co", "handle_left", "handle_right")
 _KINDS = ("interpolation", "easing", "handle_left_type", "handle_right_type")
-# Frames nearer to a key than this are at it.
+# A frame that lies closer to a key than this is at the key.
 _AT = 1e-3
 
 
@@ -26,8 +26,11 @@ def bend(curve, slopes: np.ndarray) -> None:
 
 
 def eased(at: np.ndarray, values: np.ndarray, slopes: np.ndarray, lead: int) -> np.ndarray:
-    """Slopes `[N, 2]` before and behind keys `[N]` of a take, whose last is at rest, and its first
-    where `lead` is 1: it comes out of rest and goes back without swinging beyond it."""
+    """Slopes `[N, 2]` before and behind the keys `[N]` of a take.
+
+    The last key is at rest, and so is the first where `lead` is 1. The curve leaves rest and
+    returns to it without overshooting.
+    """
     both = np.column_stack([slopes, slopes])
     if len(at) > 2:
         for key, side, other in ((1, 0, 0), (-2, 1, -1))[1 - lead :]:
@@ -38,14 +41,15 @@ def eased(at: np.ndarray, values: np.ndarray, slopes: np.ndarray, lead: int) -> 
 
 
 def sample(curve, frames: np.ndarray) -> np.ndarray:
-    """What a curve is at frames `[T]`."""
+    """The values of a curve at frames `[T]`."""
     return np.array([curve.evaluate(float(frame)) for frame in frames])
 
 
 def change(curve, factor: float, moved: float, more=None) -> tuple[float, float]:
-    """Scales a curve, adds `more` (values at frames `[T]`, before they move), moves it in time.
+    """Scales a curve, adds `more` to it, and moves it in time.
 
-    The keys stay where they are on it. Returns the lowest and the highest value.
+    `more` holds frames `[T]`, before they move, and the values to add at them. No key is added or
+    removed. Returns the lowest and the highest value.
     """
     vectors = {name: _pairs(curve, name) for name in _VECTORS}
     at = vectors["co"][:, 0].copy()
@@ -65,8 +69,10 @@ def change(curve, factor: float, moved: float, more=None) -> tuple[float, float]
 
 
 def _slopes(at, inside, frames, changes) -> np.ndarray:
-    """The slopes of handles with which keys at `at` `[N]` come nearest to changes `[T]` at frames:
-    least squares over all segments."""
+    """The slopes of handles with which a curve through keys at `at` `[N]` fits changes `[T]` best.
+
+    It solves least squares over all segments.
+    """
     keys = np.flatnonzero(inside)
     slopes = np.zeros(len(at))
     if len(keys) < 2:
@@ -94,7 +100,7 @@ def _slopes(at, inside, frames, changes) -> np.ndarray:
 
 
 def _parameter(share: np.ndarray) -> np.ndarray:
-    """The parameter at which a segment has gone a share of its frames (Newton)."""
+    """The Bézier parameter at which a segment has covered a share of its frames (Newton)."""
     t = share.copy()
     for _ in range(8):
         u = 1.0 - t
@@ -165,9 +171,11 @@ def splice(curve, at: np.ndarray, new: np.ndarray, stretch, few_keys) -> bool:
 
 
 def _cut(vectors, frame: float):
-    """The four inner handles `[4, 2]` of the segment around a frame when it is cut there (de
-    Casteljau): of its beginning, of the cut on both sides, of its end. At a key those around it;
-    None where no segment is."""
+    """The four inner handles `[4, 2]` that the segment around a frame has once it is cut there.
+
+    They belong to its beginning, to both sides of the cut, and to its end (de Casteljau). At a key
+    they are the handles around the key. None where there is no segment.
+    """
     vectors = {name: pairs.astype(np.float64) for name, pairs in vectors.items()}
     frames = vectors["co"][:, 0]
     number = int(np.abs(frames - frame).argmin())
@@ -192,7 +200,7 @@ def _cut(vectors, frame: float):
 
 
 def _handles(points: np.ndarray, slopes: np.ndarray) -> dict[str, np.ndarray]:
-    """Places `[N, 2]` of keys and their handles."""
+    """The positions `[N, 2]` of keys, and those of their handles."""
     gaps = np.diff(points[:, 0])
     ends = gaps[:1] if len(gaps) else np.ones(1)
     before = REACH * np.concatenate([ends, gaps])

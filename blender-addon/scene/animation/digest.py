@@ -1,4 +1,4 @@
-"""Digests of a mesh and an action, to see whether anyone has changed a copy of ours since."""
+"""Digests of a mesh and an action. They show whether anyone has changed a copy of ours."""
 
 import hashlib
 

@@ -5,13 +5,14 @@ import numpy as np
 
 from . import curves
 
-# Samples a tenth of a second apart follow every change that a face can follow.
+# A face cannot show faster changes than samples a tenth of a second apart do.
 STEP_S = 0.1
 _PREFIX = "anyface."
 
 
 def animated(ob, names) -> list[str]:
-    """Those of `names`, properties of `ob.anyface` and its rows, that have a curve or a driver."""
+    """Those of `names` that have a curve or a driver; they are properties of `ob.anyface` and its
+    rows."""
     return [name for name in names if is_keyed(ob, name) or needs_scene(ob, name)]
 
 
@@ -21,7 +22,7 @@ def is_keyed(ob, name: str) -> bool:
 
 
 def needs_scene(ob, name: str) -> bool:
-    """True where only Blender itself can say its value: a driver, or a strip of the NLA."""
+    """True where only Blender itself can evaluate the property: for a driver or an NLA strip."""
     animation = ob.animation_data
     if animation is None:
         return False
@@ -35,9 +36,9 @@ def needs_scene(ob, name: str) -> bool:
 
 
 def times(ob, names, start_frame: float, scene_fps: float, duration_s: float | None) -> np.ndarray:
-    """Seconds from `start_frame` at which values are to be read, `[N]`.
+    """Seconds from `start_frame` at which to read values, `[N]`.
 
-    They reach to the last keyframe, and where a driver has to be followed to `duration_s`.
+    They reach to the last keyframe, or to `duration_s` where a driver is among them.
     """
     fcurves = [curves.find(ob.animation_data, _PREFIX + name) for name in names]
     last_frame = max((c.range()[1] for c in fcurves if c is not None), default=start_frame)
@@ -60,7 +61,7 @@ def values(ob, scene, names, frames: np.ndarray) -> dict[str, np.ndarray]:
 
 
 def _by_stepping(ob, scene, names, frames) -> dict[str, np.ndarray]:
-    """Goes through the scene and comes back to the frame that was shown."""
+    """Steps through the scene frame by frame, then returns to the frame that was shown."""
     before = scene.frame_current, scene.frame_subframe
     rows = []
     try:

@@ -1,4 +1,4 @@
-"""A head made from numbers, as an object whose face is known."""
+"""A head made from a recipe, as an object whose landmarks are known."""
 
 from dataclasses import dataclass
 
@@ -31,21 +31,26 @@ def mesh(head: MadeHead, height: float):
 
 
 def polygons(faces: np.ndarray) -> list[list[int]]:
-    """Faces `[F, 4]` as Blender takes them: the last corner of a triangle comes twice."""
+    """Faces `[F, 4]` as Blender takes them: a triangle has its last corner twice."""
     return [face[:3] if face[2] == face[3] else face for face in faces.tolist()]
 
 
 @dataclass
 class Likeness:
-    """A snapshot for a head that is like a face; `work` needs nothing of Blender: any thread may
-    run it."""
+    """A snapshot for making a head that resembles a face.
+
+    `work` needs no Blender data, so any thread may run it.
+    """
 
     face: FaceMesh
     engine: object
 
     def work(self, progress: Progress) -> tuple[MadeHead, float, float]:
-        """The head, the mesh's distance from it in millimetres, and the height of the head's box in
-        the scene's units; raises `AnyfaceError`."""
+        """The head, its distance from the mesh in millimetres, and the height of its box in scene
+        units.
+
+        Raises `AnyfaceError`.
+        """
         face_arrays = self.face.space.seen(self.face)
         with finding.naming(self.face):
             head, far, metres = self.engine.head_like(*face_arrays, progress)
@@ -53,10 +58,10 @@ class Likeness:
 
 
 def beside(ob, head: MadeHead, height: float):
-    """A new object of the head at the subject's left of `ob`, which stays as it is."""
+    """A new object of the head beside `ob`, at the subject's left; `ob` stays as it is."""
     data = mesh(head, height)
     new = bpy.data.objects.new(NAME, data)
-    # Collections of a linked file take nothing.
+    # Objects cannot be added to collections of a linked file.
     collections = [collection for collection in ob.users_collection if collection.library is None]
     for collection in collections or [bpy.context.scene.collection]:
         collection.objects.link(new)
@@ -71,7 +76,7 @@ def beside(ob, head: MadeHead, height: float):
 
 
 def keep_landmarks(ob, head: MadeHead) -> None:
-    """Stores the landmarks on the object: none need be searched."""
+    """Stores the landmarks on the object, so that no search is needed."""
     points = np.empty(len(ob.data.vertices) * 3, dtype=np.float32)
     ob.data.vertices.foreach_get("co", points)
     vertices = head.landmark_vertices

@@ -37,7 +37,7 @@ def points_and_triangles(height: float) -> tuple[np.ndarray, np.ndarray]:
 
 
 def smooth_mesh(name: str, points: np.ndarray, faces: list[list[int]], materials, numbers):
-    """A new mesh of points `[V, 3]` and faces, whose materials are `numbers`."""
+    """A new smooth mesh of points `[V, 3]` and faces; `numbers` are the materials of its faces."""
     data = bpy.data.meshes.new(name)
     data.from_pydata(points.tolist(), [], faces)
     for material in materials:
@@ -49,10 +49,10 @@ def smooth_mesh(name: str, points: np.ndarray, faces: list[list[int]], materials
 
 
 def standing(points: np.ndarray, height: float, head: np.ndarray | None = None) -> np.ndarray:
-    """Points `[V, 3]` of the file (+y up, +z out of the face) upright in Blender.
+    """Points `[V, 3]` of the file (+y up, +z out of the face), upright in Blender.
 
-    They are all of the head, or lie on it where `head` `[W, 3]` is; its box is `height` tall and
-    centred on the origin.
+    The box of the head is scaled to `height` and centred on the origin. `head` `[W, 3]` are the
+    points of the whole head where `points` are only a part of it.
     """
     whole = _turned(points if head is None else head)
     low, high = whole.min(axis=0), whole.max(axis=0)
@@ -64,7 +64,8 @@ def _turned(points: np.ndarray) -> np.ndarray:
 
 
 def materials(name: str, words: tuple[str, ...]) -> list:
-    """Materials of a head by name, in the colours of the sample head; what it lacks is hair."""
+    """Materials of a head by name, in the colours of the sample head; other names get hair
+    colour."""
     with np.load(PACKED) as packed:
         colours = dict(zip(packed["names"].tolist(), packed["colours"], strict=True))
     colours["sockets"] = colours["mouth"]

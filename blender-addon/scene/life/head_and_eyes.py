@@ -1,4 +1,4 @@
-"""Head and eyes of a take: which objects or bones they turn. Nothing of it is in the skin."""
+"""Head and eyes of a take: the objects or bones that it turns. The skin does not move with them."""
 
 import bpy
 import numpy as np
@@ -11,18 +11,19 @@ from ..animation import curves
 from ..face import mesh, pieces
 from . import turning, turns
 
-# No eye turns farther than this, radians: yaw and pitch.
+# The largest yaw and pitch of an eye, radians.
 _MOST = np.radians([45.0, 35.0])
 # Eyes of the library, right one first: canonical metres.
 _EYES = np.array([[-0.032, 0.046, 0.071], [0.032, 0.046, 0.071]])
-# Frames of the scene that are looked at before the interface is asked again.
+# Frames of the scene to visit before the interface gets a turn.
 _FEW = 4
-# An object whose middle lies nearer to the face's than this holds both eyes, canonical metres.
+# An object whose centre lies closer to the middle of the face than this holds both eyes, canonical
+# metres.
 _BOTH_M = 0.01
 
 
 def check(ob, settings) -> None:
-    """Raises `AnyfaceError` in words where head or eyes have nowhere to go."""
+    """Raises `AnyfaceError` with a message where head or eyes have no object to turn."""
     life_settings = settings.life
     if not life_settings.use:
         return
@@ -35,15 +36,15 @@ def check(ob, settings) -> None:
             _bone(life_settings.eye_armature, name)
     if life_settings.look_at:
         _object(life_settings.look_at, "the eyes look at")
-    # What cannot be turned says so before anything is made.
+    # An object that cannot be turned raises here, before the take is made.
     still = Life(np.zeros((1, 3)), np.zeros((1, 2, 2)), np.eye(3, 4))
     _turned(ob, still, settings, np.arange(3.0))
 
 
 def look(take: Take, settings, start_frame: float, scene_fps: float):
-    """Notes where the eyes look in each frame of a take, yielding between frames of the scene.
+    """Stores in `take` where the eyes look in each frame; yields between frames of the scene.
 
-    At each yield the scene stands at the frame of the artist's again.
+    At each yield the scene is back at the artist's frame.
     """
     life_settings = settings.life
     if (
@@ -58,9 +59,10 @@ def look(take: Take, settings, start_frame: float, scene_fps: float):
 
 
 def writing(ob, take: Take, settings, start_frame: float, scene_fps: float):
-    """Turns what `settings` names with `take`; what an earlier one turns is let go first.
+    """Turns the objects that `settings` name with `take`, and first releases those of an earlier
+    take.
 
-    Yields between objects; returns what was done, in words.
+    Yields between objects; returns notes for the report.
     """
     turns.release(ob)
     life_settings = settings.life
@@ -79,8 +81,11 @@ def writing(ob, take: Take, settings, start_frame: float, scene_fps: float):
 
 
 def redo(ob, life: Life, settings, at: np.ndarray, splice) -> None:
-    """Hands the curves of head and eyes, and what they would be at scene frames `at` `[n]`, to
-    `splice(curve, at, values)`; those in an action on nobody stay."""
+    """Calls `splice(curve, at, values)` for the curves of head and eyes, with new values at scene
+    frames `at` `[n]`.
+
+    Curves in an action that no object plays stay.
+    """
     if not settings.life.use:
         return
     padded = np.concatenate([at[:1], at, at[-1:]])
@@ -94,7 +99,7 @@ def redo(ob, life: Life, settings, at: np.ndarray, splice) -> None:
 
 
 def _turned(ob, life: Life, settings, at) -> dict:
-    """The channels of each object that turns."""
+    """The channels by each object that turns."""
     life_settings, by_object = settings.life, {}
     axes = _axes(life)
     if life_settings.head in ("OBJECT", "BONE"):
@@ -143,7 +148,8 @@ def _canonical(life: Life, points: np.ndarray) -> np.ndarray:
 
 
 def _points(name: str, life: Life, at: np.ndarray):
-    """Where an object is at scene frames `[T]`, canonical frame `[T, 3]`; yields between frames."""
+    """Where an object is at scene frames `[T]`, `[T, 3]` in the canonical frame; yields between
+    frames."""
     other = _object(name, "the eyes look at")
     rests = other.animation_data is None and other.parent is None and not len(other.constraints)
     if rests:
@@ -181,7 +187,7 @@ def _eyes(ob, life: Life, settings) -> tuple[list, list]:
 
 
 def _alone(ob, life: Life, at):
-    """The head's rotation in an action of its own, which any object may be given."""
+    """The head's rotation in an action of its own, which any object can play."""
     action, bag = curves.new_action(f"{ob.name} Head", "OBJECT")
     action.use_fake_user = True
     vectors = curves.from_rest(life.head, at) @ _axes(life).T

@@ -1,7 +1,7 @@
-"""Rotation over time of an object or a bone, relative to how it stands.
+"""Rotation over time of an object or a bone, relative to its present rotation.
 
-An object turns by its delta rotation, so that its own rotation, and keyframes on that, stay the
-artist's. A bone has no such thing: its rotation itself is animated, where nobody else does that.
+An object turns by its delta rotation, so its own rotation and keyframes on that stay the artist's.
+A bone has no delta rotation: its rotation itself is animated, where nobody else animates it.
 """
 
 from dataclasses import dataclass, field
@@ -28,9 +28,9 @@ class Channel:
 def of_object(ob, vectors: np.ndarray, mine: set[str], centre=None) -> list[Channel]:
     """The channels that turn `ob` by rotation vectors `[T, 3]` about the world's axes.
 
-    Curves on the data paths `mine` may be there. It turns about its origin, or about `centre` `[3]`
-    in the world where that lies elsewhere. Raises `AnyfaceError("mesh")` where it cannot be turned
-    in this way.
+    Curves on the data paths `mine` may exist already. `ob` turns about its origin, or about
+    `centre` `[3]` in the world where that is set. Raises `AnyfaceError("mesh")` where it cannot be
+    turned in this way.
     """
     parent = np.array(ob.matrix_world) @ _inverse(ob.matrix_basis, ob.name)
     turns = turn.of_vectors(vectors @ _rotation(parent, ob.name))
@@ -52,7 +52,7 @@ def of_object(ob, vectors: np.ndarray, mine: set[str], centre=None) -> list[Chan
 def of_bone(armature, name: str, vectors: np.ndarray, mine: set[str]) -> Channel:
     """The channel that turns a pose bone by rotation vectors `[T, 3]` about the world's axes.
 
-    Raises `AnyfaceError("mesh")` for a bone that is not there, or whose rotation has keyframes.
+    Raises `AnyfaceError("mesh")` for a bone that does not exist, or whose rotation has keyframes.
     """
     bone = armature.pose.bones.get(name) if armature.type == "ARMATURE" else None
     what = f"the bone {name} of {armature.name}"
@@ -74,7 +74,7 @@ def eulers(turns: np.ndarray) -> np.ndarray:
 
 
 def put_back(ob, channels: dict[str, list[float]]) -> None:
-    """Sets the values of data paths; bones that are gone are passed over."""
+    """Sets the values of data paths; bones that are gone are skipped."""
     for path, values in channels.items():
         holder, _, name = path.rpartition(".")
         try:
@@ -85,7 +85,8 @@ def put_back(ob, channels: dict[str, list[float]]) -> None:
 
 
 def _values(turns: np.ndarray, rest, mode: str) -> np.ndarray:
-    """What turns on top of `rest` are in a rotation mode, without jumps, `[T, 3]` or `[T, 4]`."""
+    """The rotations `turns` on top of `rest` in a rotation mode, without jumps, `[T, 3]` or `[T,
+    4]`."""
     every = turn.times(turns, np.tile(np.array(rest)[None], (len(turns), 1)))
     if mode == "QUATERNION":
         return every
@@ -105,7 +106,8 @@ def _kind(mode: str, what: str) -> str:
 
 
 def _free(ob, channel: Channel, mine: set[str], what: str) -> Channel:
-    """The channel, where neither a keyframe nor a driver of the artist's has it."""
+    """Returns the channel; raises `AnyfaceError("mesh")` where the artist has keyframes or a driver
+    on it."""
     animation = ob.animation_data
     bag = curves.channels(animation)
     animated = [*(bag.fcurves if bag is not None else ())]
@@ -125,7 +127,7 @@ def _rotation(matrix: np.ndarray, what: str) -> np.ndarray:
     if not np.isfinite(linear).all() or np.linalg.cond(linear) > 1e6:
         raise AnyfaceError("mesh", f"{what} is scaled to zero along an axis: give it a scale first")
     left, _, right = np.linalg.svd(linear)
-    # A mirrored frame turns the other way about every axis.
+    # In a mirrored frame a rotation goes the other way about every axis.
     return left @ right * np.sign(np.linalg.det(linear))
 
 

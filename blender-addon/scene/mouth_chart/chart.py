@@ -22,8 +22,10 @@ _HEIGHT = 0.38
 
 @dataclass
 class Holds:
-    """Mouths change at every `on` frames and stand for `hold` or longer; those of closures and of
-    vowels for their own, where these are not 0."""
+    """Mouths change every `on` frames and stand for `hold` frames or longer.
+
+    Those of closures and of vowels have their own shortest time, where that is not 0.
+    """
 
     on: int = 1
     hold: int = 2
@@ -33,7 +35,7 @@ class Holds:
 
 @dataclass
 class Snapshot:
-    """What was read; `work` needs nothing else. `face` is None where the default head speaks."""
+    """Everything that `work` needs. `face` is None where the default head speaks."""
 
     face: FaceMesh | None
     source: SoundSource
@@ -47,7 +49,7 @@ class Snapshot:
     closed: list | None = None
 
     def work(self, progress: Progress) -> "Chart":
-        """The chart; raises `AnyfaceError`. Where no face is found the default head speaks."""
+        """The chart; raises `AnyfaceError`. Where no face is found, the default head speaks."""
         progress.check("sound")
         voice = self.source.load(decode.decoder(self.engine))
         if self.closed is not None:
@@ -74,14 +76,15 @@ class Snapshot:
 
 @dataclass
 class Chart:
-    """Start and end in seconds and name of each mouth, and what is said besides."""
+    """Start and end in seconds and name of each mouth, and a note for the report."""
 
     mouths: list[tuple[float, float, str]]
     note: str = ""
 
 
 def read(ob, scene, settings: bake.Settings, drawings: Drawings, holds: Holds, text, engine):
-    """Reads the sound of `ob` and its face, where it is a mesh; raises `AnyfaceError` in words."""
+    """Reads the sound of `ob`, and its face where it is a mesh; raises `AnyfaceError` with a
+    message."""
     outputs.check(drawings)
     outputs.check_editable(drawings)
     source = bake.find_sound(scene, settings, engine)
@@ -101,9 +104,9 @@ def read(ob, scene, settings: bake.Settings, drawings: Drawings, holds: Holds, t
 
 
 def write(ob, snapshot: Snapshot, chart: Chart) -> str:
-    """Puts the keyframes where they are shown, and says in one line what was written.
+    """Puts the keyframes on the drawings; returns one line about what it wrote.
 
-    A chart of `ob` that stands there already goes; nothing changes where `AnyfaceError` is raised.
+    An earlier chart of `ob` there goes. Where it raises `AnyfaceError`, nothing has changed.
     """
     drawings = snapshot.drawings
     outputs.check(drawings)
@@ -130,10 +133,11 @@ def write(ob, snapshot: Snapshot, chart: Chart) -> str:
 
 
 def _is_there(drawings: Drawings) -> bool:
-    """False for a custom property that is made with the chart."""
+    """False for a custom property that is added with the chart."""
     return drawings.output != outputs.NUMBER or not outputs.is_new_property(drawings)
 
 
 def remove(ob) -> int:
-    """Takes the chart of a character off everything that shows it; returns of how many objects."""
+    """Removes the chart of a character from everything that shows it; returns the number of
+    objects."""
     return sum(entry.take_off(other) for other in entry.shown_by(ob))

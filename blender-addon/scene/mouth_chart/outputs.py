@@ -1,4 +1,4 @@
-"""Where a mouth chart is shown: shape keys, objects of a collection, a number, Grease Pencil."""
+"""Ways to show a mouth chart: shape keys, objects of a collection, a number, Grease Pencil."""
 
 import re
 from collections.abc import Callable
@@ -15,13 +15,13 @@ from .entry import KEY, OBJECT, Channel
 
 KEYS, OBJECTS, NUMBER, PENCIL = "KEYS", "OBJECTS", "NUMBER", "GREASE_PENCIL"
 MODIFIER = "Anyface Mouth Chart"
-# Types of objects that Grease Pencil has drawn with, until 4.2 and since.
+# The types of Grease Pencil objects, until 4.2 and since.
 PENCIL_TYPES = ("GPENCIL", "GREASEPENCIL")
 
 
 @dataclass
 class Drawings:
-    """What an artist has chosen: where the mouths are, and which drawing shows each.
+    """The artist's choice: where the mouths are, and which drawing shows each.
 
     `names` are shape keys or objects by mouth, `numbers` frames or indices.
     """
@@ -36,7 +36,7 @@ class Drawings:
 
 
 def names_of(drawings: Drawings) -> list[str]:
-    """The names among which the drawings are: shape keys, or objects of the collection."""
+    """The names of all possible drawings: shape keys, or objects of the collection."""
     if drawings.output == KEYS:
         keys = getattr(drawings.ob.data, "shape_keys", None) if drawings.ob is not None else None
         return [block.name for block in keys.key_blocks] if keys is not None else []
@@ -46,12 +46,12 @@ def names_of(drawings: Drawings) -> list[str]:
 
 
 def check(drawings: Drawings) -> None:
-    """Raises `AnyfaceError` with what to do where a chart could not be shown."""
+    """Raises `AnyfaceError` with the remedy where a chart cannot be shown."""
     _OUTPUTS[drawings.output].check(drawings)
 
 
 def channels(drawings: Drawings, changes: list[tuple[int, str]]) -> list[Channel]:
-    """What is animated, a value for each of the changes; `check` has found nothing."""
+    """The animated properties, with a value for each of the changes; call `check` first."""
     return _OUTPUTS[drawings.output].channels(drawings, [mouth for _, mouth in changes])
 
 
@@ -63,8 +63,8 @@ def shown_on(drawings: Drawings) -> list:
 
 
 def make(drawings: Drawings) -> dict[str, str]:
-    """Makes the custom property or the modifier that is animated, where there is none; returns
-    which, as `entry.put` is told."""
+    """Adds the animated custom property or modifier where there is none; returns arguments for
+    `entry.put`."""
     if drawings.output == NUMBER and is_new_property(drawings):
         drawings.ob[drawings.property.strip()] = min(drawings.numbers.values())
         return {"made_property": drawings.property.strip()}
@@ -77,7 +77,7 @@ def make(drawings: Drawings) -> dict[str, str]:
 
 
 def _named(drawings: Drawings) -> dict[str, str]:
-    """The name of the drawing of each mouth; raises `AnyfaceError` for names that are not there."""
+    """The name of the drawing of each mouth; raises `AnyfaceError` for names that do not exist."""
     known, where = names_of(drawings), _where(drawings)
     named = {mouth: name for mouth, name in drawings.names.items() if name}
     for mouth, name in named.items():
@@ -120,7 +120,7 @@ def _key_channels(drawings: Drawings, mouths: list[str]) -> list[Channel]:
 
 
 def _held(named: dict, mouths: list[str], drawing) -> np.ndarray:
-    """1 while one of the mouths is shown by a drawing, else 0, `[N]`."""
+    """1 while a drawing shows the mouth, else 0, `[N]`."""
     return np.array([float(named[mouth] == drawing) for mouth in mouths])
 
 
@@ -155,12 +155,12 @@ def _check_number(drawings: Drawings) -> None:
 
 
 def is_new_property(drawings: Drawings) -> bool:
-    """Whether the number is a custom property that is not there yet."""
+    """Whether the number is a custom property that does not exist yet."""
     return _path(drawings).startswith('["') and drawings.property.strip() not in drawings.ob
 
 
 def _path(drawings: Drawings) -> str:
-    """A data path; a plain name is a custom property."""
+    """The data path of the number; a plain name is a custom property."""
     text = drawings.property.strip()
     if "." in text or "[" in text:
         return text
@@ -215,6 +215,6 @@ _OUTPUTS = {
 
 
 def check_editable(drawings: Drawings) -> None:
-    """Raises `AnyfaceError("mesh")` where an object that shows it is linked."""
+    """Raises `AnyfaceError("mesh")` where an object that shows the chart is linked."""
     for ob in shown_on(drawings):
         entry.check(ob, KEY if drawings.output == KEYS else OBJECT)

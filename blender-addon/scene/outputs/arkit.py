@@ -1,4 +1,4 @@
-"""The 52 ARKit shapes, and the visemes if wanted, as animated shape keys of the mesh."""
+"""The 52 ARKit shapes, and the visemes on request, as animated shape keys of the mesh."""
 
 from ...core import shapes
 from ...core.errors import AnyfaceError
@@ -11,7 +11,7 @@ from .output import Output, write_weights
 
 
 class Arkit(Output):
-    """Keys under the names of the shapes; visemes stay at 0. All takes play on the same keys."""
+    """Keys named after the shapes; visemes stay at 0. All takes use the same keys."""
 
     name = "arkit"
     redoes = True
@@ -56,7 +56,7 @@ class Arkit(Output):
 
 
 def _key(ob, name: str, positions):
-    """The key of a shape: that of another take of ours, as it is, or a new one."""
+    """The key of a shape: an existing one of another take of ours, or a new one."""
     shape_keys = ob.data.shape_keys
     if name in record.all_keys(shape_keys) and name in shape_keys.key_blocks:
         return shape_keys.key_blocks[name]

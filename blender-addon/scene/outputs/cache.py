@@ -1,6 +1,6 @@
 """A take as a point cache beside the .blend, played by a Mesh Cache modifier.
 
-The modifier's own name is the record: one that the artist renamed is his and stays.
+The modifier's name is the record: a modifier that the artist has renamed is the artist's and stays.
 """
 
 import math
@@ -29,7 +29,7 @@ _HARMLESS = {
 
 
 class Cache(Output):
-    """A file for each object of the face; their names end alike, by which they belong together."""
+    """A file for each object of the face; the names of the files of a take end alike."""
 
     name = "cache"
     label = "Cache File"
@@ -105,12 +105,12 @@ class Cache(Output):
         return modifier if modifier is not None and modifier.type == "MESH_CACHE" else None
 
     def remove(self, ob):
-        """Takes the modifier away, and those of the objects beside the face; the files stay."""
+        """Removes the modifier, and those of the objects beside the face; the files stay."""
         for modifier in self._playing(ob):
             modifier.id_data.modifiers.remove(modifier)
 
     def _playing(self, ob) -> list:
-        """The modifiers that play the take of `ob`, its own first."""
+        """The modifiers that play the take of `ob`, that of `ob` first."""
         face_modifier = self.find(ob)
         if face_modifier is None:
             return []
@@ -153,7 +153,8 @@ def _play(ob, file: WrittenFile, first_frame: float, frames_per_frame: float) ->
     modifier.frame_scale = 1.0 / frames_per_frame
     if ob.override_library is None:
         ob.modifiers.move(len(ob.modifiers) - 1, 0)
-    # What moves before the cache (keys, armatures of a library) is kept and added to.
+    # If keys or armatures of a library move the mesh before the cache, the cache adds to their
+    # motion.
     moved_before = ob.data.shape_keys is not None or ob.modifiers[0] != modifier
     modifier.deform_mode = "INTEGRATE" if moved_before else "OVERWRITE"
 

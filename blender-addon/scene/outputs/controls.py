@@ -14,13 +14,13 @@ from ..rig_controls import control_actions, control_bench, control_fit, control_
 from ..shape_keys import guard
 from .output import Output, draw_list_buttons
 
-# Curves of a usual rig.
+# The number of curves of a usual rig.
 _CURVES = 100
 
 
 @dataclass
 class ControlRow:
-    """A row of the artist's list; the fields of `ui.controls.AnyfaceControl`."""
+    """A row of the artist's list; its fields are those of `ui.controls.AnyfaceControl`."""
 
     kind: str
     id_type: str
@@ -30,7 +30,7 @@ class ControlRow:
 
 
 class Controls(Output):
-    """The mesh stays as it is: its rig moves it. Earlier actions of the rig stay, too."""
+    """The rig moves the mesh, which stays as it is. Earlier actions of the rig stay, too."""
 
     name = "controls"
     label = "Rig Controls"
@@ -84,7 +84,7 @@ class Controls(Output):
         return [f"farthest off: {', '.join(missed)}"] if missed else []
 
     def sources(self, ob, settings) -> list[control_sources.Source]:
-        """What is tried: the artist's list, or what is found."""
+        """The bones and numbers to try: the artist's list, or those that are found."""
         if settings.controls:
             return [control_sources.find(**vars(row)) for row in settings.controls]
         picked = bpy.data.objects.get(settings.rig) if settings.rig else control_sources.rig_of(ob)
@@ -117,7 +117,7 @@ class Controls(Output):
     def redo_write(self, parts, snapshot, take, first, at, stretch):
         ob, settings = parts[0], snapshot.settings.output
         sources, rests = self.sources(ob, settings), control_actions.rests(ob)
-        # A stretch may hold a pause, in which little moves.
+        # Little may move in a stretch, such as in a pause.
         take = yield from control_fit.fit(ob, take, sources, rests, judged=False)
         control_actions.redo(ob, take.motion.fitted, at, stretch)
         yield BEGUN
@@ -128,11 +128,11 @@ class Controls(Output):
         return control_actions.actions_of(ob) or None
 
     def keep(self, ob):
-        """The actions of the earlier take stay in the file."""
+        """Leaves the actions of the earlier take in the file."""
         control_actions.release(ob, keep=True)
 
     def remove(self, ob):
-        """Takes the curves away, and nothing else; bones and properties stand as before."""
+        """Removes the curves and nothing else; bones and properties stand as before."""
         control_actions.release(ob)
 
 

@@ -1,4 +1,4 @@
-"""What an output will cost."""
+"""Estimates the size and the time of an output."""
 
 import math
 
@@ -10,8 +10,10 @@ from ..shape_keys import artist_keys
 def describe(
     ob, scene, seconds: float | None, settings, output_settings: outputs.OutputSettings
 ) -> str:
-    """One line for the panel; `settings` are those of `ui.properties.AnyfaceCharacter`, `seconds`
-    the length of the sound."""
+    """One line for the panel.
+
+    `settings` are those of `ui.properties.AnyfaceCharacter`, `seconds` is the length of the sound.
+    """
     scene_fps = scene.render.fps / scene.render.fps_base
     if seconds is None:
         return "Size and time follow from the sound"

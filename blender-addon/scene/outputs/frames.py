@@ -13,7 +13,7 @@ from .output import PREFIX, Output
 
 
 class Frames(Output):
-    """Absolute keys; `eval_time` meets the frame of each key exactly, so nothing drifts."""
+    """Absolute keys; `eval_time` hits the frame of each key exactly, so nothing drifts."""
 
     name = "frames"
     label = "Every Frame"

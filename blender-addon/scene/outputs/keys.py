@@ -1,4 +1,4 @@
-"""A take on the keys that the artist already has: only their values are animated."""
+"""A take on the artist's existing keys: only their values are animated."""
 
 from dataclasses import replace
 
@@ -15,7 +15,7 @@ from .output import Output, draw_list_buttons, write_weights
 
 
 class Keys(Output):
-    """Curves that the artist had on the keys wait in his own action."""
+    """The artist's own curves on the keys wait in the artist's action."""
 
     name = "keys"
     redoes = True
@@ -92,13 +92,13 @@ class Keys(Output):
 
 
 def describe(take: Take, what: str) -> str:
-    """What was done with named keys: "52 shape keys driven, they show most of …"."""
+    """Describes named keys: "52 shape keys driven, they show most of …"."""
     motion = take.motion
     return f"{len(motion.keys)} shape keys {what}, they show {wording.share(1.0 - motion.left_out)}"
 
 
 def _of_object(take: Take, piece: Piece) -> Take | None:
-    """The take on the keys that an object beside the face has of the same shapes, or None."""
+    """The take on the keys of an object beside the face that show the same shapes, or None."""
     other, motion = bpy.data.objects.get(piece.name), take.motion
     theirs = artist_keys.find(other, []) if other is not None else []
     shared = [pair for pair in theirs if pair.shape in motion.shapes]
@@ -115,9 +115,9 @@ def _of_object(take: Take, piece: Piece) -> Take | None:
 
 
 def _same_curve(motion, column: np.ndarray):
-    """The keys of the curve of the face that is the same; None where there is none.
+    """The keyframes of the face's curve that equals `column`; None where there is none.
 
-    Held poses are the same for all curves.
+    Held poses have the same keyframes on all curves.
     """
     held_keys = [keys for keys in motion.keys_of_curves or () if isinstance(keys, HeldKeys)]
     if held_keys:
@@ -129,6 +129,6 @@ def _same_curve(motion, column: np.ndarray):
 
 
 def _some(names: list[str]) -> str:
-    """Three names, and how many more there are."""
+    """The first three names, and how many more there are."""
     more = f" and {len(names) - 3} more" if len(names) > 3 else ""
     return f"{', '.join(names[:3])}{more}"

@@ -10,15 +10,15 @@ from . import control_kinds
 from .control_kinds import COLLECTIONS, Control
 
 BONE, NUMBER = "BONE", "NUMBER"
-# Bones of these kinds are worked by others.
+# Bones with these prefixes are moved by other bones.
 _INNER = ("DEF-", "ORG-", "MCH-", "VIS-", "VIS_", "WGT-")
 
 
 @dataclass(frozen=True)
 class Source:
-    """A bone by its name, or a number by its data path, of a data-block.
+    """A data-block's bone by its name, or number by its data path.
 
-    `sided` says that its two directions may do different things: something is driven by it.
+    `sided` says that its two directions may do different things, since something is driven by it.
     """
 
     kind: str
@@ -28,7 +28,7 @@ class Source:
 
     @property
     def label(self) -> str:
-        """What the artist knows it by: the bone, or the property's name."""
+        """The name that the artist knows: the bone, or the property."""
         if self.kind == BONE or not self.name.endswith("]"):
             return self.name
         owner, _, last = self.name.rpartition("[")
@@ -36,11 +36,11 @@ class Source:
 
     @property
     def key(self) -> tuple:
-        """What tells it from others."""
+        """The key that distinguishes it from other sources."""
         return self.kind, self.block.name, self.name
 
     def controls(self, reach: float) -> list[Control]:
-        """What can be moved of it; bones go `reach` from rest where nothing limits them."""
+        """Its controls; bones move `reach` from rest where nothing limits them."""
         if self.kind == NUMBER:
             controls = [control_kinds.number(self.block, self.name)]
         else:
@@ -53,7 +53,7 @@ class Source:
 
 
 def rig_of(ob):
-    """The armature that moves `ob`: that of its modifier, its parent, or that of its drivers."""
+    """The armature that moves `ob`: of its modifier, among its parents, or of its drivers."""
     candidates = [m.object for m in ob.modifiers if m.type == "ARMATURE" and m.object is not None]
     parent = ob.parent
     while parent is not None:
@@ -64,15 +64,16 @@ def rig_of(ob):
 
 
 def has_any(ob) -> bool:
-    """Whether there is something that may move the face `ob`."""
+    """Whether anything may move the face `ob`."""
     return rig_of(ob) is not None or any(True for _ in _targets(_blocks(ob, None)))
 
 
 def propose(ob, rig, left_alone: list[str]) -> list[Source]:
-    """What may move the face `ob`: what drivers read, then bones of `rig` (None for no rig).
+    """Sources that may move the face `ob`: what drivers read, then bones of `rig` (None for no
+    rig).
 
-    Bones are those of a list of names that fits, or all that an artist sees. Those of names
-    `left_alone` are worked by others.
+    The bones are those of a list of names that fits, or else all visible ones. Names in
+    `left_alone` are left out.
     """
     sources = {source.key: source for source in _driving(ob, rig)}
     if rig is not None:
@@ -86,7 +87,7 @@ def propose(ob, rig, left_alone: list[str]) -> list[Source]:
 
 
 def of_preset(rig, preset: str) -> list[Source]:
-    """The bones of `rig` that a list names."""
+    """The bones of `rig` that a list of names contains."""
     names = control_names.fitting(preset, [bone.name for bone in rig.pose.bones])
     return [Source(BONE, rig, name, name in _acting(rig)) for name in names]
 
@@ -117,7 +118,7 @@ def _leads(block, path: str) -> bool:
 
 
 def _driving(ob, rig) -> list[Source]:
-    """What the drivers of a face and its rig read, each source once."""
+    """The sources that the drivers of a face and its rig read, each once."""
     sources = []
     for variable, block, target in _targets(_blocks(ob, rig)):
         if block.id_type not in COLLECTIONS:
@@ -147,7 +148,7 @@ def _blocks(ob, rig) -> list:
 
 
 def _targets(blocks: list):
-    """Each variable of each driver with the data-block that it reads and its target."""
+    """Each variable of each driver, with the data-block that it reads, and its target."""
     for block in blocks:
         animation = block.animation_data
         for curve in animation.drivers if animation is not None else ():
@@ -158,13 +159,14 @@ def _targets(blocks: list):
 
 
 def _acting(rig) -> set[str]:
-    """Bones whose place plays an action on others."""
+    """Bones whose place plays an action on other bones."""
     every = [c for bone in rig.pose.bones for c in bone.constraints if c.type == "ACTION"]
     return {constraint.subtarget for constraint in every}
 
 
 def _follows(bone) -> bool:
-    """Whether a bone stands wherever another one does, so that its own channels move nothing."""
+    """Whether a bone copies all transforms of another one, so that its own channels move
+    nothing."""
     return any(
         c.type == "COPY_TRANSFORMS"
         and not c.mute

@@ -1,4 +1,4 @@
-"""ARKit's shapes as shape keys of the artist's own, which nobody animates yet."""
+"""ARKit's shapes as the artist's own shape keys, which nothing animates yet."""
 
 from dataclasses import dataclass
 
@@ -11,13 +11,13 @@ from ..face import mesh, pieces
 from . import guard
 
 HALF = "_half"
-# Of the slider w, 0 at its ends and 1 halfway; Blender reckons it without running Python.
+# An expression of the slider w: 0 at its ends, 1 halfway. Blender evaluates it without Python.
 HALFWAY = "1 - abs(2 * w - 1)"
 
 
 @dataclass
 class Making:
-    """A snapshot of a face; `work` needs nothing of Blender: any thread may run it."""
+    """A snapshot of a face; `work` needs no Blender data, so any thread may run it."""
 
     face: FaceMesh
     engine: object
@@ -30,12 +30,13 @@ class Making:
 
 
 def objects(ob, face: FaceMesh) -> list:
-    """`ob` and what moves with it; raises `AnyfaceError("mesh")` where a part is gone."""
+    """`ob` and the parts that move with it; raises `AnyfaceError("mesh")` where a part is gone."""
     return [ob, *(pieces.object_of(pieces.Part(piece.name), ob) for piece in face.pieces[1:])]
 
 
 def add(ob, face: FaceMesh, rig: Rig, left_out=()) -> tuple[list[str], np.ndarray]:
-    """Keys of a face's shapes, but those `left_out`, on `ob` and on what moves with it.
+    """Adds keys of a face's shapes, without those `left_out`, on `ob` and the parts that move with
+    it.
 
     Returns their names and vectors `[S, V, 3]`. Raises `AnyfaceError` where the mesh has changed or
     a part is gone; nothing has changed then.
@@ -52,9 +53,9 @@ def add(ob, face: FaceMesh, rig: Rig, left_out=()) -> tuple[list[str], np.ndarra
 
 
 def _add(ob, names: list[str], vectors: np.ndarray, everything: bool) -> None:
-    """Keys that nobody animates yet, from `vectors` `[S, V, 3]` in object space.
+    """Adds keys that nothing animates yet, from `vectors` `[S, V, 3]` in object space.
 
-    Those that move nothing are left out unless `everything` is wanted.
+    Keys that move nothing are left out, unless `everything` is set.
     """
     numbers = [number for number in range(len(names)) if everything or vectors[number].any()]
     if not numbers:
@@ -69,7 +70,7 @@ def _add(ob, names: list[str], vectors: np.ndarray, everything: bool) -> None:
 
 
 def bent(rig: Rig) -> Rig:
-    """The same with each `NAME_half` as what half of `NAME` lacks of it."""
+    """The same rig, in which each `NAME_half` is the difference between it and half of `NAME`."""
     rows = {name: row for row, name in enumerate(rig.names)}
     vectors = rig.vectors.copy()
     for name in shapes.ARKIT:
@@ -79,7 +80,7 @@ def bent(rig: Rig) -> Rig:
 
 
 def drive(ob, face: FaceMesh) -> None:
-    """Lets one slider of `ob` move a shape, what it lacks halfway, and the key of each part."""
+    """Lets a slider of `ob` drive the halfway key of its shape, and the same keys of each part."""
     face_keys = ob.data.shape_keys
     for name in shapes.ARKIT:
         if name + HALF in face_keys.key_blocks:

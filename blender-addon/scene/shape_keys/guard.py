@@ -1,4 +1,4 @@
-"""What must hold before shape keys are written, and what is set aside while they are."""
+"""Checks before shape keys are written, and what is set aside meanwhile."""
 
 from contextlib import contextmanager
 
@@ -10,9 +10,9 @@ from . import record
 
 
 def check_editable(ob) -> None:
-    """Raises `AnyfaceError("mesh")` with the remedy where keys that add up cannot be written."""
+    """Raises `AnyfaceError("mesh")` with the remedy where relative keys cannot be written."""
     check_local(ob)
-    # Keys that are played one after the other leave no room for keys that add up.
+    # Absolute keys play one after the other, so keys that add up cannot join them.
     if ob.data.shape_keys is None or ob.data.shape_keys.use_relative:
         return
     if own_keys(ob.data.shape_keys):
@@ -25,7 +25,8 @@ def check_editable(ob) -> None:
 
 
 def check_local(ob) -> None:
-    """The same where keys of no kind can be written or kept."""
+    """Raises `AnyfaceError("mesh")` with the remedy where no kind of key can be written or
+    saved."""
     check_mesh(ob)
     for block in (ob, ob.data):
         if block.library is not None:
@@ -65,7 +66,7 @@ def check_size(ob, vertices: int) -> None:
 
 
 def own_keys(shape_keys) -> list[str]:
-    """Names of the keys that are not ours; empty where all keys were made by us."""
+    """Names of the keys that are not ours; empty where we have added all."""
     if shape_keys is None:
         return []
     ours = record.all_keys(shape_keys)
@@ -76,7 +77,7 @@ def own_keys(shape_keys) -> list[str]:
 
 
 def notes(ob) -> list[str]:
-    """What the artist has set that hides the motion from view."""
+    """Notes about settings of the artist that hide the motion."""
     messages = []
     if ob.show_only_shape_key:
         messages.append(f"{ob.name} shows its active shape key alone: turn Solo off to see it move")
@@ -102,7 +103,7 @@ def _check_animation(ob) -> None:
 
 
 def unshare(ob) -> None:
-    """Gives `ob` what it plays for itself, where other objects use its mesh or its actions too."""
+    """Gives `ob` a mesh and actions of its own, where other objects use them too."""
     mesh = ob.data
     if not record.everyone(mesh.shape_keys):
         return
@@ -119,8 +120,8 @@ def unshare(ob) -> None:
 def make_single_user(ob, take_record: record.Record) -> None:
     """Gives `ob` its own mesh, its keys their own action, and a Basis where it has no keys.
 
-    The keys point to the originals, to which Remove goes back: so these stay as they are, whoever
-    else is animated meanwhile.
+    The keys point to the originals, so Remove can go back to them. The originals stay as they are,
+    whoever else is animated meanwhile.
     """
     mesh, action = ob.data, curves.action_of(ob.data.shape_keys)
     shared = mesh.users - mesh.use_fake_user > 1
@@ -142,9 +143,9 @@ def make_single_user(ob, take_record: record.Record) -> None:
 
 @contextmanager
 def object_mode(ob):
-    """Leaves edit or sculpt mode while keys are written, and comes back to it.
+    """Leaves edit or sculpt mode while keys are written, and returns to it afterwards.
 
-    Edit mode holds a second copy of the mesh, which would overwrite keys added meanwhile.
+    Edit mode has a second copy of the mesh, which would overwrite keys added meanwhile.
     """
     before = ob.mode
     if before in ("OBJECT", "POSE"):

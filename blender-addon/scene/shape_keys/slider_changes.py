@@ -1,10 +1,11 @@
-"""What the sliders of a take change, kept with the shape keys: a packed custom property a take."""
+"""What the sliders of a take change, stored with the shape keys: a packed custom property per
+take."""
 
 from ...core import sliders
 from . import record
 
 _PROPERTY = "anyface_sliders_"
-# What was unpacked last, with the bytes it came from: a drag asks many times a second.
+# The last bytes and their content: during a drag they are read many times a second.
 _last: tuple[bytes, dict[str, sliders.SliderChange]] = (b"", {})
 
 
@@ -15,7 +16,7 @@ def write(shape_keys, take_record: record.Record, packed: bytes) -> None:
 
 
 def read(shape_keys, take_record: record.Record) -> dict[str, sliders.SliderChange]:
-    """The sliders of a take by name; none where nothing was stored, or something else."""
+    """The sliders of a take by name; none where nothing valid is stored."""
     global _last
     packed = shape_keys.get(_PROPERTY + take_record.id)
     if not isinstance(packed, bytes):

@@ -1,4 +1,4 @@
-"""Changes a take that is there already: how strongly it moves, what it shows, and when."""
+"""Changes a finished take: how strongly it moves, what it shows, and when."""
 
 from functools import lru_cache
 
@@ -10,13 +10,13 @@ from ..animation import bezier, curves
 from ..shape_keys import guard, record, slider_changes
 from . import together
 
-# What a take of named shapes can change on its own: beginnings of the shapes' names.
+# Groups of named shapes that can be scaled alone, by the beginnings of the shapes' names.
 GROUPS = {
     "mouth": ("jaw", "mouth", "tongue", "viseme_"),
     "blinks": ("eyeBlink",),
     "brows": ("brow",),
 }
-# Weights below this are rounding.
+# Weights below this are rounding errors.
 _NOTHING = 1e-6
 _NAMED = "it acts on New Keys; scale mouth, blinks and brows instead"
 _OLDER = "the take was made by an earlier version: generate again"
@@ -25,9 +25,10 @@ _OLDER = "the take was made by an earlier version: generate again"
 def adjust(ob, **changes: float) -> None:
     """Changes the take of `ob` and of the objects beside it.
 
-    `strength` scales all of it, a name of `GROUPS` those shapes, `shift` moves it by scene frames;
-    a name of `sliders.NAMES` changes basis keys as a new run would, within its limits, where
-    `why_not` has no objection. All count from the take as it was made; what is not named stays.
+    `strength` scales all motion, and `shift` moves it by scene frames. A name of `GROUPS` scales
+    those shapes. A name of `sliders.NAMES` changes basis keys as a new run would, within its
+    limits, where `why_not` has no objection. All count from the take as it was made; what is not
+    named stays.
     """
     copies.settle()
     for part in (ob, *together.others_of(ob)):
@@ -47,7 +48,7 @@ def is_named(ob) -> bool:
 
 
 def names_of(ob) -> tuple[str, ...]:
-    """What the panel shows of a take beside its strength: sliders, or groups of shapes."""
+    """The names that the panel shows beside the strength: sliders, or groups of shapes."""
     if is_named(ob):
         return tuple(groups_of(record.read(ob.data.shape_keys)))
     take_record = record.read(ob.data.shape_keys) if record.is_generated(ob) else None
@@ -71,7 +72,7 @@ def why_not(ob, name: str) -> str:
 
 
 def groups_of(take_record: record.Record) -> list[str]:
-    """The groups that a take has shapes of."""
+    """The groups of which a take has shapes."""
     groups = [
         _group(take_record.shown.get(name, name))
         for name in (*take_record.keys, *take_record.values)
@@ -114,7 +115,8 @@ def _adjust(ob, changes: dict[str, float]) -> None:
 
 
 def _possible(changes, output, take_sliders) -> dict[str, float]:
-    """What is wanted and can be; of basis keys within the limits of their sliders."""
+    """Those of `changes` that can be applied; basis keys stay within the limits of their
+    sliders."""
     if not output.as_basis:
         groups = ("strength", "shift", *GROUPS)
         return {name: value for name, value in changes.items() if name in groups}
@@ -127,7 +129,7 @@ def _possible(changes, output, take_sliders) -> dict[str, float]:
 
 
 def _added(take_sliders, before, after) -> np.ndarray | None:
-    """What sliders that stand elsewhere than before add to the weights, `[T, K]`; None for none."""
+    """What sliders that have moved add to the weights, `[T, K]`; None where none has moved."""
     moved = []
     for name, change in take_sliders.items():
         old, new = sliders.place(name, before), sliders.place(name, after)
@@ -137,7 +139,7 @@ def _added(take_sliders, before, after) -> np.ndarray | None:
 
 
 def factor(name: str, adjusted: dict[str, float]) -> float:
-    """By how much a shape of a take was scaled."""
+    """The factor by which a shape of a take was scaled."""
     return adjusted.get("strength", 1.0) * adjusted.get(_group(name), 1.0)
 
 
@@ -150,10 +152,11 @@ def _group(key: str) -> str:
 
 
 def _change(curve, factor: float, moved: float, more=None) -> tuple[float, float]:
-    """Scales a curve, adds `more` (values at frames `[T]`, before they move), moves it in time.
+    """Scales a curve, adds `more` to it, and moves it in time.
 
-    Keyframes that the artist has moved or added go along; outside the take nothing is added.
-    Returns the lowest and the highest value.
+    `more` holds frames `[T]`, before they move, and the values to add at them. Keyframes that the
+    artist has moved or added change too; outside the take nothing is added. Returns the lowest and
+    the highest value.
     """
     if bezier.is_sparse(curve):
         return bezier.change(curve, factor, moved, more)
@@ -165,7 +168,7 @@ def _change(curve, factor: float, moved: float, more=None) -> tuple[float, float
         half = 0.5 * (frames[1] - frames[0]) if len(frames) > 1 else 0.5
         inside = (points[0::2] > frames[0] - half) & (points[0::2] < frames[-1] + half)
         points[1::2] += inside * np.interp(points[0::2], frames, added)
-    # Blender passes over keys at exactly 0.
+    # Blender skips keys whose value is exactly 0.
     points[1::2] *= np.abs(points[1::2]) > _NOTHING
     points[0::2] += moved
     curves.put(curve, {"co": points})

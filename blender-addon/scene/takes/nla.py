@@ -1,8 +1,8 @@
 """Takes as strips of the NLA.
 
-Below them lies a strip that holds all keys of ours at 0. Without it Blender blends a strip of less
-than full influence with the default of a key's value, which is 1, and a muted one leaves its keys
-where they were.
+Below them lies a strip that holds all our keys at 0. Without it Blender would blend a strip of less
+than full influence with the default of a key's value, which is 1, and a muted strip would leave its
+keys where they were.
 """
 
 import bpy
@@ -22,7 +22,7 @@ def push(ob, take_record: record.Record, action) -> None:
     _hold_at_rest(ob, take_record)
     first, last = action.frame_range
     strip = add_strip(animation, take_record.name, action, first)
-    # The constructor knows whole frames only.
+    # The constructor takes whole frames only.
     strip.action_frame_start, strip.action_frame_end = first, last
     strip.frame_end, strip.frame_start = last, first
     strip.frame_end = last
@@ -30,7 +30,7 @@ def push(ob, take_record: record.Record, action) -> None:
 
 
 def leave(shape_keys, take_record: record.Record, action) -> None:
-    """Takes the strips of `action` and its keys' rest away."""
+    """Removes the strips of `action`, and the rest curves of the take's keys."""
     animation = shape_keys.animation_data
     remove_strips(animation, action)
     rest = shape_keys.get(REST)
@@ -49,7 +49,7 @@ def leave(shape_keys, take_record: record.Record, action) -> None:
 
 
 def rest_channels(shape_keys):
-    """What holds the curves of keys at rest, or None."""
+    """The holder of the curves that keep keys at rest, or None."""
     rest = shape_keys.get(REST)
     return curves.bags(rest)[0] if rest is not None else None
 
@@ -75,7 +75,7 @@ def _hold_at_rest(ob, take_record) -> None:
 
 
 def add_strip(animation, name: str, action, first: float):
-    """A strip of `action` on a new track, from the frame `first` on."""
+    """Adds a strip of `action` on a new track, beginning at frame `first`; returns it."""
     track = animation.nla_tracks.new()
     track.name = name
     strip = track.strips.new(name, round(first), action)
@@ -84,7 +84,7 @@ def add_strip(animation, name: str, action, first: float):
 
 
 def remove_strips(animation, action: bpy.types.Action) -> None:
-    """Takes the strips of `action` away, and tracks that held nothing else."""
+    """Removes the strips of `action`, and tracks that are empty then."""
     for track in list(animation.nla_tracks):
         for strip in [strip for strip in track.strips if strip.action == action]:
             track.strips.remove(strip)

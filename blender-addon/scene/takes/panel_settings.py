@@ -1,27 +1,29 @@
-"""The panel's settings of a character as plain values, kept with each take."""
+"""The panel's settings of a character as plain values, stored with each take."""
 
 from ...core.heard_emotion import HeardEmotion
 from .. import outputs
 from ..shape_keys import record
 
-# Property groups of an object; those of the output that act on a take are no settings.
+# Property groups of an object, without those of the output that change a finished take.
 GROUPS = ("anyface", "anyface_audio", "anyface_life_settings")
 _REPORT, _LAST, _DETAILS = "report", "last_frame", "report_details"
-# What shows a setting in another way.
+# Properties that show a setting in another way.
 _SHOWN = ("emotion_face",)
 _KINDS = {"BOOLEAN", "INT", "FLOAT", "STRING", "ENUM"}
 
 
 def read(ob) -> dict:
-    """The settings by group and name; chosen strips by their names."""
+    """The settings by group and name; the chosen strips by their names."""
     values = {name: _values(getattr(ob, name)) for name in GROUPS}
     values["chosen"] = [row.name for row in ob.anyface_audio.chosen]
     return values
 
 
 def note(ob, settings: dict, report: str, heard_emotion: HeardEmotion | None = None) -> None:
-    """Keeps settings, what was said of the result, its last frame, and the emotion that was heard,
-    with the take that plays on `ob`."""
+    """Stores settings and results with the take that plays on `ob`.
+
+    The results are the report, the last frame, and the emotion that was heard.
+    """
     take_record = record.read(ob.data.shape_keys) if outputs.has_take(ob) else None
     if take_record is not None:
         take_record.asked = {
@@ -36,7 +38,7 @@ def note(ob, settings: dict, report: str, heard_emotion: HeardEmotion | None = N
 
 
 def bring_back(ob) -> None:
-    """Sets the panel to what the playing take was made with; curves on settings stay."""
+    """Sets the panel to the settings of the playing take; curves on settings stay."""
     take_record = record.read(ob.data.shape_keys)
     settings = take_record.asked if take_record is not None else {}
     if "emotion" in settings.get("anyface", {}):

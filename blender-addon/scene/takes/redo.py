@@ -1,4 +1,4 @@
-"""Makes the frames between two markers of a take again; every keyframe outside stays as it is."""
+"""Redoes the frames between two markers of a take; every keyframe outside stays as it is."""
 
 import numpy as np
 
@@ -20,16 +20,17 @@ _NO_RANGE = (
     "no stretch to redo: move a word, set a preview range (P), or put a marker (M) before and "
     "behind it"
 )
-# What moves by less looks the same: twice the error of a take, mm.
+# A smaller motion looks the same: twice the error of a take, mm.
 _NOTHING_MM = 0.2
 _REDONE = "a stretch of the take was redone: generate again"
 
 
 def between(scene, source=None) -> tuple[float, float]:
-    """The frames that *Redo* is about: the preview range, two selected markers, where words of the
-    sound `source` have moved, or the markers before and behind the current frame.
+    """The frames that *Redo* changes.
 
-    Raises `AnyfaceError("input")` where there are none.
+    They lie in the preview range, between two selected markers, where words of the sound `source`
+    have moved, or between the markers around the current frame, whichever applies first. Raises
+    `AnyfaceError("input")` where none does.
     """
     if scene.use_preview_range:
         return float(scene.frame_preview_start), float(scene.frame_preview_end)
@@ -53,13 +54,14 @@ def why_not(ob) -> str:
 
 
 def _output_of(ob):
-    """The output whose take is meant: what moves the mesh, else a table."""
+    """The output whose take is redone: the one that moves the mesh, or else a table."""
     of_mesh = outputs.of_object(ob)
     return of_mesh or next((output for output in outputs.ALL if output.find(ob)), None)
 
 
 def read(ob, scene, settings, engine) -> redo.Redo | FilmRedo:
-    """Reads what a stretch is made of with the panel's settings; raises `AnyfaceError`."""
+    """Reads everything that is needed to redo a stretch with the panel's settings; raises
+    `AnyfaceError`."""
     copies.settle()
     output = _output_of(ob)
     if output is None:
@@ -80,7 +82,7 @@ def read(ob, scene, settings, engine) -> redo.Redo | FilmRedo:
 
 
 def landing(ob, scene, job: redo.Redo | FilmRedo, result):
-    """Writes what was made, in steps like `bake.landing`; returns in one line what was done."""
+    """Writes the result in steps like `bake.landing`; returns one line about what it did."""
     if isinstance(job, FilmRedo):
         text = yield from redo_film.landing(ob, job, result)
         sounds.follow(scene, job.snapshot.source)
@@ -91,7 +93,7 @@ def landing(ob, scene, job: redo.Redo | FilmRedo, result):
 
 
 def write(ob, scene, job: redo.Redo, result: redo.Redone) -> str:
-    """Puts the new stretch into the curves; returns in one line what was done."""
+    """Puts the new stretch into the curves; returns one line about what it did."""
     bake.follow_names(job.snapshot, ())
     stretch, start, step = _stretch(ob, job, scene)
     at = start + step * (job.rows.start + np.arange(result.frames))
@@ -124,7 +126,7 @@ def _takes_part(face, ob, part) -> bool:
 
 
 def _keys_of(part) -> redo.ObjectKeys:
-    """The keys of the take on one object that are there."""
+    """The existing keys of the take on one object."""
     shape_keys = part.data.shape_keys
     take_record = record.read(shape_keys)
     names = list(_curves(part, take_record))
@@ -142,7 +144,7 @@ def _keys_of(part) -> redo.ObjectKeys:
 
 
 def _stretch(ob, job: redo.Redo, scene) -> tuple[redo.Stretch, float, float]:
-    """The stretch, the scene frame at which the take begins and how far its frames lie apart."""
+    """The stretch, the scene frame at which the take begins, and the distance of its frames."""
     snapshot, take_record = job.snapshot, record.read(ob.data.shape_keys)
     start = snapshot.source.start_frame + take_record.adjusted.get("shift", 0.0)
     step = snapshot.scene_fps / snapshot.request.fps
@@ -167,7 +169,7 @@ def _curves(part, take_record) -> dict:
 
 
 def _change(part, keys: redo.ObjectKeys, result: redo.Redone, at, stretch) -> float:
-    """How far the new weights move any vertex of an object from where it was, object units."""
+    """The largest distance by which the new weights move a vertex of an object, object units."""
     take_record = record.read(part.data.shape_keys)
     was = np.array([bezier.sample(curve, at) for curve in _curves(part, take_record).values()]).T
     scale = [adjust.factor(shape, take_record.adjusted) for shape in keys.shapes]
@@ -176,25 +178,27 @@ def _change(part, keys: redo.ObjectKeys, result: redo.Redone, at, stretch) -> fl
 
 
 class _Fewer:
-    """Says which frames of a stretch get keys; `limits` `[K]` are those of the curves."""
+    """Chooses which frames of a stretch get keys; `limits` `[K]` are those of the curves."""
 
     def __init__(self, engine, limits: np.ndarray):
         self._engine, self._limits = engine, limits
 
     def of(self, number: int):
-        """The function for a curve."""
+        """The function that chooses for one curve."""
         limit = self._limits[number : number + 1]
         return lambda values: self._engine.few_keys_each(values[:, None], limit)[0]
 
 
 def _limits(snapshot, keys: redo.ObjectKeys, unit_mm: float) -> np.ndarray:
-    """How far each curve of a stretch may be off alone, `[K]`, for all to stay within the limit."""
+    """The tolerance of each curve of a stretch, `[K]`, with which all together stay within the
+    limit."""
     sizes = np.sqrt((keys.vectors**2).sum(axis=2).max(axis=1, initial=0.0)) * unit_mm
     return sparse.ALONE * snapshot.settings.curves_mm / np.maximum(sizes, 1e-9)
 
 
 def _write(part, fit: redo.Fit, at, stretch: redo.Stretch, fewer: _Fewer) -> bool:
-    """Puts new weights into the curves of one object; False where no keyframe lies there."""
+    """Puts new weights into the curves of one object; False where no keyframe lies in the
+    stretch."""
     guard.unshare(part)
     shape_keys = part.data.shape_keys
     take_record = record.read(shape_keys)
@@ -217,7 +221,7 @@ def _write(part, fit: redo.Fit, at, stretch: redo.Stretch, fewer: _Fewer) -> boo
 
 
 def _add(part, take_record, fit: redo.Fit, at: np.ndarray, stretch: redo.Stretch) -> None:
-    """Keys for what those of the take cannot show; at rest outside the stretch."""
+    """Adds keys for what the keys of the take cannot show; they rest outside the stretch."""
     if not len(fit.more):
         return
     strength = adjust.factor("", take_record.adjusted)

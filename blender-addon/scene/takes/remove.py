@@ -10,10 +10,10 @@ from ..shape_keys import artist_keys, guard, record, slider_changes
 
 
 def remove(ob) -> bool:
-    """Takes the generated keys, curves, action and copies away; False where there were none.
+    """Removes the generated keys, curves, action and copies; False where there were none.
 
-    A generated key that was renamed belongs to the artist and stays, at rest and without its curve,
-    as do keys, curves and drivers that were added since. A mesh or action that had been shared is
+    A generated key that was renamed belongs to the artist: it stays, at rest and without its curve.
+    So do keys, curves and drivers that were added since. A mesh or action that had been shared is
     shared again, unless somebody has changed the copy.
     """
     if not record.is_generated(ob):
@@ -35,7 +35,7 @@ def remove(ob) -> bool:
 
 
 def _inherit(shape_keys, take_record: record.Record) -> None:
-    """What was made once for all takes is undone with the last of them."""
+    """Passes what was added once for all takes on to a take that waits; the last take undoes it."""
     waiting = record.read_kept(shape_keys)
     if not waiting:
         return
@@ -58,9 +58,9 @@ def _remove_curves(shape_keys, take_record: record.Record) -> None:
 
 
 def _rest_renamed(shape_keys, take_record: record.Record) -> None:
-    """Brings keys of the take that have other names by now to where they were before it.
+    """Puts keys of the take that were renamed since back to where they were before it.
 
-    Blender renames their curves along, and these lie in our group, in the order of the keys.
+    Blender renames their curves too. These lie in our group, in the order of the keys.
     """
     names, blocks = (*take_record.keys, *take_record.values), shape_keys.key_blocks
     lost = [name for name in names if name not in blocks]
@@ -76,7 +76,8 @@ def _rest_renamed(shape_keys, take_record: record.Record) -> None:
 
 
 def _original(shape_keys, name: str, copy_print: str):
-    """What a copy of ours has stood in for, where `wanted` says so; it is kept no longer."""
+    """The original for which a copy of ours stands in, where `copy_print` is set; its pointer is
+    deleted."""
     original = shape_keys.get(name) if copy_print else None
     if original is not None:
         del shape_keys[name]
@@ -84,8 +85,10 @@ def _original(shape_keys, name: str, copy_print: str):
 
 
 def _release_action(animation, take_record: record.Record, original) -> None:
-    """Takes our action off; an `original` for which it stood in is played again, unless somebody
-    has changed the copy."""
+    """Removes our action.
+
+    If it stood in for `original`, that plays again, unless somebody has changed the copy.
+    """
     action = animation.action
     if (
         original is None
@@ -116,10 +119,10 @@ def _remove_keys(ob, take_record: record.Record) -> None:
 
 
 def _clear_keys(ob) -> None:
-    """Takes all keys of `ob` away, and what held them.
+    """Removes all keys of `ob`, and their data-block.
 
-    Blender counts one user too many of the keys of a copied mesh: they would stay, belong to
-    nothing, and be complained of whenever the file is saved.
+    Blender counts one user too many for the keys of a copied mesh. They would stay without an
+    owner, and Blender would warn of them whenever the file is saved.
     """
     name = ob.data.shape_keys.name
     ob.shape_key_clear()

@@ -1,7 +1,7 @@
 """Several takes on one character: one plays, the others wait as actions or lie in the NLA.
 
-A take that waits keeps its keys, at 0, and its curves in an action of its own; a custom property
-of the shape keys points to that action, so that it is saved and may be renamed.
+The keys of a take that waits stay at 0, and its curves lie in an action of their own. A custom
+property of the shape keys points to that action, so that it is saved and may be renamed.
 """
 
 from dataclasses import dataclass
@@ -26,7 +26,7 @@ class Row:
 
 
 def rows(ob) -> list[Row]:
-    """The takes of `ob`, oldest first by name."""
+    """The takes of `ob`, sorted by name, oldest first."""
     shape_keys = ob.data.shape_keys if ob is not None and ob.type == "MESH" else None
     listed = [
         Row(take_record.id, take_record.name, "NLA" if take_record.in_nla else "WAITS")
@@ -39,9 +39,9 @@ def rows(ob) -> list[Row]:
 
 
 def keep(ob) -> bool:
-    """The current take waits from now on, and the next one goes beside it; False without one.
+    """Lets the current take wait, so that the next one goes beside it; False without one.
 
-    So do the takes of the objects beside the face.
+    The takes of the objects beside the face wait too.
     """
     others = together.others_of(ob)
     current = record.read(_editable(ob))
@@ -70,7 +70,7 @@ def _keep(ob) -> bool:
 
 
 def switch(ob, take_id: str) -> None:
-    """Makes a take the one that plays."""
+    """Lets another take play."""
     shape_keys = _editable(ob)
     current = record.read(shape_keys)
     if current is not None and current.id == take_id:
@@ -85,7 +85,7 @@ def switch(ob, take_id: str) -> None:
 
 
 def channels_of(shape_keys, take_record: record.Record):
-    """What holds the curves of a take, whether it plays or waits; None where that is gone."""
+    """The holder of the curves of a take, whether it plays or waits; None where that is gone."""
     action = shape_keys.get(_ACTION + take_record.id)
     if action is not None:
         return next(iter(curves.bags(action)), None)
@@ -93,7 +93,7 @@ def channels_of(shape_keys, take_record: record.Record):
 
 
 def _beside(ob, take_id: str) -> list[tuple]:
-    """The objects that have a part of a take of `ob`, and its record there."""
+    """The objects that play a part of a take of `ob`, each with its record there."""
     meshes = [part for part in identity.parts_of(ob) if part.type == "MESH"]
     pairs = [
         (part, take_record)
@@ -153,7 +153,7 @@ def _push(ob, take_id: str) -> None:
 
 
 def delete(ob, take_id: str) -> None:
-    """Takes a take away with its keys, its action and its strip; the others stay."""
+    """Deletes a take with its keys, its action and its strip; the others stay."""
     shape_keys = _editable(ob)
     current = record.read(shape_keys)
     _find(shape_keys, take_id)
@@ -164,7 +164,7 @@ def delete(ob, take_id: str) -> None:
 
 
 def _take_out(ob, take_record: record.Record):
-    """Takes the curves off the character; the action in which they now are."""
+    """Moves the curves of a take off the character; returns the action that holds them now."""
     shape_keys = ob.data.shape_keys
     animation = shape_keys.animation_data
     paths = outputs.of_record(take_record).paths(take_record)

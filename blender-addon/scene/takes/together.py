@@ -1,4 +1,4 @@
-"""Writes one take on all the objects of a face, and takes it from all of them again."""
+"""Writes one take on all the objects of a face, and removes it from all of them again."""
 
 import bpy
 
@@ -14,9 +14,9 @@ from . import keys, remove
 def landing(ob, parts: list[Piece], take: Take, start_frame: float, scene_fps: float, before=None):
     """Puts `take` on `ob` and on the objects beside it that move, in steps: yields between them.
 
-    An earlier one goes, but for a table, which changes no mesh. Nothing is written where one of
-    the objects cannot be: all are checked first. Closed before it yields `BEGUN` it has changed
-    nothing. `before` is called when nothing can go wrong any more.
+    An earlier take goes, except for a table, which changes no mesh. All objects are checked first,
+    and nothing is written where one cannot be. If it is closed before it yields `BEGUN`, nothing
+    has changed. `before` is called when nothing can go wrong any more.
     """
     output = outputs.of_take(take)
     if output.in_files:
@@ -46,7 +46,7 @@ def landing(ob, parts: list[Piece], take: Take, start_frame: float, scene_fps: f
 
 
 def _landing_files(ob, output, take: Take, start_frame: float, scene_fps: float, before):
-    """The same for what lies elsewhere: files, the curves of a rig."""
+    """Does the same for takes in files or on a rig."""
     output.check_files(take)
     yield from output.prepare_files(take, start_frame, scene_fps)
     try:
@@ -61,7 +61,7 @@ def _landing_files(ob, output, take: Take, start_frame: float, scene_fps: float,
 
 
 def _write(moving: list[tuple], start_frame: float, scene_fps: float, prepared: list):
-    """Writes the takes of a face and of what moves beside it, with curves that were prepared."""
+    """Writes the takes of a face and of the parts that move with it, with prepared curves."""
     (ob, face_take), *others = moving
     remove_others(ob)
     first = yield from keys.writing(ob, face_take, start_frame, scene_fps, prepared[0])
@@ -74,14 +74,14 @@ def _write(moving: list[tuple], start_frame: float, scene_fps: float, prepared: 
 
 
 def remove_all(ob) -> bool:
-    """Takes the take from `ob` and from the objects beside it; False where there was none."""
+    """Removes the take from `ob` and from the objects beside it; False where there was none."""
     others = remove_others(ob)
     turns.release(ob)
     return remove.remove(ob) or others
 
 
 def remove_others(ob) -> bool:
-    """Takes the take of `ob` from the objects beside it, also renamed ones."""
+    """Removes the take of `ob` from the objects beside it, also from renamed ones."""
     others = others_of(ob)
     for other in others:
         remove.remove(other)
