@@ -1,4 +1,5 @@
-"""Audio: one strip, a file, a channel, or several strips as one take; where it begins and ends."""
+"""Audio: one strip, a file, a channel, or several strips as one take, and where it begins and
+ends."""
 
 import bpy
 from bpy.props import (
@@ -21,7 +22,7 @@ from .target import sequencer_scene, target
 
 
 class AnyfaceStrip(PropertyGroup):
-    """A chosen strip; its name says which."""
+    """A chosen strip, by its name."""
 
 
 class AnyfaceAudio(PropertyGroup):
@@ -78,7 +79,7 @@ class AnyfaceAudio(PropertyGroup):
 
 
 def fill(settings, ob, scene=None) -> None:
-    """Puts what `ob` is asked to speak into plain settings; `scene` is the sequencer's."""
+    """Puts the chosen sound of `ob` into plain settings; `scene` is the sequencer's."""
     names = "event_channel", "event_markers", "marker_s", "emotion_strip", "neutral_voice"
     for name in names:
         setattr(settings, name, getattr(ob.anyface_audio, name))
@@ -90,7 +91,7 @@ def fill(settings, ob, scene=None) -> None:
 
 
 def strip_of(ob, scene) -> str:
-    """The strip that was chosen, else the only one that the sequencer of `scene` has, else ""."""
+    """The chosen strip, or else the only sound strip in `scene`; "" where there is neither."""
     sound_strips = (
         sequencer.sound_strips(scene) if scene is not None and not ob.anyface.strip else []
     )
@@ -98,9 +99,9 @@ def strip_of(ob, scene) -> str:
 
 
 class WithSound(Alone):
-    """Works on the sound that the character speaks."""
+    """Needs the sound that the character speaks."""
 
-    # A linked face can be given no sound: it is told so when the button is pressed.
+    # A linked face cannot get a sound. If this is True, the button says so when it is pressed.
     accepts_linked = False
 
     @classmethod
@@ -118,7 +119,7 @@ class ANYFACE_OT_use_selected_strips(Acting, Operator):
     bl_label = "Use Selected Strips"
 
     def act(self, ob):
-        """Writes the names of the selected strips down."""
+        """Stores the names of the selected strips."""
         sound_strips = sequencer.sound_strips(sequencer_scene(bpy.context))
         names = [strip.name for strip in sound_strips if strip.select]
         if not names:
@@ -130,7 +131,7 @@ class ANYFACE_OT_use_selected_strips(Acting, Operator):
 
 
 def draw(layout, ob, scene, width: int) -> None:
-    """Draws what the face says: the source, what is chosen there, its length."""
+    """Draws the source of the sound, the choice within it, and its length."""
     layout.prop(ob.anyface, "source")
     if ob.anyface.source == "FILE":
         layout.prop(ob.anyface, "sound_file")
@@ -148,13 +149,13 @@ def draw(layout, ob, scene, width: int) -> None:
 
 
 def draw_emotion_strip(layout, ob, scene) -> None:
-    """Draws which strip gives the emotion, where the sequencer has any."""
+    """Draws the choice of the strip that gives the emotion, where the sequencer has strips."""
     if scene is not None and scene.sequence_editor is not None:
         search_strip(layout, ob.anyface_audio, "emotion_strip", scene.sequence_editor)
 
 
 def draw_neutral_voice(layout, ob) -> None:
-    """Draws the recording of the neutral voice, pale where no emotion is heard."""
+    """Draws the recording of the neutral voice, greyed out where no emotion is heard."""
     settings, column = ob.anyface, layout.column(align=True)
     hears = systems.by_name(settings.system).hears_emotion
     column.active = hears or settings.emotion_source == "VOICE"
@@ -171,7 +172,7 @@ def draw_heat(layout, ob) -> None:
 
 
 def search_strip(layout, group, name: str, editor, **shown) -> None:
-    """Draws a choice among the strips of a sequencer, a plain text without one."""
+    """Draws a choice among the strips of a sequencer, or a text field without a sequencer."""
     if editor is None:
         layout.prop(group, name, **shown)
         return
@@ -191,7 +192,7 @@ def _draw_strips(column, ob, scene) -> None:
 
 
 def why_not(ob, scene) -> str:
-    """Why nothing can be heard, in words; empty where something can."""
+    """Why there is no sound, in words; empty where there is one."""
     source = ob.anyface.source
     if source == "FILE":
         chosen = bool(ob.anyface.sound_file)
@@ -203,7 +204,7 @@ def why_not(ob, scene) -> str:
 
 
 def lines(ob, scene) -> list[tuple[str, str]]:
-    """What is to be said of the chosen sound, each text with its icon."""
+    """The lines about the chosen sound, each with its icon."""
     if ob.anyface.source == "FILE":
         length = strips.length_of_file(scene, ob.anyface.sound_file, ob.anyface.start_frame)
         return [(str(length), "SOUND")] if length is not None else []
@@ -213,7 +214,7 @@ def lines(ob, scene) -> list[tuple[str, str]]:
         return [(str(error), "ERROR")]
     if not sound_strips:
         return []
-    # A single muted strip is read all the same: somebody who picks it wants it.
+    # A single muted strip is used all the same: the artist has picked it.
     single = ob.anyface.source == "STRIP"
     muted = [] if single else [strip.name for strip in sound_strips if strip.mute]
     length = strips.length_of(scene, sound_strips, with_muted=single)
@@ -233,7 +234,7 @@ def _strips(ob, scene) -> list:
 
 
 def seconds(ob, scene) -> float | None:
-    """Length of the chosen sound; None where it cannot be told without decoding it."""
+    """The length of the chosen sound; None where it is not known before decoding."""
     if ob.anyface.source == "FILE":
         return strips.seconds_of(ob.anyface.sound_file)
     try:
@@ -244,7 +245,7 @@ def seconds(ob, scene) -> float | None:
 
 
 def first_frame(ob, scene) -> float | None:
-    """The frame at which the chosen strips begin to be heard; None without any."""
+    """The frame at which the chosen strips begin; None without strips."""
     try:
         length = strips.length_of(scene, _strips(ob, scene), ob.anyface.source == "STRIP")
     except AnyfaceError:

@@ -14,7 +14,7 @@ class ANYFACE_OT_remove_unused_caches(Operator):
     bl_options = {"REGISTER"}
 
     def invoke(self, context, event):
-        """Says how many there are, and asks."""
+        """Says how many files there are, and asks whether to delete them."""
         try:
             unused = cache_files.unused()
         except BaseException as error:
@@ -25,7 +25,7 @@ class ANYFACE_OT_remove_unused_caches(Operator):
         return context.window_manager.invoke_props_dialog(self, title=self.bl_label)
 
     def draw(self, context):
-        """Shows what will go."""
+        """Shows which files will be deleted."""
         self.layout.label(text=self._words, icon="TRASH")
         self.layout.label(text="No .blend near them plays them. Undo cannot bring them back.")
 

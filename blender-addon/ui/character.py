@@ -1,4 +1,4 @@
-"""Character: what was found of the face, its landmarks, and the objects that belong to it."""
+"""Character: the landmarks of the face, and the objects that belong to it."""
 
 import bpy
 from bpy.props import (
@@ -41,7 +41,7 @@ class AnyfacePart(PropertyGroup):
 
 
 class AnyfaceLoose(PropertyGroup):
-    """A connected part of the face mesh itself; `found` is what it was told to be."""
+    """A connected part of the face mesh; `found` is the role that the library gave it."""
 
     number: IntProperty()
     vertices: IntProperty()
@@ -54,14 +54,14 @@ class AnyfaceFace(PropertyGroup):
 
     parts: CollectionProperty(type=AnyfacePart)
     part_index: IntProperty(options=set())
-    # Parts were looked for, or chosen: from then on the list is the artist's.
+    # Parts have been searched for or chosen: from now on the list is the artist's.
     looked: BoolProperty(options={"HIDDEN"})
     loose: CollectionProperty(type=AnyfaceLoose)
     loose_index: IntProperty(options=set())
 
 
 def fill(settings, ob) -> None:
-    """Puts the parts of `ob` into plain settings; parts whose object was deleted are left out."""
+    """Puts the parts of `ob` into plain settings, without parts whose object was deleted."""
     chosen = [part for part in ob.anyface_face.parts if is_there(part.object)]
     settings.parts = [pieces.Part(part.object.name, _role(part)) for part in chosen]
     with_role = [part for part in ob.anyface_face.loose if part.role != "AUTO"]
@@ -73,7 +73,7 @@ def _role(part) -> str:
 
 
 def list_loose(ob, face_points) -> None:
-    """Lists the connected parts of the face mesh itself; roles that were chosen stay."""
+    """Lists the connected parts of the face mesh; chosen roles stay."""
     chosen = {part.number: part.role for part in ob.anyface_face.loose if part.role != "AUTO"}
     part_of_vertex = face_points.part_of_vertex[: len(ob.data.vertices)]
     ob.anyface_face.loose.clear()
@@ -125,7 +125,7 @@ class ANYFACE_OT_add_parts(Acting, Operator):
     bl_label = "Add Selected"
 
     def act(self, ob):
-        """Adds every selected mesh that is not there yet."""
+        """Adds every selected mesh that is not in the list."""
         known = {part.object for part in ob.anyface_face.parts} | {ob}
         picked = [other for other in bpy.context.selected_objects if other.type == "MESH"]
         fresh = [other for other in picked if other not in known and other.data != ob.data]
@@ -142,7 +142,7 @@ class ANYFACE_OT_drop_part(Acting, Operator):
     bl_label = "Remove Part"
 
     def act(self, ob):
-        """Takes the active row of the list away."""
+        """Removes the active row of the list."""
         face = ob.anyface_face
         if not 0 <= face.part_index < len(face.parts):
             raise AnyfaceError("input", "choose a part in the list first")
@@ -152,7 +152,8 @@ class ANYFACE_OT_drop_part(Acting, Operator):
 
 
 def take_along(ob) -> list[str]:
-    """Adds teeth, tongue and lashes to a face whose parts nobody has looked at yet; their names."""
+    """Adds teeth, tongue and lashes to a face whose parts nobody has chosen yet; returns their
+    names."""
     if ob.anyface_face.looked or len(ob.anyface_face.parts) or ob.library is not None:
         return []
     return _add_new(ob, [part for part in suggestions(ob) if _moves(part)])
@@ -174,7 +175,7 @@ def _add(ob, other, role: str) -> None:
 
 
 def suggestions(ob) -> list:
-    """Meshes near the head that have the same parent, are children of it, or share a collection."""
+    """Meshes near the head with the same parent, as children of it, or in the same collection."""
     near = set(ob.children_recursive)
     near |= set(ob.parent.children_recursive) if ob.parent is not None else set()
     for collection in ob.users_collection:
@@ -186,7 +187,8 @@ def suggestions(ob) -> list:
 
 
 def left_behind(ob) -> str:
-    """Which teeth, tongues and lashes beside a face without parts would rest, in words, or ""."""
+    """Says which teeth, tongues and lashes beside a face without parts do not move; empty for
+    none."""
     if len(ob.anyface_face.parts):
         return ""
     names = [part.name for part in suggestions(ob) if _moves(part)]
@@ -227,7 +229,7 @@ class ANYFACE_PT_character(OfFacePanel, Panel):
 
 
 def status(ob) -> tuple[str, str]:
-    """What is known of the face in words, and an icon."""
+    """The state of the face in words, and an icon."""
     try:
         stored = landmarks.load(ob)
     except AnyfaceError as error:

@@ -1,4 +1,4 @@
-"""What is known of a fault, as a text in the file: few artists see a console."""
+"""Writes the details of a fault into a text of the file, since few artists see a console."""
 
 import platform
 
@@ -10,7 +10,10 @@ NAME = "Anyface Fault"
 
 
 def save(error: AnyfaceError) -> AnyfaceError:
-    """Writes what is known of a fault into a text, and says where; other errors stay."""
+    """Writes the details of a fault into a text; returns the error with the name of the text.
+
+    Errors without details are returned as they are.
+    """
     report = details(error)
     if not report:
         return error

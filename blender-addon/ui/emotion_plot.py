@@ -10,7 +10,7 @@ from ..scene.shape_keys import record
 
 # The height of the picture in lines of the panel.
 _LINES = 7.0
-# Pictures that are kept; all are dropped where more are made.
+# The most pictures in memory; all are dropped when there would be more.
 _MOST = 24
 _GREY = (0.62, 0.62, 0.62)
 _COLOURS = {
@@ -25,13 +25,13 @@ _COLOURS = {
     "disgusted": (0.50, 0.72, 0.20),
 }
 _previews = None
-# What was heard in a take, by its number; it never changes.
+# The emotion that was heard in a take, by its id; it never changes.
 _heard: dict[str, HeardEmotion | None] = {}
 
 
 def heard(ob) -> tuple[str, HeardEmotion] | None:
-    """The number of the take that plays on `ob` and the emotion that was heard in it; None where
-    nothing was heard."""
+    """The id of the take that plays on `ob`, and the emotion that was heard in it; None for
+    none."""
     shape_keys = ob.data.shape_keys if ob is not None and ob.type == "MESH" else None
     take_record = record.read(shape_keys)
     if take_record is None or not take_record.heard_emotion:
@@ -43,7 +43,7 @@ def heard(ob) -> tuple[str, HeardEmotion] | None:
 
 
 def draw(layout, ob) -> None:
-    """Draws the picture and what its colours mean; nothing where nothing was heard."""
+    """Draws the picture and the meaning of its colours; nothing where no emotion was heard."""
     take_and_emotion = heard(ob)
     if take_and_emotion is None:
         return
@@ -59,13 +59,13 @@ def draw(layout, ob) -> None:
 
 
 def icon(take_id: str, emotion: HeardEmotion) -> int:
-    """The number of the picture of a take, which is drawn once."""
+    """The icon of the picture of a take, which is drawn once."""
     name = f"take {take_id}"
     if name not in _previews:
         if len(_previews) >= _MOST:
             _previews.clear()
         times = np.array(emotion.time_s)
-        # The likeliest lies over the others, and neutral under all.
+        # The likeliest emotion is drawn last, on top; neutral is drawn first.
         names = [name for name, *_ in reversed(emotion.likely())]
         names.sort(key=lambda name: name != "neutral")
         curves = [
@@ -98,14 +98,14 @@ def _on_load(*_) -> None:
 
 
 def register() -> None:
-    """Makes room for pictures."""
+    """Creates the collection of pictures."""
     global _previews
     _previews = bpy.utils.previews.new()
     bpy.app.handlers.load_pre.append(_on_load)
 
 
 def unregister() -> None:
-    """Frees them."""
+    """Frees the pictures."""
     global _previews
     bpy.app.handlers.load_pre.remove(_on_load)
     _heard.clear()

@@ -28,7 +28,7 @@ class ANYFACE_OT_controls_find(InThread, Operator):
     bl_label = "Find Controls"
 
     def read(self, context, ob):
-        """The mesh, whose landmarks say where the face is."""
+        """Reads the mesh, whose landmarks say where the face is."""
         control_bench.check(ob)
         return landmarks.search_of(ob)
 
@@ -47,7 +47,7 @@ class ANYFACE_OT_controls_find(InThread, Operator):
         return f"{len(listed)} controls move the face"
 
     def finish(self, ob, search, face_points):
-        """All at once."""
+        """Does it all at once."""
         return at_once(self.land(ob, search, face_points))
 
 
@@ -104,7 +104,7 @@ class ANYFACE_OT_controls_load(WithFile, Operator):
     bl_label = "Load Control List"
 
     def act(self, ob):
-        """Replaces the list by those of the file that are here."""
+        """Replaces the list by those controls of the file that exist here."""
         rows = control_names.read(self.path)
         pairs = [(_here(row, _rig(ob)), row.use) for row in rows]
         there = [pair for pair in pairs if pair[0] is not None]
@@ -118,7 +118,7 @@ class ANYFACE_OT_controls_load(WithFile, Operator):
 
 
 def _here(row: Row, rig) -> control_sources.Source | None:
-    """The source of a row of a file; that of `rig` where its own is not here."""
+    """The source of a row of a file; where its data-block is missing here, that of `rig`."""
     block = row.block
     known = COLLECTIONS.get(row.id_type)
     if known is None or row.kind not in (control_sources.BONE, control_sources.NUMBER):
@@ -141,7 +141,7 @@ def _sources(ob) -> list[control_sources.Source]:
 
 
 def _still(positions: np.ndarray, face_points: Found) -> ControlMotion:
-    """The points of a face that nobody has moved yet."""
+    """The points of a face that nothing has moved yet."""
     vertices, regions = controls_plan.nearby(positions, face_points)
     mm = _TEMPLES_MM / max(
         float(np.linalg.norm(face_points.positions[0] - face_points.positions[16])), 1e-12

@@ -1,4 +1,4 @@
-"""*Heat Map*: where emotion is believed in the current frame, as a colour attribute."""
+"""*Heat Map*: how strongly emotion moves each part of the face now, as a colour attribute."""
 
 from bpy.types import Operator
 
@@ -29,7 +29,7 @@ colour"""
         return "This system does not tell emotion from speech"
 
     def read(self, context, ob):
-        """The face, its sound, and which frame of the take is shown."""
+        """Reads the face, its sound, and the current frame of the take."""
         scene = sequencer_scene(context)
         settings = from_object(ob, scene)
         snapshot = bake.read(ob, scene, settings, running.engine(settings.system))
@@ -38,7 +38,7 @@ colour"""
         return Work(lambda progress: snapshot.ask(snapshot.engine.mask, progress, frame))
 
     def finish(self, ob, _work, shares):
-        """Writes the colours of shares `[V]` of the face's own vertices."""
+        """Colours the face's own vertices by shares `[V]`."""
         emotion_mask.show_heat(ob, shares[: len(ob.data.vertices)])
         return f"emotion is believed by {shares.mean():.0%} in the mean"
 

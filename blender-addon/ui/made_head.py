@@ -50,7 +50,7 @@ class ANYFACE_OT_add_head(AddHead, Operator):
     )
 
     def execute(self, context):
-        """Makes it and adds it."""
+        """Makes the head and adds it."""
         recipe = Recipe(self.seed, self.other, self.share, tuple(self.changes))
         try:
             head = heads().make(recipe)
@@ -62,7 +62,7 @@ class ANYFACE_OT_add_head(AddHead, Operator):
         return {"FINISHED"}
 
     def draw(self, _context):
-        """The panel of the last operation."""
+        """Draws the panel of the last operation."""
         layout = self.layout
         layout.use_property_split = True
         for name in ("seed", "other", "share"):
@@ -83,7 +83,7 @@ class ANYFACE_OT_head_like(InThread, Operator):
     cancelled = ""
 
     def read(self, context, ob):
-        """The mesh and its landmarks."""
+        """Reads the mesh and its landmarks."""
         settings = from_object(ob)
         face = mesh.read_face(ob, settings.landmark_file)
         face.axes = settings.axes

@@ -1,4 +1,4 @@
-"""Models: the folder whose weights speak instead of the built-in ones, and what its cards say."""
+"""Models: the folder whose weights are used instead of the built-in ones, and their cards."""
 
 from bpy.types import Panel
 
@@ -8,7 +8,7 @@ from .panel import OfFacePanel
 
 
 class ANYFACE_PT_models(OfFacePanel, Panel):
-    """Which weights speak."""
+    """Shows which weights are used."""
 
     bl_label = "Models"
     bl_order = 20
@@ -36,7 +36,7 @@ class ANYFACE_PT_models(OfFacePanel, Panel):
 
 
 def _tight(layout):
-    """Lines of one text stand nearer to each other than to the next."""
+    """A column whose lines stand close together, as those of one text."""
     column = layout.column(align=True)
     column.scale_y = 0.7
     return column

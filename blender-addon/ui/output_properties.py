@@ -39,7 +39,7 @@ class AnyfaceMapping(PropertyGroup):
     )
 
 
-# The sliders have no values of their own: they read and change the take that is there.
+# The sliders have no values of their own: they read and change the finished take.
 def _slider(name: str, label: str, words: str, unmoved: float = 1.0, **limits):
     def read_take(stored) -> float:
         ob = stored.id_data
@@ -97,9 +97,9 @@ class AnyfaceOutput(PropertyGroup):
 
 
 def slider_of(ob, name: str) -> str:
-    """The property that shows what `adjust.names_of` names.
+    """The property that shows a name of `adjust.names_of`.
 
-    Blinks of named shapes are scaled at will, those of basis keys no further than closed eyes.
+    Blinks of named shapes are scaled freely, those of basis keys no further than closed eyes.
     """
     return "closing" if name == "blinks" and not adjust.is_named(ob) else name
 

@@ -1,4 +1,4 @@
-"""The add-on's preferences: which models speak and how many threads they may use."""
+"""The add-on's preferences: which models are used, and how many threads."""
 
 from pathlib import Path
 
@@ -80,7 +80,7 @@ class AnyfacePreferences(AddonPreferences):
 
 
 def _microphones() -> list[str]:
-    """Names of the devices that record; none where the system's sound cannot be used."""
+    """Names of the recording devices; none where the system's sound cannot be used."""
     try:
         return devices()
     except AnyfaceError:
@@ -93,7 +93,7 @@ def microphone() -> str:
 
 
 def look_ahead() -> float:
-    """Seconds of sound that a face which listens waits for, at most."""
+    """The most seconds of sound that a listening face waits for."""
     return float(_stored("look_ahead", "0.19"))
 
 
@@ -103,7 +103,7 @@ def threads() -> int:
 
 
 def shows_research() -> bool:
-    """Whether the artist wants to see controls that speak of how a model works."""
+    """Whether the artist wants to see controls of how a model works."""
     return _stored("research", False)
 
 
@@ -113,7 +113,7 @@ def usual_folder() -> str:
 
 
 def model_folder(scene) -> Path | None:
-    """The folder of the models that speak in `scene`; None for the built-in ones."""
+    """The folder of the models for `scene`; None for the built-in ones."""
     folder = scene.anyface.model_folder or usual_folder()
     return Path(bpy.path.abspath(folder)) if folder else None
 
@@ -131,9 +131,9 @@ def _stored(name: str, otherwise):
 
 
 def cache_folder() -> Path | None:
-    """Where the library keeps what it knows of meshes: the extension's own user folder.
+    """The folder for what the library knows of meshes: the extension's own user folder.
 
-    None outside an installed extension: the library then takes the user's cache folder.
+    None outside an installed extension; then the library takes the user's cache folder.
     """
     try:
         return Path(bpy.utils.extension_path_user(PACKAGE, path="cache", create=True))

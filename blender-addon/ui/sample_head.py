@@ -34,7 +34,7 @@ class ANYFACE_OT_add_sample_head(AddHead, Operator):
     )
 
     def execute(self, context):
-        """Adds it."""
+        """Adds the head."""
         if self.character == PLAIN:
             self.add(context, sample_head.mesh(self.height))
             return {"FINISHED"}
@@ -72,5 +72,5 @@ def register() -> None:
 
 
 def unregister() -> None:
-    """Takes them off."""
+    """Removes them."""
     bpy.types.VIEW3D_MT_mesh_add.remove(_draw)

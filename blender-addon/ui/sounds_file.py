@@ -15,7 +15,7 @@ from .operators import WithFile
 from .settings import from_object
 from .target import sequencer_scene
 
-# The endings that the library writes, and whose they are.
+# The file formats that the library writes: ending, name, and help.
 _KINDS = (
     (".TextGrid", "Praat TextGrid", "Phones as intervals; Praat, ELAN and forced aligners read it"),
     (".tsv", "Rhubarb TSV", "Mouth shapes A to H and X, one line each"),
@@ -47,7 +47,7 @@ class ANYFACE_OT_sounds_write(WithSound, WithFile, Operator):
         return super().invoke(context, event)
 
     def check(self, _context):
-        """The ending follows the kind."""
+        """Lets the ending follow the kind."""
         before, self.filepath = self.filepath, self._path()
         return before != self.filepath
 
@@ -67,7 +67,7 @@ class ANYFACE_OT_sounds_write(WithSound, WithFile, Operator):
         return f"{len(closures)} sounds in {Path(path).name}"
 
     def _path(self) -> str:
-        """The path with the ending of its kind; one that names a kind itself keeps it."""
+        """The path with the ending of its kind; an ending in the path chooses the kind."""
         path = Path(self.filepath)
         if path.suffix.lower() not in {kind[0].lower() for kind in _KINDS}:
             return f"{path}{self.kind}"

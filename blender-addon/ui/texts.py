@@ -1,4 +1,4 @@
-"""What is said in each sound: the text that *Mend* aligns, kept with the scene by sound."""
+"""The text of each sound, which *Mend* aligns; the scene stores it by sound."""
 
 import bpy
 from bpy.props import StringProperty
@@ -9,7 +9,7 @@ from .target import sequencer_scene, target
 
 
 class AnyfaceText(PropertyGroup):
-    """A text; its name says which sound it belongs to."""
+    """A text; its name tells to which sound it belongs."""
 
     text: StringProperty()
 
@@ -23,12 +23,12 @@ def of(ob, scene) -> str:
 
 
 def get(_settings) -> str:
-    """The same of the character that the panel shows, for the field there."""
+    """The text of the sound that the character of the panel speaks, for the field there."""
     return of(target(bpy.context), sequencer_scene(bpy.context))
 
 
 def put(_settings, text: str) -> None:
-    """Keeps the text of the sound that this character speaks now."""
+    """Stores the text of the sound that this character speaks now."""
     ob, scene = target(bpy.context), sequencer_scene(bpy.context)
     if ob is None or scene is None:
         return
@@ -38,7 +38,7 @@ def put(_settings, text: str) -> None:
 
 
 def _key(ob, scene) -> str:
-    """What tells the sound of a character from others: names of strips, a file, a channel."""
+    """The key of a character's sound: names of strips, a file, or a channel."""
     source = ob.anyface.source
     if source == "STRIP":
         return audio.strip_of(ob, scene)
