@@ -161,7 +161,7 @@ class Snapshot:
         take = self.plan.finish(self.face, take, self.engine, progress)
         try:
             if holds is not None and not is_held and not holding.hold(take, holds):
-                take.notes.append("poses are held on curves of shape keys and rigs alone")
+                take.notes.append("only curves of shape keys and rigs can hold poses")
             moves = self.plan.moves(take)
             if self.settings.curves == sparse.SPARSE and moves is not None:
                 sparse.thin(take, moves, self.engine, self.settings.curves_mm, progress)

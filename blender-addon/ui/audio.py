@@ -39,14 +39,15 @@ class AnyfaceAudio(PropertyGroup):
     chosen: CollectionProperty(type=AnyfaceStrip)
     emotion_strip: StringProperty(
         name="Emotion Of",
-        description="Sound strip whose emotion this face shows, as long as its own is; "
-        "empty for its own voice",
+        description="Sound strip whose emotion this face shows, stretched to the length of its own "
+        "sound; empty for its own voice",
         options=set(),
     )
     neutral_voice: StringProperty(
         name="Neutral Voice",
         description="Recording in which the same person speaks neutrally, ten seconds or more: the "
-        "emotion of the voice is heard as what differs from it; empty compares it with readers",
+        "emotion of the voice is its difference from this. Empty compares it with people who read "
+        "aloud",
         subtype="FILE_PATH",
         options=set(),
     )
@@ -61,8 +62,8 @@ class AnyfaceAudio(PropertyGroup):
     )
     event_markers: BoolProperty(
         name="Markers Too",
-        description="The scene's markers are events as well: their names what the face does, "
-        "smile:0.5 half of it; until a marker named end, or end smile",
+        description="The scene's markers are events as well. A marker's name says what the face "
+        "does, such as smile, or smile:0.5 for half of it, until a marker named end or end smile",
         default=False,
         options=set(),
     )

@@ -29,7 +29,7 @@ _ROLE_TEXTS = {
     "gaze": "An eyeball; rests and never deforms",
     "still": "Nothing of the face; rests",
 }
-_ROLE_ITEMS = [("AUTO", "By Shape", "Told by shape and place", 0)]
+_ROLE_ITEMS = [("AUTO", "By Shape", "Guessed from shape and place", 0)]
 _ROLE_ITEMS += [(n, n.capitalize(), _ROLE_TEXTS[n], k + 1) for k, n in enumerate(ROLES)]
 
 

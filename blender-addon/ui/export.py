@@ -15,8 +15,8 @@ _ENDINGS = {kind.ending for kind in export.KINDS.values()}
 
 
 class ANYFACE_OT_export(Alone, WithFile, Operator):
-    """Export the face with its motion for another program, with the switches that it needs: those
-    of the FBX and USD menus leave it out"""
+    """Export the face with its motion for another program, with the settings that this needs: the \
+defaults of the FBX and USD menus leave the motion out"""
 
     bl_idname = "anyface.export"
     bl_label = "Export Talking Head"

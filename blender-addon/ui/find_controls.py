@@ -52,7 +52,7 @@ class ANYFACE_OT_controls_find(InThread, Operator):
 
 
 class ANYFACE_OT_controls_preset(Acting, Operator):
-    """Fill the list with the bones that a tool names in this way"""
+    """Fill the list with the bones that have the names of this tool"""
 
     bl_idname = "anyface.controls_preset"
     bl_label = "Names"
@@ -98,7 +98,7 @@ class ANYFACE_OT_controls_save(ToFile, Operator):
 
 
 class ANYFACE_OT_controls_load(WithFile, Operator):
-    """Load the list from a JSON file; a rig of another name takes the place of that in the file"""
+    """Load the list from a JSON file; where the rig of the file is not here, this rig is used"""
 
     bl_idname = "anyface.controls_load"
     bl_label = "Load Control List"

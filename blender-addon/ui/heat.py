@@ -14,9 +14,9 @@ from .target import sequencer_scene, target
 
 
 class ANYFACE_OT_heat_map(WithSound, InThread, Operator):
-    """Colour the face by how far emotion is believed in the current frame: red where it moves \
-the face, blue where only what is said does. Shown by a material, or the viewport's Attribute \
-colour"""
+    """Colour the face by how strongly emotion moves it in the current frame: red where emotion \
+does, blue where speech alone does. A material, or the viewport's Attribute colour, shows the \
+colours"""
 
     bl_idname = "anyface.heat_map"
     bl_label = "Heat Map"
@@ -40,7 +40,7 @@ colour"""
     def finish(self, ob, _work, shares):
         """Colours the face's own vertices by shares `[V]`."""
         emotion_mask.show_heat(ob, shares[: len(ob.data.vertices)])
-        return f"emotion is believed by {shares.mean():.0%} in the mean"
+        return f"emotion moves the face by {shares.mean():.0%} on average"
 
 
 class ANYFACE_OT_heat_map_hide(Acting, Operator):

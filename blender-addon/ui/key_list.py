@@ -42,7 +42,7 @@ class ANYFACE_OT_mapping_find(OnList, Operator):
 
 
 class ANYFACE_OT_mapping_preset(OnList, Operator):
-    """Fill the list with the keys that a tool names in this way"""
+    """Fill the list with the keys that have the names of this tool"""
 
     bl_idname = "anyface.mapping_preset"
     bl_label = "Names"

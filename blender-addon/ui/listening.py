@@ -18,8 +18,8 @@ _SHORTEST_S = 0.2
 
 class ANYFACE_OT_listen(InThread, Operator):
     """Follow the microphone: the face speaks with you, a quarter of a second later, or sooner by \
-Microphone Delay of the preferences. Again ends it; so does saving, rendering and undo. Nothing of \
-it stays but what you record"""
+Microphone Delay in the preferences. Press again to stop; saving, rendering and undo stop it too. \
+Only what you record is kept"""
 
     bl_idname = "anyface.listen"
     bl_label = "Live Microphone"
@@ -59,8 +59,8 @@ it stays but what you record"""
 
 
 class ANYFACE_OT_record(Alone, Operator):
-    """Keep what the microphone hears from now on. Again ends it: the recording becomes a strip of \
-the sequencer at the frame where it began, and the face is animated by it"""
+    """Record what the microphone hears. Press again to stop: the recording becomes a strip of the \
+sequencer at the frame where it began, and the face is animated with it"""
 
     bl_idname = "anyface.record"
     bl_label = "Record"
@@ -80,7 +80,7 @@ the sequencer at the frame where it began, and the face is animated by it"""
         sound, frame = face.recording()
         if len(sound.samples) < _SHORTEST_S * sound.rate_hz:
             face.drop_recording()
-            raise AnyfaceError("audio", "record: expected a fifth of a second or more")
+            raise AnyfaceError("audio", "record: expected a recording of 0.2 s or more")
         # If this fails, the recording goes on, and the button tries again.
         strip = keep(ob, scene, sound, frame)
         live.end(ob)

@@ -13,7 +13,7 @@ from .target import sequencer_scene, target
 
 class ANYFACE_OT_live(WithSound, InThread, Operator):
     """Follow the sound while it plays, without generating: play or scrub, and change the emotion \
-meanwhile. Again ends it; so does saving, rendering and undo. Nothing of it stays"""
+meanwhile. Press again to stop; saving, rendering and undo stop it too. Nothing is kept"""
 
     bl_idname = "anyface.live"
     bl_label = "Live"

@@ -167,7 +167,7 @@ class OfSpeaker(Acting):
 
 
 class ANYFACE_OT_mouth_chart_find(OfSpeaker, Operator):
-    """List the mouths with the shape keys or objects that are called like them: A, mouth_B, MBP"""
+    """List the mouths with the shape keys or objects of their names: A, mouth_B, MBP"""
 
     bl_idname = "anyface.mouth_chart_find"
     bl_label = "Find Drawings"
@@ -182,8 +182,8 @@ class ANYFACE_OT_mouth_chart_find(OfSpeaker, Operator):
 
 
 class ANYFACE_OT_mouth_chart(OfSpeaker, InThread, Operator):
-    """Draw the mouths of what is said: held keyframes say which drawing is shown. Keyframes of an
-    earlier chart are replaced, yours are not touched"""
+    """Animate the drawn mouths with the speech: constant keyframes choose the drawing. Keyframes \
+of an earlier chart are replaced; yours are not touched"""
 
     bl_idname = "anyface.mouth_chart"
     bl_label = "Draw Mouth Chart"

@@ -44,7 +44,7 @@ class AnyfacePreferences(AddonPreferences):
 
     research: BoolProperty(
         name="Research Controls",
-        description="Show controls that speak of how a model works: guidance, noise, steps, fields "
+        description="Show controls for how a model works: guidance, noise, steps, fields "
         "and templates. Those that were changed are always shown",
         default=False,
     )
@@ -59,10 +59,10 @@ class AnyfacePreferences(AddonPreferences):
     look_ahead: EnumProperty(
         name="Microphone Delay",
         description="How much of what comes next Live Microphone hears before the face shows it. "
-        "FreeTalk can do with less; the face is sooner then, and less sure of what is said",
+        "FreeTalk can do with less: the face is then earlier, and less certain of what is said",
         items=[
-            ("0.19", "0.2 s", "Lips that close in time"),
-            ("0.07", "0.07 s", "Lips that close in time, and where nobody asked them to"),
+            ("0.19", "0.2 s", "Lips close in time"),
+            ("0.07", "0.07 s", "Lips close in time, but also where they should not"),
             ("0", "None", "Half of the closures come late or not at all"),
         ],
         default="0.19",

@@ -55,7 +55,7 @@ _AXES = [
     (
         "AUTO",
         "Automatic",
-        "Wherever it looks; the others decide where several places look like faces",
+        "Any direction; the others decide where several places look like faces",
         0,
     ),
     ("WORLD", "World", "The head faces -Y in the world", 1),
@@ -152,15 +152,15 @@ class AnyfaceCharacter(PropertyGroup):
     mode: EnumProperty(name="Output", items=outputs.ITEMS, default=outputs.MODES[0], options=set())
     layered: BoolProperty(
         name="Emotion as a Layer",
-        description="Keys of what is felt are apart from keys of what is said, act where the "
+        description="Emotion and speech get keys of their own. Those of emotion act where the "
         "vertex group Emotion Mask is painted, and follow the slider of the emotion",
         default=True,
         options=set(),
     )
     starts_from_pose: BoolProperty(
         name="Start from Current Pose",
-        description="The take begins as the shape keys of the face stand in the current frame, as "
-        "at the end of the shot before, and goes on from there within 0.4 s",
+        description="The take begins with the pose of the shape keys in the current frame, such "
+        "as the end of the shot before, and blends into its own motion within 0.4 s",
         default=False,
         options=set(),
     )
@@ -177,7 +177,8 @@ class AnyfaceCharacter(PropertyGroup):
     named_keys: BoolProperty(
         name="Named Keys",
         description="New keys follow jaw, lips, brows and lids and are named after them; off makes "
-        "numbered keys of which about half as many move in a frame, for long takes on heavy meshes",
+        "numbered keys, of which about half as many move in a frame, for long takes on heavy "
+        "meshes",
         default=True,
         options=set(),
     )
@@ -204,12 +205,10 @@ class AnyfaceCharacter(PropertyGroup):
     )
     pose_on: _frames("Change Every", "Poses change at every so many frames", 1)
     pose_closures: _frames("Closed Lips", "The fewest frames for which lips stay closed", 0)
-    pose_vowels: _frames(
-        "Vowels", "The fewest frames for which a mouth stands that is wide open", 0
-    )
+    pose_vowels: _frames("Vowels", "The fewest frames for which a wide-open mouth stands", 0)
     axes: EnumProperty(
         name="Face Direction",
-        description="How the head looks when the face is searched",
+        description="Which way the head faces when the face is searched for",
         items=_AXES,
         default="AUTO",
         options=set(),

@@ -36,7 +36,7 @@ class ANYFACE_PT_takes(OfFacePanel, Panel):
 
 
 class ANYFACE_OT_take_keep(Alone, Operator):
-    """Let the take that plays wait in the list; the next one is made beside it"""
+    """Keep the take that plays in the list; the next one goes beside it"""
 
     bl_idname = "anyface.take_keep"
     bl_label = "Keep Take"
