@@ -146,5 +146,5 @@ def register() -> None:
 
 
 def unregister() -> None:
-    """Takes it away; values stay in the file."""
+    """Removes it; values stay in the file."""
     del bpy.types.Object.anyface_identity

@@ -19,7 +19,7 @@ def is_sparse(curve) -> bool:
 
 
 def bend(curve, slopes: np.ndarray) -> None:
-    """Gives the keys of a curve handles along `slopes` `[N, 2]`, before and behind, per frame."""
+    """Gives the keys of a curve handles of `slopes` `[N, 2]`, before and behind, per frame."""
     count = len(curve.keyframe_points)
     vectors = _handles(_pairs(curve, "co"), slopes)
     _put(curve, vectors, _kinds_of(slopes, count))

@@ -49,7 +49,7 @@ def times(ob, names, start_frame: float, scene_fps: float, duration_s: float | N
 
 
 def values(ob, scene, names, frames: np.ndarray) -> dict[str, np.ndarray]:
-    """The value of each property at each of `frames` `[N]`; those of enums are their numbers."""
+    """The values of each property at `frames` `[N]`; those of an enum are its numbers."""
     if any(needs_scene(ob, name) for name in names):
         return _by_stepping(ob, scene, names, frames)
     read = {}

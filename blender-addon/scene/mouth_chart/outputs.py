@@ -189,7 +189,7 @@ def _pencil_channels(drawings: Drawings, mouths: list[str]) -> list[Channel]:
 
 
 def _pencil(ob):
-    """The modifiers of a Grease Pencil object, and what Time Offset is called among them.
+    """The modifiers of a Grease Pencil object, and the type of Time Offset among them.
 
     4.2 keeps them apart from those of meshes; since 4.3 they are the same list.
     """

@@ -81,7 +81,7 @@ def write(shape_keys, record: Record) -> None:
 
 
 def clear(shape_keys) -> None:
-    """Takes the record of the current take away."""
+    """Removes the record of the current take."""
     if PROPERTY in shape_keys:
         del shape_keys[PROPERTY]
 

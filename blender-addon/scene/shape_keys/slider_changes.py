@@ -30,6 +30,6 @@ def read(shape_keys, take_record: record.Record) -> dict[str, sliders.SliderChan
 
 
 def clear(shape_keys, take_record: record.Record) -> None:
-    """Takes the sliders of a take away."""
+    """Removes the sliders of a take."""
     if _PROPERTY + take_record.id in shape_keys:
         del shape_keys[_PROPERTY + take_record.id]

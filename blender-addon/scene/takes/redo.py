@@ -151,7 +151,7 @@ def _stretch(ob, job: redo.Redo, scene) -> tuple[redo.Stretch, float, float]:
     last_frames = [curve.range()[1] for curve in _curves(ob, take_record).values()]
     if not last_frames:
         raise AnyfaceError("mesh", "the take has no curves any more: generate again")
-    # The last keyframe is one of rest, behind the last frame of the sound.
+    # The last keyframe is at rest, behind the last frame of the sound.
     ends = max(last_frames) - curves.EASE_S * snapshot.scene_fps
     stretch = redo.Stretch(*between(scene, snapshot.source), start, ends, snapshot.scene_fps)
     return stretch, start, step
