@@ -34,12 +34,12 @@ NO_SOUND = "no sound: choose a strip or a sound file"
 
 @dataclass
 class Settings:
-    """What is asked; the fields of `ui.properties.AnyfaceCharacter` without Blender.
+    """The request of an artist: the fields of `ui.properties.AnyfaceCharacter` without Blender.
 
-    `strip` or `sound_file` is set. `fps` 0 takes the scene's. `system` is a name of
-    `core.systems`, "" the default one; `controls` are the numbers of controls by name. `mixture`
-    holds emotions beside `emotion`. `blend` are strengths `[15]` that override all of them and
-    their keyframes, as `held` are controls that override the others and their keyframes.
+    `strip` or `sound_file` is set. `fps` 0 takes the scene's. `system` is a name of `core.systems`,
+    "" the default one. `controls` are the values of controls by name, and `held` are controls that
+    override these and their keyframes. `mixture` holds emotions beside `emotion`, and `blend` are
+    strengths `[15]` that override all emotions and their keyframes.
     """
 
     strip: str = ""
@@ -60,10 +60,11 @@ class Settings:
     error_mm: float = 0.1
     # Whether new keys follow controls and are named after them.
     named_keys: bool = True
-    # Whether curves get few keys, `core.sparse.SPARSE`, and how far these may move any vertex, mm.
+    # Whether curves get few keys, `core.sparse.SPARSE`, and by how much that may move any vertex,
+    # mm.
     curves: str = sparse.SPARSE
     curves_mm: float = 0.2
-    # How long poses stand where they are held, `core.holding.HELD`.
+    # How long poses stand where curves are `core.holding.HELD`.
     holds: holding.Holds = field(default_factory=holding.Holds)
     layered: bool = True
     axes: str = "AUTO"
@@ -73,17 +74,17 @@ class Settings:
     channel: int = 0
     # The channel (from 1) whose text strips are events; 0 for none.
     event_channel: int = 0
-    # Whether markers are events too, and how long those are that no marker ends.
+    # Whether markers are events too, and how long one lasts that no other marker ends.
     event_markers: bool = False
     marker_s: float = 0.8
-    # A file of events that counts instead of both.
+    # A file of events, used instead of the channel and the markers.
     event_file: str = ""
-    # A sound strip, or a file instead, whose emotion the face shows, for systems that hear it.
+    # A sound strip, or a file instead, whose emotion the face shows where the system hears emotion.
     emotion_strip: str = ""
     emotion_file: str = ""
-    # A sound file in which the same person speaks neutrally, for an emotion that is heard.
+    # A sound file in which the same person speaks neutrally, for systems that hear emotion.
     neutral_voice: str = ""
-    # Whether the face begins as it stands now, for systems that go on from a pose.
+    # Whether the face begins as it stands now, for systems that start from a pose.
     starts_from_pose: bool = False
     # Objects beside the face, and roles of single connected parts by number.
     parts: list[pieces.Part] = field(default_factory=list)
@@ -105,35 +106,40 @@ class Snapshot:
     scene_fps: float
     scene_start: int
     engine: object = field(repr=False)
-    # What is said besides, and the panel's settings as they were.
+    # Notes for the report, and the panel's settings at that time.
     notes: list[str] = field(default_factory=list)
-    asked: dict = field(default_factory=dict)
+    panel_values: dict = field(default_factory=dict)
     # The numbers of all objects that take part, by their names at that time.
     numbers: dict[str, int] = field(default_factory=dict)
-    # Start and end in seconds, and the text, of strips that say what is heard.
+    # Start and end in seconds, and the text, of the strips that show sounds.
     sounds: list[tuple[float, float, str]] | None = None
-    # Another recording whose emotion is shown.
-    felt: SoundSource | None = None
+    # Another recording, whose emotion the face shows.
+    emotion_sound: SoundSource | None = None
     # The same person's neutral voice.
     neutral: SoundSource | None = None
 
     def heard(self, progress: Progress) -> tuple[Sound, Request]:
-        """The sound, decoded, and the request with the lips closed where the strips say so, the
-        other recording that gives the emotion, and the neutral voice."""
+        """The decoded sound, and the request with what was heard beside it.
+
+        That is the intervals in which the strips close the lips, the other recording that gives the
+        emotion, and the neutral voice.
+        """
         progress.check("sound")
         voice, request = self.source.load(decode.decoder(self.engine)), self.request
         if self.sounds is not None:
             closed = [[a, b] for a, b, label in self.sounds if self.engine.closes_lips(label)]
             request = replace(request, closures=np.array(closed).reshape(-1, 2))
-        if self.felt is not None:
-            request = replace(request, emotion_of=self.felt.load(decode.decoder(self.engine)))
+        if self.emotion_sound is not None:
+            request = replace(
+                request, emotion_of=self.emotion_sound.load(decode.decoder(self.engine))
+            )
         if self.neutral is not None:
             neutral = self.neutral.load(decode.decoder(self.engine))
             request = replace(request, neutral_voice=neutral)
         return voice, request
 
     def ask(self, function, progress: Progress, *more):
-        """What a `function` of the engine makes of the face and its sound."""
+        """Calls a `function` of the engine with the face and its sound, and returns the result."""
         voice, request = self.heard(progress)
         return function(*self.face.space.seen(self.face), voice, request, *more, progress)
 
@@ -150,12 +156,12 @@ class Snapshot:
         """The take; raises `AnyfaceError`."""
         take = self.perform(progress)
         holds = self.settings.holds if self.settings.curves == holding.HELD else None
-        # What sliders change is packed by the plan.
+        # The plan packs what the sliders change.
         is_held = holds is not None and holding.hold(take, holds)
         take = self.plan.finish(self.face, take, self.engine, progress)
         try:
             if holds is not None and not is_held and not holding.hold(take, holds):
-                take.notes.append("poses are held on curves of shape keys and rigs alone")
+                take.notes.append("only curves of shape keys and rigs can hold poses")
             moves = self.plan.moves(take)
             if self.settings.curves == sparse.SPARSE and moves is not None:
                 sparse.thin(take, moves, self.engine, self.settings.curves_mm, progress)
@@ -169,7 +175,7 @@ class Snapshot:
 
 
 def read(ob, scene, settings: Settings, engine) -> Snapshot:
-    """Reads mesh, sound and emotion; raises `AnyfaceError` in words for the artist."""
+    """Reads mesh, sound and emotion; raises `AnyfaceError` with a message for the artist."""
     live.end(ob)
     output = outputs.of(settings.mode)
     output.check(ob, settings.output)
@@ -213,16 +219,17 @@ def read(ob, scene, settings: Settings, engine) -> Snapshot:
         scene_start=scene.frame_start,
         engine=engine,
         notes=notes,
-        asked=panel_settings.read(ob),
+        panel_values=panel_settings.read(ob),
         numbers=_numbers(names, settings),
         sounds=sounds.read(scene, source),
-        felt=_felt(scene, settings, engine),
+        emotion_sound=_emotion_sound(scene, settings, engine),
         neutral=_neutral(settings),
     )
 
 
 def read_still(ob, scene, settings: Settings) -> tuple[FaceMesh, Request]:
-    """The face for a voice that is not there yet; raises `AnyfaceError` in words for the artist."""
+    """The face for a voice that is not there yet; raises `AnyfaceError` with a message for the
+    artist."""
     live.end(ob)
     outputs.of(settings.mode).check(ob, settings.output)
     _leave_out_foreign(ob, settings)
@@ -232,13 +239,15 @@ def read_still(ob, scene, settings: Settings) -> tuple[FaceMesh, Request]:
 
 def _numbers(names: list[str], settings: Settings) -> dict[str, int]:
     every = {*names, *(part.name for part in settings.parts), *settings.life.names}
-    found = {name: bpy.data.objects.get(name) for name in every if name}
-    return {name: identity.number(ob) for name, ob in found.items() if ob is not None}
+    objects = {name: bpy.data.objects.get(name) for name in every if name}
+    return {name: identity.number(ob) for name, ob in objects.items() if ob is not None}
 
 
 def follow_names(snapshot: Snapshot, files: Iterable[WrittenFile]) -> None:
-    """Calls the objects of a take, and of its `files`, what they are called now; raises
-    `AnyfaceError("mesh")` where one is gone."""
+    """Renames the objects of a take, and of its `files`, to their present names.
+
+    Raises `AnyfaceError("mesh")` where one is gone.
+    """
     now = {}
     for name, number in snapshot.numbers.items():
         ob = identity.with_number(number, name)
@@ -254,7 +263,7 @@ def follow_names(snapshot: Snapshot, files: Iterable[WrittenFile]) -> None:
 
 
 def _leave_out_foreign(ob, settings: Settings) -> list[str]:
-    """Takes parts that speak with another face out of `settings`, and says so."""
+    """Removes parts that speak with another face from `settings`; returns a note for each."""
     notes = []
     for part in list(settings.parts):
         other = bpy.data.objects.get(part.name)
@@ -266,8 +275,10 @@ def _leave_out_foreign(ob, settings: Settings) -> list[str]:
 
 
 def read_face(ob, settings: Settings, editable: bool = True) -> FaceMesh:
-    """The face with the objects beside it; raises `AnyfaceError` for parts that cannot be keyed,
-    where that is needed (`editable`)."""
+    """The face with the objects beside it.
+
+    With `editable` it raises `AnyfaceError` for parts that cannot get keys.
+    """
     face = mesh.read_face(ob, settings.landmark_file)
     mesh.check_face(ob, face)
     face.axes = settings.axes
@@ -280,33 +291,33 @@ def read_face(ob, settings: Settings, editable: bool = True) -> FaceMesh:
 
 
 def write(ob, snapshot: Snapshot, take: Take) -> str:
-    """Writes the take at once and says in one line what was written."""
+    """Writes the take at once; returns one line about what it wrote."""
     return at_once(landing(ob, snapshot, take))
 
 
 def landing(ob, snapshot: Snapshot, take: Take):
-    """Writes the take in short steps, yielding between them; returns in one line what was written.
+    """Writes the take in short steps, yielding between them; returns one line about what it wrote.
 
-    Closed before it yields `BEGUN` it has changed nothing.
+    If it is closed before it yields `BEGUN`, nothing has changed.
     """
     follow_names(snapshot, take.motion.files)
-    asked = snapshot.settings.output
+    output_settings = snapshot.settings.output
     take.earliest = float(snapshot.scene_start)
     start, scene_fps = snapshot.source.start_frame, snapshot.scene_fps
     output = outputs.of_take(take)
     yield from head_and_eyes.look(take, snapshot.settings, start, scene_fps)
-    take = yield from output.settle(ob, take, asked)
+    take = yield from output.settle(ob, take, output_settings)
     if snapshot.settings.curves == sparse.SPARSE:
         take.few = sparse.Few(snapshot.engine, snapshot.settings.curves_mm)
     keep = output.keep if output.in_files else take_list.keep
-    before = (lambda: keep(ob)) if asked.new_take else None
+    before = (lambda: keep(ob)) if output_settings.new_take else None
     yield from together.landing(ob, snapshot.face.pieces, take, start, scene_fps, before)
     if not take.motion.files:
         yield BEGUN
     turned = yield from head_and_eyes.writing(ob, take, snapshot.settings, start, scene_fps)
     notes = snapshot.notes + take.notes + snapshot.source.notes
     notes += [] if take.motion.files else guard.notes(ob)
-    notes += output.notes(ob, asked)
+    notes += output.notes(ob, output_settings)
     if ob.library is None:
         ob.anyface.mouth, ob.anyface.lids = take.mouth, " ".join(take.lids)
         ob.anyface.report_details = details(ob, take, snapshot.settings.curves_mm)
@@ -316,27 +327,33 @@ def landing(ob, snapshot: Snapshot, take: Take):
     if "joined" in take.lids:
         notes.append(opening.JOINED)
     text = " ".join([describe(take), *(f"({note})" for note in [*turned, *notes])])
-    panel_settings.note(ob, snapshot.asked, text, take.heard_emotion)
+    panel_settings.note(ob, snapshot.panel_values, text, take.heard_emotion)
     return text
 
 
-def discard(made) -> None:
-    """Takes back the files of a take that was not written, or of those of a list, and closes a face
-    that nobody follows; needs no Blender."""
-    if isinstance(made, StreamedFace):
-        made.close()
-    for take in _takes(made):
+def discard(result) -> None:
+    """Deletes the files of a take, or of a list of takes, that was not written.
+
+    It closes a face that nobody follows. It needs no Blender.
+    """
+    if isinstance(result, StreamedFace):
+        result.close()
+    for take in _takes(result):
         plan.take_back(take.motion.files)
 
 
-def settle(made) -> None:
-    """The take, or those of a list, stands: what its files have replaced goes."""
-    for take in _takes(made):
+def settle(result) -> None:
+    """Deletes the files that the take, or each take of a list, has replaced: it stands now."""
+    for take in _takes(result):
         plan.settle(take.motion.files)
 
 
-def _takes(made) -> list[Take]:
-    return [take for take in (made if isinstance(made, list) else [made]) if isinstance(take, Take)]
+def _takes(result) -> list[Take]:
+    return [
+        take
+        for take in (result if isinstance(result, list) else [result])
+        if isinstance(take, Take)
+    ]
 
 
 def describe(take: Take) -> str:
@@ -345,16 +362,18 @@ def describe(take: Take) -> str:
 
 
 def details(ob, take: Take, curves_mm: float) -> str:
-    """What only some want to know: "moves by up to 9.1 mm, exact to 0.10 mm"; curves with few keys
-    are within `curves_mm`."""
+    """Details that only some want: "moves by up to 9.1 mm, exact to 0.10 mm".
+
+    Curves with few keys are within `curves_mm`.
+    """
     is_human = mesh.is_of_human_size(ob)
-    found = [f"moves by up to {wording.length(take.largest_mm, is_human)}"]
-    found += outputs.of_take(take).details(take, is_human)
-    return ", ".join(filter(None, [*found, sparse.describe(take, curves_mm)]))
+    phrases = [f"moves by up to {wording.length(take.largest_mm, is_human)}"]
+    phrases += outputs.of_take(take).details(take, is_human)
+    return ", ".join(filter(None, [*phrases, sparse.describe(take, curves_mm)]))
 
 
 def find_sound(scene, settings: Settings, engine) -> SoundSource:
-    """The sound that is asked for, not decoded yet; raises `AnyfaceError("audio")`."""
+    """The sound that `settings` name, not decoded yet; raises `AnyfaceError("audio")`."""
     if settings.strips or settings.channel:
         chosen = strips.chosen(scene, settings.strips, settings.channel)
         return strips.as_one(scene, chosen, decode.decoder(engine))
@@ -365,8 +384,8 @@ def find_sound(scene, settings: Settings, engine) -> SoundSource:
     raise AnyfaceError("audio", NO_SOUND, ("choose_sound",))
 
 
-def _felt(scene, settings: Settings, engine) -> SoundSource | None:
-    """The recording that gives the emotion; a strip is let be where the system does not hear it."""
+def _emotion_sound(scene, settings: Settings, engine) -> SoundSource | None:
+    """The recording that gives the emotion; None for a strip where the system hears no emotion."""
     if settings.emotion_file:
         return sound_source.from_file(settings.emotion_file, settings.start_frame)
     if not settings.emotion_strip or not systems.by_name(settings.system).hears_emotion:
@@ -378,7 +397,7 @@ def _felt(scene, settings: Settings, engine) -> SoundSource | None:
 
 
 def _neutral(settings: Settings) -> SoundSource | None:
-    """The recording of the neutral voice; it is let be where no emotion is heard."""
+    """The recording of the neutral voice; None where no emotion is heard."""
     hears = systems.by_name(settings.system).hears_emotion or settings.emotion_source == "VOICE"
     if not settings.neutral_voice or not hears:
         return None
@@ -389,12 +408,13 @@ def _neutral(settings: Settings) -> SoundSource | None:
 
 
 def _pose(ob, face: FaceMesh, settings: Settings) -> np.ndarray | None:
-    """How the face and its other pieces stand now, `[V, 3]` from rest, where it is to begin so."""
+    """The displacements `[V, 3]` of the face and its other pieces now; None unless the take starts
+    from them."""
     if not settings.starts_from_pose or not systems.by_name(settings.system).starts_from_pose:
         return None
     moved = np.zeros_like(face.positions)
-    own = mesh.read_pose(ob)
-    moved[: len(own)] = own
+    face_pose = mesh.read_pose(ob)
+    moved[: len(face_pose)] = face_pose
     for piece in face.pieces[1:]:
         stands = mesh.read_pose(bpy.data.objects[piece.name])
         moved[piece.rows] = stands @ piece.matrix[:3, :3].T

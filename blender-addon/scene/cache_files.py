@@ -1,7 +1,7 @@
-"""Point caches on disk: how they are named, and which of them nobody plays any more.
+"""Point caches on disk: how they are named, and which of them nothing plays any more.
 
-A name tells the version of the .blend, the object and the take, so no run writes over another's
-file. Nothing deletes one but *Remove Unused Caches*, and only where no .blend beside it names it.
+A name contains the version of the .blend, the object and the take, so no run overwrites another's
+file. Only *Remove Unused Caches* deletes them, and only those that no .blend nearby names.
 """
 
 import gzip
@@ -24,14 +24,17 @@ _GZIP, _ZSTD = b"\x1f\x8b", b"\x28\xb5\x2f\xfd"
 
 @dataclass
 class Unused:
-    """`files` that may go, and the `unread` .blend files for whose sake others stay."""
+    """The `files` that can be deleted, and the .blend files that could not be read.
+
+    Caches near an `unread` .blend stay.
+    """
 
     files: list[Path]
     unread: list[Path]
 
     @property
     def megabytes(self) -> float:
-        """How much room deleting them gives, MB."""
+        """How much space deleting them frees, MB."""
         return sum(path.stat().st_size for path in self.files) / 1e6
 
 
@@ -44,29 +47,30 @@ def names(objects: list[str]) -> dict[str, str]:
 
 
 def take_of(path: str) -> str:
-    """What the names of all files of a take have in common."""
+    """The part of a file name that all files of a take share."""
     return Path(path).stem.rpartition("_")[2]
 
 
 def unused() -> Unused:
     """The caches beside this .blend, and in folders that it plays from, that no .blend names.
 
-    Files are looked for where the folder of the caches lies, in folders there, and in those beside.
+    It looks for .blend files beside the folder of the caches, in folders there, and in the
+    neighbouring ones.
     """
     played = _played()
     folders = {path.parent for path in played}
     if bpy.data.filepath:
         folders.add(Path(bpy.data.filepath).parent / FOLDER)
-    found = Unused([], [])
+    result = Unused([], [])
     for folder in sorted(folder for folder in folders if folder.is_dir()):
         files = [path for path in folder.iterdir() if _OURS.fullmatch(path.name)]
         spare = [path for path in files if path.resolve() not in played]
-        _add_unnamed(spare, folder.parent, found)
-    return found
+        _add_unnamed(spare, folder.parent, result)
+    return result
 
 
 def delete(files: list[Path]) -> None:
-    """Deletes caches, and our folders where they are empty then."""
+    """Deletes caches, and our folders that are empty then."""
     try:
         for path in files:
             path.unlink(missing_ok=True)
@@ -77,20 +81,21 @@ def delete(files: list[Path]) -> None:
             folder.rmdir()
 
 
-def _add_unnamed(spare: list[Path], beside: Path, found: Unused) -> None:
-    """Adds those of `spare` that no .blend near `beside`, backups included, names."""
+def _add_unnamed(spare: list[Path], beside: Path, result: Unused) -> None:
+    """Adds those of `spare` to `result` that no .blend near `beside` names; backups count too."""
     places = (beside.glob("*.blend*"), beside.glob("*/*.blend*"), beside.parent.glob("*/*.blend*"))
     for blend in {path for place in places for path in place if path.is_file()} if spare else ():
         named = _named_in(blend, [path.name for path in spare])
         if named is None:
-            found.unread.append(blend)
+            result.unread.append(blend)
             return
         spare = [path for path in spare if path.name not in named]
-    found.files += spare
+    result.files += spare
 
 
-def _named_in(blend: Path, wanted: list[str]) -> set[str] | None:
-    """The file names among `wanted` that a .blend holds; None where it cannot be read here."""
+def _named_in(blend: Path, candidates: list[str]) -> set[str] | None:
+    """Those of the file names `candidates` that a .blend contains; None where it cannot be read
+    here."""
     try:
         with open(blend, "rb") as file:
             start = file.read(4)
@@ -100,7 +105,7 @@ def _named_in(blend: Path, wanted: list[str]) -> set[str] | None:
                 content = gzip.decompress(blend.read_bytes())
             else:
                 content = mmap.mmap(file.fileno(), 0, access=mmap.ACCESS_READ) if start else b""
-            return {name for name in wanted if content.find(name.encode()) >= 0}
+            return {name for name in candidates if content.find(name.encode()) >= 0}
     except (OSError, EOFError, ValueError, ImportError):
         return None
 

@@ -1,7 +1,7 @@
-"""Notices duplicates: each gets an identity of its own, and what was copied with it stays with it.
+"""Recognises duplicates: each gets an identity of its own and keeps what was copied with it.
 
-Blender keeps the list of parts of a face right where teeth are duplicated along with it; a head
-that is duplicated alone leaves its teeth to the first one.
+If teeth are duplicated along with a face, Blender keeps the list of parts right. If a head is
+duplicated alone, its teeth stay with the first head.
 """
 
 import bpy
@@ -11,7 +11,7 @@ from . import identity
 from .life import turns
 from .rig_controls import control_actions
 
-# What an override of an object may have for itself.
+# Property groups of which an override has its own values.
 _GROUPS = (
     "anyface", "anyface_audio", "anyface_face", "anyface_life_settings", "anyface_output",
     "anyface_controls", "anyface_mouth_chart",
@@ -19,19 +19,19 @@ _GROUPS = (
 
 
 def settle() -> None:
-    """Tells copies from originals since the last time; does nothing where there are none."""
+    """Tells the copies that were made since the last call from their originals."""
     bearers = {}
     for ob in bpy.data.objects:
         _prepare_override(ob)
-        found = identity.read(ob) if ob.library is None else None
-        if found is not None:
-            bearers.setdefault(found.id, []).append((ob, found))
+        object_identity = identity.read(ob) if ob.library is None else None
+        if object_identity is not None:
+            bearers.setdefault(object_identity.id, []).append((ob, object_identity))
     originals, copies = {}, {}
-    for own, members in bearers.items():
-        originals[own] = _original(members)
-        made = [ob for ob, _ in members if ob != originals[own]]
-        if made:
-            copies[own] = sorted(made, key=lambda ob: ob.name)
+    for object_id, members in bearers.items():
+        originals[object_id] = _original(members)
+        duplicates = [ob for ob, _ in members if ob != originals[object_id]]
+        if duplicates:
+            copies[object_id] = sorted(duplicates, key=lambda ob: ob.name)
     for ob in originals.values():
         if ob is not None:
             identity.write(ob, identity.read(ob))
@@ -40,31 +40,34 @@ def settle() -> None:
 
 
 def _prepare_override(ob) -> None:
-    """Blender compares an override with its linked object value by value only where both have the
-    group of values; reading it makes one."""
+    """Reads our property groups on the linked object, which creates them.
+
+    Blender compares an override with its linked object value by value only where both have the
+    group.
+    """
     linked = ob.override_library.reference if ob.override_library is not None else None
     for name in _GROUPS if linked is not None else ():
         getattr(linked, name)
 
 
 def _original(members: list[tuple]):
-    """The object that an identity was written for; None where only copies of it are left."""
-    for ob, found in members:
-        if identity.is_current(ob, found):
+    """The object for which an identity was written; None where only copies of it are left."""
+    for ob, object_identity in members:
+        if identity.is_current(ob, object_identity):
             return ob
     unsure = [pair for pair in members if not identity.is_copy(*pair)]
-    named = [ob for ob, found in unsure if found.name == ob.name]
+    named = [ob for ob, object_identity in unsure if object_identity.name == ob.name]
     named += sorted((ob for ob, _ in unsure), key=lambda ob: ob.name)
     return named[0] if named else None
 
 
 def _renew(copies: dict[str, list], originals: dict) -> None:
-    """Gives copies, by the id that they bear, identities of their own."""
-    before = {ob: identity.read(ob) for made in copies.values() for ob in made}
+    """Gives copies, by the id that they carry, identities of their own."""
+    before = {ob: identity.read(ob) for duplicates in copies.values() for ob in duplicates}
     for ob in before:
         identity.write(ob, identity.Identity())
-    for ob, found in before.items():
-        face = _face_of(ob, originals.get(found.id), copies.get(found.face, []))
+    for ob, object_identity in before.items():
+        face = _face_of(ob, originals.get(object_identity.id), copies.get(object_identity.face, []))
         if face is not None:
             identity.join(face, ob)
     for ob in before:
@@ -74,11 +77,11 @@ def _renew(copies: dict[str, list], originals: dict) -> None:
 
 
 def _face_of(part, original, faces: list):
-    """The one of copied `faces` to which the copy of a part belongs, or None."""
+    """The one of the copied `faces` to which the copy of a part belongs, or None."""
     for face in faces:
         if any(row.object == part for row in face.anyface_face.parts):
             return face
-    # Scripts copy objects without what points to them.
+    # A script that copies objects leaves what points to them as it was.
     for face in faces:
         for row in face.anyface_face.parts if original is not None else ():
             if row.object == original:
@@ -89,7 +92,7 @@ def _face_of(part, original, faces: list):
 
 def _drop_foreign_parts(face) -> None:
     rows = face.anyface_face.parts
-    # An override keeps the rows of its library; such parts are left out when it speaks.
+    # An override keeps the rows of its library; Generate leaves such parts out.
     for at in reversed(range(len(rows) if face.override_library is None else 0)):
         owner = identity.face_of(rows[at].object) if rows[at].object is not None else None
         if owner not in (None, face):

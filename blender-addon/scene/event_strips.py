@@ -1,14 +1,14 @@
 """Text strips and timeline markers that are events.
 
-Of a strip the text is the expression, the place the slot, the opacity the strength. It belongs to
-the characters that name its channel; where the name of one of them stands in its own, to that one
-alone. Those of *Add at Playhead* are muted, for Blender would render them over the picture; muted
-strips act all the same.
+The text of a strip is the expression, its place the time slot, its opacity the strength. The strip
+belongs to every character that listens to its channel. If its name contains the name of one of
+them, it belongs to that one alone. *Add at Playhead* mutes its strips, since Blender would render
+them over the picture; muted strips act all the same.
 
-Of a marker the name is the expression, with `:0.5` behind it the strength; it begins where it
-stands, and lasts as long as the character's settings say, or until a marker that is named `end`, or
-`end` and the same expression. It belongs to the characters that listen to markers, or to the one
-that it names.
+The name of a marker is the expression; `:0.5` behind it is the strength. The event begins at the
+marker. It lasts as long as the character's settings say, or until a marker named `end`, or `end`
+and the same expression. It belongs to the characters that listen to markers, or to the one that it
+names.
 """
 
 import re
@@ -24,7 +24,7 @@ from ..core.events import Event, Expression
 from .animation import curves
 from .sound import sequencer, sounds, strips
 
-# Steps in which an opacity that changes over time is followed.
+# The step in which an opacity that changes over time is sampled.
 _STEP = 0.05
 # How long a new event is, seconds.
 LENGTH_S = 0.8
@@ -32,9 +32,9 @@ LENGTH_S = 0.8
 
 @dataclass
 class Row:
-    """A strip, or a marker without one, as the panel lists it, from `first` up to `last`.
+    """A strip or a marker as the panel lists it, from frame `first` up to `last`.
 
-    `wrong` says in words why it does nothing, or not all.
+    `wrong` says why it does nothing, or not all. A marker has no `strip`.
     """
 
     name: str
@@ -46,30 +46,32 @@ class Row:
 
 
 @dataclass
-class Found:
-    """The events of a character, and what is to be said of strips that are none."""
+class CharacterEvents:
+    """The events of a character, and notes about strips and markers that are none."""
 
     events: list[Event] = field(default_factory=list)
     notes: list[str] = field(default_factory=list)
 
 
 def strips_of(scene, channel: int, ob=None) -> list:
-    """The text strips of a channel, first to last; those that show sounds are left out.
+    """The text strips of a channel, first to last, without those that show sounds.
 
-    With `ob` those that name another character of this channel are left out too.
+    With `ob` it leaves out those that name another character of this channel.
     """
     faces, every = others(scene, channel), sequencer.all_strips(scene) if channel else []
-    found = [s for s in every if s.type == "TEXT" and s.channel == channel and not sounds.shows(s)]
+    text_strips = [
+        s for s in every if s.type == "TEXT" and s.channel == channel and not sounds.shows(s)
+    ]
     if ob is not None:
-        found = [s for s in found if strips.named_in(s.name, faces) in (None, ob)]
-    return sorted(found, key=lambda strip: sequencer.ends(strip)[0])
+        text_strips = [s for s in text_strips if strips.named_in(s.name, faces) in (None, ob)]
+    return sorted(text_strips, key=lambda strip: sequencer.ends(strip)[0])
 
 
 def marked(scene, ob, settings, models: Path | None = None) -> list[Row]:
     """Each marker that may be an event of `ob`; none where it does not listen to markers.
 
-    `settings` has `event_markers` and `marker_s`, `models` is the folder of the models. Markers
-    that bind a camera and those that still have the name that Blender gave them say nothing.
+    `settings` has `event_markers` and `marker_s`; `models` is the folder of the models. Markers
+    that bind a camera, and those that still have the name that Blender gave them, do not count.
     """
     if not settings.event_markers:
         return []
@@ -77,7 +79,7 @@ def marked(scene, ob, settings, models: Path | None = None) -> list[Row]:
     named = [marker for marker in scene.timeline_markers if _says_something(marker)]
     named = [marker for marker in named if strips.named_in(marker.name, faces) in (None, ob)]
     fps = scene.render.fps / scene.render.fps_base
-    length, found, begun = max(1, round(settings.marker_s * fps)), [], []
+    length, event_rows, begun = max(1, round(settings.marker_s * fps)), [], []
     for marker in sorted(named, key=lambda marker: marker.frame):
         text = strips.without_name(marker.name, faces)
         ended = events.ended_by(text, [row.expression.said for row in begun])
@@ -87,9 +89,9 @@ def marked(scene, ob, settings, models: Path | None = None) -> list[Row]:
             continue
         expression = events.expression(text, models)
         row = Row(marker.name, expression, marker.frame, marker.frame + length)
-        found.append(row)
+        event_rows.append(row)
         begun.append(row)
-    return found
+    return event_rows
 
 
 def _says_something(marker) -> bool:
@@ -98,7 +100,7 @@ def _says_something(marker) -> bool:
 
 
 def others(scene, channel: int) -> list:
-    """The characters whose events lie in a channel."""
+    """The characters that listen to a channel."""
     meshes = _meshes(scene)
     return [ob for ob in meshes if channel and ob.anyface_audio.event_channel == channel]
 
@@ -114,21 +116,22 @@ def rows(
     when: tuple[float, float | None] | None = None,
     models: Path | None = None,
 ) -> list[Row]:
-    """Each strip and marker that is `ob`'s, first to last, with what is understood of it.
+    """Each strip and marker that belongs to `ob`, first to last, and how it is understood.
 
-    `settings` has `event_channel`, `event_markers` and `marker_s`; `when` is the frame at which the
-    sound begins, and its seconds where they are known; `models` the folder of the models.
+    `settings` has `event_channel`, `event_markers` and `marker_s`. `when` is the frame at which the
+    sound begins, and its length in seconds where that is known. `models` is the folder of the
+    models.
     """
-    found = [
+    event_rows = [
         Row(strip.name, events.expression(strip.text, models), *sequencer.ends(strip), strip=strip)
         for strip in strips_of(scene, settings.event_channel, ob)
     ]
-    found += marked(scene, ob, settings, models)
-    for row in found:
+    event_rows += marked(scene, ob, settings, models)
+    for row in event_rows:
         row.wrong = row.expression.hint
         if not row.wrong and when is not None and _slot(scene, row, *when) is None:
             row.wrong = f"frames {row.first} to {row.last} lie outside the sound"
-    return sorted(found, key=lambda row: row.first)
+    return sorted(event_rows, key=lambda row: row.first)
 
 
 def read(
@@ -138,37 +141,40 @@ def read(
     start_frame: float,
     duration_s: float | None,
     models: Path | None = None,
-) -> Found:
-    """The events of a character for a system that takes them; none for others.
+) -> CharacterEvents:
+    """The events of a character, for a system that takes them; none for other systems.
 
-    Strips and markers that say nothing, or lie outside the sound, are named and left out.
+    Strips and markers that mean nothing, or lie outside the sound, are left out with a note.
     """
-    found = Found()
+    result = CharacterEvents()
     if not systems.by_name(settings.system).takes_events:
         if settings.event_file:
             raise AnyfaceError("input", "events: expected a system that shows them")
-        return found
+        return result
     if settings.event_file:
-        found.events = events.of_file(settings.event_file, models)
-        return found
+        result.events = events.of_file(settings.event_file, models)
+        return result
     when = start_frame, duration_s
     for row in rows(scene, ob, settings, when, models):
         if row.wrong:
-            found.notes.append(f"the event {row.name} was left out: {row.wrong}")
+            result.notes.append(f"the event {row.name} was left out: {row.wrong}")
             continue
         slot = _slot(scene, row, *when)
         said = row.expression
         for start_s, end_s, opacity in _pieces(scene, row, slot, start_frame):
             strength = opacity * said.strength
             event = Event(start_s, end_s, said.units, strength, said.over_speech, row.name)
-            found.events.append(event)
-    found.notes = events.shortened(found.notes)
-    return found
+            result.events.append(event)
+    result.notes = events.shortened(result.notes)
+    return result
 
 
 def add(scene, ob, channel: int, text: str, frame: int, strength: float = 1.0):
-    """A new strip of `ob` at `frame`, which ends where the next one of its channel begins; it names
-    the character where others have the same channel. Returns it."""
+    """Adds a strip of `ob` at `frame` that ends where the next one of its channel begins; returns
+    it.
+
+    Its name contains the character's where other characters listen to the same channel.
+    """
     fps = scene.render.fps / scene.render.fps_base
     last = frame + max(1, round(LENGTH_S * fps))
     behind = [sequencer.ends(strip)[0] for strip in _in_channel(scene, channel)]
@@ -187,7 +193,7 @@ def is_free(scene, channel: int, frame: int) -> bool:
 
 
 def free_channel(scene) -> int:
-    """The first channel above everything that is there."""
+    """The first channel above all strips."""
     return 1 + max((strip.channel for strip in sequencer.all_strips(scene)), default=0)
 
 
@@ -196,7 +202,7 @@ def _in_channel(scene, channel: int) -> list:
 
 
 def _slot(scene, row: Row, start_frame: float, duration_s: float | None):
-    """The frames of a strip or marker that lie in the sound; None where none does."""
+    """The frames of a strip or marker that lie in the sound; None where it lies outside."""
     fps = scene.render.fps / scene.render.fps_base
     ends = np.inf if duration_s is None else start_frame + duration_s * fps
     first, last = max(row.first, start_frame), min(row.last, ends)
@@ -204,7 +210,10 @@ def _slot(scene, row: Row, start_frame: float, duration_s: float | None):
 
 
 def _pieces(scene, row: Row, slot, start_frame: float) -> list[tuple[float, float, float]]:
-    """Start and end in seconds, and opacity: one piece, or as many as the opacity has steps."""
+    """Start and end in seconds, and opacity, of each piece of an event.
+
+    A constant opacity makes one piece, and an animated one a piece for each step.
+    """
     fps = scene.render.fps / scene.render.fps_base
     first, last = slot
     seconds = [(at - start_frame) / fps for at in (first, last)]
@@ -215,17 +224,17 @@ def _pieces(scene, row: Row, slot, start_frame: float) -> list[tuple[float, floa
     frames = np.arange(np.floor(first), np.ceil(last))
     strengths = [_STEP * round(np.clip(curve.evaluate(at), 0.0, 1.0) / _STEP) for at in frames]
     changes = [0, *(np.flatnonzero(np.diff(strengths)) + 1), len(frames)]
-    found = []
+    steps = []
     for begins, ends in pairwise(changes):
         if strengths[begins] == 0.0:
             continue
         start_s = max((frames[begins] - start_frame) / fps, seconds[0])
         end_s = min((frames[ends - 1] + 1 - start_frame) / fps, seconds[1])
-        found.append((float(start_s), float(end_s), float(strengths[begins])))
-    return found
+        steps.append((float(start_s), float(end_s), float(strengths[begins])))
+    return steps
 
 
 def _opacity_curve(scene, strip):
-    """The keyframes of a strip's opacity, which lie in the scene's action, or None."""
+    """The curve of a strip's opacity, which lies in the scene's action, or None."""
     path = f"{strip.path_from_id()}.blend_alpha"
     return curves.find(scene.animation_data, path)

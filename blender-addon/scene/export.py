@@ -1,5 +1,4 @@
-"""Files for other programs: each of Blender's exporters, with the switches under which a take comes
-through."""
+"""Export for other programs: each of Blender's exporters, with the switches that a take needs."""
 
 from dataclasses import dataclass
 
@@ -11,9 +10,8 @@ from . import identity, outputs
 
 @dataclass(frozen=True)
 class Kind:
-    """A kind of file: its ending, the exporter's operator, the add-on that brings it, and what it
-    is told beside the path.
-    """
+    """A file format: its ending, the exporter's operator, its add-on, and its arguments beside the
+    path."""
 
     label: str
     help: str
@@ -40,7 +38,7 @@ KINDS = {
             "export_morph": True,
             "export_morph_animation": True,
             "export_force_sampling": True,
-            # Frames before 0 go, rather than that everything else is late.
+            # Frames before 0 are cropped; otherwise everything would be shifted.
             "export_negative_frame": "CROP",
         },
     ),
@@ -81,7 +79,7 @@ KINDS = {
 
 
 def is_there(kind: Kind) -> bool:
-    """Whether this Blender has the exporter, and its add-on is on."""
+    """Whether this Blender has the exporter, with its add-on enabled."""
     group, name = kind.operator.split(".")
     return name in dir(getattr(bpy.ops, group))
 
@@ -114,16 +112,16 @@ def write(ob, kind: Kind, path: str, whole_scene: bool) -> None:
 
 
 def _of_face(ob) -> list:
-    """The face, the objects that speak with it, and what all of these hang on."""
-    found = [ob, *identity.parts_of(ob)]
-    for one in found:
+    """The face, the objects that speak with it, and the rigs and parents of all of these."""
+    objects = [ob, *identity.parts_of(ob)]
+    for one in objects:
         rigs = [m.object for m in one.modifiers if m.type == "ARMATURE" and m.object is not None]
-        found += [more for more in {*rigs, one.parent} - {None} if more not in found]
-    return found
+        objects += [more for more in {*rigs, one.parent} - {None} if more not in objects]
+    return objects
 
 
 def _select(layer, objects: list) -> None:
     for one in layer.objects:
-        wanted = one in objects
-        if one.select_get(view_layer=layer) != wanted:
-            one.select_set(wanted, view_layer=layer)
+        is_chosen = one in objects
+        if one.select_get(view_layer=layer) != is_chosen:
+            one.select_set(is_chosen, view_layer=layer)

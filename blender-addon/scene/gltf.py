@@ -1,9 +1,10 @@
-"""Weights within 0 and 1 while a glTF file is written: importers and engines clamp others.
+"""Keeps weights within 0 and 1 while a glTF file is written, since importers and engines clamp
+others.
 
-`Σ w v` with `w` from `m` to `M` equals `Σ (w - m)/(M - m) · (M - m) v + Σ m v`: the last sum is one
-shape more, which stays at 1. In Blender a take keeps weights of both signs: most of them are 0 in a
-frame, which costs nothing. Its glTF exporter calls `before_export` and `after_export` by the names
-that `__init__` gives them.
+`Σ w v` with `w` from `m` to `M` equals `Σ (w - m)/(M - m) · (M - m) v + Σ m v`. The last sum is one
+more shape, which stays at 1. In Blender a take keeps weights of both signs: most of them are 0 in a
+frame, which costs nothing. Blender's glTF exporter calls `before_export` and `after_export` by the
+names that `__init__` gives them.
 """
 
 import uuid
@@ -20,14 +21,17 @@ from .shape_keys import guard, record
 from .takes import nla, take_list
 
 STANDING = "Anyface.standing"
-# Marks shape keys that are changed, with the number of the change.
+# Marks shape keys that were changed, with the id of the change.
 _MARK = "anyface_one_sided"
 
 
 @dataclass
 class _Changed:
-    """What one mesh had before: positions, slider ranges, values and vertex groups of keys by name,
-    keyframes of curves by take and data path."""
+    """The state of one mesh before the export.
+
+    It holds positions, slider ranges, values and vertex groups of keys by name, and keyframes of
+    curves by take and data path.
+    """
 
     name: str
     mark: str = field(default_factory=lambda: uuid.uuid4().hex)
@@ -40,21 +44,21 @@ _changed: list[_Changed] = []
 
 
 def before_export(_settings) -> None:
-    """Rewrites all basis takes that have negative weights; they move as before."""
+    """Rewrites all basis takes that have negative weights; their motion stays the same."""
     after_export(_settings)
-    seen = set()
+    mesh_names = set()
     for ob in bpy.data.objects:
-        if ob.type != "MESH" or ob.data.library is not None or ob.data.name in seen:
+        if ob.type != "MESH" or ob.data.library is not None or ob.data.name in mesh_names:
             continue
-        seen.add(ob.data.name)
-        taken = record.everyone(ob.data.shape_keys)
-        wanted = [one for one in taken if outputs.of_record(one).as_basis]
-        if wanted:
-            _rewrite(ob, wanted)
+        mesh_names.add(ob.data.name)
+        records = record.everyone(ob.data.shape_keys)
+        basis_records = [one for one in records if outputs.of_record(one).as_basis]
+        if basis_records:
+            _rewrite(ob, basis_records)
 
 
 def after_export(_settings) -> None:
-    """Puts back what `before_export` has changed; also what an export that failed has left."""
+    """Undoes what `before_export` has changed, also after an export that failed."""
     while _changed:
         changed = _changed.pop()
         ob = bpy.data.objects.get(changed.name)
@@ -64,50 +68,53 @@ def after_export(_settings) -> None:
             _put_back(ob, changed)
 
 
-def _rewrite(ob, wanted) -> None:
+def _rewrite(ob, records) -> None:
     changed = _Changed(ob.name)
     _changed.append(changed)
     ob.data.shape_keys[_MARK] = changed.mark
     with guard.object_mode(ob), guard.selection_kept(ob):
-        for taken in wanted:
-            _rewrite_take(ob, taken, changed)
+        for take_record in records:
+            _rewrite_take(ob, take_record, changed)
 
 
-def _rewrite_take(ob, taken, changed: _Changed) -> None:
+def _rewrite_take(ob, take_record, changed: _Changed) -> None:
     shape_keys = ob.data.shape_keys
-    bag = take_list.channels_of(shape_keys, taken)
+    bag = take_list.channels_of(shape_keys, take_record)
     standing, span = 0.0, None
-    for name in taken.keys if bag is not None else ():
+    for name in take_record.keys if bag is not None else ():
         block, curve = shape_keys.key_blocks.get(name), bag.fcurves.find(curves.value_path(name))
         if block is None or curve is None or block.mute:
             continue
         before = {name: curves.places(curve, name) for name in curves.KEY_VECTORS}
         low = min(0.0, *(values[1::2].min() for values in before.values()))
-        # The exporter knows no vertex groups of keys.
+        # The exporter ignores vertex groups of keys.
         if low == 0.0 and not block.vertex_group:
             continue
         high = max(0.0, *(values[1::2].max() for values in before.values()))
-        changed.points[taken.id, curve.data_path] = before
+        changed.points[take_record.id, curve.data_path] = before
         curves.put(curve, {name: _within_one(values, low, high) for name, values in before.items()})
         standing = standing + low * _scale(ob, block, high - low, changed)
         span = np.array(curve.range())
     if span is not None:
         name = _add_standing(ob, bag, standing, span)
         changed.standing.append(name)
-        if taken.in_nla:
+        if take_record.in_nla:
             nla.hold(nla.rest_channels(shape_keys), [name])
 
 
 def _within_one(pairs: np.ndarray, low: float, high: float) -> np.ndarray:
-    """Places `[2T]` (frame, value, frame, …) with values from `low` to `high` as from 0 to 1."""
+    """Coordinates `[2T]` (frame, value, frame, …) with values from `low` to `high` scaled to 0 to
+    1."""
     pairs = pairs.copy()
     pairs[1::2] = (pairs[1::2] - low) / (high - low)
     return pairs
 
 
 def _scale(ob, block, factor: float, changed: _Changed) -> np.ndarray:
-    """Makes a key move `factor` times as far, where its vertex group lets it; returns its
-    displacements `[V, 3]` before."""
+    """Multiplies the motion of a key by `factor`, and applies its vertex group to it.
+
+    Returns its displacements `[V, 3]` before.
+    """
     positions, at_rest = read_key(block), read_key(block.relative_key)
     limits = block.slider_min, block.slider_max, block.value
     changed.keys[block.name] = (positions, *limits, block.vertex_group)
@@ -118,7 +125,8 @@ def _scale(ob, block, factor: float, changed: _Changed) -> np.ndarray:
 
 
 def _add_standing(ob, bag, vector: np.ndarray, span: np.ndarray) -> str:
-    """A key of the displacements `vector` `[V, 3]` that stays at 1 through the take; its name."""
+    """Adds a key of the displacements `vector` `[V, 3]` that stays at 1 through the take; returns
+    its name."""
     block = add_key(ob, STANDING, read_basis(ob.data) + vector)
     curves.write(bag, curves.value_path(block.name), span, np.ones(2), constant=True)
     return block.name
@@ -128,9 +136,9 @@ def _put_back(ob, changed: _Changed) -> None:
     shape_keys = ob.data.shape_keys
     del shape_keys[_MARK]
     with guard.object_mode(ob), guard.selection_kept(ob):
-        for taken in record.everyone(shape_keys):
-            bag = take_list.channels_of(shape_keys, taken)
-            _put_curves_back(bag, taken.id, changed)
+        for take_record in record.everyone(shape_keys):
+            bag = take_list.channels_of(shape_keys, take_record)
+            _put_curves_back(bag, take_record.id, changed)
             _forget(bag, changed.standing)
         _forget(nla.rest_channels(shape_keys), changed.standing)
         for name in changed.standing:

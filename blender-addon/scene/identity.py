@@ -1,8 +1,8 @@
-"""Who an object is, told from its copies.
+"""Tells an object from its copies.
 
-What belongs to a face (its teeth, what its head and eyes turn, its table) names it by an id. A
-duplicate carries the same words; so every object bears a stamp beside its id that holds for itself
-alone: the number that Blender gives it for as long as a file is open, and its name on disk.
+Teeth, turned objects and tables name the face to which they belong by its id. A duplicate carries
+the same id. So every object also carries a stamp that is valid for itself alone: the number that
+Blender gives it while a file is open, and its name on disk.
 """
 
 import json
@@ -16,13 +16,13 @@ from ..core import json_file
 from ..core.errors import AnyfaceError
 
 PROPERTY = "anyface_identity"
-# Another one for every file that is opened: numbers of objects hold as long.
+# A new one for every file that is opened: numbers of objects are valid that long.
 _session = ""
 
 
 @dataclass
 class Identity:
-    """`id` of an object, `face` the id of the face whose part it is, and its stamp."""
+    """The `id` of an object, the id of the `face` whose part it is, and its stamp."""
 
     id: str = field(default_factory=lambda: uuid.uuid4().hex[:12])
     face: str = ""
@@ -32,7 +32,7 @@ class Identity:
 
 
 def read(ob) -> Identity | None:
-    """What is written on an object, be it a copy or not; None for nothing."""
+    """The identity that is written on an object, whether it is a copy or not; None for none."""
     text = getattr(ob, PROPERTY, "")
     if not text:
         return None
@@ -42,54 +42,57 @@ def read(ob) -> Identity | None:
         return None
 
 
-def write(ob, found: Identity) -> None:
+def write(ob, identity: Identity) -> None:
     """Stores an identity with the stamp of `ob`."""
-    found.session, found.number, found.name = _session, number(ob), ob.name
-    text = json.dumps(asdict(found))
+    identity.session, identity.number, identity.name = _session, number(ob), ob.name
+    text = json.dumps(asdict(identity))
     if getattr(ob, PROPERTY) != text and not ob.is_property_readonly(PROPERTY):
         setattr(ob, PROPERTY, text)
 
 
 def number(ob) -> int:
-    """What Blender calls an object until another file is opened, whatever its name."""
+    """The number of an object, valid until another file is opened, whatever its name."""
     return getattr(ob, "session_uid", 0)
 
 
-def with_number(wanted: int, name: str):
+def with_number(object_number: int, name: str):
     """The object of that number, whatever it is called now; None where it is gone.
 
-    Blender versions that number nothing know it by its `name`.
+    Versions of Blender that number nothing find it by its `name`.
     """
-    if not wanted:
+    if not object_number:
         return bpy.data.objects.get(name)
-    return next((ob for ob in bpy.data.objects if number(ob) == wanted), None)
+    return next((ob for ob in bpy.data.objects if number(ob) == object_number), None)
 
 
-def is_copy(ob, found: Identity) -> bool:
-    """True where `found` was written on another object since the file was opened, or comes from
-    the linked object that `ob` overrides."""
+def is_copy(ob, identity: Identity) -> bool:
+    """True where `identity` was written on another object than `ob`.
+
+    Either that happened since the file was opened, or the identity comes from the linked object
+    that `ob` overrides.
+    """
     linked = ob.override_library.reference if ob.override_library is not None else None
     inherited = read(linked) if linked is not None else None
-    if inherited is not None and inherited.id == found.id:
+    if inherited is not None and inherited.id == identity.id:
         return True
-    return found.session == _session and found.number != number(ob)
+    return identity.session == _session and identity.number != number(ob)
 
 
-def is_current(ob, found: Identity) -> bool:
-    """True where `found` was written on `ob` itself since the file was opened."""
-    return found.session == _session and not is_copy(ob, found)
+def is_current(ob, identity: Identity) -> bool:
+    """True where `identity` was written on `ob` itself since the file was opened."""
+    return identity.session == _session and not is_copy(ob, identity)
 
 
 def known(ob) -> str:
-    """The id of `ob`; empty where it has none, or only that of the one it was copied from."""
-    found = read(ob)
-    return "" if found is None or is_copy(ob, found) else found.id
+    """The id of `ob`; empty where it has none, or only that of the object it was copied from."""
+    identity = read(ob)
+    return "" if identity is None or is_copy(ob, identity) else identity.id
 
 
 def of(ob) -> str:
     """The id of `ob`, which gets one where it has none of its own.
 
-    Raises `AnyfaceError("mesh")` for linked objects, which cannot keep one.
+    Raises `AnyfaceError("mesh")` for linked objects, which cannot store one.
     """
     if ob.library is not None:
         raise AnyfaceError("mesh", f"{ob.name} is linked: pick an object of this file")
@@ -99,25 +102,25 @@ def of(ob) -> str:
 
 
 def join(face, part) -> None:
-    """From now on `part` belongs to `face`."""
+    """Makes `part` belong to `face`."""
     owner = of(face)
     of(part)
-    found = read(part)
-    if found.face != owner:
-        found.face = owner
-        write(part, found)
+    identity = read(part)
+    if identity.face != owner:
+        identity.face = owner
+        write(part, identity)
 
 
 def parts_of(face) -> list:
     """The objects that belong to `face`."""
-    own = known(face)
-    return [ob for ob in _local() if own and ob != face and _face(ob) == own]
+    face_id = known(face)
+    return [ob for ob in _local() if face_id and ob != face and _face(ob) == face_id]
 
 
 def face_of(part):
     """The face to which an object belongs, or None."""
-    wanted = _face(part)
-    return next((ob for ob in _local() if wanted and known(ob) == wanted), None)
+    face_id = _face(part)
+    return next((ob for ob in _local() if face_id and known(ob) == face_id), None)
 
 
 def _face(ob) -> str:
@@ -129,7 +132,7 @@ def _local() -> list:
 
 
 def begin_session() -> None:
-    """Another file is open: numbers of objects are new."""
+    """Starts a session for a newly opened file, in which objects have new numbers."""
     global _session
     _session = uuid.uuid4().hex[:12]
 
@@ -143,5 +146,5 @@ def register() -> None:
 
 
 def unregister() -> None:
-    """Takes it away; values stay in the file."""
+    """Removes it; values stay in the file."""
     del bpy.types.Object.anyface_identity

@@ -1,7 +1,7 @@
 """A face that follows its sound, or a microphone, in the viewport before anything is generated.
 
-All of it lies in one shape key of each object, which goes when it ends: with a file that is saved,
-opened or rendered, with an undo, or by the artist.
+All of it lies in one shape key of each object. The key goes when the face stops following: by the
+artist, by an undo, or when a file is saved, opened or rendered.
 """
 
 from dataclasses import dataclass
@@ -21,24 +21,24 @@ from .shape_keys import guard
 from .way_back import unharmed
 
 KEY = "Anyface Live"
-# How often faces that listen are moved, seconds.
+# How often faces that listen move, seconds.
 _EVERY_S = 1.0 / 60.0
 
 
 @dataclass
 class Follower:
-    """One character: its objects by number, and what moves them."""
+    """A character that follows: its objects by number, and what moves them."""
 
     number: int
     name: str
-    # Number and name of each, its place in the whole face, its rest.
+    # Number and name of each object, its place in the whole face, and its rest positions.
     parts: list[tuple[int, str, Piece, np.ndarray]]
     face: object
-    found: space.FaceSpace
+    face_space: space.FaceSpace
     start_frame: float
-    # Strengths `[15]` of the emotion that it shows, None where it hears its own.
-    felt: np.ndarray | None = None
-    # What the face gave last: the same array where nothing more was heard.
+    # Strengths `[15]` of the emotion that it shows; None where the emotion is heard.
+    strengths: np.ndarray | None = None
+    # The last displacements; the same array where nothing more was heard.
     shown: np.ndarray | None = None
 
 
@@ -65,20 +65,20 @@ def listener(ob):
 
 
 def begin(ob, mesh_face, face, start_frame: float = 0.0) -> None:
-    """Lets `ob`, of which `mesh_face` was read, follow `face`, a `LiveFace` or a `ListeningFace`.
+    """Lets `ob`, from which `mesh_face` was read, follow `face`, a `LiveFace` or a `ListeningFace`.
 
     Raises `AnyfaceError` where an object cannot have a key; nothing has changed then.
     """
-    own, *others = mesh_face.pieces
-    found = [(ob, own)]
-    found += [(pieces.object_of(pieces.Part(piece.name), ob), piece) for piece in others]
-    for one, piece in found:
+    face_piece, *others = mesh_face.pieces
+    objects = [(ob, face_piece)]
+    objects += [(pieces.object_of(pieces.Part(piece.name), ob), piece) for piece in others]
+    for one, piece in objects:
         guard.check_editable(one)
         guard.check_size(one, piece.count)
     end(ob)
     parts, way = [], mesh_face.space
     try:
-        for one, piece in found:
+        for one, piece in objects:
             rested = mesh.read_basis(one.data)
             with guard.object_mode(one), guard.selection_kept(one):
                 _add_key(one, rested)
@@ -101,16 +101,16 @@ def _add_key(ob, rested: np.ndarray) -> None:
 
 
 def end(ob) -> bool:
-    """`ob` and what moves with it stand as before; False where it did not follow."""
-    found = _of(ob)
-    for follower in found:
+    """Stops following; `ob` and its parts stand as before. False where it did not follow."""
+    followers = _of(ob)
+    for follower in followers:
         _forget(follower)
     _sweep()
-    return bool(found)
+    return bool(followers)
 
 
 def end_all(*_) -> None:
-    """The same for every character."""
+    """Stops every character that follows."""
     for follower in list(_followers):
         _forget(follower)
     _sweep()
@@ -123,10 +123,12 @@ def _forget(follower: Follower) -> None:
 
 
 def _sweep() -> None:
-    """Takes the key from whatever follows nothing: what did until now, its copies, what an undo
-    brought back, what a crash left in a file."""
-    kept = [identity.with_number(part[0], part[1]) for f in _followers for part in f.parts]
-    meshes = [ob.data for ob in kept if ob is not None]
+    """Removes the key from every object that follows nothing.
+
+    The key may be left by a face that has stopped, by its copies, by an undo, or by a crash.
+    """
+    following = [identity.with_number(part[0], part[1]) for f in _followers for part in f.parts]
+    meshes = [ob.data for ob in following if ob is not None]
     for ob in bpy.data.objects:
         is_own = ob.type == "MESH" and ob.library is None and ob.data.library is None
         if is_own and ob.data not in meshes:
@@ -141,13 +143,13 @@ def _drop_key(ob) -> None:
     with guard.object_mode(ob), guard.selection_kept(ob):
         ob.shape_key_remove(block)
         blocks = ob.data.shape_keys.key_blocks
-        # A Basis without other keys was made for ours, or says nothing.
+        # A Basis without other keys was added for ours, or has no effect.
         if len(blocks) == 1 and ob.data.shape_keys.animation_data is None:
             ob.shape_key_clear()
 
 
 def feel(_group=None, _context=None) -> None:
-    """The emotion of the panel was changed, maybe while nothing plays: faces show it at once."""
+    """Shows a new emotion of the panel at once, also while nothing plays."""
     with unharmed():
         if any(map(_shows_another, _followers)):
             show(bpy.context.scene)
@@ -163,7 +165,7 @@ def listen() -> float | None:
 
 
 def show(scene, followers: list[Follower] | None = None) -> None:
-    """Moves `followers`, or every face that follows, to where it is in the current frame."""
+    """Moves `followers`, or every face that follows, to the current frame."""
     for follower in list(_followers if followers is None else followers):
         ob = None
         try:
@@ -172,7 +174,7 @@ def show(scene, followers: list[Follower] | None = None) -> None:
                 raise AnyfaceError("mesh", f"{follower.name} is gone")
             _show(ob, scene, follower)
         except BaseException as error:
-            # Blender calls this for every frame: whatever fails once would fail again.
+            # Blender calls this for every frame: what fails once would fail again.
             _say(ob, str(plain(error)))
             end_all()
             return
@@ -181,14 +183,14 @@ def show(scene, followers: list[Follower] | None = None) -> None:
 def _show(ob, scene, follower: Follower) -> None:
     scene_fps = scene.render.fps / scene.render.fps_base
     seconds = (scene.frame_current_final - follower.start_frame) / scene_fps
-    follower.felt = _feels(ob)
-    if follower.felt is not None:
-        follower.face.feel(follower.felt)
+    follower.strengths = _feels(ob)
+    if follower.strengths is not None:
+        follower.face.feel(follower.strengths)
     displacements = follower.face.at(seconds)
     if displacements is follower.shown:
         return
     follower.shown = displacements
-    moved = follower.found.to_object(displacements)
+    moved = follower.face_space.to_object(displacements)
     for number, name, piece, rested in follower.parts:
         one = identity.with_number(number, name)
         if one is None or one.mode == "EDIT":
@@ -209,9 +211,9 @@ def _feels(ob) -> np.ndarray | None:
 
 
 def _shows_another(follower: Follower) -> bool:
-    """Whether the panel asks for another emotion than the one that is shown."""
+    """Whether the panel has another emotion than the one that is shown."""
     ob = identity.with_number(follower.number, follower.name)
-    return ob is not None and not np.array_equal(_feels(ob), follower.felt)
+    return ob is not None and not np.array_equal(_feels(ob), follower.strengths)
 
 
 def _say(ob, text: str) -> None:
@@ -233,7 +235,7 @@ _ENDINGS = ("load_pre", "load_post", "save_pre", "undo_post", "redo_post", "rend
 
 
 def register() -> None:
-    """Follows the frame, and ends where the file must not hold it."""
+    """Follows the frame, and stops before the file could keep the key."""
     bpy.app.handlers.frame_change_post.append(_on_frame)
     for name in _ENDINGS:
         getattr(bpy.app.handlers, name).append(_on_end)

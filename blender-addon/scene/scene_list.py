@@ -1,4 +1,4 @@
-"""A whole scene in one go: several characters, each with its strip."""
+"""Animates a whole scene in one go: several characters, each with its strip."""
 
 from dataclasses import dataclass
 
@@ -20,7 +20,7 @@ class Part:
 
 @dataclass
 class SceneSnapshot:
-    """Everything that was read for a scene; `work` needs nothing else."""
+    """Everything that `work` needs for a scene."""
 
     parts: list[Part]
 
@@ -32,7 +32,7 @@ class SceneSnapshot:
 def read(scene, rows) -> SceneSnapshot:
     """Reads every character; `rows` are its object, its `bake.Settings` and an engine.
 
-    What cannot be read is noted in its part and keeps no other from being animated.
+    If one cannot be read, its part notes the error, and the others are animated all the same.
     """
     parts = []
     for ob, settings, engine in rows:
@@ -46,7 +46,10 @@ def read(scene, rows) -> SceneSnapshot:
 
 
 def write(snapshot: SceneSnapshot, takes: list) -> list[tuple[str, bool, str]]:
-    """Writes what can be written: name, whether it was, and what to say, for each part."""
+    """Writes the takes that can be written.
+
+    Returns name, success, and a message for each part.
+    """
     return [_write(part, take) for part, take in zip(snapshot.parts, takes, strict=True)]
 
 
@@ -92,7 +95,7 @@ def _write(part: Part, take) -> tuple[str, bool, str]:
         if ok:
             bake.settle(take)
     with unharmed():
-        # The way back has made other objects of them.
+        # The way back has replaced the objects.
         ob = identity.with_number(part.number, part.object_name)
         if ob is not None and ob.library is None:
             ob.anyface.report, ob.anyface.report_is_error = text, not ok

@@ -1,7 +1,7 @@
-"""Point caches that were made of another mesh than the one which they move now.
+"""Point caches that were made from another mesh than the one that they move now.
 
-The mesh of a linked character changes with its library, and the cache beside the shot stays. Its
-first frame is the mesh at rest: that is compared.
+When a library changes, the mesh of a linked character changes, but the cache beside the shot stays.
+The first frame of a cache is the mesh at rest, so it can be compared.
 """
 
 import sys
@@ -16,15 +16,15 @@ from ..core.errors import AnyfaceError, say
 from . import outputs
 from .face.mesh import read_basis
 
-# Of the size of the mesh: float32, and no more.
+# The tolerance as a share of the mesh's size: the rounding of float32.
 _SAME = 1e-5
-# So many of its vertices tell a mesh that has changed from the one that was compared last.
+# The number of vertices that are enough to see whether a mesh has changed since it was compared.
 _FEW = 16
 _known: dict[tuple, str] = {}
 
 
 def of(ob) -> str:
-    """Why the cache of `ob` does not fit it, in words; empty where it does, or there is none."""
+    """Why the cache of `ob` does not fit its mesh; empty where it fits, or there is none."""
     modifier = outputs.of("cache").find(ob) if ob is not None else None
     if modifier is None:
         return ""
@@ -40,7 +40,7 @@ def of(ob) -> str:
 
 
 def everywhere() -> list[str]:
-    """What `of` says of all objects of the file."""
+    """The messages of `of` for all objects of the file."""
     return [text for text in map(of, bpy.data.objects) if text]
 
 

@@ -1,7 +1,7 @@
-"""Weights within 0 and 1 in a USD file as well: importers clamp others.
+"""Keeps weights within 0 and 1 in a USD file, since importers clamp others.
 
-Blender calls `on_export` once the stage stands and before it is saved. The sum of `gltf` holds here
-too; what is rewritten is the file alone, nothing of the scene.
+Blender calls `on_export` when the stage is complete, before it is saved. The sum in `gltf` holds
+here too. Only the file is rewritten, nothing in the scene.
 """
 
 import importlib.util
@@ -19,32 +19,32 @@ _TARGETS, _OF_MESH = "skel:blendShapeTargets", "skel:blendShapes"
 
 
 def rewrite(stage) -> None:
-    """Rewrites the weights of basis takes that go below 0 in all animations of a stage."""
+    """Rewrites the weights of basis takes below 0 in all animations of a stage."""
     from pxr import Usd
 
     ours = _keys_of_takes()
     every = [prim for prim in Usd.PrimRange(stage.GetPseudoRoot()) if prim.IsA("SkelRoot")]
     for root in every:
-        found = list(Usd.PrimRange(root))
-        shaped = [prim for prim in found if prim.HasRelationship(_TARGETS)]
-        for animation in found:
+        prims = list(Usd.PrimRange(root))
+        shaped = [prim for prim in prims if prim.HasRelationship(_TARGETS)]
+        for animation in prims:
             if animation.GetTypeName() == "SkelAnimation":
                 _rewrite(animation, shaped, ours)
 
 
 def _keys_of_takes() -> dict[str, list[tuple]]:
-    """Objects and keys of all basis takes, by the names that keys have in a file."""
+    """Objects and keys of all basis takes, by the names that the keys have in a file."""
     from pxr import Tf
 
-    found = {}
+    by_name = {}
     for ob in bpy.data.objects:
         shape_keys = ob.data.shape_keys if ob.type == "MESH" and ob.data else None
-        for taken in record.everyone(shape_keys):
-            for name in taken.keys if outputs.of_record(taken).as_basis else ():
+        for take_record in record.everyone(shape_keys):
+            for name in take_record.keys if outputs.of_record(take_record).as_basis else ():
                 block = shape_keys.key_blocks.get(name)
                 if block is not None:
-                    found.setdefault(Tf.MakeValidIdentifier(name), []).append((ob, block))
-    return found
+                    by_name.setdefault(Tf.MakeValidIdentifier(name), []).append((ob, block))
+    return by_name
 
 
 def _rewrite(animation, shaped: list, ours: dict) -> None:
@@ -80,15 +80,15 @@ def _standing() -> str:
 
 
 def _rewrite_mesh(mesh, changed: dict, ours: dict) -> bool:
-    """Scales the shapes of one mesh, and adds the one that stands; False where it has none."""
+    """Scales the shapes of one mesh, and adds the one that stays at 1; False where none changes."""
     from pxr import Gf, UsdSkel, Vt
 
     tokens = list(mesh.GetAttribute(_OF_MESH).Get() or ())
     targets = mesh.GetRelationship(_TARGETS)
     paths, count = list(targets.GetTargets()), len(mesh.GetAttribute("points").Get() or ())
     sums = np.zeros((2, count, 3))
-    found = [pair for pair in zip(tokens, paths, strict=False) if pair[0] in changed]
-    for token, path in found:
+    pairs = [pair for pair in zip(tokens, paths, strict=False) if pair[0] in changed]
+    for token, path in pairs:
         shape = UsdSkel.BlendShape(mesh.GetStage().GetPrimAtPath(path))
         a, b = changed[token]
         for row, attribute in enumerate([shape.GetOffsetsAttr(), shape.GetNormalOffsetsAttr()]):
@@ -100,20 +100,24 @@ def _rewrite_mesh(mesh, changed: dict, ours: dict) -> bool:
             offsets = offsets * _mask(ours[token], count, path)[at]
             sums[row][at] += a * offsets
             attribute.Set(Vt.Vec3fArray.FromNumpy(((b - a) * offsets).astype(np.float32)))
-    if found:
+    if pairs:
         path = mesh.GetPath().AppendChild(_standing())
-        made = UsdSkel.BlendShape.Define(mesh.GetStage(), path)
-        both = zip((made.CreateOffsetsAttr(), made.CreateNormalOffsetsAttr()), sums, strict=True)
+        standing_shape = UsdSkel.BlendShape.Define(mesh.GetStage(), path)
+        both = zip(
+            (standing_shape.CreateOffsetsAttr(), standing_shape.CreateNormalOffsetsAttr()),
+            sums,
+            strict=True,
+        )
         for attribute, total in both:
             attribute.Set([Gf.Vec3f(*map(float, row)) for row in total])
-        made.CreatePointIndicesAttr().Set(list(range(count)))
+        standing_shape.CreatePointIndicesAttr().Set(list(range(count)))
         mesh.GetAttribute(_OF_MESH).Set([*tokens, _standing()])
         targets.SetTargets([*paths, path])
-    return bool(found)
+    return bool(pairs)
 
 
 def _mask(blocks: list[tuple], count: int, path) -> np.ndarray:
-    """How far a key acts at each vertex, `[V, 1]`: the file knows no vertex groups of keys."""
+    """How strongly a key acts at each vertex, `[V, 1]`: the file has no vertex groups of keys."""
     from pxr import Tf
 
     of_mesh = [pair for pair in blocks if len(pair[0].data.vertices) == count]
@@ -125,13 +129,13 @@ def _mask(blocks: list[tuple], count: int, path) -> np.ndarray:
 
 
 def _hook():
-    """What Blender calls, or None where this Blender has no USD that Python reaches."""
+    """The class that Blender calls, or None where Python cannot use Blender's USD."""
     if not hasattr(bpy.types, "USDHook"):
         return None
-    # Where Blender is a Python module its USD has to be asked for.
+    # Blender as a Python module exposes its USD only on request.
     if getattr(bpy.app, "module", False) and hasattr(bpy.utils, "expose_bundled_modules"):
         bpy.utils.expose_bundled_modules()
-    # Without it Blender would end at the first export.
+    # Without `pxr` Blender would crash at the first export.
     if importlib.util.find_spec("pxr") is None:
         return None
 
@@ -154,14 +158,14 @@ _registered = []
 
 
 def register() -> None:
-    """Has exports to USD call it."""
-    found = _hook()
-    if found is not None:
-        bpy.utils.register_class(found)
-        _registered.append(found)
+    """Registers the hook for exports to USD."""
+    hook = _hook()
+    if hook is not None:
+        bpy.utils.register_class(hook)
+        _registered.append(hook)
 
 
 def unregister() -> None:
-    """Lets them be."""
+    """Removes the hook."""
     while _registered:
         bpy.utils.unregister_class(_registered.pop())

@@ -1,7 +1,7 @@
-"""The way back to the scene as it was before a result is written, by Blender's own undo.
+"""Undoes a result that failed half-way, with Blender's own undo.
 
-Writing goes through meshes, keys, actions and rigs. Whatever breaks it half-way, undo knows all
-that was there before.
+Writing changes meshes, keys, actions and rigs. Whatever breaks it half-way, undo knows the whole
+scene as it was before.
 """
 
 import contextlib
@@ -15,9 +15,9 @@ from ..core.errors import AnyfaceError
 from . import identity
 from .shape_keys import guard, record
 
-# On the scene while a result is written: the step before does not have it.
+# A property of the scene while a result is written; the undo step before does not have it.
 _MARK = "anyface_writing_"
-# Blender keeps no more steps.
+# The most undo steps that Blender keeps.
 _MOST_STEPS = 256
 NO_UNDO = (
     "Global Undo is off in the preferences, so what was written until then stays: press Remove"
@@ -25,7 +25,8 @@ NO_UNDO = (
 
 
 class WayBack:
-    """Made before a result of `ob` (None for several) is written; `close` or `go` ends it."""
+    """Marks the scene before a result of `ob` (None for several) is written; `close` or `go` ends
+    it."""
 
     def __init__(self, ob, label: str):
         self._name, self._number = (ob.name, identity.number(ob)) if ob is not None else ("", 0)
@@ -39,16 +40,16 @@ class WayBack:
         self._open = True
 
     def close(self) -> None:
-        """The result is written, or nothing of it: there is no way back any more."""
+        """Ends it because the result is written, or nothing of it."""
         if self._open:
             self._rub_out()
         self._open = False
 
     def go(self, error: AnyfaceError, said: bool = False) -> AnyfaceError:
-        """Back to the scene as it was; returns the error, with what else the artist should know.
+        """Undoes everything; returns the error, with what else the artist should know.
 
-        Where somebody has `said` the error in words before anything was changed, no way back is
-        needed. Objects that somebody holds are no longer valid behind one.
+        Where a check has `said` the error before anything changed, no undo is needed. Objects that
+        the caller holds are invalid after an undo.
         """
         if said and _looks() == self._was:
             self.close()
@@ -70,7 +71,7 @@ class WayBack:
         return error
 
     def _rub_out(self) -> bool:
-        """Takes the mark away; False where there is none."""
+        """Removes the mark; False where there is none."""
         marked = self._mark in bpy.context.scene
         if marked:
             del bpy.context.scene[self._mark]
@@ -78,9 +79,9 @@ class WayBack:
 
 
 def _more(error: AnyfaceError, text: str) -> AnyfaceError:
-    found = AnyfaceError(error.kind, f"{error} ({text})", error.mends)
-    found.__cause__ = error.__cause__
-    return found
+    longer = AnyfaceError(error.kind, f"{error} ({text})", error.mends)
+    longer.__cause__ = error.__cause__
+    return longer
 
 
 def _can_mark() -> bool:
@@ -89,7 +90,7 @@ def _can_mark() -> bool:
 
 
 def _looks() -> tuple:
-    """What changes with the first step of writing, whichever it is."""
+    """A fingerprint of the scene that changes with the first step of any writing."""
     kinds = ("objects", "meshes", "shape_keys", "actions", "materials", "texts")
     counts = [len(getattr(bpy.data, kind)) for kind in kinds]
     return counts, [_look_of(ob) for ob in bpy.data.objects if ob.type == "MESH" and ob.data]
@@ -97,14 +98,14 @@ def _looks() -> tuple:
 
 def _look_of(ob) -> tuple:
     keys = ob.data.shape_keys
-    own = (len(keys.key_blocks), keys.get(record.PROPERTY)) if keys is not None else None
+    keys_state = (len(keys.key_blocks), keys.get(record.PROPERTY)) if keys is not None else None
     caches = [(m.name, getattr(m, "filepath", "")) for m in ob.modifiers]
-    return ob.name, ob.data.name, len(ob.data.vertices), own, caches, sorted(ob.keys())
+    return ob.name, ob.data.name, len(ob.data.vertices), keys_state, caches, sorted(ob.keys())
 
 
 @contextlib.contextmanager
 def _object_mode(ob):
-    """Only there Blender notes the whole scene, and not one mesh."""
+    """Leaves edit mode: only in object mode an undo step holds the whole scene."""
     with contextlib.ExitStack() as stack:
         for one in {bpy.context.view_layer.objects.active, ob} - {None}:
             stack.enter_context(guard.object_mode(one))
@@ -112,8 +113,8 @@ def _object_mode(ob):
 
 
 def _modes() -> list[tuple[int, str, str]]:
-    found = {bpy.context.view_layer.objects.active} - {None}
-    return [(identity.number(ob), ob.name, ob.mode) for ob in found if ob.mode != "OBJECT"]
+    objects = {bpy.context.view_layer.objects.active} - {None}
+    return [(identity.number(ob), ob.name, ob.mode) for ob in objects if ob.mode != "OBJECT"]
 
 
 def _leave_modes() -> None:
@@ -134,7 +135,7 @@ def _set_mode(ob, mode: str) -> None:
 
 @contextlib.contextmanager
 def unharmed():
-    """What fails here is shown on the console and keeps nothing else from being done."""
+    """Prints errors on the console and goes on, so that the next clean-up step runs too."""
     try:
         yield
     except BaseException:

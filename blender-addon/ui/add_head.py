@@ -8,7 +8,7 @@ _HEADS: list[Heads] = []
 
 
 def heads() -> Heads:
-    """The model; the library is loaded with the first head."""
+    """The head model; the first call loads the library."""
     if not _HEADS:
         _HEADS.append(Heads())
     return _HEADS[0]
@@ -21,14 +21,14 @@ class AddHead(object_utils.AddObjectHelper):
 
     @classmethod
     def poll(cls, context):
-        """In edit mode it would become part of another mesh."""
+        """False in edit mode, where the head would become part of another mesh."""
         if context.mode != "OBJECT":
             cls.poll_message_set("Leave this mode first (Object Mode)")
         return context.mode == "OBJECT"
 
     def add(self, context, data):
-        """The new object of a mesh."""
+        """Adds a mesh as a new object; returns it."""
         if self.align == "VIEW" and context.region_data is None:
-            # Scripts have no view to turn it to.
+            # A script has no view to align the head with.
             self.align = "WORLD"
         return object_utils.object_data_add(context, data, operator=self)

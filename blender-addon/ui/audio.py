@@ -1,4 +1,5 @@
-"""Audio: one strip, a file, a channel, or several strips as one take; where it begins and ends."""
+"""Audio: one strip, a file, a channel, or several strips as one take, and where it begins and
+ends."""
 
 import bpy
 from bpy.props import (
@@ -21,7 +22,7 @@ from .target import sequencer_scene, target
 
 
 class AnyfaceStrip(PropertyGroup):
-    """A chosen strip; its name says which."""
+    """A chosen strip, by its name."""
 
 
 class AnyfaceAudio(PropertyGroup):
@@ -38,14 +39,15 @@ class AnyfaceAudio(PropertyGroup):
     chosen: CollectionProperty(type=AnyfaceStrip)
     emotion_strip: StringProperty(
         name="Emotion Of",
-        description="Sound strip whose emotion this face shows, as long as its own is; "
-        "empty for its own voice",
+        description="Sound strip whose emotion this face shows, stretched to the length of its own "
+        "sound; empty for its own voice",
         options=set(),
     )
     neutral_voice: StringProperty(
         name="Neutral Voice",
         description="Recording in which the same person speaks neutrally, ten seconds or more: the "
-        "emotion of the voice is heard as what differs from it; empty compares it with readers",
+        "emotion of the voice is its difference from this. Empty compares it with people who read "
+        "aloud",
         subtype="FILE_PATH",
         options=set(),
     )
@@ -60,8 +62,8 @@ class AnyfaceAudio(PropertyGroup):
     )
     event_markers: BoolProperty(
         name="Markers Too",
-        description="The scene's markers are events as well: their names what the face does, "
-        "smile:0.5 half of it; until a marker named end, or end smile",
+        description="The scene's markers are events as well. A marker's name says what the face "
+        "does, such as smile, or smile:0.5 for half of it, until a marker named end or end smile",
         default=False,
         options=set(),
     )
@@ -78,7 +80,7 @@ class AnyfaceAudio(PropertyGroup):
 
 
 def fill(settings, ob, scene=None) -> None:
-    """Puts what `ob` is asked to speak into plain settings; `scene` is the sequencer's."""
+    """Puts the chosen sound of `ob` into plain settings; `scene` is the sequencer's."""
     names = "event_channel", "event_markers", "marker_s", "emotion_strip", "neutral_voice"
     for name in names:
         setattr(settings, name, getattr(ob.anyface_audio, name))
@@ -90,15 +92,17 @@ def fill(settings, ob, scene=None) -> None:
 
 
 def strip_of(ob, scene) -> str:
-    """The strip that was chosen, else the only one that the sequencer of `scene` has, else ""."""
-    found = sequencer.sound_strips(scene) if scene is not None and not ob.anyface.strip else []
-    return found[0].name if len(found) == 1 else ob.anyface.strip
+    """The chosen strip, or else the only sound strip in `scene`; "" where there is neither."""
+    sound_strips = (
+        sequencer.sound_strips(scene) if scene is not None and not ob.anyface.strip else []
+    )
+    return sound_strips[0].name if len(sound_strips) == 1 else ob.anyface.strip
 
 
 class WithSound(Alone):
-    """Works on the sound that the character speaks."""
+    """Needs the sound that the character speaks."""
 
-    # A linked face can be given no sound: it is told so when the button is pressed.
+    # A linked face cannot get a sound. If this is True, the button says so when it is pressed.
     accepts_linked = False
 
     @classmethod
@@ -116,9 +120,9 @@ class ANYFACE_OT_use_selected_strips(Acting, Operator):
     bl_label = "Use Selected Strips"
 
     def act(self, ob):
-        """Writes the names of the selected strips down."""
-        found = sequencer.sound_strips(sequencer_scene(bpy.context))
-        names = [strip.name for strip in found if strip.select]
+        """Stores the names of the selected strips."""
+        sound_strips = sequencer.sound_strips(sequencer_scene(bpy.context))
+        names = [strip.name for strip in sound_strips if strip.select]
         if not names:
             raise AnyfaceError("input", "select sound strips in the video sequencer first")
         ob.anyface_audio.chosen.clear()
@@ -128,7 +132,7 @@ class ANYFACE_OT_use_selected_strips(Acting, Operator):
 
 
 def draw(layout, ob, scene, width: int) -> None:
-    """Draws what the face says: the source, what is chosen there, its length."""
+    """Draws the source of the sound, the choice within it, and its length."""
     layout.prop(ob.anyface, "source")
     if ob.anyface.source == "FILE":
         layout.prop(ob.anyface, "sound_file")
@@ -145,14 +149,14 @@ def draw(layout, ob, scene, width: int) -> None:
         words.draw(layout.column(align=True), text, width, icon)
 
 
-def draw_felt(layout, ob, scene) -> None:
-    """Draws which strip gives the emotion, where the sequencer has any."""
+def draw_emotion_strip(layout, ob, scene) -> None:
+    """Draws the choice of the strip that gives the emotion, where the sequencer has strips."""
     if scene is not None and scene.sequence_editor is not None:
         search_strip(layout, ob.anyface_audio, "emotion_strip", scene.sequence_editor)
 
 
 def draw_neutral_voice(layout, ob) -> None:
-    """Draws the recording of the neutral voice, pale where no emotion is heard."""
+    """Draws the recording of the neutral voice, greyed out where no emotion is heard."""
     settings, column = ob.anyface, layout.column(align=True)
     hears = systems.by_name(settings.system).hears_emotion
     column.active = hears or settings.emotion_source == "VOICE"
@@ -169,7 +173,7 @@ def draw_heat(layout, ob) -> None:
 
 
 def search_strip(layout, group, name: str, editor, **shown) -> None:
-    """Draws a choice among the strips of a sequencer, a plain text without one."""
+    """Draws a choice among the strips of a sequencer, or a text field without a sequencer."""
     if editor is None:
         layout.prop(group, name, **shown)
         return
@@ -189,7 +193,7 @@ def _draw_strips(column, ob, scene) -> None:
 
 
 def why_not(ob, scene) -> str:
-    """Why nothing can be heard, in words; empty where something can."""
+    """Why there is no sound, in words; empty where there is one."""
     source = ob.anyface.source
     if source == "FILE":
         chosen = bool(ob.anyface.sound_file)
@@ -201,22 +205,22 @@ def why_not(ob, scene) -> str:
 
 
 def lines(ob, scene) -> list[tuple[str, str]]:
-    """What is to be said of the chosen sound, each text with its icon."""
+    """The lines about the chosen sound, each with its icon."""
     if ob.anyface.source == "FILE":
         length = strips.length_of_file(scene, ob.anyface.sound_file, ob.anyface.start_frame)
         return [(str(length), "SOUND")] if length is not None else []
     try:
-        found = _strips(ob, scene)
+        sound_strips = _strips(ob, scene)
     except AnyfaceError as error:
         return [(str(error), "ERROR")]
-    if not found:
+    if not sound_strips:
         return []
-    # A single muted strip is read all the same: somebody who picks it wants it.
+    # A single muted strip is used all the same: the artist has picked it.
     single = ob.anyface.source == "STRIP"
-    muted = [] if single else [strip.name for strip in found if strip.mute]
-    length = strips.length_of(scene, found, with_muted=single)
-    only = f"{found[0].name}, " if single and not ob.anyface.strip else ""
-    said = [] if length is None else [(f"{only}{_count(found)}{length}", "SOUND")]
+    muted = [] if single else [strip.name for strip in sound_strips if strip.mute]
+    length = strips.length_of(scene, sound_strips, with_muted=single)
+    only = f"{sound_strips[0].name}, " if single and not ob.anyface.strip else ""
+    said = [] if length is None else [(f"{only}{_count(sound_strips)}{length}", "SOUND")]
     return said + [(f"Muted, left out: {name}", "MUTE_IPO_ON") for name in muted]
 
 
@@ -231,7 +235,7 @@ def _strips(ob, scene) -> list:
 
 
 def seconds(ob, scene) -> float | None:
-    """Length of the chosen sound; None where it cannot be told without decoding it."""
+    """The length of the chosen sound; None where it is not known before decoding."""
     if ob.anyface.source == "FILE":
         return strips.seconds_of(ob.anyface.sound_file)
     try:
@@ -242,7 +246,7 @@ def seconds(ob, scene) -> float | None:
 
 
 def first_frame(ob, scene) -> float | None:
-    """The frame at which the chosen strips begin to be heard; None without any."""
+    """The frame at which the chosen strips begin; None without strips."""
     try:
         length = strips.length_of(scene, _strips(ob, scene), ob.anyface.source == "STRIP")
     except AnyfaceError:
@@ -250,8 +254,8 @@ def first_frame(ob, scene) -> float | None:
     return None if length is None else length.first
 
 
-def _count(found: list) -> str:
-    return "" if len(found) == 1 else f"{len(found)} strips, "
+def _count(sound_strips: list) -> str:
+    return "" if len(sound_strips) == 1 else f"{len(sound_strips)} strips, "
 
 
 GROUPS = (AnyfaceStrip, AnyfaceAudio)

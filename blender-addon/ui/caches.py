@@ -14,32 +14,32 @@ class ANYFACE_OT_remove_unused_caches(Operator):
     bl_options = {"REGISTER"}
 
     def invoke(self, context, event):
-        """Says how many there are, and asks."""
+        """Says how many files there are, and asks whether to delete them."""
         try:
-            found = cache_files.unused()
+            unused = cache_files.unused()
         except BaseException as error:
             return self._fail(plain(error))
-        if not found.files:
+        if not unused.files:
             return self.execute(context)
-        self._words = f"Delete {len(found.files)} files ({found.megabytes:,.0f} MB)?"
+        self._words = f"Delete {len(unused.files)} files ({unused.megabytes:,.0f} MB)?"
         return context.window_manager.invoke_props_dialog(self, title=self.bl_label)
 
     def draw(self, context):
-        """Shows what will go."""
+        """Shows which files will be deleted."""
         self.layout.label(text=self._words, icon="TRASH")
         self.layout.label(text="No .blend near them plays them. Undo cannot bring them back.")
 
     def execute(self, context):
         """Deletes them."""
         try:
-            found = cache_files.unused()
-            cache_files.delete(found.files)
+            unused = cache_files.unused()
+            cache_files.delete(unused.files)
         except BaseException as error:
             return self._fail(plain(error))
-        if found.unread:
-            text = f"{found.unread[0].name} cannot be read here: caches beside it stay"
+        if unused.unread:
+            text = f"{unused.unread[0].name} cannot be read here: caches beside it stay"
             self.report({"WARNING"}, f"Anyface: {text}")
-        self.report({"INFO"}, f"Anyface: {len(found.files)} unused caches deleted")
+        self.report({"INFO"}, f"Anyface: {len(unused.files)} unused caches deleted")
         return {"FINISHED"}
 
     def _fail(self, error):

@@ -1,4 +1,4 @@
-"""Character: what was found of the face, its landmarks, and the objects that belong to it."""
+"""Character: the landmarks of the face, and the objects that belong to it."""
 
 import bpy
 from bpy.props import (
@@ -29,7 +29,7 @@ _ROLE_TEXTS = {
     "gaze": "An eyeball; rests and never deforms",
     "still": "Nothing of the face; rests",
 }
-_ROLE_ITEMS = [("AUTO", "By Shape", "Told by shape and place", 0)]
+_ROLE_ITEMS = [("AUTO", "By Shape", "Guessed from shape and place", 0)]
 _ROLE_ITEMS += [(n, n.capitalize(), _ROLE_TEXTS[n], k + 1) for k, n in enumerate(ROLES)]
 
 
@@ -41,7 +41,7 @@ class AnyfacePart(PropertyGroup):
 
 
 class AnyfaceLoose(PropertyGroup):
-    """A connected part of the face mesh itself; `found` is what it was told to be."""
+    """A connected part of the face mesh; `found` is the role that the library gave it."""
 
     number: IntProperty()
     vertices: IntProperty()
@@ -54,31 +54,31 @@ class AnyfaceFace(PropertyGroup):
 
     parts: CollectionProperty(type=AnyfacePart)
     part_index: IntProperty(options=set())
-    # Parts were looked for, or chosen: from then on the list is the artist's.
+    # Parts have been searched for or chosen: from now on the list is the artist's.
     looked: BoolProperty(options={"HIDDEN"})
     loose: CollectionProperty(type=AnyfaceLoose)
     loose_index: IntProperty(options=set())
 
 
 def fill(settings, ob) -> None:
-    """Puts the parts of `ob` into plain settings; parts whose object was deleted are left out."""
+    """Puts the parts of `ob` into plain settings, without parts whose object was deleted."""
     chosen = [part for part in ob.anyface_face.parts if is_there(part.object)]
     settings.parts = [pieces.Part(part.object.name, _role(part)) for part in chosen]
-    told = [part for part in ob.anyface_face.loose if part.role != "AUTO"]
-    settings.loose = {part.number: part.role for part in told}
+    with_role = [part for part in ob.anyface_face.loose if part.role != "AUTO"]
+    settings.loose = {part.number: part.role for part in with_role}
 
 
 def _role(part) -> str:
     return "" if part.role == "AUTO" else part.role
 
 
-def list_loose(ob, found) -> None:
-    """Lists the connected parts of the face mesh itself; roles that were chosen stay."""
+def list_loose(ob, face_points) -> None:
+    """Lists the connected parts of the face mesh; chosen roles stay."""
     chosen = {part.number: part.role for part in ob.anyface_face.loose if part.role != "AUTO"}
-    own = found.part_of_vertex[: len(ob.data.vertices)]
+    part_of_vertex = face_points.part_of_vertex[: len(ob.data.vertices)]
     ob.anyface_face.loose.clear()
-    for number, role in enumerate(found.part_roles):
-        count = int((own == number).sum())
+    for number, role in enumerate(face_points.part_roles):
+        count = int((part_of_vertex == number).sum())
         if count == 0:
             continue
         row = ob.anyface_face.loose.add()
@@ -114,7 +114,7 @@ class ANYFACE_OT_find_parts(Acting, Operator):
 
     def act(self, ob):
         """Adds what is near the head and belongs to the same collections or parent."""
-        fresh = _add_found(ob, suggestions(ob))
+        fresh = _add_new(ob, suggestions(ob))
         return f"parts found: {', '.join(fresh) or 'none'}"
 
 
@@ -125,7 +125,7 @@ class ANYFACE_OT_add_parts(Acting, Operator):
     bl_label = "Add Selected"
 
     def act(self, ob):
-        """Adds every selected mesh that is not there yet."""
+        """Adds every selected mesh that is not in the list."""
         known = {part.object for part in ob.anyface_face.parts} | {ob}
         picked = [other for other in bpy.context.selected_objects if other.type == "MESH"]
         fresh = [other for other in picked if other not in known and other.data != ob.data]
@@ -142,7 +142,7 @@ class ANYFACE_OT_drop_part(Acting, Operator):
     bl_label = "Remove Part"
 
     def act(self, ob):
-        """Takes the active row of the list away."""
+        """Removes the active row of the list."""
         face = ob.anyface_face
         if not 0 <= face.part_index < len(face.parts):
             raise AnyfaceError("input", "choose a part in the list first")
@@ -152,15 +152,16 @@ class ANYFACE_OT_drop_part(Acting, Operator):
 
 
 def take_along(ob) -> list[str]:
-    """Adds teeth, tongue and lashes to a face whose parts nobody has looked at yet; their names."""
+    """Adds teeth, tongue and lashes to a face whose parts nobody has chosen yet; returns their
+    names."""
     if ob.anyface_face.looked or len(ob.anyface_face.parts) or ob.library is not None:
         return []
-    return _add_found(ob, [part for part in suggestions(ob) if _moves(part)])
+    return _add_new(ob, [part for part in suggestions(ob) if _moves(part)])
 
 
-def _add_found(ob, found: list[pieces.Part]) -> list[str]:
+def _add_new(ob, parts: list[pieces.Part]) -> list[str]:
     known = {part.object for part in ob.anyface_face.parts}
-    fresh = [part for part in found if bpy.data.objects[part.name] not in known]
+    fresh = [part for part in parts if bpy.data.objects[part.name] not in known]
     for part in fresh:
         _add(ob, bpy.data.objects[part.name], part.role)
     ob.anyface_face.looked = True
@@ -174,25 +175,26 @@ def _add(ob, other, role: str) -> None:
 
 
 def suggestions(ob) -> list:
-    """Meshes near the head that have the same parent, are children of it, or share a collection."""
+    """Meshes near the head with the same parent, as children of it, or in the same collection."""
     near = set(ob.children_recursive)
     near |= set(ob.parent.children_recursive) if ob.parent is not None else set()
     for collection in ob.users_collection:
         near |= set(collection.objects)
     centre, radius = landmarks.head(ob)
-    found = pieces.suggest(ob, sorted(near, key=lambda other: other.name), centre, radius)
-    owners = [identity.face_of(bpy.data.objects[part.name]) for part in found]
-    return [part for part, owner in zip(found, owners, strict=True) if owner in (None, ob)]
+    parts = pieces.suggest(ob, sorted(near, key=lambda other: other.name), centre, radius)
+    owners = [identity.face_of(bpy.data.objects[part.name]) for part in parts]
+    return [part for part, owner in zip(parts, owners, strict=True) if owner in (None, ob)]
 
 
 def left_behind(ob) -> str:
-    """Which teeth, tongues and lashes beside a face without parts would rest, in words, or ""."""
+    """Says which teeth, tongues and lashes beside a face without parts do not move; empty for
+    none."""
     if len(ob.anyface_face.parts):
         return ""
-    found = [part.name for part in suggestions(ob) if _moves(part)]
-    if not found:
+    names = [part.name for part in suggestions(ob) if _moves(part)]
+    if not names:
         return ""
-    return f"{', '.join(found)} did not move along: Find Parts adds them"
+    return f"{', '.join(names)} did not move along: Find Parts adds them"
 
 
 def _moves(part) -> bool:
@@ -227,7 +229,7 @@ class ANYFACE_PT_character(OfFacePanel, Panel):
 
 
 def status(ob) -> tuple[str, str]:
-    """What is known of the face in words, and an icon."""
+    """The state of the face in words, and an icon."""
     try:
         stored = landmarks.load(ob)
     except AnyfaceError as error:

@@ -23,7 +23,7 @@ class ANYFACE_OT_choose_sound(WithFile, Operator):
     filter_glob: StringProperty(default=_SOUNDS, options={"HIDDEN"})
 
     def act(self, ob):
-        """Adds the strip and lets the face follow it; what an earlier report said is past."""
+        """Adds the strip and lets the face speak it; an earlier error is cleared."""
         if not self.path.is_file():
             raise AnyfaceError("audio", f"no sound file at {self.filepath or 'an empty path'}")
         if self.path.stat().st_size == 0:
@@ -33,15 +33,15 @@ class ANYFACE_OT_choose_sound(WithFile, Operator):
             if block.library is not None:
                 text = f"{block.name} is linked and keeps no settings: make it local"
                 raise AnyfaceError("mesh", text)
-        told = _speak(ob, scene, _kept_path(self.filepath))
+        message = _speak(ob, scene, _kept_path(self.filepath))
         if ob.anyface.report_is_error:
             ob.anyface.report, ob.anyface.report_mends = "", ""
             ob.anyface.report_is_error = False
-        return told
+        return message
 
 
 def _speak(ob, scene, path: str) -> str:
-    """Lets `ob` speak the sound file at `path` as a strip of `scene`, and says so."""
+    """Lets `ob` speak the sound file at `path` as a strip of `scene`; returns a message."""
     frame = scene.frame_current
     try:
         strip = sequencer.add_sound(scene, path, frame)
@@ -56,7 +56,8 @@ def _speak(ob, scene, path: str) -> str:
 
 
 def _kept_path(path: str) -> str:
-    """A path as Blender's own buttons would keep it: from the .blend, where that is preferred."""
+    """A path as Blender's own buttons store it: relative to the .blend, where the preferences say
+    so."""
     if not bpy.data.filepath or not bpy.context.preferences.filepaths.use_relative_paths:
         return path
     try:

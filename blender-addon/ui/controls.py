@@ -43,7 +43,7 @@ class AnyfaceControls(PropertyGroup):
 
 
 def fill(output, ob) -> None:
-    """Puts the rig and its list into plain settings; what turns head and eyes is left alone."""
+    """Puts the rig and its list into plain settings; bones of head and eyes are left alone."""
     stored, turned = ob.anyface_controls, ob.anyface_life_settings
     output.rig = stored.rig.name if is_there(stored.rig) else ""
     output.controls = [_plain(row) for row in stored.rows if row.use]

@@ -1,4 +1,4 @@
-"""What is known of a fault, as a text in the file: few artists see a console."""
+"""Writes the details of a fault into a text of the file, since few artists see a console."""
 
 import platform
 
@@ -9,15 +9,18 @@ from ..core.errors import AnyfaceError, details
 NAME = "Anyface Fault"
 
 
-def kept(error: AnyfaceError) -> AnyfaceError:
-    """Writes what is known of a fault into a text, and says where; other errors stay."""
-    found = details(error)
-    if not found:
+def save(error: AnyfaceError) -> AnyfaceError:
+    """Writes the details of a fault into a text; returns the error with the name of the text.
+
+    Errors without details are returned as they are.
+    """
+    report = details(error)
+    if not report:
         return error
     text = bpy.data.texts.get(NAME) or bpy.data.texts.new(NAME)
     text.clear()
     blender = f"Blender {bpy.app.version_string}, {platform.platform()}"
-    text.write(f"{error}\n\n{blender}\n\n{found}")
+    text.write(f"{error}\n\n{blender}\n\n{report}")
     more = AnyfaceError(error.kind, f"{error} (or the text {NAME} in the Text Editor)", error.mends)
     more.__cause__ = error.__cause__
     return more

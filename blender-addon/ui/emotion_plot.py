@@ -10,7 +10,7 @@ from ..scene.shape_keys import record
 
 # The height of the picture in lines of the panel.
 _LINES = 7.0
-# Pictures that are kept; all are dropped where more are made.
+# The most pictures in memory; all are dropped when there would be more.
 _MOST = 24
 _GREY = (0.62, 0.62, 0.62)
 _COLOURS = {
@@ -25,29 +25,29 @@ _COLOURS = {
     "disgusted": (0.50, 0.72, 0.20),
 }
 _previews = None
-# What was heard in a take, by its number; it never changes.
+# The emotion that was heard in a take, by its id; it never changes.
 _heard: dict[str, HeardEmotion | None] = {}
 
 
 def heard(ob) -> tuple[str, HeardEmotion] | None:
-    """The number of the take that plays on `ob` and the emotion that was heard in it; None where
-    nothing was heard."""
+    """The id of the take that plays on `ob`, and the emotion that was heard in it; None for
+    none."""
     shape_keys = ob.data.shape_keys if ob is not None and ob.type == "MESH" else None
-    taken = record.read(shape_keys)
-    if taken is None or not taken.heard_emotion:
+    take_record = record.read(shape_keys)
+    if take_record is None or not take_record.heard_emotion:
         return None
-    if taken.id not in _heard:
-        _heard[taken.id] = HeardEmotion.of_plain(taken.heard_emotion)
-    found = _heard[taken.id]
-    return None if found is None else (taken.id, found)
+    if take_record.id not in _heard:
+        _heard[take_record.id] = HeardEmotion.of_plain(take_record.heard_emotion)
+    emotion = _heard[take_record.id]
+    return None if emotion is None else (take_record.id, emotion)
 
 
 def draw(layout, ob) -> None:
-    """Draws the picture and what its colours mean; nothing where nothing was heard."""
-    found = heard(ob)
-    if found is None:
+    """Draws the picture and the meaning of its colours; nothing where no emotion was heard."""
+    take_and_emotion = heard(ob)
+    if take_and_emotion is None:
         return
-    take_id, emotion = found
+    take_id, emotion = take_and_emotion
     column = layout.column(align=True)
     column.label(text="Heard in the Voice", icon="SOUND")
     column.template_icon(icon_value=icon(take_id, emotion), scale=_LINES)
@@ -59,13 +59,13 @@ def draw(layout, ob) -> None:
 
 
 def icon(take_id: str, emotion: HeardEmotion) -> int:
-    """The number of the picture of a take, which is drawn once."""
+    """The icon of the picture of a take, which is drawn once."""
     name = f"take {take_id}"
     if name not in _previews:
         if len(_previews) >= _MOST:
             _previews.clear()
         times = np.array(emotion.time_s)
-        # The likeliest lies over the others, and neutral under all.
+        # The likeliest emotion is drawn last, on top; neutral is drawn first.
         names = [name for name, *_ in reversed(emotion.likely())]
         names.sort(key=lambda name: name != "neutral")
         curves = [
@@ -83,12 +83,12 @@ def _swatch(emotion: str) -> int:
 
 
 def _put(name: str, pixels: np.ndarray) -> None:
-    made = _previews.new(name)
+    preview = _previews.new(name)
     upright = np.ascontiguousarray(pixels[::-1])
     for kind in ("image", "icon"):
-        setattr(made, f"{kind}_size", pixels.shape[:2])
+        setattr(preview, f"{kind}_size", pixels.shape[:2])
         numbers = (upright.astype(np.float32) / 255.0).ravel()
-        getattr(made, f"{kind}_pixels_float").foreach_set(numbers)
+        getattr(preview, f"{kind}_pixels_float").foreach_set(numbers)
 
 
 @persistent
@@ -98,14 +98,14 @@ def _on_load(*_) -> None:
 
 
 def register() -> None:
-    """Makes room for pictures."""
+    """Creates the collection of pictures."""
     global _previews
     _previews = bpy.utils.previews.new()
     bpy.app.handlers.load_pre.append(_on_load)
 
 
 def unregister() -> None:
-    """Frees them."""
+    """Frees the pictures."""
     global _previews
     bpy.app.handlers.load_pre.remove(_on_load)
     _heard.clear()

@@ -19,14 +19,14 @@ _FOLDER = "emotions"
 
 
 class ANYFACE_PT_emotion(OfFacePanel, Panel):
-    """What the face feels, in words and pictures."""
+    """Shows the emotion of the face in words and pictures."""
 
     bl_label = "Emotion"
     bl_order = 1
     bl_options = {"DEFAULT_CLOSED"}
 
     def draw(self, context):
-        """Draws mixtures, pictures to choose from where there are some, and what was heard."""
+        """Draws mixtures, pictures to choose from, and the emotion that was heard."""
         layout, ob = self.layout, target(context)
         layout.menu("ANYFACE_MT_mixtures")
         layout.operator("anyface.draw_emotions", icon="USER")
@@ -51,7 +51,7 @@ class ANYFACE_OT_draw_emotions(InThread, Operator):
     goes_back = False
 
     def instead(self, context):
-        """Shows what was drawn before."""
+        """Shows earlier pictures where they still fit."""
         ob = target(context)
         self._portraits = _portraits(ob)
         if self._portraits.are_drawn:
@@ -61,7 +61,7 @@ class ANYFACE_OT_draw_emotions(InThread, Operator):
         return False
 
     def read(self, context, ob):
-        """The face and how strongly it is to feel."""
+        """Reads the face and the intensity."""
         return self._portraits
 
     def finish(self, ob, portraits, folder):

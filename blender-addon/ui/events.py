@@ -14,7 +14,7 @@ from .operators import Acting
 from .panel import OfFacePanel
 from .target import sequencer_scene, target
 
-# Rows of the list that are drawn; more are counted.
+# The most rows that are drawn; the rest is counted.
 _MOST_ROWS = 12
 _UNITS = "UNITS"
 _EXPRESSIONS = [
@@ -30,7 +30,7 @@ _SIDES = [
 
 
 class ANYFACE_PT_events(OfFacePanel, Panel):
-    """Events of the character, for systems that show them."""
+    """The events of the character, for systems that show them."""
 
     bl_label = "Events"
     bl_order = 2
@@ -38,13 +38,13 @@ class ANYFACE_PT_events(OfFacePanel, Panel):
 
     @classmethod
     def poll(cls, context):
-        """False where the chosen system shows none."""
+        """False where the chosen system shows no events."""
         if not super().poll(context):
             return False
         return systems.by_name(getattr(target(context).anyface, "system", "")).takes_events
 
     def draw(self, context):
-        """Draws the channel, the strips with the units understood, and how one is added."""
+        """Draws the channel, the events with their units, and the button that adds one."""
         layout, ob, scene = self.layout, target(context), sequencer_scene(context)
         layout.use_property_split, layout.use_property_decorate = True, False
         layout.prop(ob.anyface_audio, "event_channel")
@@ -56,12 +56,12 @@ class ANYFACE_PT_events(OfFacePanel, Panel):
             layout.prop(ob.anyface_audio, "marker_s")
         column = layout.column(align=True)
         models = preferences.model_folder(scene)
-        found = event_strips.rows(scene, ob, ob.anyface_audio, _when(ob, scene), models)
-        for row in found[:_MOST_ROWS]:
+        event_rows = event_strips.rows(scene, ob, ob.anyface_audio, _when(ob, scene), models)
+        for row in event_rows[:_MOST_ROWS]:
             _draw_row(column, row, context.region.width)
-        if len(found) > _MOST_ROWS:
-            column.label(text=f"and {len(found) - _MOST_ROWS} more")
-        if not found:
+        if len(event_rows) > _MOST_ROWS:
+            column.label(text=f"and {len(event_rows) - _MOST_ROWS} more")
+        if not event_rows:
             text = "A text strip in this channel is an event: its text what the face does"
             words.draw(column, text, context.region.width, "INFO")
 
@@ -74,7 +74,8 @@ def _draw_row(column, row, width: int) -> None:
 
 
 def _when(ob, scene):
-    """The frame at which the character's sound begins, and its seconds; None where it has none."""
+    """The frame at which the character's sound begins, and its length in seconds; None without
+    sound."""
     if ob.anyface.source == "FILE":
         return ob.anyface.start_frame, audio.seconds(ob, scene)
     first = audio.first_frame(ob, scene)
@@ -102,20 +103,20 @@ copied and renamed"""
         return f"Choose a system that shows events: {', '.join(able) or 'none'}"
 
     def invoke(self, context, event):
-        """Asks for units where no word of the menu was chosen."""
+        """Asks for units where the artist has chosen *Units…*."""
         if self.expression == _UNITS:
             return context.window_manager.invoke_props_dialog(self)
         return self.execute(context)
 
     def draw(self, _context):
-        """Draws what an event of units needs."""
+        """Draws the fields of an event of units."""
         layout = self.layout
         layout.use_property_split = True
         for name in ("units", "side", "strength"):
             layout.prop(self, name)
 
     def act(self, ob):
-        """Writes the strip; the channel is the first free one where none was chosen."""
+        """Adds the strip; without a chosen channel it takes the first free one."""
         scene = sequencer_scene(bpy.context)
         if ob.library is not None:
             raise AnyfaceError("mesh", f"{ob.name} is linked and keeps no settings: make it local")
@@ -132,13 +133,13 @@ copied and renamed"""
         return f"{text} in channel {strip.channel}, frames {first} to {last - 1}"
 
     def _text(self) -> str:
-        """What the strip says; raises `AnyfaceError("input")` for units that are none."""
+        """The text of the strip; raises `AnyfaceError("input")` for invalid units."""
         side = {"AS_IS": "", "LEFT": "left ", "RIGHT": "right "}[self.side]
         if self.expression != _UNITS:
             return f"{side}{self.expression}"
-        found = expression(f"{side}{self.units}")
-        if found.hint:
-            raise AnyfaceError("input", found.hint)
+        meaning = expression(f"{side}{self.units}")
+        if meaning.hint:
+            raise AnyfaceError("input", meaning.hint)
         if not side:
             return self.units.strip()
-        return ",".join(found.units) + ("!" if found.over_speech else "")
+        return ",".join(meaning.units) + ("!" if meaning.over_speech else "")

@@ -15,8 +15,8 @@ _ENDINGS = {kind.ending for kind in export.KINDS.values()}
 
 
 class ANYFACE_OT_export(Alone, WithFile, Operator):
-    """Export the face with its motion for another program, with the switches that it needs: those
-    of the FBX and USD menus leave it out"""
+    """Export the face with its motion for another program, with the settings that this needs: the \
+defaults of the FBX and USD menus leave the motion out"""
 
     bl_idname = "anyface.export"
     bl_label = "Export Talking Head"
@@ -49,7 +49,7 @@ class ANYFACE_OT_export(Alone, WithFile, Operator):
         return super().invoke(context, event)
 
     def check(self, _context):
-        """The ending follows the format."""
+        """Lets the ending follow the format."""
         before, self.filepath = self.filepath, self._path()
         return before != self.filepath
 
@@ -60,7 +60,7 @@ class ANYFACE_OT_export(Alone, WithFile, Operator):
         return f"{ob.name} in {Path(path).name}"
 
     def _path(self) -> str:
-        """The path with the ending of its format; one that names a format itself keeps it."""
+        """The path with the ending of its format; an ending in the path chooses the format."""
         path, ending = Path(self.filepath), export.KINDS[self.kind].ending
         if path.suffix.lower() not in _ENDINGS:
             return f"{path}{ending}"

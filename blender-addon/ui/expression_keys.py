@@ -37,7 +37,7 @@ of this object move its parts too"""
     )
 
     def read(self, context, ob):
-        """The face, if it has no keys of these names."""
+        """Reads the face; raises where it has keys of these names."""
         settings = from_object(ob)
         settings.mode = outputs.Arkit.name
         outputs.of(settings.mode).check(ob, settings.output)

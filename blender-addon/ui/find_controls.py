@@ -28,17 +28,17 @@ class ANYFACE_OT_controls_find(InThread, Operator):
     bl_label = "Find Controls"
 
     def read(self, context, ob):
-        """The mesh, whose landmarks say where the face is."""
+        """Reads the mesh, whose landmarks say where the face is."""
         control_bench.check(ob)
         return landmarks.search_of(ob)
 
-    def land(self, ob, search, found):
+    def land(self, ob, search, face_points):
         """Nudges what may move the face, and lists what does."""
         sources = _sources(ob)
-        motion = _still(search.face.positions[: len(ob.data.vertices)], found)
+        motion = _still(search.face.positions[: len(ob.data.vertices)], face_points)
         bench = control_bench.Bench(ob, control_fit.rigs_of(sources), motion.vertices)
-        given = bench, motion, sources, control_actions.rests(ob)
-        handles = yield from control_fit.try_all(ob, *given)
+        rests = control_actions.rests(ob)
+        handles = yield from control_fit.try_all(ob, bench, motion, sources, rests)
         moving = {handle.source.key for handle in handles}
         listed = [source for source in sources if source.key in moving]
         if not listed:
@@ -46,13 +46,13 @@ class ANYFACE_OT_controls_find(InThread, Operator):
         _list(ob, listed)
         return f"{len(listed)} controls move the face"
 
-    def finish(self, ob, search, found):
-        """All at once."""
-        return at_once(self.land(ob, search, found))
+    def finish(self, ob, search, face_points):
+        """Does it all at once."""
+        return at_once(self.land(ob, search, face_points))
 
 
 class ANYFACE_OT_controls_preset(Acting, Operator):
-    """Fill the list with the bones that a tool names in this way"""
+    """Fill the list with the bones that have the names of this tool"""
 
     bl_idname = "anyface.controls_preset"
     bl_label = "Names"
@@ -62,10 +62,10 @@ class ANYFACE_OT_controls_preset(Acting, Operator):
     def act(self, ob):
         """Replaces the list."""
         rig = _rig(ob)
-        found = control_sources.of_preset(rig, self.preset) if rig is not None else []
-        if not found:
+        sources = control_sources.of_preset(rig, self.preset) if rig is not None else []
+        if not sources:
             raise Notice(f"the rig has no bone with a name of {self.preset}")
-        _list(ob, found)
+        _list(ob, sources)
 
 
 class ANYFACE_OT_controls_clear(Acting, Operator):
@@ -93,21 +93,21 @@ class ANYFACE_OT_controls_save(ToFile, Operator):
         if not len(rows):
             raise AnyfaceError("input", "the list is empty: press Find Controls first")
         fields = ("kind", "id_type", "block", "path", "sided", "use")
-        found = [Row(*(getattr(row, name) for name in fields)) for row in rows]
-        control_names.write(found, self.path)
+        table = [Row(*(getattr(row, name) for name in fields)) for row in rows]
+        control_names.write(table, self.path)
 
 
 class ANYFACE_OT_controls_load(WithFile, Operator):
-    """Load the list from a JSON file; a rig of another name takes the place of that in the file"""
+    """Load the list from a JSON file; where the rig of the file is not here, this rig is used"""
 
     bl_idname = "anyface.controls_load"
     bl_label = "Load Control List"
 
     def act(self, ob):
-        """Replaces the list by those of the file that are here."""
+        """Replaces the list by those controls of the file that exist here."""
         rows = control_names.read(self.path)
-        found = [(_here(row, _rig(ob)), row.use) for row in rows]
-        there = [pair for pair in found if pair[0] is not None]
+        pairs = [(_here(row, _rig(ob)), row.use) for row in rows]
+        there = [pair for pair in pairs if pair[0] is not None]
         if not there:
             raise AnyfaceError("input", f"{ob.name} has none of the {len(rows)} controls")
         _list(ob, [source for source, _ in there])
@@ -118,8 +118,7 @@ class ANYFACE_OT_controls_load(WithFile, Operator):
 
 
 def _here(row: Row, rig) -> control_sources.Source | None:
-    """The source of a row of a file; that of `rig` where its own is not here."""
-    given = row.kind, row.id_type
+    """The source of a row of a file; where its data-block is missing here, that of `rig`."""
     block = row.block
     known = COLLECTIONS.get(row.id_type)
     if known is None or row.kind not in (control_sources.BONE, control_sources.NUMBER):
@@ -127,7 +126,7 @@ def _here(row: Row, rig) -> control_sources.Source | None:
     if getattr(bpy.data, known).get(block) is None and rig is not None:
         block = rig.name if row.id_type == "OBJECT" else rig.data.name
     try:
-        return control_sources.find(*given, block, row.path, row.sided)
+        return control_sources.find(row.kind, row.id_type, block, row.path, row.sided)
     except AnyfaceError:
         return None
 
@@ -141,10 +140,12 @@ def _sources(ob) -> list[control_sources.Source]:
     return control_sources.propose(ob, _rig(ob), output_properties.read(ob).left_alone)
 
 
-def _still(positions: np.ndarray, found: Found) -> ControlMotion:
-    """The points of a face that nobody has moved yet."""
-    vertices, regions = controls_plan.nearby(positions, found)
-    mm = _TEMPLES_MM / max(float(np.linalg.norm(found.positions[0] - found.positions[16])), 1e-12)
+def _still(positions: np.ndarray, face_points: Found) -> ControlMotion:
+    """The points of a face that nothing has moved yet."""
+    vertices, regions = controls_plan.nearby(positions, face_points)
+    mm = _TEMPLES_MM / max(
+        float(np.linalg.norm(face_points.positions[0] - face_points.positions[16])), 1e-12
+    )
     frames = np.zeros((0, len(vertices), 3), dtype=np.float32)
     return ControlMotion(vertices, frames, regions, np.empty((0, 2), dtype=np.int64), mm)
 

@@ -25,7 +25,7 @@ class ANYFACE_OT_generate(WithSound, InThread, Operator):
     accepts_linked = True
 
     def read(self, context, ob):
-        """The settings, the mesh and the sound; teeth and tongue come along."""
+        """Reads the settings, the mesh and the sound; adds teeth and tongue as parts."""
         scene = sequencer_scene(context)
         outputs.of(ob.anyface.mode).check_object(ob)
         self._along = character.take_along(ob)
@@ -33,7 +33,7 @@ class ANYFACE_OT_generate(WithSound, InThread, Operator):
         return bake.read(ob, scene, settings, running.engine(settings.system))
 
     def land(self, ob, snapshot, take):
-        """Writes the take in steps; the last one is Blender's, which remembers it for undo."""
+        """Writes the take in steps; after the last one Blender pushes the undo step."""
         text = yield from bake.landing(ob, snapshot, take)
         yield BEGUN
         return self._tell(ob, snapshot, take, text)
@@ -50,12 +50,12 @@ class ANYFACE_OT_generate(WithSound, InThread, Operator):
         mends = ["find_parts"] if left else []
         ob.anyface.report, ob.anyface.report_is_error = text, False
         mending.keep(ob, mends)
-        panel_settings.note(ob, snapshot.asked, text)
+        panel_settings.note(ob, snapshot.panel_values, text)
         return " ".join([text, *(f"({more})" for more in mending.said_of_scene(ob))])
 
     def fail(self, error, ob=None):
         """Keeps the error in the panel as well."""
-        # A linked object cannot keep the text; the report still shows it.
+        # A linked object cannot store the text; the status bar still shows it.
         if ob is not None and ob.library is None:
             ob.anyface.report, ob.anyface.report_is_error = str(error), True
             mending.keep(ob, getattr(error, "mends", ()))
@@ -64,14 +64,14 @@ class ANYFACE_OT_generate(WithSound, InThread, Operator):
 
 
 def _said_once(along: list[str], scene) -> list[str]:
-    """What was done for the artist with the first take, in words."""
-    found = [f"together with {wording.listed(along)}"] if along else []
+    """Notes about what was done for the artist with the first take."""
+    notes = [f"together with {wording.listed(along)}"] if along else []
     if not scene.anyface.synced:
         scene.anyface.synced = True
         if scene.sync_mode != "AUDIO_SYNC":
             scene.sync_mode = "AUDIO_SYNC"
-            found.append("Playback is set to Sync to Audio")
-    return found
+            notes.append("Playback is set to Sync to Audio")
+    return notes
 
 
 class ANYFACE_OT_cancel(Operator):
@@ -86,6 +86,6 @@ class ANYFACE_OT_cancel(Operator):
         return running.is_running()
 
     def execute(self, context):
-        """Asks the thread to stop; the running operator ends with it."""
+        """Asks the thread to stop; then the running operator ends."""
         running.current.cancel()
         return {"FINISHED"}

@@ -1,4 +1,4 @@
-"""*Heat Map*: where emotion is believed in the current frame, as a colour attribute."""
+"""*Heat Map*: how strongly emotion moves each part of the face now, as a colour attribute."""
 
 from bpy.types import Operator
 
@@ -14,9 +14,9 @@ from .target import sequencer_scene, target
 
 
 class ANYFACE_OT_heat_map(WithSound, InThread, Operator):
-    """Colour the face by how far emotion is believed in the current frame: red where it moves \
-the face, blue where only what is said does. Shown by a material, or the viewport's Attribute \
-colour"""
+    """Colour the face by how strongly emotion moves it in the current frame: red where emotion \
+does, blue where speech alone does. A material, or the viewport's Attribute colour, shows the \
+colours"""
 
     bl_idname = "anyface.heat_map"
     bl_label = "Heat Map"
@@ -29,7 +29,7 @@ colour"""
         return "This system does not tell emotion from speech"
 
     def read(self, context, ob):
-        """The face, its sound, and which frame of the take is shown."""
+        """Reads the face, its sound, and the current frame of the take."""
         scene = sequencer_scene(context)
         settings = from_object(ob, scene)
         snapshot = bake.read(ob, scene, settings, running.engine(settings.system))
@@ -37,10 +37,10 @@ colour"""
         frame = round(seconds * snapshot.request.fps)
         return Work(lambda progress: snapshot.ask(snapshot.engine.mask, progress, frame))
 
-    def finish(self, ob, _work, believed):
-        """Writes the colours of shares `[V]` of the face's own vertices."""
-        emotion_mask.show_heat(ob, believed[: len(ob.data.vertices)])
-        return f"emotion is believed by {believed.mean():.0%} in the mean"
+    def finish(self, ob, _work, shares):
+        """Colours the face's own vertices by shares `[V]`."""
+        emotion_mask.show_heat(ob, shares[: len(ob.data.vertices)])
+        return f"emotion moves the face by {shares.mean():.0%} on average"
 
 
 class ANYFACE_OT_heat_map_hide(Acting, Operator):

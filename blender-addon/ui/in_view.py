@@ -11,16 +11,16 @@ from .target import target
 
 
 class InView(Alone):
-    """Follows the pointer; whatever is raised ends it, and the artist is told.
+    """Follows the pointer; any error ends it, and the artist sees the message.
 
-    `begin(ob)` gets ready; `follow(ob, event, view)` gets every event with the view under the
-    pointer, see `view_under`; `finish(ob, worked)` writes what a search has found and returns
-    whether that was all.
+    `begin(ob)` prepares it. `follow(ob, event, view)` gets every event with the view under the
+    pointer, see `view_under`. `finish(ob, job)` writes the result of a search and returns whether
+    that was all.
     """
 
-    # Every step is an undo step of its own; ending the operator is none.
+    # Every step is an undo step of its own, so ending the operator adds none.
     bl_options = {"REGISTER", "BLOCKING"}
-    # What stands below the view meanwhile, and the name of an undo step.
+    # The text in the status bar meanwhile, and the name of an undo step.
     words = step = ""
     _job = _timer = None
 
@@ -40,7 +40,7 @@ class InView(Alone):
             return self._break(context, error)
 
     def modal(self, context, event):
-        """One event."""
+        """Handles one event."""
         try:
             return self._modal(context, event)
         except BaseException as error:
@@ -70,14 +70,14 @@ class InView(Alone):
         return self._end(context) if is_all else {"RUNNING_MODAL"}
 
     def clear(self) -> None:
-        """Takes away what is drawn for this operator alone."""
+        """Removes what is drawn for this operator alone."""
 
     def _break(self, context, raised: BaseException):
-        """Ends it whatever was raised, and tells the artist; what is done stays."""
+        """Ends it after an error and tells the artist; finished steps stay."""
         self._end(context)
         error = plain(raised)
         with unharmed():
-            error = details.kept(error)
+            error = details.save(error)
         return self.fail(error)
 
     def _end(self, context):
@@ -87,7 +87,7 @@ class InView(Alone):
         return {"FINISHED"}
 
     def cancel(self, context):
-        """Blender closes or loads another file, or the artist ends it."""
+        """Stops when the artist ends it, or when Blender closes or loads another file."""
         with unharmed():
             self.clear()
         job, timer = self._job, self._timer
@@ -104,7 +104,8 @@ class InView(Alone):
 
 
 def view_under(context, event):
-    """Region, its view and the pointer in it, or None where the pointer is in no 3D view."""
+    """The region, its view and the pointer in it; None where the pointer is outside every 3D
+    view."""
     for area in context.window.screen.areas:
         if area.type != "VIEW_3D":
             continue

@@ -1,4 +1,5 @@
-"""The list of shapes and keys for *Existing Keys*: found, by the names of a tool, or by hand."""
+"""The list of shapes and keys for *Existing Keys*: by known names, by a tool's names, or by
+hand."""
 
 from bpy.props import EnumProperty, StringProperty
 from bpy.types import Operator, UIList
@@ -13,7 +14,7 @@ from .target import target
 
 
 class ANYFACE_UL_mapping(UIList):
-    """A shape, the key that shows it, and how far it goes."""
+    """A shape, the key that shows it, and its share."""
 
     def draw_item(self, context, layout, _data, item, _icon, _active, _name):
         """Draws one row."""
@@ -34,14 +35,14 @@ class ANYFACE_OT_mapping_find(OnList, Operator):
 
     def act(self, ob):
         """Replaces the list."""
-        found = artist_keys.find(ob, [])
-        if not found:
+        pairs = artist_keys.find(ob, [])
+        if not pairs:
             raise Notice("no key has a known name: press + and pick shapes and keys by hand")
-        fill(ob, found)
+        fill(ob, pairs)
 
 
 class ANYFACE_OT_mapping_preset(OnList, Operator):
-    """Fill the list with the keys that a tool names in this way"""
+    """Fill the list with the keys that have the names of this tool"""
 
     bl_idname = "anyface.mapping_preset"
     bl_label = "Names"
@@ -51,10 +52,10 @@ class ANYFACE_OT_mapping_preset(OnList, Operator):
     def act(self, ob):
         """Replaces the list."""
         blocks = ob.data.shape_keys.key_blocks if ob.data.shape_keys is not None else []
-        found = key_names.pairs(self.preset, [block.name for block in blocks])
-        if not found:
+        pairs = key_names.pairs(self.preset, [block.name for block in blocks])
+        if not pairs:
             raise Notice(f"no key has a name of {self.preset}")
-        fill(ob, found)
+        fill(ob, pairs)
 
 
 class ANYFACE_OT_mapping_add(OnList, Operator):
@@ -67,7 +68,7 @@ class ANYFACE_OT_mapping_add(OnList, Operator):
     key: StringProperty(options={"HIDDEN"})
 
     def act(self, ob):
-        """Adds it."""
+        """Adds the row."""
         stored = ob.anyface_output
         row = stored.mapping.add()
         if self.shape in row.bl_rna.properties["shape"].enum_items:
@@ -82,7 +83,7 @@ class ANYFACE_OT_mapping_remove(OnList, Operator):
     bl_label = "Remove Row"
 
     def act(self, ob):
-        """Takes it off."""
+        """Removes the row."""
         stored = ob.anyface_output
         if not 0 <= stored.mapping_index < len(stored.mapping):
             raise AnyfaceError("input", "choose a row of the list first")
@@ -110,9 +111,9 @@ class ANYFACE_OT_mapping_save(OnList, ToFile, Operator):
     what = "keys"
 
     def act(self, ob):
-        """Writes the list, or what is found by name where it is empty."""
-        found = output_properties.read(ob).mapping or artist_keys.find(ob, [])
-        key_names.write(found, self.path)
+        """Writes the list, or the keys with known names where the list is empty."""
+        pairs = output_properties.read(ob).mapping or artist_keys.find(ob, [])
+        key_names.write(pairs, self.path)
 
 
 class ANYFACE_OT_mapping_load(OnList, WithFile, Operator):

@@ -20,32 +20,34 @@ from .operators import Acting, Alone, InThread
 from .settings import from_object
 from .target import target
 
-# A landmark is taken from this far, in pixels.
+# The pointer grabs a landmark within this distance, pixels.
 _REACH_PX = 14.0
-# The colour of points that were put by hand.
+# The colour of points that the artist has placed.
 _PLACED = (0.3, 1.0, 0.3, 1.0)
 _handle = None
 
 
 def search_of(ob, models: str | None = None) -> landmarks.Search:
-    """A snapshot for finding the face of `ob` from nothing, by the folder `models` where one is
-    given; raises `AnyfaceError`."""
+    """A snapshot for finding the face of `ob` without earlier landmarks; raises `AnyfaceError`.
+
+    `models` is the folder of the models; None takes those of the scene.
+    """
     face, engine = _read(ob, models)
     face.landmarks = face.landmark_vertices = None
     return landmarks.Search(face, engine)
 
 
 def _read(ob, models: str | None = None) -> tuple:
-    """The face of `ob`, and the engine that looks for it."""
+    """The face of `ob`, and the engine that searches it."""
     guard.check_mesh(ob)
     settings = from_object(ob)
     return bake.read_face(ob, settings, editable=False), running.engine(settings.system, models)
 
 
-def keep(ob, found, fixed=()) -> str:
-    """Stores what was found on `ob` and lists its parts; returns it in words."""
-    landmarks.store(ob, found, fixed)
-    character.list_loose(ob, found)
+def keep(ob, face_points, fixed=()) -> str:
+    """Stores landmarks on `ob` and lists its parts; returns a description."""
+    landmarks.store(ob, face_points, fixed)
+    character.list_loose(ob, face_points)
     return landmarks.describe(landmarks.load(ob))
 
 
@@ -58,12 +60,12 @@ class ANYFACE_OT_find_face(InThread, Operator):
     cancelled = ""
 
     def read(self, context, ob):
-        """The mesh."""
+        """Reads the mesh."""
         return search_of(ob)
 
-    def finish(self, ob, search, found):
-        """Keeps the landmarks."""
-        return keep(ob, found)
+    def finish(self, ob, search, face_points):
+        """Stores the landmarks."""
+        return keep(ob, face_points)
 
 
 class ANYFACE_OT_reset_landmarks(Acting, Operator):
@@ -79,7 +81,7 @@ class ANYFACE_OT_reset_landmarks(Acting, Operator):
         return "" if stored else "No points are stored on the face"
 
     def act(self, ob):
-        """Takes the property away."""
+        """Removes the property."""
         try:
             landmarks.clear(ob)
         except (TypeError, RuntimeError) as error:
@@ -96,12 +98,12 @@ class ANYFACE_OT_move_landmark(Alone, Operator):
     place: FloatVectorProperty(name="Place", description="In the object's space", subtype="XYZ")
 
     def act(self, ob):
-        """Puts the landmark on the nearest place of the surface and lets the others follow."""
+        """Puts the landmark on the nearest point of the surface and lets the others follow."""
         drag = landmarks.Drag(ob)
         drag.hold(self.number)
         drag.stored.positions[self.number] = drag.surface.nearest(self.place)
-        found = drag.search(*_read(ob)).work(Progress())
-        return keep(ob, found, drag.stored.fixed)
+        face_points = drag.search(*_read(ob)).work(Progress())
+        return keep(ob, face_points, drag.stored.fixed)
 
 
 class ANYFACE_OT_edit_landmarks(InView, Operator):
@@ -112,7 +114,7 @@ class ANYFACE_OT_edit_landmarks(InView, Operator):
     words = "Drag the points of the face; Return or Esc ends"
 
     def execute(self, context):
-        """Without a window there is nothing to drag with."""
+        """Without a window there is no pointer to drag with."""
         return self.fail("points are dragged in the 3D view; use Move Face Point in scripts")
 
     def begin(self, ob):
@@ -120,46 +122,46 @@ class ANYFACE_OT_edit_landmarks(InView, Operator):
         self._drag = landmarks.Drag(ob)
 
     def follow(self, context, ob, event, view):
-        """One drag is one undo step."""
-        if self._drag.held is not None and event.type == "MOUSEMOVE":
+        """Drags landmarks; each drag is one undo step."""
+        if self._drag.number is not None and event.type == "MOUSEMOVE":
             if view is not None:
                 self._move(ob, view)
             return {"RUNNING_MODAL"}
         if event.type == "LEFTMOUSE" and event.value == "PRESS" and view is not None:
             return self._press(ob, view)
-        if event.type == "LEFTMOUSE" and event.value == "RELEASE" and self._drag.held is not None:
+        if event.type == "LEFTMOUSE" and event.value == "RELEASE" and self._drag.number is not None:
             return self._release(ob)
         return {"PASS_THROUGH"}
 
     def _press(self, ob, view):
-        # Undo may have brought other landmarks since.
+        # An undo may have changed the landmarks since.
         try:
             self._drag = landmarks.Drag(ob, self._drag.surface)
         except AnyfaceError as error:
             return self.fail(error)
         region, data, at = view
         places = on_screen(region, data, ob, self._drag.stored.positions)
-        taken = self._drag.hold_near(np.array(at), places, _REACH_PX)
-        return {"RUNNING_MODAL"} if taken else {"PASS_THROUGH"}
+        is_hit = self._drag.hold_near(np.array(at), places, _REACH_PX)
+        return {"RUNNING_MODAL"} if is_hit else {"PASS_THROUGH"}
 
     def _move(self, ob, view):
         self._drag.move(*ray(ob, view))
         shown[ob.name] = self._drag.stored.positions
 
     def _release(self, ob):
-        """The others follow in a thread."""
+        """Lets the other landmarks follow, in a thread."""
         try:
             search = self._drag.search(*_read(ob))
         except AnyfaceError as error:
             self.clear()
             self.fail(error)
             return {"RUNNING_MODAL"}
-        self._drag.held = None
+        self._drag.number = None
         self.search(ob, search)
         return {"RUNNING_MODAL"}
 
     def finish(self, ob, job):
-        """Keeps where all of them are; more may be dragged."""
+        """Stores the landmarks; the artist may drag more."""
         try:
             keep(ob, job.result(), self._drag.stored.fixed)
             bpy.ops.ed.undo_push(message="Move Landmark")
@@ -168,7 +170,7 @@ class ANYFACE_OT_edit_landmarks(InView, Operator):
         return False
 
     def clear(self):
-        """Draws the points that are stored again."""
+        """Draws the stored landmarks again."""
         shown.clear()
 
 
@@ -186,7 +188,7 @@ class ANYFACE_OT_place_points(InView, Operator):
     )
 
     def act(self, ob):
-        """Finds the face by places that a script has set."""
+        """Finds the face from places that a script has set."""
         places = np.array(self.places).reshape(5, 3)
         if not np.ptp(places, axis=0).any():
             text = "places: expected five points of the face, in a window by clicks, got none"
@@ -197,12 +199,12 @@ class ANYFACE_OT_place_points(InView, Operator):
         )
 
     def begin(self, ob):
-        """Nothing is clicked yet."""
+        """Starts without any clicks."""
         self._surface, self._places = landmarks.Surface(ob), []
         self.words = landmarks.ask_for_click(0)
 
     def follow(self, context, ob, event, view):
-        """A click places a point, Backspace takes the last one back."""
+        """Places a point at a click; Backspace removes the last one."""
         if event.value == "PRESS" and event.type == "BACK_SPACE" and self._places:
             self._places.pop()
         elif event.value == "PRESS" and event.type == "LEFTMOUSE" and view is not None:
@@ -220,13 +222,13 @@ class ANYFACE_OT_place_points(InView, Operator):
         return {"RUNNING_MODAL"}
 
     def finish(self, ob, job):
-        """Keeps the face; one undo step."""
+        """Stores the face as one undo step."""
         self._keep(ob, job.result())
         bpy.ops.ed.undo_push(message="Place Points")
         return True
 
     def clear(self):
-        """Takes the clicked points off the view."""
+        """Removes the clicked points from the view."""
         placed.clear()
 
     def _search(self, ob, places):
@@ -235,13 +237,13 @@ class ANYFACE_OT_place_points(InView, Operator):
         numbers = [number for number, _ in landmarks.CLICKS]
         return landmarks.Search(face, engine, dict(zip(numbers, places, strict=True)))
 
-    def _keep(self, ob, found):
-        return keep(ob, found, {number for number, _ in landmarks.CLICKS})
+    def _keep(self, ob, face_points):
+        return keep(ob, face_points, {number for number, _ in landmarks.CLICKS})
 
 
 # Positions `[68, 3]` by object name that are drawn instead of the stored ones, during a drag.
 shown: dict[str, np.ndarray] = {}
-# Points that were clicked so far, by object name.
+# The points clicked so far, by object name.
 placed: dict[str, list] = {}
 
 
@@ -265,7 +267,7 @@ def on_screen(region, data, ob, positions: np.ndarray) -> np.ndarray:
 
 
 def segments(positions: np.ndarray) -> list:
-    """Ends of the lines between neighbouring landmarks, `[2 N]` points."""
+    """The ends of the lines between neighbouring landmarks, `[2 N]` points."""
     pairs = [(a, b) for chain in landmarks.CHAINS for a, b in itertools.pairwise(chain)]
     for loop in landmarks.LOOPS:
         pairs += [(n, n + 1) for n in loop[:-1]] + [(loop[-1], loop[0])]
@@ -289,19 +291,19 @@ def _draw() -> None:
 
 
 def kinds(stored: landmarks.Stored) -> tuple[list[int], list[int], list[int]]:
-    """Numbers of the landmarks that were found, that are doubtful and that were put by hand."""
+    """Numbers of the landmarks that are sure, that are doubtful, and that the artist has placed."""
     doubtful = {n for name in stored.doubtful for n in landmarks.REGIONS[name]} - stored.fixed
-    found = set(range(landmarks.COUNT)) - stored.fixed - doubtful
-    return sorted(found), sorted(doubtful), sorted(stored.fixed)
+    sure = set(range(landmarks.COUNT)) - stored.fixed - doubtful
+    return sorted(sure), sorted(doubtful), sorted(stored.fixed)
 
 
 def _paint(ob, positions: np.ndarray, stored: landmarks.Stored) -> None:
-    found, doubtful, held = (positions[numbers].tolist() for numbers in kinds(stored))
+    sure, doubtful, by_hand = (positions[numbers].tolist() for numbers in kinds(stored))
     layers = (
         ("LINES", segments(positions), (0.1, 0.8, 1.0, 0.5)),
-        ("POINTS", found, (0.1, 0.9, 1.0, 1.0)),
+        ("POINTS", sure, (0.1, 0.9, 1.0, 1.0)),
         ("POINTS", doubtful, (1.0, 0.5, 0.0, 1.0)),
-        ("POINTS", held, _PLACED),
+        ("POINTS", by_hand, _PLACED),
     )
     _paint_layers(ob, layers)
 
@@ -326,7 +328,7 @@ def _paint_layers(ob, layers) -> None:
 
 
 def register() -> None:
-    """Adds the drawing and its switch."""
+    """Adds the drawing, and the property that switches it."""
     global _handle
     bpy.types.WindowManager.anyface_show_landmarks = BoolProperty(
         name="Show Face Points", description="Draw the points of the face in the 3D view"
@@ -336,7 +338,7 @@ def register() -> None:
 
 
 def unregister() -> None:
-    """Takes them away."""
+    """Removes both."""
     global _handle
     if _handle is not None:
         SpaceView3D.draw_handler_remove(_handle, "WINDOW")

@@ -1,4 +1,4 @@
-"""Life: head, gaze, blinks and breath; how strong they are, and what they turn."""
+"""Life: head, gaze, blinks and breath; their strengths, and the objects that they turn."""
 
 from bpy.props import BoolProperty, EnumProperty, PointerProperty, StringProperty
 from bpy.types import Object, Operator, Panel, PropertyGroup
@@ -28,7 +28,7 @@ def _of(kind: str):
 
 
 class AnyfaceLife(PropertyGroup):
-    """`Object.anyface_life_settings`: what head and eyes turn."""
+    """`Object.anyface_life_settings`: the objects that head and eyes turn."""
 
     use: BoolProperty(
         name="Life",
@@ -61,7 +61,7 @@ class AnyfaceLife(PropertyGroup):
 
 
 def read(ob) -> LifeSettings:
-    """The settings of `ob` without Blender; objects that were deleted count as not named."""
+    """The settings of `ob` without Blender; a deleted object counts as none."""
     stored = ob.anyface_life_settings
     of_bone = stored.head == "BONE"
     return LifeSettings(
@@ -82,7 +82,7 @@ def _name(ob) -> str:
 
 
 class ANYFACE_PT_life(OfFacePanel, Panel):
-    """What lives around the mouth."""
+    """Motion beside that of the mouth."""
 
     bl_label = "Life"
     bl_order = 2

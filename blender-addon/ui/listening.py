@@ -12,14 +12,14 @@ from .operators import Alone, InThread
 from .settings import from_object
 from .target import sequencer_scene, target
 
-# Shorter recordings are a slip, seconds.
+# A shorter recording is a mistake, seconds.
 _SHORTEST_S = 0.2
 
 
 class ANYFACE_OT_listen(InThread, Operator):
     """Follow the microphone: the face speaks with you, a quarter of a second later, or sooner by \
-Microphone Delay of the preferences. Again ends it; so does saving, rendering and undo. Nothing of \
-it stays but what you record"""
+Microphone Delay in the preferences. Press again to stop; saving, rendering and undo stop it too. \
+Only what you record is kept"""
 
     bl_idname = "anyface.listen"
     bl_label = "Live Microphone"
@@ -35,15 +35,15 @@ it stays but what you record"""
         return super().why_not(context) or plays
 
     def instead(self, context):
-        """Off, where it is on."""
+        """Stops listening, if the face listens."""
         ob = target(context)
         return live.listens(ob) and live.end(ob)
 
     def read(self, context, ob):
-        """The face."""
+        """Reads the face."""
         scene = sequencer_scene(context)
         settings = from_object(ob, scene)
-        # Whatever is asked of the output, this needs one key of its own.
+        # Whatever the output, listening needs one key of its own.
         settings.mode = "basis"
         face, request = bake.read_still(ob, scene, settings)
         engine, mesh = running.engine(settings.system), face.space.seen(face)
@@ -53,14 +53,14 @@ it stays but what you record"""
         )
 
     def finish(self, ob, work, face):
-        """Begins to follow."""
+        """Starts following."""
         live.begin(ob, work.about, face)
         return f"{ob.name} listens to {face.name}, {face.delay_s:.2f} s behind"
 
 
 class ANYFACE_OT_record(Alone, Operator):
-    """Keep what the microphone hears from now on. Again ends it: the recording becomes a strip of \
-the sequencer at the frame where it began, and the face is animated by it"""
+    """Record what the microphone hears. Press again to stop: the recording becomes a strip of the \
+sequencer at the frame where it began, and the face is animated with it"""
 
     bl_idname = "anyface.record"
     bl_label = "Record"
@@ -72,7 +72,7 @@ the sequencer at the frame where it began, and the face is animated by it"""
         return super().why_not(context) or silent
 
     def act(self, ob):
-        """Begins or ends the recording."""
+        """Starts or ends the recording."""
         scene, face = sequencer_scene(bpy.context), live.listener(ob)
         if not face.is_recording:
             face.record(scene.frame_current)
@@ -80,8 +80,8 @@ the sequencer at the frame where it began, and the face is animated by it"""
         sound, frame = face.recording()
         if len(sound.samples) < _SHORTEST_S * sound.rate_hz:
             face.drop_recording()
-            raise AnyfaceError("audio", "record: expected a fifth of a second or more")
-        # Where this fails the recording goes on: the button tries again.
+            raise AnyfaceError("audio", "record: expected a recording of 0.2 s or more")
+        # If this fails, the recording goes on, and the button tries again.
         strip = keep(ob, scene, sound, frame)
         live.end(ob)
         bpy.ops.anyface.generate("INVOKE_DEFAULT")
@@ -89,7 +89,10 @@ the sequencer at the frame where it began, and the face is animated by it"""
 
 
 def keep(ob, scene, sound, frame: int):
-    """The recording as a strip that begins at `frame`, which `ob` speaks; raises `AnyfaceError`."""
+    """Adds the recording as a strip that begins at `frame` and that `ob` speaks; returns the strip.
+
+    Raises `AnyfaceError`.
+    """
     try:
         path = recording.write(sound)
     except OSError as error:
@@ -97,10 +100,10 @@ def keep(ob, scene, sound, frame: int):
     try:
         strip = sequencer.add_sound(scene, str(path), frame)
     except RuntimeError as error:
-        # The file stays: it is all there is of what was said.
+        # The file stays: it is the only recording.
         raise AnyfaceError("audio", f"Blender cannot play {path}: {error}") from error
     if not bpy.data.filepath:
-        # The temporary folder goes with Blender, the .blend keeps the sound.
+        # The temporary folder is deleted when Blender ends, so the .blend packs the sound.
         strip.sound.pack()
     ob.anyface.source, ob.anyface.strip = "STRIP", strip.name
     return strip

@@ -1,4 +1,4 @@
-"""*Live*: the face follows its sound while that is played, before anything is generated."""
+"""*Live*: the face follows its sound during playback, before anything is generated."""
 
 from bpy.types import Operator
 
@@ -13,7 +13,7 @@ from .target import sequencer_scene, target
 
 class ANYFACE_OT_live(WithSound, InThread, Operator):
     """Follow the sound while it plays, without generating: play or scrub, and change the emotion \
-meanwhile. Again ends it; so does saving, rendering and undo. Nothing of it stays"""
+meanwhile. Press again to stop; saving, rendering and undo stop it too. Nothing is kept"""
 
     bl_idname = "anyface.live"
     bl_label = "Live"
@@ -31,20 +31,20 @@ meanwhile. Again ends it; so does saving, rendering and undo. Nothing of it stay
         return super().why_not(context) or plays
 
     def instead(self, context):
-        """Off, where it is on."""
+        """Stops following, if the face follows its sound."""
         ob = target(context)
         return not live.listens(ob) and live.end(ob)
 
     def read(self, context, ob):
-        """The face and its sound."""
+        """Reads the face and its sound."""
         scene = sequencer_scene(context)
         settings = from_object(ob, scene)
-        # Whatever is asked of the output, live needs one key of its own.
+        # Whatever the output, *Live* needs one key of its own.
         settings.mode = "basis"
         snapshot = bake.read(ob, scene, settings, running.engine(settings.system))
         return Work(lambda progress: snapshot.ask(snapshot.engine.live, progress), snapshot)
 
     def finish(self, ob, work, face):
-        """Begins to follow."""
+        """Starts following."""
         live.begin(ob, work.about.face, face, work.about.source.start_frame)
         return "the face follows the sound: play, or go to another frame"

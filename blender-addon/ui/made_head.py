@@ -50,19 +50,19 @@ class ANYFACE_OT_add_head(AddHead, Operator):
     )
 
     def execute(self, context):
-        """Makes it and adds it."""
+        """Makes the head and adds it."""
         recipe = Recipe(self.seed, self.other, self.share, tuple(self.changes))
         try:
-            made = heads().make(recipe)
-            ob = self.add(context, made_head.mesh(made, self.height))
-            made_head.keep_landmarks(ob, made)
+            head = heads().make(recipe)
+            ob = self.add(context, made_head.mesh(head, self.height))
+            made_head.keep_landmarks(ob, head)
         except BaseException as error:
             self.report({"ERROR"}, f"Anyface: {plain(error)}")
             return {"CANCELLED"}
         return {"FINISHED"}
 
     def draw(self, _context):
-        """The panel of the last operation."""
+        """Draws the panel of the last operation."""
         layout = self.layout
         layout.use_property_split = True
         for name in ("seed", "other", "share"):
@@ -83,7 +83,7 @@ class ANYFACE_OT_head_like(InThread, Operator):
     cancelled = ""
 
     def read(self, context, ob):
-        """The mesh and its landmarks."""
+        """Reads the mesh and its landmarks."""
         settings = from_object(ob)
         face = mesh.read_face(ob, settings.landmark_file)
         face.axes = settings.axes
@@ -91,8 +91,8 @@ class ANYFACE_OT_head_like(InThread, Operator):
 
     def finish(self, ob, likeness, worked):
         """Adds the head, as the active object."""
-        made, far, height = worked
-        new = made_head.beside(ob, made, height)
+        head, far, height = worked
+        new = made_head.beside(ob, head, height)
         for other in bpy.context.selected_objects:
             other.select_set(False)
         new.select_set(True)

@@ -1,6 +1,6 @@
-"""What mends an error, as buttons below its text.
+"""Remedies for an error, as buttons below its text.
 
-An `AnyfaceError` names its mends; they are kept with the report on the object.
+An `AnyfaceError` names its mends; the object stores them with the report.
 """
 
 import math
@@ -22,7 +22,7 @@ from .target import is_there, sequencer_scene
 
 @dataclass(frozen=True)
 class Mend:
-    """What a button says, and what it does with the character."""
+    """The text of a button, and what it does with the character."""
 
     label: str
     icon: str
@@ -45,9 +45,9 @@ _OPERATORS = {
 _SETTINGS = {"direction": "axes", "points_file": "landmark_file"}
 
 
-def kept(ob) -> list[str]:
-    """The names of what is offered for `ob`: what its report asks for, and what its face lacks."""
-    # It cannot keep a report.
+def offers(ob) -> list[str]:
+    """The names of the mends that the panel offers for `ob`: for its report and for its face."""
+    # A linked object cannot store a report.
     if ob.library is not None:
         return ["make_local"]
     names = ob.anyface.report_mends.split()
@@ -59,12 +59,12 @@ def kept(ob) -> list[str]:
 
 
 def keep(ob, names) -> None:
-    """Keeps what is offered with the report of `ob`."""
+    """Stores the mends that the report of `ob` offers."""
     ob.anyface.report_mends = " ".join(names)
 
 
 def _of_scene(ob) -> list[tuple[str, str]]:
-    """Mends that the scene may need for the take of `ob`, and what is to be said of each."""
+    """Mends that the scene may need for the take of `ob`, and a message for each."""
     scene = bpy.context.scene
     behind = frames_behind(ob, scene)
     late = late_take(behind) if behind > 0 else ""
@@ -72,14 +72,14 @@ def _of_scene(ob) -> list[tuple[str, str]]:
 
 
 def said_of_scene(ob) -> list[str]:
-    """What the scene may need for the take of `ob`, in words."""
+    """Messages about the scene that concern the take of `ob`."""
     return [text for _, text in _of_scene(ob) if text]
 
 
 def draw(layout, ob, width: int) -> None:
     """Draws a button for each mend."""
     column = layout.column(align=True)
-    for name in kept(ob):
+    for name in offers(ob):
         text = dict(_of_scene(ob)).get(name, "")
         if text:
             words.draw(column, text, width, "INFO")
@@ -108,7 +108,7 @@ class ANYFACE_OT_mend(Alone, Operator):
         return mend.help if mend is not None else cls.__doc__
 
     def act(self, ob):
-        """Does it; the report has done its work then."""
+        """Mends it; then the report is cleared."""
         if self.name not in _MENDS:
             known = ", ".join(_MENDS)
             raise AnyfaceError("input", f"mend: expected one of {known}, got {self.name!r}")
@@ -122,18 +122,18 @@ class ANYFACE_OT_mend(Alone, Operator):
 
 
 def frames_behind(ob, scene) -> int:
-    """How many frames of the take of `ob` lie behind the end of the scene, 0 or less for none."""
+    """How many frames of the take of `ob` lie behind the end of the scene; 0 or less for none."""
     last = ob.anyface.last_frame
     return math.ceil(last + ob.anyface_output.shift) - scene.frame_end if last else 0
 
 
 def late_take(frames: int) -> str:
-    """What is said of a take that goes on so many frames behind the end of the scene."""
+    """The message about a take that goes on for `frames` behind the end of the scene."""
     return f"The scene ends {frames} frames before the take"
 
 
 def stretched(ob, scene) -> str:
-    """What is said of a scene that plays a take at another speed than its sound; else empty."""
+    """The message about a scene that plays a take at another speed than its sound; else empty."""
     old, new = scene.render.frame_map_old, scene.render.frame_map_new
     if old == new or not ob.anyface.last_frame:
         return ""
@@ -173,8 +173,8 @@ def _make_object_local(ob) -> None:
 
 
 def _make_local(ob) -> None:
-    own = ob.make_local()
-    own.data.make_local()
+    local = ob.make_local()
+    local.data.make_local()
 
 
 def _turn_relative_on(ob) -> None:

@@ -12,9 +12,9 @@ from ..scene.animation.emotion import WEIGHT_PATH, shares
 from .operators import OnList
 
 ITEMS = [(name, name.capitalize(), "", number) for number, name in enumerate(EMOTIONS)]
-# The share of a line that the emotion takes; its strength takes the rest.
+# The share of a line for the emotion; its strength takes the rest.
 _EMOTION_SHARE = 0.62
-# How strong an emotion is that comes to another one.
+# The strength of an emotion that is added to another one.
 _ADDED = 0.5
 
 
@@ -42,13 +42,13 @@ def text(settings) -> str:
 
 
 def fill(settings, text: str) -> None:
-    """Replaces the rows beside the first emotion by those of a text. Raises `AnyfaceError`."""
+    """Replaces the rows beside the first emotion by those in a text. Raises `AnyfaceError`."""
     _fill(settings, emotion.read_shares(text))
 
 
-def _fill(settings, found: list[emotion.Share]) -> None:
+def _fill(settings, emotions: list[emotion.Share]) -> None:
     settings.mixture.clear()
-    for share in found:
+    for share in emotions:
         row = settings.mixture.add()
         row.emotion, row.weight = share.emotion, share.weight
 
@@ -77,7 +77,7 @@ class ANYFACE_OT_emotion_remove(OnList, Operator):
     number: IntProperty(name="Row", default=0, min=0, options={"SKIP_SAVE"})
 
     def act(self, ob):
-        """Removes the row; keyframes stay with the rows that they are of."""
+        """Removes the row; keyframes stay with their rows."""
         rows = ob.anyface.mixture
         if self.number >= len(rows):
             raise AnyfaceError(
@@ -89,14 +89,17 @@ class ANYFACE_OT_emotion_remove(OnList, Operator):
 
 
 def _drop_curves(ob, number: int, count: int) -> None:
-    """Removes curve and driver of a row's weight; those of the `count` rows move up."""
+    """Removes the curve and the driver of a row's weight; those of the later rows move up."""
     animation = ob.animation_data
     bag = curves.channels(animation)
-    for held in (bag.fcurves if bag is not None else None, getattr(animation, "drivers", None)):
-        for row in range(number, count) if held is not None else ():
-            curve = held.find("anyface." + WEIGHT_PATH.format(row))
+    for collection in (
+        bag.fcurves if bag is not None else None,
+        getattr(animation, "drivers", None),
+    ):
+        for row in range(number, count) if collection is not None else ():
+            curve = collection.find("anyface." + WEIGHT_PATH.format(row))
             if curve is not None and row == number:
-                held.remove(curve)
+                collection.remove(curve)
             elif curve is not None:
                 curve.data_path = "anyface." + WEIGHT_PATH.format(row - 1)
 
@@ -110,7 +113,7 @@ class ANYFACE_OT_emotion_mixture(OnList, Operator):
     name: StringProperty(name="Mixture", options={"SKIP_SAVE"})
 
     def act(self, ob):
-        """Replaces all rows, the first one too; says where curves go on to set their weights."""
+        """Replaces all rows, the first one too; warns where curves still set their weights."""
         if self.name not in MIXTURES:
             known = ", ".join(MIXTURES)
             raise AnyfaceError("input", f"mixture: expected one of {known}, got {self.name!r}")

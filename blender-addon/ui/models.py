@@ -1,4 +1,4 @@
-"""Models: the folder whose weights speak instead of the built-in ones, and what its cards say."""
+"""Models: the folder whose weights are used instead of the built-in ones, and their cards."""
 
 from bpy.types import Panel
 
@@ -8,7 +8,7 @@ from .panel import OfFacePanel
 
 
 class ANYFACE_PT_models(OfFacePanel, Panel):
-    """Which weights speak."""
+    """Shows which weights are used."""
 
     bl_label = "Models"
     bl_order = 20
@@ -24,10 +24,10 @@ class ANYFACE_PT_models(OfFacePanel, Panel):
         if folder is None:
             layout.label(text="The built-in models speak", icon="INFO")
             return
-        found = model_card.cards(folder)
-        if not found:
+        cards = model_card.cards(folder)
+        if not cards:
             words.draw(_tight(layout), f"No models in {folder}", width, "ERROR")
-        for card in found:
+        for card in cards:
             row = layout.row()
             words.draw(_tight(row), card.title, width - 30, "FILE_TEXT")
             if card.path is not None:
@@ -36,7 +36,7 @@ class ANYFACE_PT_models(OfFacePanel, Panel):
 
 
 def _tight(layout):
-    """Lines of one text stand nearer to each other than to the next."""
+    """A column whose lines stand close together, as those of one text."""
     column = layout.column(align=True)
     column.scale_y = 0.7
     return column

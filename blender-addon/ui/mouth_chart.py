@@ -1,4 +1,4 @@
-"""*Mouth Chart*: drawn mouths that change with what is said, and which drawing shows which."""
+"""*Mouth Chart*: drawn mouths that change with the speech, and the drawing for each."""
 
 import bpy
 from bpy.props import (
@@ -33,7 +33,7 @@ _OUTPUTS = [
 
 
 def _find(stored, _context=None) -> None:
-    """Lists the mouths with the drawings that are called like them."""
+    """Lists the mouths with the drawings of their names."""
     find(stored.id_data)
 
 
@@ -47,7 +47,7 @@ class AnyfaceDrawing(PropertyGroup):
 
 
 class AnyfaceMouthChart(PropertyGroup):
-    """`Object.anyface_mouth_chart`: which mouths are drawn, and where they are."""
+    """`Object.anyface_mouth_chart`: the mouths that are drawn, and where they are."""
 
     kind: EnumProperty(name="Mouths", items=_KINDS, options=set(), update=_find)
     output: EnumProperty(name="Shown By", items=_OUTPUTS, options=set(), update=_find)
@@ -110,12 +110,12 @@ GROUPS = (AnyfaceDrawing, AnyfaceMouthChart)
 
 
 def speaker(context):
-    """Whose sound the chart is drawn of: the face, else the active object of any kind."""
+    """The object whose sound the chart shows: the face, or else the active object of any kind."""
     return target(context) or context.object
 
 
 def drawings(ob) -> outputs.Drawings:
-    """What is chosen on `ob`, without the panel."""
+    """The choices on `ob`, without the panel."""
     stored = ob.anyface_mouth_chart
     rows = {row.name: row for row in stored.drawings}
     mouths = mouth_chart.MOUTHS[stored.kind]
@@ -131,22 +131,25 @@ def drawings(ob) -> outputs.Drawings:
 
 
 def find(ob) -> int:
-    """Lists all mouths of the chart anew, each with the drawing that is called like it; returns
-    how many have one. Numbers that were chosen stay."""
-    wanted, stored = drawings(ob), ob.anyface_mouth_chart
-    names = outputs.names_of(wanted)
-    guessed = mouth_chart.guess(wanted.kind, names)
-    if wanted.output == KEYS and names:
-        guessed.setdefault(mouth_chart.rest(wanted.kind), names[0])
+    """Lists all mouths of the chart again, each with the drawing of its name; returns how many have
+    one.
+
+    Chosen numbers stay.
+    """
+    chosen, stored = drawings(ob), ob.anyface_mouth_chart
+    names = outputs.names_of(chosen)
+    guessed = mouth_chart.guess(chosen.kind, names)
+    if chosen.output == KEYS and names:
+        guessed.setdefault(mouth_chart.rest(chosen.kind), names[0])
     stored.drawings.clear()
-    for mouth, number in wanted.numbers.items():
+    for mouth, number in chosen.numbers.items():
         row = stored.drawings.add()
         row.name, row.number, row.drawing = mouth, number, guessed.get(mouth, "")
     return len(guessed)
 
 
 class OfSpeaker(Acting):
-    """Works on whoever speaks, be it a face or a drawing; stands before `Operator`."""
+    """Works on the object that speaks, a face or a drawing; stands before `Operator`."""
 
     @classmethod
     def why_not(cls, context):
@@ -159,12 +162,12 @@ class OfSpeaker(Acting):
         return (running.is_running() and "Another job is running") or ""
 
     def face(self, context):
-        """Whoever speaks."""
+        """The object that speaks."""
         return speaker(context)
 
 
 class ANYFACE_OT_mouth_chart_find(OfSpeaker, Operator):
-    """List the mouths with the shape keys or objects that are called like them: A, mouth_B, MBP"""
+    """List the mouths with the shape keys or objects of their names: A, mouth_B, MBP"""
 
     bl_idname = "anyface.mouth_chart_find"
     bl_label = "Find Drawings"
@@ -179,8 +182,8 @@ class ANYFACE_OT_mouth_chart_find(OfSpeaker, Operator):
 
 
 class ANYFACE_OT_mouth_chart(OfSpeaker, InThread, Operator):
-    """Draw the mouths of what is said: held keyframes say which drawing is shown. Keyframes of an
-    earlier chart are replaced, yours are not touched"""
+    """Animate the drawn mouths with the speech: constant keyframes choose the drawing. Keyframes \
+of an earlier chart are replaced; yours are not touched"""
 
     bl_idname = "anyface.mouth_chart"
     bl_label = "Draw Mouth Chart"
@@ -191,7 +194,7 @@ class ANYFACE_OT_mouth_chart(OfSpeaker, InThread, Operator):
         return reason or audio.why_not(speaker(context), sequencer_scene(context))
 
     def read(self, context, ob):
-        """The sound, the face and where the drawings are."""
+        """Reads the sound, the face, and where the drawings are."""
         scene = sequencer_scene(context)
         settings = from_object(ob, scene)
         if not ob.anyface_mouth_chart.drawings:
@@ -229,7 +232,7 @@ class ANYFACE_PT_mouth_chart(OfMorePanel, Panel):
 
     @classmethod
     def poll(cls, context):
-        """False where nobody speaks, and while *More* is closed."""
+        """False where nothing speaks, and while *More* is closed."""
         return super().poll(context) and speaker(context) is not None
 
     def draw(self, context):
@@ -259,13 +262,13 @@ class ANYFACE_PT_mouth_chart(OfMorePanel, Panel):
 
 
 def _draw_list(column, ob) -> None:
-    stored, wanted = ob.anyface_mouth_chart, drawings(ob)
-    has_keys = wanted.output == KEYS and getattr(wanted.ob.data, "shape_keys", None) is not None
+    stored, chosen = ob.anyface_mouth_chart, drawings(ob)
+    has_keys = chosen.output == KEYS and getattr(chosen.ob.data, "shape_keys", None) is not None
     for row in stored.drawings:
         if stored.output in (NUMBER, PENCIL):
             column.prop(row, "number", text=row.name)
         elif has_keys:
-            keys = wanted.ob.data.shape_keys
+            keys = chosen.ob.data.shape_keys
             column.prop_search(row, "drawing", keys, "key_blocks", text=row.name)
         elif stored.output == OBJECTS and stored.collection is not None:
             shown = stored.collection, "all_objects"

@@ -11,7 +11,10 @@ from .target import target
 
 
 class Open(InThread):
-    """Cuts a face open. `feature` says what of it, `is_closed` whether there is anything to cut."""
+    """Cuts a face open.
+
+    `feature` names the part to cut, and `is_closed` tells whether there is anything to cut.
+    """
 
     feature = ""
     refusal = ""
@@ -30,7 +33,7 @@ class Open(InThread):
         return cls.refusal
 
     def read(self, context, ob):
-        """The mesh and its landmarks."""
+        """Reads the mesh and its landmarks."""
         guard.check_local(ob)
         settings = from_object(ob)
         face = mesh.read_face(ob, settings.landmark_file)

@@ -1,4 +1,4 @@
-"""What operators have in common: how they say what went wrong, and how they work in a thread."""
+"""What operators share: how they report errors, and how they work in a thread."""
 
 import time
 from pathlib import Path
@@ -13,7 +13,7 @@ from ..scene.way_back import WayBack, unharmed
 from . import details, running
 from .target import OfFace, target
 
-# So long a take is written before the interface is asked again, seconds.
+# The longest time of writing before the interface gets a turn, seconds.
 SLICE_S = 0.02
 
 
@@ -25,22 +25,22 @@ class Notice(AnyfaceError):
 
 
 class Acting(OfFace):
-    """Does `act(ob)` with the character, which may return what to tell the artist."""
+    """Calls `act(ob)` with the character; `act` may return a message for the artist."""
 
     def face(self, context):
         """The character; None for an operator that has no single one."""
         return target(context)
 
     def execute(self, context):
-        """Does it, or says why not."""
+        """Acts, or reports why it cannot."""
         try:
             copies.settle()
             return self.tell(self.act(self.face(context)))
         except BaseException as error:
-            return self.fail(_kept(plain(error)))
+            return self.fail(_save_details(plain(error)))
 
     def tell(self, text):
-        """Says what was done, where there is something to say."""
+        """Reports a message, where there is one."""
         if text:
             self.report({"INFO"}, f"Anyface: {text}")
         return {"FINISHED"}
@@ -53,18 +53,18 @@ class Acting(OfFace):
 
 
 class OnList(Acting):
-    """Changes a list that is kept with the face."""
+    """Changes a list that is stored with the face."""
 
     @classmethod
     def why_not(cls, context):
-        """Why it cannot be done now, or nothing."""
+        """Why the list cannot be changed now; empty where it can."""
         ob = target(context)
         linked = ob is not None and ob.library is not None
         return "The face is linked and keeps no list" if linked else super().why_not(context)
 
 
 class WithFile(Acting):
-    """Asks for a file first; one of JSON where nothing else is said."""
+    """Asks for a file first, a JSON file by default."""
 
     filepath: StringProperty(subtype="FILE_PATH")
     filter_glob: StringProperty(default="*.json", options={"HIDDEN"})
@@ -76,7 +76,7 @@ class WithFile(Acting):
 
     @property
     def path(self) -> Path:
-        """The file, from wherever the .blend lies."""
+        """The absolute path of the file."""
         return Path(bpy.path.abspath(self.filepath))
 
 
@@ -84,7 +84,7 @@ class ToFile(WithFile):
     """Saves something of the character as a JSON file."""
 
     bl_options = {"REGISTER"}
-    # What is saved, as it stands in the name of the file.
+    # The word in the file name for what is saved.
     what = ""
 
     def invoke(self, context, event):
@@ -110,31 +110,32 @@ class Alone(Acting):
 class InThread(Alone):
     """Works in a thread while Blender goes on, or at once without a window.
 
-    `read(context, ob)` returns something with `work(progress)`, which is what runs in the thread;
-    `finish(ob, read, worked)` writes what that has returned, and may return what to tell the
-    artist. Where this takes long, `land` of the same arguments does it in steps: a generator that
-    has changed nothing until it yields `BEGUN`.
+    `read(context, ob)` returns a snapshot with `work(progress)`, and only that runs in the thread.
+    `finish(ob, read, worked)` writes its result, and may return a message for the artist. Where
+    writing takes long, `land` with the same arguments does it in steps: a generator that has
+    changed nothing until it yields `BEGUN`.
 
-    Whatever is raised in any of them, the job is over, the artist is told, the scene is as it was
-    before it was written to, and the next job can start.
+    If any of them raises, the job ends, the artist sees the error, the scene is as it was before
+    anything was written, and the next job can start.
     """
 
     cancelled = "cancelled"
-    # Where what it writes goes in one piece; an operator that writes several has a way for each.
+    # Whether a failure undoes all that it has written. An operator that writes several results
+    # undoes each on its own.
     goes_back = True
     _landing = _job = _timer = _way_back = None
     _name, _number = "", 0
-    # The result is being written: only an undo, or another file, ends that.
+    # The result is being written: only an undo, or another file, stops that.
     _begun = False
-    # The result stands in the scene, files of it are played.
+    # The result is in the scene, and its files are in use.
     _written = False
 
     def instead(self, context) -> bool:
-        """Whether something else was done, and there is no job."""
+        """Does something else where no job is needed; True if it did."""
         return False
 
     def execute(self, context):
-        """Everything at once: for scripts and for Blender without a window."""
+        """Does everything at once: for scripts and for Blender without a window."""
         worked = None
         try:
             if self.instead(context):
@@ -143,14 +144,14 @@ class InThread(Alone):
             snapshot = self.read(context, self._here())
             worked = snapshot.work(Progress())
             self._open_way_back()
-            told = self.finish(self._here(), snapshot, worked)
+            message = self.finish(self._here(), snapshot, worked)
             self._close_way_back(worked)
-            return self.tell(told)
+            return self.tell(message)
         except BaseException as error:
             return self._break(context, error, worked)
 
     def invoke(self, context, event):
-        """Reads now, works in a thread, writes when that is done."""
+        """Reads now, works in a thread, and writes when that is done."""
         if bpy.app.background:
             return self.execute(context)
         try:
@@ -194,17 +195,17 @@ class InThread(Alone):
         return self._slice(context)
 
     def land(self, ob, read, worked):
-        """Everything at once, in one step."""
+        """Writes everything at once, in one step."""
         return self.finish(ob, read, worked)
         yield
 
     def _slice(self, context):
-        """Writes for a moment; the interface has the next one."""
+        """Writes for a moment, then gives the interface a turn."""
         ends = time.perf_counter() + SLICE_S
         try:
             while time.perf_counter() < ends:
                 if next(self._landing) == BEGUN:
-                    # Blender evaluates this much before more is written.
+                    # Blender evaluates this much before the next step.
                     self._begun = True
                     break
         except StopIteration as ended:
@@ -214,13 +215,13 @@ class InThread(Alone):
         return {"PASS_THROUGH"}
 
     def _hurry(self, context):
-        """From now on Blender asks more often."""
+        """Lets Blender's timer call more often from now on."""
         context.window_manager.event_timer_remove(self._timer)
         self._timer = None
         self._timer = context.window_manager.event_timer_add(SLICE_S, window=context.window)
 
     def cancel(self, context):
-        """Blender closes or loads another file."""
+        """Stops when Blender closes or loads another file."""
         with unharmed():
             self._job.cancel()
         self._end(context)
@@ -229,7 +230,7 @@ class InThread(Alone):
         self._name, self._number = (ob.name, identity.number(ob)) if ob is not None else ("", 0)
 
     def _here(self):
-        """The character as it is called now; raises `AnyfaceError("mesh")` where it is gone."""
+        """The character by its present name; raises `AnyfaceError("mesh")` where it is gone."""
         ob = identity.with_number(self._number, self._name) if self._name else None
         if self._name and ob is None:
             raise AnyfaceError("mesh", f"{self._name} is gone")
@@ -240,14 +241,14 @@ class InThread(Alone):
             self._way_back = WayBack(self._here(), self.bl_label)
 
     def _close_way_back(self, worked) -> None:
-        """The result stands; what it replaced goes."""
+        """Keeps the result, and deletes what it has replaced."""
         self._written = True
         if self._way_back is not None:
             self._way_back.close()
         bake.settle(worked)
 
     def _break(self, context, raised: BaseException, worked=None):
-        """Whatever was raised: ends the job, brings the scene back, tells the artist."""
+        """Handles any exception: ends the job, restores the scene, tells the artist."""
         error, way_back = plain(raised), self._way_back
         self._way_back = None
         with unharmed():
@@ -255,7 +256,7 @@ class InThread(Alone):
                 self._job.cancel()
         self._end(context)
         if self._written:
-            # What broke came behind it: the result stands, and undo takes it back.
+            # The error came after the result, which stays; the artist can undo it.
             with unharmed():
                 self.report({"WARNING"}, readable(f"Anyface: written, but then: {error}"))
             return {"FINISHED"}
@@ -264,7 +265,7 @@ class InThread(Alone):
         with unharmed():
             if way_back is not None:
                 error = way_back.go(error, isinstance(raised, AnyfaceError))
-        error, ob = _kept(error), None
+        error, ob = _save_details(error), None
         with unharmed():
             ob = identity.with_number(self._number, self._name) if self._name else None
         try:
@@ -274,7 +275,7 @@ class InThread(Alone):
             return Acting.fail(self, error)
 
     def _end(self, context):
-        """The next job may start; nothing is left of this one but what stands in the scene."""
+        """Ends the job: the next one may start, and only what was written stays."""
         job, landing, timer, way_back = self._job, self._landing, self._timer, self._way_back
         self._landing = self._timer = None
         if job is not None:
@@ -295,20 +296,20 @@ class InThread(Alone):
             redraw(context)
 
 
-def _kept(error: AnyfaceError) -> AnyfaceError:
+def _save_details(error: AnyfaceError) -> AnyfaceError:
     with unharmed():
-        return details.kept(error)
+        return details.save(error)
     return error
 
 
 def redraw(context) -> None:
-    """Draws every 3D view again."""
+    """Redraws every 3D view."""
     for area in _views(context):
         area.tag_redraw()
 
 
 def redraw_sidebar(context) -> None:
-    """Draws what shows the progress again: the scene itself may take long to draw."""
+    """Redraws the sidebars, which show the progress; the scene itself may take long to draw."""
     for area in _views(context):
         for region in area.regions:
             if region.type == "UI":

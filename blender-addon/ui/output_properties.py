@@ -39,7 +39,7 @@ class AnyfaceMapping(PropertyGroup):
     )
 
 
-# The sliders have no values of their own: they read and change the take that is there.
+# The sliders have no values of their own: they read and change the finished take.
 def _slider(name: str, label: str, words: str, unmoved: float = 1.0, **limits):
     def read_take(stored) -> float:
         ob = stored.id_data
@@ -51,9 +51,9 @@ def _slider(name: str, label: str, words: str, unmoved: float = 1.0, **limits):
         adjust.adjust(stored.id_data, **{name: value})
 
     text = f"{words} of the finished take, at once"
-    given = limits or {"min": 0.01, "soft_max": 2.0, "max": 5.0}
+    bounds = limits or {"min": 0.01, "soft_max": 2.0, "max": 5.0}
     return FloatProperty(
-        name=label, description=text, get=read_take, set=change_take, options=set(), **given
+        name=label, description=text, get=read_take, set=change_take, options=set(), **bounds
     )
 
 
@@ -97,9 +97,9 @@ class AnyfaceOutput(PropertyGroup):
 
 
 def slider_of(ob, name: str) -> str:
-    """The property that shows what `adjust.names_of` names.
+    """The property that shows a name of `adjust.names_of`.
 
-    Blinks of named shapes are scaled at will, those of basis keys no further than closed eyes.
+    Blinks of named shapes are scaled freely, those of basis keys no further than closed eyes.
     """
     return "closing" if name == "blinks" and not adjust.is_named(ob) else name
 
@@ -108,15 +108,15 @@ def read(ob) -> OutputSettings:
     """The settings of `ob` without Blender."""
     stored = ob.anyface_output
     mapping = [Pair(row.shape, row.key, row.factor) for row in stored.mapping if row.key]
-    found = OutputSettings(
+    settings = OutputSettings(
         cache_folder=stored.cache_folder,
         csv_file=stored.csv_file,
         visemes=stored.visemes,
         new_take=stored.new_take,
         mapping=mapping,
     )
-    controls.fill(found, ob)
-    return found
+    controls.fill(settings, ob)
+    return settings
 
 
 GROUPS = (AnyfaceMapping, AnyfaceOutput)

@@ -1,4 +1,4 @@
-"""The output panel: what can be made here, and how large it gets."""
+"""The output panel: which outputs are possible, and how large they get."""
 
 from bpy.props import StringProperty
 from bpy.types import Operator, Panel
@@ -14,7 +14,7 @@ from .target import sequencer_scene, target
 
 
 class ANYFACE_PT_output(OfFacePanel, Panel):
-    """What is made, its options, its size."""
+    """The output, its options, and its size."""
 
     bl_label = "Output"
     bl_order = 3
@@ -24,8 +24,8 @@ class ANYFACE_PT_output(OfFacePanel, Panel):
         layout, ob = self.layout, target(context)
         layout.use_property_split = True
         layout.use_property_decorate = False
-        asked = output_properties.read(ob)
-        reason = _draw_modes(layout, ob, asked)
+        settings = output_properties.read(ob)
+        reason = _draw_modes(layout, ob, settings)
         outputs.of(ob.anyface.mode).draw(layout, ob)
         if outputs.of(ob.anyface.mode).has_curves:
             layout.prop(ob.anyface, "curves")
@@ -41,16 +41,17 @@ class ANYFACE_PT_output(OfFacePanel, Panel):
         if adjust.has_take(ob) and not running.is_running():
             _draw_sliders(layout, ob)
         scene = sequencer_scene(context)
-        text = estimate.describe(ob, scene, audio.seconds(ob, scene), ob.anyface, asked)
+        text = estimate.describe(ob, scene, audio.seconds(ob, scene), ob.anyface, settings)
         _draw_words(layout, text, context.region.width)
         layout.operator("anyface.export", text="Export Talking Head…", icon="EXPORT")
 
 
-def _draw_modes(layout, ob, asked) -> str:
-    """A button for each output, grey where it cannot work; why the chosen one cannot."""
-    reasons = {output.name: output.why_not(ob, asked) for output in outputs.ALL}
+def _draw_modes(layout, ob, settings) -> str:
+    """Draws a button for each output, grey where it cannot work; returns why the chosen one
+    cannot."""
+    reasons = {output.name: output.why_not(ob, settings) for output in outputs.ALL}
     column = layout.column(align=True)
-    # Split, the names would stand beside empty buttons.
+    # With a split the names would stand beside empty buttons.
     column.use_property_split = False
     for mode, reason in reasons.items():
         row = column.row(align=True)
@@ -65,7 +66,7 @@ def _draw_modes(layout, ob, asked) -> str:
 
 
 def _draw_sliders(layout, ob) -> None:
-    """What can be changed of the take that is there; what cannot is grey, with the reason."""
+    """Draws sliders that change the finished take; those that cannot are grey, with the reason."""
     column = layout.column(align=True)
     column.label(text="Change This Take")
     stored, in_keys = ob.anyface_output, record.is_generated(ob)

@@ -1,4 +1,4 @@
-"""Groups of settings on objects, which a library override may have for itself."""
+"""Groups of settings on objects that a library override can change."""
 
 import bpy
 from bpy.props import PointerProperty
@@ -13,16 +13,16 @@ def add(name: str, *groups) -> None:
 
 
 def remove(name: str, *groups) -> None:
-    """Takes them away; values stay in the file."""
+    """Unregisters them; values stay in the file."""
     delattr(bpy.types.Object, name)
     for group in reversed(groups):
         bpy.utils.unregister_class(group)
 
 
 def _overridable(group):
-    """Lets overrides of linked objects keep their own values of all properties of a group.
+    """Lets overrides of linked objects have their own values of all properties of a group.
 
-    Properties that are computed have none.
+    Computed properties have none.
     """
     for prop in group.__annotations__.values():
         if "get" not in prop.keywords:
@@ -31,6 +31,6 @@ def _overridable(group):
 
 
 def _override(function: str) -> set[str]:
-    """What `override` is for a property made by the function of that name."""
+    """The argument `override` of a property that the function of that name makes."""
     more = {"USE_INSERTION"} if function == "CollectionProperty" else set()
     return {"LIBRARY_OVERRIDABLE", *more}

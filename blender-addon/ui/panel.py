@@ -11,14 +11,14 @@ from . import audio, mending, mixture, presets, running, words
 from .operators import redraw
 from .target import sequencer_scene, target
 
-# The manual, which the zip brings along.
+# The manual, which is part of the zip.
 HELP = Path(__file__).resolve().parents[1] / "help.txt"
-# The share of a line that its name takes, as Blender splits properties.
+# The share of a line for its name, as in Blender's property split.
 _NAME_SHARE = 0.4
 
 
 class Sidebar:
-    """Where panels lie; stands before `Panel`."""
+    """The place of panels; stands before `Panel`."""
 
     bl_space_type = "VIEW_3D"
     bl_region_type = "UI"
@@ -46,12 +46,12 @@ class OfFacePanel(OfMorePanel):
 
 
 class ANYFACE_PT_main(Sidebar, Panel):
-    """Face, sound, style and emotion, the button and what came of it."""
+    """Face, sound, style, emotion, the button, and the report."""
 
     bl_label = "Anyface"
 
     def draw_header_preset(self, _context):
-        """Draws the way to the manual at the right of the header."""
+        """Draws the link to the manual at the right of the header."""
         if HELP.is_file():
             link = self.layout.operator("wm.path_open", text="", icon="HELP", emboss=False)
             link.filepath = str(HELP)
@@ -77,7 +77,7 @@ class ANYFACE_PT_main(Sidebar, Panel):
 
 
 def named(layout, name: str):
-    """A line whose left part is a name; returns the right part."""
+    """Adds a line whose left part is a name; returns the right part."""
     split = layout.split(factor=_NAME_SHARE)
     left = split.row()
     left.alignment = "RIGHT"
@@ -155,7 +155,7 @@ def _draw_details(box, text: str, width: int) -> None:
 
 
 def register() -> None:
-    """Adds whether *More*, and what the report says in detail, is open."""
+    """Adds the properties that open *More* and the details of the report."""
     bpy.types.WindowManager.anyface_more = BoolProperty(
         name="More",
         description="Face, performance, life, output and takes in detail",
@@ -170,6 +170,6 @@ def register() -> None:
 
 
 def unregister() -> None:
-    """Takes both away."""
+    """Removes both."""
     del bpy.types.WindowManager.anyface_details
     del bpy.types.WindowManager.anyface_more

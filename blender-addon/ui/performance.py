@@ -15,11 +15,14 @@ _OF_FACE = ("axes", "landmark_file")
 
 
 def _is_shown(control, settings) -> bool:
-    """Whether a control stands here: those of life do not, and those of research where wanted."""
+    """Whether the panel shows a control.
+
+    It shows none of *Life*, and those of research only on request or where they were changed.
+    """
     if control.name in CONTROLS:
         return False
     now, usual = control.number(getattr(settings, control.name)), control.number(control.default)
-    # Blender keeps float32.
+    # Blender stores float32.
     changed = not math.isclose(now, usual, rel_tol=1e-5, abs_tol=1e-6)
     return changed or preferences.shows_research() or not words.is_research(control)
 
@@ -32,14 +35,14 @@ class ANYFACE_PT_performance(OfFacePanel, Panel):
     bl_options = {"DEFAULT_CLOSED"}
 
     def draw(self, context):
-        """Draws where the emotion comes from, controls, and what is seldom needed."""
+        """Draws the source of the emotion, the controls, and what is seldom needed."""
         layout, settings = self.layout, target(context).anyface
         layout.use_property_split, layout.use_property_decorate = True, True
         if len(systems.known()) > 1:
             layout.prop(settings, "system")
         layout.prop(settings, "emotion_source")
         if systems.by_name(settings.system).hears_emotion:
-            audio.draw_felt(layout, target(context), sequencer_scene(context))
+            audio.draw_emotion_strip(layout, target(context), sequencer_scene(context))
             audio.draw_heat(layout, target(context))
         if systems.by_name(settings.system).starts_from_pose:
             layout.prop(settings, "starts_from_pose")

@@ -1,4 +1,4 @@
-"""Which pictures of emotions are shown for a face, as items to choose from."""
+"""The pictures of emotions for each face, as items to choose from."""
 
 from dataclasses import dataclass
 from pathlib import Path
@@ -19,27 +19,27 @@ class Shown:
     intensity: float
 
 
-# By the number of the object, which holds as long as the file is open; or its name.
+# By the number of the object, which is valid while the file is open, or else by its name.
 _shown: dict[int | str, Shown] = {}
-# By folder; Blender keeps no text of items itself.
+# By folder; Blender does not keep the texts of items itself.
 _items: dict[Path | None, list[tuple]] = {}
 _previews = None
 
 
 def of(ob) -> Shown | None:
-    """What is shown for `ob`; None where nothing was drawn since the file was opened."""
+    """The pictures for `ob`; None where none were drawn since the file was opened."""
     return _shown.get(_key(ob))
 
 
 def show(ob, folder: Path, intensity: float) -> None:
-    """From now on `ob` shows the pictures of `folder`."""
+    """Shows the pictures of `folder` for `ob` from now on."""
     if folder not in _items:
         _items[folder] = _made(folder)
     _shown[_key(ob)] = Shown(folder, intensity)
 
 
 def items(settings, _context) -> list[tuple]:
-    """The emotions with the pictures of the face that `settings` belong to, for an enum."""
+    """The emotions as items of an enum, with the pictures of the face of `settings`."""
     shown = of(settings.id_data)
     folder = shown.folder if shown is not None else None
     if folder not in _items:
@@ -78,14 +78,14 @@ def _on_load(*_) -> None:
 
 
 def register() -> None:
-    """Makes room for pictures."""
+    """Creates the collection of pictures."""
     global _previews
     _previews = bpy.utils.previews.new()
     bpy.app.handlers.load_pre.append(_on_load)
 
 
 def unregister() -> None:
-    """Frees them."""
+    """Frees the pictures."""
     global _previews
     bpy.app.handlers.load_pre.remove(_on_load)
     _shown.clear()

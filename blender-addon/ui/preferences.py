@@ -1,4 +1,4 @@
-"""The add-on's preferences: which models speak and how many threads they may use."""
+"""The add-on's preferences: which models are used, and how many threads."""
 
 from pathlib import Path
 
@@ -44,7 +44,7 @@ class AnyfacePreferences(AddonPreferences):
 
     research: BoolProperty(
         name="Research Controls",
-        description="Show controls that speak of how a model works: guidance, noise, steps, fields "
+        description="Show controls for how a model works: guidance, noise, steps, fields "
         "and templates. Those that were changed are always shown",
         default=False,
     )
@@ -59,10 +59,10 @@ class AnyfacePreferences(AddonPreferences):
     look_ahead: EnumProperty(
         name="Microphone Delay",
         description="How much of what comes next Live Microphone hears before the face shows it. "
-        "FreeTalk can do with less; the face is sooner then, and less sure of what is said",
+        "FreeTalk can do with less: the face is then earlier, and less certain of what is said",
         items=[
-            ("0.19", "0.2 s", "Lips that close in time"),
-            ("0.07", "0.07 s", "Lips that close in time, and where nobody asked them to"),
+            ("0.19", "0.2 s", "Lips close in time"),
+            ("0.07", "0.07 s", "Lips close in time, but also where they should not"),
             ("0", "None", "Half of the closures come late or not at all"),
         ],
         default="0.19",
@@ -80,7 +80,7 @@ class AnyfacePreferences(AddonPreferences):
 
 
 def _microphones() -> list[str]:
-    """Names of the devices that record; none where the system's sound cannot be used."""
+    """Names of the recording devices; none where the system's sound cannot be used."""
     try:
         return devices()
     except AnyfaceError:
@@ -93,7 +93,7 @@ def microphone() -> str:
 
 
 def look_ahead() -> float:
-    """Seconds of sound that a face which listens waits for, at most."""
+    """The most seconds of sound that a listening face waits for."""
     return float(_stored("look_ahead", "0.19"))
 
 
@@ -103,7 +103,7 @@ def threads() -> int:
 
 
 def shows_research() -> bool:
-    """Whether the artist wants to see controls that speak of how a model works."""
+    """Whether the artist wants to see controls of how a model works."""
     return _stored("research", False)
 
 
@@ -113,7 +113,7 @@ def usual_folder() -> str:
 
 
 def model_folder(scene) -> Path | None:
-    """The folder of the models that speak in `scene`; None for the built-in ones."""
+    """The folder of the models for `scene`; None for the built-in ones."""
     folder = scene.anyface.model_folder or usual_folder()
     return Path(bpy.path.abspath(folder)) if folder else None
 
@@ -131,9 +131,9 @@ def _stored(name: str, otherwise):
 
 
 def cache_folder() -> Path | None:
-    """Where the library keeps what it knows of meshes: the extension's own user folder.
+    """The folder for what the library knows of meshes: the extension's own user folder.
 
-    None outside an installed extension: the library then takes the user's cache folder.
+    None outside an installed extension; then the library takes the user's cache folder.
     """
     try:
         return Path(bpy.utils.extension_path_user(PACKAGE, path="cache", create=True))

@@ -1,7 +1,7 @@
-"""Presets of a performance: chosen, saved, loaded and handed on as files.
+"""Presets of a performance: chosen, saved, loaded and shared as files.
 
-Shipped ones lie in the extension's folder, the artist's own in the user folder that Blender gives
-the extension; nothing is written anywhere else unless the artist exports it.
+Shipped presets lie in the extension's folder, the artist's own in the user folder that Blender
+gives the extension. Nothing is written anywhere else unless the artist exports it.
 """
 
 from pathlib import Path
@@ -42,26 +42,27 @@ def _own() -> list[presets.Preset]:
 
 
 def name_of(settings) -> str:
-    """The name of the preset that `settings` are set to, the one that says most; else "My Own"."""
+    """The name of the preset that `settings` match, the most specific one; "My Own" for none."""
     fitting = [preset for preset in everyone() if _is(preset, settings)]
     return max(fitting, key=lambda preset: len(preset.values)).name if fitting else "My Own"
 
 
 def _is(preset: presets.Preset, settings) -> bool:
-    """Whether the values of a preset are those of `settings`; emotion has a line of its own."""
+    """Whether `settings` have the values of a preset; emotion does not count, it has its own
+    line."""
     values = {name: value for name, value in preset.values.items() if name not in _EMOTION}
     return bool(values) and all(_same(getattr(settings, name), values[name]) for name in values)
 
 
-def _same(held, value) -> bool:
-    """To the rounding of a slider."""
-    return held == value if isinstance(value, str) else abs(held - value) < 1e-4
+def _same(setting, value) -> bool:
+    """Whether two values are equal, up to the rounding of a slider."""
+    return setting == value if isinstance(value, str) else abs(setting - value) < 1e-4
 
 
 def apply(preset: presets.Preset, settings) -> None:
     """Sets the panel's sliders (`Object.anyface`) to the values of a preset.
 
-    One that names an emotion and no others beside it is of that emotion alone.
+    A preset that names an emotion without others removes the other emotions.
     """
     if "emotion" in preset.values:
         settings.mixed = ""
@@ -72,7 +73,7 @@ def apply(preset: presets.Preset, settings) -> None:
 def of_settings(name: str, settings) -> presets.Preset:
     """The panel's sliders as a preset."""
     values = {item: getattr(settings, item) for item in presets.names()}
-    # Presets of one emotion are read by versions that know no mixtures.
+    # Versions without mixtures can read presets of one emotion.
     return presets.Preset(name, {item: value for item, value in values.items() if value != ""})
 
 
@@ -104,7 +105,7 @@ class ANYFACE_OT_preset_save(Acting, Operator):
         return context.window_manager.invoke_props_dialog(self)
 
     def act(self, ob):
-        """Writes it into the user folder."""
+        """Writes the preset into the user folder."""
         path = own_folder(create=True) / presets.file_name(self.name)
         presets.write(of_settings(self.name, ob.anyface), path)
         return f"preset {self.name} saved"
@@ -120,13 +121,13 @@ class ANYFACE_OT_preset_delete(Acting, Operator):
 
     def act(self, ob):
         """Deletes its file; shipped presets stay."""
-        own = {preset.name: preset for preset in presets.in_folder(own_folder())}
-        if self.name not in own:
-            known = ", ".join(own) or "none"
+        own_presets = {preset.name: preset for preset in presets.in_folder(own_folder())}
+        if self.name not in own_presets:
+            known = ", ".join(own_presets) or "none"
             raise AnyfaceError(
                 "input", f"preset: expected one of your own ({known}), got {self.name!r}"
             )
-        own[self.name].path.unlink(missing_ok=True)
+        own_presets[self.name].path.unlink(missing_ok=True)
         return f"preset {self.name} deleted"
 
 
@@ -137,7 +138,7 @@ class ANYFACE_OT_preset_import(WithFile, Operator):
     bl_label = "Import Preset"
 
     def act(self, ob):
-        """Checks the file, keeps a copy of it, applies it."""
+        """Checks the file, stores a copy of it, and applies it."""
         preset = presets.read(bpy.path.abspath(self.filepath))
         presets.write(preset, own_folder(create=True) / presets.file_name(preset.name))
         apply(preset, ob.anyface)
@@ -168,7 +169,7 @@ class ANYFACE_MT_presets(Menu):
     bl_label = "Style"
 
     def draw(self, context):
-        """Draws all styles, then what can be done with them."""
+        """Draws all styles, then the actions on them."""
         for preset in everyone():
             entry = self.layout.operator("anyface.preset_apply", text=preset.name)
             entry.path = str(preset.path)
@@ -186,9 +187,9 @@ class ANYFACE_MT_preset_delete(Menu):
 
     def draw(self, context):
         """Draws the artist's own presets."""
-        own = _own()
-        for preset in own:
+        own_presets = _own()
+        for preset in own_presets:
             entry = self.layout.operator("anyface.preset_delete", text=preset.name, icon="TRASH")
             entry.name = preset.name
-        if not own:
+        if not own_presets:
             self.layout.label(text="No presets of your own")

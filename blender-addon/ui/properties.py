@@ -55,7 +55,7 @@ _AXES = [
     (
         "AUTO",
         "Automatic",
-        "Wherever it looks; the others decide where several places look like faces",
+        "Any direction; the others decide where several places look like faces",
         0,
     ),
     ("WORLD", "World", "The head faces -Y in the world", 1),
@@ -65,7 +65,7 @@ _AXES = [
 
 
 def _frames(name: str, description: str, least: int):
-    """A number of frames for which poses stand."""
+    """A property for the number of frames for which poses stand."""
     more = "" if least else "; 0 for one pose"
     return IntProperty(
         name=name,
@@ -81,7 +81,7 @@ def _frames(name: str, description: str, least: int):
 class AnyfaceCharacter(PropertyGroup):
     """Settings of one character; `Object.anyface`.
 
-    The library's controls stand beside these: its list is read when the extension registers.
+    The library's controls join these: their list is read when the extension registers.
     """
 
     source: EnumProperty(name="Sound", items=_SOURCES, default="STRIP", options=set())
@@ -118,7 +118,7 @@ class AnyfaceCharacter(PropertyGroup):
         get=pictures.chosen,
         set=pictures.choose,
         options={"HIDDEN", "SKIP_SAVE"},
-        # Pictures of an override could not be chosen otherwise.
+        # Without this the pictures of an override could not be chosen.
         override={"LIBRARY_OVERRIDABLE"},
     )
     intensity: FloatProperty(
@@ -130,7 +130,7 @@ class AnyfaceCharacter(PropertyGroup):
         subtype="FACTOR",
         update=live.feel,
     )
-    # Emotions beside the first one, and the same as text, for presets and takes.
+    # Emotions beside the first one, and the same as text for presets and takes.
     mixture: CollectionProperty(type=mixture.AnyfaceEmotion, options=set())
     mixed: StringProperty(get=mixture.text, set=mixture.fill, options={"HIDDEN", "SKIP_SAVE"})
     style: StringProperty(
@@ -152,15 +152,15 @@ class AnyfaceCharacter(PropertyGroup):
     mode: EnumProperty(name="Output", items=outputs.ITEMS, default=outputs.MODES[0], options=set())
     layered: BoolProperty(
         name="Emotion as a Layer",
-        description="Keys of what is felt are apart from keys of what is said, act where the "
+        description="Emotion and speech get keys of their own. Those of emotion act where the "
         "vertex group Emotion Mask is painted, and follow the slider of the emotion",
         default=True,
         options=set(),
     )
     starts_from_pose: BoolProperty(
         name="Start from Current Pose",
-        description="The take begins as the shape keys of the face stand in the current frame, as "
-        "at the end of the shot before, and goes on from there within 0.4 s",
+        description="The take begins with the pose of the shape keys in the current frame, such "
+        "as the end of the shot before, and blends into its own motion within 0.4 s",
         default=False,
         options=set(),
     )
@@ -177,7 +177,8 @@ class AnyfaceCharacter(PropertyGroup):
     named_keys: BoolProperty(
         name="Named Keys",
         description="New keys follow jaw, lips, brows and lids and are named after them; off makes "
-        "numbered keys of which about half as many move in a frame, for long takes on heavy meshes",
+        "numbered keys, of which about half as many move in a frame, for long takes on heavy "
+        "meshes",
         default=True,
         options=set(),
     )
@@ -204,12 +205,10 @@ class AnyfaceCharacter(PropertyGroup):
     )
     pose_on: _frames("Change Every", "Poses change at every so many frames", 1)
     pose_closures: _frames("Closed Lips", "The fewest frames for which lips stay closed", 0)
-    pose_vowels: _frames(
-        "Vowels", "The fewest frames for which a mouth stands that is wide open", 0
-    )
+    pose_vowels: _frames("Vowels", "The fewest frames for which a wide-open mouth stands", 0)
     axes: EnumProperty(
         name="Face Direction",
-        description="How the head looks when the face is searched",
+        description="Which way the head faces when the face is searched for",
         items=_AXES,
         default="AUTO",
         options=set(),
@@ -223,15 +222,15 @@ class AnyfaceCharacter(PropertyGroup):
     )
     report: StringProperty(name="Last Take", options={"HIDDEN"})
     report_is_error: BoolProperty(options={"HIDDEN"})
-    # The last scene frame of the take as it was made, 0 without one.
+    # The last scene frame of the take as it was generated, 0 without a take.
     last_frame: IntProperty(options={"HIDDEN"})
-    # What only some want to know of it.
+    # Details of the report that only some want.
     report_details: StringProperty(options={"HIDDEN"})
-    # How the lips met in the last take, one of `core.take.MOUTHS`.
+    # How the lips meet in the last take, one of `core.take.MOUTHS`.
     mouth: StringProperty(options={"HIDDEN"})
-    # What the lids of both eyes did in the last take, of `core.take.LIDS`.
+    # What the lids of both eyes do in the last take, of `core.take.LIDS`.
     lids: StringProperty(options={"HIDDEN"})
-    # What is offered with the report: names of `ui.mending`.
+    # The mends that the report offers: names of `ui.mending`.
     report_mends: StringProperty(options={"HIDDEN"})
 
 
@@ -239,9 +238,9 @@ _OWN = dict(AnyfaceCharacter.__annotations__)
 
 
 class AnyfaceScene(PropertyGroup):
-    """`Scene.anyface`: which character the panel shows, and which models speak."""
+    """`Scene.anyface`: which character the panel shows, and which models are used."""
 
-    # Playback was set to follow the sound: from then on it is the artist's.
+    # Playback has been set to follow the sound once; from then on it is the artist's choice.
     synced: BoolProperty(options={"HIDDEN"})
 
     character: PointerProperty(
@@ -257,7 +256,7 @@ class AnyfaceScene(PropertyGroup):
         subtype="DIR_PATH",
         options=set(),
     )
-    # What is said in each sound.
+    # The text of each sound.
     texts: CollectionProperty(type=texts.AnyfaceText, options={"HIDDEN"})
     text: StringProperty(
         name="Text",
@@ -269,13 +268,15 @@ class AnyfaceScene(PropertyGroup):
 
 
 def _of_library() -> dict:
-    """Which system speaks, and a property for each control that the library tells of."""
+    """The property of the system, and one for each of the library's controls."""
     items = [
         (system.name, system.label, system.help.rstrip("."), number)
         for number, system in enumerate(systems.known())
     ]
-    found = {"system": EnumProperty(name="System", items=items, options=set())} if items else {}
-    return found | {control.name: _of_control(control) for control in systems.controls()}
+    system_choice = (
+        {"system": EnumProperty(name="System", items=items, options=set())} if items else {}
+    )
+    return system_choice | {control.name: _of_control(control) for control in systems.controls()}
 
 
 def _of_control(control: systems.Control):
@@ -290,7 +291,7 @@ def _of_control(control: systems.Control):
     if control.values == systems.WHOLE:
         whole = {name: int(shared[name]) for name in ("default", "min", "max")}
         return IntProperty(**shared | whole)
-    # A wide range is set in whole steps, a narrow one finely.
+    # A wide range has whole steps, a narrow one fine steps.
     span = control.high - control.low
     return FloatProperty(precision=0 if span > 10.0 else 2 if span > 0.5 else 3, **shared)
 
@@ -319,7 +320,7 @@ def register() -> None:
 
 
 def unregister() -> None:
-    """Takes them away; values stay in the file."""
+    """Removes them; values stay in the file."""
     del bpy.types.Scene.anyface
     bpy.utils.unregister_class(AnyfaceScene)
     bpy.utils.unregister_class(texts.AnyfaceText)

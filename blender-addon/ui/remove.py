@@ -1,4 +1,4 @@
-"""Remove."""
+"""The operator *Remove*."""
 
 from bpy.types import Operator
 

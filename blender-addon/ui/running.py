@@ -13,25 +13,26 @@ from ..core.job import Job
 from ..core.lazy import LazyEngine
 from . import preferences
 
-# So long a job has to end before Blender ends without it, seconds.
+# How long Blender waits for a job before it ends without it, seconds.
 PATIENCE_S = 30.0
 
 current: Job | None = None
 # The object that the current job animates.
 current_name = ""
-# Why the current job ends early, where the artist has not said so.
+# Why the current job ends early, if the artist has not cancelled it.
 why_cancelled = ""
 # By the name of their system, the folder of their models and when these last changed.
 _engines: dict[tuple[str, Path | None, int, Path | None], LazyEngine] = {}
-# Jobs whose threads may still be at work, kept by these alone: one that was cancelled is forgotten
-# before it ends.
+# Jobs whose threads may still be at work. Only their threads keep them alive: a cancelled job is
+# forgotten before it ends.
 _started: WeakSet[Job] = WeakSet()
 
 
 def engine(system: str, folder: str | Path | None = None) -> LazyEngine:
-    """The engine of a system; models are loaded once, where they are used first: in the worker.
+    """The engine of a system.
 
-    `folder` holds the models; None takes those that speak in the current scene.
+    Its models are loaded once, by the worker that uses them first. `folder` holds the models; None
+    takes those of the current scene.
     """
     models = Path(folder) if folder else preferences.model_folder(bpy.context.scene)
     emotions = preferences.emotion_model()
@@ -47,7 +48,7 @@ def engine(system: str, folder: str | Path | None = None) -> LazyEngine:
 def start(job: Job, object_name: str) -> Job:
     """Starts `job` and makes it the current one."""
     global current, current_name
-    # The system may refuse another thread: nothing runs then.
+    # The system may refuse another thread; then nothing runs.
     job.start()
     current, current_name = job, object_name
     _started.add(job)
@@ -66,14 +67,14 @@ def finish() -> None:
 
 
 def stop() -> None:
-    """Ends all jobs and frees the engines: the add-on is disabled, or Python ends."""
+    """Ends all jobs and frees the engines, when the add-on is disabled or Python ends."""
     jobs = list(_started)
     for job in jobs:
         job.progress.cancel()
     last = time.monotonic() + PATIENCE_S
     ended = [job.wait(max(0.0, last - time.monotonic())) for job in jobs]
     finish()
-    # What does not end may still use them.
+    # A job that does not end may still use the engines.
     for loaded in _engines.values() if all(ended) else ():
         loaded.close()
     _engines.clear()
@@ -81,7 +82,7 @@ def stop() -> None:
 
 @persistent
 def _on_load(*_) -> None:
-    """Another file is opened: the job's object goes with the old one."""
+    """Cancels the job when another file is opened, since its object is gone."""
     if current is not None:
         current.cancel()
     finish()
@@ -89,7 +90,7 @@ def _on_load(*_) -> None:
 
 @persistent
 def _on_undo(*_) -> None:
-    """Mesh and settings are others than those that were read."""
+    """Cancels the job after an undo, since mesh and settings may have changed."""
     global why_cancelled
     if current is not None:
         why_cancelled = "cancelled: something was undone meanwhile"
@@ -98,7 +99,7 @@ def _on_undo(*_) -> None:
 
 def register() -> None:
     """Watches for files being opened, and for undo."""
-    # Not every way in which Python ends disables add-ons before.
+    # Python can end without disabling add-ons first.
     atexit.register(stop)
     bpy.app.handlers.load_pre.append(_on_load)
     bpy.app.handlers.undo_post.append(_on_undo)
@@ -106,7 +107,7 @@ def register() -> None:
 
 
 def unregister() -> None:
-    """Stops the job and the watching."""
+    """Stops the job, and no longer watches."""
     atexit.unregister(stop)
     stop()
     bpy.app.handlers.load_pre.remove(_on_load)

@@ -34,14 +34,14 @@ class ANYFACE_OT_add_sample_head(AddHead, Operator):
     )
 
     def execute(self, context):
-        """Adds it."""
+        """Adds the head."""
         if self.character == PLAIN:
             self.add(context, sample_head.mesh(self.height))
             return {"FINISHED"}
         try:
-            made = characters.make(heads(), self.character)
-            ob = self.add(context, made_head.mesh(made, self.height))
-            characters.dress(ob, made, self.character, self.height)
+            head = characters.make(heads(), self.character)
+            ob = self.add(context, made_head.mesh(head, self.height))
+            characters.dress(ob, head, self.character, self.height)
         except BaseException as error:
             self.report({"ERROR"}, f"Anyface: {plain(error)}")
             return {"CANCELLED"}
@@ -72,5 +72,5 @@ def register() -> None:
 
 
 def unregister() -> None:
-    """Takes them off."""
+    """Removes them."""
     bpy.types.VIEW3D_MT_mesh_add.remove(_draw)

@@ -62,7 +62,7 @@ class ANYFACE_OT_scene_row_add(Operator):
     bl_options = {"REGISTER", "UNDO"}
 
     def execute(self, context):
-        """Adds rows; a mesh that is in the list already gets none."""
+        """Adds rows, but none for a mesh that is in the list already."""
         rows = context.scene.anyface_list
         there = {row.character for row in rows}
         for ob in [ob for ob in context.selected_objects if ob.type == "MESH"] or [None]:
@@ -79,7 +79,7 @@ class ANYFACE_OT_scene_fill(Operator):
     bl_options = {"REGISTER", "UNDO"}
 
     def execute(self, context):
-        """Adds rows with the character whose panel names the strip, or who is named in it."""
+        """Adds rows with the character whose panel or whose name matches the strip."""
         rows = context.scene.anyface_list
         there = {row.strip for row in rows}
         for strip in sequencer.sound_strips(sequencer_scene(context)):
@@ -90,7 +90,7 @@ class ANYFACE_OT_scene_fill(Operator):
 
 
 def _speaker(strip: str, scene):
-    """The mesh that speaks a strip; its name may stand anywhere in that of the strip."""
+    """The mesh that speaks a strip, by its panel or by its name in that of the strip."""
     meshes = [ob for ob in scene.objects if ob.type == "MESH"]
     for ob in meshes:
         if ob.anyface.strip == strip:
@@ -108,7 +108,7 @@ class ANYFACE_OT_scene_row_remove(Operator):
     number: IntProperty(options={"HIDDEN"})
 
     def execute(self, context):
-        """Takes it off."""
+        """Removes the row."""
         context.scene.anyface_list.remove(self.number)
         return {"FINISHED"}
 
@@ -119,7 +119,7 @@ class ANYFACE_OT_generate_scene(InThread, Operator):
     bl_idname = "anyface.generate_scene"
     bl_label = "Generate All"
 
-    # The list goes back for each of its rows.
+    # Each row undoes its own failure.
     goes_back = False
 
     @classmethod
@@ -130,11 +130,11 @@ class ANYFACE_OT_generate_scene(InThread, Operator):
         return "" if there else "The list has no character"
 
     def face(self, context):
-        """All those of the list."""
+        """None: it works on all characters of the list."""
         return None
 
     def read(self, context, _ob):
-        """The settings, the meshes and the sounds."""
+        """Reads the settings, the meshes and the sounds."""
         said, rows = {}, []
         for row in context.scene.anyface_list:
             if row.use and row.character is not None:
@@ -142,7 +142,7 @@ class ANYFACE_OT_generate_scene(InThread, Operator):
         for ob, names in said.items():
             settings = from_object(ob)
             if names:
-                # A single strip is heard even if it is muted.
+                # A single strip is used even if it is muted.
                 alone = len(names) == 1
                 settings.strip, settings.strips = (names[0], []) if alone else ("", names)
                 settings.sound_file, settings.channel = "", 0
@@ -168,6 +168,6 @@ def register() -> None:
 
 
 def unregister() -> None:
-    """Takes it away; rows stay in the file."""
+    """Removes it; rows stay in the file."""
     del bpy.types.Scene.anyface_list
     bpy.utils.unregister_class(AnyfaceSceneRow)

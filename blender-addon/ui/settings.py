@@ -9,12 +9,15 @@ from ..scene.bake import Settings
 from ..scene.shape_keys import artist_keys
 from . import audio, character, life, output_properties
 
-# As many keys as these with known names are a face that was made to speak.
+# A face with this many keys of known names was built to speak.
 _MANY_KEYS = 10
 
 
 def from_object(ob, scene=None) -> Settings:
-    """The settings stored on `ob`; the only strip of `scene` speaks where none was chosen."""
+    """The settings stored on `ob`.
+
+    If no strip was chosen, it speaks the only strip of `scene`.
+    """
     copies.settle()
     _start_with_keys(ob)
     stored = ob.anyface
@@ -27,7 +30,7 @@ def from_object(ob, scene=None) -> Settings:
         control.name: control.number(getattr(stored, control.name))
         for control in systems.controls()
     }
-    # Without emotion and intensity, which have fields of their own.
+    # Emotion and intensity have fields of their own.
     values["mixture"] = emotion.shares(stored)[1:]
     settings = Settings(**values, output=output_properties.read(ob))
     settings.holds = holding.Holds(stored.pose_on, stored.pose_closures, stored.pose_vowels)
@@ -38,7 +41,7 @@ def from_object(ob, scene=None) -> Settings:
 
 
 def _start_with_keys(ob) -> None:
-    """A face that has many keys with known names speaks with these, until the artist chooses."""
+    """Lets a face that has many keys of known names use these, until the artist chooses."""
     if ob.library is not None or ob.type != "MESH" or ob.anyface.is_property_set("mode"):
         return
     if len(artist_keys.names_of(artist_keys.find(ob, []))) >= _MANY_KEYS:

@@ -1,4 +1,4 @@
-"""What was heard as strips to be mended, and *Redo* for a stretch of the take."""
+"""Sounds as strips that can be corrected, and *Redo* for a stretch of the take."""
 
 from functools import partial
 
@@ -20,14 +20,14 @@ from .target import sequencer_scene, target
 
 
 class ANYFACE_PT_sounds(OfFacePanel, Panel):
-    """Sounds that can be mended."""
+    """Corrects sounds."""
 
     bl_label = "Mend"
     bl_order = 5
     bl_options = {"DEFAULT_CLOSED"}
 
     def draw(self, context):
-        """Draws the buttons, and which frames are meant."""
+        """Draws the buttons, and which frames Redo changes."""
         layout = self.layout
         row = layout.row(align=True)
         row.operator("anyface.sounds_show", icon="SEQ_SEQUENCER")
@@ -44,7 +44,7 @@ class ANYFACE_PT_sounds(OfFacePanel, Panel):
 
 
 def _listen(source, engine, text: str, progress) -> tuple:
-    """Where lips close, intervals `[N, 2]` in seconds, and start, end and label of each word."""
+    """Intervals `[N, 2]` in seconds in which lips close, and start, end and label of each word."""
     progress.check("sound")
     heard = source.load(decode.decoder(engine))
     return engine.listen_to_words(heard, text) if text else (engine.listen(heard), [])
@@ -58,7 +58,7 @@ Stretch. Above them stand the words of the text"""
     bl_label = "Show Sounds"
 
     def read(self, context, ob):
-        """The sound that the character speaks."""
+        """Reads the sound that the character speaks."""
         scene = sequencer_scene(context)
         settings = from_object(ob, scene)
         engine = running.engine(settings.system)
@@ -67,7 +67,7 @@ Stretch. Above them stand the words of the text"""
         return Work(partial(_listen, source, engine, texts.of(ob, scene)), source)
 
     def finish(self, ob, work, heard):
-        """Puts the strips."""
+        """Adds the strips."""
         closures, words = heard
         count = sounds.show(bpy.data.scenes[self._scene], work.about, closures, words)
         said = f", {len(words)} words" if words else ""
@@ -85,14 +85,14 @@ class ANYFACE_OT_sounds_read(WithSound, WithFile, Operator):
     )
 
     def act(self, ob):
-        """Puts the strips."""
+        """Adds the strips."""
         scene = sequencer_scene(bpy.context)
         settings = from_object(ob, scene)
         engine = running.engine(settings.system)
         source = bake.find_sound(scene, settings, engine)
         fps = scene.render.fps / scene.render.fps_base
-        found = engine.read_sounds(bpy.path.abspath(self.filepath), fps)
-        return f"{sounds.show(scene, source, found)} times the lips close"
+        closures = engine.read_sounds(bpy.path.abspath(self.filepath), fps)
+        return f"{sounds.show(scene, source, closures)} times the lips close"
 
 
 class ANYFACE_OT_redo(WithSound, InThread, Operator):
@@ -107,19 +107,19 @@ class ANYFACE_OT_redo(WithSound, InThread, Operator):
         return reason[:1].upper() + reason[1:]
 
     def read(self, context, ob):
-        """The stretch, the keys of the take, the mesh and the sound."""
+        """Reads the stretch, the keys of the take, the mesh and the sound."""
         scene = sequencer_scene(context)
         self._scene = scene.name
         settings = from_object(ob, scene)
         return redo.read(ob, scene, settings, running.engine(settings.system))
 
-    def finish(self, ob, wanted, made):
+    def finish(self, ob, job, result):
         """Writes the new frames at once."""
-        return at_once(self.land(ob, wanted, made))
+        return at_once(self.land(ob, job, result))
 
-    def land(self, ob, wanted, made):
+    def land(self, ob, job, result):
         """Writes the new frames."""
-        text = yield from redo.landing(ob, bpy.data.scenes[self._scene], wanted, made)
+        text = yield from redo.landing(ob, bpy.data.scenes[self._scene], job, result)
         ob.anyface.report, ob.anyface.report_is_error = text, False
         ob.anyface.report_details = ""
         return text

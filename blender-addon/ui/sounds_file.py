@@ -15,7 +15,7 @@ from .operators import WithFile
 from .settings import from_object
 from .target import sequencer_scene
 
-# The endings that the library writes, and whose they are.
+# The file formats that the library writes: ending, name, and help.
 _KINDS = (
     (".TextGrid", "Praat TextGrid", "Phones as intervals; Praat, ELAN and forced aligners read it"),
     (".tsv", "Rhubarb TSV", "Mouth shapes A to H and X, one line each"),
@@ -47,7 +47,7 @@ class ANYFACE_OT_sounds_write(WithSound, WithFile, Operator):
         return super().invoke(context, event)
 
     def check(self, _context):
-        """The ending follows the kind."""
+        """Lets the ending follow the kind."""
         before, self.filepath = self.filepath, self._path()
         return before != self.filepath
 
@@ -57,17 +57,17 @@ class ANYFACE_OT_sounds_write(WithSound, WithFile, Operator):
         settings = from_object(ob, scene)
         engine = running.engine(settings.system)
         source = bake.find_sound(scene, settings, engine)
-        found = sounds.read(scene, source)
-        if not found:
+        closures = sounds.read(scene, source)
+        if not closures:
             raise AnyfaceError("input", _NO_STRIPS)
         path = bpy.path.abspath(self._path())
         fps = scene.render.fps / scene.render.fps_base
-        ends_s = max(strips.duration_s(source) or 0.0, found[-1][1])
-        engine.write_sounds(path, sounds.apart(found), ends_s, fps)
-        return f"{len(found)} sounds in {Path(path).name}"
+        ends_s = max(strips.duration_s(source) or 0.0, closures[-1][1])
+        engine.write_sounds(path, sounds.apart(closures), ends_s, fps)
+        return f"{len(closures)} sounds in {Path(path).name}"
 
     def _path(self) -> str:
-        """The path with the ending of its kind; one that names a kind itself keeps it."""
+        """The path with the ending of its kind; an ending in the path chooses the kind."""
         path = Path(self.filepath)
         if path.suffix.lower() not in {kind[0].lower() for kind in _KINDS}:
             return f"{path}{self.kind}"

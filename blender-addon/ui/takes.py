@@ -13,7 +13,7 @@ _ICONS = {"PLAYS": "RADIOBUT_ON", "WAITS": "RADIOBUT_OFF", "NLA": "NLA"}
 
 
 class ANYFACE_PT_takes(OfFacePanel, Panel):
-    """Several results on one character."""
+    """The takes of one character."""
 
     bl_label = "Takes"
     bl_order = 4
@@ -36,7 +36,7 @@ class ANYFACE_PT_takes(OfFacePanel, Panel):
 
 
 class ANYFACE_OT_take_keep(Alone, Operator):
-    """Let the take that plays wait in the list; the next one is made beside it"""
+    """Keep the take that plays in the list; the next one goes beside it"""
 
     bl_idname = "anyface.take_keep"
     bl_label = "Keep Take"
@@ -47,7 +47,7 @@ class ANYFACE_OT_take_keep(Alone, Operator):
         return super().why_not(context) or ("" if plays else "No take plays")
 
     def act(self, ob):
-        """Keeps it."""
+        """Lets the take wait."""
         take_list.keep(ob)
 
 
@@ -67,7 +67,7 @@ class ANYFACE_OT_take_switch(_OneTake, Operator):
     bl_label = "Play Take"
 
     def act(self, ob):
-        """Switches."""
+        """Switches to the take."""
         take_list.switch(ob, self.take)
 
 
@@ -84,7 +84,7 @@ class ANYFACE_OT_take_rename(_OneTake, Operator):
         return context.window_manager.invoke_props_dialog(self)
 
     def act(self, ob):
-        """Renames."""
+        """Renames the take."""
         take_list.rename(ob, self.take, self.name)
 
 
@@ -95,7 +95,7 @@ class ANYFACE_OT_take_push_down(_OneTake, Operator):
     bl_label = "Push Down"
 
     def act(self, ob):
-        """Pushes it down."""
+        """Pushes the take down."""
         take_list.push_down(ob, self.take)
 
 
@@ -106,5 +106,5 @@ class ANYFACE_OT_take_delete(_OneTake, Operator):
     bl_label = "Delete Take"
 
     def act(self, ob):
-        """Deletes it."""
+        """Deletes the take."""
         take_list.delete(ob, self.take)

@@ -1,4 +1,4 @@
-"""Which object and which sequencer the panel is about."""
+"""The object and the sequencer that the panel shows."""
 
 from ..core import key_names
 from ..scene import outputs
@@ -6,13 +6,15 @@ from ..scene.face.mesh import LANDMARKS_PROPERTY
 
 # Words in the names of heads, the best one first.
 _HEADS = ("head", "face", "body")
-# So many keys with known names are those of a face.
+# A mesh with this many keys of known names is a face.
 _KNOWN_KEYS = 3
 
 
 def target(context):
-    """The character that the panel shows: the picked one, else the active object, or the head of
-    an active armature; None where that is no mesh."""
+    """The character that the panel shows; None where that is no mesh.
+
+    It is the picked object, or else the active object, or the head of an active armature.
+    """
     picked = context.scene.anyface.character
     shown = picked if is_there(picked) else context.object
     if shown is not None and shown.type == "ARMATURE":
@@ -33,13 +35,13 @@ def _hangs_on(ob, armature) -> bool:
 
 
 def _likeness(ob) -> tuple:
-    """How much speaks for a mesh: a take, landmarks, keys that speak, its name, its size."""
+    """How much a mesh looks like a face: by take, landmarks, known keys, name, size."""
     blocks = ob.data.shape_keys.key_blocks if ob.data.shape_keys is not None else ()
     known = len(key_names.guess([block.name for block in blocks])[1]) if blocks else 0
     name = ob.name.lower()
     word = next((-at for at, word in enumerate(_HEADS) if word in name), -len(_HEADS))
-    taken = outputs.has_take(ob), LANDMARKS_PROPERTY in ob, known >= _KNOWN_KEYS
-    return *taken, word, len(ob.data.vertices)
+    signs = outputs.has_take(ob), LANDMARKS_PROPERTY in ob, known >= _KNOWN_KEYS
+    return *signs, word, len(ob.data.vertices)
 
 
 class OfFace:
@@ -49,7 +51,7 @@ class OfFace:
 
     @classmethod
     def poll(cls, context):
-        """False, with the reason, where it cannot work."""
+        """False, with the reason, where the operator cannot work."""
         reason = cls.why_not(context)
         if reason:
             cls.poll_message_set(reason)
@@ -57,15 +59,15 @@ class OfFace:
 
     @classmethod
     def why_not(cls, context) -> str:
-        """Why it cannot work now, in words; empty where it can."""
+        """Why the operator cannot work now, in words; empty where it can."""
         return "" if target(context) is not None else "Pick a face mesh"
 
 
 def is_there(ob) -> bool:
-    """False for None and for a deleted object, which a pointer alone keeps in the file."""
+    """False for None and for a deleted object, which only a pointer keeps in the file."""
     return ob is not None and len(ob.users_scene) > 0
 
 
 def sequencer_scene(context):
-    """The scene whose strips are heard: from 5.0 on a workspace may show another one."""
+    """The scene whose strips are heard; from 5.0 on a workspace may show another one."""
     return getattr(context, "sequencer_scene", None) or context.scene

@@ -1,4 +1,4 @@
-"""What is said in each sound: the text that *Mend* aligns, kept with the scene by sound."""
+"""The text of each sound, which *Mend* aligns; the scene stores it by sound."""
 
 import bpy
 from bpy.props import StringProperty
@@ -9,7 +9,7 @@ from .target import sequencer_scene, target
 
 
 class AnyfaceText(PropertyGroup):
-    """A text; its name says which sound it belongs to."""
+    """A text; its name tells to which sound it belongs."""
 
     text: StringProperty()
 
@@ -18,27 +18,27 @@ def of(ob, scene) -> str:
     """The text of the sound that a character speaks, or ""."""
     if ob is None or scene is None:
         return ""
-    found = scene.anyface.texts.get(_key(ob, scene))
-    return found.text.strip() if found is not None else ""
+    row = scene.anyface.texts.get(_key(ob, scene))
+    return row.text.strip() if row is not None else ""
 
 
 def get(_settings) -> str:
-    """The same of the character that the panel shows, for the field there."""
+    """The text of the sound that the character of the panel speaks, for the field there."""
     return of(target(bpy.context), sequencer_scene(bpy.context))
 
 
 def put(_settings, text: str) -> None:
-    """Keeps the text of the sound that this character speaks now."""
+    """Stores the text of the sound that this character speaks now."""
     ob, scene = target(bpy.context), sequencer_scene(bpy.context)
     if ob is None or scene is None:
         return
-    key, kept = _key(ob, scene), scene.anyface.texts
-    found = kept.get(key) or kept.add()
-    found.name, found.text = key, text
+    key, rows = _key(ob, scene), scene.anyface.texts
+    row = rows.get(key) or rows.add()
+    row.name, row.text = key, text
 
 
 def _key(ob, scene) -> str:
-    """What tells the sound of a character from others: names of strips, a file, a channel."""
+    """The key of a character's sound: names of strips, a file, or a channel."""
     source = ob.anyface.source
     if source == "STRIP":
         return audio.strip_of(ob, scene)

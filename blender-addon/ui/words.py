@@ -1,15 +1,15 @@
-"""What an artist reads: the words for what the library calls otherwise, and long text in lines."""
+"""Words for the artist where the library's differ, and long text in lines."""
 
 import textwrap
 
 import bpy
 
-# Pixels, at a user interface of usual size: of a letter, of an icon, and of what a panel and a box
-# in it keep free beside the text.
+# Widths in pixels at the usual size of the interface: of a letter, of an icon, and of the margins
+# of a panel with a box in it.
 _LETTER_PX, _ICON_PX, _EDGE_PX = 6.3, 20, 44
-# A panel narrower than this many letters is being folded away.
+# A panel narrower than this many letters is being closed.
 _LEAST_LETTERS = 20
-# What the library's stages do, for an artist.
+# The library's stages in an artist's words.
 _STAGES = {
     "sound": "reading the sound",
     "speech": "listening to the voice",
@@ -27,7 +27,7 @@ _STAGES = {
 }
 
 
-# What the library's controls are called here, where its own words are not those of an artist.
+# Names and help of the library's controls, where its own words are not those of an artist.
 _CONTROLS = {
     "variety": (
         "Variety",
@@ -50,7 +50,7 @@ _CONTROLS = {
 }
 
 
-# Controls that say something to whoever knows how the model works.
+# Controls for somebody who knows how the model works.
 _RESEARCH = {
     "steps", "noise", "decoder", "guidance", "coarse_guidance", "speech_guidance", "template",
     "field", "field_reach",
@@ -58,12 +58,12 @@ _RESEARCH = {
 
 
 def is_research(control) -> bool:
-    """Whether a control (`core.systems.Control`) is one for research alone."""
+    """Whether a control (`core.systems.Control`) is for research alone."""
     return control.name in _RESEARCH
 
 
 def of_stage(name: str) -> str:
-    """What is being done; "starting" before the first stage, "working" in one that has no words."""
+    """The present stage in words: "starting" before the first, "working" for one without words."""
     return _STAGES.get(name, "working") if name else "starting"
 
 
@@ -82,6 +82,6 @@ def draw(layout, text: str, width: int, icon: str = "NONE") -> None:
 
 
 def letters(width: float, with_icon: bool) -> int:
-    """How many letters stand beside each other in a region of `width` unscaled pixels."""
+    """How many letters fit on a line in a region of `width` unscaled pixels."""
     room = width - _EDGE_PX - (_ICON_PX if with_icon else 0)
     return max(_LEAST_LETTERS, int(room / _LETTER_PX))

@@ -50,10 +50,10 @@ import importlib, time
 bake = importlib.import_module('bl_ext.user_default.anyface.scene.bake')
 spent = bpy.app.driver_namespace.setdefault('spent', {'read': [], 'write': []})
 def timed(name, function):
-    def call(*given):
+    def call(*arguments):
         began = time.perf_counter()
         try:
-            return function(*given)
+            return function(*arguments)
         finally:
             spent[name].append(time.perf_counter() - began)
     return call
@@ -329,12 +329,12 @@ def presses(screen: Screen) -> None:
 
 def redraws(screen: Screen) -> None:
     """The longest time in which Blender answers nothing while it draws the view once."""
-    found = []
+    longest_s = []
     for _ in range(TIMES):
         screen.ask("stillness['longest_s'] = 0.0; area_of('VIEW_3D')[1].tag_redraw()")
         time.sleep(1.0)
-        found.append(screen.ask("answer = stillness['longest_s']"))
-    line("a redraw of the view by Blender itself", seconds(found))
+        longest_s.append(screen.ask("answer = stillness['longest_s']"))
+    line("a redraw of the view by Blender itself", seconds(longest_s))
 
 
 def escapes(screen: Screen, folder: Path) -> None:

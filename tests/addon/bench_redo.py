@@ -98,9 +98,9 @@ def positions(ob, frame: int) -> np.ndarray:
     """The evaluated mesh at a frame."""
     bpy.context.scene.frame_set(frame)
     mesh = ob.evaluated_get(bpy.context.evaluated_depsgraph_get()).data
-    found = np.empty(len(mesh.vertices) * 3, dtype=np.float32)
-    mesh.vertices.foreach_get("co", found)
-    return found
+    flat = np.empty(len(mesh.vertices) * 3, dtype=np.float32)
+    mesh.vertices.foreach_get("co", flat)
+    return flat
 
 
 if __name__ == "__main__":

@@ -41,7 +41,7 @@ WITHOUT_BLINKS = {
 
 def measure(folder, empty):
     """`{head: {case: (new run's largest, mean, largest)}}`, mm; `head.ply` lies in `folder`."""
-    found = {}
+    misses = {}
     for head, voice, emotion in itertools.product(HEADS, VOICES, EMOTIONS):
         empty()
         ob = ready(folder, head, voice, emotion)
@@ -49,9 +49,9 @@ def measure(folder, empty):
         ob.anyface.blinks_per_minute = 0.0
         rows |= one_take(ob, WITHOUT_BLINKS, emotion[1])
         for case, row in rows.items():
-            worst = found.setdefault(head, {})
+            worst = misses.setdefault(head, {})
             worst[case] = np.maximum(row, worst.get(case, 0.0))
-    return found
+    return misses
 
 
 def ready(folder, head, voice, emotion):
@@ -71,7 +71,7 @@ def ready(folder, head, voice, emotion):
 def one_take(ob, cases, intensity):
     """Of each case how far the new run moves the face, and the slider's mean and largest error."""
     generate(ob, "basis")
-    made, shown = whole(ob), {}
+    original, shown = whole(ob), {}
     for case, places in cases.items():
         for name, place in places.items():
             setattr(ob.anyface_output, name, place)
@@ -86,7 +86,7 @@ def one_take(ob, cases, intensity):
         generate(ob, "frames")
         truth = whole(ob)
         left = lengths_mm(shown[case], truth)
-        rows[case] = np.array([lengths_mm(truth, made).max(), left.mean(), left.max()])
+        rows[case] = np.array([lengths_mm(truth, original).max(), left.mean(), left.max()])
     ob.anyface.articulation, ob.anyface.intensity = 1.0, intensity
     ob.anyface.blinks_per_minute = blinks_per_minute
     return rows

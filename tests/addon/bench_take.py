@@ -72,11 +72,11 @@ def time_slices(addon, spent: list[float], looks: list[float]) -> None:
 def pulse() -> list[float]:
     """A list that grows with the processor time of the interface's thread at each look of a timer,
     seconds."""
-    found = []
+    times = []
 
     def look():
-        found.append(time.thread_time())
+        times.append(time.thread_time())
         return 0.004
 
     bpy.app.timers.register(look)
-    return found
+    return times

@@ -98,21 +98,26 @@ def _is_step(code) -> bool:
 
 
 def without_blender(cls, **options):
-    """An operator as a plain object that notes in `told` what it says: Blender makes real ones."""
+    """An operator as a plain object, since only Blender makes real ones.
+
+    `messages` collects what it reports.
+    """
     namespace = {name: value for name, value in vars(cls).items() if name not in _SLOTS}
     bases = tuple(base for base in cls.__bases__ if base is not bpy.types.Operator)
-    own = type(cls.__name__, bases, namespace)
+    plain_class = type(cls.__name__, bases, namespace)
     for name, value in namespace.items():
         function = value.__func__ if isinstance(value, classmethod) else value
         if isinstance(function, types.FunctionType):
-            made = _bound_to(function, own)
-            setattr(own, name, classmethod(made) if isinstance(value, classmethod) else made)
-    made = own()
-    made.told = []
-    made.report = lambda kinds, text: made.told.append((*kinds, _checked(text)))
+            method = _bound_to(function, plain_class)
+            setattr(
+                plain_class, name, classmethod(method) if isinstance(value, classmethod) else method
+            )
+    operator = plain_class()
+    operator.messages = []
+    operator.report = lambda kinds, text: operator.messages.append((*kinds, _checked(text)))
     for name, value in options.items():
-        setattr(made, name, value)
-    return made
+        setattr(operator, name, value)
+    return operator
 
 
 _SLOTS = {"__dict__", "__weakref__", "__slots__", "bl_rna", "__annotations__"}
@@ -125,10 +130,10 @@ def _bound_to(function, cls):
         types.CellType(cls) if name == "__class__" else cell
         for name, cell in zip(names, function.__closure__ or (), strict=True)
     ]
-    given = function.__code__, function.__globals__, function.__name__, function.__defaults__
-    made = types.FunctionType(*given, tuple(cells))
-    made.__kwdefaults__ = function.__kwdefaults__
-    return made
+    parts = function.__code__, function.__globals__, function.__name__, function.__defaults__
+    bound = types.FunctionType(*parts, tuple(cells))
+    bound.__kwdefaults__ = function.__kwdefaults__
+    return bound
 
 
 def _checked(text: str) -> str:
@@ -222,14 +227,14 @@ class WholeStage(Stage):
     def head_like(self, positions, triangles, *_):
         """The face itself."""
         module = importlib.import_module(f"{self.take_module.__package__}.native_head")
-        made = module.MadeHead(
+        head = module.MadeHead(
             np.array(positions)[:, [0, 2, 1]], np.array(triangles), np.arange(68), len(positions)
         )
-        return made, 0.5, 1.0
+        return head, 0.5, 1.0
 
-    def chart(self, *given, **_):
+    def chart(self, *arguments, **_):
         """Lips that close once."""
-        closed = given[7] == "rhubarb"
+        closed = arguments[7] == "rhubarb"
         rest, lips = ("X", "A") if closed else ("rest", "MBP")
         return [(0.0, 0.2, rest), (0.2, 0.3, lips), (0.3, 0.5, rest)]
 
@@ -237,10 +242,10 @@ class WholeStage(Stage):
         """Emotion is believed by half."""
         return np.full(len(positions), 0.5, dtype=np.float32)
 
-    def animate(self, *given):
+    def animate(self, *arguments):
         """The motion of a stage, with a head that nods."""
-        animation = super().animate(*given)
-        frames = int(np.ceil(given[4].duration_s * given[5].fps))
+        animation = super().animate(*arguments)
+        frames = int(np.ceil(arguments[4].duration_s * arguments[5].fps))
         way = np.array([[1, 0, 0, 0], [0, 0, 1, 0], [0, -1, 0, 0]], dtype=np.float32)
         head = np.tile([0.05, 0.03, 0.02], (frames, 1))
         animation.life = self.take_module.Life(head, np.zeros((frames, 2, 2)), way)

@@ -89,10 +89,10 @@ def basis(take_module, moved):
     """Displacements `[T, V, 3]` as an exact basis with weights in -1..1."""
     frames, vertices, _ = moved.shape
     left, sizes, right = np.linalg.svd(moved.reshape(frames, -1), full_matrices=False)
-    kept = sizes > sizes[0] * 1e-6
-    peak = np.abs(left[:, kept]).max(axis=0)
-    vectors = (right[kept] * (sizes[kept] * peak)[:, None]).reshape(-1, vertices, 3)
-    return take_module.Basis(vectors, left[:, kept] / peak, 0.0)
+    nonzero = sizes > sizes[0] * 1e-6
+    peak = np.abs(left[:, nonzero]).max(axis=0)
+    vectors = (right[nonzero] * (sizes[nonzero] * peak)[:, None]).reshape(-1, vertices, 3)
+    return take_module.Basis(vectors, left[:, nonzero] / peak, 0.0)
 
 
 def sliders(module, names, weights, knots=(0.0, 1.5)):
@@ -100,15 +100,15 @@ def sliders(module, names, weights, knots=(0.0, 1.5)):
 
     Those with blinks in their names have one knot and act in frames 10 to 14 alone.
     """
-    found = {}
+    changes_of = {}
     for number, name in enumerate(names):
         places = knots[:1] if "blinks" in name else knots
         turned = np.roll(weights, number + 1, axis=1)
         changes = np.stack([(place - 1.0) * turned for place in places]).astype(np.float32)
         if "blinks" in name:
             changes[:, :10], changes[:, 15:] = 0.0, 0.0
-        found[name] = module.SliderChange(np.array(places), changes)
-    return found
+        changes_of[name] = module.SliderChange(np.array(places), changes)
+    return changes_of
 
 
 class Stage:
@@ -144,10 +144,10 @@ class Stage:
             animation.basis.sliders = sliders(module, self.sliders, animation.basis.weights)
         return animation
 
-    def animate_stretch(self, positions, *given, rows):
+    def animate_stretch(self, positions, *arguments, rows):
         """Some frames of `motion`, drawn from the seed of the request."""
-        *_, sound, request, _progress = given
-        self.calls.append((positions, *given[:-1]))
+        *_, sound, request, _progress = arguments
+        self.calls.append((positions, *arguments[:-1]))
         frames = int(np.ceil(sound.duration_s * request.fps))
         moved = motion(frames, len(positions), self.rank, self.size, request.seed)
         animation = self.take_module.Animation(self.size * 1000.0)
@@ -192,8 +192,8 @@ class Stage:
         if roles is not None:
             owners = np.asarray(roles.object_of_vertex)
         parts = np.where(np.arange(owners.max() + 1) == 0, 0, 1)
-        found = self.take_module.Found
-        return found(places, np.arange(68), sure, "slit", parts, owners)
+        result = self.take_module.Found
+        return result(places, np.arange(68), sure, "slit", parts, owners)
 
     def rig(self, positions, triangles, points, numbers, roles, progress, by=None):
         """The motion's own shapes as the first ARKit shapes; the others stay still."""
@@ -204,10 +204,10 @@ class Stage:
         every = [*names.ARKIT, *names.VISEMES]
         vectors = np.zeros((len(every), len(positions), 3), dtype=np.float32)
         moved = motion(24, len(positions), self.rank, self.size).reshape(24, -1)
-        own = np.linalg.svd(moved, full_matrices=False)[2][: self.rank] * 0.1
-        own = own.reshape(self.rank, -1, 3)
-        vectors[: self.rank], vectors[self.rank : 2 * self.rank] = own, -own
-        vectors[52:] = own[0]
+        shapes = np.linalg.svd(moved, full_matrices=False)[2][: self.rank] * 0.1
+        shapes = shapes.reshape(self.rank, -1, 3)
+        vectors[: self.rank], vectors[self.rank : 2 * self.rank] = shapes, -shapes
+        vectors[52:] = shapes[0]
         return self.take_module.Rig(every, vectors)
 
     def solve(self, names, vectors, _lips, moved, progress, path="", fps=0.0):
@@ -351,8 +351,8 @@ def link_from_library(name, folder):
     path = str(folder / "library.blend")
     bpy.ops.wm.save_as_mainfile(filepath=path)
     bpy.ops.wm.read_homefile(use_empty=True, use_factory_startup=True)
-    with bpy.data.libraries.load(path, link=True) as (_, wanted):
-        wanted.objects = [name]
+    with bpy.data.libraries.load(path, link=True) as (_, names):
+        names.objects = [name]
     ob = bpy.data.objects[name]
     bpy.context.scene.collection.objects.link(ob)
     return ob
@@ -408,9 +408,9 @@ def _owned_keys(mesh):
         value = "" if block.path_from_id("value") in animated else f"{block.value:.5f}"
         rows.append(f"key {block.name} {value} {block.mute} {hash(points.tobytes())}")
     for name in sorted(mesh.shape_keys.keys()):
-        kept = mesh.shape_keys[name]
-        if isinstance(kept, bpy.types.Action):
-            rows += [f"waits {row}" for row in _curve_rows(kept)]
+        stored = mesh.shape_keys[name]
+        if isinstance(stored, bpy.types.Action):
+            rows += [f"waits {row}" for row in _curve_rows(stored)]
     return rows + _owned_curves(mesh.shape_keys.animation_data)
 
 

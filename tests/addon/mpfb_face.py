@@ -43,15 +43,15 @@ def _bound(ob, bones: dict, weights: dict):
     bpy.context.scene.collection.objects.link(rig)
     bpy.context.view_layer.objects.active = rig
     bpy.ops.object.mode_set(mode="EDIT")
-    made = rig.data.edit_bones
+    edit_bones = rig.data.edit_bones
     for name, bone in bones.items():
-        new = made.new(name)
+        new = edit_bones.new(name)
         new.head, new.tail = (bone[end]["default_position"] for end in ("head", "tail"))
         new.roll = bone.get("roll", 0.0)
     for name, bone in bones.items():
         if bone.get("parent"):
-            made[name].parent = made[bone["parent"]]
-            made[name].use_connect = bool(bone.get("use_connect"))
+            edit_bones[name].parent = edit_bones[bone["parent"]]
+            edit_bones[name].use_connect = bool(bone.get("use_connect"))
     bpy.ops.object.mode_set(mode="OBJECT")
     for name, rows in weights.items():
         if name not in bones:

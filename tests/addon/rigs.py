@@ -95,16 +95,16 @@ def skin(ob, rig, weights):
 def crude(addon, ob):
     """A rig with a jaw that turns, bones of lips, lids and brows, a limit, and a key that a
     property of the armature drives. Returns its object."""
-    points, found, vectors = positions(ob), landmarks(), shapes(addon, ob)
-    ear = (found[0] + found[16]) / 2
-    forward = (found[30] - ear) / np.linalg.norm(found[30] - ear)
-    places = {"head": (ear, ear + 0.1 * (found[27] - found[8])), "jaw": (ear, found[8])}
+    points, marks, vectors = positions(ob), landmarks(), shapes(addon, ob)
+    ear = (marks[0] + marks[16]) / 2
+    forward = (marks[30] - ear) / np.linalg.norm(marks[30] - ear)
+    places = {"head": (ear, ear + 0.1 * (marks[27] - marks[8])), "jaw": (ear, marks[8])}
     for name, number in (LIPS | UPPER).items():
-        places[name] = (found[number], found[number] + 0.01 * forward)
+        places[name] = (marks[number], marks[number] + 0.01 * forward)
     low = {"lip.B", "lip.B.L", "lip.B.R", "lip.L", "lip.R"}
     parents = {name: "jaw" if name in low else "head" for name in places if name != "head"}
     rig = armature(ob, places, parents)
-    skin(ob, rig, _weights(points, found, jaw_share(vectors)))
+    skin(ob, rig, _weights(points, marks, jaw_share(vectors)))
     limit = rig.pose.bones["jaw"].constraints.new("LIMIT_ROTATION")
     limit.owner_space = "LOCAL"
     limit.use_limit_y, limit.use_limit_z = True, True
@@ -123,9 +123,9 @@ def controllers(addon, ob):
     bones = rig.data.edit_bones
     names = [bone.name for bone in bones if bone.name != "head"]
     for name in names:
-        made, bone = bones.new(f"c_{name}"), bones[name]
-        made.head, made.tail, made.roll = bone.head, bone.tail, bone.roll
-        made.use_deform = False
+        controller, bone = bones.new(f"c_{name}"), bones[name]
+        controller.head, controller.tail, controller.roll = bone.head, bone.tail, bone.roll
+        controller.use_deform = False
     for name in names:
         above = bones[name].parent
         bones[f"c_{name}"].parent = bones.get(f"c_{above.name}") or above
@@ -185,11 +185,11 @@ def driven_key(ob, rig, name, vector):
     return block
 
 
-def _weights(points, found, jaw):
+def _weights(points, marks, jaw):
     """Weights that add up to 1: what a small bone does not take goes to jaw and head."""
     near = {}
     for name, number in (LIPS | UPPER).items():
-        away = np.linalg.norm(points - found[number], axis=1)
+        away = np.linalg.norm(points - marks[number], axis=1)
         near[name] = np.exp(-0.5 * (away / REACH_M) ** 2)
         if name.startswith(("lip.T", "lid.T")):
             near[name] *= 1.0 - jaw

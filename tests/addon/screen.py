@@ -20,12 +20,12 @@ def _free_display() -> int:
 
 def install_in(blender: Path, zipped: Path, folder: Path) -> None:
     """Puts the extension into the Blender whose resources lie in `folder`."""
-    own = folder / "anyface.zip"
-    if zipped != own:
-        shutil.copy(zipped, own)
+    copy = folder / "anyface.zip"
+    if zipped != copy:
+        shutil.copy(zipped, copy)
     words = [blender, "-b", "--command", "extension", "install-file", "-r", "user_default", "-e"]
     environment = {**os.environ, "BLENDER_USER_RESOURCES": str(folder)}
-    subprocess.run([*words, own], env=environment, check=True, capture_output=True)
+    subprocess.run([*words, copy], env=environment, check=True, capture_output=True)
 
 
 class Screen:

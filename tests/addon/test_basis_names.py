@@ -84,8 +84,8 @@ def test_the_same_take_comes_in_keys_that_follow_their_controls(addon, parts):
     np.testing.assert_allclose(after, changed, atol=2e-7)
     np.testing.assert_allclose(np.abs(basis.weights).max(axis=0), 1.0, atol=1e-6)
     for name, column in (("jaw", 0), ("blink", 1), ("brows", 2)):
-        found = basis.weights[:, basis.names.index(name)]
-        assert np.corrcoef(found, over_time[:, column])[0, 1] > 0.99, name
+        weights = basis.weights[:, basis.names.index(name)]
+        assert np.corrcoef(weights, over_time[:, column])[0, 1] > 0.99, name
     # The key of the jaw moves no lid, and the other way round.
     far = np.abs(basis.vectors).max(axis=2)
     lids, chin = np.isin(np.arange(68), [37, 43]), np.isin(np.arange(68), [8])
@@ -95,14 +95,14 @@ def test_the_same_take_comes_in_keys_that_follow_their_controls(addon, parts):
 
 def test_names_do_not_depend_on_how_the_basis_was_mixed(addon, parts):
     marks, positions = face()
-    found = []
+    bases = []
     for seed in range(6):
         basis, _ = take(*parts, marks, positions, seed)
         addon("core.basis_names").arrange(basis, positions, marks)
-        found.append((basis.names, basis.vectors))
-    for names, vectors in found[1:]:
-        assert names == found[0][0]
-        np.testing.assert_allclose(vectors[:3], found[0][1][:3], atol=2e-5)
+        bases.append((basis.names, basis.vectors))
+    for names, vectors in bases[1:]:
+        assert names == bases[0][0]
+        np.testing.assert_allclose(vectors[:3], bases[0][1][:3], atol=2e-5)
 
 
 def test_a_turned_and_scaled_face_has_the_same_names(addon, parts):

@@ -26,20 +26,20 @@ KILLED = 666
 def floor(tmp_path, installed, monkeypatch):
     """A place to run batches in, with a camera in the scene."""
     monkeypatch.setattr(floors, "LIMIT_S", 10.0 * ROWS)
-    made = Floor(tmp_path, installed)
+    new_floor = Floor(tmp_path, installed)
     camera = bpy.data.objects.new("Camera", bpy.data.cameras.new("Camera"))
     bpy.context.scene.collection.objects.link(camera)
     bpy.ops.wm.save_as_mainfile(filepath=str(tmp_path / "shot.blend"))
     tone(tmp_path / "voice.wav", seconds=0.25)
-    return made
+    return new_floor
 
 
 def hostile(kind: str, number: int, floor) -> str:
     """A damaged file of that kind; a short one where the files of others are not here."""
-    found = sorted((HOSTILE / kind).glob(*{"audio": ["*.wav"], "mesh": ["*"], "json": ["*"]}[kind]))
-    found = [path for path in found if path.name not in HARMLESS]
-    if found:
-        return str(found[number % len(found)].resolve())
+    paths = sorted((HOSTILE / kind).glob(*{"audio": ["*.wav"], "mesh": ["*"], "json": ["*"]}[kind]))
+    paths = [path for path in paths if path.name not in HARMLESS]
+    if paths:
+        return str(paths[number % len(paths)].resolve())
     path = floor.folder / f"damaged.{kind}"
     path.write_bytes(b'RIFF\xff\xff\xff\xffWAVE{"shots": [')
     return str(path)
@@ -91,7 +91,7 @@ def kinds(floor) -> list[tuple[str, object]]:
 
 def rows(floor) -> tuple[list, dict[int, str]]:
     """The rows, and by number (from 1) the words of what is wrong with the broken ones."""
-    ways, made, wrong, turn = kinds(floor), [], {}, 0
+    ways, shots, wrong, turn = kinds(floor), [], {}, 0
     for number in range(1, ROWS + 1):
         row = {"name": f"sh{number:03d}", "save": f"out/Szene ä{number:03d}.blend", "seed": number}
         # Spread out; the last ones are broken where there is no room.
@@ -101,8 +101,8 @@ def rows(floor) -> tuple[list, dict[int, str]]:
             row = {**row, **change} if isinstance(change, dict) else change
             wrong[number] = words
             turn += 1
-        made.append(row)
-    return made, wrong
+        shots.append(row)
+    return shots, wrong
 
 
 def files_in(folder: Path) -> list[str]:
@@ -110,9 +110,9 @@ def files_in(folder: Path) -> list[str]:
 
 
 def test_every_good_row_is_done_and_every_broken_one_says_why(floor):
-    made, wrong = rows(floor)
+    shots, wrong = rows(floor)
     defaults = {"file": "shot.blend", "object": "Head", "audio": "voice.wav"}
-    floor.jobs.write_text(json.dumps({"defaults": defaults, "shots": made}))
+    floor.jobs.write_text(json.dumps({"defaults": defaults, "shots": shots}))
     good = [n for n in range(1, ROWS + 1) if n not in wrong]
     assert len(wrong) == BROKEN
     before, began = set(files_in(floor.folder)), time.monotonic()
@@ -127,7 +127,7 @@ def test_every_good_row_is_done_and_every_broken_one_says_why(floor):
     for report in failed:
         print(report["name"], report["exit_code"], report["message"].replace(str(floor.folder), ""))
     for number, words in wrong.items():
-        row = made[number - 1]
+        row = shots[number - 1]
         named = row.get("name") if isinstance(row, dict) else None
         of_row = [r for r in failed if r["name"] in (named, f"row-{number}")]
         assert len(of_row) == 1, (number, row)
@@ -140,18 +140,18 @@ def test_every_good_row_is_done_and_every_broken_one_says_why(floor):
     fresh = {path for path in files_in(floor.folder) if path not in before}
     fresh = {path for path in fresh if not path.startswith(("jobs.reports/", "marks/"))}
     assert fresh == {f"out/Szene ä{number:03d}.blend" for number in good}, "nothing is half written"
-    kept = files_in(floor.reports)
-    assert [path for path in kept if not path.endswith((".json", ".log", ".jsonl"))] == []
-    _mended(floor, made, wrong, defaults)
+    reports = files_in(floor.reports)
+    assert [path for path in reports if not path.endswith((".json", ".log", ".jsonl"))] == []
+    _mended(floor, shots, wrong, defaults)
 
 
-def _mended(floor, made: list, wrong: dict, defaults: dict) -> None:
+def _mended(floor, shots: list, wrong: dict, defaults: dict) -> None:
     """A second run does those rows alone that were mended, and tries again what is broken."""
-    mended = [number for number in wrong if isinstance(made[number - 1], dict)][:2]
+    mended = [number for number in wrong if isinstance(shots[number - 1], dict)][:2]
     for number in mended:
         keys = {"name": f"sh{number:03d}", "save": f"out/Szene ä{number:03d}.blend", "seed": number}
-        made[number - 1] = keys
-    others = [row for number, row in enumerate(made, 1) if number not in wrong or number in mended]
+        shots[number - 1] = keys
+    others = [row for number, row in enumerate(shots, 1) if number not in wrong or number in mended]
     floor.jobs.write_text(json.dumps({"defaults": defaults, "shots": others}))
     shutil.rmtree(floor.marks)
     floor.marks.mkdir()

@@ -47,8 +47,8 @@ def test_doubtful_regions_are_named_and_drawn(stage, addon):
     text, icon = addon("ui.character").status(ob)
     assert text.endswith("not sure of brows and jaw: drag the orange points") and icon == "ERROR"
     stored = addon("scene.face.landmarks").load(ob)
-    found, doubtful, held = addon("ui.landmarks").kinds(stored)
-    assert (held, found) == ([3], list(range(27, 68)))
+    sure, doubtful, by_hand = addon("ui.landmarks").kinds(stored)
+    assert (by_hand, sure) == ([3], list(range(27, 68)))
     assert doubtful == [n for n in range(27) if n != 3]
 
 
@@ -106,8 +106,8 @@ def test_a_ray_drags_a_landmark_over_the_surface_and_the_others_follow(stage, ad
     assert drag.stored.positions[30] == pytest.approx((0.03, 0.0, 0.04), abs=1e-6)
     assert not drag.move((5.0, -1.0, 0.0), (0.0, 1.0, 0.0))
     face = addon("scene.face.mesh").read_face(ob)
-    found = drag.search(face, stage).work(addon("core.job").Progress())
-    addon("ui.landmarks").keep(ob, found, drag.stored.fixed)
+    face_points = drag.search(face, stage).work(addon("core.job").Progress())
+    addon("ui.landmarks").keep(ob, face_points, drag.stored.fixed)
     stored = landmarks.load(ob)
     assert stored.positions[30] == pytest.approx((0.03, 0.0, 0.04), abs=1e-6)
     half = (np.array((0.03, 0.0, 0.04)) - before[30]) / 2
@@ -133,8 +133,8 @@ def test_the_pointer_takes_the_nearest_landmark_within_reach(stage, addon):
     drag = addon("scene.face.landmarks").Drag(ob)
     pixels = np.column_stack([np.arange(68) * 20.0, np.zeros(68)])
     pixels[3] = np.nan
-    assert drag.hold_near(np.array((101.0, 5.0)), pixels, 14.0) and drag.held == 5
-    assert not drag.hold_near(np.array((60.0, 0.0)), pixels, 14.0) and drag.held is None
+    assert drag.hold_near(np.array((101.0, 5.0)), pixels, 14.0) and drag.number == 5
+    assert not drag.hold_near(np.array((60.0, 0.0)), pixels, 14.0) and drag.number is None
 
 
 def test_dragging_needs_a_face(stage, addon):
@@ -255,9 +255,9 @@ def test_parts_that_rest_get_no_keys(stage, addon):
     take, pieces = addon("core.take"), addon("scene.face.pieces")
     vectors = np.zeros((1, 6, 3), dtype=np.float32)
     vectors[0, :4, 2] = 0.01
-    made = take.Take(24.0, 5.0, "basis", take.Basis(vectors, np.ones((3, 1)), 0.0))
+    whole_take = take.Take(24.0, 5.0, "basis", take.Basis(vectors, np.ones((3, 1)), 0.0))
     parts = [take.Piece("Head", 0, 4, np.eye(4)), take.Piece("Eye", 4, 2, np.eye(4))]
-    face, eye = pieces.split(made, parts)
+    face, eye = pieces.split(whole_take, parts)
     assert face[1].largest_mm == pytest.approx(5.0) and eye[1] is None
 
 
@@ -356,9 +356,9 @@ def by_bone(teeth, rig):
 
 
 def by_constraint(teeth, rig):
-    held = teeth.constraints.new("CHILD_OF")
-    held.target, held.subtarget = rig, "head"
-    held.inverse_matrix = (rig.matrix_world @ rig.pose.bones["head"].matrix).inverted()
+    constraint = teeth.constraints.new("CHILD_OF")
+    constraint.target, constraint.subtarget = rig, "head"
+    constraint.inverse_matrix = (rig.matrix_world @ rig.pose.bones["head"].matrix).inverted()
 
 
 def by_parents(teeth, rig):

@@ -13,7 +13,7 @@ def imported_files(path: Path, root: Path) -> set[Path]:
     Python runs `__init__.py` of every package on the way, but those around the file itself are
     running already.
     """
-    found = set()
+    files = set()
     for node in ast.walk(ast.parse(path.read_text(encoding="utf-8"))):
         if not isinstance(node, ast.ImportFrom) or not node.level:
             continue
@@ -21,13 +21,13 @@ def imported_files(path: Path, root: Path) -> set[Path]:
         assert folder.is_relative_to(root), f"{path}, line {node.lineno} leaves the extension"
         for part in node.module.split(".") if node.module else ():
             folder = folder / part
-            found.add(folder.with_suffix(".py") if not folder.is_dir() else folder / "__init__.py")
+            files.add(folder.with_suffix(".py") if not folder.is_dir() else folder / "__init__.py")
         for alias in node.names if folder.is_dir() else ():
             inner = folder / alias.name
-            found |= {inner.with_suffix(".py"), inner / "__init__.py"}
-            found.add(folder / "__init__.py")
+            files |= {inner.with_suffix(".py"), inner / "__init__.py"}
+            files.add(folder / "__init__.py")
     around = {parent / "__init__.py" for parent in path.parents}
-    return {other for other in found if other.is_file() and other != path} - around
+    return {other for other in files if other.is_file() and other != path} - around
 
 
 def circle(root: Path) -> list[str]:

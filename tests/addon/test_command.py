@@ -60,8 +60,8 @@ def test_bake_writes_the_file_and_the_report(run, tmp_path):
     assert [request.controls[name] for name in names] == [-0.5, 7.0, 1.0, 1.0]
     row = request.emotion[0][1]
     assert row[1] == 0.7 and row[3] == 0.2
-    told = json.loads(report.read_text())
-    assert told["ok"] and told["exit_code"] == 0 and "24 frames" in told["message"]
+    outcome = json.loads(report.read_text())
+    assert outcome["ok"] and outcome["exit_code"] == 0 and "24 frames" in outcome["message"]
     bpy.ops.wm.open_mainfile(filepath=str(out))
     blocks = bpy.data.objects["Head"].data.shape_keys.key_blocks
     assert blocks[1].name == "Anyface.001"

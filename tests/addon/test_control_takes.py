@@ -95,8 +95,8 @@ def state(ob):
     rig = rig_of(ob)
     poses = [tuple(map(tuple, bone.matrix_basis)) for bone in rig.pose.bones]
     shown = [(m.name, m.show_viewport) for m in ob.modifiers]
-    own = {name: value for name, value in rig.items() if name not in SETTINGS}
-    return everything(), animation_rows(rig.animation_data), poses, shown, own
+    properties = {name: value for name, value in rig.items() if name not in SETTINGS}
+    return everything(), animation_rows(rig.animation_data), poses, shown, properties
 
 
 def generate():
@@ -113,8 +113,8 @@ def remove():
 def test_no_control_moves_before_the_scene_begins(face):
     face.anyface.start_frame = 1
     generate()
-    found = curves(rig_of(face).animation_data.action)
-    assert found and {curve.range()[0] for curve in found} == {1.0}
+    fcurves = curves(rig_of(face).animation_data.action)
+    assert fcurves and {curve.range()[0] for curve in fcurves} == {1.0}
     at_first = shape(face, 1)
     assert np.abs(at_first - shape(face, -3)).max() < 1e-6
     assert np.abs(at_first - shape(face, 2)).max() < 2e-3

@@ -65,18 +65,18 @@ def truth(ob, path):
 
 def face_vertices(ob):
     """Vertices of the skin within 25 mm of a landmark."""
-    points, found = rigs.positions(ob), rigs.landmarks()
-    away = np.linalg.norm(points[:, None] - found[None], axis=2).min(axis=1)
+    points, marks = rigs.positions(ob), rigs.landmarks()
+    away = np.linalg.norm(points[:, None] - marks[None], axis=2).min(axis=1)
     skin = np.zeros(len(points), dtype=bool)
     skin[: rigs.skin_vertices()] = True
     return np.flatnonzero((away < 0.025) & skin)
 
 
-def share(ob, wanted, shown):
+def share(ob, true, shown):
     """The share of the energy of the face's motion."""
     some = face_vertices(ob)
-    missed = ((wanted[:, some] - shown[:, some]) ** 2).sum()
-    return 1.0 - missed / (wanted[:, some] ** 2).sum()
+    missed = ((true[:, some] - shown[:, some]) ** 2).sum()
+    return 1.0 - missed / (true[:, some] ** 2).sum()
 
 
 def gaps(ob, moved):
@@ -88,14 +88,14 @@ def gaps(ob, moved):
     return apart - rest
 
 
-def closed(ob, wanted, shown):
+def closed(ob, target, shown):
     """Of the moments at which the lips close, the share at which they do on the rig."""
-    true, found = gaps(ob, wanted), gaps(ob, shown)
+    true, on_rig = gaps(ob, target), gaps(ob, shown)
     limit = 0.15 * np.quantile(true, 0.95)
     least = np.r_[False, (true[1:-1] <= true[:-2]) & (true[1:-1] < true[2:]), False]
     moments = np.flatnonzero(least & (true < limit))
     assert len(moments) >= 4
-    return float((found[moments] < limit).mean())
+    return float((on_rig[moments] < limit).mean())
 
 
 def speak(ob, path):
@@ -162,12 +162,12 @@ def test_paths_that_are_no_number_are_no_controls(addon, bone_that_drives, path)
 
 def test_a_crude_rig_speaks_and_is_left_as_it_was(voice, addon):
     ob = ready(rigs.head(), voice)
-    wanted = truth(ob, voice)
+    target = truth(ob, voice)
     rigs.crude(addon, ob)
     bpy.context.scene.frame_set(1)
     before = everything()
     shown = speak(ob, voice)
-    shares = share(ob, wanted, shown), closed(ob, wanted, shown)
+    shares = share(ob, target, shown), closed(ob, target, shown)
     print("crude", shares)
     assert shares[0] > 0.85 and shares[1] >= 0.9
     bpy.context.scene.frame_set(1)
@@ -188,12 +188,12 @@ def test_controls_on_twos_stand_still_until_the_next_pose(voice, addon):
 
 def test_keys_that_are_all_driven_speak_at_what_drives_them(voice, addon):
     ob = ready(rigs.head(), voice)
-    wanted = truth(ob, voice)
+    target = truth(ob, voice)
     rig = rigs.driven(addon, ob)
     bpy.context.scene.frame_set(1)
     before = everything()
     shown = speak(ob, voice)
-    shares = share(ob, wanted, shown), closed(ob, wanted, shown)
+    shares = share(ob, target, shown), closed(ob, target, shown)
     print("driven", shares)
     assert shares[0] > 0.85 and shares[1] >= 0.9
     animated = {curve.data_path for curve in curves(rig.animation_data.action)}
@@ -205,12 +205,12 @@ def test_keys_that_are_all_driven_speak_at_what_drives_them(voice, addon):
 
 def test_controllers_that_bones_follow_are_what_is_animated(voice, addon):
     ob = ready(rigs.head(), voice)
-    wanted = truth(ob, voice)
+    target = truth(ob, voice)
     rig = rigs.controllers(addon, ob)
     bpy.context.scene.frame_set(1)
     before = everything()
     shown = speak(ob, voice)
-    shares = share(ob, wanted, shown), closed(ob, wanted, shown)
+    shares = share(ob, target, shown), closed(ob, target, shown)
     print("controllers", shares)
     animated = {curve.data_path for curve in curves(rig.animation_data.action)}
     bones = {path.split('"')[1] for path in animated if path.startswith("pose.bones")}
@@ -223,14 +223,14 @@ def test_controllers_that_bones_follow_are_what_is_animated(voice, addon):
 
 def test_keys_of_vroid_speak_without_a_word(voice, addon):
     ob = ready(rigs.head(), voice)
-    wanted = truth(ob, voice)
+    target = truth(ob, voice)
     rigs.vroid(addon, ob)
     ob.anyface.property_unset("mode")
     assert bpy.ops.anyface.generate() == {"FINISHED"}
     print(ob.anyface.report)
     frames = frames_of(voice)
     shown = film(ob, frames) - film(ob, [frames[0] - 30])[0]
-    shares = share(ob, wanted, shown), closed(ob, wanted, shown)
+    shares = share(ob, target, shown), closed(ob, target, shown)
     print("vroid", ob.anyface.mode, shares)
     assert ob.anyface.mode == "keys"
     # Where lips meet, five vowels that only open leave the rest of the motion away.
@@ -252,12 +252,12 @@ WHOLE = [False, *([True] if os.environ.get("ANYFACE_WHOLE_RIGS") else [])]
 @pytest.mark.parametrize("whole", WHOLE)
 def test_the_face_that_rigify_makes_speaks(voice, addon, rigify, whole):
     ob = ready(rigs.head(), voice)
-    wanted = truth(ob, voice)
+    target = truth(ob, voice)
     rig = rigify_face.bind(addon, ob, whole)
     bpy.context.scene.frame_set(1)
     before = everything()
     shown = speak(ob, voice)
-    shares = share(ob, wanted, shown), closed(ob, wanted, shown)
+    shares = share(ob, target, shown), closed(ob, target, shown)
     print("rigify", shares, len(rig.pose.bones))
     animated = {curve.data_path for curve in curves(rig.animation_data.action)}
     assert not any("DEF-" in path or "spine" in path for path in animated)
@@ -272,18 +272,18 @@ def test_the_human_of_mpfb_speaks(voice, addon, monkeypatch):
     ob, rig = mpfb_face.human(os.environ["ANYFACE_MPFB"])
     ready(ob, voice)
     bpy.context.view_layer.update()
-    wanted = truth(ob, voice)
+    target = truth(ob, voice)
     settings = addon("ui.settings").from_object(ob)
     face = addon("scene.bake").read_face(ob, settings, editable=False)
     engine, progress = addon("ui.running").engine(settings.system), addon("core.job").Progress()
-    found = addon("core.finding").find(face, {}, engine.find, progress)
-    monkeypatch.setattr(rigs, "LANDMARKS", [{"vertex": int(v)} for v in found.vertices])
-    monkeypatch.setattr(rigs, "landmarks", lambda: rigs.positions(ob)[found.vertices])
+    face_points = addon("core.finding").find(face, {}, engine.find, progress)
+    monkeypatch.setattr(rigs, "LANDMARKS", [{"vertex": int(v)} for v in face_points.vertices])
+    monkeypatch.setattr(rigs, "landmarks", lambda: rigs.positions(ob)[face_points.vertices])
     monkeypatch.setattr(rigs, "skin_vertices", lambda: mpfb_face.BODY)
     bpy.context.scene.frame_set(1)
     before = everything()
     shown = speak(ob, voice)
-    shares = share(ob, wanted, shown), closed(ob, wanted, shown)
+    shares = share(ob, target, shown), closed(ob, target, shown)
     print("mpfb", shares, len(rig.pose.bones))
     animated = {curve.data_path.split('"')[1] for curve in curves(rig.animation_data.action)}
     assert not animated & {"head", "neck01", "neck02", "neck03", "spine01"}

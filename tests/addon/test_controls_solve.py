@@ -37,9 +37,9 @@ def test_a_motion_that_the_controls_make_is_found_again(solver):
     true = waves(60, 5)
     target = np.tensordot(true, directions, axes=1)
     response = solver.Response.linear(directions)
-    found = last(solver.solve(response, task(solver, target, 5)))
-    assert np.abs(found - true).max() < 0.06
-    assert solver.share_shown(target, response.at(found)) > 0.999
+    solution = last(solver.solve(response, task(solver, target, 5)))
+    assert np.abs(solution - true).max() < 0.06
+    assert solver.share_shown(target, response.at(solution)) > 0.999
 
 
 def test_limits_hold_and_the_others_make_up_for_them(solver):
@@ -48,12 +48,12 @@ def test_limits_hold_and_the_others_make_up_for_them(solver):
     # The third does nearly what the first does, and may go on where that must stop.
     directions[2] = directions[0] + 0.05 * random.normal(size=(30, 3))
     target = np.tensordot(np.abs(waves(50, 3)) * [1.0, 1.0, 0.0], directions, axes=1)
-    given = task(solver, target, 3, low=0.0)
-    given.highest = np.array([0.5, 10.0, 10.0])
+    problem = task(solver, target, 3, low=0.0)
+    problem.highest = np.array([0.5, 10.0, 10.0])
     response = solver.Response.linear(directions)
-    found = last(solver.solve(response, given))
-    assert found.min() >= 0.0 and found[:, 0].max() <= 0.5 and found[:, 2].max() > 0.3
-    assert solver.share_shown(target, response.at(found)) > 0.99
+    solution = last(solver.solve(response, problem))
+    assert solution.min() >= 0.0 and solution[:, 0].max() <= 0.5 and solution[:, 2].max() > 0.3
+    assert solver.share_shown(target, response.at(solution)) > 0.99
 
 
 def test_controls_that_do_nearly_the_same_do_not_fight(solver):
@@ -63,9 +63,9 @@ def test_controls_that_do_nearly_the_same_do_not_fight(solver):
     noisy = np.tensordot(waves(80, 1), one, axes=1) + 0.3 * random.normal(size=(80, 30, 3))
     flat = directions.reshape(2, -1)
     unheld = noisy.reshape(80, -1) @ np.linalg.pinv(flat)
-    found = last(solver.solve(solver.Response.linear(directions), task(solver, noisy, 2)))
-    assert np.abs(unheld).max() > 5.0 and np.abs(found).max() < 1.5
-    assert np.abs(found.sum(axis=1) - waves(80, 1)[:, 0]).max() < 0.1
+    solution = last(solver.solve(solver.Response.linear(directions), task(solver, noisy, 2)))
+    assert np.abs(unheld).max() > 5.0 and np.abs(solution).max() < 1.5
+    assert np.abs(solution.sum(axis=1) - waves(80, 1)[:, 0]).max() < 0.1
 
 
 def turn(points, angle):
@@ -78,10 +78,10 @@ def jaw(solver, points, knots):
     """A jaw that turns all points, and a lip bone on it that shifts half of them along y."""
     shift = np.zeros_like(points)
     shift[: len(points) // 2, 1] = 1.0
-    own = np.stack([turn(points, angle) - points for angle in knots])
+    motion = np.stack([turn(points, angle) - points for angle in knots])
     lips = np.stack([turn(shift, angle) for angle in knots])
     turning = np.stack([turn(points, k + 1e-4) - turn(points, k - 1e-4) for k in knots]) / 2e-4
-    return solver.Response(np.stack([turning, lips], axis=1), own, np.array(knots), 0)
+    return solver.Response(np.stack([turning, lips], axis=1), motion, np.array(knots), 0)
 
 
 def test_the_second_pass_follows_a_jaw_that_turns(solver):
@@ -93,9 +93,9 @@ def test_the_second_pass_follows_a_jaw_that_turns(solver):
     target = np.stack([turn(points + s * lips, a) - points for a, s in both])
     response = jaw(solver, points, [0.0, 0.25, 0.5])
     first = solver.Response.linear(response.directions[0])
-    given = task(solver, target, 2)
-    coarse = last(solver.solve(first, given))
-    fine = last(solver.solve(response, given, coarse))
+    problem = task(solver, target, 2)
+    coarse = last(solver.solve(first, problem))
+    fine = last(solver.solve(response, problem, coarse))
     misses = []
     for values in (coarse, fine):
         shown = np.stack([turn(points + s * lips, a) - points for a, s in values])
@@ -110,8 +110,8 @@ def test_the_gap_of_the_lips_counts_besides(solver):
     pairs = np.array([[0, 1], [2, 3]])
     response, missed = solver.Response.linear(directions), []
     for gap in (0.0, 200.0):
-        found = last(solver.solve(response, task(solver, target, 4, pairs=pairs, gap=gap)))
-        wrong = response.at(found) - target
+        solution = last(solver.solve(response, task(solver, target, 4, pairs=pairs, gap=gap)))
+        wrong = response.at(solution) - target
         missed.append(np.abs(wrong[:, pairs[:, 0]] - wrong[:, pairs[:, 1]]).mean())
     assert missed[1] < 0.8 * missed[0]
 
@@ -128,5 +128,5 @@ def test_misses_are_told_by_region(solver):
     target = np.zeros((3, 4, 3))
     shown = target.copy()
     shown[1, 0, 0], shown[2, 3, 1] = 2.0, -3.0
-    found = solver.largest_misses(target, shown, np.array([0, 0, 2, 2]), ["mouth", "jaw", "eyes"])
-    assert found == {"mouth": 2.0, "eyes": 3.0}
+    misses = solver.largest_misses(target, shown, np.array([0, 0, 2, 2]), ["mouth", "jaw", "eyes"])
+    assert misses == {"mouth": 2.0, "eyes": 3.0}

@@ -123,7 +123,7 @@ def test_a_face_that_was_not_found_is_named_with_the_reason_first(addon):
 
 
 def test_weights_are_loaded_by_the_first_who_needs_them_and_once(addon):
-    made = []
+    engines = []
 
     class Engine:
         closed = False
@@ -135,12 +135,12 @@ def test_weights_are_loaded_by_the_first_who_needs_them_and_once(addon):
             self.closed = True
 
     def load():
-        made.append(Engine())
-        return made[-1]
+        engines.append(Engine())
+        return engines[-1]
 
     lazy = addon("core.lazy").LazyEngine(load)
     lazy.close()
-    assert not made and not lazy.is_loaded
-    assert [lazy.find(), lazy.find()] == ["found", "found"] and len(made) == 1
+    assert not engines and not lazy.is_loaded
+    assert [lazy.find(), lazy.find()] == ["found", "found"] and len(engines) == 1
     lazy.close()
-    assert made[0].closed and not lazy.is_loaded
+    assert engines[0].closed and not lazy.is_loaded

@@ -150,6 +150,6 @@ def test_a_curve_made_in_blender_gets_few_keys_within_its_part_of_the_tolerance(
     padded = np.concatenate([[0.0], values, [0.0]])
     addon("scene.animation.curves").write_take(bag, "location", at, padded, keys, 1)
     curve = bag.fcurves.find("location", index=1)
-    found = np.array([curve.evaluate(frame) for frame in np.arange(120.0)])
-    assert np.abs(found - values).max() * 10.0 < sparse.ALONE * TOLERANCE_MM * 1.02
+    samples = np.array([curve.evaluate(frame) for frame in np.arange(120.0)])
+    assert np.abs(samples - values).max() * 10.0 < sparse.ALONE * TOLERANCE_MM * 1.02
     bpy.data.actions.remove(action)

@@ -31,12 +31,12 @@ def test_settings_of_an_override_are_kept(stage, tmp_path):
     bpy.ops.wm.save_as_mainfile(filepath=str(tmp_path / "shot.blend"))
     with bpy.data.libraries.load(str(tmp_path / "library.blend"), link=True) as (_, target):
         target.objects = ["Head", "Teeth_low"]
-    made = []
+    overrides = []
     for linked in target.objects:
         other = linked.override_create(remap_local_usages=True)
         bpy.context.scene.collection.objects.link(other)
-        made.append(other)
-    ob, teeth = speaking(tmp_path, made[0]), made[1]
+        overrides.append(other)
+    ob, teeth = speaking(tmp_path, overrides[0]), overrides[1]
     select(ob)
     ob.anyface.mode, ob.anyface.emotion, ob.anyface.articulation = "cache", "happy", 1.3
     ob.anyface_audio.channel = 3
@@ -53,11 +53,11 @@ def test_settings_of_an_override_are_kept(stage, tmp_path):
     moved = shape(teeth, START + 20)
     bpy.ops.wm.save_mainfile()
     bpy.ops.wm.open_mainfile(filepath=str(tmp_path / "shot.blend"))
-    own = [ob for ob in bpy.data.objects if ob.override_library is not None]
-    ob, teeth = (next(o for o in own if o.name.startswith(n)) for n in ("Head", "Teeth"))
-    found = ob.anyface
-    assert (found.mode, found.emotion) == ("cache", "happy")
-    assert found.articulation == pytest.approx(1.3) and ob.anyface_audio.channel == 3
+    overrides_here = [ob for ob in bpy.data.objects if ob.override_library is not None]
+    ob, teeth = (next(o for o in overrides_here if o.name.startswith(n)) for n in ("Head", "Teeth"))
+    settings = ob.anyface
+    assert (settings.mode, settings.emotion) == ("cache", "happy")
+    assert settings.articulation == pytest.approx(1.3) and ob.anyface_audio.channel == 3
     assert [part.object for part in ob.anyface_face.parts] == [teeth]
     assert np.abs(shape(teeth, START + 20) - moved).max() < 1e-6
     select(ob)
@@ -169,8 +169,8 @@ def test_baking_tells_how_far_it_is_unless_it_is_to_be_quiet(stage, addon, tmp_p
     words = ["bake", "--object", "Head", "--audio", tone(tmp_path / "a.wav")]
     words += ["--save", str(tmp_path / "o.blend")]
     assert addon("command").main(words) == 0
-    told = capfd.readouterr()
-    assert "anyface: Head: " in told.err
-    assert "anyface: Head: " not in told.out
+    output = capfd.readouterr()
+    assert "anyface: Head: " in output.err
+    assert "anyface: Head: " not in output.out
     assert addon("command").main([*words, "--quiet"]) == 0
     assert capfd.readouterr().err == ""

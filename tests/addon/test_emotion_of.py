@@ -92,11 +92,11 @@ def test_a_painted_mask_serves_the_next_take_and_stays_when_that_goes(addon, spe
 def test_another_strip_gives_the_emotion(addon, speaking):
     ob = speaking
     generate(ob)
-    own = film(ob, FRAMES)
+    own_film = film(ob, FRAMES)
     ob.anyface_audio.emotion_strip = "Wild"
     generate(ob)
     other = film(ob, FRAMES)
-    felt_mm = 1000.0 * np.linalg.norm(other - own, axis=2)
+    felt_mm = 1000.0 * np.linalg.norm(other - own_film, axis=2)
     assert felt_mm.max() > 0.3
     # What is said is the same.
     ob.anyface_output.emotion = 0.0
@@ -161,8 +161,8 @@ def test_the_take_knows_whose_emotion_it_has(addon, speaking):
     ob = speaking
     ob.anyface_audio.emotion_strip = "Wild"
     generate(ob)
-    asked = addon("scene.shape_keys.record").read(ob.data.shape_keys).asked
-    assert asked["anyface_audio"]["emotion_strip"] == "Wild" and asked["anyface"]["layered"]
+    settings = addon("scene.shape_keys.record").read(ob.data.shape_keys).asked
+    assert settings["anyface_audio"]["emotion_strip"] == "Wild" and settings["anyface"]["layered"]
 
 
 def test_the_heat_map_is_one_step_and_leaves_the_artists_colours(addon, speaking):

@@ -31,8 +31,8 @@ def heard(addon):
     """`heard(ob)` is what was heard in the take of `ob`; None where nothing was."""
 
     def of(ob):
-        found = addon("ui.emotion_plot").heard(ob)
-        return None if found is None else found[1]
+        take_and_emotion = addon("ui.emotion_plot").heard(ob)
+        return None if take_and_emotion is None else take_and_emotion[1]
 
     return of
 
@@ -54,7 +54,7 @@ def test_a_take_keeps_what_was_heard_and_the_panel_draws_it_once(
     assert np.abs([emotion.valence, emotion.arousal]).max() <= 1.0
     plot, drawings = addon("core.plot"), []
     draw = plot.draw
-    monkeypatch.setattr(plot, "draw", lambda *given: drawings.append(given) or draw(*given))
+    monkeypatch.setattr(plot, "draw", lambda *curves: drawings.append(curves) or draw(*curves))
     assert "Heard in the Voice" in words(addon)
     likeliest = emotion.likely()[0][0].capitalize()
     assert any(text.startswith(f"{likeliest}, up to") for text in words(addon))
@@ -88,8 +88,8 @@ def test_each_take_has_its_own_picture_and_one_that_heard_nothing_has_none(
     speaking.anyface.emotion_source = "GIVEN"
     generate(speaking)
     assert heard(speaking) is None and "Heard in the Voice" not in words(addon)
-    kept = addon("scene.takes.take_list").rows(speaking)[0]
-    addon("scene.takes.take_list").switch(speaking, kept.id)
+    first_take = addon("scene.takes.take_list").rows(speaking)[0]
+    addon("scene.takes.take_list").switch(speaking, first_take.id)
     assert heard(speaking) == first
 
 
@@ -101,8 +101,8 @@ def test_a_neutral_voice_changes_what_is_heard(addon, speaking, heard, tmp_path)
     generate(speaking)
     beside = heard(speaking)
     assert beside.time_s == alone.time_s and beside.probability != alone.probability
-    asked = addon("scene.shape_keys.record").read(speaking.data.shape_keys).asked
-    assert asked["anyface_audio"]["neutral_voice"] == neutral
+    settings = addon("scene.shape_keys.record").read(speaking.data.shape_keys).asked
+    assert settings["anyface_audio"]["neutral_voice"] == neutral
 
 
 @pytest.mark.parametrize(("seconds", "said"), [(0.5, "0.50 s"), (None, "Neutral Voice: no sound")])
@@ -123,8 +123,8 @@ def test_what_is_no_emotion_is_none_and_a_long_sound_is_thinned_out(addon):
     kind = addon("core.heard_emotion").HeardEmotion
     level = {"time_s": [0.0], "intensity": [0.5], "valence": [0.5], "arousal": [0.5]}
     for more in (None, {}, {"sad": [0.1, 0.2]}, {"sad": "x"}, {"sad": [float("nan")]}, []):
-        found = kind.of_plain(level | {"probability": more})
-        assert (found is not None) == (more in ({}, []))
+        emotion = kind.of_plain(level | {"probability": more})
+        assert (emotion is not None) == (more in ({}, []))
     for values in ({}, "text", [], {"time_s": 1}, {**level, "time_s": [[0.0]]}):
         assert kind.of_plain(values) is None
     assert kind.of_json(None) is None
@@ -132,10 +132,10 @@ def test_what_is_no_emotion_is_none_and_a_long_sound_is_thinned_out(addon):
     level = [0.5] * len(times)
     long = kind(times, {"neutral": level, "sad": [0.001 * (k % 400) for k in range(3000)]},
                 level, level, level)  # fmt: skip
-    kept = kind.of_plain(long.to_plain())
-    assert len(kept.time_s) == len(kept.probability["sad"]) == len(kept.valence) == 200
-    assert kept.time_s[0] == 0.0 and kept.time_s[-1] == pytest.approx(times[-1], abs=1e-3)
-    assert [name for name, *_ in kept.likely()] == ["neutral", "sad"]
+    thinned = kind.of_plain(long.to_plain())
+    assert len(thinned.time_s) == len(thinned.probability["sad"]) == len(thinned.valence) == 200
+    assert thinned.time_s[0] == 0.0 and thinned.time_s[-1] == pytest.approx(times[-1], abs=1e-3)
+    assert [name for name, *_ in thinned.likely()] == ["neutral", "sad"]
 
 
 def test_curves_lie_where_their_values_are(addon):

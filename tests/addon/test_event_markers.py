@@ -15,12 +15,12 @@ def mark(name, frame):
 def read(addon, ob=None, marker_s=0.5, duration_s=SECONDS, **more):
     """What is read of markers, and of strips where `more` names a channel."""
     bpy.context.scene.render.fps = FPS
-    given = {"system": SYSTEM, "event_markers": True, "marker_s": marker_s} | more
-    settings = addon("scene.bake").Settings(**given)
+    settings_by_name = {"system": SYSTEM, "event_markers": True, "marker_s": marker_s} | more
+    settings = addon("scene.bake").Settings(**settings_by_name)
     return addon("scene.event_strips").read(bpy.context.scene, ob, settings, START, duration_s)
 
 
-def told(events):
+def spans(events):
     """Expression's units with first and last frame."""
     at = [(START + e.start_s * FPS, START + e.end_s * FPS) for e in events]
     return [(e.units, round(a), round(b)) for e, (a, b) in zip(events, at, strict=True)]
@@ -55,25 +55,25 @@ def test_a_marker_lasts_as_long_as_is_said_or_until_its_end(addon):
     mark("end smile", START + 40)
     mark("frown", START + 50)
     mark("end", START + 54)
-    found = read(addon)
-    assert found.notes == []
-    assert told(found.events) == [
+    result = read(addon)
+    assert result.notes == []
+    assert spans(result.events) == [
         (("6", "12"), START + 2, START + 40),
         (("6L", "45L"), START + 10, START + 22),
         (("4",), START + 50, START + 54),
     ]
-    assert [event.strength for event in found.events] == [0.5, 1.0, 1.0]
+    assert [event.strength for event in result.events] == [0.5, 1.0, 1.0]
     # A marker that moves takes its event along.
     bpy.context.scene.timeline_markers["wink"].frame = START + 20
-    assert told(read(addon).events)[1] == (("6L", "45L"), START + 20, START + 32)
+    assert spans(read(addon).events)[1] == (("6L", "45L"), START + 20, START + 32)
 
 
 def test_an_end_ends_one_event_and_no_second_one(addon):
     for name, at in (("smile", 0), ("wink", 4), ("end", 8), ("end", 20), ("end", 30)):
         mark(name, START + at)
-    found = read(addon)
-    assert [(a - START, b - START) for _, a, b in told(found.events)] == [(0, 20), (4, 8)]
-    (note,) = found.notes
+    result = read(addon)
+    assert [(a - START, b - START) for _, a, b in spans(result.events)] == [(0, 20), (4, 8)]
+    (note,) = result.notes
     assert "end" in note and "is not understood" in note
 
 
@@ -89,18 +89,18 @@ def test_markers_of_cameras_and_blenders_own_names_are_none(addon):
     for name in ("F_20", "Marker", "Marker.001", "F_07"):
         mark(name, START + 3)
     mark("wink", START + 4)
-    found = read(addon)
-    assert found.notes == [] and [e.units for e in found.events] == [("6L", "45L")]
+    result = read(addon)
+    assert result.notes == [] and [e.units for e in result.events] == [("6L", "45L")]
 
 
 def test_bad_markers_are_named_and_the_rest_is_made(addon):
     mark("the blue car", START + 1)
     mark("smile", START - 40)
     mark("wink", START + FPS)
-    found = read(addon)
-    assert [e.units for e in found.events] == [("6L", "45L")]
-    assert any("the blue car" in note and "understood" in note for note in found.notes)
-    assert any("smile" in note and "outside the sound" in note for note in found.notes)
+    result = read(addon)
+    assert [e.units for e in result.events] == [("6L", "45L")]
+    assert any("the blue car" in note and "understood" in note for note in result.notes)
+    assert any("smile" in note and "outside the sound" in note for note in result.notes)
 
 
 def test_a_marker_that_names_a_character_is_its_own(addon):

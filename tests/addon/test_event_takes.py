@@ -37,8 +37,8 @@ FRAMES = range(START, START + int(SECONDS * FPS), 3)
 
 def strip_rows(addon):
     """All that an artist sees of every text strip."""
-    found = addon("scene.sound.sequencer").all_strips(bpy.context.scene)
-    texts = [s for s in found if s.type == "TEXT"]
+    strips = addon("scene.sound.sequencer").all_strips(bpy.context.scene)
+    texts = [s for s in strips if s.type == "TEXT"]
     ends = addon("scene.sound.sequencer").ends
     return [(s.name, s.text, s.channel, ends(s), s.blend_alpha, s.mute) for s in texts]
 
@@ -104,8 +104,8 @@ def test_of_a_take_without_emotion_and_blinks_the_panel_says_why(addon, bare):
 
 
 def test_systems_say_which_sliders_they_have(addon):
-    told = {system.name: system.sliders for system in addon("core.systems").known()}
-    assert told == dict.fromkeys(told, addon("core.sliders").NAMES)
+    sliders_of = {system.name: system.sliders for system in addon("core.systems").known()}
+    assert sliders_of == dict.fromkeys(sliders_of, addon("core.sliders").NAMES)
     why = addon("core.sliders").why_missing
     request = addon("core.take").Request(fps=24.0)
     assert set(why(request, {}, ()).values()) == {addon("core.sliders").NONE}
@@ -172,16 +172,16 @@ def test_an_event_that_moved_is_redone_in_every_output(addon, bare, tmp_path, mo
     generate(ob)
     put(addon, "jaw drop!", START + 50, START + 62)
 
-    def seen():
+    def numbers():
         if mode == "csv":
             lines = (tmp_path / "table.csv").read_text().splitlines()[1:]
             rows = [[float(x) for x in line.split(",")[2:]] for line in lines]
             return np.array([rows[frame - START] for frame in (*OUTSIDE, *INSIDE)])[:, None]
         return film(ob, (*OUTSIDE, *INSIDE))
 
-    before = seen()
+    before = numbers()
     redo(ob, START + 46, START + 66)
-    after = seen()
+    after = numbers()
     # Segments that were cut are as they were but for rounding.
     rounding = 2e-6 if mode in ("basis", "arkit") else 0.0
     assert np.abs(after[: len(OUTSIDE)] - before[: len(OUTSIDE)]).max() <= rounding
@@ -204,7 +204,7 @@ def test_esc_at_any_stage_leaves_strips_keys_and_actions(addon, bare):
     settings = addon("ui.settings").from_object(ob, scene)
     engine = addon("ui.running").engine(settings.system, "")
     job, Cancelled = addon("core.job"), addon("core.errors").Cancelled
-    seen = set()
+    stages = set()
 
     class Stopping(job.Progress):
         """Stops before the stage of this name."""
@@ -214,7 +214,7 @@ def test_esc_at_any_stage_leaves_strips_keys_and_actions(addon, bare):
             self.stage = stage
 
         def check(self, stage, fraction=0.0):
-            seen.add(stage)
+            stages.add(stage)
             if stage == self.stage:
                 self.cancel()
             super().check(stage, fraction)
@@ -223,7 +223,7 @@ def test_esc_at_any_stage_leaves_strips_keys_and_actions(addon, bare):
         snapshot = addon("scene.bake").read(ob, scene, settings, engine)
         with pytest.raises(Cancelled):
             snapshot.work(Stopping(stage))
-    assert {"sound", "write"} <= seen
+    assert {"sound", "write"} <= stages
     # In the library itself.
     snapshot = addon("scene.bake").read(ob, scene, settings, engine)
     progress = job.Progress()
@@ -255,15 +255,15 @@ def test_a_run_with_events_is_one_undo_step_and_strips_stay(addon, bare):
 
 def test_moving_a_strip_is_undone_and_the_take_follows_it(addon, speaking):  # noqa: F811
     ob = speaking
-    made = put(addon, "brow raise", START + 10, START + 22)
+    event = put(addon, "brow raise", START + 10, START + 22)
     bpy.ops.ed.undo_push(message="strip")
     generate(ob)
     first = weights_of(ob)
     bpy.ops.ed.undo_push(message="Generate")
-    made = next(
-        s for s in addon("scene.sound.sequencer").all_strips(bpy.context.scene) if s == made
+    event = next(
+        s for s in addon("scene.sound.sequencer").all_strips(bpy.context.scene) if s == event
     )
-    addon("scene.sound.sequencer").place(made, START + 40, START + 52)
+    addon("scene.sound.sequencer").place(event, START + 40, START + 52)
     bpy.ops.ed.undo_push(message="move")
     bpy.ops.ed.undo()
     assert strip_rows(addon)[0][3] == (START + 10, START + 22)
@@ -440,9 +440,9 @@ def test_a_take_of_events_waits_beside_another(addon, bare):
     generate(ob)
     smiling = film(ob, FRAMES)
     ob.anyface_output.new_take = True
-    for made in list(editor_strips()):
-        if made.type == "TEXT":
-            editor_strips().remove(made)
+    for text_strip in list(editor_strips()):
+        if text_strip.type == "TEXT":
+            editor_strips().remove(text_strip)
     generate(ob)
     plain = film(ob, FRAMES)
     assert np.abs(plain - smiling).max() > 1e-3

@@ -24,14 +24,14 @@ def editor_strips():
 
 def put(addon, text, first, last, channel=CHANNEL):
     """A text strip as an artist makes it."""
-    made = addon("scene.sound.sequencer").new_text(
+    text_strip = addon("scene.sound.sequencer").new_text(
         bpy.context.scene, text or "E", channel, first, last
     )
-    made.text = text
-    return made
+    text_strip.text = text
+    return text_strip
 
 
-def found(addon, channel=CHANNEL, duration_s=SECONDS):
+def read_events(addon, channel=CHANNEL, duration_s=SECONDS):
     """What is read of the channel, the sound beginning at frame `START`."""
     bpy.context.scene.render.fps = FPS
     settings = addon("scene.bake").Settings(system=SYSTEM, event_channel=channel)
@@ -95,16 +95,16 @@ def test_the_menu_names_units_that_the_library_has(addon, known):
 
 
 @pytest.mark.parametrize(
-    ("text", "wanted"),
+    ("text", "units"),
     [
         ("winks with the right eye", {"45R"}),
         ("a big grin", {"12"}),
         ("she raises her eyebrows", {"1", "2"}),
     ],
 )
-def test_texts_beside_the_menu_are_read_by_the_library(addon, text, wanted):
+def test_texts_beside_the_menu_are_read_by_the_library(addon, text, units):
     understood = addon("core.events").expression(text)
-    assert wanted <= set(understood.units), understood
+    assert units <= set(understood.units), understood
     assert understood.hint == "" and 0.0 < understood.strength <= 2.0
 
 
@@ -135,7 +135,7 @@ def test_a_strip_is_an_event_by_text_place_length_and_opacity(addon):
     first.blend_alpha = 0.5
     put(addon, "jaw drop!", START, START + 6)
     put(addon, "smile", START, START + FPS, channel=CHANNEL + 1)
-    read = found(addon)
+    read = read_events(addon)
     assert read.notes == []
     jaw, smile = read.events
     assert (smile.start_s, smile.end_s, smile.units) == (1.0, 2.0, ("12", "6L"))
@@ -143,16 +143,16 @@ def test_a_strip_is_an_event_by_text_place_length_and_opacity(addon):
     assert jaw.over_speech and (jaw.start_s, jaw.end_s) == (0.0, 6 / FPS)
     # Moving the strip moves the event, trimming it trims it.
     addon("scene.sound.sequencer").place(first, START + 30, START + 36)
-    moved = found(addon).events[1]
+    moved = read_events(addon).events[1]
     assert (moved.start_s, moved.end_s) == (30 / FPS, 36 / FPS)
 
 
 def test_keyframes_of_the_opacity_are_pieces_of_the_event(addon):
-    made = put(addon, "smile", START + 10, START + 20)
+    text_strip = put(addon, "smile", START + 10, START + 20)
     for frame, alpha in ((START + 10, 0.0), (START + 20, 1.0)):
-        made.blend_alpha = alpha
-        made.keyframe_insert("blend_alpha", frame=frame)
-    events = found(addon).events
+        text_strip.blend_alpha = alpha
+        text_strip.keyframe_insert("blend_alpha", frame=frame)
+    events = read_events(addon).events
     strengths = [event.strength for event in events]
     assert len(events) > 3 and strengths == sorted(strengths) and strengths[0] > 0.0
     assert all(event.units == ("6", "12") for event in events)
@@ -167,7 +167,7 @@ def test_bad_strips_are_named_and_the_rest_is_made(addon):
     put(addon, "smile", START + 100, START + 110).name = "Late"
     put(addon, "", START + 6, START + 9).name = "Empty"
     put(addon, "wink", START + 60, START + 90).name = "Half"
-    read = found(addon)
+    read = read_events(addon)
     (half,) = read.events
     # What lies within the sound is made.
     assert (half.start_s, half.end_s) == (60 / FPS, SECONDS)
@@ -190,8 +190,8 @@ def test_a_strip_that_names_a_character_is_its_own_where_several_share_a_channel
         ob.anyface_audio.event_channel = CHANNEL
     put(addon, "smile", 1, 9).name = "Anna_smile"
     put(addon, "wink", 9, 20)
-    made = addon("scene.event_strips").add(bpy.context.scene, ben, CHANNEL, "frown", 30)
-    assert made.name.startswith("Ben ")
+    text_strip = addon("scene.event_strips").add(bpy.context.scene, ben, CHANNEL, "frown", 30)
+    assert text_strip.name.startswith("Ben ")
     strips_of = addon("scene.event_strips").strips_of
     theirs = {ob.name: strips_of(bpy.context.scene, CHANNEL, ob) for ob in (anna, ben)}
     assert [s.text for s in theirs["Anna"]] == ["smile", "wink"]
@@ -208,9 +208,9 @@ def test_add_at_playhead_writes_strips_beside_each_other(addon):
     scene.frame_set(20)
     assert bpy.ops.anyface.event_add(expression="smile", side="LEFT") == {"FINISHED"}
     channel = ob.anyface_audio.event_channel
-    (made,) = addon("scene.event_strips").strips_of(scene, channel)
-    assert (made.text, made.mute, made.blend_alpha) == ("left smile", True, 1.0)
-    first, last = addon("scene.sound.sequencer").ends(made)
+    (strips,) = addon("scene.event_strips").strips_of(scene, channel)
+    assert (strips.text, strips.mute, strips.blend_alpha) == ("left smile", True, 1.0)
+    first, last = addon("scene.sound.sequencer").ends(strips)
     assert first == 20 and last > 30
     with pytest.raises(RuntimeError, match="move the playhead"):
         bpy.ops.anyface.event_add(expression="wink")
@@ -268,7 +268,7 @@ def test_a_run_that_fails_leaves_strips_and_keys(addon, monkeypatch, tmp_path):
     ob.anyface.system, ob.anyface_audio.event_channel = SYSTEM, CHANNEL
     put(addon, "smile", START + FPS, START + 2 * FPS)
     assert bpy.ops.anyface.generate() == {"FINISHED"}
-    before, events = weights_of(ob), found(addon).events
+    before, events = weights_of(ob), read_events(addon).events
     errors = addon("core.errors")
 
     def stop(*_):
@@ -277,7 +277,7 @@ def test_a_run_that_fails_leaves_strips_and_keys(addon, monkeypatch, tmp_path):
     monkeypatch.setattr(type(stage), "animate", stop)
     with pytest.raises(RuntimeError):
         bpy.ops.anyface.generate()
-    assert found(addon).events == events
+    assert read_events(addon).events == events
     assert weights_of(ob) == before
 
 
@@ -349,7 +349,7 @@ def test_an_event_moves_its_slot_and_nothing_far_from_it_and_goes_with_its_strip
     ob = speaking
     assert bpy.ops.anyface.generate() == {"FINISHED"}, ob.anyface.report
     without = weights_of(ob)
-    made = put(addon, "brow raise", START + FPS, START + int(1.6 * FPS))
+    text_strip = put(addon, "brow raise", START + FPS, START + int(1.6 * FPS))
     assert bpy.ops.anyface.generate() == {"FINISHED"}, ob.anyface.report
     with_it = weights_of(ob)
     inside = range(START + FPS, START + int(1.6 * FPS))
@@ -358,13 +358,13 @@ def test_an_event_moves_its_slot_and_nothing_far_from_it_and_goes_with_its_strip
     slot = max(change(without, with_it, name, inside) for name in brows)
     beside = max(change(without, with_it, name, far) for name in without)
     assert slot > 0.3 and beside < 0.02
-    addon("scene.sound.sequencer").place(made, START + 2 * FPS, START + int(2.6 * FPS))
+    addon("scene.sound.sequencer").place(text_strip, START + 2 * FPS, START + int(2.6 * FPS))
     assert bpy.ops.anyface.generate() == {"FINISHED"}, ob.anyface.report
     moved = weights_of(ob)
     behind, before = range(START + 2 * FPS, START + 62), range(START, START + 2 * FPS - 12)
     assert max(change(without, moved, name, behind) for name in brows) > 0.3
     assert max(change(without, moved, name, before) for name in brows) < 0.02
-    made.text = "the blue car"
+    text_strip.text = "the blue car"
     assert bpy.ops.anyface.generate() == {"FINISHED"}, ob.anyface.report
     assert "brow raise was left out" in ob.anyface.report
 
@@ -376,20 +376,25 @@ def test_shapes_that_move_and_no_key_shows_are_named(addon, tmp_path):
     ob.shape_key_add(name="eyeBlinkLeft").points[0].co.z += 0.01
     ob.anyface.system, ob.anyface.mode = SYSTEM, "keys"
     weights = addon("core.take").ShapeWeights
-    made = weights(["jawOpen", "mouthFunnel", "cheekPuff"], np.array([[0.5, 0.2, 0.01]] * 3))
-    assert made.missing(["jawOpen"]) == ["mouthFunnel"]
+    motion = weights(["jawOpen", "mouthFunnel", "cheekPuff"], np.array([[0.5, 0.2, 0.01]] * 3))
+    assert motion.missing(["jawOpen"]) == ["mouthFunnel"]
     share = np.hypot(0.2, 0.01) / np.hypot(0.5, 0.2)
-    assert made.left_out(["jawOpen"]) == pytest.approx(share, 1e-2)
+    assert motion.left_out(["jawOpen"]) == pytest.approx(share, 1e-2)
     assert bpy.ops.anyface.generate() == {"FINISHED"}, ob.anyface.report
     assert "no key shows" in ob.anyface.report and "eyeBlinkRight" in ob.anyface.report
 
 
 def test_what_a_face_cannot_show_is_told_by_the_name_of_the_strip(addon):
-    told = addon("core.native_events")._named
-    asked = [addon("core.events").Event(0.0, 1.0, ("12",), name=name) for name in ("A", "Brows")]
+    name_strips = addon("core.native_events")._named
+    requested_events = [
+        addon("core.events").Event(0.0, 1.0, ("12",), name=name) for name in ("A", "Brows")
+    ]
     note = "event 2 (0.5 to 1 s): this face cannot show unit 1, inner brow raiser"
-    assert told(note, asked) == "the event Brows: this face cannot show unit 1, inner brow raiser"
-    assert told("something else", asked) == "something else"
+    assert (
+        name_strips(note, requested_events)
+        == "the event Brows: this face cannot show unit 1, inner brow raiser"
+    )
+    assert name_strips("something else", requested_events) == "something else"
 
 
 def test_what_hides_a_lip_stands_in_the_report(addon, tmp_path):
@@ -417,7 +422,7 @@ def test_notes_of_a_thousand_strips_are_few(addon):
     for number in range(1000):
         text, first = "smile" if number % 2 else "the blue car", START + number
         put(addon, text, first, first + 1)
-    read = found(addon, duration_s=1000.0 / FPS)
+    read = read_events(addon, duration_s=1000.0 / FPS)
     assert len(read.events) == 500
     # A report of five hundred notes is none.
     assert len(read.notes) == 7 and read.notes[-1] == "and 494 more of this kind"

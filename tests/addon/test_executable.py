@@ -101,7 +101,7 @@ def test_the_command_does_a_batch(blender, voice):  # noqa: F811
     done = blender("--command", "anyface", "batch", jobs)
     assert done.returncode == 12, done.stdout + done.stderr
     assert (folder / "one.blend").exists() and not (folder / "two.blend").exists()
-    told = [
+    outcomes = [
         json.loads((folder / f"jobs.reports/{name}.json").read_text()) for name in ("one", "two")
     ]
-    assert told[0]["faces"][0]["largest_mm"] > 1.0 and told[1]["exit_code"] == 4
+    assert outcomes[0]["faces"][0]["largest_mm"] > 1.0 and outcomes[1]["exit_code"] == 4

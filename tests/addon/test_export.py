@@ -117,7 +117,7 @@ def weights_of(path):
     data = path.read_bytes()
     length = struct.unpack("<I", data[12:16])[0]
     document, binary = json.loads(data[20 : 20 + length]), data[28 + length :]
-    found = []
+    weights = []
     for animation in document["animations"]:
         for channel in animation["channels"]:
             if channel["target"]["path"] == "weights":
@@ -125,8 +125,8 @@ def weights_of(path):
                 accessor = document["accessors"][sampler["output"]]
                 view = document["bufferViews"][accessor["bufferView"]]
                 at = view.get("byteOffset", 0) + accessor.get("byteOffset", 0)
-                found.append(np.frombuffer(binary, "<f4", accessor["count"], at))
-    return found
+                weights.append(np.frombuffer(binary, "<f4", accessor["count"], at))
+    return weights
 
 
 def test_a_gltf_file_has_weights_that_no_engine_clamps(stage, tmp_path):
@@ -136,9 +136,9 @@ def test_a_gltf_file_has_weights_that_no_engine_clamps(stage, tmp_path):
     action = ob.data.shape_keys.animation_data.action
     assert min(point.co[1] for curve in curves(action) for point in curve.keyframe_points) < -0.5
     gltf_out(str(tmp_path / "head.glb"))
-    found = weights_of(tmp_path / "head.glb")
-    assert found and all(w.min() >= 0.0 and w.max() <= 1.0 for w in found)
-    assert any(np.ptp(w) > 0.9 for w in found)
+    weights = weights_of(tmp_path / "head.glb")
+    assert weights and all(w.min() >= 0.0 and w.max() <= 1.0 for w in weights)
+    assert any(np.ptp(w) > 0.9 for w in weights)
 
 
 def test_takes_beside_the_one_that_plays_are_exported_and_stay(stage, tmp_path, addon):

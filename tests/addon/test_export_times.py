@@ -64,12 +64,12 @@ def speaking(stage, tmp_path, rate, start=1, mode="basis"):
 
 def world(ob, frames):
     """Positions `[N, V, 3]` in the world."""
-    found = []
+    places = []
     for frame in frames:
         points = shape(ob, frame)
         matrix = np.array(ob.matrix_world)
-        found.append(points @ matrix[:3, :3].T + matrix[:3, 3])
-    return np.array(found)
+        places.append(points @ matrix[:3, :3].T + matrix[:3, 3])
+    return np.array(places)
 
 
 def needs_usd(addon, kind="usd"):
@@ -134,8 +134,8 @@ def test_a_usd_file_has_weights_that_nobody_clamps(stage, addon, tmp_path):
     prims = list(file.Traverse())
     (animation,) = [prim for prim in prims if prim.GetTypeName() == "SkelAnimation"]
     weights = animation.GetAttribute("blendShapeWeights")
-    found = np.array([weights.Get(time) for time in weights.GetTimeSamples()])
-    assert found.min() >= 0.0 and found.max() <= 1.0 and np.ptp(found, axis=0).max() > 0.9
+    samples = np.array([weights.Get(time) for time in weights.GetTimeSamples()])
+    assert samples.min() >= 0.0 and samples.max() <= 1.0 and np.ptp(samples, axis=0).max() > 0.9
     bpy.ops.wm.read_homefile(use_empty=True, use_factory_startup=True)
     bpy.context.scene.render.fps = 24
     bpy.ops.wm.usd_import(filepath=path)
@@ -145,8 +145,8 @@ def test_a_usd_file_has_weights_that_nobody_clamps(stage, addon, tmp_path):
 
 def first_keys(blocks):
     """The first frame of each curve of data-blocks."""
-    found = [curves(one.animation_data.action) for one in blocks if one.animation_data]
-    return [curve.range()[0] for every in found for curve in every]
+    fcurves = [curves(one.animation_data.action) for one in blocks if one.animation_data]
+    return [curve.range()[0] for every in fcurves for curve in every]
 
 
 @pytest.mark.parametrize("mode", ["basis", "arkit", "keys", "frames"])
@@ -185,8 +185,8 @@ def test_the_button_exports_the_face_with_its_parts_or_all(stage, addon, tmp_pat
         from pxr import Usd
 
         file = Usd.Stage.Open(str(path))
-        found = {prim.GetName() for prim in file.Traverse() if prim.GetParent().GetName() == "root"}
-        assert {name for name in found if name in ("Head", "Lamp", "Teeth_lower")} == names
+        prims = {prim.GetName() for prim in file.Traverse() if prim.GetParent().GetName() == "root"}
+        assert {name for name in prims if name in ("Head", "Lamp", "Teeth_lower")} == names
     assert everything() == before and lamp.select_get() and not ob.select_get()
 
 

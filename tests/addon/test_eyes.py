@@ -50,4 +50,4 @@ def test_a_take_offers_it_where_eyes_cannot_blink(mask, addon, tmp_path):  # noq
     mask.anyface.source, mask.anyface.sound_file = "FILE", tone(tmp_path / "tone.wav", 0.5)
     assert bpy.ops.anyface.generate() == {"FINISHED"}
     assert addon("scene.face.opening").JOINED in mask.anyface.report
-    assert addon("ui.mending").kept(mask) == ["open_mouth", "open_eyes"]
+    assert addon("ui.mending").offers(mask) == ["open_mouth", "open_eyes"]

@@ -52,15 +52,15 @@ def farm(tmp_path):
 
 def half_written(folder: Path) -> list[str]:
     """What lies there that nobody has asked for."""
-    found = [path.relative_to(folder) for path in folder.rglob("*") if path.is_file()]
-    return [str(path) for path in found if path.name.startswith(".") or "part" in path.name]
+    paths = [path.relative_to(folder) for path in folder.rglob("*") if path.is_file()]
+    return [str(path) for path in paths if path.name.startswith(".") or "part" in path.name]
 
 
 def test_a_batch_ends_whatever_is_raised(addon, installed, farm, tmp_path, capfd):
     batch = addon("farm.batch")
-    with Fault(installed) as seen:
+    with Fault(installed) as fault:
         assert batch.run(farm) == 12
-    steps = [(code, n) for code, n in steps_of(seen.calls, installed) if code.co_name not in NET]
+    steps = [(code, n) for code, n in steps_of(fault.calls, installed) if code.co_name not in NET]
     failures = []
     for number, (code, calls) in enumerate(steps):
         error, at = ERRORS[number % len(ERRORS)](), calls if number % 2 else 1
@@ -101,9 +101,9 @@ def test_baking_ends_with_a_report_whatever_is_raised(addon, installed, tmp_path
     words += ["--audio", tone(tmp_path / "a.wav", 0.5), "--save", str(save)]
     words += ["--report", str(report)]
     main = addon("command").main
-    with Fault(installed) as seen:
+    with Fault(installed) as fault:
         assert main(words) == 0
-    steps = [(code, n) for code, n in steps_of(seen.calls, installed) if code.co_name not in NET]
+    steps = [(code, n) for code, n in steps_of(fault.calls, installed) if code.co_name not in NET]
     steps = [step for step in steps if "/ui/" not in step[0].co_filename]
     failures = []
     for number, (code, calls) in enumerate(steps):

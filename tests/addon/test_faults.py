@@ -43,8 +43,8 @@ def test_a_fault_in_the_thread_ends_the_job_and_is_kept_as_a_text(ready, addon, 
     word, manager = press(operator, ready)
     assert word == "CANCELLED" and manager.timers == 0
     assert not addon("ui.running").is_running()
-    ((kind, told),) = operator.told
-    assert kind == "ERROR" and "the text Anyface Fault" in told and "Traceback" not in told
+    ((kind, message),) = operator.messages
+    assert kind == "ERROR" and "the text Anyface Fault" in message and "Traceback" not in message
     assert "in breaks" in details()
 
 

@@ -187,8 +187,8 @@ def add_object(hand):
     in_object_mode()
     if len(bpy.data.objects) > 10:
         return
-    made = hand.pick([lambda: grid(hand.pick(["Head", "Eye.L", "Teeth_low"]), 5, 0.05), camera])
-    made()
+    add = hand.pick([lambda: grid(hand.pick(["Head", "Eye.L", "Teeth_low"]), 5, 0.05), camera])
+    add()
 
 
 def camera():
@@ -203,9 +203,9 @@ def delete_object(hand):
 
 def add_collection(hand):
     if len(bpy.data.collections) < 3:
-        made = bpy.data.collections.new("Mouths")
-        bpy.context.scene.collection.children.link(made)
-        made.objects.link(hand.pick(bpy.data.objects))
+        collection = bpy.data.collections.new("Mouths")
+        bpy.context.scene.collection.children.link(collection)
+        collection.objects.link(hand.pick(bpy.data.objects))
 
 
 def rename(hand):
@@ -333,9 +333,9 @@ def hand(addon, tmp_path, monkeypatch):
     """A user in front of a head, its teeth, and two strips; the library is a stage."""
     monkeypatch.chdir(tmp_path)
     # What this user saves for good is nothing to the tests after it.
-    own = tmp_path / "presets"
-    own.mkdir()
-    monkeypatch.setattr(addon("ui.presets"), "own_folder", lambda create=False: own)
+    presets = tmp_path / "presets"
+    presets.mkdir()
+    monkeypatch.setattr(addon("ui.presets"), "own_folder", lambda create=False: presets)
     stage = stand_in(addon, WholeStage(addon("core.take")))
     sounds = [tone(tmp_path / f"{name}.wav", seconds=0.5) for name in ("a", "b")]
     # 4.2 as a Python module has no sound: then there are no strips.

@@ -57,19 +57,19 @@ class Copier:
         if touched is None:
             return
         after = _state()
-        kept = {number: rows for number, rows in before.items() if number not in touched}
-        for number, rows in kept.items():
+        untouched = {number: rows for number, rows in before.items() if number not in touched}
+        for number, rows in untouched.items():
             assert number in after, (list(self.steps), number)
             changed = set(rows) ^ set(after[number])
             assert not changed, (list(self.steps), bpy_name(number), list(changed)[:4])
 
-    def act(self, ob, press, **given):
+    def act(self, ob, press, **options):
         """Presses a button for one face; all that it may change are the face and its parts."""
         touched = {ob.session_uid, *(row.object.session_uid for row in own_parts(ob))}
         self.steps.append(f"{press} {ob.name} {ob.anyface.mode}")
         select(ob)
         try:
-            getattr(bpy.ops.anyface, press)(**given)
+            getattr(bpy.ops.anyface, press)(**options)
             self.acted += 1
         except RuntimeError as error:
             assert "Traceback" not in str(error), (list(self.steps), str(error))
@@ -92,8 +92,8 @@ class Copier:
 
     def switch(self):
         ob = self.pick(self.faces())
-        found = (ob.data.shape_keys or {}).get("anyface_takes", "")
-        ids = [word.split('"')[0] for word in found.split('"id": "')[1:]]
+        text = (ob.data.shape_keys or {}).get("anyface_takes", "")
+        ids = [word.split('"')[0] for word in text.split('"id": "')[1:]]
         press = self.pick(("take_switch", "take_push_down", "take_delete"))
         return self.act(ob, press, take=self.pick(ids)) if ids else set()
 
@@ -139,8 +139,8 @@ class Copier:
         files = [path for path in files if path != Path(bpy.data.filepath)]
         if not files or len(bpy.data.objects) >= MOST:
             return set()
-        with bpy.data.libraries.load(str(self.pick(files)), link=True) as (found, target):
-            target.objects = [n for n in found.objects if n.startswith(("Head", "Kopf"))][:1]
+        with bpy.data.libraries.load(str(self.pick(files)), link=True) as (library, target):
+            target.objects = [n for n in library.objects if n.startswith(("Head", "Kopf"))][:1]
         for ob in target.objects:
             with contextlib.suppress(RuntimeError):
                 bpy.context.scene.collection.objects.link(ob)
@@ -149,9 +149,9 @@ class Copier:
     def override(self):
         linked = [ob for ob in self.faces() if ob.library is not None]
         if linked:
-            made = self.pick(linked).override_create(remap_local_usages=False)
-            if made is not None:
-                bpy.context.scene.collection.objects.link(made)
+            override = self.pick(linked).override_create(remap_local_usages=False)
+            if override is not None:
+                bpy.context.scene.collection.objects.link(override)
         return set()
 
     def undo(self):
@@ -194,11 +194,11 @@ def bpy_name(number):
 def _state():
     bpy.context.scene.frame_set(1)
     bpy.context.view_layer.update()
-    found = {}
+    rows_of = {}
     for ob in bpy.data.objects:
         rows = [row for row in belongings(ob) if not row.startswith("part ")]
-        found[ob.session_uid] = rows
-    return found
+        rows_of[ob.session_uid] = rows
+    return rows_of
 
 
 def test_nothing_of_another_object_ever_changes(addon, tmp_path):

@@ -150,14 +150,14 @@ def test_sliders_come_near_to_a_new_run(voice):
     ob.anyface.curves = "EVERY"
     bpy.ops.anyface.generate()
     frames = range(1, round(len(samples) / rate * 24), 5)
-    made = film(ob, frames)
+    original = film(ob, frames)
     ob.anyface_output.articulation, ob.anyface_output.emotion = 1.3, 0.5
     moved = film(ob, frames)
     ob.anyface.articulation, ob.anyface.intensity = 1.3, 0.4
     bpy.ops.anyface.generate()
     assert ob.anyface_output.articulation == ob.anyface_output.emotion == 1.0
     anew = film(ob, frames)
-    left, way = (np.linalg.norm(anew - other, axis=2) for other in (moved, made))
+    left, way = (np.linalg.norm(anew - other, axis=2) for other in (moved, original))
     # A new run moves vertices by 6 mm; docs/blender.md has what sliders leave of it.
     assert way.max() > 0.004 and left.max() < 0.001 and left.mean() < 0.00012
 
@@ -268,9 +268,9 @@ def test_find_face_says_what_it_found(addon):
     text, icon = addon("ui.character").status(ob)
     assert text.startswith("face found, ") and "the lips part" in text
     assert icon == "CHECKMARK"
-    found = addon("scene.face.landmarks").load(ob).positions
+    places = addon("scene.face.landmarks").load(ob).positions
     truth = np.array([row["position"] for row in LANDMARKS])
-    assert np.linalg.norm(found - truth, axis=1).mean() < 0.005
+    assert np.linalg.norm(places - truth, axis=1).mean() < 0.005
     roles = {row.found for row in ob.anyface_face.loose}
     assert "skin" in roles
 
@@ -335,8 +335,8 @@ def camera(ob):
     view.rotation_euler = (np.pi / 2, 0.0, 0.0)
     sun = bpy.data.objects.new("Sun", bpy.data.lights.new("Sun", "SUN"))
     sun.rotation_euler, sun.data.energy = (1.2, 0.0, 0.3), 3.0
-    for made in (view, sun):
-        scene.collection.objects.link(made)
+    for ob_new in (view, sun):
+        scene.collection.objects.link(ob_new)
     scene.camera, scene.render.engine = view, "CYCLES"
     scene.cycles.samples, scene.cycles.device, scene.cycles.use_denoising = 16, "CPU", False
     scene.render.resolution_x = scene.render.resolution_y = 256

@@ -10,9 +10,9 @@ from figures import Stage, basis, grid, motion, stand_in, tone
 class SpeakingStage(Stage):
     """A stage whose lips touch in some frames."""
 
-    def animate(self, *given):
+    def animate(self, *arguments):
         """A basis, and where the lips touch."""
-        animation = super().animate(*given)
+        animation = super().animate(*arguments)
         if animation.basis is not None:
             count = len(animation.basis.weights)
             animation.touching = np.isin(np.arange(count), [7])
@@ -43,8 +43,8 @@ def test_poses_change_at_every_so_many_frames_alone(face, on):
     changes = np.flatnonzero(np.abs(np.diff(every, axis=0)).max(axis=1) > 1e-6) + 1
     assert len(changes) > 4 and (changes % on == 0).all()
     bpy.context.scene.frame_set(12, subframe=0.5)
-    held = [block.value for block in face.data.shape_keys.key_blocks[1:]]
-    np.testing.assert_allclose(held, every[1], atol=1e-6)
+    key_values = [block.value for block in face.data.shape_keys.key_blocks[1:]]
+    np.testing.assert_allclose(key_values, every[1], atol=1e-6)
 
 
 def test_a_pose_in_which_lips_touch_is_theirs_and_lasts(face):
@@ -84,22 +84,24 @@ def test_closures_and_wide_mouths_stand_for_their_own_time(addon):
     opening = np.full(24, 1.0)
     opening[10], opening[5], opening[18] = 0.0, 4.0, 9.0
     touching = opening == 0.0
-    found = holding.poses(opening, touching, holding.Holds(1, 4, 3))
-    assert (found == 10).sum() == 4 and found[10] == 10
-    assert (found == 18).sum() == 3 and (found == 5).sum() == 3
+    poses = holding.poses(opening, touching, holding.Holds(1, 4, 3))
+    assert (poses == 10).sum() == 4 and poses[10] == 10
+    assert (poses == 18).sum() == 3 and (poses == 5).sum() == 3
     plain = holding.poses(opening, touching, holding.Holds(1, 0, 0))
     assert (plain == np.arange(24)).all()
 
 
 def test_sliders_change_what_is_shown(addon):
     take, holding, sliders = addon("core.take"), addon("core.holding"), addon("core.sliders")
-    made = basis(take, motion(12, 20))
-    weights = made.weights.copy()
-    made.sliders = {"blinks": sliders.SliderChange(np.array([0.0]), -weights[None])}
-    whole = take.Take(24.0, 1.0, "basis", made)
+    motion_basis = basis(take, motion(12, 20))
+    weights = motion_basis.weights.copy()
+    motion_basis.sliders = {"blinks": sliders.SliderChange(np.array([0.0]), -weights[None])}
+    whole = take.Take(24.0, 1.0, "basis", motion_basis)
     assert holding.hold(whole, holding.Holds(3, 0, 0))
-    np.testing.assert_allclose(made.weights + made.sliders["blinks"].changes[0], 0.0, atol=1e-6)
-    assert [len(keys.rows) for keys in made.keys_of_curves] == [4] * weights.shape[1]
+    np.testing.assert_allclose(
+        motion_basis.weights + motion_basis.sliders["blinks"].changes[0], 0.0, atol=1e-6
+    )
+    assert [len(keys.rows) for keys in motion_basis.keys_of_curves] == [4] * weights.shape[1]
 
 
 def test_head_and_eyes_stand_with_the_poses(addon):
@@ -109,13 +111,13 @@ def test_head_and_eyes_stand_with_the_poses(addon):
     head, gaze = random.normal(size=(count, 3)), random.normal(size=(count, 2, 2))
     motion = take.Basis(np.ones((2, 4, 3), dtype=np.float32), weights, 0.1)
     life = take.Life(head, gaze, np.eye(3, 4), looked_at=head + 1.0)
-    made = take.Take(24.0, 9.0, "basis", motion, life)
-    made.opening = random.uniform(size=count)
-    assert holding.hold(made, holding.Holds(3, 0, 0))
+    new_take = take.Take(24.0, 9.0, "basis", motion, life)
+    new_take.opening = random.uniform(size=count)
+    assert holding.hold(new_take, holding.Holds(3, 0, 0))
     # Which frame's pose each frame shows.
     shown = [int(np.flatnonzero((weights == row).all(axis=1))[0]) for row in motion.weights]
     assert len(set(shown)) == count // 3
-    np.testing.assert_array_equal(made.life.head, head[shown])
-    np.testing.assert_array_equal(made.life.gaze, gaze[shown])
-    np.testing.assert_array_equal(made.life.looked_at, head[shown] + 1.0)
-    assert made.life.tongue is None
+    np.testing.assert_array_equal(new_take.life.head, head[shown])
+    np.testing.assert_array_equal(new_take.life.gaze, gaze[shown])
+    np.testing.assert_array_equal(new_take.life.looked_at, head[shown] + 1.0)
+    assert new_take.life.tongue is None

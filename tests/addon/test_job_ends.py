@@ -101,9 +101,9 @@ class Set:
     def press(self):
         """Runs the job; how it ended, what was told, how many timers still tick."""
         operator = getattr(self.module, self.operator)
-        made = without_blender(operator, **OPTIONS.get(self.name, {}))
-        word, manager = press(made, self.ob)
-        return word, made.told, manager.timers
+        button = without_blender(operator, **OPTIONS.get(self.name, {}))
+        word, manager = press(button, self.ob)
+        return word, button.messages, manager.timers
 
     def state(self):
         """All of the scene, the settings that a job writes, and the files."""
@@ -161,15 +161,15 @@ def test_every_job_ends_with_a_message(addon, installed, monkeypatch, tmp_path, 
         bpy.ops.wm.read_homefile(use_empty=True, use_factory_startup=True)
         return Set(addon, monkeypatch, folder, name)
 
-    made = fresh()
-    with Fault(installed) as seen:
-        word, told, timers = made.press()
-    assert (word, timers) == ("FINISHED", 0), told
-    steps = steps_of(seen.calls, installed)
+    ready_set = fresh()
+    with Fault(installed) as fault:
+        word, messages, timers = ready_set.press()
+    assert (word, timers) == ("FINISHED", 0), messages
+    steps = steps_of(fault.calls, installed)
     steps = [step for step in steps if EVERY or step[0] not in tried]
     tried.update(code for code, _ in steps)
-    made, failures = fresh(), []
-    before = made.state()
+    ready_set, failures = fresh(), []
+    before = ready_set.state()
     for number, (code, calls) in enumerate(steps):
         error = ERRORS[number % len(ERRORS)]()
         at = calls if number % 2 else 1
@@ -177,38 +177,40 @@ def test_every_job_ends_with_a_message(addon, installed, monkeypatch, tmp_path, 
         print(where)
         try:
             with Fault(installed, code, at, error):
-                word, told, timers = made.press()
+                word, messages, timers = ready_set.press()
         except BaseException as raised:
             failures.append(f"{where}: raised {type(raised).__name__}: {raised}")
-            word, told, timers = "RAISED", [], 0
+            word, messages, timers = "RAISED", [], 0
         if addon("ui.running").is_running() or timers:
             failures.append(f"{where}: still runs")
             addon("ui.running").finish()
-        after = made.state()
-        if word == "CANCELLED" and (not told or not told[-1][1].strip() or "Trace" in told[-1][1]):
-            failures.append(f"{where}: told {told}")
+        after = ready_set.state()
+        if word == "CANCELLED" and (
+            not messages or not messages[-1][1].strip() or "Trace" in messages[-1][1]
+        ):
+            failures.append(f"{where}: told {messages}")
         if word == "CANCELLED" and after != before:
             failures.append(f"{where}: {_difference(before, after)}")
         if word != "CANCELLED" or after != before:
             # What broke could be done without, or came behind the result.
-            made = fresh()
-            before = made.state()
-    word, told, timers = made.press()
+            ready_set = fresh()
+            before = ready_set.state()
+    word, messages, timers = ready_set.press()
     if (word, timers) != ("FINISHED", 0):
-        failures.append(f"the next job: {word}, {told}")
+        failures.append(f"the next job: {word}, {messages}")
     print(f"{name}: {len(steps)} steps")
     assert not failures, "\n".join(failures)
 
 
 def _difference(before, after) -> str:
-    found = []
+    differences = []
     for was, is_now in zip(before, after, strict=True):
         if was != is_now and isinstance(was, list):
-            found.append(f"gone {[x for x in was if x not in is_now][:4]}")
-            found.append(f"new {[x for x in is_now if x not in was][:4]}")
+            differences.append(f"gone {[x for x in was if x not in is_now][:4]}")
+            differences.append(f"new {[x for x in is_now if x not in was][:4]}")
         elif was != is_now:
-            found.append(f"{was} → {is_now}")
-    return "; ".join(str(text)[:300] for text in found)
+            differences.append(f"{was} → {is_now}")
+    return "; ".join(str(text)[:300] for text in differences)
 
 
 @pytest.fixture
@@ -221,8 +223,8 @@ def break_writing(addon, monkeypatch, error=MemoryError):
     """Lets the curves of a take fail, when its keys are there already."""
     play = addon("scene.takes.keys").play
 
-    def broken(ob, taken):
-        yield from play(ob, taken)
+    def broken(ob, take_record):
+        yield from play(ob, take_record)
         raise error()
 
     monkeypatch.setattr(addon("scene.takes.keys"), "play", broken)
@@ -234,8 +236,8 @@ def test_a_face_in_another_mode_is_as_it_was_and_in_that_mode(addon, monkeypatch
     with bpy.context.temp_override(active_object=ready.ob, object=ready.ob):
         bpy.ops.object.mode_set(mode=mode)
     break_writing(addon, monkeypatch)
-    word, told, _ = ready.press()
-    assert word == "CANCELLED" and "memory is full" in told[-1][1]
+    word, messages, _ = ready.press()
+    assert word == "CANCELLED" and "memory is full" in messages[-1][1]
     assert ready.ob.mode == mode
     with bpy.context.temp_override(active_object=ready.ob, object=ready.ob):
         bpy.ops.object.mode_set(mode="OBJECT")
@@ -246,8 +248,8 @@ def test_what_the_artist_did_while_it_was_written_is_no_way_out(addon, monkeypat
     before = ready.state()
     play = addon("scene.takes.keys").play
 
-    def broken(ob, taken):
-        yield from play(ob, taken)
+    def broken(ob, take_record):
+        yield from play(ob, take_record)
         bpy.data.objects["Turns"].location.x = 1.0
         bpy.ops.ed.undo_push(message="Move")
         raise ValueError("late")
@@ -261,21 +263,21 @@ def test_without_undo_the_artist_is_told_what_stays(addon, monkeypatch, ready):
     edit = bpy.context.preferences.edit
     monkeypatch.setattr(edit, "use_global_undo", False)
     break_writing(addon, monkeypatch)
-    word, told, _ = ready.press()
-    assert word == "CANCELLED" and "Global Undo is off" in told[-1][1]
+    word, messages, _ = ready.press()
+    assert word == "CANCELLED" and "Global Undo is off" in messages[-1][1]
     assert not addon("ui.running").is_running()
 
 
 def test_a_face_that_is_deleted_while_it_is_written(addon, monkeypatch, ready):
     play = addon("scene.takes.keys").play
 
-    def broken(ob, taken):
+    def broken(ob, take_record):
         bpy.data.objects.remove(ob)
-        yield from play(ob, taken)
+        yield from play(ob, take_record)
 
     monkeypatch.setattr(addon("scene.takes.keys"), "play", broken)
-    word, told, _ = ready.press()
-    assert word == "CANCELLED" and "deleted or undone meanwhile" in told[-1][1]
+    word, messages, _ = ready.press()
+    assert word == "CANCELLED" and "deleted or undone meanwhile" in messages[-1][1]
     assert not addon("ui.running").is_running()
 
 
@@ -287,8 +289,8 @@ def test_a_system_that_gives_no_thread(addon, monkeypatch, ready):
 
     with monkeypatch.context() as broken:
         broken.setattr(addon("core.job").threading.Thread, "start", refuse)
-        word, told, timers = ready.press()
-    assert (word, timers) == ("CANCELLED", 0) and "can't start new thread" in told[-1][1]
+        word, messages, timers = ready.press()
+    assert (word, timers) == ("CANCELLED", 0) and "can't start new thread" in messages[-1][1]
     assert not addon("ui.running").is_running() and ready.state() == before
     assert ready.press()[0] == "FINISHED"
 
@@ -304,12 +306,12 @@ def test_a_script_is_told_and_finds_the_scene_as_it_was(addon, monkeypatch, read
 
 
 def test_dragging_points_ends_whatever_is_raised(addon, installed, monkeypatch, tmp_path):
-    made = Set(addon, monkeypatch, tmp_path, "find face")
-    assert made.press()[0] == "FINISHED"
+    ready_set = Set(addon, monkeypatch, tmp_path, "find face")
+    assert ready_set.press()[0] == "FINISHED"
     module, in_view = addon("ui.landmarks"), addon("ui.in_view")
     for each in (module, in_view):
         monkeypatch.setattr(each, "bpy", _Through())
-    before, failures = made.state(), []
+    before, failures = ready_set.state(), []
     view = (None, None, (0.0, 0.0))
     monkeypatch.setattr(in_view, "view_under", lambda context, event: view)
     monkeypatch.setattr(module, "on_screen", lambda *_: np.zeros((68, 2)))
@@ -317,7 +319,7 @@ def test_dragging_points_ends_whatever_is_raised(addon, installed, monkeypatch, 
     def drag():
         """Presses on a point, lets it go, and waits for the others."""
         operator = without_blender(module.ANYFACE_OT_edit_landmarks)
-        context = figures.window(made.ob)
+        context = figures.window(ready_set.ob)
         context.region_data = object()
         context.workspace = type("Workspace", (), {"status_text_set": lambda self, text: None})()
         result = operator.invoke(context, TIMER)
@@ -330,18 +332,18 @@ def test_dragging_points_ends_whatever_is_raised(addon, installed, monkeypatch, 
             result = operator.modal(context, TIMER)
         if result == {"RUNNING_MODAL"}:
             result = operator.modal(context, SimpleNamespace(type="RET", value="PRESS"))
-        return result, operator.told, context.window_manager.timers
+        return result, operator.messages, context.window_manager.timers
 
-    with Fault(installed) as seen:
-        result, told, timers = drag()
-    assert (result, told, timers) == ({"FINISHED"}, [], 0)
-    for number, (code, _) in enumerate(steps_of(seen.calls, installed)):
+    with Fault(installed) as fault:
+        result, messages, timers = drag()
+    assert (result, messages, timers) == ({"FINISHED"}, [], 0)
+    for number, (code, _) in enumerate(steps_of(fault.calls, installed)):
         error = ERRORS[number % len(ERRORS)]()
         where = f"{code.co_name} {type(error).__name__}"
         with Fault(installed, code, 1, error):
-            result, told, timers = drag()
+            result, messages, timers = drag()
         still = timers or addon("ui.running").is_running()
-        if still or (result != {"FINISHED"} and not told):
-            failures.append(f"{where}: {result} {told} {timers}")
+        if still or (result != {"FINISHED"} and not messages):
+            failures.append(f"{where}: {result} {messages} {timers}")
     assert drag()[0] == {"FINISHED"} and not failures, failures
-    assert made.state()[0] == before[0]
+    assert ready_set.state()[0] == before[0]

@@ -70,9 +70,9 @@ def speaking(tmp_path, names):
 
 def carrying(stage, ob):
     """Gives the keys the stage's own shapes, so that they can show its motion."""
-    own = stage.rig(np.zeros((len(ob.data.vertices), 3)), None, None, None, None, Silent())
+    rig = stage.rig(np.zeros((len(ob.data.vertices), 3)), None, None, None, None, Silent())
     rest = np.array([vertex.co for vertex in ob.data.vertices], dtype=np.float32)
-    for block, vector in zip(ob.data.shape_keys.key_blocks[1:], own.vectors, strict=False):
+    for block, vector in zip(ob.data.shape_keys.key_blocks[1:], rig.vectors, strict=False):
         block.points.foreach_set("co", (rest + vector).ravel())
 
 
@@ -84,8 +84,8 @@ class Silent:
 def curve(ob, key):
     path = f'key_blocks["{key}"].value'
     action = ob.data.shape_keys.animation_data.action
-    found = next(curve for curve in curves(action) if curve.data_path == path)
-    return np.array([point.co[1] for point in found.keyframe_points])
+    fcurve = next(curve for curve in curves(action) if curve.data_path == path)
+    return np.array([point.co[1] for point in fcurve.keyframe_points])
 
 
 def test_a_head_of_another_tool_speaks_without_a_list(stage, tmp_path):

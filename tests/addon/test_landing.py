@@ -55,11 +55,11 @@ def test_the_largest_motion_of_each_piece_is_exact(addon):
     places = (("a", 0, 600), ("b", 600, 300))
     pieces = [take_module.Piece(*place, np.eye(4)) for place in places]
     silent = addon("core.job").Progress()
-    found = measure.largest(take, pieces, silent)
+    largest = measure.largest(take, pieces, silent)
     expected = [moved[:, :600].max(), moved[:, 600:].max()]
-    assert np.abs(np.array(found) - 9.0 * np.array(expected) / max(expected)).max() < 1e-4
+    assert np.abs(np.array(largest) - 9.0 * np.array(expected) / max(expected)).max() < 1e-4
     frames = take_module.Take(24.0, 9.0, "frames", take_module.Frames(displacements))
-    assert measure.largest(frames, pieces, silent) == pytest.approx(found, rel=1e-4)
+    assert measure.largest(frames, pieces, silent) == pytest.approx(largest, rel=1e-4)
 
 
 def test_landing_a_long_take_blocks_for_moments_only(addon, stage, tmp_path):
@@ -95,9 +95,9 @@ def test_keys_curves_and_undo_are_steps_of_their_own_and_none_evaluates_the_scen
             if step != begun:
                 assert ob.data.shape_keys is None, "it can be cancelled until it has begun"
                 continue
-            made = ob.data.shape_keys
-            keys.append(len(made.key_blocks))
-            playing.append(made.animation_data is not None)
+            shape_keys = ob.data.shape_keys
+            keys.append(len(shape_keys.key_blocks))
+            playing.append(shape_keys.animation_data is not None)
     finally:
         bpy.app.handlers.depsgraph_update_post.remove(note)
     assert keys[0] > 1 and not playing[0] and playing[-1] and len(keys) >= 4
@@ -106,9 +106,11 @@ def test_keys_curves_and_undo_are_steps_of_their_own_and_none_evaluates_the_scen
 
 def test_an_action_of_the_artists_gets_its_curves_in_steps(addon, stage, tmp_path):
     ob, snapshot, take = snapshot_of(addon, stage, tmp_path)
-    own = bpy.data.actions.new("Own")
-    own_keys(ob, "Smile").animation_data_create().action = own
-    count = [len(curves(own)) for step in addon("scene.bake").landing(ob, snapshot, take) if step]
+    action = bpy.data.actions.new("Own")
+    own_keys(ob, "Smile").animation_data_create().action = action
+    count = [
+        len(curves(action)) for step in addon("scene.bake").landing(ob, snapshot, take) if step
+    ]
     assert any(0 < n < count[-1] for n in count) and count[-1] == take.motion.weights.shape[1]
 
 
@@ -237,9 +239,9 @@ def test_what_was_prepared_goes_where_it_cannot_be_used(stage, tmp_path):
     bpy.context.scene.frame_set(1)
     assert everything() == before
     ob.anyface_output.new_take = False
-    own = bpy.data.actions.new("Own")
+    action = bpy.data.actions.new("Own")
     bpy.ops.anyface.remove()
-    own_keys(ob, "Smile").animation_data_create().action = own
+    own_keys(ob, "Smile").animation_data_create().action = action
     count = len(bpy.data.actions)
     bpy.ops.anyface.generate()
     assert len(bpy.data.actions) == count, "the curves lie in the artist's action"

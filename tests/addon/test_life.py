@@ -25,9 +25,9 @@ class LivelyStage:
     def __getattr__(self, name):
         return getattr(self.stage, name)
 
-    def animate(self, *given):
-        animation = self.stage.animate(*given)
-        request, sound = given[5], given[4]
+    def animate(self, *arguments):
+        animation = self.stage.animate(*arguments)
+        request, sound = arguments[5], arguments[4]
         frames = int(np.ceil(sound.duration_s * request.fps))
         head = np.tile([NOD, TURN, TILT], (frames, 1)) * request.controls["head_motion"]
         gaze = np.zeros((frames, 2, 2))
@@ -55,11 +55,11 @@ def ready(tmp_path, name="Head"):
 
 
 def empty(name, turned=(0.0, 0.0, 0.0), parent=None):
-    made = bpy.data.objects.new(name, None)
-    made.rotation_euler, made.parent = turned, parent
-    bpy.context.scene.collection.objects.link(made)
+    ob = bpy.data.objects.new(name, None)
+    ob.rotation_euler, ob.parent = turned, parent
+    bpy.context.scene.collection.objects.link(ob)
     bpy.context.view_layer.update()
-    return made
+    return ob
 
 
 def world(ob, frame):
@@ -127,11 +127,11 @@ def test_the_artists_own_keys_stay_and_add_up(stage, tmp_path):
     bpy.context.scene.frame_set(1)
     stored = ob.anyface_life_settings
     stored.head, stored.head_object = "OBJECT", control
-    before, own = everything(), world(control, 20)
+    before, own_place = everything(), world(control, 20)
     bpy.context.scene.frame_set(1)
     generate(ob)
     assert control.animation_data.action == action
-    assert np.abs(turned(control, 20, own) - head_in_world()).max() < 1e-4
+    assert np.abs(turned(control, 20, own_place) - head_in_world()).max() < 1e-4
     bpy.context.scene.frame_set(1)
     bpy.ops.anyface.remove()
     assert everything() == before
@@ -158,8 +158,8 @@ def armature():
 
 def bone_world(rig, name, frame):
     bpy.context.scene.frame_set(frame)
-    seen = rig.evaluated_get(bpy.context.evaluated_depsgraph_get())
-    return seen.matrix_world @ seen.pose.bones[name].matrix
+    evaluated = rig.evaluated_get(bpy.context.evaluated_depsgraph_get())
+    return evaluated.matrix_world @ evaluated.pose.bones[name].matrix
 
 
 @pytest.mark.parametrize("mode", ["QUATERNION", "XYZ"])
@@ -335,11 +335,13 @@ def test_two_characters_on_one_armature_let_go_of_their_own(stage, tmp_path):
 def test_rotations_are_those_of_mathutils(addon):
     turn = addon("core.turn")
     vectors = np.random.default_rng(0).normal(size=(20, 3))
-    for vector, made in zip(vectors, turn.of_vectors(vectors), strict=True):
+    for vector, quaternion in zip(vectors, turn.of_vectors(vectors), strict=True):
         angle = np.linalg.norm(vector)
-        wanted = Quaternion(Vector(vector / angle), angle)
-        assert np.abs(made - np.array(wanted)).max() < 1e-6
-        assert np.abs(turn.matrices(made[None])[0] - np.array(wanted.to_matrix())).max() < 1e-6
+        expected = Quaternion(Vector(vector / angle), angle)
+        assert np.abs(quaternion - np.array(expected)).max() < 1e-6
+        assert (
+            np.abs(turn.matrices(quaternion[None])[0] - np.array(expected.to_matrix())).max() < 1e-6
+        )
     back = turn.to_vectors(turn.of_vectors(vectors * 0.5))
     assert np.abs(back - vectors * 0.5).max() < 1e-9
     assert degrees(turn.of_gaze(np.array([[0.0, 0.1]]))[0, 0]) < 0.0

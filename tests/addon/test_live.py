@@ -35,11 +35,11 @@ def test_it_follows_in_any_order_and_nothing_stays(talker):
     before = shape(talker, 1)
     assert talker.data.shape_keys is None
     assert bpy.ops.anyface.live() == {"FINISHED"}
-    seen = {frame: shape(talker, frame) for frame in (1, 14, 20, 26, 33)}
-    assert max(np.abs(seen[frame] - before).max() for frame in seen) > 0.002
+    shapes = {frame: shape(talker, frame) for frame in (1, 14, 20, 26, 33)}
+    assert max(np.abs(shapes[frame] - before).max() for frame in shapes) > 0.002
     # Backwards, and what was seen is seen again; a stream that begins anew is warm by then.
     again = shape(talker, 20)
-    assert np.abs(again - seen[20]).max() < 0.1 * np.abs(seen[20] - before).max()
+    assert np.abs(again - shapes[20]).max() < 0.1 * np.abs(shapes[20] - before).max()
     assert np.abs(shape(talker, 400) - before).max() < 1e-6, "the sound is over"
     assert bpy.ops.anyface.live() == {"FINISHED"}
     assert talker.data.shape_keys is None

@@ -128,19 +128,19 @@ def copy_both(ob, teeth):
 
 
 def copy_by_script(ob, teeth):
-    made = []
+    copies = []
     for one in (ob, teeth):
         other = one.copy()
         other.data = one.data.copy()
         bpy.context.scene.collection.objects.link(other)
-        made.append(other)
-    return made
+        copies.append(other)
+    return copies
 
 
 def copy_scene(ob, teeth):
     bpy.ops.scene.new(type="FULL_COPY")
-    own = list(bpy.context.scene.objects)
-    return [next(o for o in own if o.name.startswith(n)) for n in ("Head", "Teeth")]
+    objects = list(bpy.context.scene.objects)
+    return [next(o for o in objects if o.name.startswith(n)) for n in ("Head", "Teeth")]
 
 
 @pytest.mark.parametrize("mode", ON_MESH)
@@ -383,12 +383,12 @@ def test_switching_brings_back_what_was_asked_and_what_was_said(stage, tmp_path)
     rows = takes_of(ob)
     for _ in range(2):
         bpy.ops.anyface.take_switch(take=rows[0].id)
-        found = ob.anyface
-        assert (found.emotion, found.mode, found.report) == ("happy", "basis", first)
-        assert found.articulation == pytest.approx(1.2)
+        settings = ob.anyface
+        assert (settings.emotion, settings.mode, settings.report) == ("happy", "basis", first)
+        assert settings.articulation == pytest.approx(1.2)
         bpy.ops.anyface.take_switch(take=rows[1].id)
-        assert (found.emotion, found.mode, found.report) == ("angry", "arkit", second)
-        assert found.articulation == pytest.approx(0.7)
+        assert (settings.emotion, settings.mode, settings.report) == ("angry", "arkit", second)
+        assert settings.articulation == pytest.approx(0.7)
     assert Path(bpy.data.filepath).is_file()
 
 
@@ -405,10 +405,10 @@ def test_what_the_head_turns_is_copied_with_it_or_stays(stage, addon, tmp_path, 
     turned = take.Life(np.full((48, 3), 0.1), np.zeros((48, 2, 2)), np.eye(3, 4))
     plain = stage.animate
 
-    def animate(*given):
-        made = plain(*given)
-        made.life = turned
-        return made
+    def animate(*arguments):
+        animation = plain(*arguments)
+        animation.life = turned
+        return animation
 
     stage.animate = animate
     generate(ob)

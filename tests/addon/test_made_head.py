@@ -38,8 +38,8 @@ def test_it_stands_upright_at_the_cursor_and_knows_its_landmarks(addon):
 
 
 def test_seeds_mixtures_and_sliders_make_other_heads(addon):
-    def jaw(**asked):
-        bpy.ops.anyface.add_head(**asked)
+    def jaw(**options):
+        bpy.ops.anyface.add_head(**options)
         return addon("scene.face.landmarks").load(bpy.context.object).positions
 
     one, other = jaw(seed=3), jaw(seed=4)
@@ -100,8 +100,8 @@ def test_a_head_like_a_mesh_stands_beside_it_and_the_mesh_stays(addon):
     assert 0.9 < new.dimensions.z / ob.dimensions.z < 1.1
     assert new.location.x - ob.location.x > 0.1 and abs(new.location.z - 2.0) < 0.05
     load = addon("scene.face.landmarks").load
-    made, truth = load(new).positions, load(ob).positions
-    apart = np.linalg.norm((made - made.mean(axis=0)) - (truth - truth.mean(axis=0)), axis=1)
+    marks, truth = load(new).positions, load(ob).positions
+    apart = np.linalg.norm((marks - marks.mean(axis=0)) - (truth - truth.mean(axis=0)), axis=1)
     # The field, to which the likeness is fitted, knows no traits.
     assert apart.mean() < 0.006, "a head of 0.3 m"
 

@@ -175,9 +175,9 @@ def test_a_linked_face_offers_to_become_local(addon, tmp_path):
     path = str(tmp_path / "library.blend")
     bpy.data.libraries.write(path, {bpy.data.objects["Linked"]})
     bpy.ops.wm.read_homefile(use_empty=True, use_factory_startup=True)
-    with bpy.data.libraries.load(path, link=True) as (_, wanted):
-        wanted.objects = ["Linked"]
-    (ob,) = wanted.objects
+    with bpy.data.libraries.load(path, link=True) as (_, names):
+        names.objects = ["Linked"]
+    (ob,) = names.objects
     bpy.context.scene.collection.objects.link(ob)
     bpy.context.view_layer.objects.active = ob
     assert offered(addon, ob) == ["Make Local"]
@@ -194,7 +194,7 @@ def test_a_face_that_is_not_found_offers_its_direction_and_a_file(addon, tmp_pat
     with pytest.raises(errors.AnyfaceError) as caught, finding.naming(face):
         raise errors.AnyfaceError("face", "no face")
     addon("ui.mending").keep(ob, caught.value.mends)
-    assert addon("ui.mending").kept(ob) == [
+    assert addon("ui.mending").offers(ob) == [
         "place_points",
         "direction",
         "points_file",
@@ -219,4 +219,4 @@ def test_every_mend_that_an_error_names_is_known(addon, installed):
         assert short in dir(getattr(bpy.ops, module))
     ob = grid()
     known.keep(ob, [*names, "of_a_later_version"])
-    assert set(known.kept(ob)) == names
+    assert set(known.offers(ob)) == names

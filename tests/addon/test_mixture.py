@@ -45,7 +45,7 @@ def rows(ob):
     return [(stored.emotion, round(stored.intensity, 4)), *others]
 
 
-def asked(stage):
+def requested_emotion(stage):
     """What the stage was asked to feel: times `[N]` and strengths `[N, 15]`."""
     keys = stage.calls[-1][-1].emotion
     return np.array([time for time, _ in keys]), np.array([row for _, row in keys])
@@ -64,7 +64,9 @@ def generate(ob):
 def test_rows_are_felt_together(stage, face, addon):
     feel(face, happy=0.6, sad=0.4, angry=0.2)
     generate(face)
-    assert asked(stage)[1][0] == pytest.approx(strengths(addon, happy=0.6, sad=0.4, angry=0.2))
+    assert requested_emotion(stage)[1][0] == pytest.approx(
+        strengths(addon, happy=0.6, sad=0.4, angry=0.2)
+    )
 
 
 def test_one_emotion_is_asked_for_as_before(stage, face, addon):
@@ -76,19 +78,19 @@ def test_one_emotion_is_asked_for_as_before(stage, face, addon):
     ob = bpy.data.objects["Head"]
     assert rows(ob) == [("sad", 0.8)] and len(ob.anyface.mixture) == 0
     generate(ob)
-    assert asked(stage)[1] == pytest.approx(np.array([strengths(addon, sad=0.8)]))
+    assert requested_emotion(stage)[1] == pytest.approx(np.array([strengths(addon, sad=0.8)]))
     feel(ob, neutral=1.0)
     generate(ob)
-    assert asked(stage)[1][0] == pytest.approx(strengths(addon, neutral=1.0))
+    assert requested_emotion(stage)[1][0] == pytest.approx(strengths(addon, neutral=1.0))
 
 
 def test_neutral_beside_others_says_nothing_and_the_sum_is_what_a_face_can_show(stage, face, addon):
     feel(face, neutral=1.0, sad=0.7)
     generate(face)
-    assert asked(stage)[1][0] == pytest.approx(strengths(addon, sad=0.7))
+    assert requested_emotion(stage)[1][0] == pytest.approx(strengths(addon, sad=0.7))
     feel(face, happy=1.5, sad=1.5)
     generate(face)
-    assert asked(stage)[1][0] == pytest.approx(strengths(addon, happy=0.75, sad=0.75))
+    assert requested_emotion(stage)[1][0] == pytest.approx(strengths(addon, happy=0.75, sad=0.75))
 
 
 def test_keyframes_on_any_weight_become_curves(stage, face, addon):
@@ -98,19 +100,23 @@ def test_keyframes_on_any_weight_become_curves(stage, face, addon):
         face.anyface.mixture[0].weight = value
         face.keyframe_insert(weight, frame=frame)
     generate(face)
-    times, felt = asked(stage)
+    times, strengths_over_time = requested_emotion(stage)
     names = addon("core.emotion").EMOTIONS
     at = [0.0, 0.5, 1.0, 1.5]
-    sad = np.interp(at, times, felt[:, names.index("sad")])
+    sad = np.interp(at, times, strengths_over_time[:, names.index("sad")])
     # 0.5 + 0.3 + 1.0 is more than a face can show.
     assert sad == pytest.approx([0.0, 0.5, 1.0 / 1.2, 1.0 / 1.2], abs=0.03)
-    assert felt[0, names.index("happy")] == pytest.approx(0.5)
+    assert strengths_over_time[0, names.index("happy")] == pytest.approx(0.5)
     face.animation_data.action = None
     face.anyface.mixture[0].driver_add("weight").driver.expression = "0.25"
     generate(face)
-    felt = asked(stage)[1]
-    assert felt[:, names.index("sad")] == pytest.approx(np.full(len(felt), 0.25))
-    assert felt[:, names.index("angry")] == pytest.approx(np.full(len(felt), 0.3))
+    strengths_over_time = requested_emotion(stage)[1]
+    assert strengths_over_time[:, names.index("sad")] == pytest.approx(
+        np.full(len(strengths_over_time), 0.25)
+    )
+    assert strengths_over_time[:, names.index("angry")] == pytest.approx(
+        np.full(len(strengths_over_time), 0.3)
+    )
 
 
 def test_curves_go_with_the_row_that_goes_and_stay_with_the_others(stage, face, addon):
@@ -121,7 +127,7 @@ def test_curves_go_with_the_row_that_goes_and_stay_with_the_others(stage, face, 
     assert bpy.ops.anyface.emotion_remove(number=0) == {"FINISHED"}
     assert [name for name, _ in rows(face)] == ["happy", "angry"]
     generate(face)
-    assert asked(stage)[1][0] == pytest.approx(strengths(addon, happy=0.2, angry=0.4))
+    assert requested_emotion(stage)[1][0] == pytest.approx(strengths(addon, happy=0.2, angry=0.4))
     assert bpy.ops.anyface.emotion_remove(number=0) == {"FINISHED"}
     curves = addon("scene.animation.curves").channels(face.animation_data).fcurves
     assert len(curves) == 0
@@ -134,7 +140,7 @@ def test_a_named_mixture_fills_the_rows(stage, face, addon):
     assert bpy.ops.anyface.emotion_mixture(name="Bittersweet") == {"FINISHED"}
     assert rows(face) == [("happy", 0.6), ("sad", 0.6)]
     generate(face)
-    assert asked(stage)[1][0] == pytest.approx(strengths(addon, happy=0.6, sad=0.6))
+    assert requested_emotion(stage)[1][0] == pytest.approx(strengths(addon, happy=0.6, sad=0.6))
     with pytest.raises(RuntimeError, match=r"expected one of Bittersweet, Smug.*'Grumpy'"):
         bpy.ops.anyface.emotion_mixture(name="Grumpy")
     assert rows(face) == [("happy", 0.6), ("sad", 0.6)]
@@ -254,9 +260,9 @@ def test_a_take_brings_its_mixture_back(stage, face, addon):
     assert rows(face) == [("happy", 0.6), ("sad", 0.4)]
     # One of an earlier version has one emotion.
     record = addon("scene.shape_keys.record")
-    taken = record.read(face.data.shape_keys)
-    del taken.asked["anyface"]["mixed"]
-    record.write(face.data.shape_keys, taken)
+    take_record = record.read(face.data.shape_keys)
+    del take_record.asked["anyface"]["mixed"]
+    record.write(face.data.shape_keys, take_record)
     bring_back(face)
     assert rows(face) == [("happy", 0.6)]
 
@@ -266,29 +272,31 @@ def test_the_command_and_the_scene_list_feel_the_mixture(stage, face, addon):
     bake = addon("command.bake")
     options = addon("core.options").step_parser("bake").parse_args(["--object", "Head"])
     bake.run(options)
-    assert asked(stage)[1][0] == pytest.approx(strengths(addon, happy=0.6, sad=0.4))
+    assert requested_emotion(stage)[1][0] == pytest.approx(strengths(addon, happy=0.6, sad=0.4))
     words = ["--object", "Head", "--emotion", "angry:0.3,ill:0.2"]
     bake.run(addon("core.options").step_parser("bake").parse_args(words))
-    assert asked(stage)[1] == pytest.approx(np.array([strengths(addon, angry=0.3, ill=0.2)]))
+    assert requested_emotion(stage)[1] == pytest.approx(
+        np.array([strengths(addon, angry=0.3, ill=0.2)])
+    )
     bpy.context.scene.anyface_list.add().character = face
     assert bpy.ops.anyface.generate_scene() == {"FINISHED"}
-    assert asked(stage)[1][0] == pytest.approx(strengths(addon, happy=0.6, sad=0.4))
+    assert requested_emotion(stage)[1][0] == pytest.approx(strengths(addon, happy=0.6, sad=0.4))
 
 
 def test_a_face_that_follows_its_sound_feels_the_mixture(face, addon):
     feel(face, happy=0.6, sad=0.4)
-    felt = []
+    feelings = []
     live, identity = addon("scene.live"), addon("scene.identity")
     still = np.zeros((len(face.data.vertices), 3), dtype=np.float32)
     follower = live.Follower(
         identity.number(face),
         face.name,
         [],
-        SimpleNamespace(feel=felt.append, at=lambda _seconds: still, close=lambda: None),
+        SimpleNamespace(feel=feelings.append, at=lambda _seconds: still, close=lambda: None),
         SimpleNamespace(to_object=lambda moved: moved),
         START,
     )
     live._followers.append(follower)
     live.show(bpy.context.scene)
     live.end_all()
-    assert felt[0] == pytest.approx(strengths(addon, happy=0.6, sad=0.4))
+    assert feelings[0] == pytest.approx(strengths(addon, happy=0.6, sad=0.4))

@@ -142,7 +142,7 @@ def test_normals_of_the_artist_stay(mask):
 def test_a_take_on_sealed_lips_offers_to_open_them(mask, addon, tmp_path):
     bpy.context.scene.render.fps = 24
     mask.anyface.source, mask.anyface.sound_file = "FILE", tone(tmp_path / "tone.wav", 0.5)
-    offered = addon("ui.mending").kept
+    offered = addon("ui.mending").offers
     assert bpy.ops.anyface.generate() == {"FINISHED"}
     assert addon("scene.face.landmarks").load(mask) is None, "nobody has looked for the face"
     assert addon("scene.face.opening").WELDED in mask.anyface.report

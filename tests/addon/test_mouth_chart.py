@@ -23,12 +23,12 @@ class ChartStage(Stage):
         self.error = error
 
     def chart(
-        self, positions, triangles, points, numbers, sound, request, progress, *given, **more
+        self, positions, triangles, points, numbers, sound, request, progress, *holds, **more
     ):
         """The chart; no face on meshes with four corners where it `refuses`."""
         if self.refuses and len(positions) < 1000:
             raise self.error("face", "no face was found")
-        self.calls.append((len(positions), request, given, more))
+        self.calls.append((len(positions), request, holds, more))
         return self.drawn
 
     def closes_lips(self, label):
@@ -83,8 +83,8 @@ def test_what_is_chosen_reaches_the_library(stage, tmp_path):
     _, stored = letters(tmp_path)
     stored.on, stored.hold, stored.hold_closures, stored.hold_vowels = 2, 3, 4, 5
     bpy.ops.anyface.mouth_chart()
-    _, request, given, more = stage.calls[-1]
-    assert given == ("rhubarb", 2, 3) and request.fps == 24.0
+    _, request, kind_and_holds, more = stage.calls[-1]
+    assert kind_and_holds == ("rhubarb", 2, 3) and request.fps == 24.0
     assert (more["closure_hold"], more["vowel_hold"]) == (4, 5)
 
 
@@ -180,35 +180,35 @@ def test_a_name_that_is_not_there_is_an_error(stage, tmp_path):
 def drawn_objects(tmp_path, names):
     """A collection of objects, and a face that speaks."""
     face = grid("Head")
-    made = bpy.data.collections.new("Mouths")
-    bpy.context.scene.collection.children.link(made)
+    collection = bpy.data.collections.new("Mouths")
+    bpy.context.scene.collection.children.link(collection)
     for name in names:
-        made.objects.link(bpy.data.objects.new(name, None))
+        collection.objects.link(bpy.data.objects.new(name, None))
     stored = speaks(face, tmp_path)
-    stored.output, stored.collection = "OBJECTS", made
-    return face, made, stored
+    stored.output, stored.collection = "OBJECTS", collection
+    return face, collection, stored
 
 
 def test_objects_of_a_collection_show_and_hide(stage, tmp_path):
-    _, made, _ = drawn_objects(tmp_path, [f"mouth {letter}" for letter in LETTERS] + ["Nose"])
-    made.objects["mouth D"].hide_render = True
+    _, collection, _ = drawn_objects(tmp_path, [f"mouth {letter}" for letter in LETTERS] + ["Nose"])
+    collection.objects["mouth D"].hide_render = True
     bpy.ops.anyface.mouth_chart()
     for frame, mouth in [(1, "X"), (11, "A"), (18, "D"), (40, "X")]:
         bpy.context.scene.frame_set(frame)
         for which in ("hide_render", "hide_viewport"):
-            seen = [ob.name for ob in made.objects if not getattr(ob, which)]
-            assert sorted(seen) == ["Nose", f"mouth {mouth}"], (frame, which)
+            visible = [ob.name for ob in collection.objects if not getattr(ob, which)]
+            assert sorted(visible) == ["Nose", f"mouth {mouth}"], (frame, which)
     bpy.ops.anyface.mouth_chart_remove()
-    assert [ob.name for ob in made.objects if ob.hide_render] == ["mouth D"]
-    assert not any(ob.hide_viewport or ob.animation_data for ob in made.objects)
+    assert [ob.name for ob in collection.objects if ob.hide_render] == ["mouth D"]
+    assert not any(ob.hide_viewport or ob.animation_data for ob in collection.objects)
 
 
 def test_another_output_takes_the_first_one_away(stage, tmp_path):
-    face, made, stored = drawn_objects(tmp_path, LETTERS)
+    face, collection, stored = drawn_objects(tmp_path, LETTERS)
     bpy.ops.anyface.mouth_chart()
     stored.output = "NUMBER"
     bpy.ops.anyface.mouth_chart()
-    assert not any(ob.animation_data or ob.hide_render for ob in made.objects)
+    assert not any(ob.animation_data or ob.hide_render for ob in collection.objects)
     bpy.context.scene.frame_set(18)
     assert face["mouth"] == 4
 
@@ -225,11 +225,11 @@ def test_a_number_is_made_and_goes_again(stage, tmp_path):
     stored = speaks(ob, tmp_path)
     stored.output, stored.property = "NUMBER", "lips"
     bpy.ops.anyface.mouth_chart()
-    seen = []
+    mouths = []
     for frame in FRAMES:
         bpy.context.scene.frame_set(frame)
-        seen.append(LETTERS[ob["lips"] - 1])
-    assert seen == SHOWN
+        mouths.append(LETTERS[ob["lips"] - 1])
+    assert mouths == SHOWN
     bpy.ops.anyface.mouth_chart_remove()
     assert "lips" not in ob and ob.animation_data is None
 
@@ -274,13 +274,13 @@ def test_grease_pencil_shows_a_frame_for_each_mouth(stage, tmp_path):
     # Nobody else is there: the default head spoke.
     assert stage.calls[-1][0] > 1000
     modifiers = ob.grease_pencil_modifiers if ob.type == "GPENCIL" else ob.modifiers
-    (made,) = modifiers
-    assert made.type in ("GP_TIME", "GREASE_PENCIL_TIME") and made.mode == "FIX"
-    seen = []
+    (modifier,) = modifiers
+    assert modifier.type in ("GP_TIME", "GREASE_PENCIL_TIME") and modifier.mode == "FIX"
+    mouths = []
     for frame in FRAMES:
         bpy.context.scene.frame_set(frame)
-        seen.append(LETTERS[made.offset - 1])
-    assert seen == SHOWN
+        mouths.append(LETTERS[modifier.offset - 1])
+    assert mouths == SHOWN
     bpy.ops.anyface.mouth_chart()
     assert len(modifiers) == 1
     bpy.ops.anyface.mouth_chart_remove()

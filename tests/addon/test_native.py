@@ -207,8 +207,8 @@ def test_shapes_are_those_of_the_library(addon, engine):
     tone = 0.5 * np.sin(2 * np.pi * 140.0 * at) * np.sin(2 * np.pi * 2.1 * at) ** 2
     sound = take.Sound(tone.astype(np.float32), 16000, "Voice")
     ask = take.Request(24.0, keeps_clip=True)
-    given = points, face.triangles, None, face.landmark_vertices, sound, ask, progress
-    clip = engine.animate(*given).clip
+    arguments = points, face.triangles, None, face.landmark_vertices, sound, ask, progress
+    clip = engine.animate(*arguments).clip
     vectors = turned.to_object(rig.vectors[:52])[:, :-5]
     lips = np.array(face.landmark_vertices)[[[61, 67], [62, 66], [63, 65]]]
     on_clip = clip.weights(rig.names[:52], vectors, lips, turned.back, progress)
@@ -217,8 +217,8 @@ def test_shapes_are_those_of_the_library(addon, engine):
     assert on_clip.weights.max() > 0.05 and on_clip.left_out == of_copy.left_out
     assert np.array_equal(on_clip.weights, of_copy.weights)
     by = addon("core.take").ShapesBy(field=True, in_betweens=True)
-    given = points, face.triangles, None, face.landmark_vertices, None, progress, by
-    bent = engine.rig(*given)
+    arguments = points, face.triangles, None, face.landmark_vertices, None, progress, by
+    bent = engine.rig(*arguments)
     assert bent.names[:67] == rig.names and bent.names[67 + jaw] == "jawOpen_half"
     whole, half = bent.vectors[jaw], bent.vectors[67 + jaw]
     assert np.linalg.norm(half, axis=1).max() < 0.6 * np.linalg.norm(whole, axis=1).max()
@@ -233,8 +233,8 @@ def test_a_chart_is_drawn_of_the_default_head_and_obeys_its_closures(addon, engi
     progress = addon("core.job").Progress()
     request = take.Request(24.0, emotion_source="OFF", closures=np.array([[0.5, 0.6], [1.2, 1.3]]))
     for kind, closed in [(module.RHUBARB, "A"), (module.PRESTON_BLAIR, "MBP")]:
-        given = *head, None, None, sound, request, progress, kind, 2, 2
-        chart = engine.chart(*given, closure_hold=6)
+        arguments = *head, None, None, sound, request, progress, kind, 2, 2
+        chart = engine.chart(*arguments, closure_hold=6)
         assert {mouth for _, _, mouth in chart} <= set(module.MOUTHS[kind])
         assert chart[0][0] == 0.0 and chart[-1][1] == pytest.approx(2.0, abs=0.1)
         shut = [(start, end) for start, end, mouth in chart if mouth == closed]

@@ -36,10 +36,10 @@ def operator(addon, monkeypatch):
         bl_label = "Test"
 
         def __init__(self):
-            self.told, self.wrote, self.works = [], [], Work()
+            self.messages, self.wrote, self.works = [], [], Work()
 
         def report(self, kind, text):
-            self.told.append((*kind, text))
+            self.messages.append((*kind, text))
 
         def read(self, context, ob):
             return self.works
@@ -69,7 +69,9 @@ def test_the_result_is_written_once_the_thread_has_ended(addon, operator, contex
 def test_esc_ends_the_work_and_nothing_is_written(addon, operator, context):
     operator.invoke(context, TIMER)
     assert operator.modal(context, ESCAPE) == {"CANCELLED"} and not operator.wrote
-    assert operator.told == [("INFO", "Anyface: cancelled")] and context.window_manager.timers == 0
+    assert (
+        operator.messages == [("INFO", "Anyface: cancelled")] and context.window_manager.timers == 0
+    )
     assert not addon("ui.running").is_running()
 
 
@@ -79,7 +81,7 @@ def test_a_face_that_is_gone_meanwhile_is_named(operator, context):
     operator.works.let_go = True
     operator._job.result()
     assert operator.modal(context, TIMER) == {"CANCELLED"} and not operator.wrote
-    assert operator.told == [("ERROR", "Anyface: Head is gone")]
+    assert operator.messages == [("ERROR", "Anyface: Head is gone")]
 
 
 def test_a_face_that_is_renamed_while_the_thread_works_is_found(addon, operator, context):
@@ -97,4 +99,4 @@ def test_an_undo_meanwhile_cancels_with_a_word(addon, operator, context):
     bpy.ops.ed.undo_push(message="moved")
     bpy.ops.ed.undo()
     assert operator.modal(context, TIMER) == {"CANCELLED"} and not operator.wrote
-    assert operator.told == [("INFO", "Anyface: cancelled: something was undone meanwhile")]
+    assert operator.messages == [("INFO", "Anyface: cancelled: something was undone meanwhile")]

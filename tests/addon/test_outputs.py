@@ -60,9 +60,9 @@ def test_names_and_numbers_of_outputs_are_those_in_blend_files(addon):
 
 def test_no_file_but_its_own_names_an_output(installed):
     names = {f'"{name}"' for name in ("basis", "frames", "arkit", "csv")}
-    found = {path.name for path in (installed / "scene").rglob("*.py") for name in names
+    file_names = {path.name for path in (installed / "scene").rglob("*.py") for name in names
              if name in path.read_text()}  # fmt: skip
-    assert found == {"basis.py", "frames.py", "arkit.py", "csv.py"}
+    assert file_names == {"basis.py", "frames.py", "arkit.py", "csv.py"}
 
 
 def test_a_cache_plays_every_frame_and_goes_with_remove(stage, tmp_path):
@@ -246,10 +246,10 @@ def test_work_in_the_standing_in_action_is_kept(stage, tmp_path):
     mole.value = 0.9
     mole.keyframe_insert("value", frame=20)
     bpy.ops.anyface.remove()
-    found = {c.data_path: c for c in curves(ob.data.shape_keys.animation_data.action)}
-    assert len(found['key_blocks["Mole"].value'].keyframe_points) == 3
-    own = found[f'key_blocks["{first}"].value']
-    assert own.evaluate(30) == pytest.approx(0.7) and len(found) == 2
+    fcurves = {c.data_path: c for c in curves(ob.data.shape_keys.animation_data.action)}
+    assert len(fcurves['key_blocks["Mole"].value'].keyframe_points) == 3
+    first_curve = fcurves[f'key_blocks["{first}"].value']
+    assert first_curve.evaluate(30) == pytest.approx(0.7) and len(fcurves) == 2
 
 
 def test_names_are_matched_however_they_are_written(addon):
@@ -377,8 +377,8 @@ def test_objects_beside_the_face_follow_in_every_output(stage, tmp_path, mode):
     assert bpy.ops.anyface.generate() == {"FINISHED"}
     moved = motion(48, 169, stage.rank, stage.size)[20]
     for part, expected in ((ob, moved[:144]), (teeth, moved[144:])):
-        own = shape(part, START + 20) - rest(part)
-        turned = own @ np.array(part.matrix_world)[:3, :3].T
+        shift = shape(part, START + 20) - rest(part)
+        turned = shift @ np.array(part.matrix_world)[:3, :3].T
         assert np.abs(turned - expected).max() < 0.05 * stage.size
     if mode != "cache":
         bpy.ops.anyface.take_keep()
@@ -399,8 +399,8 @@ def test_objects_beside_the_face_follow_in_every_output(stage, tmp_path, mode):
 def ob_takes(ob):
     """Ids of all takes of `ob`."""
     texts = [ob.data.shape_keys.get(name) for name in ("anyface", "anyface_takes")]
-    found = [json.loads(text) for text in texts if text]
-    return [row["id"] for rows in found for row in (rows if isinstance(rows, list) else [rows])]
+    records = [json.loads(text) for text in texts if text]
+    return [row["id"] for rows in records for row in (rows if isinstance(rows, list) else [rows])]
 
 
 @pytest.mark.parametrize("mode", ["basis", "arkit"])
@@ -417,10 +417,10 @@ def test_strength_and_shift_change_the_take_that_is_there(stage, tmp_path, mode)
     if mode == "arkit":
         settings.blinks = 0.5
         animation = ob.data.shape_keys.animation_data
-        found = {curve.data_path: curve for curve in curves(animation.action)}
-        blink = found['key_blocks["eyeBlinkLeft"].value'].evaluate(START + 20)
+        fcurves = {curve.data_path: curve for curve in curves(animation.action)}
+        blink = fcurves['key_blocks["eyeBlinkLeft"].value'].evaluate(START + 20)
         settings.blinks = 1.0
-        assert found['key_blocks["eyeBlinkLeft"].value'].evaluate(START + 20) == pytest.approx(
+        assert fcurves['key_blocks["eyeBlinkLeft"].value'].evaluate(START + 20) == pytest.approx(
             2.0 * blink, abs=1e-6
         )
         assert blink > 0.0
@@ -450,7 +450,9 @@ def test_objects_beside_the_face_follow_with_their_own_keys(stage, tmp_path):
     for frame in (START + 10, START + 20):
         bpy.context.scene.frame_set(frame)
         values.append((ob.data.shape_keys.key_blocks[1].value, block.value))
-    assert values[0] != values[1] and all(own == pytest.approx(other) for own, other in values)
+    assert values[0] != values[1] and all(
+        face_value == pytest.approx(other) for face_value, other in values
+    )
     bpy.context.scene.frame_set(1)
     assert bpy.ops.anyface.remove() == {"FINISHED"}
     assert everything() == before

@@ -41,20 +41,20 @@ class Paper:
     def __getattr__(self, name):
         function = bpy.types.UILayout.bl_rna.functions[name]
 
-        def call(*given, **named):
+        def call(*arguments, **named):
             known = [item.identifier for item in function.parameters]
             assert set(named) <= {*known, "text_ctxt", "translate"}, (name, named)
             assert named.get("icon", "NONE") in ICONS, named
             if name in ("prop", "prop_enum", "prop_search"):
-                assert given[1] in given[0].bl_rna.properties, given
-            value = given[2] if name == "prop_enum" else ""
+                assert arguments[1] in arguments[0].bl_rna.properties, arguments
+            value = arguments[2] if name == "prop_enum" else ""
             self.words.append((named.get("text", value), self.enabled))
             if name == "operator":
-                module, short = given[0].split(".")
-                assert short in dir(getattr(bpy.ops, module)), given
+                module, short = arguments[0].split(".")
+                assert short in dir(getattr(bpy.ops, module)), arguments
                 return SimpleNamespace()
-            made = Paper(self.words, self.enabled)
-            return (made, made) if name in ("panel", "panel_prop") else made
+            paper = Paper(self.words, self.enabled)
+            return (paper, paper) if name in ("panel", "panel_prop") else paper
 
         return call
 
@@ -122,9 +122,9 @@ def test_controls_are_drawn_where_they_belong(addon, stage, monkeypatch):
     monkeypatch.setattr(Paper, "__getattr__", lambda self, name: noting(draw(self, name), name))
 
     def noting(call, kind):
-        def noted(*given, **named):
-            shown.extend(given[1:2] if kind == "prop" else ())
-            return call(*given, **named)
+        def noted(*arguments, **named):
+            shown.extend(arguments[1:2] if kind == "prop" else ())
+            return call(*arguments, **named)
 
         return noted
 
@@ -162,23 +162,23 @@ def test_words_of_research_are_shown_to_whoever_wants_them(addon, stage, monkeyp
 
     monkeypatch.setattr(Paper, "__getattr__", noting)
     draw_all(addon)
-    told = systems.by_name(system).controls
-    wanted = [c.name for c in told if any(word in c.name for word in RESEARCH)]
-    assert wanted and not set(wanted) & set(shown) and "articulation" in shown
+    controls = systems.by_name(system).controls
+    names = [c.name for c in controls if any(word in c.name for word in RESEARCH)]
+    assert names and not set(names) & set(shown) and "articulation" in shown
     # What somebody has changed does not act unseen.
-    first = next(c for c in told if c.name in wanted and not c.choices)
+    first = next(c for c in controls if c.name in names and not c.choices)
     name = first.name
     other = first.high if first.default < first.high else first.low
     setattr(ob.anyface, name, int(other) if first.values == systems.WHOLE else other)
     shown.clear()
     draw_all(addon)
-    assert set(wanted) & set(shown) == {name}
+    assert set(names) & set(shown) == {name}
     addons = bpy.context.preferences.addons["bl_ext.user_default.anyface"]
     addons.preferences.research = True
     try:
         shown.clear()
         draw_all(addon)
-        assert set(wanted) <= set(shown)
+        assert set(names) <= set(shown)
     finally:
         addons.preferences.research = False
 
@@ -293,14 +293,14 @@ def test_the_manifest_tells_what_is_true(installed):
 
 def test_size_and_time_are_told_before(addon, stage, tmp_path):
     estimate = addon("core.estimate")
-    asked = estimate.Asked(1500, 26719, 50.0, keys=52)
-    found = {output.name: output.cost(asked) for output in addon("scene.outputs").ALL}
-    assert found["frames"].size > 400e6 and found["cache"].size > 400e6
-    assert found["basis"].size < 30e6 and found["keys"].size < found["arkit"].size < 30e6
-    assert found["cache"].beside and not found["basis"].beside
-    first, again = (estimate.seconds_of(found["basis"], asked, known) for known in (False, True))
+    workload = estimate.Asked(1500, 26719, 50.0, keys=52)
+    costs = {output.name: output.cost(workload) for output in addon("scene.outputs").ALL}
+    assert costs["frames"].size > 400e6 and costs["cache"].size > 400e6
+    assert costs["basis"].size < 30e6 and costs["keys"].size < costs["arkit"].size < 30e6
+    assert costs["cache"].beside and not costs["basis"].beside
+    first, again = (estimate.seconds_of(costs["basis"], workload, known) for known in (False, True))
     assert again < first
-    text = estimate.in_words(found["basis"], asked, known=False)
+    text = estimate.in_words(costs["basis"], workload, known=False)
     assert text.startswith("1500 frames, about 2") and "MB in the .blend" in text
 
 

@@ -30,7 +30,7 @@ def drive(ob, name, expression):
     driver.expression = expression
 
 
-def asked(stage):
+def last_request(stage):
     """The request that the library was asked for."""
     return stage.calls[-1][5]
 
@@ -41,7 +41,7 @@ def test_keyframes_on_sliders_become_curves(stage, face, name):
         setattr(face.anyface, name, value)
         face.keyframe_insert(f"anyface.{name}", frame=frame)
     bpy.ops.anyface.generate()
-    times, values = asked(stage).control_keys[name]
+    times, values = last_request(stage).control_keys[name]
     assert np.interp([0.0, 2.0], times, values) == pytest.approx([0.0, 1.0], abs=1e-3)
     assert np.interp(1.0, times, values) == pytest.approx(0.5, abs=0.01)
 
@@ -52,9 +52,9 @@ def test_drivers_on_sliders_become_curves(stage, face):
     bpy.context.scene.frame_set(7)
     bpy.ops.anyface.generate()
     assert bpy.context.scene.frame_current == 7
-    times, values = asked(stage).control_keys["articulation"]
+    times, values = last_request(stage).control_keys["articulation"]
     assert np.interp([0.0, 1.9], times, values) == pytest.approx([1 / 49, 46.6 / 49], abs=0.01)
-    emotion = asked(stage).emotion
+    emotion = last_request(stage).emotion
     # Two seconds of sound, ten rows a second.
     assert 20 <= len(emotion) <= 23 and emotion[0][1][0] == pytest.approx(0.51, abs=0.01)
 
@@ -67,15 +67,15 @@ def test_nla_strips_on_sliders_become_curves(stage, face):
     animation.nla_tracks.new().strips.new("Curve", 1, animation.action)
     animation.action = None
     bpy.ops.anyface.generate()
-    times, values = asked(stage).control_keys["brow_accents"]
+    times, values = last_request(stage).control_keys["brow_accents"]
     assert np.interp([0.0, 1.0], times, values) == pytest.approx([0.0, 0.5], abs=0.02)
 
 
 def test_sliders_that_stand_still_are_no_curves(stage, face):
     face.anyface.articulation = 0.7
     bpy.ops.anyface.generate()
-    assert asked(stage).control_keys == {}
-    assert asked(stage).controls["articulation"] == pytest.approx(0.7)
+    assert last_request(stage).control_keys == {}
+    assert last_request(stage).controls["articulation"] == pytest.approx(0.7)
 
 
 def test_sliders_of_a_whole_take_cannot_be_keyed(face):
@@ -111,18 +111,20 @@ def test_controls_are_stored_as_they_always_were(face):
     for name, (low, high, default, animatable) in STORED.items():
         prop = face.anyface.bl_rna.properties[name]
         assert prop.type == ("INT" if name == "steps" else "FLOAT"), name
-        found = prop.hard_min, prop.hard_max, prop.default
-        assert found == pytest.approx((low, high, default)), name
+        limits = prop.hard_min, prop.hard_max, prop.default
+        assert limits == pytest.approx((low, high, default)), name
         assert prop.is_animatable == animatable and prop.name and prop.description, name
     assert face.anyface.decoder == "static"
 
 
 def test_presets_hold_what_they_always_held(addon):
-    held = set(addon("core.presets").names())
+    preset_names = set(addon("core.presets").names())
     levels = {"intensity", "event_strength", "emotion_level", "vividness", "speech_guidance"}
     levels |= {"noise", "coarse_guidance"}
     field = {"field", "field_reach", "template"}
-    assert held == {"emotion", "emotion_source", "mixed", *levels, *field, *STORED} - {"steps"}
+    assert preset_names == {"emotion", "emotion_source", "mixed", *levels, *field, *STORED} - {
+        "steps"
+    }
 
 
 def values_of(ob, addon):
@@ -208,5 +210,5 @@ def test_files_that_are_no_presets_are_refused_in_words(face, addon, tmp_path, t
 def test_preset_ranges_are_those_of_the_sliders(face, addon):
     sliders = face.anyface.bl_rna.properties
     for name, (low, high) in addon("core.presets").numbers().items():
-        found = sliders[name].hard_min, sliders[name].hard_max
-        assert found == pytest.approx((low, high)), name
+        limits = sliders[name].hard_min, sliders[name].hard_max
+        assert limits == pytest.approx((low, high)), name

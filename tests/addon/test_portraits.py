@@ -64,9 +64,9 @@ def changed(monkeypatch, addon):
     calls, engine = [], addon("core.native").Engine
     animate = engine.animate
 
-    def counted(self, *given):
-        calls.append(given[5])
-        return animate(self, *given)
+    def counted(self, *arguments):
+        calls.append(arguments[5])
+        return animate(self, *arguments)
 
     monkeypatch.setattr(engine, "animate", counted)
     return calls
@@ -268,14 +268,14 @@ def test_a_picture_shows_what_is_in_front_and_the_inside_dark(addon):
 
 
 def test_a_png_holds_the_pixels(addon, tmp_path):
-    made = np.random.default_rng(0).integers(0, 256, (5, 7, 4), dtype=np.uint8)
-    made[..., 3] = 255
+    random_pixels = np.random.default_rng(0).integers(0, 256, (5, 7, 4), dtype=np.uint8)
+    random_pixels[..., 3] = 255
     path = Path(tmp_path / "made.png")
-    path.write_bytes(addon("core.picture").png(made))
+    path.write_bytes(addon("core.picture").png(random_pixels))
     image = bpy.data.images.load(str(path))
     assert tuple(image.size) == (7, 5)
     read = np.array(image.pixels[:]).reshape(5, 7, 4)[::-1]
-    assert np.abs(read * 255.0 - made).max() < 1.0
+    assert np.abs(read * 255.0 - random_pixels).max() < 1.0
 
 
 def test_a_stage_without_life_is_told(addon):
@@ -302,7 +302,7 @@ def generate(ob):
     assert bpy.ops.anyface.generate() == {"FINISHED"}, ob.anyface.report
 
 
-def felt(ob, text):
+def film_of_mixture(ob, text):
     """The take of a mixture in some frames `[N, V, 3]`."""
     (first, weight), *others = (item.split(":") for item in text.split(","))
     ob.anyface.emotion, ob.anyface.intensity = first, float(weight)
@@ -319,16 +319,18 @@ def largest_mm(moved):
 
 
 def test_a_mixture_lies_near_the_sum_of_its_emotions(speaking):
-    calm = felt(speaking, "neutral:1")
-    first, second = (felt(speaking, f"{name}:0.5") - calm for name in ("happy", "surprised"))
-    both = felt(speaking, "happy:0.5,surprised:0.5") - calm
+    calm = film_of_mixture(speaking, "neutral:1")
+    first, second = (
+        film_of_mixture(speaking, f"{name}:0.5") - calm for name in ("happy", "surprised")
+    )
+    both = film_of_mixture(speaking, "happy:0.5,surprised:0.5") - calm
     assert largest_mm(both - first) > 3.0 and largest_mm(both - second) > 3.0
     left = np.linalg.norm(both - first - second) / np.linalg.norm(both)
     assert left < 0.25, left
 
 
 def test_a_batch_makes_the_same_of_the_mixture(speaking, installed, tmp_path):
-    here = felt(speaking, "happy:0.6,sad:0.6")
+    here = film_of_mixture(speaking, "happy:0.6,sad:0.6")
     assert bpy.ops.anyface.remove() == {"FINISHED"}
     shot, out = (str(tmp_path / name) for name in ("shot.blend", "out.blend"))
     bpy.ops.wm.save_as_mainfile(filepath=shot)
@@ -342,14 +344,14 @@ def test_a_batch_makes_the_same_of_the_mixture(speaking, installed, tmp_path):
         assert done.returncode == 0, done.stdout + done.stderr
         bpy.ops.wm.open_mainfile(filepath=out)
         takes.append(film(bpy.data.objects["Head"], range(START + 20, START + 40, 5)))
-    stored, asked, happy = takes
-    assert largest_mm(stored - here) < 0.02 and largest_mm(asked - here) < 0.02
+    stored, requested, happy = takes
+    assert largest_mm(stored - here) < 0.02 and largest_mm(requested - here) < 0.02
     assert largest_mm(happy - here) > 1.0
 
 
 def test_keyframes_on_a_weight_move_the_face_over_time(speaking):
     corner = [LANDMARKS[48]["vertex"]]
-    felt(speaking, "calm:0.3,happy:0.0")
+    film_of_mixture(speaking, "calm:0.3,happy:0.0")
     still = [shape(speaking, frame)[corner] for frame in (START + 2, START + 44)]
     for frame, value in ((START, 0.0), (START + 30, 1.0)):
         speaking.anyface.mixture[0].weight = value

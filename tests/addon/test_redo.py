@@ -32,12 +32,12 @@ def spoken(tmp_path, mode="basis"):
 
 def keyframes(ob):
     """Frame and value of every keyframe by data path, bit by bit."""
-    found = {}
+    rows = {}
     for curve in curves(ob.data.shape_keys.animation_data.action):
         points = np.empty(2 * len(curve.keyframe_points), dtype=np.float32)
         curve.keyframe_points.foreach_get("co", points)
-        found[curve.data_path] = points.reshape(-1, 2)
-    return found
+        rows[curve.data_path] = points.reshape(-1, 2)
+    return rows
 
 
 def outside(points):
@@ -146,22 +146,22 @@ def test_without_a_take_redo_says_what_is_missing(stage, tmp_path):
 def marks():
     editor = bpy.context.scene.sequence_editor
     every = editor.strips_all if hasattr(editor, "strips_all") else editor.sequences_all
-    found = [s for s in every if s.type == "TEXT"]
-    return sorted(found, key=lambda s: s.frame_final_start)
+    text_strips = [s for s in every if s.type == "TEXT"]
+    return sorted(text_strips, key=lambda s: s.frame_final_start)
 
 
-def asked(stage):
+def requested_closures(stage):
     closures = stage.calls[-1][-1].closures
     return None if closures is None else np.round(closures, 4).tolist()
 
 
 def test_what_is_heard_is_shown_as_muted_strips_above_the_sound(stage, tmp_path):
     spoken(tmp_path)
-    assert asked(stage) is None
+    assert requested_closures(stage) is None
     assert bpy.ops.anyface.sounds_show() == {"FINISHED"}
-    found = marks()
-    assert [(s.frame_final_start, s.frame_final_end) for s in found] == [(18, 20), (35, 36)]
-    assert all(s.mute and s.text == "MBP" and s.channel > 1 for s in found)
+    strips = marks()
+    assert [(s.frame_final_start, s.frame_final_end) for s in strips] == [(18, 20), (35, 36)]
+    assert all(s.mute and s.text == "MBP" and s.channel > 1 for s in strips)
     assert bpy.ops.anyface.sounds_show() == {"FINISHED"}
     assert len(marks()) == 2
 
@@ -170,7 +170,7 @@ def test_strips_that_stay_keep_their_exact_times(stage, tmp_path):
     spoken(tmp_path)
     bpy.ops.anyface.sounds_show()
     assert bpy.ops.anyface.redo() == {"FINISHED"}
-    assert asked(stage) == [[0.30, 0.38], [1.02, 1.06]]
+    assert requested_closures(stage) == [[0.30, 0.38], [1.02, 1.06]]
 
 
 def test_strips_may_be_moved_renamed_deleted_and_added(stage, tmp_path):
@@ -180,14 +180,14 @@ def test_strips_may_be_moved_renamed_deleted_and_added(stage, tmp_path):
     first.frame_start += 6
     assert bpy.ops.anyface.redo() == {"FINISHED"}
     moved = [round((24 - START) / FPS, 4), round((26 - START) / FPS, 4)]
-    assert asked(stage) == [moved, [1.02, 1.06]]
+    assert requested_closures(stage) == [moved, [1.02, 1.06]]
     second.text = "f"
     assert bpy.ops.anyface.redo() == {"FINISHED"}
-    assert asked(stage) == [moved]
+    assert requested_closures(stage) == [moved]
     editor = bpy.context.scene.sequence_editor
     (editor.strips if hasattr(editor, "strips") else editor.sequences).remove(first)
     assert bpy.ops.anyface.redo() == {"FINISHED"}
-    assert asked(stage) == []
+    assert requested_closures(stage) == []
 
 
 def with_words(tmp_path):
@@ -205,7 +205,7 @@ def test_words_of_the_text_stand_above_the_closures(stage, tmp_path):
     assert [s.text for s in words] == ["bob", "said", "hello"]
     assert [s.text for s in closures] == ["MBP", "MBP"] and all(s.mute for s in words)
     assert bpy.ops.anyface.redo() == {"FINISHED"}
-    assert asked(stage) == [[0.30, 0.38], [1.02, 1.06]]
+    assert requested_closures(stage) == [[0.30, 0.38], [1.02, 1.06]]
 
 
 def test_a_text_belongs_to_its_sound(stage, tmp_path):
@@ -224,7 +224,10 @@ def test_closures_go_with_their_word_and_redo_is_about_its_stretch(stage, tmp_pa
     bob.frame_start += 6
     assert bpy.ops.anyface.redo() == {"FINISHED"}
     by_s = 6 / FPS
-    assert asked(stage) == [[round(0.30 + by_s, 4), round(0.38 + by_s, 4)], [1.02, 1.06]]
+    assert requested_closures(stage) == [
+        [round(0.30 + by_s, 4), round(0.38 + by_s, 4)],
+        [1.02, 1.06],
+    ]
     assert first.frame_final_start == 18 + 6 and second.frame_final_start == 35
     start, end = START + (0.25 - 0.2) * FPS, START + (0.5 + by_s + 0.2) * FPS
     for path, points in keyframes(ob).items():
@@ -232,7 +235,7 @@ def test_closures_go_with_their_word_and_redo_is_about_its_stretch(stage, tmp_pa
         assert far.any() and np.array_equal(before[path][far], points[far])
     # What went along is where it was put: nothing has moved since.
     assert bpy.ops.anyface.generate() == {"FINISHED"}
-    assert asked(stage)[1] == [1.02, 1.06]
+    assert requested_closures(stage)[1] == [1.02, 1.06]
     with pytest.raises(RuntimeError, match="no stretch to redo"):
         bpy.ops.anyface.redo()
 
@@ -242,7 +245,10 @@ def test_a_closure_that_was_moved_itself_stays_where_it_is(stage, tmp_path):
     first.frame_start += 2
     bob.frame_start += 6
     assert bpy.ops.anyface.redo() == {"FINISHED"}
-    assert asked(stage)[0] == [round((20 - START) / FPS, 4), round((22 - START) / FPS, 4)]
+    assert requested_closures(stage)[0] == [
+        round((20 - START) / FPS, 4),
+        round((22 - START) / FPS, 4),
+    ]
 
 
 def test_of_a_word_that_was_copied_closures_stay(stage, tmp_path):
@@ -255,14 +261,14 @@ def test_of_a_word_that_was_copied_closures_stay(stage, tmp_path):
     for key, value in bob.items():
         copy[key] = value
     assert bpy.ops.anyface.redo() == {"FINISHED"}
-    assert asked(stage) == [[0.30, 0.38], [1.02, 1.06]]
+    assert requested_closures(stage) == [[0.30, 0.38], [1.02, 1.06]]
 
 
 def test_generate_uses_the_strips_too(stage, tmp_path):
     spoken(tmp_path)
     bpy.ops.anyface.sounds_show()
     assert bpy.ops.anyface.generate() == {"FINISHED"}
-    assert asked(stage) == [[0.30, 0.38], [1.02, 1.06]]
+    assert requested_closures(stage) == [[0.30, 0.38], [1.02, 1.06]]
 
 
 def test_sounds_of_a_file_replace_those_that_were_heard(stage, tmp_path):
@@ -271,7 +277,7 @@ def test_sounds_of_a_file_replace_those_that_were_heard(stage, tmp_path):
     assert bpy.ops.anyface.sounds_read(filepath=str(tmp_path / "a.TextGrid")) == {"FINISHED"}
     assert len(marks()) == 1
     assert bpy.ops.anyface.redo() == {"FINISHED"}
-    assert asked(stage) == [[0.5, 0.75]]
+    assert requested_closures(stage) == [[0.5, 0.75]]
 
 
 def test_without_strips_there_is_nothing_to_write(stage, tmp_path):
@@ -299,8 +305,10 @@ def test_strips_are_written_as_files_of_other_tools_and_read_back(addon, tmp_pat
     first, _ = marks()
     first.text, first.frame_start = "f", first.frame_start + 1
     assert bpy.ops.anyface.sounds_read(filepath=str(written)) == {"FINISHED"}
-    found = addon("scene.sound.sounds").read(scene, source)
-    assert len(found) == 2 and np.allclose([row[:2] for row in found], [[0.25, 0.5], [1.0, 1.25]])
+    closures = addon("scene.sound.sounds").read(scene, source)
+    assert len(closures) == 2 and np.allclose(
+        [row[:2] for row in closures], [[0.25, 0.5], [1.0, 1.25]]
+    )
 
 
 def test_a_file_names_its_kind_itself_and_overlapping_strips_follow_each_other(addon, tmp_path):

@@ -140,20 +140,20 @@ def test_a_table_that_somebody_changed_is_not_written_over(engine, tmp_path):
 
 def rig_keyframes(ob):
     """Frames and values of all curves of the rig, by path and index."""
-    found = {}
+    rows = {}
     for curve in curves(rig_of(ob).animation_data.action):
         points = np.empty(2 * len(curve.keyframe_points), dtype=np.float32)
         curve.keyframe_points.foreach_get("co", points)
-        found[curve.data_path, curve.array_index] = points.reshape(-1, 2)
-    return found
+        rows[curve.data_path, curve.array_index] = points.reshape(-1, 2)
+    return rows
 
 
 class Other(Waves):
     """Long waves in a stretch as well, which another seed turns round."""
 
-    def animate_stretch(self, positions, *given, rows):
+    def animate_stretch(self, positions, *arguments, rows):
         """Some frames of `animate`."""
-        *rest, sound, request, progress = given
+        *rest, sound, request, progress = arguments
         animation = self.animate(positions, *rest, sound, request, progress)
         sign = -1.0 if request.seed == 5 else 1.0
         animation.displacements = sign * animation.displacements[rows.start : rows.stop]

@@ -19,9 +19,9 @@ def packed():
 
 def test_the_packed_head_is_the_default_head():
     module = packed()
-    with np.load(module.PACKED) as held:
+    with np.load(module.PACKED) as arrays:
         for name, values in module.read(module.HEAD).items():
-            assert np.array_equal(held[name], values), name
+            assert np.array_equal(arrays[name], values), name
     assert module.PACKED.stat().st_size < 200_000
 
 

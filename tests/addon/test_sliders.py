@@ -39,17 +39,17 @@ def generate():
 
 def values(ob):
     """The values of all keyframes of a take."""
-    found = curves(ob.data.shape_keys.animation_data.action)
-    return np.array([[point.co[1] for point in curve.keyframe_points] for curve in found])
+    fcurves = curves(ob.data.shape_keys.animation_data.action)
+    return np.array([[point.co[1] for point in curve.keyframe_points] for curve in fcurves])
 
 
-def wanted(addon, stage, position, name, frame):
+def expected_face(addon, stage, position, name, frame):
     """What the face shows at a frame of the take with one slider at `position`: `[V, 3]`."""
     moved = motion(2 * FPS, 144, stage.rank, stage.size)
-    made = figures.basis(stage.take_module, moved)
-    found = figures.sliders(addon("core.sliders"), NAMES, made.weights)
-    weights = made.weights + found[name].at(position)
-    return np.tensordot(weights[frame], made.vectors, axes=1)
+    take_basis = figures.basis(stage.take_module, moved)
+    changes = figures.sliders(addon("core.sliders"), NAMES, take_basis.weights)
+    weights = take_basis.weights + changes[name].at(position)
+    return np.tensordot(weights[frame], take_basis.vectors, axes=1)
 
 
 @pytest.mark.parametrize("name", NAMES)
@@ -62,7 +62,9 @@ def test_a_slider_shows_what_its_variation_is(stage, tmp_path, addon, name):
         setattr(ob.anyface_output, PROPERTY.get(name, name), position)
         assert getattr(ob.anyface_output, PROPERTY.get(name, name)) == pytest.approx(position)
         moved = shape(ob, START + frame) - rest
-        assert np.abs(moved - wanted(addon, stage, position, name, frame)).max() < 2e-6, position
+        assert np.abs(moved - expected_face(addon, stage, position, name, frame)).max() < 2e-6, (
+            position
+        )
 
 
 @pytest.mark.parametrize("start", [1, START])
@@ -104,16 +106,18 @@ def test_emotion_and_blinks_change_more_together_than_each_alone(stage, tmp_path
     ob = ready(tmp_path)
     rest = shape(ob, START)
     generate()
-    made = figures.basis(stage.take_module, motion(2 * FPS, 144, stage.rank, stage.size))
-    found = figures.sliders(module, module.ALL, made.weights)
+    take_basis = figures.basis(stage.take_module, motion(2 * FPS, 144, stage.rank, stage.size))
+    changes = figures.sliders(module, module.ALL, take_basis.weights)
     first = values(ob)
     for emotion, blinks in ((0.0, 0.0), (0.3, 0.4), (1.5, 0.0), (0.3, 1.0)):
         ob.anyface_output.emotion, ob.anyface_output.closing = emotion, blinks
         together = 1.0 - (1.0 - emotion) * (1.0 - blinks)
         places = {"emotion": emotion, "blinks": blinks, module.TOGETHER: together}
-        weights = made.weights + sum(found[name].at(place) for name, place in places.items())
+        weights = take_basis.weights + sum(
+            changes[name].at(place) for name, place in places.items()
+        )
         moved = shape(ob, START + 12) - rest
-        assert np.abs(moved - np.tensordot(weights[12], made.vectors, axes=1)).max() < 2e-6
+        assert np.abs(moved - np.tensordot(weights[12], take_basis.vectors, axes=1)).max() < 2e-6
     ob.anyface_output.emotion = ob.anyface_output.closing = 1.0
     assert np.abs(values(ob) - first).max() < 1e-6
 
@@ -124,8 +128,8 @@ def test_keys_have_room_for_every_place_of_every_slider(stage, tmp_path):
     for place in (0.0, 1.5):
         for name in NAMES:
             setattr(ob.anyface_output, PROPERTY.get(name, name), place)
-        for block, found in zip(ob.data.shape_keys.key_blocks[1:], values(ob), strict=True):
-            assert block.slider_min <= found.min() and found.max() <= block.slider_max
+        for block, numbers in zip(ob.data.shape_keys.key_blocks[1:], values(ob), strict=True):
+            assert block.slider_min <= numbers.min() and numbers.max() <= block.slider_max
 
 
 def test_a_slider_ends_where_its_variations_end(stage, tmp_path):
@@ -271,15 +275,15 @@ def test_caches_say_why(stage, tmp_path, addon):
 def test_packing_loses_next_to_nothing(addon):
     sliders, random = addon("core.sliders"), np.random.default_rng(1)
     rows = np.sign(random.normal(size=(2, 40, 3))) * random.uniform(0.9, 1.0, size=(2, 40, 3))
-    made = {
+    changes = {
         "emotion": sliders.SliderChange(np.array([0.0, 1.5]), rows.astype(np.float32)),
         "blinks": sliders.SliderChange(np.array([0.0]), np.zeros((1, 40, 3), dtype=np.float32)),
     }
-    found = sliders.unpack(sliders.pack(made))
-    assert list(found) == list(made)
-    for name, change in made.items():
-        assert (found[name].knots == change.knots).all()
-        assert np.abs(found[name].changes - change.changes).max() < 3e-4
-    for damaged in (b"", b"AFS1", b"AFS1\x10\x00\x00\x00{}", sliders.pack(made)[:-9]):
+    unpacked = sliders.unpack(sliders.pack(changes))
+    assert list(unpacked) == list(changes)
+    for name, change in changes.items():
+        assert (unpacked[name].knots == change.knots).all()
+        assert np.abs(unpacked[name].changes - change.changes).max() < 3e-4
+    for damaged in (b"", b"AFS1", b"AFS1\x10\x00\x00\x00{}", sliders.pack(changes)[:-9]):
         with pytest.raises(ValueError):
             sliders.unpack(damaged)

@@ -76,12 +76,12 @@ def test_a_retimed_strip_plays_as_blender_plays_it(addon, tmp_path):
         known = "keep_retiming" in set_speed.get_rna_type().properties
         set_speed(speed=200, **({"keep_retiming": False} if known else {}))
     assert voice.frame_final_duration == pytest.approx(48, abs=1)
-    kept = (other.mute, scene.frame_start, scene.frame_end)
+    before = (other.mute, scene.frame_start, scene.frame_end)
     _, sound = read(addon)
     assert sound.duration_s == pytest.approx(2.0, abs=0.1)
     loud = np.abs(sound.samples) > 0.05
     assert np.flatnonzero(loud)[0] / sound.rate_hz == pytest.approx(1.0, abs=0.1)
-    assert (other.mute, scene.frame_start, scene.frame_end) == kept
+    assert (other.mute, scene.frame_start, scene.frame_end) == before
 
 
 def test_a_missing_strip_names_those_that_are_there(addon, tmp_path):

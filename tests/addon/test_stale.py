@@ -111,9 +111,9 @@ def test_baking_another_face_of_the_shot_tells_of_it(addon, stage, shot, tmp_pat
     words = ["bake", "--file", shot, "--object", "Other", "--audio", sound, "--report", report]
     words += ["--save", tmp_path / "out.blend"]
     assert addon("command").main([str(word) for word in words]) == 0
-    told = json.loads(report.read_text())
-    assert told["ok"] and "another shape" in told["message"]
-    (stale,) = told["stale_caches"]
+    outcome = json.loads(report.read_text())
+    assert outcome["ok"] and "another shape" in outcome["message"]
+    (stale,) = outcome["stale_caches"]
     assert stale.startswith("Head") and "generate again" in stale
 
 

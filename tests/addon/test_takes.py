@@ -66,17 +66,17 @@ def test_switching_shows_each_take_and_deleting_leaves_the_file_as_it_was(
     before = everything()
     first, second = two_takes(stage, ob)
     assert np.abs(first - second).max() > 0.001
-    found = rows(addon, ob)
-    assert {name: row.state for name, row in found.items()} == {
+    take_rows = rows(addon, ob)
+    assert {name: row.state for name, row in take_rows.items()} == {
         "Take 1": "WAITS",
         "Take 2": "PLAYS",
     }
     for name, face in (("Take 1", first), ("Take 2", second), ("Take 1", first)):
-        assert bpy.ops.anyface.take_switch(take=found[name].id) == {"FINISHED"}
+        assert bpy.ops.anyface.take_switch(take=take_rows[name].id) == {"FINISHED"}
         assert np.abs(shape(ob, START + 20) - face).max() < 1e-6
     bpy.context.scene.frame_set(1)
     for name in ("Take 2", "Take 1"):
-        assert bpy.ops.anyface.take_delete(take=found[name].id) == {"FINISHED"}
+        assert bpy.ops.anyface.take_delete(take=take_rows[name].id) == {"FINISHED"}
     bpy.context.scene.frame_set(1)
     assert everything() == before
 
@@ -89,8 +89,8 @@ def test_takes_pushed_down_add_up_in_the_nla(addon, stage, tmp_path, artist):
     before = everything()
     base = shape(ob, START + 20)
     first, second = two_takes(stage, ob)
-    found = rows(addon, ob)
-    for row in found.values():
+    take_rows = rows(addon, ob)
+    for row in take_rows.values():
         assert bpy.ops.anyface.take_push_down(take=row.id) == {"FINISHED"}
     tracks = ob.data.shape_keys.animation_data.nla_tracks
     assert [track.name for track in tracks] == ["Anyface Rest", "Take 1", "Take 2"]
@@ -103,10 +103,10 @@ def test_takes_pushed_down_add_up_in_the_nla(addon, stage, tmp_path, artist):
     tracks[2].mute = True
     assert np.abs(shape(ob, START + 20) - first).max() < 1e-5
     tracks[2].mute = False
-    bpy.ops.anyface.take_switch(take=found["Take 2"].id)
+    bpy.ops.anyface.take_switch(take=take_rows["Take 2"].id)
     assert len(tracks) == 2 and rows(addon, ob)["Take 2"].state == "PLAYS"
     assert np.abs(shape(ob, START + 20) - (first + second - base)).max() < 1e-5
-    for row in found.values():
+    for row in take_rows.values():
         bpy.ops.anyface.take_delete(take=row.id)
     bpy.context.scene.frame_set(1)
     assert everything() == before
@@ -135,9 +135,9 @@ def test_without_new_take_only_the_playing_one_is_replaced(addon, stage, tmp_pat
     ob.anyface_output.new_take = False
     stage.size = 0.002
     bpy.ops.anyface.generate()
-    found = rows(addon, ob)
-    assert list(found) == ["Take 1", "Take 2"]
-    bpy.ops.anyface.take_switch(take=found["Take 1"].id)
+    take_rows = rows(addon, ob)
+    assert list(take_rows) == ["Take 1", "Take 2"]
+    bpy.ops.anyface.take_switch(take=take_rows["Take 1"].id)
     assert np.abs(shape(ob, START + 20) - first).max() < 1e-6
     bpy.ops.anyface.remove()
     assert list(rows(addon, ob)) == ["Take 2"]
@@ -155,11 +155,11 @@ def test_takes_of_existing_keys_switch_between_actions(addon, stage, tmp_path):
     before = everything()
     ob.anyface.mode = "keys"
     first, second = two_takes(stage, ob)
-    found = rows(addon, ob)
+    take_rows = rows(addon, ob)
     for name, face in (("Take 1", first), ("Take 2", second)):
-        bpy.ops.anyface.take_switch(take=found[name].id)
+        bpy.ops.anyface.take_switch(take=take_rows[name].id)
         assert np.abs(shape(ob, START + 20) - face).max() < 1e-6
-    for row in found.values():
+    for row in take_rows.values():
         bpy.ops.anyface.take_delete(take=row.id)
     bpy.context.scene.frame_set(1)
     assert everything() == before

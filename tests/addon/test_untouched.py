@@ -254,8 +254,8 @@ def test_files_are_written_in_its_own_user_folder_only(addon):
     # A mesh that no other test has shown to the library.
     ob.data.vertices[0].co.x += 1e-4
     bpy.ops.anyface.find_face()
-    own = Path(bpy.utils.extension_path_user(PACKAGE, path="cache"))
-    assert any(own.rglob("*"))
+    cache = Path(bpy.utils.extension_path_user(PACKAGE, path="cache"))
+    assert any(cache.rglob("*"))
     assert sorted(users.rglob("*")) == before
 
 

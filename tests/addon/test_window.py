@@ -47,8 +47,8 @@ MORE = "bpy.context.window_manager.anyface_more = {}"
 @pytest.fixture(scope="module")
 def photographs(tmp_path_factory):
     """Where pictures go."""
-    given = os.environ.get("ANYFACE_PHOTOGRAPHS")
-    return Path(given) if given else tmp_path_factory.mktemp("photographs")
+    folder = os.environ.get("ANYFACE_PHOTOGRAPHS")
+    return Path(folder) if folder else tmp_path_factory.mktemp("photographs")
 
 
 @pytest.fixture(scope="module")
@@ -140,8 +140,8 @@ BREAK = """
 import importlib
 keys_module = importlib.import_module("bl_ext.user_default.anyface.scene.takes.keys")
 whole = keys_module.play
-def broken(ob, taken):
-    yield from whole(ob, taken)
+def broken(ob, take_record):
+    yield from whole(ob, take_record)
     raise MemoryError
 keys_module.play, keys_module.whole = broken, whole
 """

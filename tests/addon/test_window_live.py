@@ -41,8 +41,8 @@ def test_the_face_follows_what_plays(screen: Screen, photographs):  # noqa: F811
     screen.ask("bpy.ops.screen.animation_cancel(restore_frame=False)\nanswer = True")
     screen.ask("bpy.context.scene.frame_set(24)\nanswer = True")
     assert screen.ask(MOVED) > 1e-3
-    seen = screen.ask("answer = bpy.app.driver_namespace['seen']")
-    played = [b[1] - a[1] for a, b in pairwise(seen) if b[0] > a[0]]
+    frames = screen.ask("answer = bpy.app.driver_namespace['seen']")
+    played = [b[1] - a[1] for a, b in pairwise(frames) if b[0] > a[0]]
     assert played
     print("median time from frame to frame:", sorted(played)[len(played) // 2])
     screen.ask(REDRAW + "\nanswer = True")

@@ -1,4 +1,4 @@
-"""Curves of a take with few keys: handles, and what changes of such a curve."""
+"""Curves of a take with few keys: their handles, and how such a curve is changed."""
 
 import numpy as np
 
@@ -9,7 +9,7 @@ _BEZIER = 2
 _FREE, _ALIGNED = 0, 3
 _VECTORS = ("co", "handle_left", "handle_right")
 _KINDS = ("interpolation", "easing", "handle_left_type", "handle_right_type")
-# Frames nearer to a key than this are at it.
+# A frame that lies closer to a key than this is at the key.
 _AT = 1e-3
 
 
@@ -19,15 +19,18 @@ def is_sparse(curve) -> bool:
 
 
 def bend(curve, slopes: np.ndarray) -> None:
-    """Gives the keys of a curve handles along `slopes` `[N, 2]`, before and behind, per frame."""
+    """Gives the keys of a curve handles of `slopes` `[N, 2]`, before and behind, per frame."""
     count = len(curve.keyframe_points)
-    found = _handles(_pairs(curve, "co"), slopes)
-    _put(curve, found, _kinds_of(slopes, count))
+    vectors = _handles(_pairs(curve, "co"), slopes)
+    _put(curve, vectors, _kinds_of(slopes, count))
 
 
 def eased(at: np.ndarray, values: np.ndarray, slopes: np.ndarray, lead: int) -> np.ndarray:
-    """Slopes `[N, 2]` before and behind keys `[N]` of a take, whose last is at rest, and its first
-    where `lead` is 1: it comes out of rest and goes back without swinging beyond it."""
+    """Slopes `[N, 2]` before and behind the keys `[N]` of a take.
+
+    The last key is at rest, and so is the first where `lead` is 1. The curve leaves rest and
+    returns to it without overshooting.
+    """
     both = np.column_stack([slopes, slopes])
     if len(at) > 2:
         for key, side, other in ((1, 0, 0), (-2, 1, -1))[1 - lead :]:
@@ -38,17 +41,18 @@ def eased(at: np.ndarray, values: np.ndarray, slopes: np.ndarray, lead: int) -> 
 
 
 def sample(curve, frames: np.ndarray) -> np.ndarray:
-    """What a curve is at frames `[T]`."""
+    """The values of a curve at frames `[T]`."""
     return np.array([curve.evaluate(float(frame)) for frame in frames])
 
 
 def change(curve, factor: float, moved: float, more=None) -> tuple[float, float]:
-    """Scales a curve, adds `more` (values at frames `[T]`, before they move), moves it in time.
+    """Scales a curve, adds `more` to it, and moves it in time.
 
-    The keys stay where they are on it. Returns the lowest and the highest value.
+    `more` holds frames `[T]`, before they move, and the values to add at them. No key is added or
+    removed. Returns the lowest and the highest value.
     """
-    found = {name: _pairs(curve, name) for name in _VECTORS}
-    at = found["co"][:, 0].copy()
+    vectors = {name: _pairs(curve, name) for name in _VECTORS}
+    at = vectors["co"][:, 0].copy()
     inside, slopes, added = np.zeros(len(at)), np.zeros(len(at)), np.zeros(len(at))
     if more is not None:
         frames, changes = more
@@ -56,21 +60,23 @@ def change(curve, factor: float, moved: float, more=None) -> tuple[float, float]
         inside = (at > frames[0] - half) & (at < frames[-1] + half)
         added = np.where(inside, np.interp(at, frames, changes), 0.0)
         slopes = np.where(inside, _slopes(at, inside, frames, changes), 0.0)
-    for pairs in found.values():
+    for pairs in vectors.values():
         pairs[:, 1] = factor * pairs[:, 1] + added + slopes * (pairs[:, 0] - at)
         pairs[:, 0] += moved
-    _put(curve, found)
-    values = found["co"][:, 1]
+    _put(curve, vectors)
+    values = vectors["co"][:, 1]
     return float(values.min(initial=0.0)), float(values.max(initial=0.0))
 
 
 def _slopes(at, inside, frames, changes) -> np.ndarray:
-    """The slopes of handles with which keys at `at` `[N]` come nearest to changes `[T]` at frames:
-    least squares over all segments."""
+    """The slopes of handles with which a curve through keys at `at` `[N]` fits changes `[T]` best.
+
+    It solves least squares over all segments.
+    """
     keys = np.flatnonzero(inside)
-    found = np.zeros(len(at))
+    slopes = np.zeros(len(at))
     if len(keys) < 2:
-        return found
+        return slopes
     x = at[keys]
     y = np.interp(x, frames, changes)
     at_frame = frames[(frames > x[0] + _AT) & (frames < x[-1] - _AT)]
@@ -89,12 +95,12 @@ def _slopes(at, inside, frames, changes) -> np.ndarray:
     right += np.bincount(number + 1, behind * rest, len(x))
     pull = 1e-3 * max(float(diagonal.mean()), 1e-12)
     right += pull * np.gradient(y, x)
-    found[keys] = _tridiagonal(diagonal + pull, beside, right)
-    return found
+    slopes[keys] = _tridiagonal(diagonal + pull, beside, right)
+    return slopes
 
 
 def _parameter(share: np.ndarray) -> np.ndarray:
-    """The parameter at which a segment has gone a share of its frames (Newton)."""
+    """The Bézier parameter at which a segment has covered a share of its frames (Newton)."""
     t = share.copy()
     for _ in range(8):
         u = 1.0 - t
@@ -111,10 +117,10 @@ def _tridiagonal(diagonal, beside, right) -> np.ndarray:
         share = beside[n - 1] / diagonal[n - 1]
         diagonal[n] -= share * beside[n - 1]
         right[n] -= share * right[n - 1]
-    found = [0.0] * (len(diagonal) + 1)
+    solution = [0.0] * (len(diagonal) + 1)
     for n in range(len(diagonal) - 1, -1, -1):
-        found[n] = (right[n] - beside[n] * found[n + 1]) / diagonal[n]
-    return np.array(found[:-1])
+        solution[n] = (right[n] - beside[n] * solution[n + 1]) / diagonal[n]
+    return np.array(solution[:-1])
 
 
 def splice(curve, at: np.ndarray, new: np.ndarray, stretch, few_keys) -> bool:
@@ -135,24 +141,24 @@ def splice(curve, at: np.ndarray, new: np.ndarray, stretch, few_keys) -> bool:
     rows = np.arange(len(at)) if keys is None else keys.rows
     step = (at[-1] - at[0]) / max(len(at) - 1, 1)
     slopes = np.gradient(values, at) if keys is None else keys.slopes / max(step, 1e-9)
-    made = _handles(np.column_stack([at, values])[rows], np.column_stack([slopes, slopes]))
+    new_vectors = _handles(np.column_stack([at, values])[rows], np.column_stack([slopes, slopes]))
     kinds = _kinds_of(np.column_stack([slopes, slopes]), len(rows))
-    found = {name: _pairs(curve, name) for name in _VECTORS}
-    before, behind = _cut(found, at[0]), _cut(found, at[-1])
-    frames = found["co"][:, 0]
+    old_vectors = {name: _pairs(curve, name) for name in _VECTORS}
+    before, behind = _cut(old_vectors, at[0]), _cut(old_vectors, at[-1])
+    frames = old_vectors["co"][:, 0]
     earlier, later = frames < at[0] - _AT, frames > at[-1] + _AT
     # The pieces of the segments that were cut keep their shape.
     if before is not None and earlier.any() and shares[0] == 0.0:
-        made["handle_left"][0] = before[1]
-        found["handle_right"][np.flatnonzero(earlier)[-1]] = before[0]
+        new_vectors["handle_left"][0] = before[1]
+        old_vectors["handle_right"][np.flatnonzero(earlier)[-1]] = before[0]
         kinds["handle_left_type"][0] = kinds["handle_right_type"][0] = _FREE
     if behind is not None and later.any() and shares[-1] == 0.0:
-        made["handle_right"][-1] = behind[2]
-        found["handle_left"][np.flatnonzero(later)[0]] = behind[3]
+        new_vectors["handle_right"][-1] = behind[2]
+        old_vectors["handle_left"][np.flatnonzero(later)[0]] = behind[3]
         kinds["handle_left_type"][-1] = kinds["handle_right_type"][-1] = _FREE
     parts = {
-        name: np.concatenate([pairs[earlier], made[name], pairs[later]])
-        for name, pairs in found.items()
+        name: np.concatenate([pairs[earlier], new_vectors[name], pairs[later]])
+        for name, pairs in old_vectors.items()
     }
     types = {name: _kinds(curve, name) for name in _KINDS}
     types = {
@@ -164,23 +170,25 @@ def splice(curve, at: np.ndarray, new: np.ndarray, stretch, few_keys) -> bool:
     return True
 
 
-def _cut(found, frame: float):
-    """The four inner handles `[4, 2]` of the segment around a frame when it is cut there (de
-    Casteljau): of its beginning, of the cut on both sides, of its end. At a key those around it;
-    None where no segment is."""
-    found = {name: pairs.astype(np.float64) for name, pairs in found.items()}
-    frames = found["co"][:, 0]
+def _cut(vectors, frame: float):
+    """The four inner handles `[4, 2]` that the segment around a frame has once it is cut there.
+
+    They belong to its beginning, to both sides of the cut, and to its end (de Casteljau). At a key
+    they are the handles around the key. None where there is no segment.
+    """
+    vectors = {name: pairs.astype(np.float64) for name, pairs in vectors.items()}
+    frames = vectors["co"][:, 0]
     number = int(np.abs(frames - frame).argmin())
     if abs(frames[number] - frame) <= _AT and 0 < number < len(frames) - 1:
         return np.array([
-            found["handle_right"][number - 1], found["handle_left"][number],
-            found["handle_right"][number], found["handle_left"][number + 1],
+            vectors["handle_right"][number - 1], vectors["handle_left"][number],
+            vectors["handle_right"][number], vectors["handle_left"][number + 1],
         ])  # fmt: skip
     number = int(np.searchsorted(frames, frame)) - 1
     if number < 0 or number + 1 >= len(frames):
         return None
-    a, d = found["co"][number], found["co"][number + 1]
-    b, c = found["handle_right"][number], found["handle_left"][number + 1]
+    a, d = vectors["co"][number], vectors["co"][number + 1]
+    b, c = vectors["handle_right"][number], vectors["handle_left"][number + 1]
     low, high = 0.0, 1.0
     for _ in range(50):
         t = 0.5 * (low + high)
@@ -192,7 +200,7 @@ def _cut(found, frame: float):
 
 
 def _handles(points: np.ndarray, slopes: np.ndarray) -> dict[str, np.ndarray]:
-    """Places `[N, 2]` of keys and their handles."""
+    """The positions `[N, 2]` of keys, and those of their handles."""
     gaps = np.diff(points[:, 0])
     ends = gaps[:1] if len(gaps) else np.ones(1)
     before = REACH * np.concatenate([ends, gaps])
@@ -216,15 +224,15 @@ def _kinds_of(slopes: np.ndarray, count: int) -> dict[str, np.ndarray]:
 
 
 def _pairs(curve, name: str) -> np.ndarray:
-    found = np.empty(len(curve.keyframe_points) * 2, dtype=np.float32)
-    curve.keyframe_points.foreach_get(name, found)
-    return found.reshape(-1, 2)
+    flat = np.empty(len(curve.keyframe_points) * 2, dtype=np.float32)
+    curve.keyframe_points.foreach_get(name, flat)
+    return flat.reshape(-1, 2)
 
 
 def _kinds(curve, name: str) -> np.ndarray:
-    found = np.empty(len(curve.keyframe_points), dtype=np.int32)
-    curve.keyframe_points.foreach_get(name, found)
-    return found
+    numbers = np.empty(len(curve.keyframe_points), dtype=np.int32)
+    curve.keyframe_points.foreach_get(name, numbers)
+    return numbers
 
 
 def _put(curve, vectors: dict[str, np.ndarray], kinds=None) -> None:

@@ -16,13 +16,14 @@ LAYERED = hasattr(bpy.types, "ActionSlots")
 # Values of the interpolation enum of a keyframe.
 _CONSTANT, _LINEAR = 0, 1
 _GROUP = "Anyface"
-# What a keyframe holds beside its place.
+# What a keyframe has besides its position.
 _KEY_FIELDS = ("interpolation", "easing", "handle_left_type", "handle_right_type")
 _PREPARED = "anyface_{}"
 KEY_VECTORS = ("co", "handle_left", "handle_right")
-# The face comes out of rest before the first frame and goes back after the last.
+# The face leaves rest this long before the first frame, and returns to it this long after the last,
+# seconds.
 EASE_S = 0.15
-# In less than this part of it a face would jump.
+# In less than this share of `EASE_S` a face would jump.
 _LEAST_EASE = 0.5
 
 
@@ -33,9 +34,9 @@ def value_path(name: str) -> str:
 
 
 def channels(animation_data, create: bool = False):
-    """What holds the curves (`.fcurves`, `.groups`) of this ID in its action, or None.
+    """The holder of the curves (`.fcurves`, `.groups`) of this ID in its action, or None.
 
-    With `create` a missing layer, strip or channelbag of the assigned slot is made.
+    With `create` it adds a layer, strip or channelbag of the assigned slot where one is missing.
     """
     action = animation_data.action if animation_data is not None else None
     if action is None:
@@ -88,10 +89,10 @@ def write(
     index=0,
     group=_GROUP,
 ) -> None:
-    """A new curve with keys at `frames` `[T]`, linear in between (or held), in the group of that
-    name.
+    """Adds a curve with keys at `frames` `[T]`, linear or constant in between, to the group
+    `group`.
 
-    `index` is the element of a property that has several.
+    `index` is the element of a property that has several. An earlier curve there goes.
     """
     stale = bag.fcurves.find(data_path, index=index)
     if stale is not None:
@@ -110,11 +111,10 @@ def write(
 def write_take(
     bag, data_path: str, at: np.ndarray, values: np.ndarray, keys, index=0, lead=1
 ) -> None:
-    """A new curve of a take with `values` `[lead + T + 1]` from rest and back to it at frames `at`
-    of `with_rest`.
+    """Adds the curve of a take: `values` `[lead + T + 1]` at the frames `at` of `with_rest`.
 
-    It is linear between keys in every frame, or a Bézier curve where `keys` (`take.CurveKeys`) say
-    which frames have one. Of `take.HeldKeys` each value is held until the next.
+    Without `keys` every frame gets a keyframe, linear in between. `take.CurveKeys` name the frames
+    that get one, with Bézier handles. With `take.HeldKeys` each value holds until the next key.
     """
     if keys is None:
         write(bag, data_path, at, values, index=index)
@@ -137,7 +137,7 @@ def keys_of(motion) -> list:
 
 
 class Prepared:
-    """Curves of keys in an action that nobody plays yet: they are made one by one beforehand."""
+    """Curves of shape keys in an action that nothing plays yet, made one by one beforehand."""
 
     def __init__(self, name: str):
         self.action, self._bag = new_action(name)
@@ -154,20 +154,22 @@ class Prepared:
             yield
 
     def play(self, shape_keys, names: list[str]) -> bool:
-        """Gives the curves to the keys called `names`, in the order in which they were made; False
-        where they cannot be used: the artist's keys play an action already."""
+        """Lets the keys `names`, in the order of the curves, play them.
+
+        Returns False where the artist's keys play an action already.
+        """
         animation, self_action = shape_keys.animation_data, self.action
         if animation is None or animation.action is not None or self_action is None:
             return False
-        made = [self._bag.fcurves.find(_PREPARED.format(n)) for n in range(len(names))]
-        for curve, name in zip(made, names, strict=True):
+        fcurves = [self._bag.fcurves.find(_PREPARED.format(n)) for n in range(len(names))]
+        for curve, name in zip(fcurves, names, strict=True):
             curve.data_path = value_path(name)
         assign(animation, self_action)
         self.action = None
         return True
 
     def drop(self) -> None:
-        """Deletes what was not used; an undo may have done so already."""
+        """Deletes the action if it was not used; an undo may have deleted it already."""
         with suppress(ReferenceError):
             delete_action(self.action)
         self.action = None
@@ -176,9 +178,9 @@ class Prepared:
 def with_rest(frames: np.ndarray, scene_fps: float, earliest: float = -np.inf) -> np.ndarray:
     """Scene frames of rest, of each frame of a take `[T]`, and of rest again, `[T + 2]`.
 
-    It rests at whole frames, where keys can be seen and taken hold of, and at none before
-    `earliest`. Where that leaves no room to come out of rest, the take begins in its first pose,
-    which holds before: `[T + 1]`.
+    The face rests at whole frames, where an artist can see and grab the keys, and never before
+    `earliest`. Where that leaves no time to leave rest, the take begins in its first pose, and the
+    result is `[T + 1]`.
     """
     ease = EASE_S * scene_fps
     first = max(np.floor(frames[0] - ease), np.ceil(earliest))
@@ -204,9 +206,9 @@ def remove(animation_data, data_paths: set[str], group=_GROUP) -> None:
         return
     for curve in [curve for curve in bag.fcurves if curve.data_path in data_paths]:
         bag.fcurves.remove(curve)
-    found = bag.groups.get(group)
-    if found is not None and len(found.channels) == 0:
-        bag.groups.remove(found)
+    our_group = bag.groups.get(group)
+    if our_group is not None and len(our_group.channels) == 0:
+        bag.groups.remove(our_group)
 
 
 def of_group(animation_data) -> list:
@@ -237,20 +239,20 @@ def bags(action) -> list:
     return [bag for strip in strips for bag in strip.channelbags]
 
 
-def own_channels(animation_data, name: str, id_type: str, taken):
+def own_channels(animation_data, name: str, id_type: str, record):
     """Where new curves go: the assigned action, or a new one called `name`.
 
-    What had to be made (action, slot) is written down in the record `taken`. An action that the
-    artist assigned keeps its slot and its curves.
+    `record` notes whether an action or a slot was added. An action that the artist assigned keeps
+    its slot and its curves.
     """
     if animation_data.action is None:
         action = bpy.data.actions.new(name)
         animation_data.action = action
-        taken.made_action = True
+        record.made_action = True
     if LAYERED and animation_data.action_slot is None:
         slot = animation_data.action.slots.new(id_type=id_type, name=name)
         animation_data.action_slot = slot
-        taken.made_slot = True
+        record.made_slot = True
     return channels(animation_data, create=True)
 
 
@@ -260,14 +262,14 @@ def channels_empty(animation_data) -> bool:
     return bag is None or len(bag.fcurves) == 0
 
 
-def key_channels(ob, taken):
-    """Where curves of a mesh's shape keys go: the artist's action, or one of our own."""
+def key_channels(ob, record):
+    """Where curves of a mesh's shape keys go: the artist's action, or one of ours."""
     shape_keys = ob.data.shape_keys
     animation = shape_keys.animation_data
     if animation is None:
         animation = shape_keys.animation_data_create()
-        taken.made_animation_data = True
-    return own_channels(animation, f"{ob.name} {_GROUP}", "KEY", taken)
+        record.made_animation_data = True
+    return own_channels(animation, f"{ob.name} {_GROUP}", "KEY", record)
 
 
 def new_action(name: str, id_type: str = "KEY"):
@@ -281,25 +283,26 @@ def new_action(name: str, id_type: str = "KEY"):
 
 
 def places(curve, name: str = "co") -> np.ndarray:
-    """One of `KEY_VECTORS` of all keyframes, `[2T]`: frame, value, frame, …"""
-    found = np.empty(len(curve.keyframe_points) * 2, dtype=np.float32)
-    curve.keyframe_points.foreach_get(name, found)
-    return found
+    """The coordinates `[2T]` of one of `KEY_VECTORS` of all keyframes: frame, value, frame, …"""
+    coordinates = np.empty(len(curve.keyframe_points) * 2, dtype=np.float32)
+    curve.keyframe_points.foreach_get(name, coordinates)
+    return coordinates
 
 
 def put(curve, named: dict[str, np.ndarray]) -> None:
-    """Sets places `[2T]` of all keyframes, by the names of `KEY_VECTORS`."""
+    """Sets the coordinates `[2T]` of all keyframes, by the names of `KEY_VECTORS`."""
     for name, values in named.items():
         curve.keyframe_points.foreach_set(name, values)
     curve.update()
 
 
 def splice(curve, at: np.ndarray, new: np.ndarray, stretch, few_keys=None) -> bool:
-    """Mixes the keyframes of a curve inside a `core.redo.Stretch` with values `new` `[n]` at
-    frames `at` `[n]`.
+    """Mixes the keyframes of a curve inside a `core.redo.Stretch` with values `new` `[n]` at frames
+    `at` `[n]`.
 
-    Between its ends alone; False where there is none. A curve with few keys gets new ones in the
-    frames that `few_keys(values)` (`take.CurveKeys`) names, in all where it names none.
+    Keyframes outside the stretch stay. A curve with few keys gets new ones at the frames that
+    `few_keys(values)` (`take.CurveKeys`) names, or at all frames where it names none. Returns False
+    where no keyframe lies inside.
     """
     if bezier.is_sparse(curve):
         return bezier.splice(curve, at, new, stretch, few_keys or (lambda values: None))
@@ -317,25 +320,25 @@ def splice(curve, at: np.ndarray, new: np.ndarray, stretch, few_keys=None) -> bo
 
 
 def copy(source, bag) -> None:
-    """A curve with the keys of `source`, in `bag`; one that is there already goes."""
+    """Copies the curve `source` into `bag`; an earlier curve of the same property goes."""
     place = {"data_path": source.data_path, "index": source.array_index}
     stale = bag.fcurves.find(**place)
     if stale is not None:
         bag.fcurves.remove(stale)
-    made = bag.fcurves.new(**place)
-    made.extrapolation, made.mute, made.lock = source.extrapolation, source.mute, source.lock
+    curve = bag.fcurves.new(**place)
+    curve.extrapolation, curve.mute, curve.lock = source.extrapolation, source.mute, source.lock
     if source.group is not None:
         name = source.group.name
-        made.group = bag.groups.get(name) or bag.groups.new(name)
+        curve.group = bag.groups.get(name) or bag.groups.new(name)
     count = len(source.keyframe_points)
-    made.keyframe_points.add(count)
+    curve.keyframe_points.add(count)
     for name in KEY_VECTORS:
-        made.keyframe_points.foreach_set(name, places(source, name))
+        curve.keyframe_points.foreach_set(name, places(source, name))
     for name in _KEY_FIELDS:
         values = np.empty(count, dtype=np.int32)
         source.keyframe_points.foreach_get(name, values)
-        made.keyframe_points.foreach_set(name, values)
-    made.update()
+        curve.keyframe_points.foreach_set(name, values)
+    curve.update()
 
 
 def copy_paths(source, bag, data_paths: set[str]) -> None:
@@ -346,7 +349,8 @@ def copy_paths(source, bag, data_paths: set[str]) -> None:
 
 
 def own_action(block, action) -> None:
-    """Where others use `action` too, all that `block` plays and keeps of it becomes a copy."""
+    """Gives `block` a copy of `action`, wherever it plays or keeps it, if others use the action
+    too."""
     if action is None:
         return
     animation = block.animation_data
@@ -374,22 +378,22 @@ def delete_action(action) -> None:
         bpy.data.actions.remove(action)
 
 
-def drop_empty_action(animation, taken) -> None:
-    """Takes the action or slot away that was made for what `taken` records, if it is empty."""
+def drop_empty_action(animation, record) -> None:
+    """Removes the action or slot that was added for the take `record`, if it is empty."""
     action = animation.action
     if action is None:
         return
-    if taken.made_action and is_empty(action):
+    if record.made_action and is_empty(action):
         animation.action = None
         delete_action(action)
-    elif taken.made_slot and channels_empty(animation):
+    elif record.made_slot and channels_empty(animation):
         slot = animation.action_slot
         animation.action_slot = None
         action.slots.remove(slot)
 
 
-def drop_idle_animation(block, made: bool) -> None:
-    """Takes away animation data that was `made` for a take, once nothing else is in it."""
+def drop_idle_animation(block, is_ours: bool) -> None:
+    """Removes animation data that is ours, once nothing else is in it."""
     animation = block.animation_data
-    if made and animation.action is None and not animation.drivers and not animation.nla_tracks:
+    if is_ours and animation.action is None and not animation.drivers and not animation.nla_tracks:
         block.animation_data_clear()

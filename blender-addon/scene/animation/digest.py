@@ -1,4 +1,4 @@
-"""Digests of a mesh and an action, to see whether anyone has changed a copy of ours since."""
+"""Digests of a mesh and an action. They show whether anyone has changed a copy of ours."""
 
 import hashlib
 
@@ -22,8 +22,8 @@ _VALUES = {
 def action_digest(action) -> str:
     """A digest of every curve of an action."""
     digest = hashlib.blake2b(digest_size=12)
-    found = [curve for bag in curves.bags(action) for curve in bag.fcurves]
-    for curve in sorted(found, key=lambda curve: (curve.data_path, curve.array_index)):
+    fcurves = [curve for bag in curves.bags(action) for curve in bag.fcurves]
+    for curve in sorted(fcurves, key=lambda curve: (curve.data_path, curve.array_index)):
         keys = curves.places(curve).tobytes()
         digest.update(f"{curve.data_path}[{curve.array_index}]".encode() + keys)
     return digest.hexdigest()

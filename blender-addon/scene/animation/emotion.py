@@ -6,13 +6,13 @@ from ...core import systems
 from ...core.emotion import EMOTIONS, MAX_INTENSITY, Share, mix
 from . import sliders
 
-# Where the weight of a row of the mixture lies.
+# The data path of the weight of a row of the mixture.
 WEIGHT_PATH = "mixture[{}].weight"
 
 
 def shares(settings) -> list[Share]:
-    """The mixture that `settings` holds, on an object or plain: emotion and intensity, then the
-    rows beside them."""
+    """The mixture of `settings`, on an object or plain: emotion and intensity first, then the other
+    rows."""
     rows = [Share(row.emotion, row.weight) for row in settings.mixture]
     return [Share(settings.emotion, settings.intensity), *rows]
 
@@ -20,20 +20,21 @@ def shares(settings) -> list[Share]:
 def emotion_keys(ob, scene, settings, start_frame: float, duration_s: float | None = None):
     """`(time_s, strengths[15])` rows from keyframes and drivers on `ob.anyface`, or one row.
 
-    `settings` holds the values where no curves are (`emotion`, `intensity`, `mixture`). Times count
-    from `start_frame`; before the first and after the last row the values hold.
+    Where a property has no curve, its value in `settings` counts (`emotion`, `intensity`,
+    `mixture`). Times count from `start_frame`. The first row holds before it, the last row after
+    it.
     """
-    own, *others = shares(settings)
+    main, *others = shares(settings)
     paths = [WEIGHT_PATH.format(number) for number in range(len(others))]
     names = sliders.animated(ob, ("emotion", "intensity", *paths))
     if not names:
-        return [(0.0, mix([own, *others]))]
+        return [(0.0, mix([main, *others]))]
     scene_fps = scene.render.fps / scene.render.fps_base
     at = sliders.times(ob, names, start_frame, scene_fps, duration_s)
     read = sliders.values(ob, scene, names, start_frame + at * scene_fps)
-    emotions = read.get("emotion", np.full(len(at), EMOTIONS.index(own.emotion)))
+    emotions = read.get("emotion", np.full(len(at), EMOTIONS.index(main.emotion)))
     numbers = np.clip(np.round(emotions), 0, len(EMOTIONS) - 1).astype(int)
-    still = zip(("intensity", *paths), (own, *others), strict=True)
+    still = zip(("intensity", *paths), (main, *others), strict=True)
     amounts = [read.get(name, np.full(len(at), share.weight)) for name, share in still]
     weights = np.clip(amounts, 0.0, MAX_INTENSITY)
     kinds = [[EMOTIONS[number], *(share.emotion for share in others)] for number in numbers]
@@ -42,8 +43,10 @@ def emotion_keys(ob, scene, settings, start_frame: float, duration_s: float | No
 
 
 def control_keys(ob, scene, settings, start_frame: float, duration_s: float | None = None):
-    """Times `[N]` in seconds and values `[N]` of every control that has a curve or a driver, those
-    that `settings` hold left out."""
+    """Times `[N]` in seconds and values `[N]` of every control with a curve or a driver.
+
+    Controls that `settings.held` fixes are left out.
+    """
     names = [control.name for control in systems.controls() if control.is_animatable]
     names = sliders.animated(ob, [name for name in names if name not in settings.held])
     if not names:

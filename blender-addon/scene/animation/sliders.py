@@ -5,13 +5,14 @@ import numpy as np
 
 from . import curves
 
-# Samples a tenth of a second apart follow every change that a face can follow.
+# A face cannot show faster changes than samples a tenth of a second apart do.
 STEP_S = 0.1
 _PREFIX = "anyface."
 
 
 def animated(ob, names) -> list[str]:
-    """Those of `names`, properties of `ob.anyface` and its rows, that have a curve or a driver."""
+    """Those of `names` that have a curve or a driver; they are properties of `ob.anyface` and its
+    rows."""
     return [name for name in names if is_keyed(ob, name) or needs_scene(ob, name)]
 
 
@@ -21,7 +22,7 @@ def is_keyed(ob, name: str) -> bool:
 
 
 def needs_scene(ob, name: str) -> bool:
-    """True where only Blender itself can say its value: a driver, or a strip of the NLA."""
+    """True where only Blender itself can evaluate the property: for a driver or an NLA strip."""
     animation = ob.animation_data
     if animation is None:
         return False
@@ -35,12 +36,12 @@ def needs_scene(ob, name: str) -> bool:
 
 
 def times(ob, names, start_frame: float, scene_fps: float, duration_s: float | None) -> np.ndarray:
-    """Seconds from `start_frame` at which values are to be read, `[N]`.
+    """Seconds from `start_frame` at which to read values, `[N]`.
 
-    They reach to the last keyframe, and where a driver has to be followed to `duration_s`.
+    They reach to the last keyframe, or to `duration_s` where a driver is among them.
     """
-    found = [curves.find(ob.animation_data, _PREFIX + name) for name in names]
-    last_frame = max((c.range()[1] for c in found if c is not None), default=start_frame)
+    fcurves = [curves.find(ob.animation_data, _PREFIX + name) for name in names]
+    last_frame = max((c.range()[1] for c in fcurves if c is not None), default=start_frame)
     last_s = max(0.0, (last_frame - start_frame) / scene_fps)
     if any(needs_scene(ob, name) for name in names):
         last_s = max(last_s, duration_s if duration_s is not None else 60.0)
@@ -48,7 +49,7 @@ def times(ob, names, start_frame: float, scene_fps: float, duration_s: float | N
 
 
 def values(ob, scene, names, frames: np.ndarray) -> dict[str, np.ndarray]:
-    """The value of each property at each of `frames` `[N]`; those of enums are their numbers."""
+    """The values of each property at `frames` `[N]`; those of an enum are its numbers."""
     if any(needs_scene(ob, name) for name in names):
         return _by_stepping(ob, scene, names, frames)
     read = {}
@@ -60,8 +61,8 @@ def values(ob, scene, names, frames: np.ndarray) -> dict[str, np.ndarray]:
 
 
 def _by_stepping(ob, scene, names, frames) -> dict[str, np.ndarray]:
-    """Goes through the scene and comes back to the frame that was shown."""
-    kept = scene.frame_current, scene.frame_subframe
+    """Steps through the scene frame by frame, then returns to the frame that was shown."""
+    before = scene.frame_current, scene.frame_subframe
     rows = []
     try:
         for frame in frames:
@@ -70,7 +71,7 @@ def _by_stepping(ob, scene, names, frames) -> dict[str, np.ndarray]:
             shown = ob.evaluated_get(bpy.context.evaluated_depsgraph_get()).anyface
             rows.append([_number(shown, name) for name in names])
     finally:
-        scene.frame_set(kept[0], subframe=kept[1])
+        scene.frame_set(before[0], subframe=before[1])
     columns = np.array(rows, dtype=np.float64).reshape(len(frames), len(names)).T
     return dict(zip(names, columns, strict=True))
 

@@ -4,7 +4,7 @@ from . import curves, digest
 
 
 def play(holder, name: str, animation, paths: set[str]) -> str:
-    """Lets a copy without `paths` play; `holder[name]` points to the original, so that it is saved.
+    """Lets a copy of the action without `paths` play, and saves the original in `holder[name]`.
 
     Returns the digest of the copy; "" where the action has none of these curves.
     """
@@ -18,8 +18,11 @@ def play(holder, name: str, animation, paths: set[str]) -> str:
 
 
 def give_back(original, animation, paths: set[str], print_before: str) -> None:
-    """The original plays again, unless the artist has worked in the copy since: that stays then,
-    and gets the curves that were taken out."""
+    """Lets the original play again.
+
+    Where the artist has worked in the copy since, the copy stays and gets the curves that were
+    taken out.
+    """
     copy = animation.action
     if copy is not None and digest.action_digest(copy) != print_before:
         curves.copy_paths(original, curves.channels(animation, create=True), paths)

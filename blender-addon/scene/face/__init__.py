@@ -1,1 +1,1 @@
-"""The mesh of a face: what is read of it, where its landmarks lie, what stands beside it."""
+"""The mesh of a face: how it is read, where its landmarks lie, and which objects belong to it."""

@@ -1,7 +1,7 @@
 """Three characters to try Anyface on, with skin and hair.
 
-Their shapes come from the library's parametric head. Hair is a copy of the scalp that stands off
-it, and the skin is a procedural shader.
+Their shapes come from the library's parametric head. Hair is a copy of the scalp, moved outwards,
+and skin is a procedural shader.
 """
 
 from dataclasses import dataclass, replace
@@ -16,14 +16,15 @@ BROWS, NOSE_TIP, EYES = slice(17, 27), 30, (slice(36, 42), slice(42, 48))
 MOUTH = slice(48, 68)
 """Of the 68 landmarks."""
 EDGE_M = 0.03
-"""Hair is flat on the skin at its border, and full so far from it."""
+"""Hair is flat on the skin at its border and reaches its full thickness this far from it."""
 SUNK_M = 0.0015
-"""The border of hair lies so far under the skin, which hides it."""
+"""The border of the hair lies this far under the skin, which hides it."""
 
 
 @dataclass(frozen=True)
 class Character:
-    """What makes one. `traits` are named as in `Heads.directions`, colours are linear RGB.
+    """A recipe for a character. `traits` have the names of `Heads.directions`; colours are linear
+    RGB.
 
     Hair is up to `hair_m` thick, and its line lies `hairline` of the way from brows to crown.
     """
@@ -41,7 +42,7 @@ class Character:
     eye_scale: float = 1.0
     freckles: float = 0.0
     bun_m: float = 0.0
-    """By how much hair stands off at the back of the crown."""
+    """How much thicker hair is at the back of the crown."""
 
 
 CHARACTERS = {
@@ -69,25 +70,26 @@ def make(heads: Heads, key: str) -> MadeHead:
     changes = [0.0] * len(names)
     for name, value in character.traits.items():
         changes[names.index(name)] = value
-    made = heads.make(Recipe(character.seed, changes=tuple(changes)))
-    return replace(made, positions=with_large_eyes(made, character.eye_scale))
+    head = heads.make(Recipe(character.seed, changes=tuple(changes)))
+    return replace(head, positions=with_large_eyes(head, character.eye_scale))
 
 
-def dress(ob, made: MadeHead, key: str, height: float) -> None:
-    """Gives the object of `made` its landmarks, colours, and hair, which is a child of it."""
+def dress(ob, head: MadeHead, key: str, height: float) -> None:
+    """Gives the object of `head` its landmarks and colours, and hair as a child object."""
     character = CHARACTERS[key]
     ob.name = ob.data.name = character.name
-    made_head.keep_landmarks(ob, made)
+    made_head.keep_landmarks(ob, head)
     colour(ob, character)
-    hair(ob, made, character, height)
+    hair(ob, head, character, height)
 
 
-def with_large_eyes(made: MadeHead, scale: float) -> np.ndarray:
-    """Positions `[V, 3]` with eyes, lids, lashes and sockets grown about the middle of each eye."""
+def with_large_eyes(head: MadeHead, scale: float) -> np.ndarray:
+    """Positions `[V, 3]` with eyes, lids, lashes and sockets enlarged about the centre of each
+    eye."""
     if scale == 1.0:
-        return made.positions
-    positions = made.positions.astype(np.float64)
-    marks = positions[made.landmark_vertices]
+        return head.positions
+    positions = head.positions.astype(np.float64)
+    marks = positions[head.landmark_vertices]
     grown = positions.copy()
     for eye in EYES:
         centre = marks[eye].mean(axis=0)
@@ -98,18 +100,18 @@ def with_large_eyes(made: MadeHead, scale: float) -> np.ndarray:
     return grown
 
 
-def hair(ob, made: MadeHead, character: Character, height: float) -> None:
-    """Adds a cap over the scalp as an object that follows `ob`."""
-    positions = made.positions.astype(np.float64)
-    marks = positions[made.landmark_vertices]
-    number = made.material_names.index("skin")
-    faces = np.array([f for f, m in zip(made.faces, made.materials, strict=True) if m == number])
+def hair(ob, head: MadeHead, character: Character, height: float) -> None:
+    """Adds hair: a cap over the scalp, as an object that follows `ob`."""
+    positions = head.positions.astype(np.float64)
+    marks = positions[head.landmark_vertices]
+    number = head.material_names.index("skin")
+    faces = np.array([f for f, m in zip(head.faces, head.materials, strict=True) if m == number])
     inside = scalp(positions, marks, character)
-    kept = faces[inside[faces].all(axis=1)]
-    used, corners = np.unique(kept, return_inverse=True)
-    kept = corners.reshape(kept.shape)
+    cap_faces = faces[inside[faces].all(axis=1)]
+    used, corners = np.unique(cap_faces, return_inverse=True)
+    cap_faces = corners.reshape(cap_faces.shape)
     points, normals = positions[used], vertex_normals(positions, faces)[used]
-    share = np.clip(distance_to_border(points, kept) / EDGE_M, 0.0, 1.0)
+    share = np.clip(distance_to_border(points, cap_faces) / EDGE_M, 0.0, 1.0)
     share = share * share * (3.0 - 2.0 * share)
     points = points + normals * (share * thickness(points, marks, character) - SUNK_M)[:, None]
     upright = sample_head.standing(points, height, positions)
@@ -117,9 +119,9 @@ def hair(ob, made: MadeHead, character: Character, height: float) -> None:
     data = sample_head.smooth_mesh(
         f"{character.name} Hair",
         upright,
-        made_head.polygons(kept),
+        made_head.polygons(cap_faces),
         [material],
-        np.zeros(len(kept), np.int32),
+        np.zeros(len(cap_faces), np.int32),
     )
     cap = bpy.data.objects.new(data.name, data)
     for collection in ob.users_collection:
@@ -154,7 +156,7 @@ def scalp(positions: np.ndarray, marks: np.ndarray, character: Character) -> np.
 
 
 def vertex_normals(positions: np.ndarray, faces: np.ndarray) -> np.ndarray:
-    """`[V, 3]`, of quads."""
+    """The normals `[V, 3]` of a mesh of quads."""
     a, b, c, d = (positions[faces[:, k]] for k in range(4))
     of_faces = np.cross(c - a, d - b)
     normals = np.zeros_like(positions)
@@ -164,7 +166,7 @@ def vertex_normals(positions: np.ndarray, faces: np.ndarray) -> np.ndarray:
 
 
 def distance_to_border(points: np.ndarray, faces: np.ndarray) -> np.ndarray:
-    """Of each vertex to the nearest one on the border, `[V]`."""
+    """The distance of each vertex to the nearest vertex on the border, `[V]`."""
     edges = np.sort(np.concatenate([faces[:, [k, (k + 1) % 4]] for k in range(4)]), axis=1)
     pairs, count = np.unique(edges[edges[:, 0] != edges[:, 1]], axis=0, return_counts=True)
     border = points[np.unique(pairs[count == 1])]
@@ -186,7 +188,7 @@ def thickness(points: np.ndarray, marks: np.ndarray, character: Character) -> np
 
 
 def colour(ob, character: Character) -> None:
-    """The character's colours and shaders on the materials of its head."""
+    """Sets the character's colours and shaders on the materials of its head."""
     for slot in ob.material_slots:
         name = slot.material.name.lower()
         shader = next(n for n in slot.material.node_tree.nodes if n.type == "BSDF_PRINCIPLED")

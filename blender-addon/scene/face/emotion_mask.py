@@ -3,13 +3,16 @@
 import numpy as np
 
 NAME = "Emotion Mask"
-# The colour attribute that shows where emotion is believed, and its colours from 0 to 1.
+# The colour attribute that shows where emotion acts, and its colours from 0 to 1.
 HEAT = "Emotion Heat"
 _COLOURS = ((0.0, 0.05, 0.35), (0.0, 0.45, 0.45), (0.9, 0.75, 0.1), (0.75, 0.02, 0.02))
 
 
 def of(ob) -> str:
-    """The name of the group on `ob`; a new one is full everywhere, one that is there stays."""
+    """The name of the vertex group on `ob`.
+
+    Where there is none yet, it adds one with weight 1 everywhere.
+    """
     if NAME not in ob.vertex_groups:
         group = ob.vertex_groups.new(name=NAME)
         group.add(range(len(ob.data.vertices)), 1.0, "REPLACE")
@@ -17,24 +20,25 @@ def of(ob) -> str:
 
 
 def weights(ob, name: str) -> np.ndarray:
-    """The weights `[V, 1]` of a vertex group, 0 where a vertex is not in it; 1 of no group."""
+    """The weights `[V, 1]` of a vertex group, 0 where a vertex is not in it; 1 where there is no
+    group."""
     group = ob.vertex_groups.get(name)
     if group is None:
         return np.ones((len(ob.data.vertices), 1), dtype=np.float32)
     at = group.index
-    found = (sum(g.weight for g in v.groups if g.group == at) for v in ob.data.vertices)
-    return np.fromiter(found, dtype=np.float32, count=len(ob.data.vertices))[:, None]
+    sums = (sum(g.weight for g in v.groups if g.group == at) for v in ob.data.vertices)
+    return np.fromiter(sums, dtype=np.float32, count=len(ob.data.vertices))[:, None]
 
 
-def show_heat(ob, believed: np.ndarray) -> None:
-    """Puts shares `[V]` as colours on the mesh; the artist's own stay, and stay the ones shown."""
+def show_heat(ob, shares: np.ndarray) -> None:
+    """Puts shares `[V]` as colours on the mesh; the artist's own colours stay the active ones."""
     colours = ob.data.color_attributes
     shown, rendered = colours.active_color_name, colours.render_color_index
     hide_heat(ob)
     heat = colours.new(HEAT, "FLOAT_COLOR", "POINT")
     if shown:
         colours.active_color_name, colours.render_color_index = shown, rendered
-    at = np.clip(believed, 0.0, 1.0) * (len(_COLOURS) - 1)
+    at = np.clip(shares, 0.0, 1.0) * (len(_COLOURS) - 1)
     flat = np.ones((len(at), 4), dtype=np.float32)
     for axis, column in enumerate(np.transpose(_COLOURS)):
         flat[:, axis] = np.interp(at, range(len(column)), column)
@@ -48,16 +52,16 @@ def shows_heat(ob) -> bool:
 
 
 def hide_heat(ob) -> bool:
-    """Takes the colours of `show_heat` away; False where there are none."""
-    found = ob.data.color_attributes.get(HEAT)
-    if found is None:
+    """Removes the colours of `show_heat`; False where there are none."""
+    heat = ob.data.color_attributes.get(HEAT)
+    if heat is None:
         return False
-    ob.data.color_attributes.remove(found)
+    ob.data.color_attributes.remove(heat)
     return True
 
 
 def drop(ob) -> None:
-    """Takes the group away where no key follows it any more and nobody has painted it."""
+    """Removes the group once no key uses it, unless somebody has painted it."""
     group, shape_keys = ob.vertex_groups.get(NAME), ob.data.shape_keys
     blocks = shape_keys.key_blocks if shape_keys is not None else ()
     if group is None or any(block.vertex_group == NAME for block in blocks):

@@ -1,4 +1,4 @@
-"""The 68 landmarks of a face: stored on its object, found, and dragged one at a time."""
+"""The 68 landmarks of a face: stored on its object, searched for, and dragged one at a time."""
 
 import json
 from dataclasses import dataclass, field
@@ -14,7 +14,7 @@ from ...core.take import FaceMesh, Found
 from . import mesh, rest
 
 COUNT = 68
-# How the lips were found to meet, in words.
+# How the lips meet, in words.
 _MOUTHS = {
     "open": "the mouth stands open",
     "slit": "the lips part",
@@ -30,7 +30,7 @@ REGIONS = {
     "nose": range(27, 36),
     "jaw": range(17),
 }
-# Points that say where a face is: the landmark, and which it is for one who looks at the face.
+# Points that an artist clicks to show where the face is: the landmark, and its name for the artist.
 CLICKS = (
     (36, "the outer corner of the eye on the left of the picture"),
     (45, "the outer corner of the eye on the right of the picture"),
@@ -44,8 +44,11 @@ DOUBTFUL = 0.4
 
 @dataclass
 class Stored:
-    """Landmarks as they lie on an object: `positions` `[68, 3]` in object space, `confidence`
-    `[68]`, and the numbers of those that the artist has put where they are."""
+    """Landmarks as they are stored on an object.
+
+    `positions` `[68, 3]` are in object space, `confidence` is `[68]`, and `fixed` are the numbers
+    of landmarks that the artist has placed.
+    """
 
     positions: np.ndarray
     confidence: np.ndarray
@@ -60,14 +63,17 @@ class Stored:
 
     @property
     def doubtful(self) -> list[str]:
-        """Names of the regions that an artist should look at; none that is all put by hand."""
-        held = np.isin(np.arange(COUNT), list(self.fixed))
-        confidence = np.where(held, 1.0, self.confidence)
-        return [name for name, own in REGIONS.items() if confidence[list(own)].mean() < DOUBTFUL]
+        """Names of the regions that an artist should check; landmarks placed by hand count as
+        certain."""
+        by_hand = np.isin(np.arange(COUNT), list(self.fixed))
+        confidence = np.where(by_hand, 1.0, self.confidence)
+        return [
+            name for name, indices in REGIONS.items() if confidence[list(indices)].mean() < DOUBTFUL
+        ]
 
 
 def load(ob) -> Stored | None:
-    """The landmarks stored on `ob`, or None. Raises `AnyfaceError` for text that holds none."""
+    """The landmarks stored on `ob`, or None. Raises `AnyfaceError` for text without landmarks."""
     text = ob.get(mesh.LANDMARKS_PROPERTY)
     points, vertices = mesh.read_landmarks(ob)
     if points is None and vertices is None:
@@ -94,8 +100,12 @@ def _rows(text) -> dict | None:
     return value
 
 
-def store(ob, found: Found, fixed=()) -> None:
-    """Writes what was found on `ob`, in the format of a landmark file; `fixed` are numbers."""
+def store(ob, face_points: Found, fixed=()) -> None:
+    """Writes the landmarks `face_points` on `ob` in the format of a landmark file.
+
+    `fixed` are the numbers of those that the artist has placed. Raises `AnyfaceError("mesh")` for a
+    linked object.
+    """
     if ob.library is not None or not ob.is_editable:
         text = f"{ob.name} is linked: make it local to keep the points of its face on it"
         raise AnyfaceError("mesh", text, ("make_local",))
@@ -103,20 +113,25 @@ def store(ob, found: Found, fixed=()) -> None:
     for number in range(COUNT):
         row = {
             "index": number,
-            "position": [round(float(x), 9) for x in found.positions[number]],
-            "vertex": int(found.vertices[number]),
-            "confidence": round(float(found.confidence[number]), 4),
+            "position": [round(float(x), 9) for x in face_points.positions[number]],
+            "vertex": int(face_points.vertices[number]),
+            "confidence": round(float(face_points.confidence[number]), 4),
         }
         rows.append(row | ({"fixed": True} if number in fixed else {}))
-    confidence = round(float(found.confidence.mean()), 4)
-    document = {"version": 1, "confidence": confidence, "mouth": found.mouth, "landmarks": rows}
-    document["lids"] = list(found.lids)
+    confidence = round(float(face_points.confidence.mean()), 4)
+    document = {
+        "version": 1,
+        "confidence": confidence,
+        "mouth": face_points.mouth,
+        "landmarks": rows,
+    }
+    document["lids"] = list(face_points.lids)
     document["box"] = mesh.box_of(mesh.read_basis(ob.data)).round(6).tolist()
     ob[mesh.LANDMARKS_PROPERTY] = json.dumps(document)
 
 
 def clear(ob) -> None:
-    """Takes the stored landmarks away: the next run finds them."""
+    """Removes the stored landmarks: the next run searches for them."""
     if mesh.LANDMARKS_PROPERTY in ob:
         del ob[mesh.LANDMARKS_PROPERTY]
 
@@ -128,13 +143,13 @@ _NO_BLINK = {
 
 
 def _eyes(both: tuple[str, str], lids: str) -> str:
-    """Which eyes have such lids, in words."""
-    named = [side for side, own in zip(("right", "left"), both, strict=True) if own == lids]
+    """Names the eyes whose lids are in the state `lids`."""
+    named = [side for side, state in zip(("right", "left"), both, strict=True) if state == lids]
     return "both eyes" if len(named) == 2 else f"{named[0]} eye"
 
 
 def describe(stored: Stored) -> str:
-    """In words: "face found, 97 % sure; the lips part"."""
+    """Describes landmarks: "face found, 97 % sure; the lips part"."""
     text = f"face found, {round(100 * stored.sure)} % sure"
     if stored.mouth:
         text += f"; {_MOUTHS.get(stored.mouth, stored.mouth)}"
@@ -150,7 +165,7 @@ def describe(stored: Stored) -> str:
 
 @dataclass
 class Search:
-    """A snapshot for finding landmarks; `work` needs nothing of Blender: any thread may run it."""
+    """A snapshot for finding landmarks; `work` needs no Blender data, so any thread may run it."""
 
     face: FaceMesh
     engine: object
@@ -158,24 +173,24 @@ class Search:
     confidence: np.ndarray | None = None
 
     def work(self, progress: Progress) -> Found:
-        """What was found, in object space; raises `AnyfaceError`.
+        """The landmarks in object space; raises `AnyfaceError`.
 
-        Landmarks that only follow are as sure as they were (`confidence` `[68]`).
+        Landmarks that only follow others keep at least their earlier `confidence` `[68]`.
         """
-        found = finding.find(self.face, self.fixed, self.engine.find, progress)
+        face_points = finding.find(self.face, self.fixed, self.engine.find, progress)
         if self.confidence is not None:
-            found.confidence = np.maximum(found.confidence, self.confidence)
-        return found
+            face_points.confidence = np.maximum(face_points.confidence, self.confidence)
+        return face_points
 
 
 def ask_for_click(number: int) -> str:
-    """What to click next, after `number` points."""
+    """Says what to click next, after `number` points."""
     what = CLICKS[number][1]
     return f"Click {number + 1} of {len(CLICKS)}: {what}; Backspace takes one back, Esc ends"
 
 
 class Surface:
-    """The Basis of a face as a surface that rays meet, in object space."""
+    """The Basis of a face as a surface for ray casts, in object space."""
 
     def __init__(self, ob):
         points = mesh.read_basis(ob.data)
@@ -193,7 +208,7 @@ class Surface:
 
 
 class Drag:
-    """One landmark held by the pointer: it moves over the surface, then the others follow."""
+    """A landmark that follows the pointer over the surface; when it stops, the others follow."""
 
     def __init__(self, ob, surface: Surface | None = None):
         self.stored = load(ob)
@@ -202,44 +217,50 @@ class Drag:
             raise AnyfaceError("face", text, ("place_points",))
         self._before = self.stored.positions.copy()
         self.surface = surface or Surface(ob)
-        self.held: int | None = None
+        self.number: int | None = None
 
     def hold(self, number: int) -> None:
-        """Takes landmark `number`, 0 to 67."""
+        """Takes hold of landmark `number`, 0 to 67."""
         if not 0 <= number < COUNT:
             raise AnyfaceError("input", f"point: expected 0 to {COUNT - 1}, got {number}")
-        self.held = number
+        self.number = number
 
     def hold_near(self, at: np.ndarray, places: np.ndarray, reach: float) -> bool:
-        """Takes the landmark nearest to `at` `[2]` among `places` `[68, 2]`, NaN for unseen."""
+        """Takes hold of the landmark nearest to `at` `[2]` within `reach`; False where none is
+        near.
+
+        `places` `[68, 2]` are NaN for landmarks out of view.
+        """
         apart = np.linalg.norm(places - at, axis=1)
         apart = np.where(np.isnan(apart), np.inf, apart)
-        self.held = int(apart.argmin()) if apart.min() <= reach else None
-        return self.held is not None
+        self.number = int(apart.argmin()) if apart.min() <= reach else None
+        return self.number is not None
 
     def move(self, origin, direction) -> bool:
-        """Moves the held landmark to where a ray in object space meets the face."""
+        """Moves the landmark to where a ray in object space meets the face; False where it
+        misses."""
         place = self.surface.hit(origin, direction)
-        if place is None or self.held is None:
+        if place is None or self.number is None:
             return False
-        self.stored.positions[self.held] = place
+        self.stored.positions[self.number] = place
         return True
 
     def search(self, face: FaceMesh, engine) -> Search:
-        """What lets the others follow: all that the artist has put stay, the held one too."""
-        self.stored.fixed.add(self.held)
+        """A search that lets the other landmarks follow; those that the artist has placed stay."""
+        self.stored.fixed.add(self.number)
         face.landmarks, face.landmark_vertices = self._before, None
         fixed = {number: self.stored.positions[number] for number in sorted(self.stored.fixed)}
         return Search(face, engine, fixed, self.stored.confidence)
 
 
 def head(ob) -> tuple[np.ndarray, float]:
-    """Centre `[3]` and radius of the head in the world: from landmarks, or the object's box."""
+    """Centre `[3]` and radius of the head in the world, from landmarks or else from the object's
+    box."""
     stored = load(ob)
     if stored is None:
         box = mesh.corners(ob)
         return box.mean(axis=0), 0.75 * float(np.ptp(box, axis=0).max())
     matrix = rest.world(ob)
     world = stored.positions @ matrix[:3, :3].T + matrix[:3, 3]
-    # From chin to brows is half a head.
+    # Chin to brows is half the height of a head.
     return world.mean(axis=0), 1.5 * float(np.ptp(world, axis=0).max())

@@ -1,4 +1,4 @@
-"""A head made from numbers, as an object whose face is known."""
+"""A head made from a recipe, as an object whose landmarks are known."""
 
 from dataclasses import dataclass
 
@@ -15,50 +15,55 @@ from . import landmarks, sample_head
 NAME = "Anyface Head"
 
 
-def mesh(made: MadeHead, height: float):
+def mesh(head: MadeHead, height: float):
     """A new mesh of the head, looking along -Y with +Z up, its box centred on the origin.
 
     `height` is that of the box, in Blender's units.
     """
-    materials = sample_head.materials(NAME, made.material_names)
-    points = sample_head.standing(made.positions.astype(np.float64), height)
-    numbers = made.materials.astype(np.int32)
-    data = sample_head.smooth_mesh(NAME, points, polygons(made.faces), materials, numbers)
+    materials = sample_head.materials(NAME, head.material_names)
+    points = sample_head.standing(head.positions.astype(np.float64), height)
+    numbers = head.materials.astype(np.int32)
+    data = sample_head.smooth_mesh(NAME, points, polygons(head.faces), materials, numbers)
     places = np.zeros((len(data.loops), 2), dtype=np.float32)
-    places[: made.uv.size // 2] = made.uv.reshape(-1, 2)
+    places[: head.uv.size // 2] = head.uv.reshape(-1, 2)
     data.uv_layers.new(name="UVMap").data.foreach_set("uv", places.ravel())
     return data
 
 
 def polygons(faces: np.ndarray) -> list[list[int]]:
-    """Faces `[F, 4]` as Blender takes them: the last corner of a triangle comes twice."""
+    """Faces `[F, 4]` as Blender takes them: a triangle has its last corner twice."""
     return [face[:3] if face[2] == face[3] else face for face in faces.tolist()]
 
 
 @dataclass
 class Likeness:
-    """A snapshot for a head that is like a face; `work` needs nothing of Blender: any thread may
-    run it."""
+    """A snapshot for making a head that resembles a face.
+
+    `work` needs no Blender data, so any thread may run it.
+    """
 
     face: FaceMesh
     engine: object
 
     def work(self, progress: Progress) -> tuple[MadeHead, float, float]:
-        """The head, the mesh's distance from it in millimetres, and the height of the head's box in
-        the scene's units; raises `AnyfaceError`."""
-        seen = self.face.space.seen(self.face)
+        """The head, its distance from the mesh in millimetres, and the height of its box in scene
+        units.
+
+        Raises `AnyfaceError`.
+        """
+        face_arrays = self.face.space.seen(self.face)
         with finding.naming(self.face):
-            made, far, metres = self.engine.head_like(*seen, progress)
-        return made, far, float(np.ptp(made.positions[:, 1])) / metres
+            head, far, metres = self.engine.head_like(*face_arrays, progress)
+        return head, far, float(np.ptp(head.positions[:, 1])) / metres
 
 
-def beside(ob, made: MadeHead, height: float):
-    """A new object of the head at the subject's left of `ob`, which stays as it is."""
-    data = mesh(made, height)
+def beside(ob, head: MadeHead, height: float):
+    """A new object of the head beside `ob`, at the subject's left; `ob` stays as it is."""
+    data = mesh(head, height)
     new = bpy.data.objects.new(NAME, data)
-    # Collections of a linked file take nothing.
-    own = [collection for collection in ob.users_collection if collection.library is None]
-    for collection in own or [bpy.context.scene.collection]:
+    # Objects cannot be added to collections of a linked file.
+    collections = [collection for collection in ob.users_collection if collection.library is None]
+    for collection in collections or [bpy.context.scene.collection]:
         collection.objects.link(new)
     points = np.empty(len(data.vertices) * 3, dtype=np.float32)
     data.vertices.foreach_get("co", points)
@@ -66,16 +71,16 @@ def beside(ob, made: MadeHead, height: float):
     low, high = corners.min(axis=0), corners.max(axis=0)
     half = float(np.abs(points.reshape(-1, 3)[:, 0]).max())
     new.location = (high[0] + 1.2 * half, (low[1] + high[1]) / 2.0, (low[2] + high[2]) / 2.0)
-    keep_landmarks(new, made)
+    keep_landmarks(new, head)
     return new
 
 
-def keep_landmarks(ob, made: MadeHead) -> None:
-    """Stores the landmarks on the object: none need be searched."""
+def keep_landmarks(ob, head: MadeHead) -> None:
+    """Stores the landmarks on the object, so that no search is needed."""
     points = np.empty(len(ob.data.vertices) * 3, dtype=np.float32)
     ob.data.vertices.foreach_get("co", points)
-    vertices = made.landmark_vertices
-    found = Found(
+    vertices = head.landmark_vertices
+    face_points = Found(
         positions=points.reshape(-1, 3)[vertices],
         vertices=vertices,
         confidence=np.ones(len(vertices)),
@@ -83,4 +88,4 @@ def keep_landmarks(ob, made: MadeHead) -> None:
         part_roles=np.empty(0),
         part_of_vertex=np.empty(0),
     )
-    landmarks.store(ob, found)
+    landmarks.store(ob, face_points)

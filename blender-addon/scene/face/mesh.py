@@ -11,17 +11,17 @@ from ...core.take import FaceMesh
 from . import emotion_mask, rest
 
 LANDMARKS_PROPERTY = "anyface_landmarks"
-# No face can be found on fewer vertices, and looking for one would take half a minute.
+# No face can be found on fewer vertices, and the search would take half a minute.
 _FEWEST = 60
-# Between these an object may be a human head, with or without its body.
+# An object between these sizes may be a human head, with or without its body.
 _SMALLEST_M, _LARGEST_M = 0.08, 3.0
 
 
 def read_face(ob, landmark_file: str = "") -> FaceMesh:
     """The snapshot of `ob`: Basis positions, triangles, world matrix, landmarks.
 
-    The evaluated mesh is not used: modifiers change vertex numbers, and shape keys live before
-    them. In edit mode the edits of this moment count.
+    It does not use the evaluated mesh, since modifiers change vertex numbers and shape keys act
+    before them. In edit mode it includes the edits made so far.
     """
     if ob.mode == "EDIT":
         ob.update_from_editmode()
@@ -43,10 +43,10 @@ def read_face(ob, landmark_file: str = "") -> FaceMesh:
 
 
 def check_face(ob, face: FaceMesh) -> None:
-    """Raises `AnyfaceError("mesh")` where a face is to be found on what can hold none."""
-    given = face.landmarks is not None or face.landmark_vertices is not None
+    """Raises `AnyfaceError("mesh")` for a mesh on which no face can be found."""
+    has_landmarks = face.landmarks is not None or face.landmark_vertices is not None
     count = len(face.positions)
-    if count < _FEWEST and not given:
+    if count < _FEWEST and not has_landmarks:
         raise AnyfaceError(
             "mesh", f"{ob.name} has {count} vertices, too few for a face: pick the mesh of the head"
         )
@@ -83,9 +83,9 @@ def read_key(block) -> np.ndarray:
 
 
 def read_pose(ob) -> np.ndarray:
-    """Displacements `[V, 3]` float32 in which the shape keys of `ob` stand now.
+    """The present displacements `[V, 3]` float32 by the shape keys of `ob`.
 
-    Raises `AnyfaceError("mesh")` for keys that stand one after another instead of adding up.
+    Raises `AnyfaceError("mesh")` for absolute shape keys.
     """
     moved = np.zeros_like(read_basis(ob.data))
     keys = ob.data.shape_keys
@@ -113,7 +113,7 @@ def add_key(ob, name: str, positions: np.ndarray):
 
 
 def is_of_human_size(ob) -> bool:
-    """Whether `ob` in the world is about as large as a human head or body, or a part of one."""
+    """Whether `ob` in the world is as large as a human head or body, or a part of one."""
     points = np.array(ob.bound_box) @ np.array(ob.matrix_world)[:3, :3].T
     metres = np.ptp(points, axis=0).max() * bpy.context.scene.unit_settings.scale_length
     return _SMALLEST_M <= metres <= _LARGEST_M
@@ -146,11 +146,11 @@ def read_triangles(mesh) -> np.ndarray:
 
 
 def read_landmarks(ob, path: str = "") -> tuple[np.ndarray | None, np.ndarray | None]:
-    """Landmarks that the artist gave: positions `[68, 3]` in object space, vertices `[68]` or both.
+    """The artist's landmarks: positions `[68, 3]` in object space, vertices `[68]`, or both.
 
     `path` names a JSON file. Without it the custom property `anyface_landmarks` of the object or
-    its mesh holds JSON or the path of such a file: 68 positions, 68 vertex numbers,
-    `{"positions": …}`, `{"vertices": …}`, or what `anyface landmarks` writes.
+    its mesh holds JSON or the path of such a file: 68 positions, 68 vertex numbers, `{"positions":
+    …}`, `{"vertices": …}`, or what `anyface landmarks` writes.
     """
     value = path or ob.get(LANDMARKS_PROPERTY, ob.data.get(LANDMARKS_PROPERTY))
     if value is None or value == "":
@@ -174,12 +174,12 @@ def _load(text: str, ob):
 
 
 def _from_file(rows, ob, box=None):
-    """Positions with vertex numbers from the rows of a landmark file, or those numbers alone.
+    """Positions with vertex numbers from the rows of a landmark file, or the numbers alone.
 
-    The file is in the axes and units of the mesh that was measured; an importer may have turned
-    or scaled it since. Vertex numbers hold all the same. Where the mesh still fills the `box` in
-    which it was measured, positions hold however coarse it is. Beside them the numbers tell rims of
-    lips apart that lie in one place.
+    The file is in the axes and units of the mesh that was measured, and an importer may have turned
+    or scaled the mesh since. Vertex numbers are valid all the same. Positions are valid where the
+    mesh still fills the `box` in which it was measured, however coarse it is. Vertex numbers beside
+    them tell apart the rims of lips that touch.
     """
     try:
         rows = sorted(rows, key=lambda row: row["index"])
@@ -198,8 +198,8 @@ def _from_file(rows, ob, box=None):
         return _as_landmarks(positions)
     size = np.ptp(positions, axis=0).max()
     apart = np.linalg.norm(basis[vertices] - positions, axis=1).max()
-    found, _ = _as_landmarks(positions)
-    return (found if apart < 0.05 * size else None), vertices
+    points, _ = _as_landmarks(positions)
+    return (points if apart < 0.05 * size else None), vertices
 
 
 def _as_landmarks(value) -> tuple[np.ndarray | None, np.ndarray | None]:
@@ -223,14 +223,14 @@ def _as_landmarks(value) -> tuple[np.ndarray | None, np.ndarray | None]:
 
 
 def _hints(ob) -> list[str]:
-    """What may be the reason where no face is found."""
-    found = []
+    """Possible reasons why no face is found."""
+    hints = []
     if any(modifier.type == "MIRROR" for modifier in ob.modifiers):
-        found.append("Half of the face comes from a Mirror modifier: apply it")
+        hints.append("Half of the face comes from a Mirror modifier: apply it")
     around = _around(ob)
     if around:
-        found.append(f"{around} lies around it: pick that mesh if it is the face")
-    return found
+        hints.append(f"{around} lies around it: pick that mesh if it is the face")
+    return hints
 
 
 def _around(ob) -> str:
@@ -247,10 +247,10 @@ def _around(ob) -> str:
 
 
 def corners(ob) -> np.ndarray:
-    """The corners `[8, 3]` of an object's box in the world, armatures in rest pose."""
-    matrix, found = rest.world(ob), np.array(ob.bound_box, dtype=np.float64)
+    """The corners `[8, 3]` of an object's box in the world, with armatures in rest pose."""
+    matrix, points = rest.world(ob), np.array(ob.bound_box, dtype=np.float64)
     if any(modifier.type == "ARMATURE" for modifier in ob.modifiers):
-        # That box is of the posed mesh.
+        # The object's own box is that of the posed mesh.
         low_high = box_of(read_basis(ob.data))
-        found = np.stack([low_high[list(pick), range(3)] for pick in np.ndindex(2, 2, 2)])
-    return found @ matrix[:3, :3].T + matrix[:3, 3]
+        points = np.stack([low_high[list(pick), range(3)] for pick in np.ndindex(2, 2, 2)])
+    return points @ matrix[:3, :3].T + matrix[:3, 3]

@@ -1,6 +1,6 @@
-"""Lips, or lids and eyes, that are one surface, cut apart on a Blender mesh.
+"""Cuts lips, or lids and eyes, apart where they are one surface of a Blender mesh.
 
-All that lies on the mesh goes along.
+Layers, groups and keys on the mesh are kept.
 """
 
 from dataclasses import dataclass
@@ -18,17 +18,17 @@ from . import landmarks
 
 # What a report says of lips that are one surface.
 WELDED = "the lips are one surface and cannot part: Open Mouth parts them"
-# The same of eyes that are one surface with their lids.
+# What a report says of eyes that are one surface with their lids.
 JOINED = "eyes and lids are one surface and cannot blink: Open Eyes cuts them apart"
 # The material of the mouth's inside.
 INSIDE = "Mouth Inside"
 _COLOUR = (0.16, 0.03, 0.03, 1.0)
-# The layer in which normals of the artist's own travel.
+# The layer that carries the artist's custom normals over the change.
 _NORMALS = "anyface_normals"
 
 
 def is_welded(ob) -> bool:
-    """Whether the lips of `ob` are one surface, as its points say, or else its last take."""
+    """Whether the lips of `ob` are one surface, by its landmarks or else by its last take."""
     try:
         stored = landmarks.load(ob)
     except AnyfaceError:
@@ -38,7 +38,8 @@ def is_welded(ob) -> bool:
 
 
 def has_joined_eyes(ob) -> bool:
-    """Whether an eye of `ob` is one with its lids, as its points say, or else its last take."""
+    """Whether an eye of `ob` is one surface with its lids, by its landmarks or else its last
+    take."""
     try:
         stored = landmarks.load(ob)
     except AnyfaceError:
@@ -50,10 +51,10 @@ def has_joined_eyes(ob) -> bool:
 
 @dataclass
 class Opening:
-    """A snapshot for opening a face; `work` needs nothing of Blender: any thread may run it.
+    """A snapshot for opening a face; `work` needs no Blender data, so any thread may run it.
 
-    `feature` is "mouth" or "eyes". `stored` are the landmarks of the object; where it has none,
-    they are found.
+    `feature` is "mouth" or "eyes". `stored` are the landmarks of the object; without them `work`
+    searches.
     """
 
     face: FaceMesh
@@ -64,28 +65,34 @@ class Opening:
     def work(self, progress: Progress) -> OpenedFace:
         """The opened mesh in object space; raises `AnyfaceError`."""
         opens = {"mouth": self.engine.open_mouth, "eyes": self.engine.open_eyes}[self.feature]
-        own = self.face.space
+        space = self.face.space
         if self.stored is None:
-            found = finding.find(self.face, {}, self.engine.find, progress)
-            self.face.landmarks, self.face.landmark_vertices = found.positions, found.vertices
+            face_points = finding.find(self.face, {}, self.engine.find, progress)
+            self.face.landmarks, self.face.landmark_vertices = (
+                face_points.positions,
+                face_points.vertices,
+            )
             self.stored = landmarks.Stored(
-                found.positions, found.confidence, found.mouth, lids=found.lids
+                face_points.positions,
+                face_points.confidence,
+                face_points.mouth,
+                lids=face_points.lids,
             )
         with finding.naming(self.face):
-            opened = opens(*own.seen(self.face), progress)
-        opened.positions = own.points_to_object(opened.positions)
-        opened.landmarks = own.points_to_object(opened.landmarks)
-        if own.mirrored:
+            opened = opens(*space.seen(self.face), progress)
+        opened.positions = space.points_to_object(opened.positions)
+        opened.landmarks = space.points_to_object(opened.landmarks)
+        if space.mirrored:
             opened.triangles = opened.triangles[:, ::-1]
             opened.corner_shares = opened.corner_shares[:, ::-1, ::-1]
         return opened
 
 
 def write(ob, opening: Opening, opened: OpenedFace) -> str:
-    """Puts an opened face on `ob`; returns what was done, in words.
+    """Puts an opened face on `ob`; returns a sentence about it.
 
-    Texture coordinates, vertex groups, attributes, materials, normals of
-    the artist's own and shape keys stay. Raises `AnyfaceError` where the mesh has changed since.
+    Texture coordinates, vertex groups, attributes, materials, custom normals and shape keys stay.
+    Raises `AnyfaceError` where the mesh has changed since it was read.
     """
     guard.check_local(ob)
     face, stored = opening.face, opening.stored
@@ -105,15 +112,15 @@ def write(ob, opening: Opening, opened: OpenedFace) -> str:
     if opening.feature == "mouth":
         mouth, done = "slit", f"the lips of {ob.name} part now"
     else:
-        lids = tuple("close" if own == "joined" else own for own in lids)
-    found = Found(places, nearest, stored.confidence, mouth, none, none, lids)
-    landmarks.store(ob, found, stored.fixed)
+        lids = tuple("close" if state == "joined" else state for state in lids)
+    face_points = Found(places, nearest, stored.confidence, mouth, none, none, lids)
+    landmarks.store(ob, face_points, stored.fixed)
     ob.anyface.mouth, ob.anyface.lids = mouth, " ".join(lids)
     return done
 
 
 class _travelling_normals:
-    """Carries normals of the artist's own over a change of the mesh; gives their layer's name."""
+    """Carries custom normals over a change of the mesh; yields the name of their layer."""
 
     def __init__(self, mesh):
         self._mesh = mesh
@@ -138,7 +145,7 @@ class _travelling_normals:
 
 
 class _Rewriter:
-    """The faces of a mesh at its mouth or its eyes, written anew."""
+    """Rewrites the faces of a mesh at its mouth or its eyes."""
 
     def __init__(self, mesh, face: FaceMesh, opened: OpenedFace, normals: str | None):
         self._mesh, self._opened, self._count = mesh, opened, len(face.positions)
@@ -166,7 +173,7 @@ class _Rewriter:
         self._mesh.update()
 
     def _material(self) -> int:
-        """The slot of the inside's material."""
+        """The slot of the material for the inside of the mouth."""
         material = bpy.data.materials.get(INSIDE)
         if material is None:
             material = bpy.data.materials.new(INSIDE)
@@ -182,7 +189,7 @@ class _Rewriter:
         return len(self._mesh.materials) - 1
 
     def _add_vertices(self) -> None:
-        """New vertices are mixtures of the old ones; in a shape key they move as these do."""
+        """Adds vertices, each a mixture of old ones; in a shape key they move like the old ones."""
         layers, old = self._bm.verts.layers, list(self._bm.verts)
         groups, shapes = layers.deform.active, layers.shape.values()
         new = zip(
@@ -226,7 +233,8 @@ class _Rewriter:
             edge.smooth = all(face in bag for face in edge.link_faces)
 
     def _changed(self) -> tuple[list[int], list[int], dict[int, list[int]]]:
-        """Polygons that change, these and others at the cut, and by old triangle the new ones."""
+        """Polygons that change, these and others at the cut, and the new triangles by old
+        triangle."""
         opened, first = self._opened, self._opened.first_lining_triangle
         sources = opened.triangle_sources[:first].astype(np.int64)
         counts = np.bincount(sources, minlength=len(self._old))
@@ -244,7 +252,7 @@ class _Rewriter:
         return changed.tolist(), beside.tolist(), pieces
 
     def _loops_of(self, polygons: list[int]) -> dict:
-        """Loops of polygons by their number in the mesh."""
+        """The loops of polygons by their number in the mesh."""
         out = {}
         for number in polygons:
             start = self._mesh.polygons[number].loop_start
@@ -253,7 +261,7 @@ class _Rewriter:
         return out
 
     def _cut(self, polygon: int, pieces: dict, loops: dict) -> None:
-        """One polygon anew: as a whole where only its vertices changed, else in triangles."""
+        """Rewrites one polygon: as a whole where only its vertices changed, else as triangles."""
         triangles = np.flatnonzero(self._polygons == polygon).tolist()
         if any(len(pieces[t]) != 1 for t in triangles):
             for new in (new for t in triangles for new in pieces[t]):
@@ -268,7 +276,7 @@ class _Rewriter:
         self._new_face(corners, [[(loop, 1.0)] for loop in old.loops], old)
 
     def _add(self, new: int, loops: dict):
-        """One new triangle."""
+        """Adds one new triangle."""
         source = int(self._opened.triangle_sources[new])
         around = [loops[number] for number in self._loops[source].tolist()]
         corners = [self._bm.verts[number] for number in self._opened.triangles[new].tolist()]
@@ -289,7 +297,8 @@ class _Rewriter:
         return face
 
     def _mix_loop(self, loop, sources) -> None:
-        """Layers of a new corner: numbers in between, all else from the nearest old corner."""
+        """Fills the layers of a new corner: numbers are mixed, all else comes from the nearest old
+        corner."""
         layers = self._bm.loops.layers
         for layer in layers.uv.values():
             loop[layer].uv = _sum(share * source[layer].uv for source, share in sources)

@@ -1,7 +1,7 @@
 """A face made of several objects: teeth, tongue, eyes and lashes beside the face mesh.
 
-All of them are read into one mesh in the face object's space and animated in one run; the result
-is cut apart again, and each object gets its own keys.
+All of them are read into one mesh in the face object's space and animated in one run. Then the
+result is cut apart again, and each object gets its own keys.
 """
 
 from dataclasses import dataclass, replace
@@ -17,7 +17,7 @@ from . import mesh, rest
 
 # An object that moves less than this in every frame gets no keys.
 STILL_MM = 0.005
-# Words in the names of objects and what such objects are, the first that fits.
+# Words in the names of objects, and the role that they mean; the first match counts.
 _NAMES = (
     (("lash", "brow", "beard", "mustache", "moustache"), "nearest"),
     (("tongue", "teeth_low", "teeth low", "lower", "bottom"), "jaw"),
@@ -28,17 +28,17 @@ _NAMES = (
 
 @dataclass
 class Part:
-    """An object beside the face; `role` is one of `ROLES`, or "" to tell it by shape and place."""
+    """An object beside the face; `role` is one of `ROLES`, or "" to guess it by shape and place."""
 
     name: str
     role: str = ""
 
 
 def add(face: FaceMesh, ob, parts: list[Part], loose: dict[int, str]) -> None:
-    """Puts the objects of `parts` behind the vertices of `face`, which was read from `ob`.
+    """Appends the objects of `parts` to the vertices of `face`, which was read from `ob`.
 
     `loose` gives roles to single connected parts by number. Raises `AnyfaceError("mesh")` for
-    objects that are gone or no meshes.
+    objects that are gone or are no meshes.
     """
     face.pieces = [Piece(ob.name, 0, len(face.positions), np.eye(4), BY_SHAPE)]
     positions, triangles = [face.positions], [face.triangles]
@@ -47,13 +47,19 @@ def add(face: FaceMesh, ob, parts: list[Part], loose: dict[int, str]) -> None:
         other = object_of(part, ob)
         matrix = to_face @ rest.world(other)
         _inverse(matrix, other.name)
-        own = mesh.read_face(other)
+        part_face = mesh.read_face(other)
         first = sum(len(block) for block in positions)
-        corners = own.triangles[:, ::-1] if np.linalg.det(matrix[:3, :3]) < 0 else own.triangles
-        positions.append((own.positions @ matrix[:3, :3].T + matrix[:3, 3]).astype(np.float32))
+        corners = (
+            part_face.triangles[:, ::-1]
+            if np.linalg.det(matrix[:3, :3]) < 0
+            else part_face.triangles
+        )
+        positions.append(
+            (part_face.positions @ matrix[:3, :3].T + matrix[:3, 3]).astype(np.float32)
+        )
         triangles.append(corners + np.uint32(first))
         role = ROLES.index(part.role) if part.role else BY_SHAPE
-        face.pieces.append(Piece(other.name, first, len(own.positions), matrix, role))
+        face.pieces.append(Piece(other.name, first, len(part_face.positions), matrix, role))
     face.positions = np.concatenate(positions)
     face.triangles = np.concatenate(triangles)
     if parts or loose:
@@ -61,7 +67,7 @@ def add(face: FaceMesh, ob, parts: list[Part], loose: dict[int, str]) -> None:
 
 
 def _inverse(matrix: np.ndarray, name: str) -> np.ndarray:
-    """The way back; raises `AnyfaceError("mesh")` where an object is flattened to nothing."""
+    """The inverse of a matrix; raises `AnyfaceError("mesh")` where an object is scaled to zero."""
     if not np.isfinite(matrix).all() or np.linalg.cond(matrix[:3, :3]) > 1e6:
         raise AnyfaceError("mesh", f"{name} is scaled to zero along an axis: give it a scale first")
     return np.linalg.inv(matrix)
@@ -102,9 +108,11 @@ def split(take: Take, pieces: list[Piece]) -> list[tuple[Piece, Take | None]]:
 
 
 def suggest(ob, objects, centre, radius: float) -> list[Part]:
-    """Objects that look like parts of the face: meshes near `centre` (world, `[3]`), not larger
-    than the head of `radius`, with the role that their name tells."""
-    found = []
+    """Objects that look like parts of the face, with the role that their names tell.
+
+    They are meshes near `centre` (world, `[3]`) that are not larger than the head of `radius`.
+    """
+    parts = []
     for other in objects:
         if other == ob or other.type != "MESH" or other.data == ob.data:
             continue
@@ -113,8 +121,8 @@ def suggest(ob, objects, centre, radius: float) -> list[Part]:
         box = mesh.corners(other)
         middle, size = box.mean(axis=0), np.ptp(box, axis=0).max()
         if np.linalg.norm(middle - centre) <= radius and size <= 2.5 * radius:
-            found.append(Part(other.name, role_of_name(other.name)))
-    return found
+            parts.append(Part(other.name, role_of_name(other.name)))
+    return parts
 
 
 def role_of_name(name: str) -> str:

@@ -1,7 +1,7 @@
 """Where objects stand while every armature is in its rest pose, without posing anything.
 
-A face under an Armature modifier is read as it is modelled, so what hangs on a bone beside it
-(teeth, eyes) has to be taken back to where it was when they were put together.
+A face with an Armature modifier is read as it is modelled. An object beside it that hangs on a bone
+(teeth, eyes) must therefore be moved back to where it was at rest.
 """
 
 import numpy as np
@@ -15,26 +15,27 @@ def world(ob) -> np.ndarray:
     return back(ob) @ _array(ob.matrix_world)
 
 
-def back(ob, held=()) -> np.ndarray:
-    """What takes `ob` in the world from where it is posed to its rest, `[4, 4]`.
+def back(ob, visited=()) -> np.ndarray:
+    """The matrix `[4, 4]` that moves `ob` in the world from its pose to its rest.
 
-    `held` are objects that hang on it: constraints may close a circle, which ends there.
+    `visited` are objects that hang on it: constraints may form a cycle, which ends there.
     """
     holder, bone = _holder(ob)
-    if holder is None or holder in held:
+    if holder is None or holder in visited:
         return np.eye(4)
-    held = (*held, ob)
+    visited = (*visited, ob)
     if not bone:
-        return back(holder, held)
+        return back(holder, visited)
     pose = holder.pose.bones[bone]
     here = _array(holder.matrix_world)
     # At rest a bone is at matrix_local, posed at matrix, both in the armature's space.
     turn = _array(pose.bone.matrix_local) @ np.linalg.pinv(_array(pose.matrix))
-    return back(holder, held) @ here @ turn @ np.linalg.pinv(here)
+    return back(holder, visited) @ here @ turn @ np.linalg.pinv(here)
 
 
 def _holder(ob) -> tuple:
-    """The object on which `ob` hangs and the name of its bone, "" for the whole; (None, "")."""
+    """The object that carries `ob`, and the name of its bone, "" for the whole; (None, "") for
+    none."""
     for constraint in ob.constraints:
         if constraint.type in _HOLDING and not constraint.mute and constraint.influence > 0.99:
             targets = constraint.targets if constraint.type == "ARMATURE" else [constraint]

@@ -23,10 +23,10 @@ def mesh(height: float):
     with np.load(PACKED) as packed:
         data = {name: packed[name] for name in packed.files}
     named = zip(data["names"], data["colours"], strict=True)
-    own = [_material(str(name), colour) for name, colour in named]
+    head_materials = [_material(str(name), colour) for name, colour in named]
     points = standing(data["positions"] / _MICROMETRES, height)
     faces = data["triangles"].tolist()
-    return smooth_mesh(NAME, points, faces, own, data["materials"].astype(np.int32))
+    return smooth_mesh(NAME, points, faces, head_materials, data["materials"].astype(np.int32))
 
 
 def points_and_triangles(height: float) -> tuple[np.ndarray, np.ndarray]:
@@ -37,22 +37,22 @@ def points_and_triangles(height: float) -> tuple[np.ndarray, np.ndarray]:
 
 
 def smooth_mesh(name: str, points: np.ndarray, faces: list[list[int]], materials, numbers):
-    """A new mesh of points `[V, 3]` and faces, whose materials are `numbers`."""
-    made = bpy.data.meshes.new(name)
-    made.from_pydata(points.tolist(), [], faces)
+    """A new smooth mesh of points `[V, 3]` and faces; `numbers` are the materials of its faces."""
+    data = bpy.data.meshes.new(name)
+    data.from_pydata(points.tolist(), [], faces)
     for material in materials:
-        made.materials.append(material)
-    made.polygons.foreach_set("material_index", numbers)
-    made.polygons.foreach_set("use_smooth", np.ones(len(made.polygons), dtype=bool))
-    made.update()
-    return made
+        data.materials.append(material)
+    data.polygons.foreach_set("material_index", numbers)
+    data.polygons.foreach_set("use_smooth", np.ones(len(data.polygons), dtype=bool))
+    data.update()
+    return data
 
 
 def standing(points: np.ndarray, height: float, head: np.ndarray | None = None) -> np.ndarray:
-    """Points `[V, 3]` of the file (+y up, +z out of the face) upright in Blender.
+    """Points `[V, 3]` of the file (+y up, +z out of the face), upright in Blender.
 
-    They are all of the head, or lie on it where `head` `[W, 3]` is; its box is `height` tall and
-    centred on the origin.
+    The box of the head is scaled to `height` and centred on the origin. `head` `[W, 3]` are the
+    points of the whole head where `points` are only a part of it.
     """
     whole = _turned(points if head is None else head)
     low, high = whole.min(axis=0), whole.max(axis=0)
@@ -64,7 +64,8 @@ def _turned(points: np.ndarray) -> np.ndarray:
 
 
 def materials(name: str, words: tuple[str, ...]) -> list:
-    """Materials of a head by name, in the colours of the sample head; what it lacks is hair."""
+    """Materials of a head by name, in the colours of the sample head; other names get hair
+    colour."""
     with np.load(PACKED) as packed:
         colours = dict(zip(packed["names"].tolist(), packed["colours"], strict=True))
     colours["sockets"] = colours["mouth"]
@@ -73,12 +74,12 @@ def materials(name: str, words: tuple[str, ...]) -> list:
 
 def _material(name: str, colour, head: str = NAME):
     """A material in that colour (linear, `[3]`)."""
-    made = bpy.data.materials.new(f"{head} {name.replace('_', ' ')}")
-    made.diffuse_color = (*(float(part) for part in colour), 1.0)
+    material = bpy.data.materials.new(f"{head} {name.replace('_', ' ')}")
+    material.diffuse_color = (*(float(part) for part in colour), 1.0)
     # From 5.0 on every material has nodes.
-    if made.node_tree is None:
-        made.use_nodes = True
-    shader = next((n for n in made.node_tree.nodes if n.type == "BSDF_PRINCIPLED"), None)
+    if material.node_tree is None:
+        material.use_nodes = True
+    shader = next((n for n in material.node_tree.nodes if n.type == "BSDF_PRINCIPLED"), None)
     if shader is not None:
-        shader.inputs["Base Color"].default_value = made.diffuse_color
-    return made
+        shader.inputs["Base Color"].default_value = material.diffuse_color
+    return material

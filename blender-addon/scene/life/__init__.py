@@ -1,1 +1,1 @@
-"""Head and eyes of a take: the objects and bones that they turn."""
+"""Head and eyes of a take: the objects and bones that it turns."""

@@ -1,4 +1,4 @@
-"""Head and eyes of a take: which objects or bones they turn. Nothing of it is in the skin."""
+"""Head and eyes of a take: the objects or bones that it turns. The skin does not move with them."""
 
 import bpy
 import numpy as np
@@ -11,55 +11,62 @@ from ..animation import curves
 from ..face import mesh, pieces
 from . import turning, turns
 
-# No eye turns farther than this, radians: yaw and pitch.
+# The largest yaw and pitch of an eye, radians.
 _MOST = np.radians([45.0, 35.0])
 # Eyes of the library, right one first: canonical metres.
 _EYES = np.array([[-0.032, 0.046, 0.071], [0.032, 0.046, 0.071]])
-# Frames of the scene that are looked at before the interface is asked again.
+# Frames of the scene to visit before the interface gets a turn.
 _FEW = 4
-# An object whose middle lies nearer to the face's than this holds both eyes, canonical metres.
+# An object whose centre lies closer to the middle of the face than this holds both eyes, canonical
+# metres.
 _BOTH_M = 0.01
 
 
 def check(ob, settings) -> None:
-    """Raises `AnyfaceError` in words where head or eyes have nowhere to go."""
-    asked = settings.life
-    if not asked.use:
+    """Raises `AnyfaceError` with a message where head or eyes have no object to turn."""
+    life_settings = settings.life
+    if not life_settings.use:
         return
-    if asked.head in ("OBJECT", "BONE"):
-        _object(asked.head_object, "the head turns")
-    if asked.head == "BONE":
-        _bone(asked.head_object, asked.head_bone)
-    if asked.gaze == "BONES":
-        for name in asked.eye_bones:
-            _bone(asked.eye_armature, name)
-    if asked.look_at:
-        _object(asked.look_at, "the eyes look at")
-    # What cannot be turned says so before anything is made.
+    if life_settings.head in ("OBJECT", "BONE"):
+        _object(life_settings.head_object, "the head turns")
+    if life_settings.head == "BONE":
+        _bone(life_settings.head_object, life_settings.head_bone)
+    if life_settings.gaze == "BONES":
+        for name in life_settings.eye_bones:
+            _bone(life_settings.eye_armature, name)
+    if life_settings.look_at:
+        _object(life_settings.look_at, "the eyes look at")
+    # An object that cannot be turned raises here, before the take is made.
     still = Life(np.zeros((1, 3)), np.zeros((1, 2, 2)), np.eye(3, 4))
     _turned(ob, still, settings, np.arange(3.0))
 
 
 def look(take: Take, settings, start_frame: float, scene_fps: float):
-    """Notes where the eyes look in each frame of a take, yielding between frames of the scene.
+    """Stores in `take` where the eyes look in each frame; yields between frames of the scene.
 
-    At each yield the scene stands at the frame of the artist's again.
+    At each yield the scene is back at the artist's frame.
     """
-    asked = settings.life
-    if take.life is None or not asked.use or asked.gaze == "NONE" or not asked.look_at:
+    life_settings = settings.life
+    if (
+        take.life is None
+        or not life_settings.use
+        or life_settings.gaze == "NONE"
+        or not life_settings.look_at
+    ):
         return
     frames = take.scene_frames(start_frame, scene_fps)
-    take.life.looked_at = yield from _points(asked.look_at, take.life, frames)
+    take.life.looked_at = yield from _points(life_settings.look_at, take.life, frames)
 
 
 def writing(ob, take: Take, settings, start_frame: float, scene_fps: float):
-    """Turns what `settings` names with `take`; what an earlier one turns is let go first.
+    """Turns the objects that `settings` name with `take`, and first releases those of an earlier
+    take.
 
-    Yields between objects; returns what was done, in words.
+    Yields between objects; returns notes for the report.
     """
     turns.release(ob)
-    asked = settings.life
-    if take.life is None or not asked.use:
+    life_settings = settings.life
+    if take.life is None or not life_settings.use:
         return []
     frames = take.scene_frames(start_frame, scene_fps)
     at = curves.with_rest(frames, scene_fps, take.earliest)
@@ -68,14 +75,17 @@ def writing(ob, take: Take, settings, start_frame: float, scene_fps: float):
         turns.put(ob, other, channels, at)
         yield BEGUN
     notes = [f"{', '.join(other.name for other in turned)} turn"] if turned else []
-    if asked.head == "OWN":
+    if life_settings.head == "OWN":
         notes.append(f"head in the action {_alone(ob, take.life, at).name}")
     return notes
 
 
 def redo(ob, life: Life, settings, at: np.ndarray, splice) -> None:
-    """Hands the curves of head and eyes, and what they would be at scene frames `at` `[n]`, to
-    `splice(curve, at, values)`; those in an action on nobody stay."""
+    """Calls `splice(curve, at, values)` for the curves of head and eyes, with new values at scene
+    frames `at` `[n]`.
+
+    Curves in an action that no object plays stay.
+    """
     if not settings.life.use:
         return
     padded = np.concatenate([at[:1], at, at[-1:]])
@@ -89,40 +99,40 @@ def redo(ob, life: Life, settings, at: np.ndarray, splice) -> None:
 
 
 def _turned(ob, life: Life, settings, at) -> dict:
-    """The channels of each object that turns."""
-    asked, found = settings.life, {}
+    """The channels by each object that turns."""
+    life_settings, by_object = settings.life, {}
     axes = _axes(life)
-    if asked.head in ("OBJECT", "BONE"):
+    if life_settings.head in ("OBJECT", "BONE"):
         vectors = curves.from_rest(life.head, at) @ axes.T
-        other = _object(asked.head_object, "the head turns")
-        one = asked.head == "BONE"
+        other = _object(life_settings.head_object, "the head turns")
+        one = life_settings.head == "BONE"
         channels = (
-            [turning.of_bone(other, asked.head_bone, vectors, turns.paths_of(ob, other))]
+            [turning.of_bone(other, life_settings.head_bone, vectors, turns.paths_of(ob, other))]
             if one
             else turning.of_object(other, vectors, turns.paths_of(ob, other))
         )
-        found.setdefault(other, []).extend(channels)
-    for side in range(2) if asked.gaze != "NONE" else ():
+        by_object.setdefault(other, []).extend(channels)
+    for side in range(2) if life_settings.gaze != "NONE" else ():
         angles = life.gaze[:, side].astype(np.float64)
-        if asked.look_at:
+        if life_settings.look_at:
             if life.looked_at is None:
                 lead = curves.rests_before(at, len(angles))
-                life.looked_at = at_once(_points(asked.look_at, life, at[lead:-1]))
+                life.looked_at = at_once(_points(life_settings.look_at, life, at[lead:-1]))
             angles = turn.to_object(angles, life.looked_at, _EYES[side])
         angles = np.clip(angles, -_MOST, _MOST)
         vectors = curves.from_rest(turn.of_gaze(angles), at) @ axes.T
-        if asked.gaze == "BONES":
-            armature = _object(asked.eye_armature, "the eyes turn")
+        if life_settings.gaze == "BONES":
+            armature = _object(life_settings.eye_armature, "the eyes turn")
             bone = turning.of_bone(
-                armature, asked.eye_bones[side], vectors, turns.paths_of(ob, armature)
+                armature, life_settings.eye_bones[side], vectors, turns.paths_of(ob, armature)
             )
-            found.setdefault(armature, []).append(bone)
+            by_object.setdefault(armature, []).append(bone)
             continue
         for eye in _eyes(ob, life, settings)[side]:
             middle = mesh.corners(eye).mean(axis=0)
             channels = turning.of_object(eye, vectors, turns.paths_of(ob, eye), middle)
-            found.setdefault(eye, []).extend(channels)
-    return found
+            by_object.setdefault(eye, []).extend(channels)
+    return by_object
 
 
 def _axes(life: Life) -> np.ndarray:
@@ -138,7 +148,8 @@ def _canonical(life: Life, points: np.ndarray) -> np.ndarray:
 
 
 def _points(name: str, life: Life, at: np.ndarray):
-    """Where an object is at scene frames `[T]`, canonical frame `[T, 3]`; yields between frames."""
+    """Where an object is at scene frames `[T]`, `[T, 3]` in the canonical frame; yields between
+    frames."""
     other = _object(name, "the eyes look at")
     rests = other.animation_data is None and other.parent is None and not len(other.constraints)
     if rests:
@@ -161,9 +172,9 @@ def _go(scene, frame: float) -> None:
 
 def _eyes(ob, life: Life, settings) -> tuple[list, list]:
     """The objects that are the right and the left eye."""
-    asked = settings.life
-    if any(asked.eyes):
-        return tuple([_object(name, "an eye")] if name else [] for name in asked.eyes)
+    life_settings = settings.life
+    if any(life_settings.eyes):
+        return tuple([_object(name, "an eye")] if name else [] for name in life_settings.eyes)
     sides: tuple[list, list] = ([], [])
     for part in settings.parts:
         if (part.role or pieces.role_of_name(part.name)) != "gaze":
@@ -176,7 +187,7 @@ def _eyes(ob, life: Life, settings) -> tuple[list, list]:
 
 
 def _alone(ob, life: Life, at):
-    """The head's rotation in an action of its own, which any object may be given."""
+    """The head's rotation in an action of its own, which any object can play."""
     action, bag = curves.new_action(f"{ob.name} Head", "OBJECT")
     action.use_fake_user = True
     vectors = curves.from_rest(life.head, at) @ _axes(life).T
@@ -188,13 +199,13 @@ def _alone(ob, life: Life, at):
 
 
 def _object(name: str, what: str):
-    found = bpy.data.objects.get(name)
-    if found is None:
+    ob = bpy.data.objects.get(name)
+    if ob is None:
         raise AnyfaceError("input", f"Life: pick the object that {what}")
-    return found
+    return ob
 
 
 def _bone(armature: str, name: str) -> None:
-    found = _object(armature, "holds the bones")
-    if found.type != "ARMATURE" or name not in found.pose.bones:
-        raise AnyfaceError("input", f"Life: expected a bone of {found.name}, got {name!r}")
+    rig = _object(armature, "holds the bones")
+    if rig.type != "ARMATURE" or name not in rig.pose.bones:
+        raise AnyfaceError("input", f"Life: expected a bone of {rig.name}, got {name!r}")

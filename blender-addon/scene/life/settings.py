@@ -1,4 +1,4 @@
-"""What an artist asks of head and eyes."""
+"""The artist's settings for head and eyes."""
 
 from dataclasses import dataclass
 
@@ -10,9 +10,9 @@ CONTROLS = ("head_motion", "gaze", "breath", "variety", "blinks_per_minute")
 class LifeSettings:
     """Where head and eyes go, by names of objects and bones.
 
-    `head` is "NONE", "OBJECT", "BONE" or "OWN", an action of its own on nobody; `gaze` is "NONE",
-    "PARTS" or "BONES". `eyes` and `eye_bones` name the right and the left one; with no eyes named,
-    parts with the role gaze turn. The eyes rest on `look_at` where that is named.
+    `head` is "NONE", "OBJECT", "BONE" or "OWN", an action that no object plays; `gaze` is "NONE",
+    "PARTS" or "BONES". `eyes` and `eye_bones` name the right one first. If no eyes are named, parts
+    with the role gaze turn. The eyes rest on `look_at` where that is named.
     """
 
     use: bool = True
@@ -31,12 +31,13 @@ class LifeSettings:
         return [self.head_object, *self.eyes, self.eye_armature, self.look_at]
 
     def rename(self, now: dict[str, str]) -> None:
-        """Objects have got other names: `now` by the old one."""
+        """Follows objects that have new names; `now` maps old names to new ones."""
         for name in ("head_object", "eye_armature", "look_at"):
             setattr(self, name, now.get(getattr(self, name), getattr(self, name)))
         self.eyes = tuple(now.get(name, name) for name in self.eyes)
 
     @property
     def controls_off(self) -> tuple[str, ...]:
-        """Controls that are 0 whatever the panel says: all of *Life* off, or no head to turn."""
+        """Controls that are 0 whatever the panel says: all of *Life* if it is off, else head motion
+        if no head turns."""
         return CONTROLS if not self.use else ("head_motion",) if self.head == "NONE" else ()

@@ -1,7 +1,7 @@
-"""Rotation over time of an object or a bone, relative to how it stands.
+"""Rotation over time of an object or a bone, relative to its present rotation.
 
-An object turns by its delta rotation, so that its own rotation, and keyframes on that, stay the
-artist's. A bone has no such thing: its rotation itself is animated, where nobody else does that.
+An object turns by its delta rotation, so its own rotation and keyframes on that stay the artist's.
+A bone has no delta rotation: its rotation itself is animated, where nobody else animates it.
 """
 
 from dataclasses import dataclass, field
@@ -28,17 +28,17 @@ class Channel:
 def of_object(ob, vectors: np.ndarray, mine: set[str], centre=None) -> list[Channel]:
     """The channels that turn `ob` by rotation vectors `[T, 3]` about the world's axes.
 
-    Curves on the data paths `mine` may be there. It turns about its origin, or about `centre` `[3]`
-    in the world where that lies elsewhere. Raises `AnyfaceError("mesh")` where it cannot be turned
-    in this way.
+    Curves on the data paths `mine` may exist already. `ob` turns about its origin, or about
+    `centre` `[3]` in the world where that is set. Raises `AnyfaceError("mesh")` where it cannot be
+    turned in this way.
     """
     parent = np.array(ob.matrix_world) @ _inverse(ob.matrix_basis, ob.name)
     turns = turn.of_vectors(vectors @ _rotation(parent, ob.name))
     kind = _kind(ob.rotation_mode, ob.name)
-    found = getattr(ob, f"delta_rotation_{kind}")
-    rest = found.to_quaternion() if kind == _EULER else found
+    rotation = getattr(ob, f"delta_rotation_{kind}")
+    rest = rotation.to_quaternion() if kind == _EULER else rotation
     path = f"delta_rotation_{kind}"
-    channels = [Channel(path, _values(turns, rest, ob.rotation_mode), list(found))]
+    channels = [Channel(path, _values(turns, rest, ob.rotation_mode), list(rotation))]
     if centre is not None:
         origin = np.array(ob.matrix_basis.translation)
         away = origin - (np.linalg.inv(parent) @ [*centre, 1.0])[:3]
@@ -52,7 +52,7 @@ def of_object(ob, vectors: np.ndarray, mine: set[str], centre=None) -> list[Chan
 def of_bone(armature, name: str, vectors: np.ndarray, mine: set[str]) -> Channel:
     """The channel that turns a pose bone by rotation vectors `[T, 3]` about the world's axes.
 
-    Raises `AnyfaceError("mesh")` for a bone that is not there, or whose rotation has keyframes.
+    Raises `AnyfaceError("mesh")` for a bone that does not exist, or whose rotation has keyframes.
     """
     bone = armature.pose.bones.get(name) if armature.type == "ARMATURE" else None
     what = f"the bone {name} of {armature.name}"
@@ -61,10 +61,10 @@ def of_bone(armature, name: str, vectors: np.ndarray, mine: set[str]) -> Channel
     at_rest = np.array(bone.matrix) @ _inverse(bone.matrix_basis, what)
     turns = turn.of_vectors(vectors @ _rotation(np.array(armature.matrix_world) @ at_rest, what))
     kind = _kind(bone.rotation_mode, what)
-    found = getattr(bone, f"rotation_{kind}")
-    rest = found.to_quaternion() if kind == _EULER else found
+    rotation = getattr(bone, f"rotation_{kind}")
+    rest = rotation.to_quaternion() if kind == _EULER else rotation
     path = bone.path_from_id(f"rotation_{kind}")
-    channel = Channel(path, _values(turns, rest, bone.rotation_mode), list(found))
+    channel = Channel(path, _values(turns, rest, bone.rotation_mode), list(rotation))
     return _free(armature, channel, mine, what)
 
 
@@ -74,7 +74,7 @@ def eulers(turns: np.ndarray) -> np.ndarray:
 
 
 def put_back(ob, channels: dict[str, list[float]]) -> None:
-    """Sets the values of data paths; bones that are gone are passed over."""
+    """Sets the values of data paths; bones that are gone are skipped."""
     for path, values in channels.items():
         holder, _, name = path.rpartition(".")
         try:
@@ -85,7 +85,8 @@ def put_back(ob, channels: dict[str, list[float]]) -> None:
 
 
 def _values(turns: np.ndarray, rest, mode: str) -> np.ndarray:
-    """What turns on top of `rest` are in a rotation mode, without jumps, `[T, 3]` or `[T, 4]`."""
+    """The rotations `turns` on top of `rest` in a rotation mode, without jumps, `[T, 3]` or `[T,
+    4]`."""
     every = turn.times(turns, np.tile(np.array(rest)[None], (len(turns), 1)))
     if mode == "QUATERNION":
         return every
@@ -105,12 +106,13 @@ def _kind(mode: str, what: str) -> str:
 
 
 def _free(ob, channel: Channel, mine: set[str], what: str) -> Channel:
-    """The channel, where neither a keyframe nor a driver of the artist's has it."""
+    """Returns the channel; raises `AnyfaceError("mesh")` where the artist has keyframes or a driver
+    on it."""
     animation = ob.animation_data
     bag = curves.channels(animation)
-    taken = [*(bag.fcurves if bag is not None else ())]
-    taken += animation.drivers if animation is not None else ()
-    if channel.path not in mine and any(curve.data_path == channel.path for curve in taken):
+    animated = [*(bag.fcurves if bag is not None else ())]
+    animated += animation.drivers if animation is not None else ()
+    if channel.path not in mine and any(curve.data_path == channel.path for curve in animated):
         raise AnyfaceError(
             "mesh",
             f"{what} has keyframes or drivers on {channel.path}: pick an empty or a bone that has "
@@ -125,7 +127,7 @@ def _rotation(matrix: np.ndarray, what: str) -> np.ndarray:
     if not np.isfinite(linear).all() or np.linalg.cond(linear) > 1e6:
         raise AnyfaceError("mesh", f"{what} is scaled to zero along an axis: give it a scale first")
     left, _, right = np.linalg.svd(linear)
-    # A mirrored frame turns the other way about every axis.
+    # In a mirrored frame a rotation goes the other way about every axis.
     return left @ right * np.sign(np.linalg.det(linear))
 
 

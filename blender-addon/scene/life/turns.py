@@ -1,7 +1,7 @@
-"""What takes have put on the objects that they turn, and how these are let go again.
+"""What takes have put on the objects that they turn, and how that is removed again.
 
-It stands in a custom property of each object, beside the id of the character whose it is; Remove
-takes exactly that away.
+A custom property of each object stores it, beside the id of the character. Remove takes exactly
+that away.
 """
 
 import json
@@ -16,9 +16,9 @@ from .. import identity
 from ..animation import curves
 from . import turning
 
-# On what a character turns: a list of `Entry`.
+# A property of objects that a character turns: a list of `Entry`.
 ENTRIES = "anyface_turned"
-# On what waits or stands alone: the action that holds the curves.
+# A property for a take that waits, or for an action that no object plays: it points to the action.
 _ACTION = "anyface_turned_"
 
 
@@ -26,8 +26,9 @@ _ACTION = "anyface_turned_"
 class Entry:
     """What a character's take has put on an object.
 
-    `owner` is the character's, `take` the id of a take that waits, empty for the one that plays;
-    `before` are values by data path as they were. The `made_*` fields say what must be undone.
+    `owner` is the id of the character. `take` is the id of a take that waits, and empty for the one
+    that plays. `before` are the earlier values by data path. The `made_*` fields say what must be
+    undone.
     """
 
     owner: str
@@ -50,37 +51,37 @@ def put(ob, other, channels: list[turning.Channel], at: np.ndarray) -> None:
 
 
 def put_alone(ob, action) -> None:
-    """An action on nobody belongs to the playing take of `ob`."""
+    """Lets an action that no object plays belong to the playing take of `ob`."""
     ob[_ACTION + "now"] = action
 
 
 def paths_of(ob, other) -> set[str]:
-    """Data paths on an object that the playing take of `ob` has already."""
+    """Data paths on an object that the playing take of `ob` animates already."""
     return {path for entry in _of(ob, _entries(other), "") for path in entry.before}
 
 
 def release(ob) -> None:
-    """Lets go of everything that the playing take of `ob` turns, as it was before."""
+    """Removes everything that the playing take of `ob` has put on objects; they stand as before."""
     owned = _owned(ob)
     for other, entries in owned:
         for entry in _of(ob, entries, ""):
-            entries = [kept for kept in entries if kept is not entry]
+            entries = [other_entry for other_entry in entries if other_entry is not entry]
             _inherit(entries, entry)
             _take_off(other, entry)
         _store(other, entries)
     curves.delete_action(ob.pop(_ACTION + "now", None))
     if owned:
-        # Where things stand is read of what was just let go.
+        # The caller reads where the released objects stand.
         bpy.context.view_layer.update()
 
 
 def keep(ob, take_id: str) -> None:
-    """The playing take waits: its curves lie in an action that a property points to."""
+    """Sets the playing take aside: its curves move into an action to which a property points."""
     for other, entries in _owned(ob):
         for entry in _of(ob, entries, ""):
             action, bag = curves.new_action(f"{other.name} {take_id}", "OBJECT")
             curves.copy_paths(other.animation_data.action, bag, set(entry.before))
-            _inherit([kept for kept in entries if kept is not entry], entry)
+            _inherit([other_entry for other_entry in entries if other_entry is not entry], entry)
             _take_off(other, entry)
             entry.take = take_id
             other[_ACTION + take_id] = action
@@ -90,7 +91,7 @@ def keep(ob, take_id: str) -> None:
 
 
 def play(ob, take_id: str) -> None:
-    """A take that waits plays again."""
+    """Lets a take that waits play again."""
     for other, entries in _owned(ob):
         for entry in _of(ob, entries, take_id):
             action = other.pop(_ACTION + take_id)
@@ -104,31 +105,31 @@ def play(ob, take_id: str) -> None:
 
 
 def follow(copy, copies: dict[str, list]) -> None:
-    """What turns on a `copy` belongs to the copy of its character; `copies` are objects by old id.
+    """Gives what turns on a `copy` to the copy of its character; `copies` are objects by old id.
 
-    Where the character was not copied, the curves are the artist's from now on.
+    Where the character was not copied, the curves belong to the artist from now on.
     """
-    kept = []
+    entries = []
     for entry in _entries(copy):
         faces = copies.get(entry.owner, [])
-        found = faces if len(faces) == 1 else [face for face in faces if _names(face, copy)]
-        if found:
-            entry.owner = identity.known(found[0])
-            kept.append(entry)
+        owners = faces if len(faces) == 1 else [face for face in faces if _names(face, copy)]
+        if owners:
+            entry.owner = identity.known(owners[0])
+            entries.append(entry)
     if ENTRIES in copy:
-        _store(copy, kept)
+        _store(copy, entries)
 
 
 def _names(face, other) -> bool:
     """Whether the settings of `face` name another object."""
     stored = face.anyface_life_settings
     kinds = [prop.identifier for prop in stored.bl_rna.properties if prop.type == "POINTER"]
-    found = [getattr(stored, kind) for kind in kinds]
-    return other in [*found, *(row.object for row in face.anyface_face.parts)]
+    pointers = [getattr(stored, kind) for kind in kinds]
+    return other in [*pointers, *(row.object for row in face.anyface_face.parts)]
 
 
 def _channels(other, entry: Entry):
-    """Where curves on an object go: the artist's action, or one of our own."""
+    """Where curves on an object go: the artist's action, or one of ours."""
     if other.library is not None:
         raise AnyfaceError("mesh", f"{other.name} is linked: pick an object of this file")
     if other.animation_data is None:
@@ -160,7 +161,7 @@ def _of(ob, entries: list[Entry], take_id: str) -> list[Entry]:
 
 
 def _inherit(others: list[Entry], gone: Entry) -> None:
-    """What was made for one and still serves another is undone with that."""
+    """Passes what was added for one take, and still serves another, on to that other take."""
     playing = [entry for entry in others if not entry.take]
     if not playing:
         return
@@ -170,12 +171,12 @@ def _inherit(others: list[Entry], gone: Entry) -> None:
 
 
 def _owned(ob) -> list[tuple]:
-    """The objects that takes of `ob` turn, and everything that is on them."""
+    """The objects that takes of `ob` turn, and all entries on them."""
     owner = identity.known(ob)
     if not owner:
         return []
-    found = [(other, _entries(other)) for other in bpy.data.objects]
-    return [(o, entries) for o, entries in found if any(e.owner == owner for e in entries)]
+    pairs = [(other, _entries(other)) for other in bpy.data.objects]
+    return [(o, entries) for o, entries in pairs if any(e.owner == owner for e in entries)]
 
 
 def _entries(other) -> list[Entry]:

@@ -1,1 +1,1 @@
-"""Mouth charts in the scene: drawn mouths that change with what is said."""
+"""Mouth charts in the scene: drawn mouths that follow the speech."""

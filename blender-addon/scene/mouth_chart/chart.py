@@ -22,8 +22,10 @@ _HEIGHT = 0.38
 
 @dataclass
 class Holds:
-    """Mouths change at every `on` frames and stand for `hold` or longer; those of closures and of
-    vowels for their own, where these are not 0."""
+    """Mouths change every `on` frames and stand for `hold` frames or longer.
+
+    Those of closures and of vowels have their own shortest time, where that is not 0.
+    """
 
     on: int = 1
     hold: int = 2
@@ -33,7 +35,7 @@ class Holds:
 
 @dataclass
 class Snapshot:
-    """What was read; `work` needs nothing else. `face` is None where the default head speaks."""
+    """Everything that `work` needs. `face` is None where the default head speaks."""
 
     face: FaceMesh | None
     source: SoundSource
@@ -47,7 +49,7 @@ class Snapshot:
     closed: list | None = None
 
     def work(self, progress: Progress) -> "Chart":
-        """The chart; raises `AnyfaceError`. Where no face is found the default head speaks."""
+        """The chart; raises `AnyfaceError`. Where no face is found, the default head speaks."""
         progress.check("sound")
         voice = self.source.load(decode.decoder(self.engine))
         if self.closed is not None:
@@ -74,16 +76,17 @@ class Snapshot:
 
 @dataclass
 class Chart:
-    """Start and end in seconds and name of each mouth, and what is said besides."""
+    """Start and end in seconds and name of each mouth, and a note for the report."""
 
     mouths: list[tuple[float, float, str]]
     note: str = ""
 
 
-def read(ob, scene, settings: bake.Settings, wanted: Drawings, holds: Holds, text, engine):
-    """Reads the sound of `ob` and its face, where it is a mesh; raises `AnyfaceError` in words."""
-    outputs.check(wanted)
-    outputs.check_editable(wanted)
+def read(ob, scene, settings: bake.Settings, drawings: Drawings, holds: Holds, text, engine):
+    """Reads the sound of `ob`, and its face where it is a mesh; raises `AnyfaceError` with a
+    message."""
+    outputs.check(drawings)
+    outputs.check_editable(drawings)
     source = bake.find_sound(scene, settings, engine)
     fps = scene.render.fps / scene.render.fps_base
     keys = emotion.control_keys(ob, scene, settings, source.start_frame, strips.duration_s(source))
@@ -95,45 +98,46 @@ def read(ob, scene, settings: bake.Settings, wanted: Drawings, holds: Holds, tex
     face = bake.read_face(ob, settings, editable=False) if is_face else None
     request.roles = face.roles if face is not None else None
     return Snapshot(
-        face, source, request, wanted, holds, text, fps, scene.frame_start, engine,
+        face, source, request, drawings, holds, text, fps, scene.frame_start, engine,
         sounds.read(scene, source),
     )  # fmt: skip
 
 
 def write(ob, snapshot: Snapshot, chart: Chart) -> str:
-    """Puts the keyframes where they are shown, and says in one line what was written.
+    """Puts the keyframes on the drawings; returns one line about what it wrote.
 
-    A chart of `ob` that stands there already goes; nothing changes where `AnyfaceError` is raised.
+    An earlier chart of `ob` there goes. Where it raises `AnyfaceError`, nothing has changed.
     """
-    wanted = snapshot.drawings
-    outputs.check(wanted)
+    drawings = snapshot.drawings
+    outputs.check(drawings)
     start, fps = snapshot.source.start_frame, snapshot.scene_fps
-    changes = mouth_chart.changes(wanted.kind, chart.mouths, start, fps, snapshot.scene_start)
+    changes = mouth_chart.changes(drawings.kind, chart.mouths, start, fps, snapshot.scene_start)
     if not changes:
         raise AnyfaceError("audio", "the sound has no frame to draw a mouth in")
-    if wanted.output != outputs.PENCIL:
-        found = outputs.channels(wanted, changes) if _is_there(wanted) else []
-        entry.check_free(found)
+    if drawings.output != outputs.PENCIL:
+        existing = outputs.channels(drawings, changes) if _is_there(drawings) else []
+        entry.check_free(existing)
     remove(ob)
-    for other in outputs.shown_on(wanted):
+    for other in outputs.shown_on(drawings):
         entry.take_off(other)
-    made = outputs.make(wanted)
+    additions = outputs.make(drawings)
     frames = np.array([frame for frame, _ in changes], dtype=float)
     by_object: dict = {}
-    for channel in outputs.channels(wanted, changes):
+    for channel in outputs.channels(drawings, changes):
         by_object.setdefault(channel.ob, []).append(channel)
     for channels in by_object.values():
-        entry.put(ob, channels, frames, **made)
+        entry.put(ob, channels, frames, **additions)
     drawn = len({mouth for _, mouth in changes})
-    said = f"{len(changes)} mouths, {drawn} of {len(mouth_chart.MOUTHS[wanted.kind])} are used"
+    said = f"{len(changes)} mouths, {drawn} of {len(mouth_chart.MOUTHS[drawings.kind])} are used"
     return f"{said} ({chart.note})" if chart.note else said
 
 
-def _is_there(wanted: Drawings) -> bool:
-    """False for a custom property that is made with the chart."""
-    return wanted.output != outputs.NUMBER or not outputs.is_new_property(wanted)
+def _is_there(drawings: Drawings) -> bool:
+    """False for a custom property that is added with the chart."""
+    return drawings.output != outputs.NUMBER or not outputs.is_new_property(drawings)
 
 
 def remove(ob) -> int:
-    """Takes the chart of a character off everything that shows it; returns of how many objects."""
+    """Removes the chart of a character from everything that shows it; returns the number of
+    objects."""
     return sum(entry.take_off(other) for other in entry.shown_by(ob))

@@ -1,7 +1,7 @@
-"""What a mouth chart has put on an object, and how it goes again.
+"""What a mouth chart has put on an object, and how it is removed again.
 
-It stands in a custom property of each object that shows a chart, beside the id of the character
-that speaks; *Remove* takes exactly that away.
+A custom property of each object that shows a chart stores it, beside the id of the character that
+speaks. *Remove* takes exactly that away.
 """
 
 import json
@@ -24,9 +24,9 @@ OBJECT, KEY = "OBJECT", "KEY"
 
 @dataclass
 class Channel:
-    """A property that a chart animates: `values` `[N]` are held from each of its frames on.
+    """A property that a chart animates: each of `values` `[N]` holds from its frame on.
 
-    `holder` says of which data-block of `ob` it is, `label` what an artist calls it.
+    `holder` says which data-block of `ob` has it, `label` what an artist calls it.
     """
 
     ob: object
@@ -37,10 +37,11 @@ class Channel:
 
 
 @dataclass
-class Made:
-    """What had to be made on a data-block for the curves of a chart, and what was there before.
+class Undo:
+    """What must be undone on a data-block when the chart goes.
 
-    `before` are values by data path.
+    `before` are the earlier values by data path; the `made_*` fields say what was added for its
+    curves.
     """
 
     before: dict[str, float] = field(default_factory=dict)
@@ -51,8 +52,11 @@ class Made:
 
 @dataclass
 class Entry:
-    """A chart on an object: the ids of who `speaks` and of the object itself, what it has on each
-    holder, and the custom property or the modifier that was made for it."""
+    """A chart on an object.
+
+    `speaks` is the id of the character, `shows` that of the object itself. `on` holds an `Undo` for
+    each holder. `made_property` and `made_modifier` name what was added for the chart.
+    """
 
     speaks: str
     shows: str
@@ -65,8 +69,8 @@ def read(ob) -> Entry | None:
     """What a chart has put on an object, or None."""
     text = ob.get(PROPERTY)
     try:
-        found = json.loads(text) if isinstance(text, str) else None
-        return json_file.known_fields(Entry, found) if found is not None else None
+        fields = json.loads(text) if isinstance(text, str) else None
+        return json_file.known_fields(Entry, fields) if fields is not None else None
     except (ValueError, TypeError, AttributeError):
         return None
 
@@ -78,8 +82,11 @@ def shown_by(speaker) -> list:
 
 
 def _is_of(speaker, ob) -> bool:
-    """Whether an object shows the chart of a character. A copy of a character that shows its own
-    does so too; a copy of an object that shows another's chart belongs to nobody."""
+    """Whether an object shows the chart of a character.
+
+    A copy of a character that shows its own chart still does. A copy of an object that shows
+    another's chart belongs to nobody.
+    """
     entry = read(ob)
     if entry is None:
         return False
@@ -94,7 +101,7 @@ def block_of(ob, holder: str):
 
 
 def check(ob, holder: str) -> None:
-    """Raises `AnyfaceError("mesh")` where keyframes would be lost when the file is saved."""
+    """Raises `AnyfaceError("mesh")` for a linked object, whose keyframes would not be saved."""
     block = block_of(ob, holder)
     if ob.library is not None or (block is not None and block.library is not None):
         text = f"{ob.name} is linked, and a mouth chart on it would be lost: make it local first"
@@ -104,7 +111,7 @@ def check(ob, holder: str) -> None:
 def check_free(channels: list[Channel]) -> None:
     """Raises `AnyfaceError("input")` where a property has keyframes or a driver of the artist's.
 
-    Curves of an earlier chart do not count: they go before.
+    Curves of an earlier chart do not count, since they go first.
     """
     for channel in channels:
         block, entry = block_of(channel.ob, channel.holder), read(channel.ob)
@@ -120,7 +127,7 @@ def check_free(channels: list[Channel]) -> None:
 
 
 def put(speaker, channels: list[Channel], frames: np.ndarray, made_property="", made_modifier=""):
-    """Puts the curves of a chart on the object of `channels`, which must all be of one."""
+    """Puts the curves of a chart on the object of `channels`, which must be the same for all."""
     ob = channels[0].ob
     entry = Entry(identity.of(speaker), identity.of(ob))
     entry.made_property, entry.made_modifier = made_property, made_modifier
@@ -129,29 +136,30 @@ def put(speaker, channels: list[Channel], frames: np.ndarray, made_property="", 
     ob[PROPERTY] = json.dumps(asdict(entry))
 
 
-def _put(ob, holder: str, channels: list[Channel], frames: np.ndarray) -> Made:
-    block, made = block_of(ob, holder), Made()
+def _put(ob, holder: str, channels: list[Channel], frames: np.ndarray) -> Undo:
+    block, undo = block_of(ob, holder), Undo()
     curves.own_action(block, block.animation_data.action if block.animation_data else None)
     if block.animation_data is None:
         block.animation_data_create()
-        made.made_animation_data = True
-    bag = curves.own_channels(block.animation_data, f"{ob.name} {GROUP}", holder, made)
+        undo.made_animation_data = True
+    bag = curves.own_channels(block.animation_data, f"{ob.name} {GROUP}", holder, undo)
     for channel in channels:
         if channel.holder == holder:
-            made.before[channel.path] = float(block.path_resolve(channel.path))
+            undo.before[channel.path] = float(block.path_resolve(channel.path))
             curves.write(bag, channel.path, frames, channel.values, constant=True, group=GROUP)
-    return made
+    return undo
 
 
 def take_off(ob) -> bool:
-    """Takes a chart off an object, whose properties stand as before; False where there is none."""
+    """Removes a chart from an object, whose properties stand as before; False where there is
+    none."""
     entry = read(ob)
     if entry is None or ob.library is not None:
         return False
     for holder, stored in entry.on.items():
         block = block_of(ob, holder) if holder == OBJECT or ob.type == "MESH" else None
         if block is not None and block.library is None:
-            _take_off(block, json_file.known_fields(Made, stored))
+            _take_off(block, json_file.known_fields(Undo, stored))
     if entry.made_property and entry.made_property in ob:
         del ob[entry.made_property]
     for every in filter(None, (ob.modifiers, getattr(ob, "grease_pencil_modifiers", None))):
@@ -161,14 +169,14 @@ def take_off(ob) -> bool:
     return True
 
 
-def _take_off(block, made: Made) -> None:
+def _take_off(block, undo: Undo) -> None:
     animation = block.animation_data
     if animation is not None:
         curves.own_action(block, animation.action)
-        curves.remove(animation, set(made.before), GROUP)
-        curves.drop_empty_action(animation, made)
-        curves.drop_idle_animation(block, made.made_animation_data)
-    for path, value in made.before.items():
+        curves.remove(animation, set(undo.before), GROUP)
+        curves.drop_empty_action(animation, undo)
+        curves.drop_idle_animation(block, undo.made_animation_data)
+    for path, value in undo.before.items():
         _set(block, path, value)
 
 

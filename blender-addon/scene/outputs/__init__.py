@@ -1,4 +1,4 @@
-"""The ways in which a take is written: a file and a line here for each."""
+"""The ways in which a take is written: each has a file and a line here."""
 
 from ...core.errors import AnyfaceError
 from ...core.take import Take
@@ -42,9 +42,9 @@ def of_take(take: Take) -> Output:
     return of(take.output)
 
 
-def of_record(taken: record.Record) -> Output:
-    """The output of a take in keys; those of a later version are taken for named shapes."""
-    return next((output for output in ALL if output.name == taken.mode), Output())
+def of_record(take_record: record.Record) -> Output:
+    """The output of a take in keys; a take of a later version counts as one of named shapes."""
+    return next((output for output in ALL if output.name == take_record.mode), Output())
 
 
 def of_object(ob) -> Output | None:

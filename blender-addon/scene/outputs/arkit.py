@@ -1,4 +1,4 @@
-"""The 52 ARKit shapes, and the visemes if wanted, as animated shape keys of the mesh."""
+"""The 52 ARKit shapes, and the visemes on request, as animated shape keys of the mesh."""
 
 from ...core import shapes
 from ...core.errors import AnyfaceError
@@ -11,7 +11,7 @@ from .output import Output, write_weights
 
 
 class Arkit(Output):
-    """Keys under the names of the shapes; visemes stay at 0. All takes play on the same keys."""
+    """Keys named after the shapes; visemes stay at 0. All takes use the same keys."""
 
     name = "arkit"
     redoes = True
@@ -20,41 +20,43 @@ class Arkit(Output):
     help = "The 52 ARKit shapes as keys of this mesh, animated"
     options = ("visemes",)
 
-    def check(self, ob, asked):
-        super().check(ob, asked)
-        wanted = {*shapes.ARKIT, *(shapes.VISEMES if asked.visemes else ())}
-        own = [name for name in guard.own_keys(ob.data.shape_keys) if name in wanted]
-        if own:
+    def check(self, ob, settings):
+        super().check(ob, settings)
+        shape_names = {*shapes.ARKIT, *(shapes.VISEMES if settings.visemes else ())}
+        artist_keys = [name for name in guard.own_keys(ob.data.shape_keys) if name in shape_names]
+        if artist_keys:
             raise AnyfaceError(
                 "mesh",
-                f"{ob.name} has a key {own[0]} of its own: choose Existing Keys, which animates "
-                "it, or where it is driven New Keys, which add to it",
+                f"{ob.name} has a key {artist_keys[0]} of its own: choose Existing Keys, which "
+                "animates it, or where it is driven New Keys, which add to it",
                 ("use_keys", "use_basis"),
             )
 
-    def cost(self, asked):
-        made = len(shapes.ARKIT) + (len(shapes.VISEMES) if asked.visemes else 0)
-        size = made * asked.vertices * VERTEX + len(shapes.ARKIT) * asked.frames * KEYFRAME
+    def cost(self, workload):
+        key_count = len(shapes.ARKIT) + (len(shapes.VISEMES) if workload.visemes else 0)
+        size = (
+            key_count * workload.vertices * VERTEX + len(shapes.ARKIT) * workload.frames * KEYFRAME
+        )
         return Cost(size, SOLVE_S, RIG_S)
 
-    def plan(self, ob, asked, fps, objects):
-        return MakeKeys(asked.visemes)
+    def plan(self, ob, settings, fps, objects):
+        return MakeKeys(settings.visemes)
 
     def describe(self, take):
         return keys.describe(take, "made")
 
-    def write(self, ob, take, rest, at, taken):
+    def write(self, ob, take, rest, at, take_record):
         motion = take.motion
-        made = [*zip(motion.keys, motion.vectors, strict=True)]
+        named_vectors = [*zip(motion.keys, motion.vectors, strict=True)]
         if motion.visemes is not None:
-            made += zip(motion.visemes.names, motion.visemes.vectors, strict=True)
-        taken.keys += [_key(ob, name, rest + vector).name for name, vector in made]
-        animated = taken.keys[: len(motion.keys)]
-        write_weights(ob, taken, animated, at, motion)
+            named_vectors += zip(motion.visemes.names, motion.visemes.vectors, strict=True)
+        take_record.keys += [_key(ob, name, rest + vector).name for name, vector in named_vectors]
+        animated = take_record.keys[: len(motion.keys)]
+        write_weights(ob, take_record, animated, at, motion)
 
 
 def _key(ob, name: str, positions):
-    """The key of a shape: that of another take of ours, as it is, or a new one."""
+    """The key of a shape: an existing one of another take of ours, or a new one."""
     shape_keys = ob.data.shape_keys
     if name in record.all_keys(shape_keys) and name in shape_keys.key_blocks:
         return shape_keys.key_blocks[name]

@@ -8,7 +8,7 @@ from ..face import emotion_mask, mesh
 from ..shape_keys import slider_changes
 from .output import PREFIX, Output, write_weights
 
-# Keys of a performance within 0.1 mm: for 5 s and for 50 s; longer ones need few more.
+# Number of keys for a performance within 0.1 mm, for 5 s and for 50 s; longer ones need few more.
 _SHORT_KEYS, _LONG_KEYS = 35, 54
 # Seconds for a million vertices in a frame to find a basis, for 5 s and for 50 s.
 _SHORT_S, _LONG_S = 0.06, 0.12
@@ -30,12 +30,12 @@ class Basis(Output):
         if systems.by_name(ob.anyface.system).hears_emotion:
             layout.prop(ob.anyface, "layered")
 
-    def cost(self, asked):
-        keys = round(between(asked.seconds, _SHORT_KEYS, _LONG_KEYS))
-        size = keys * (asked.vertices * VERTEX + asked.frames * KEYFRAME)
-        return Cost(size, between(asked.seconds, _SHORT_S, _LONG_S))
+    def cost(self, workload):
+        keys = round(between(workload.seconds, _SHORT_KEYS, _LONG_KEYS))
+        size = keys * (workload.vertices * VERTEX + workload.frames * KEYFRAME)
+        return Cost(size, between(workload.seconds, _SHORT_S, _LONG_S))
 
-    def plan(self, ob, asked, fps, objects):
+    def plan(self, ob, settings, fps, objects):
         return PackSliders()
 
     def describe(self, take):
@@ -44,20 +44,20 @@ class Basis(Output):
     def details(self, take, is_human):
         return [f"exact to {wording.length(take.motion.error_mm, is_human, 2)}"]
 
-    def write(self, ob, take, rest, at, taken):
+    def write(self, ob, take, rest, at, take_record):
         basis = take.motion
         first = at[curves.rests_before(at, take.frame_count)]
-        taken.first_frame = float(first)
-        taken.frame_step = float(at[-2] - first) / max(take.frame_count - 1, 1)
-        taken.still = basis.why_missing
-        slider_changes.write(ob.data.shape_keys, taken, basis.packed)
+        take_record.first_frame = float(first)
+        take_record.frame_step = float(at[-2] - first) / max(take.frame_count - 1, 1)
+        take_record.still = basis.why_missing
+        slider_changes.write(ob.data.shape_keys, take_record, basis.packed)
         lowest = basis.weights.min(axis=0, initial=0.0)
         for number, vector in enumerate(basis.vectors):
             name = basis.names[number] if basis.names else f"{number + 1:03d}"
             block = mesh.add_key(ob, f"{PREFIX}.{name}", rest + vector)
-            taken.keys.append(block.name)
+            take_record.keys.append(block.name)
             if basis.emotion_first is not None and number >= basis.emotion_first:
                 block.vertex_group = emotion_mask.of(ob)
             if lowest[number] < 0.0:
                 block.slider_min = -1.0
-        write_weights(ob, taken, taken.keys, at, basis)
+        write_weights(ob, take_record, take_record.keys, at, basis)

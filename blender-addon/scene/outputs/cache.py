@@ -1,6 +1,6 @@
 """A take as a point cache beside the .blend, played by a Mesh Cache modifier.
 
-The modifier's own name is the record: one that the artist renamed is his and stays.
+The modifier's name is the record: a modifier that the artist has renamed is the artist's and stays.
 """
 
 import math
@@ -29,7 +29,7 @@ _HARMLESS = {
 
 
 class Cache(Output):
-    """A file for each object of the face; their names end alike, by which they belong together."""
+    """A file for each object of the face; the names of the files of a take end alike."""
 
     name = "cache"
     label = "Cache File"
@@ -53,8 +53,8 @@ class Cache(Output):
                 f"{ob.name} is linked and takes no modifier: make a library override first "
                 "(Object > Library Override > Make)",
             )
-        own = self.find(ob)
-        before = [m.name for m in ob.modifiers if m.type not in _HARMLESS and m != own]
+        ours = self.find(ob)
+        before = [m.name for m in ob.modifiers if m.type not in _HARMLESS and m != ours]
         if ob.override_library is not None and before:
             raise AnyfaceError(
                 "mesh",
@@ -64,19 +64,19 @@ class Cache(Output):
                 ("make_object_local",),
             )
 
-    def check(self, ob, asked):
-        super().check(ob, asked)
-        check_place(asked.cache_folder)
+    def check(self, ob, settings):
+        super().check(ob, settings)
+        check_place(settings.cache_folder)
 
     def draw(self, layout, ob):
         super().draw(layout, ob)
         layout.operator("anyface.remove_unused_caches", icon="TRASH")
 
-    def cost(self, asked):
-        return Cost(asked.frames * asked.vertices * VERTEX, beside=True)
+    def cost(self, workload):
+        return Cost(workload.frames * workload.vertices * VERTEX, beside=True)
 
-    def plan(self, ob, asked, fps, objects):
-        place = Path(bpy.path.abspath(asked.cache_folder or f"//{cache_files.FOLDER}"))
+    def plan(self, ob, settings, fps, objects):
+        place = Path(bpy.path.abspath(settings.cache_folder or f"//{cache_files.FOLDER}"))
         paths = {name: str(place / file) for name, file in cache_files.names(objects).items()}
         return WriteCaches(paths, math.ceil(curves.EASE_S * fps))
 
@@ -105,19 +105,19 @@ class Cache(Output):
         return modifier if modifier is not None and modifier.type == "MESH_CACHE" else None
 
     def remove(self, ob):
-        """Takes the modifier away, and those of the objects beside the face; the files stay."""
+        """Removes the modifier, and those of the objects beside the face; the files stay."""
         for modifier in self._playing(ob):
             modifier.id_data.modifiers.remove(modifier)
 
     def _playing(self, ob) -> list:
-        """The modifiers that play the take of `ob`, its own first."""
-        own = self.find(ob)
-        if own is None:
+        """The modifiers that play the take of `ob`, that of `ob` first."""
+        face_modifier = self.find(ob)
+        if face_modifier is None:
             return []
-        take = cache_files.take_of(own.filepath)
-        found = [self.find(other) for other in identity.parts_of(ob)]
-        beside = [m for m in found if m is not None and cache_files.take_of(m.filepath) == take]
-        return [own, *beside]
+        take = cache_files.take_of(face_modifier.filepath)
+        modifiers = [self.find(other) for other in identity.parts_of(ob)]
+        beside = [m for m in modifiers if m is not None and cache_files.take_of(m.filepath) == take]
+        return [face_modifier, *beside]
 
     def span(self, ob, snapshot):
         modifier, ease = self.find(ob), snapshot.plan.ease
@@ -153,7 +153,8 @@ def _play(ob, file: WrittenFile, first_frame: float, frames_per_frame: float) ->
     modifier.frame_scale = 1.0 / frames_per_frame
     if ob.override_library is None:
         ob.modifiers.move(len(ob.modifiers) - 1, 0)
-    # What moves before the cache (keys, armatures of a library) is kept and added to.
+    # If keys or armatures of a library move the mesh before the cache, the cache adds to their
+    # motion.
     moved_before = ob.data.shape_keys is not None or ob.modifiers[0] != modifier
     modifier.deform_mode = "INTEGRATE" if moved_before else "OVERWRITE"
 

@@ -14,13 +14,13 @@ from ..rig_controls import control_actions, control_bench, control_fit, control_
 from ..shape_keys import guard
 from .output import Output, draw_list_buttons
 
-# Curves of a usual rig.
+# The number of curves of a usual rig.
 _CURVES = 100
 
 
 @dataclass
 class ControlRow:
-    """A row of the artist's list; the fields of `ui.controls.AnyfaceControl`."""
+    """A row of the artist's list; its fields are those of `ui.controls.AnyfaceControl`."""
 
     kind: str
     id_type: str
@@ -30,7 +30,7 @@ class ControlRow:
 
 
 class Controls(Output):
-    """The mesh stays as it is: its rig moves it. Earlier actions of the rig stay, too."""
+    """The rig moves the mesh, which stays as it is. Earlier actions of the rig stay, too."""
 
     name = "controls"
     label = "Rig Controls"
@@ -49,10 +49,10 @@ class Controls(Output):
                 "(Object > Library Override > Make)",
             )
 
-    def check(self, ob, asked):
-        super().check(ob, asked)
+    def check(self, ob, settings):
+        super().check(ob, settings)
         control_bench.check(ob)
-        if not asked.controls and not asked.rig and not control_sources.has_any(ob):
+        if not settings.controls and not settings.rig and not control_sources.has_any(ob):
             raise AnyfaceError(
                 "mesh",
                 f"{ob.name} has no rig: pick the armature or the object that moves its face, or "
@@ -68,10 +68,10 @@ class Controls(Output):
             return
         layout.template_list("ANYFACE_UL_controls", "", stored, "rows", stored, "index", rows=4)
 
-    def cost(self, asked):
-        return Cost(_CURVES * asked.frames * KEYFRAME)
+    def cost(self, workload):
+        return Cost(_CURVES * workload.frames * KEYFRAME)
 
-    def plan(self, ob, asked, fps, objects):
+    def plan(self, ob, settings, fps, objects):
         return FollowPoints()
 
     def describe(self, take):
@@ -83,16 +83,16 @@ class Controls(Output):
         missed = [f"{name} {wording.length(mm, is_human)}" for name, mm in worst]
         return [f"farthest off: {', '.join(missed)}"] if missed else []
 
-    def sources(self, ob, asked) -> list[control_sources.Source]:
-        """What is tried: the artist's list, or what is found."""
-        if asked.controls:
-            return [control_sources.find(**vars(row)) for row in asked.controls]
-        picked = bpy.data.objects.get(asked.rig) if asked.rig else control_sources.rig_of(ob)
+    def sources(self, ob, settings) -> list[control_sources.Source]:
+        """The bones and numbers to try: the artist's list, or those that are found."""
+        if settings.controls:
+            return [control_sources.find(**vars(row)) for row in settings.controls]
+        picked = bpy.data.objects.get(settings.rig) if settings.rig else control_sources.rig_of(ob)
         is_rig = picked is not None and picked.type == "ARMATURE"
-        return control_sources.propose(ob, picked if is_rig else None, asked.left_alone)
+        return control_sources.propose(ob, picked if is_rig else None, settings.left_alone)
 
-    def settle(self, ob, take, asked):
-        sources = self.sources(ob, asked)
+    def settle(self, ob, take, settings):
+        sources = self.sources(ob, settings)
         for source in sources:
             control_actions.check(source.block)
         return (yield from control_fit.fit(ob, take, sources, control_actions.rests(ob)))
@@ -115,9 +115,9 @@ class Controls(Output):
         return FollowPoints()
 
     def redo_write(self, parts, snapshot, take, first, at, stretch):
-        ob, asked = parts[0], snapshot.settings.output
-        sources, rests = self.sources(ob, asked), control_actions.rests(ob)
-        # A stretch may hold a pause, in which little moves.
+        ob, settings = parts[0], snapshot.settings.output
+        sources, rests = self.sources(ob, settings), control_actions.rests(ob)
+        # Little may move in a stretch, such as in a pause.
         take = yield from control_fit.fit(ob, take, sources, rests, judged=False)
         control_actions.redo(ob, take.motion.fitted, at, stretch)
         yield BEGUN
@@ -128,11 +128,11 @@ class Controls(Output):
         return control_actions.actions_of(ob) or None
 
     def keep(self, ob):
-        """The actions of the earlier take stay in the file."""
+        """Leaves the actions of the earlier take in the file."""
         control_actions.release(ob, keep=True)
 
     def remove(self, ob):
-        """Takes the curves away, and nothing else; bones and properties stand as before."""
+        """Removes the curves and nothing else; bones and properties stand as before."""
         control_actions.release(ob)
 
 

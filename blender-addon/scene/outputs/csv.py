@@ -17,12 +17,12 @@ from ..shape_keys import guard
 from .output import Output, check_place
 
 PROPERTY = "anyface_csv"
-# Bytes of a number in a table, and its columns.
+# Bytes of a number in a table, and the number of columns.
 _NUMBER, _COLUMNS = 9, 63
 
 
 class Csv(Output):
-    """A custom property of the object remembers the file, so that Remove knows it."""
+    """A table file; a custom property of the object stores its path for Remove."""
 
     name = "csv"
     label = "ARKit Table"
@@ -35,20 +35,20 @@ class Csv(Output):
     def check_object(self, ob):
         guard.check_mesh(ob)
 
-    def check(self, ob, asked):
-        super().check(ob, asked)
-        check_place(asked.csv_file)
-        path = _path_of(ob, asked.csv_file)
+    def check(self, ob, settings):
+        super().check(ob, settings)
+        check_place(settings.csv_file)
+        path = _path_of(ob, settings.csv_file)
         if path.suffix.lower() != ".csv":
             raise AnyfaceError("file", f"{path}: expected a name that ends in .csv")
         if path.exists() and not self._is_ours(ob, path):
             raise AnyfaceError("file", f"{path} exists already: choose another name or delete it")
 
-    def cost(self, asked):
-        return Cost(asked.frames * _COLUMNS * _NUMBER, SOLVE_S, RIG_S, beside=True)
+    def cost(self, workload):
+        return Cost(workload.frames * _COLUMNS * _NUMBER, SOLVE_S, RIG_S, beside=True)
 
-    def plan(self, ob, asked, fps, objects):
-        return WriteTable(ob.name, str(_path_of(ob, asked.csv_file)))
+    def plan(self, ob, settings, fps, objects):
+        return WriteTable(ob.name, str(_path_of(ob, settings.csv_file)))
 
     def describe(self, take):
         (file,) = take.motion.files
@@ -59,7 +59,7 @@ class Csv(Output):
         (file,) = take.motion.files
         path = _path_of(ob, file.path)
         plan.put(file)
-        # A linked object cannot remember it.
+        # A linked object cannot store the path.
         if ob.library is None:
             noted = {"path": str(path), "digest": _digest(path), "owner": identity.of(ob)}
             ob[PROPERTY] = json.dumps(noted | {"blend": _blend()})
@@ -67,7 +67,7 @@ class Csv(Output):
     def find(self, ob):
         try:
             noted = json.loads(ob[PROPERTY])
-            # A copy of the object brings the note along, and the table is still the other's.
+            # A copy of the object has the same note, but the table belongs to the original.
             return Path(noted["path"]) if noted["owner"] == identity.known(ob) else None
         except (KeyError, ValueError, TypeError):
             return None
@@ -97,14 +97,14 @@ class Csv(Output):
         if self.find(ob) != path or not path.is_file():
             return False
         noted = json.loads(ob[PROPERTY])
-        # Another version of the file, saved under its own name, knows the same table.
+        # Another version of the .blend, saved under its own name, names the same table.
         return noted.get("blend") == _blend() and noted["digest"] == _digest(path)
 
 
-def _path_of(ob, given: str) -> Path:
-    """Where the table goes; by default beside the .blend, named after it and the object."""
+def _path_of(ob, path: str) -> Path:
+    """The path of the table; by default beside the .blend, named after it and the object."""
     name = f"{Path(_blend()).stem}_{bpy.path.clean_name(ob.name)}.csv"
-    return Path(bpy.path.abspath(given or f"//{name}"))
+    return Path(bpy.path.abspath(path or f"//{name}"))
 
 
 def _blend() -> str:

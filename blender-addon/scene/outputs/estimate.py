@@ -1,4 +1,4 @@
-"""What an output will cost."""
+"""Estimates the size and the time of an output."""
 
 import math
 
@@ -7,14 +7,18 @@ from .. import outputs
 from ..shape_keys import artist_keys
 
 
-def describe(ob, scene, seconds: float | None, settings, given: outputs.OutputSettings) -> str:
-    """One line for the panel; `settings` are those of `ui.properties.AnyfaceCharacter`, `seconds`
-    the length of the sound."""
+def describe(
+    ob, scene, seconds: float | None, settings, output_settings: outputs.OutputSettings
+) -> str:
+    """One line for the panel.
+
+    `settings` are those of `ui.properties.AnyfaceCharacter`, `seconds` is the length of the sound.
+    """
     scene_fps = scene.render.fps / scene.render.fps_base
     if seconds is None:
         return "Size and time follow from the sound"
     frames = math.ceil(seconds * (settings.fps or scene_fps))
-    keys = len(artist_keys.names_of(artist_keys.find(ob, given.mapping)))
-    asked = estimate.Asked(frames, len(ob.data.vertices), seconds, keys, given.visemes)
-    cost = outputs.of(settings.mode).cost(asked)
-    return estimate.in_words(cost, asked, outputs.has_take(ob))
+    keys = len(artist_keys.names_of(artist_keys.find(ob, output_settings.mapping)))
+    workload = estimate.Asked(frames, len(ob.data.vertices), seconds, keys, output_settings.visemes)
+    cost = outputs.of(settings.mode).cost(workload)
+    return estimate.in_words(cost, workload, outputs.has_take(ob))

@@ -13,7 +13,7 @@ from .output import PREFIX, Output
 
 
 class Frames(Output):
-    """Absolute keys; `eval_time` meets the frame of each key exactly, so nothing drifts."""
+    """Absolute keys; `eval_time` hits the frame of each key exactly, so nothing drifts."""
 
     name = "frames"
     label = "Every Frame"
@@ -35,22 +35,22 @@ class Frames(Output):
                 "Keys, or delete them",
                 ("use_basis",),
             )
-        own = guard.own_keys(ob.data.shape_keys)
-        if own:
+        artist_keys = guard.own_keys(ob.data.shape_keys)
+        if artist_keys:
             raise AnyfaceError(
                 "mesh",
-                f"{ob.name} has {len(own)} shape keys of its own ({own[0]} …), and one key per "
-                "frame would take them over: choose New Keys, which leave them alone",
+                f"{ob.name} has {len(artist_keys)} shape keys of its own ({artist_keys[0]} …), and "
+                "one key per frame would take them over: choose New Keys, which leave them alone",
                 ("use_basis",),
             )
 
-    def cost(self, asked):
-        return Cost((asked.frames + 2) * (asked.vertices * VERTEX + KEYFRAME))
+    def cost(self, workload):
+        return Cost((workload.frames + 2) * (workload.vertices * VERTEX + KEYFRAME))
 
     def describe(self, take):
         return "one key per frame"
 
-    def write(self, ob, take, rest, at, taken):
+    def write(self, ob, take, rest, at, take_record):
         shape_keys = ob.data.shape_keys
         shape_keys.use_relative = False
         blocks = [
@@ -58,13 +58,13 @@ class Frames(Output):
             for number, moved in enumerate(take.motion.displacements)
         ]
         blocks.append(mesh.add_key(ob, f"{PREFIX}.rest", rest))
-        taken.keys += [block.name for block in blocks]
+        take_record.keys += [block.name for block in blocks]
         if curves.rests_before(at, take.frame_count):
             blocks.insert(0, shape_keys.reference_key)
         for block in blocks:
             block.interpolation = "KEY_LINEAR"
         times = np.array([block.frame for block in blocks])
-        curves.write(curves.key_channels(ob, taken), "eval_time", at, times)
+        curves.write(curves.key_channels(ob, take_record), "eval_time", at, times)
 
     def span(self, ob, snapshot):
         curve = curves.find(ob.data.shape_keys.animation_data, "eval_time")
@@ -80,7 +80,7 @@ class Frames(Output):
         shares = stretch.of_keyframes(at)
         for part in parts:
             with guard.object_mode(part):
-                guard.own(part)
+                guard.unshare(part)
                 shape_keys = part.data.shape_keys
                 names = record.read(shape_keys).keys[first : first + len(at)]
                 rest, moved = plan.of_piece(snapshot.face, take.motion.displacements, part.name)
@@ -90,8 +90,8 @@ class Frames(Output):
                 part.data.update()
             yield BEGUN
 
-    def paths(self, taken):
-        return super().paths(taken) | {"eval_time"}
+    def paths(self, take_record):
+        return super().paths(take_record) | {"eval_time"}
 
     def leave(self, shape_keys):
         shape_keys.eval_time = 0.0

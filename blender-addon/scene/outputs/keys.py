@@ -1,4 +1,4 @@
-"""A take on the keys that the artist already has: only their values are animated."""
+"""A take on the artist's existing keys: only their values are animated."""
 
 from dataclasses import replace
 
@@ -15,7 +15,7 @@ from .output import Output, draw_list_buttons, write_weights
 
 
 class Keys(Output):
-    """Curves that the artist had on the keys wait in his own action."""
+    """The artist's own curves on the keys wait in the artist's action."""
 
     name = "keys"
     redoes = True
@@ -24,11 +24,11 @@ class Keys(Output):
     help = "The ARKit or viseme keys that the mesh has already"
     moves_parts = False
 
-    def check(self, ob, asked):
-        super().check(ob, asked)
-        if artist_keys.find(ob, asked.mapping):
+    def check(self, ob, settings):
+        super().check(ob, settings)
+        if artist_keys.find(ob, settings.mapping):
             return
-        left = artist_keys.left_alone(ob, asked.mapping)
+        left = artist_keys.left_alone(ob, settings.mapping)
         if left:
             raise AnyfaceError(
                 "mesh",
@@ -48,8 +48,8 @@ class Keys(Output):
         stored = ob.anyface_output
         draw_list_buttons(layout, "mapping", "Find Keys")
         if not len(stored.mapping):
-            found = artist_keys.names_of(artist_keys.find(ob, []))
-            layout.label(text=f"{len(found)} keys found by name")
+            key_names = artist_keys.names_of(artist_keys.find(ob, []))
+            layout.label(text=f"{len(key_names)} keys found by name")
         row = layout.row()
         rows = stored, "mapping", stored, "mapping_index"
         row.template_list("ANYFACE_UL_mapping", "", *rows, rows=4)
@@ -57,11 +57,11 @@ class Keys(Output):
         buttons.operator("anyface.mapping_add", text="", icon="ADD")
         buttons.operator("anyface.mapping_remove", text="", icon="REMOVE")
 
-    def cost(self, asked):
-        return Cost(asked.keys * asked.frames * KEYFRAME, SOLVE_S)
+    def cost(self, workload):
+        return Cost(workload.keys * workload.frames * KEYFRAME, SOLVE_S)
 
-    def plan(self, ob, asked, fps, objects):
-        pairs = artist_keys.find(ob, asked.mapping)
+    def plan(self, ob, settings, fps, objects):
+        pairs = artist_keys.find(ob, settings.mapping)
         keys = artist_keys.names_of(pairs)
         shown, factors = artist_keys.factors(pairs)
         vectors = artist_keys.vectors(ob, keys)
@@ -72,56 +72,56 @@ class Keys(Output):
         missing = take.motion.missing
         return f"{said}, no key shows {_some(missing)}" if missing else said
 
-    def notes(self, ob, asked):
-        left = artist_keys.left_alone(ob, asked.mapping)
+    def notes(self, ob, settings):
+        left = artist_keys.left_alone(ob, settings.mapping)
         return [f"driven, muted or locked, left alone: {_some(left)}"] if left else []
 
     def split(self, take, parts):
         others = [(piece, _of_object(take, piece)) for piece in parts[1:]]
         return [(parts[0], take), *(pair for pair in others if pair[1] is not None)]
 
-    def write(self, ob, take, rest, at, taken):
+    def write(self, ob, take, rest, at, take_record):
         motion, blocks = take.motion, ob.data.shape_keys.key_blocks
         missing = [name for name in motion.keys if name not in blocks]
         if missing:
             raise AnyfaceError("mesh", f"{ob.name} has lost the key {missing[0]} meanwhile")
-        taken.values = dict.fromkeys(motion.keys, 0.0)
-        taken.shown, taken.factors = motion.shown, motion.factors
-        artist_keys.note_values(ob.data.shape_keys, taken)
-        write_weights(ob, taken, motion.keys, at, motion)
+        take_record.values = dict.fromkeys(motion.keys, 0.0)
+        take_record.shown, take_record.factors = motion.shown, motion.factors
+        artist_keys.note_values(ob.data.shape_keys, take_record)
+        write_weights(ob, take_record, motion.keys, at, motion)
 
 
 def describe(take: Take, what: str) -> str:
-    """What was done with named keys: "52 shape keys driven, they show most of …"."""
+    """Describes named keys: "52 shape keys driven, they show most of …"."""
     motion = take.motion
     return f"{len(motion.keys)} shape keys {what}, they show {wording.share(1.0 - motion.left_out)}"
 
 
 def _of_object(take: Take, piece: Piece) -> Take | None:
-    """The take on the keys that an object beside the face has of the same shapes, or None."""
+    """The take on the keys of an object beside the face that show the same shapes, or None."""
     other, motion = bpy.data.objects.get(piece.name), take.motion
     theirs = artist_keys.find(other, []) if other is not None else []
     shared = [pair for pair in theirs if pair.shape in motion.shapes]
     if not shared:
         return None
     shown, factors = artist_keys.factors(shared)
-    own = motion.shape_weights[:, [motion.shapes.index(shape) for shape in shown]]
-    weights = np.clip(own @ factors, 0.0, 1.0)
+    columns = [motion.shapes.index(shape) for shape in shown]
+    weights = np.clip(motion.shape_weights[:, columns] @ factors, 0.0, 1.0)
     keys = artist_keys.names_of(shared)
-    own = replace(motion, keys=keys, weights=weights, shown=artist_keys.shown_by(shared))
-    own.factors = by_key(shown, keys, factors)
-    own.keys_of_curves = [_same_curve(motion, column) for column in weights.T]
-    return replace(take, motion=own)
+    part_motion = replace(motion, keys=keys, weights=weights, shown=artist_keys.shown_by(shared))
+    part_motion.factors = by_key(shown, keys, factors)
+    part_motion.keys_of_curves = [_same_curve(motion, column) for column in weights.T]
+    return replace(take, motion=part_motion)
 
 
 def _same_curve(motion, column: np.ndarray):
-    """The keys of the curve of the face that is the same; None where there is none.
+    """The keyframes of the face's curve that equals `column`; None where there is none.
 
-    Held poses are the same for all curves.
+    Held poses have the same keyframes on all curves.
     """
-    held = [keys for keys in motion.keys_of_curves or () if isinstance(keys, HeldKeys)]
-    if held:
-        return held[0]
+    held_keys = [keys for keys in motion.keys_of_curves or () if isinstance(keys, HeldKeys)]
+    if held_keys:
+        return held_keys[0]
     for other, keys in zip(motion.weights.T, motion.keys_of_curves or (), strict=False):
         if np.array_equal(other, column):
             return keys
@@ -129,6 +129,6 @@ def _same_curve(motion, column: np.ndarray):
 
 
 def _some(names: list[str]) -> str:
-    """Three names, and how many more there are."""
+    """The first three names, and how many more there are."""
     more = f" and {len(names) - 3} more" if len(names) > 3 else ""
     return f"{', '.join(names[:3])}{more}"

@@ -1,1 +1,1 @@
-"""Controls of a rig: which there are, what they move, and the actions that play them."""
+"""Controls of a rig: which ones there are, what they move, and the actions that play them."""

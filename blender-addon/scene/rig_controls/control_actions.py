@@ -1,8 +1,8 @@
-"""A take on the controls of a rig: actions of its own, written, found, and taken away again.
+"""Actions that play a take on the controls of a rig: written, searched for, and removed again.
 
-A data-block that plays nothing plays our action; elsewhere it is a strip on a track of its own, and
-what the artist's action has on the same controls stands aside. What must be undone lies on our
-action, beside the id of the face whose take it is.
+A data-block that plays nothing gets our action. Elsewhere the action becomes a strip on a track of
+its own, and the curves of the artist's action on the same controls are set aside. Our action stores
+what must be undone, beside the id of the face.
 """
 
 import json
@@ -22,17 +22,18 @@ from .control_fit import Fitted
 from .control_kinds import COLLECTIONS, Control
 
 MARK = "anyface_controls"
-# On our action: the artist's, of which a copy without some curves plays meanwhile.
+# A property of our action: the artist's action, while a copy of it without some curves plays.
 _ASIDE = "anyface_controls_aside"
 _TRACK = "Anyface"
 
 
 @dataclass
 class Mark:
-    """What an action of ours says of itself.
+    """The record that one of our actions carries.
 
-    `owner` is the id of the face, `block` that of the object that plays it (the name of other
-    data-blocks). `before` are values by data path as they were; `paths` are those of our curves.
+    `owner` is the id of the face. `block` is the id of the object that plays the action, or the
+    name of another data-block. `before` are the earlier values by data path; `paths` are those of
+    our curves.
     """
 
     owner: str
@@ -44,7 +45,7 @@ class Mark:
 
 
 def check(block) -> None:
-    """Raises `AnyfaceError("mesh")` where a data-block can be given no curves."""
+    """Raises `AnyfaceError("mesh")` where a data-block cannot get curves."""
     if block.library is not None:
         raise AnyfaceError(
             "mesh",
@@ -57,52 +58,55 @@ def check(block) -> None:
 
 
 def prepare(fitted: Fitted, at: np.ndarray, times: np.ndarray, few=None):
-    """Makes an action with curves of all controls on whole frames, from rest and back to it, for
-    each data-block; yields between controls. Closed before its end it leaves nothing.
+    """Makes an action for each data-block, with curves of all its controls at whole frames; yields
+    between controls.
 
-    `times` `[T]` are the scene frames of the values, `at` `[2]` the first and the last of all;
-    `few` (`core.sparse.Few`) finds the keys of curves that are to have few.
+    The curves leave rest and return to it. If the generator is closed before its end, it leaves
+    nothing. `times` `[T]` are the scene frames of the values, `at` `[2]` the first and the last of
+    all. `few` (`core.sparse.Few`) chooses the keys of curves that get few.
     """
-    by_block, made = {}, {}
+    by_block, actions = {}, {}
     for (control, moved), sizes in zip(fitted.moved, fitted.sizes, strict=True):
         by_block.setdefault(control.block, []).append((control, moved, sizes))
     try:
         for block, moved in by_block.items():
             check(block)
-            made[block], bag = curves.new_action(f"{block.name} Anyface", block.id_type)
+            actions[block], bag = curves.new_action(f"{block.name} Anyface", block.id_type)
             for control, rows, sizes in moved:
                 yield from _write_curves(bag, control, rows, at, times, few, sizes)
                 yield
     except BaseException:
-        drop(made)
+        drop(actions)
         raise
-    return made
+    return actions
 
 
-def drop(made: dict) -> None:
-    """Deletes actions that were prepared and not used; an undo may have done so already."""
-    for action in made.values():
+def drop(actions: dict) -> None:
+    """Deletes prepared actions that were not used; an undo may have deleted them already."""
+    for action in actions.values():
         with suppress(ReferenceError):
             curves.delete_action(action)
 
 
-def write(ob, fitted: Fitted, made: dict) -> None:
+def write(ob, fitted: Fitted, actions: dict) -> None:
     """Gives each data-block the action that was prepared for it."""
-    for block in made:
+    for block in actions:
         check(block)
-    for block, action in made.items():
+    for block, action in actions.items():
         controls = [control for control, _ in fitted.moved if control.block == block]
         _write_on(ob, block, controls, action)
 
 
 def redo(ob, fitted: Fitted, at: np.ndarray, stretch) -> None:
-    """Mixes the curves of a take of `ob` inside a `core.redo.Stretch` with other values `[n]` of
-    its controls at scene frames `at` `[n]`."""
+    """Mixes the curves of a take of `ob` inside a `core.redo.Stretch` with the values in `fitted`.
+
+    `at` `[n]` are the scene frames of these values.
+    """
     marked = [(action, mark.block, mark.paths) for action, mark in actions_of(ob)]
     for control, rows in fitted.moved:
         name, path = _id(control.block), control.curve_path
-        found = [action for action, block, paths in marked if block == name and path in paths]
-        bags = [bag for action in found for bag in curves.bags(action)]
+        actions = [action for action, block, paths in marked if block == name and path in paths]
+        bags = [bag for action in actions for bag in curves.bags(action)]
         for index, column in control.columns(rows).items():
             for curve in [bag.fcurves.find(path, index=index) for bag in bags]:
                 if curve is not None:
@@ -110,41 +114,45 @@ def redo(ob, fitted: Fitted, at: np.ndarray, stretch) -> None:
 
 
 def actions_of(ob) -> list[tuple]:
-    """The actions that a take of `ob` plays, and what they say of themselves."""
+    """The actions that a take of `ob` plays, with the `Mark` of each."""
     owner = identity.known(ob)
     marked = [(action, _read(action)) for action in bpy.data.actions if action.library is None]
     return [(a, mark) for a, mark in marked if owner and mark is not None and mark.owner == owner]
 
 
 def rests(ob) -> dict[tuple, float]:
-    """Where numbers that a take of `ob` animates are at rest, by data-block and data path."""
-    found = {}
+    """The rest values of the numbers that a take of `ob` animates, by data-block and data path."""
+    rest_values = {}
     for action, mark in actions_of(ob):
         for block in _players(action, mark):
-            found |= {(block, path): values[0] for path, values in mark.before if len(values) == 1}
-    return found
+            rest_values |= {
+                (block, path): values[0] for path, values in mark.before if len(values) == 1
+            }
+    return rest_values
 
 
 def release(ob, keep: bool = False) -> bool:
-    """Takes the take of `ob` off all rigs, as they were before; False where there is none.
+    """Removes the take of `ob` from all rigs, which stand as before; False where there is none.
 
-    With `keep` its actions stay in the file and are the artist's.
+    With `keep` its actions stay in the file and become the artist's.
     """
-    found = actions_of(ob)
-    if found:
+    marked = actions_of(ob)
+    if marked:
         turns.release(ob)
-    for action, mark in found:
+    for action, mark in marked:
         players = _players(action, mark)
         for block in players:
             _take_off(block, action, mark)
         if players or action.users == action.use_fake_user:
             _part_with(action, keep)
-    return bool(found)
+    return bool(marked)
 
 
 def follow(copy, copies: dict[str, list]) -> None:
-    """The take that a `copy` of a rig plays belongs to the copy of its face, where there is one;
-    `copies` are objects by old id. Otherwise it is the artist's."""
+    """Gives the take that a `copy` of a rig plays to the copy of its face, where there is one.
+
+    `copies` are objects by old id. Otherwise the take becomes the artist's.
+    """
     for action in _played(copy):
         mark = _read(action)
         if mark is None or mark.block == identity.known(copy):
@@ -205,7 +213,7 @@ def _take_off(block, action, mark: Mark) -> None:
         if every <= set(mark.paths):
             animation.action = None
         else:
-            # The artist's own curves, in our action: they stay where they play.
+            # The artist has added curves to our action: they stay there and play.
             curves.remove(animation, set(mark.paths))
     original = action.pop(_ASIDE, None)
     if original is not None:
@@ -225,7 +233,7 @@ def _part_with(action, keep: bool) -> None:
 
 
 def _players(action, mark: Mark) -> list:
-    """The data-blocks that play an action for its face: not copies of them."""
+    """The data-blocks that play an action for its face, without copies of them."""
     every = [block for name in COLLECTIONS.values() for block in getattr(bpy.data, name)]
     players = [block for block in every if action in _played(block)]
     return [block for block in players if _id(block) == mark.block] or (

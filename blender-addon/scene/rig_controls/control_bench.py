@@ -1,4 +1,4 @@
-"""A rig on the bench: tried at rest, read as the evaluated mesh, and left as it was."""
+"""A rig on the bench: it is tried from rest, read through the evaluated mesh, and restored."""
 
 from contextlib import contextmanager
 
@@ -8,7 +8,7 @@ import numpy as np
 from ...core.errors import AnyfaceError
 from . import control_kinds
 
-# Modifiers that move vertices and keep their numbers; the others are off while a rig is tried.
+# Modifiers that move vertices and keep their numbers; others are off while a rig is on the bench.
 _DEFORMING = {
     "ARMATURE", "CAST", "CORRECTIVE_SMOOTH", "CURVE", "DISPLACE", "HOOK", "LAPLACIANDEFORM",
     "LAPLACIANSMOOTH", "LATTICE", "MESH_DEFORM", "SHRINKWRAP", "SIMPLE_DEFORM", "SMOOTH",
@@ -25,14 +25,14 @@ _AT_REST = {
 
 
 class Bench:
-    """A face `ob` on the armatures `rigs`; `vertices` `[P]` are the points that are read."""
+    """A face `ob` on the armatures `rigs`; `vertices` `[P]` are the points to read."""
 
     def __init__(self, ob, rigs: list, vertices: np.ndarray):
         self._ob, self._rigs, self._vertices = ob, rigs, vertices
 
     @contextmanager
     def at_rest(self, controls=()):
-        """Every bone at rest, and nothing but what deforms; then all is as it was before.
+        """Puts every bone at rest and leaves only deforming modifiers on; afterwards restores all.
 
         `controls` may be set meanwhile.
         """
@@ -66,7 +66,7 @@ class Bench:
             return self.read()
 
     def read(self) -> np.ndarray:
-        """Where the points are now, `[P, 3]` in object space.
+        """The present positions of the points, `[P, 3]` in object space.
 
         Raises `AnyfaceError("mesh")` where the evaluated mesh has other vertices.
         """
@@ -84,7 +84,8 @@ class Bench:
 
 
 def check(ob) -> None:
-    """Raises `AnyfaceError("mesh")` where `ob` is not evaluated, or not as an object."""
+    """Raises `AnyfaceError("mesh")` where `ob` is in edit mode or hidden, so that it is not
+    evaluated."""
     if ob.mode == "EDIT":
         raise AnyfaceError("mesh", f"{ob.name} is in edit mode: leave it, so that its rig moves it")
     if ob.name not in bpy.context.view_layer.objects or not ob.visible_get():

@@ -1,7 +1,8 @@
 """Fits the controls of a rig to the motion of a take, in short steps.
 
-Each control is nudged and the evaluated mesh is read, so that constraints, drivers and correctives
-count. Rigs turn what hangs on the jaw: so all is tried again with the jaw half and wholly open.
+It nudges each control and reads the evaluated mesh, so that constraints, drivers and correctives
+count. A jaw turns what hangs on it, so it tries all controls again with the jaw half and fully
+open.
 """
 
 from dataclasses import dataclass, field, replace
@@ -17,31 +18,33 @@ from .control_bench import Bench
 from .control_kinds import Control, Location, Number
 from .control_sources import Source
 
-# How far a control is nudged: mm on a head of human size, radians, and the share of a range.
+# The size of a nudge: mm on a head of human size, radians, and the share of a range.
 _NUDGE_MM, _NUDGE_TURN, _NUDGE_SHARE = 2.0, 0.05, 0.1
-# A bone of no limit goes no farther than this, mm.
+# A bone without limits moves no farther than this, mm.
 _REACH_MM = 40.0
-# A nudge that moves no point so far, mm, moves nothing; one that is a turn and a shift of the whole
-# face to this share moves the head.
+# A nudge that moves no point by this much, mm, counts as none. One whose motion is rigid to this
+# share moves the whole head.
 _STILL_MM, _RIGID = 0.05, 0.95
-# Two directions that differ by less than this share are one straight line.
+# Two opposite directions that differ by less than this share count as one straight line.
 _STRAIGHT = 0.2
-# How much more the gap of the lips counts than all points of the mouth together.
+# The weight of the gap between the lips, as a share of that of all points of the mouth.
 _GAP = 0.3
-# A jaw that turns less than this, radians, turns nothing else.
+# A jaw that turns less than this, radians, carries nothing along.
 _LEAST_TURN = 0.03
-# Below this share of the motion nobody sees that the rig speaks.
+# If the rig shows less than this share of the motion, nobody sees that it speaks.
 _LEAST_SHOWN = 0.03
-# Frames at which the result is read from the evaluated mesh.
+# The number of frames at which the result is read from the evaluated mesh.
 _READ_FRAMES = 32
-# Of a bone on the jaw, at least this share of what it moves is moved by the jaw as well.
+# A bone is on the jaw if the jaw moves at least this share of what the bone moves.
 _ON_JAW = 0.05
 
 
 @dataclass
 class Handle:
-    """One free element of a control, to one side or both: `direction` `[P, 3]` is the motion of the
-    points for a unit of it."""
+    """One free element of a control, to one side or to both.
+
+    `direction` `[P, 3]` is the motion of the points for a unit of it.
+    """
 
     source: Source
     control: Control
@@ -54,11 +57,11 @@ class Handle:
 
 @dataclass
 class Fitted:
-    """What the controls do: values `[T, N]` of the free elements of each.
+    """The motion of the controls: values `[T, N]` of the free elements of each.
 
-    `shown` is the share of the energy of the motion, `missed` the largest miss by region, mm, once
-    they are judged. A unit of the element of a control moves a point by up to `sizes` `[N]`, mm.
-    `actions` hold curves of it by data-block, made and not played yet.
+    `shown` is the share of the energy of the motion, and `missed` is the largest miss by region,
+    mm, once they are judged. A unit of an element of a control moves a point by up to `sizes`
+    `[N]`, mm. `actions` are prepared actions by data-block that nothing plays yet.
     """
 
     moved: list[tuple[Control, np.ndarray]]
@@ -75,11 +78,12 @@ def fit(
     rests: dict[tuple, float],
     judged: bool = True,
 ):
-    """The take with values of the controls that `sources` have; yields between its steps.
+    """The take with values of the controls of `sources`; yields between its steps.
 
-    `rests` is where numbers are at rest that are animated now, by data-block and data path. At
-    a yield nothing of the artist's is changed. Raises `AnyfaceError("nothing_moved")` where no
-    control moves the face, and of what is `judged` where all show next to nothing of the motion.
+    `rests` are the rest values of numbers that are animated now, by data-block and data path. At a
+    yield nothing of the artist's is changed. Raises `AnyfaceError("nothing_moved")` where no
+    control moves the face. With `judged` it also raises where all controls together show next to
+    nothing of the motion.
     """
     control_bench.check(ob)
     motion = take.motion
@@ -114,7 +118,7 @@ def fit(
 
 
 def try_all(ob, bench: Bench, motion: ControlMotion, sources: list[Source], rests: dict):
-    """The handles that move the face, and not the whole head; yields between the sources."""
+    """The handles that move the face, but not the whole head; yields between the sources."""
     rest = bench.at_zero()
     centre, size = rest.mean(axis=0), np.ptp(rest, axis=0).max()
     handles, turns = [], controls_solve.rigid_motions(rest)
@@ -138,14 +142,14 @@ def rigs_of(sources: list[Source]) -> list:
 
 
 def _scale(ob, block) -> float:
-    """How long a unit of `ob` is in units of another object."""
+    """The length of a unit of `ob` in units of another object."""
     if getattr(block, "matrix_world", None) is None:
         return 1.0
     return max(ob.matrix_world.median_scale, 1e-9) / max(block.matrix_world.median_scale, 1e-9)
 
 
 def _is_near(ob, source: Source, centre: np.ndarray, size: float) -> bool:
-    """Whether a bone begins near the face: others need not be tried."""
+    """Whether a bone begins near the face; other bones need no trial."""
     if source.kind != control_sources.BONE or source.name not in source.block.data.bones:
         return True
     head = source.block.data.bones[source.name].head_local
@@ -160,19 +164,19 @@ def _nudge(control: Control, distance: float) -> float:
 
 
 def _try(bench, rest, source: Source, control: Control, nudge: float, mm: float) -> list[Handle]:
-    """The handles of one control; at rest before and after."""
+    """The handles of one control, which is at rest before and after."""
     count, sided = len(control.indices), source.sided
     control.set([nudge] * count)
     moves = np.abs(bench.read() - rest).max() * mm >= _STILL_MM
-    found = []
+    handles = []
     for element in range(count) if moves or sided else ():
-        found += _try_element(bench, rest, source, control, element, nudge, mm)
+        handles += _try_element(bench, rest, source, control, element, nudge, mm)
     control.set([0.0] * count)
-    return found
+    return handles
 
 
 def _stays(turns: np.ndarray, direction: np.ndarray) -> bool:
-    """Whether the head stays where it is."""
+    """Whether the head as a whole stays in place."""
     return controls_solve.share_in(turns, direction) < _RIGID
 
 
@@ -199,7 +203,7 @@ def _try_element(bench, rest, source, control, element, nudge, mm) -> list[Handl
 
 
 def _direction(bench, rest, control, element: int, step: float, base=0.0) -> np.ndarray:
-    """Motion `[P, 3]` for a unit of an element, from `base` on."""
+    """The motion `[P, 3]` for a unit of an element, measured from `base`."""
     values = [0.0] * len(control.indices)
     values[element] = base + step
     control.set(values)
@@ -224,7 +228,7 @@ def _task(motion: ControlMotion, handles: list[Handle]) -> Task:
 
 
 def _jaw(handles: list[Handle], values: np.ndarray) -> int | None:
-    """The number of the handle that turns most of the face, or None where none turns far."""
+    """The number of the handle that turns most of the face; None where none turns far."""
     far = np.abs(values).max(axis=0)
     energy = np.array([(h.direction**2).sum() for h in handles]) * (values**2).sum(axis=0)
     turns = np.array([not isinstance(h.control, Number) and type(h.control) is not Location
@@ -234,36 +238,36 @@ def _jaw(handles: list[Handle], values: np.ndarray) -> int | None:
 
 
 def _turned(bench: Bench, handles: list[Handle], values: np.ndarray, jaw: int):
-    """The response at rest, and with the jaw half and wholly open as it goes in `values`."""
+    """The response at rest, and with the jaw half and fully open as far as `values` open it."""
     angles = values[:, jaw]
     most = float(angles[np.abs(angles).argmax()])
     knots = np.sort([0.0, 0.5 * most, most])
     rest_directions = np.stack([handle.direction for handle in handles])
     directions = np.stack([rest_directions] * 3)
-    own = np.zeros((3, *rest_directions.shape[1:]))
+    jaw_motion = np.zeros((3, *rest_directions.shape[1:]))
     others, rest = np.flatnonzero(_on_jaw(rest_directions, jaw)), bench.at_zero()
     for knot in np.flatnonzero(knots):
         opened = _with_jaw(bench, handles[jaw], float(knots[knot]))
-        own[knot] = opened - rest
+        jaw_motion[knot] = opened - rest
         for number in [jaw, *others]:
             nudged = _with_jaw(bench, handles[jaw], float(knots[knot]), handles[number])
             directions[knot, number] = (nudged - opened) / handles[number].nudge
             yield
-    return Response(directions, own, knots, jaw)
+    return Response(directions, jaw_motion, knots, jaw)
 
 
 def _on_jaw(directions: np.ndarray, jaw: int) -> np.ndarray:
-    """Which handles `[C]` move what the jaw moves; not the jaw itself."""
+    """Which handles `[C]` move what the jaw moves; the jaw itself does not count."""
     size = np.linalg.norm(directions[jaw], axis=1)
     moved = size > 0.02 * size.max()
     energy = (directions**2).sum(axis=2)
-    found = energy[:, moved].sum(axis=1) > _ON_JAW * energy.sum(axis=1)
-    found[jaw] = False
-    return found
+    follows = energy[:, moved].sum(axis=1) > _ON_JAW * energy.sum(axis=1)
+    follows[jaw] = False
+    return follows
 
 
 def _with_jaw(bench: Bench, jaw: Handle, angle: float, other: Handle | None = None) -> np.ndarray:
-    """The points `[P, 3]` with the jaw at `angle`, and another handle nudged from there."""
+    """The points `[P, 3]` with the jaw at `angle`, and with `other` nudged from there."""
     steps = [(jaw, angle)] + ([(other, other.nudge)] if other is not None else [])
     values = {}
     for handle, step in steps:
@@ -277,7 +281,7 @@ def _with_jaw(bench: Bench, jaw: Handle, angle: float, other: Handle | None = No
 
 
 def _judge(bench: Bench, motion: ControlMotion, handles: list[Handle], values: np.ndarray):
-    """What the controls really show, read from the evaluated mesh at some frames."""
+    """The controls with what they really show, read from the evaluated mesh at some frames."""
     moved = _together(handles, values)
     controls = [control for control, _ in moved]
     some = np.unique(np.linspace(0, len(values) - 1, _READ_FRAMES).round().astype(int))
@@ -298,21 +302,23 @@ def _judge(bench: Bench, motion: ControlMotion, handles: list[Handle], values: n
 
 def _together(handles: list[Handle], values: np.ndarray) -> list[tuple[Control, np.ndarray]]:
     """The values `[T, N]` of the free elements of each control that has a handle."""
-    found = {}
+    by_control = {}
     for handle, column in zip(handles, values.T, strict=True):
         control = handle.control
         empty = np.zeros((len(values), len(control.indices)))
-        _, rows = found.setdefault(id(control), (control, empty))
+        _, rows = by_control.setdefault(id(control), (control, empty))
         rows[:, handle.element] += column
-    return list(found.values())
+    return list(by_control.values())
 
 
 def _sizes(handles: list[Handle], mm: float) -> list[np.ndarray]:
-    """How far a unit of the elements `[N]` of each control moves any point, mm; in the order of
-    `_together`."""
-    found = {}
+    """How far a unit of the elements `[N]` of each control moves any point, mm.
+
+    The controls are in the order of `_together`.
+    """
+    by_control = {}
     for handle in handles:
-        sizes = found.setdefault(id(handle.control), np.zeros(len(handle.control.indices)))
+        sizes = by_control.setdefault(id(handle.control), np.zeros(len(handle.control.indices)))
         farthest = np.linalg.norm(handle.direction, axis=1).max() * mm
         sizes[handle.element] = max(sizes[handle.element], farthest)
-    return list(found.values())
+    return list(by_control.values())

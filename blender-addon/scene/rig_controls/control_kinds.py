@@ -1,6 +1,7 @@
-"""What an artist moves to move a face: where a bone is, how it is turned, a number on its own.
+"""Kinds of controls that move a face: the location of a bone, its rotation, and single numbers.
 
-A control reads and sets its values, and knows where its curves go. Values are relative to rest.
+A control reads and sets its values, and knows the data path of its curves. Values are relative to
+rest.
 """
 
 import json
@@ -12,9 +13,9 @@ from mathutils import Color, Euler, Quaternion, Vector
 
 from ...core import turn
 
-# A bone of no limit turns no farther than this, radians; a number goes no farther than this.
+# A bone without limits turns no farther than this, radians; a number changes no more than this.
 MOST_TURN, MOST_VALUE = 1.0, 10.0
-# Letters by which data paths name components.
+# The letters that name components in data paths.
 _LETTERS = {Vector: "xyzw", Euler: "xyz", Quaternion: "wxyz", Color: "rgb"}
 # Kinds of data-blocks that hold controls, by `ID.id_type`.
 COLLECTIONS = {"OBJECT": "objects", "ARMATURE": "armatures", "MESH": "meshes"}
@@ -22,10 +23,10 @@ COLLECTIONS = {"OBJECT": "objects", "ARMATURE": "armatures", "MESH": "meshes"}
 
 @dataclass
 class Control:
-    """Numbers of one property that move together: `indices` of its elements are free.
+    """Elements of one property that move together; `indices` are the free ones.
 
-    `block` is the data-block and `path` the data path of the property; `lowest` and `highest` are
-    limits of each free element from rest.
+    `block` is the data-block and `path` the data path of the property. `lowest` and `highest` are
+    the limits of each free element, from rest.
     """
 
     block: bpy.types.ID
@@ -33,13 +34,13 @@ class Control:
     indices: list[int]
     lowest: list[float]
     highest: list[float]
-    # The bone that is moved; empty for a number. What a number is at rest.
+    # The bone that it moves, empty for a number, and the value of a number at rest.
     bone: str = ""
     rest: float = 0.0
 
     @property
     def label(self) -> str:
-        """What the artist knows it by."""
+        """The name that the artist knows."""
         return self.bone or self.path.rpartition("[")[2].strip("]\"'") or self.path
 
     @property
@@ -48,15 +49,15 @@ class Control:
         return self.path
 
     def read(self) -> list[float]:
-        """The property as it is."""
+        """The present values of the property."""
         raise NotImplementedError
 
     def write(self, values: list[float]) -> None:
-        """Sets the property as `read` gives it."""
+        """Sets the property to values that `read` has returned."""
         raise NotImplementedError
 
     def set(self, moved) -> None:
-        """Sets the free elements as far from rest as `moved`."""
+        """Sets the free elements to `moved` from rest."""
         raise NotImplementedError
 
     def columns(self, moved: np.ndarray) -> dict[int, np.ndarray]:
@@ -65,7 +66,7 @@ class Control:
 
 
 class Location(Control):
-    """Where a pose bone is."""
+    """The location of a pose bone."""
 
     def read(self):
         return list(getattr(self._bone, self._name))
@@ -92,11 +93,11 @@ class Location(Control):
 
 
 class EulerTurn(Location):
-    """How a pose bone with Euler angles is turned; angles that are locked stay at 0."""
+    """The rotation of a pose bone with Euler angles; locked angles stay at 0."""
 
 
 class VectorTurn(Location):
-    """How a pose bone with a quaternion, or an axis and an angle, is turned.
+    """The rotation of a pose bone with a quaternion, or with an axis and an angle.
 
     Values are the components of the rotation vector, radians.
     """
@@ -111,7 +112,7 @@ class VectorTurn(Location):
         if self._name == "rotation_quaternion":
             return dict(enumerate(turn.of_vectors(vectors).T))
         angles = np.linalg.norm(vectors, axis=1)
-        # Where nothing is turned any axis will do.
+        # Without a rotation any axis will do.
         axes = np.where(angles[:, None] > 0.0, vectors, [0.0, 1.0, 0.0])
         axes = axes / np.linalg.norm(axes, axis=1, keepdims=True)
         return dict(enumerate([angles, *axes.T]))
@@ -144,12 +145,12 @@ def _is_custom(path: str) -> bool:
 
 
 def _body(path: str) -> str:
-    """A data path without the element at its end."""
+    """A data path without the index at its end."""
     return path.rpartition("[")[0]
 
 
 def split(block, path: str) -> tuple:
-    """The owner of a property, its name, and the element (None for the whole) of a data path.
+    """The owner of a property, its name, and the index (None for the whole) in a data path.
 
     Raises `ValueError` for a path that leads nowhere.
     """
@@ -172,7 +173,7 @@ def split(block, path: str) -> tuple:
 
 
 def put(block, path: str, values: list[float]) -> None:
-    """Sets what a control was, once it is gone: `values` as its `read` gave them."""
+    """Restores a property after its control is gone; `values` are what its `read` returned."""
     try:
         owner, key, index = split(block, path)
     except (ValueError, AttributeError):
@@ -187,7 +188,7 @@ def put(block, path: str, values: list[float]) -> None:
 
 
 def number(block, path: str) -> Number | None:
-    """The control of a number by its data path; None where it is none that moves smoothly."""
+    """The control of a number by its data path; None for a number that cannot move smoothly."""
     path = _indexed(block, path)
     try:
         owner, key, index = split(block, path)
@@ -203,9 +204,9 @@ def number(block, path: str) -> Number | None:
     except (AttributeError, KeyError):
         return None
     low, high = max(low, value - MOST_VALUE), min(high, value + MOST_VALUE)
-    found = Number(block, path, [index or 0], [low - value], [high - value])
-    found.rest = value
-    return found
+    control = Number(block, path, [index or 0], [low - value], [high - value])
+    control.rest = value
+    return control
 
 
 def _indexed(block, path: str) -> str:
@@ -221,15 +222,18 @@ def _indexed(block, path: str) -> str:
 
 def _limits(owner, key: str, custom: bool) -> tuple[float, float]:
     if custom:
-        told = owner.id_properties_ui(key).as_dict()
-        return (max(told.get("min", -MOST_VALUE), told.get("soft_min", -MOST_VALUE)),
-                min(told.get("max", MOST_VALUE), told.get("soft_max", MOST_VALUE)))  # fmt: skip
-    told = owner.bl_rna.properties[key]
-    return told.soft_min, told.soft_max
+        ui = owner.id_properties_ui(key).as_dict()
+        return (max(ui.get("min", -MOST_VALUE), ui.get("soft_min", -MOST_VALUE)),
+                min(ui.get("max", MOST_VALUE), ui.get("soft_max", MOST_VALUE)))  # fmt: skip
+    rna = owner.bl_rna.properties[key]
+    return rna.soft_min, rna.soft_max
 
 
 def location(rig, bone, reach: float) -> Location | None:
-    """The control of where a pose bone is, `reach` from rest where nothing limits it; or None."""
+    """The control of the location of a pose bone, or None.
+
+    Where nothing limits the bone, it moves `reach` from rest.
+    """
     if bone.bone.use_connect and bone.parent is not None:
         return None
     path = f"{bone.path_from_id()}.location"
@@ -239,7 +243,7 @@ def location(rig, bone, reach: float) -> Location | None:
 
 
 def rotation(rig, bone) -> Control | None:
-    """The control of how a pose bone is turned; None where it is driven."""
+    """The control of the rotation of a pose bone; None where it is driven."""
     mode = bone.rotation_mode
     name = {"QUATERNION": "rotation_quaternion", "AXIS_ANGLE": "rotation_axis_angle"}.get(
         mode, "rotation_euler"
@@ -263,7 +267,7 @@ def _driven(block, path: str, index: int | None) -> bool:
 
 
 def _constrained(bone, kind: str, reach: float) -> tuple[list[float], list[float]]:
-    """What a limit in the bone's own space allows, around rest."""
+    """The limits of a bone by constraints in its own space, around rest."""
     low, high = [-reach] * 3, [reach] * 3
     for constraint in bone.constraints:
         if constraint.type != kind or constraint.mute or constraint.owner_space != "LOCAL":

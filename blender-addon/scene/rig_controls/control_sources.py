@@ -10,15 +10,15 @@ from . import control_kinds
 from .control_kinds import COLLECTIONS, Control
 
 BONE, NUMBER = "BONE", "NUMBER"
-# Bones of these kinds are worked by others.
+# Bones with these prefixes are moved by other bones.
 _INNER = ("DEF-", "ORG-", "MCH-", "VIS-", "VIS_", "WGT-")
 
 
 @dataclass(frozen=True)
 class Source:
-    """A bone by its name, or a number by its data path, of a data-block.
+    """A data-block's bone by its name, or number by its data path.
 
-    `sided` says that its two directions may do different things: something is driven by it.
+    `sided` says that its two directions may do different things, since something is driven by it.
     """
 
     kind: str
@@ -28,7 +28,7 @@ class Source:
 
     @property
     def label(self) -> str:
-        """What the artist knows it by: the bone, or the property's name."""
+        """The name that the artist knows: the bone, or the property."""
         if self.kind == BONE or not self.name.endswith("]"):
             return self.name
         owner, _, last = self.name.rpartition("[")
@@ -36,71 +36,76 @@ class Source:
 
     @property
     def key(self) -> tuple:
-        """What tells it from others."""
+        """The key that distinguishes it from other sources."""
         return self.kind, self.block.name, self.name
 
     def controls(self, reach: float) -> list[Control]:
-        """What can be moved of it; bones go `reach` from rest where nothing limits them."""
+        """Its controls; bones move `reach` from rest where nothing limits them."""
         if self.kind == NUMBER:
-            found = [control_kinds.number(self.block, self.name)]
+            controls = [control_kinds.number(self.block, self.name)]
         else:
             bone = self.block.pose.bones.get(self.name)
             if bone is None:
                 return []
-            found = [control_kinds.location(self.block, bone, reach)]
-            found.append(control_kinds.rotation(self.block, bone))
-        return [control for control in found if control is not None and control.indices]
+            controls = [control_kinds.location(self.block, bone, reach)]
+            controls.append(control_kinds.rotation(self.block, bone))
+        return [control for control in controls if control is not None and control.indices]
 
 
 def rig_of(ob):
-    """The armature that moves `ob`: that of its modifier, its parent, or that of its drivers."""
-    found = [m.object for m in ob.modifiers if m.type == "ARMATURE" and m.object is not None]
+    """The armature that moves `ob`: of its modifier, among its parents, or of its drivers."""
+    candidates = [m.object for m in ob.modifiers if m.type == "ARMATURE" and m.object is not None]
     parent = ob.parent
     while parent is not None:
-        found.append(parent)
+        candidates.append(parent)
         parent = parent.parent
-    found += [target for _, target, _ in _targets(_blocks(ob, None))]
-    return next((other for other in found if getattr(other, "type", "") == "ARMATURE"), None)
+    candidates += [target for _, target, _ in _targets(_blocks(ob, None))]
+    return next((other for other in candidates if getattr(other, "type", "") == "ARMATURE"), None)
 
 
 def has_any(ob) -> bool:
-    """Whether there is something that may move the face `ob`."""
+    """Whether anything may move the face `ob`."""
     return rig_of(ob) is not None or any(True for _ in _targets(_blocks(ob, None)))
 
 
 def propose(ob, rig, left_alone: list[str]) -> list[Source]:
-    """What may move the face `ob`: what drivers read, then bones of `rig` (None for no rig).
+    """Sources that may move the face `ob`: what drivers read, then bones of `rig` (None for no
+    rig).
 
-    Bones are those of a list of names that fits, or all that an artist sees. Those of names
-    `left_alone` are worked by others.
+    The bones are those of a list of names that fits, or else all visible ones. Names in
+    `left_alone` are left out.
     """
-    found = {source.key: source for source in _driving(ob, rig)}
+    sources = {source.key: source for source in _driving(ob, rig)}
     if rig is not None:
         free = [bone for bone in rig.pose.bones if not _follows(bone)]
-        seen = [bone.name for bone in free if _is_seen(rig, bone)]
+        visible = [bone.name for bone in free if _is_seen(rig, bone)]
         _, named = control_names.guess([bone.name for bone in free])
-        for name in named or seen:
+        for name in named or visible:
             source = Source(BONE, rig, name, name in _acting(rig))
-            found.setdefault(source.key, source)
-    return [source for source in found.values() if source.name not in left_alone]
+            sources.setdefault(source.key, source)
+    return [source for source in sources.values() if source.name not in left_alone]
 
 
 def of_preset(rig, preset: str) -> list[Source]:
-    """The bones of `rig` that a list names."""
+    """The bones of `rig` that a list of names contains."""
     names = control_names.fitting(preset, [bone.name for bone in rig.pose.bones])
     return [Source(BONE, rig, name, name in _acting(rig)) for name in names]
 
 
 def find(kind: str, id_type: str, block: str, name: str, sided: bool) -> Source:
     """The source that a stored row names; raises `AnyfaceError("input")` where it is gone."""
-    found = getattr(bpy.data, COLLECTIONS.get(id_type, "objects")).get(block)
+    data_block = getattr(bpy.data, COLLECTIONS.get(id_type, "objects")).get(block)
     if kind == NUMBER:
-        there = found is not None and _leads(found, name)
+        there = data_block is not None and _leads(data_block, name)
     else:
-        there = found is not None and found.type == "ARMATURE" and name in found.pose.bones
+        there = (
+            data_block is not None
+            and data_block.type == "ARMATURE"
+            and name in data_block.pose.bones
+        )
     if not there:
         raise AnyfaceError("input", f"{block} has no {name} any more: press Find Controls")
-    return Source(kind, found, name, sided)
+    return Source(kind, data_block, name, sided)
 
 
 def _leads(block, path: str) -> bool:
@@ -113,19 +118,19 @@ def _leads(block, path: str) -> bool:
 
 
 def _driving(ob, rig) -> list[Source]:
-    """What the drivers of a face and its rig read, each source once."""
-    found = []
+    """The sources that the drivers of a face and its rig read, each once."""
+    sources = []
     for variable, block, target in _targets(_blocks(ob, rig)):
         if block.id_type not in COLLECTIONS:
             continue
         if variable.type == "SINGLE_PROP":
-            found.append(_of_path(block, target.data_path))
+            sources.append(_of_path(block, target.data_path))
         elif target.bone_target:
-            found.append(Source(BONE, block, target.bone_target, True))
+            sources.append(Source(BONE, block, target.bone_target, True))
         elif variable.type == "TRANSFORMS" and target.transform_type.startswith("LOC_"):
             axis = "XYZ".index(target.transform_type[-1])
-            found.append(Source(NUMBER, block, f"location[{axis}]", True))
-    return [source for source in found if source is not None]
+            sources.append(Source(NUMBER, block, f"location[{axis}]", True))
+    return [source for source in sources if source is not None]
 
 
 def _of_path(block, path: str) -> Source | None:
@@ -143,7 +148,7 @@ def _blocks(ob, rig) -> list:
 
 
 def _targets(blocks: list):
-    """Each variable of each driver with the data-block that it reads and its target."""
+    """Each variable of each driver, with the data-block that it reads, and its target."""
     for block in blocks:
         animation = block.animation_data
         for curve in animation.drivers if animation is not None else ():
@@ -154,13 +159,14 @@ def _targets(blocks: list):
 
 
 def _acting(rig) -> set[str]:
-    """Bones whose place plays an action on others."""
+    """Bones whose place plays an action on other bones."""
     every = [c for bone in rig.pose.bones for c in bone.constraints if c.type == "ACTION"]
     return {constraint.subtarget for constraint in every}
 
 
 def _follows(bone) -> bool:
-    """Whether a bone stands wherever another one does, so that its own channels move nothing."""
+    """Whether a bone copies all transforms of another one, so that its own channels move
+    nothing."""
     return any(
         c.type == "COPY_TRANSFORMS"
         and not c.mute

@@ -1,1 +1,1 @@
-"""Shape keys: which are ours and which the artist's, and what must hold before some are written."""
+"""Shape keys: which are ours and which the artist's, and the checks before any are written."""

@@ -1,4 +1,4 @@
-"""A take on the keys that the artist already has: only their values are animated."""
+"""A take on the artist's existing keys: only their values are animated."""
 
 import numpy as np
 
@@ -8,14 +8,14 @@ from ..animation import curves, stand_in
 from ..face.mesh import read_key
 from . import record
 
-# Holds the action that a copy of ours stands in for, so that it is saved with the file.
+# Points to the artist's action while a copy of ours stands in for it, so that the file keeps it.
 REPLACED = record.REPLACED_ACTION
 
 
 def find(ob, mapping: list[Pair]) -> list[Pair]:
-    """The pairs whose keys can be animated; `mapping` empty finds them by name.
+    """The pairs whose keys can be animated; an empty `mapping` finds them by name.
 
-    Keys that a driver moves, muted and locked ones are left to the artist.
+    Driven, muted and locked keys are left to the artist.
     """
     shape_keys = ob.data.shape_keys
     if shape_keys is None:
@@ -32,58 +32,58 @@ def names_of(pairs: list[Pair]) -> list[str]:
 
 
 def factors(pairs: list[Pair]) -> tuple[list[str], np.ndarray]:
-    """The shapes of pairs `[S]`, and how far each moves each of `names_of`, `[S, K]`."""
+    """The shapes of pairs `[S]`, and by how much each moves each of `names_of`, `[S, K]`."""
     shown, keys = list(dict.fromkeys(pair.shape for pair in pairs)), names_of(pairs)
-    found = np.zeros((len(shown), len(keys)), dtype=np.float32)
+    matrix = np.zeros((len(shown), len(keys)), dtype=np.float32)
     for pair in pairs:
-        found[shown.index(pair.shape), keys.index(pair.key)] += pair.factor
-    return shown, found
+        matrix[shown.index(pair.shape), keys.index(pair.key)] += pair.factor
+    return shown, matrix
 
 
 def shown_by(pairs: list[Pair]) -> dict[str, str]:
-    """The shape that each key shows most of."""
+    """The shape that each key shows most."""
     most = sorted(pairs, key=lambda pair: pair.factor)
     return {pair.key: pair.shape for pair in most}
 
 
 def left_alone(ob, mapping: list[Pair]) -> list[str]:
-    """Keys that show a shape too and are not animated: driven, muted or locked ones."""
+    """Keys that show a shape but are not animated: driven, muted or locked ones."""
     shape_keys = ob.data.shape_keys
     if shape_keys is None:
         return []
     free = {block.name for block in _free(shape_keys)}
     names = [block.name for block in shape_keys.key_blocks if block.name not in free]
     ours = record.all_keys(shape_keys)
-    wanted = mapping or key_names.guess([name for name in names if name not in ours])[1]
-    return [key for key in names_of(wanted) if key in names]
+    pairs = mapping or key_names.guess([name for name in names if name not in ours])[1]
+    return [key for key in names_of(pairs) if key in names]
 
 
 def vectors(ob, names) -> np.ndarray:
-    """What each key moves at value 1, `[S, V, 3]` in object space."""
+    """The displacements of each key at value 1, `[S, V, 3]` in object space."""
     blocks = ob.data.shape_keys.key_blocks
     return np.stack(
         [read_key(blocks[name]) - read_key(blocks[name].relative_key) for name in names]
     )
 
 
-def note_values(shape_keys, taken: record.Record) -> None:
-    """Notes how the artist's keys are set now, and sets his curves on them aside."""
+def note_values(shape_keys, take_record: record.Record) -> None:
+    """Notes the present values of the artist's keys, and sets the artist's curves on them aside."""
     blocks = shape_keys.key_blocks
-    taken.values = {name: blocks[name].value for name in taken.values if name in blocks}
-    paths = {curves.value_path(name) for name in taken.values}
-    taken.replaced_print = (
+    take_record.values = {name: blocks[name].value for name in take_record.values if name in blocks}
+    paths = {curves.value_path(name) for name in take_record.values}
+    take_record.replaced_print = (
         stand_in.play(shape_keys, REPLACED, shape_keys.animation_data, paths)
-        or taken.replaced_print
+        or take_record.replaced_print
     )
 
 
-def restore(shape_keys, taken: record.Record) -> None:
-    """Gives the keys back as they were, once our curves are gone."""
+def restore(shape_keys, take_record: record.Record) -> None:
+    """Restores the keys once our curves are gone."""
     original, animation = shape_keys.pop(REPLACED, None), shape_keys.animation_data
     if original is not None and animation is not None and animation.action is not None:
-        paths = {curves.value_path(name) for name in taken.values}
-        stand_in.give_back(original, animation, paths, taken.replaced_print)
-    for name, value in taken.values.items():
+        paths = {curves.value_path(name) for name in take_record.values}
+        stand_in.give_back(original, animation, paths, take_record.replaced_print)
+    for name, value in take_record.values.items():
         block = shape_keys.key_blocks.get(name)
         if block is not None:
             block.value = value

@@ -1,4 +1,4 @@
-"""ARKit's shapes as shape keys of the artist's own, which nobody animates yet."""
+"""ARKit's shapes as the artist's own shape keys, which nothing animates yet."""
 
 from dataclasses import dataclass
 
@@ -11,13 +11,13 @@ from ..face import mesh, pieces
 from . import guard
 
 HALF = "_half"
-# Of the slider w, 0 at its ends and 1 halfway; Blender reckons it without running Python.
+# An expression of the slider w: 0 at its ends, 1 halfway. Blender evaluates it without Python.
 HALFWAY = "1 - abs(2 * w - 1)"
 
 
 @dataclass
 class Making:
-    """A snapshot of a face; `work` needs nothing of Blender: any thread may run it."""
+    """A snapshot of a face; `work` needs no Blender data, so any thread may run it."""
 
     face: FaceMesh
     engine: object
@@ -30,46 +30,47 @@ class Making:
 
 
 def objects(ob, face: FaceMesh) -> list:
-    """`ob` and what moves with it; raises `AnyfaceError("mesh")` where a part is gone."""
+    """`ob` and the parts that move with it; raises `AnyfaceError("mesh")` where a part is gone."""
     return [ob, *(pieces.object_of(pieces.Part(piece.name), ob) for piece in face.pieces[1:])]
 
 
 def add(ob, face: FaceMesh, rig: Rig, left_out=()) -> tuple[list[str], np.ndarray]:
-    """Keys of a face's shapes, but those `left_out`, on `ob` and on what moves with it.
+    """Adds keys of a face's shapes, without those `left_out`, on `ob` and the parts that move with
+    it.
 
     Returns their names and vectors `[S, V, 3]`. Raises `AnyfaceError` where the mesh has changed or
     a part is gone; nothing has changed then.
     """
-    kept = [row for row, name in enumerate(rig.names) if name not in left_out]
-    names, vectors = [rig.names[row] for row in kept], rig.vectors[kept]
+    rows = [row for row, name in enumerate(rig.names) if name not in left_out]
+    names, vectors = [rig.names[row] for row in rows], rig.vectors[rows]
     moved = [(one, plan.of_piece(face, vectors, one.name)[1]) for one in objects(ob, face)]
-    for one, own in moved:
+    for one, part_vectors in moved:
         guard.check_editable(one)
-        guard.check_size(one, own.shape[1])
-    for one, own in moved:
-        _add(one, names, own, everything=one == ob)
+        guard.check_size(one, part_vectors.shape[1])
+    for one, part_vectors in moved:
+        _add(one, names, part_vectors, everything=one == ob)
     return names, vectors
 
 
 def _add(ob, names: list[str], vectors: np.ndarray, everything: bool) -> None:
-    """Keys that nobody animates yet, from `vectors` `[S, V, 3]` in object space.
+    """Adds keys that nothing animates yet, from `vectors` `[S, V, 3]` in object space.
 
-    Those that move nothing are left out unless `everything` is wanted.
+    Keys that move nothing are left out, unless `everything` is set.
     """
-    wanted = [number for number in range(len(names)) if everything or vectors[number].any()]
-    if not wanted:
+    numbers = [number for number in range(len(names)) if everything or vectors[number].any()]
+    if not numbers:
         return
     with guard.object_mode(ob), guard.selection_kept(ob):
         if ob.data.shape_keys is None:
             ob.shape_key_add(name="Basis", from_mix=False)
         rest = mesh.read_basis(ob.data)
-        for number in wanted:
+        for number in numbers:
             mesh.add_key(ob, names[number], rest + vectors[number])
         ob.data.update()
 
 
 def bent(rig: Rig) -> Rig:
-    """The same with each `NAME_half` as what half of `NAME` lacks of it."""
+    """The same rig, in which each `NAME_half` is the difference between it and half of `NAME`."""
     rows = {name: row for row, name in enumerate(rig.names)}
     vectors = rig.vectors.copy()
     for name in shapes.ARKIT:
@@ -79,18 +80,18 @@ def bent(rig: Rig) -> Rig:
 
 
 def drive(ob, face: FaceMesh) -> None:
-    """Lets one slider of `ob` move a shape, what it lacks halfway, and the key of each part."""
-    own = ob.data.shape_keys
+    """Lets a slider of `ob` drive the halfway key of its shape, and the same keys of each part."""
+    face_keys = ob.data.shape_keys
     for name in shapes.ARKIT:
-        if name + HALF in own.key_blocks:
-            _driven(own, name + HALF, own, name, HALFWAY)
+        if name + HALF in face_keys.key_blocks:
+            _driven(face_keys, name + HALF, face_keys, name, HALFWAY)
     for one in objects(ob, face):
         part = one.data.shape_keys
         if one == ob or part is None:
             continue
         for name in (*shapes.ARKIT, *(name + HALF for name in shapes.ARKIT)):
-            if name in part.key_blocks and name in own.key_blocks:
-                _driven(part, name, own, name, "w")
+            if name in part.key_blocks and name in face_keys.key_blocks:
+                _driven(part, name, face_keys, name, "w")
 
 
 def _driven(of, name: str, by, source: str, expression: str) -> None:

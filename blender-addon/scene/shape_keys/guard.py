@@ -1,4 +1,4 @@
-"""What must hold before shape keys are written, and what is set aside while they are."""
+"""Checks before shape keys are written, and what is set aside meanwhile."""
 
 from contextlib import contextmanager
 
@@ -10,9 +10,9 @@ from . import record
 
 
 def check_editable(ob) -> None:
-    """Raises `AnyfaceError("mesh")` with the remedy where keys that add up cannot be written."""
+    """Raises `AnyfaceError("mesh")` with the remedy where relative keys cannot be written."""
     check_local(ob)
-    # Keys that are played one after the other leave no room for keys that add up.
+    # Absolute keys play one after the other, so keys that add up cannot join them.
     if ob.data.shape_keys is None or ob.data.shape_keys.use_relative:
         return
     if own_keys(ob.data.shape_keys):
@@ -25,7 +25,8 @@ def check_editable(ob) -> None:
 
 
 def check_local(ob) -> None:
-    """The same where keys of no kind can be written or kept."""
+    """Raises `AnyfaceError("mesh")` with the remedy where no kind of key can be written or
+    saved."""
     check_mesh(ob)
     for block in (ob, ob.data):
         if block.library is not None:
@@ -65,24 +66,24 @@ def check_size(ob, vertices: int) -> None:
 
 
 def own_keys(shape_keys) -> list[str]:
-    """Names of the keys that are not ours; empty where all keys were made by us."""
+    """Names of the keys that are not ours; empty where we have added all."""
     if shape_keys is None:
         return []
     ours = record.all_keys(shape_keys)
     names = [block.name for block in shape_keys.key_blocks if block.name not in ours]
     # A Basis that we made counts as ours as long as it is alone.
-    made = any(taken.made_keys for taken in record.everyone(shape_keys))
-    return [] if made and len(names) == 1 else names
+    basis_is_ours = any(take_record.made_keys for take_record in record.everyone(shape_keys))
+    return [] if basis_is_ours and len(names) == 1 else names
 
 
 def notes(ob) -> list[str]:
-    """What the artist has set that hides the motion from view."""
-    found = []
+    """Notes about settings of the artist that hide the motion."""
+    messages = []
     if ob.show_only_shape_key:
-        found.append(f"{ob.name} shows its active shape key alone: turn Solo off to see it move")
+        messages.append(f"{ob.name} shows its active shape key alone: turn Solo off to see it move")
     if ob.hide_viewport or ob.hide_get():
-        found.append(f"{ob.name} is hidden")
-    return found
+        messages.append(f"{ob.name} is hidden")
+    return messages
 
 
 def _check_animation(ob) -> None:
@@ -101,8 +102,8 @@ def _check_animation(ob) -> None:
         )
 
 
-def own(ob) -> None:
-    """Gives `ob` what it plays for itself, where other objects use its mesh or its actions too."""
+def unshare(ob) -> None:
+    """Gives `ob` a mesh and actions of its own, where other objects use them too."""
     mesh = ob.data
     if not record.everyone(mesh.shape_keys):
         return
@@ -110,41 +111,41 @@ def own(ob) -> None:
         with object_mode(ob):
             ob.data = mesh.copy()
     shape_keys = ob.data.shape_keys
-    found = [value for name, value in shape_keys.items() if name not in record.ORIGINALS]
-    found = [action for action in found if isinstance(action, bpy.types.Action)]
-    for action in {*found, curves.action_of(shape_keys)}:
+    actions = [value for name, value in shape_keys.items() if name not in record.ORIGINALS]
+    actions = [action for action in actions if isinstance(action, bpy.types.Action)]
+    for action in {*actions, curves.action_of(shape_keys)}:
         curves.own_action(shape_keys, action)
 
 
-def make_single_user(ob, taken: record.Record) -> None:
+def make_single_user(ob, take_record: record.Record) -> None:
     """Gives `ob` its own mesh, its keys their own action, and a Basis where it has no keys.
 
-    The keys point to the originals, to which Remove goes back: so these stay as they are, whoever
-    else is animated meanwhile.
+    The keys point to the originals, so Remove can go back to them. The originals stay as they are,
+    whoever else is animated meanwhile.
     """
     mesh, action = ob.data, curves.action_of(ob.data.shape_keys)
     shared = mesh.users - mesh.use_fake_user > 1
     if shared:
         ob.data = mesh.copy()
-        taken.shared_mesh_print = digest.mesh_digest(ob.data)
+        take_record.shared_mesh_print = digest.mesh_digest(ob.data)
     if action is not None and action.users - action.use_fake_user > 1:
         copy = action.copy()
         ob.data.shape_keys.animation_data.action = copy
-        taken.shared_action_print = digest.action_digest(copy)
+        take_record.shared_action_print = digest.action_digest(copy)
     if ob.data.shape_keys is None:
         ob.shape_key_add(name="Basis", from_mix=False)
-        taken.made_keys = True
+        take_record.made_keys = True
     if shared:
         ob.data.shape_keys[record.SHARED_MESH] = mesh
-    if taken.shared_action_print:
+    if take_record.shared_action_print:
         ob.data.shape_keys[record.SHARED_ACTION] = action
 
 
 @contextmanager
 def object_mode(ob):
-    """Leaves edit or sculpt mode while keys are written, and comes back to it.
+    """Leaves edit or sculpt mode while keys are written, and returns to it afterwards.
 
-    Edit mode holds a second copy of the mesh, which would overwrite keys added meanwhile.
+    Edit mode has a second copy of the mesh, which would overwrite keys added meanwhile.
     """
     before = ob.mode
     if before in ("OBJECT", "POSE"):
@@ -168,5 +169,7 @@ def selection_kept(ob):
         yield
     finally:
         blocks = ob.data.shape_keys.key_blocks if ob.data.shape_keys is not None else ()
-        found = blocks.find(name) if name and blocks else -1
-        ob.active_shape_key_index = found if found >= 0 else min(index, max(len(blocks) - 1, 0))
+        position = blocks.find(name) if name and blocks else -1
+        ob.active_shape_key_index = (
+            position if position >= 0 else min(index, max(len(blocks) - 1, 0))
+        )

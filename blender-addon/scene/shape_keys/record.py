@@ -1,6 +1,6 @@
-"""What was generated on a mesh, written down beside it, so that Remove removes exactly that.
+"""The record of a take, stored beside its mesh, so that Remove removes exactly that.
 
-The record lies in a custom property of the shape keys' data-block and goes when they go.
+It lies in a custom property of the shape keys' data-block and disappears with them.
 """
 
 import json
@@ -12,7 +12,7 @@ from ...core import json_file
 PROPERTY = "anyface"
 # Takes that wait beside the current one, as a list of records.
 KEPT = "anyface_takes"
-# What of the artist's waits while something of ours stands in for it: pointers.
+# Pointers to data of the artist's while something of ours stands in for it.
 SHARED_MESH, SHARED_ACTION = "anyface_shared_mesh", "anyface_shared_action"
 REPLACED_ACTION = "anyface_replaced"
 ORIGINALS = (SHARED_MESH, SHARED_ACTION, REPLACED_ACTION)
@@ -22,17 +22,21 @@ ORIGINALS = (SHARED_MESH, SHARED_ACTION, REPLACED_ACTION)
 class Record:
     """One generated take.
 
-    `mode` is the name of its output. `keys` are the names of our shape keys in order; `made_keys`
-    says that the mesh had none before. The `made_*` and `shared_*` fields say what else must be
-    undone: an action, a slot or animation data of ours, copies made because mesh or action were
-    shared (their digests at that time). On an object beside a face, `belongs_to` is the
-    id of the face's take. `values` are keys of the artist's that are animated, as they were set
-    before; `replaced_print` is the digest of the action that stands in for his. `name` is the
-    take's in the panel; `adjusted` is what `adjust` has made of it. Its frames lie at `first_frame`
-    and every `frame_step` after it; `still` is `why_missing` of its basis. `asked` are the panel's
-    settings and its report; `shown` are shapes by the artist's keys that show most of them,
-    `factors` by key where it stands at weight 1 of each shape that it shows. `heard_emotion` is
-    what was heard, as `core.heard_emotion` has it in plain values.
+    `mode` is the name of its output, and `keys` are the names of our shape keys in order.
+    `made_keys` says that the mesh had none before. The other `made_*` fields, and `shared_*`, say
+    what else must be undone: an action, a slot or animation data of ours, and copies that were made
+    because mesh or action were shared (their digests at that time).
+
+    On an object beside a face, `belongs_to` is the id of the face's take. `values` are the earlier
+    values of the artist's keys that are animated; `replaced_print` is the digest of the action that
+    stands in for the artist's. `name` is the take's in the panel. `adjusted` are the changes by
+    `adjust`.
+
+    Its frames lie at `first_frame` and every `frame_step` after it; `still` is `why_missing` of its
+    basis. `asked` are the panel's settings and its report. `shown` is, for each of the artist's
+    keys, the shape that it shows most. `factors` is, for each key, its value at weight 1 of each
+    shape that it shows. `heard_emotion` is the emotion that was heard, as plain values of
+    `core.heard_emotion`.
     """
 
     mode: str
@@ -57,7 +61,7 @@ class Record:
     shown: dict[str, str] = field(default_factory=dict)
     factors: dict[str, dict[str, float]] = field(default_factory=dict)
     heard_emotion: dict = field(default_factory=dict)
-    # Curves that were made beforehand, and what is to be written as curves; no fields of a record.
+    # Prepared curves, and what becomes curves; neither is stored in the record.
     prepared = None
     waiting = None
 
@@ -77,7 +81,7 @@ def write(shape_keys, record: Record) -> None:
 
 
 def clear(shape_keys) -> None:
-    """Takes the record of the current take away."""
+    """Removes the record of the current take."""
     if PROPERTY in shape_keys:
         del shape_keys[PROPERTY]
 
@@ -100,13 +104,13 @@ def write_kept(shape_keys, records: list[Record]) -> None:
 
 
 def everyone(shape_keys) -> list[Record]:
-    """The current take and all that wait."""
+    """The current take and all takes that wait."""
     current = read(shape_keys)
     return ([current] if current is not None else []) + read_kept(shape_keys)
 
 
 def all_keys(shape_keys) -> set[str]:
-    """The names of all keys that are ours."""
+    """The names of all our keys."""
     return {name for record in everyone(shape_keys) for name in record.keys}
 
 

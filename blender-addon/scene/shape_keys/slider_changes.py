@@ -1,23 +1,24 @@
-"""What the sliders of a take change, kept with the shape keys: a packed custom property a take."""
+"""What the sliders of a take change, stored with the shape keys: a packed custom property per
+take."""
 
 from ...core import sliders
 from . import record
 
 _PROPERTY = "anyface_sliders_"
-# What was unpacked last, with the bytes it came from: a drag asks many times a second.
+# The last bytes and their content: during a drag they are read many times a second.
 _last: tuple[bytes, dict[str, sliders.SliderChange]] = (b"", {})
 
 
-def write(shape_keys, taken: record.Record, packed: bytes) -> None:
+def write(shape_keys, take_record: record.Record, packed: bytes) -> None:
     """Stores the sliders of a take; nothing where it has none."""
     if packed:
-        shape_keys[_PROPERTY + taken.id] = packed
+        shape_keys[_PROPERTY + take_record.id] = packed
 
 
-def read(shape_keys, taken: record.Record) -> dict[str, sliders.SliderChange]:
-    """The sliders of a take by name; none where nothing was stored, or something else."""
+def read(shape_keys, take_record: record.Record) -> dict[str, sliders.SliderChange]:
+    """The sliders of a take by name; none where nothing valid is stored."""
     global _last
-    packed = shape_keys.get(_PROPERTY + taken.id)
+    packed = shape_keys.get(_PROPERTY + take_record.id)
     if not isinstance(packed, bytes):
         return {}
     if packed != _last[0]:
@@ -28,7 +29,7 @@ def read(shape_keys, taken: record.Record) -> dict[str, sliders.SliderChange]:
     return _last[1]
 
 
-def clear(shape_keys, taken: record.Record) -> None:
-    """Takes the sliders of a take away."""
-    if _PROPERTY + taken.id in shape_keys:
-        del shape_keys[_PROPERTY + taken.id]
+def clear(shape_keys, take_record: record.Record) -> None:
+    """Removes the sliders of a take."""
+    if _PROPERTY + take_record.id in shape_keys:
+        del shape_keys[_PROPERTY + take_record.id]

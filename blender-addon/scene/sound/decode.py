@@ -1,4 +1,4 @@
-"""Decodes sound files: the library's own decoder first, Blender's for what that cannot read."""
+"""Decodes sound files with the library's decoder, or with Blender's where that fails."""
 
 import numpy as np
 
@@ -13,25 +13,25 @@ def decoder(engine) -> Decode:
         try:
             return engine.decode(path)
         except AnyfaceError as error:
-            # Blender's decoder makes half a sound of a damaged file and says nothing.
+            # Blender's decoder returns half of a damaged file without an error.
             if error.kind != "audio" or engine.is_damaged(path):
                 raise
             try:
                 return (*decode_with_aud(path), "")
             except Exception:
-                # Of a sound without samples 4.5 says so in exceptions of any kind; the library said
-                # what is wrong.
+                # Blender 4.5 raises any kind of exception for a sound without samples; the
+                # library's error says what is wrong.
                 raise error from None
 
     return decode
 
 
 def decode_with_aud(path: str) -> tuple[np.ndarray, float]:
-    """Blender's decoder (FFmpeg), which also reads the sound of films.
+    """Decodes with Blender's decoder (FFmpeg), which also reads the sound of films.
 
-    The channels are averaged; `rechannel(1)` would sum them and clip. Some builds of Blender as
-    a Python module have no `aud`: `ImportError`. `OSError` for what it cannot read, or where
-    nothing is to be heard.
+    The channels are averaged; `rechannel(1)` would sum them and clip. Raises `ImportError` where
+    Blender as a Python module has no `aud`, and `OSError` for a file that it cannot read or that
+    has no samples.
     """
     import aud
 

@@ -1,4 +1,4 @@
-"""What a microphone heard, as a sound file."""
+"""Writes what a microphone heard as a sound file."""
 
 import wave
 from itertools import count
@@ -13,10 +13,10 @@ _FOLDER, _NAME = "sounds", "recording"
 
 
 def write(sound: Sound) -> Path:
-    """A WAV file of `sound`, 16 bit, that was not there before.
+    """Writes `sound` into a new WAV file, 16 bit; returns its path.
 
-    It lies in the folder *sounds* beside the .blend; in Blender's temporary folder where the .blend
-    was never saved. Raises `OSError`.
+    It lies in the folder *sounds* beside the .blend, or in Blender's temporary folder where the
+    .blend was never saved. Raises `OSError`.
     """
     saved = bpy.data.filepath
     folder = Path(saved).parent / _FOLDER if saved else Path(bpy.app.tempdir)

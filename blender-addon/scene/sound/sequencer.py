@@ -1,7 +1,7 @@
 """The sequencer across Blender's versions.
 
-4.2 has `sequences`, 5.0 only `strips`; 5.2 names the frames of a strip anew, and 6.0 will have the
-new names alone.
+4.2 has `sequences`, and 5.0 only `strips`. 5.2 has new names for the frames of a strip, and 6.0
+will have these alone.
 """
 
 import os
@@ -24,8 +24,8 @@ def all_strips(scene) -> list:
 
 def sound_strips(scene) -> list:
     """The sound strips of a scene, first to last."""
-    found = [strip for strip in all_strips(scene) if strip.type == "SOUND"]
-    return sorted(found, key=lambda strip: (ends(strip)[0], strip.channel))
+    strips = [strip for strip in all_strips(scene) if strip.type == "SOUND"]
+    return sorted(strips, key=lambda strip: (ends(strip)[0], strip.channel))
 
 
 def outer_strips(editor):
@@ -34,9 +34,9 @@ def outer_strips(editor):
 
 
 def add_sound(scene, path: str, frame: int):
-    """A strip of the sound file at `path` that begins at `frame` and is heard.
+    """Adds a strip of the sound file at `path` that begins at `frame` and is not muted.
 
-    One that stands there already is taken instead. Raises `RuntimeError` where Blender cannot
+    An equal strip that exists already is used instead. Raises `RuntimeError` where Blender cannot
     read the file, and `AnyfaceError("audio")` where no channel is free.
     """
     strip = _standing(scene, path, frame)
@@ -53,17 +53,17 @@ def _standing(scene, path: str, frame: int):
         sound = strip.sound
         if sound is None or ends(strip)[0] != frame:
             continue
-        own = bpy.path.abspath(sound.filepath, library=sound.library)
-        if os.path.normcase(os.path.abspath(own)) == full:
+        strip_path = bpy.path.abspath(sound.filepath, library=sound.library)
+        if os.path.normcase(os.path.abspath(strip_path)) == full:
             return strip
     return None
 
 
 def _new_sound(editor, path: str, frame: int):
     strips = outer_strips(editor)
-    taken = [(strip.channel, *ends(strip)) for strip in strips]
-    highest = min(max((channel for channel, *_ in taken), default=0) + 1, MOST_CHANNELS)
-    # How long it is Blender says only of a strip that is there.
+    spans = [(strip.channel, *ends(strip)) for strip in strips]
+    highest = min(max((channel for channel, *_ in spans), default=0) + 1, MOST_CHANNELS)
+    # Blender tells the length only of a strip that exists.
     name = os.path.splitext(os.path.basename(path))[0]
     strip = strips.new_sound(name, path, highest, frame)
     if strip.sound is None or strip.sound.samplerate == 0:
@@ -74,7 +74,7 @@ def _new_sound(editor, path: str, frame: int):
         row = editor.channels[channel]
         if row.mute or row.lock:
             continue
-        if all(last <= a or b <= first for at, a, b in taken if at == channel):
+        if all(last <= a or b <= first for at, a, b in spans if at == channel):
             strip.channel = channel
             return strip
     _drop(strips, strip)
@@ -117,14 +117,14 @@ def new_text(scene, name: str, channel: int, first: int, last: int):
 
 
 def content_start(strip) -> float:
-    """The frame at which the whole sound would begin, were it not trimmed."""
+    """The frame at which the whole sound would begin if it were not trimmed."""
     return strip.content_start if hasattr(strip, "content_start") else strip.frame_start
 
 
 def sound_strip(scene, name: str):
     """The sound strip called `name`.
 
-    Raises `AnyfaceError("audio")`, with the names that there are.
+    Raises `AnyfaceError("audio")` that lists the existing names.
     """
     strips = sound_strips(scene)
     for strip in strips:
@@ -144,7 +144,7 @@ def is_retimed(strip, sound_frames: Callable[[], float]) -> bool:
 
 
 def override(scene) -> dict:
-    """What `temp_override` needs for operators of the sequencer to work on `scene`."""
+    """The arguments of `temp_override` with which operators of the sequencer work on `scene`."""
     if bpy.app.version >= (5, 0, 0):
         return {"scene": scene, "sequencer_scene": scene}
     return {"scene": scene}

@@ -1,4 +1,4 @@
-"""Finds the sound of a strip or a file: the part that plays and the frame at which it begins."""
+"""The sound of a strip or a file: the part that plays, and the frame at which it begins."""
 
 import os
 import tempfile
@@ -20,7 +20,7 @@ def from_file(path: str, start_frame: float) -> SoundSource:
 
 
 def from_strip(scene, name: str, decode: Decode) -> SoundSource:
-    """The part of a sound strip that plays: trimmed on both sides, retimed, packed or not."""
+    """The part of a sound strip that plays, be it trimmed, retimed or packed."""
     strip = sequencer.sound_strip(scene, name)
     if strip.sound is None:
         raise AnyfaceError("audio", f"the strip {name} holds no sound")
@@ -29,7 +29,7 @@ def from_strip(scene, name: str, decode: Decode) -> SoundSource:
     fps = scene.render.fps / scene.render.fps_base
     if sequencer.is_retimed(strip, lambda: source.load(decode).duration_s * fps):
         return _mix_down(scene, strip)
-    # It (4.3 and later) moves the content inside the strip, in seconds.
+    # From 4.3 on `sound_offset` moves the content inside the strip, in seconds.
     offset_s = getattr(strip, "sound_offset", 0.0)
     source.first_s = (start - sequencer.content_start(strip)) / fps - offset_s
     source.last_s = source.first_s + (end - start) / fps
@@ -53,10 +53,10 @@ def _file_of(sound, name: str, start_frame: float) -> SoundSource:
 
 
 def _mix_down(scene, strip) -> SoundSource:
-    """A retimed strip as Blender itself plays it; everything else is muted meanwhile."""
+    """A retimed strip as Blender plays it; all other strips are muted meanwhile."""
     others = [other for other in sequencer.all_strips(scene) if other != strip]
     muted = [(other, other.mute) for other in others]
-    kept = strip.mute, scene.frame_start, scene.frame_end
+    before = strip.mute, scene.frame_start, scene.frame_end
     start, end = sequencer.ends(strip)
     folder = tempfile.TemporaryDirectory(prefix="anyface-")
     path = os.path.join(folder.name, "strip.wav")
@@ -79,5 +79,5 @@ def _mix_down(scene, strip) -> SoundSource:
     finally:
         for other, mute in muted:
             other.mute = mute
-        strip.mute, scene.frame_start, scene.frame_end = kept
+        strip.mute, scene.frame_start, scene.frame_end = before
     return SoundSource(path, strip.name, start, folder=folder)

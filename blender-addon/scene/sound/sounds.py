@@ -1,11 +1,11 @@
-"""What is heard as text strips above the sound, which the artist may move, rename, delete and add.
+"""Sounds as text strips above the sound, which the artist may move, rename, delete and add.
 
-A strip keeps the exact times of what it shows, in seconds from the begin of the sound, beside the
-frames at which it was put: while it stays there these times hold, else its frames do. All are
-muted: Blender would render them over the picture.
+A strip stores the exact times of its sound, in seconds from the beginning, and the frames at which
+it was put. While it stays at these frames, the exact times count; else its new frames do. All
+strips are muted, since Blender would render them over the picture.
 
-Where the text is known its words stand one channel above the closures. A closure knows the word
-that it was heard in: where the word goes, or grows, the closure goes along, unless it was moved
+Where the text is known, its words stand one channel above the closures. A closure stores the word
+in which it was heard. If the word is moved or stretched, the closure follows, unless it was moved
 itself.
 """
 
@@ -15,7 +15,7 @@ import numpy as np
 
 from . import sequencer
 
-# What a strip belongs to: the name of its sound. Copies of a strip bring it along.
+# The name of the sound to which a strip belongs; copies of a strip have it too.
 _SOUND = "anyface_sound"
 _SECONDS, _FRAMES = "anyface_seconds", "anyface_frames"
 # The number of a word, on its own strip and on the closures in it.
@@ -24,12 +24,12 @@ LABEL = "MBP"
 _LIP_LETTERS = frozenset("pbmPBM")
 # Lips close before the sound of p, b and m begins, seconds.
 _EARLY_S = 0.05
-# Beyond the old and the new place of a word, so that its closures lie where a redo has blended in.
+# A margin around the old and the new place of a word: inside it a redo has blended in fully.
 _MARGIN_S = 0.2
 
 
 class _Times(NamedTuple):
-    """Where a strip is and where it was put, seconds from the begin of the sound."""
+    """Where a strip is now and where it was put, seconds from the beginning of the sound."""
 
     now: tuple[float, float]
     was: tuple[float, float]
@@ -40,9 +40,9 @@ class _Times(NamedTuple):
 
 
 def show(scene, source, closures: np.ndarray, words=()) -> int:
-    """Puts a strip for each interval `[N, 2]`, seconds, of the sound `source`; earlier ones go.
+    """Adds a strip for each interval `[N, 2]`, seconds, of the sound `source`; earlier strips go.
 
-    `words` holds start, end and label of each word of its text. Returns the number of intervals.
+    `words` are start, end and label of each word of its text. Returns the number of intervals.
     """
     clear(scene, source.name)
     channel = 1 + max((strip.channel for strip in sequencer.all_strips(scene)), default=0)
@@ -57,8 +57,8 @@ def show(scene, source, closures: np.ndarray, words=()) -> int:
 
 
 def _row(scene, source, channel: int, labelled) -> list:
-    """Strips for start, end and label, one behind the other."""
-    fps, free, made = scene.render.fps / scene.render.fps_base, -np.inf, []
+    """Adds strips for start, end and label, one after the other."""
+    fps, free, strips = scene.render.fps / scene.render.fps_base, -np.inf, []
     start = round(source.start_frame)
     for start_s, end_s, label in labelled:
         first, last = (round(source.start_frame + at * fps) for at in (start_s, end_s))
@@ -68,34 +68,34 @@ def _row(scene, source, channel: int, labelled) -> list:
         strip.text, strip.mute = label, True
         strip[_SOUND], strip[_SECONDS] = source.name, [float(start_s), float(end_s)]
         strip[_FRAMES] = [first - start, last - start]
-        made.append(strip)
-    return made
+        strips.append(strip)
+    return strips
 
 
 def _word_of(closure, words) -> int | None:
-    """The number of the word that an interval is heard in: one with p, b or m before others."""
-    found = []
+    """The number of the word in which an interval is heard; words with p, b or m come first."""
+    candidates = []
     for number, (start_s, end_s, label) in enumerate(words):
         shared_s = min(closure[1], end_s) - max(closure[0], start_s - _EARLY_S)
         if shared_s > 0.0:
-            found.append((bool(_LIP_LETTERS.intersection(label)), shared_s, number))
-    return max(found)[-1] if found else None
+            candidates.append((bool(_LIP_LETTERS.intersection(label)), shared_s, number))
+    return max(candidates)[-1] if candidates else None
 
 
 def clear(scene, name: str) -> None:
-    """Takes the strips of a sound away."""
+    """Removes the strips of a sound."""
     for strip in _of(scene, name):
         sequencer.outer_strips(scene.sequence_editor).remove(strip)
 
 
 def read(scene, source) -> list[tuple[float, float, str]] | None:
     """Start and end in seconds, and the text, of each closure of a sound; None without strips."""
-    found = [(*now, strip.text.strip()) for strip, now in _closures(scene, source)]
-    return sorted(found) or ([] if _of(scene, source.name) else None)
+    closures = [(*now, strip.text.strip()) for strip, now in _closures(scene, source)]
+    return sorted(closures) or ([] if _of(scene, source.name) else None)
 
 
 def follow(scene, source) -> None:
-    """Lets closures go where their words went; from then on all are where they were put."""
+    """Moves closures along with their words; then all strips count as put where they are."""
     fps, start = scene.render.fps / scene.render.fps_base, round(source.start_frame)
     for strip, now in _closures(scene, source):
         if now != _times(scene, source, strip).now:
@@ -107,7 +107,7 @@ def follow(scene, source) -> None:
 
 
 def stretch_of_words(scene, source) -> tuple[float, float] | None:
-    """The frames between which words have moved, their old places too; None where none has."""
+    """The frames between which words have moved, with their old places; None where none has."""
     moved = [_times(scene, source, strip) for strip in _words(scene, source)]
     ends_s = [at for times in moved if times.moved for at in (*times.now, *times.was)]
     if not ends_s:
@@ -118,23 +118,23 @@ def stretch_of_words(scene, source) -> tuple[float, float] | None:
 
 
 def _closures(scene, source) -> list[tuple]:
-    """Each closure's strip, and its start and end in seconds where its word is now."""
+    """The strip of each closure, and its start and end in seconds after its word has moved."""
     words = {}
     for strip in _words(scene, source):
         words.setdefault(strip[_WORD], []).append(_times(scene, source, strip))
-    found = []
+    closures = []
     for strip in _of(scene, source.name):
         if _WORD in strip:
             continue
         times, word = _times(scene, source, strip), words.get(strip.get(_IN_WORD), [])
-        # Of a word that was copied nobody knows which of the two the closure is in.
+        # If a word was copied, its closure could be in either of the two.
         carried = len(word) == 1 and word[0].moved and not times.moved
-        found.append((strip, _carried(times.now, word[0]) if carried else times.now))
-    return found
+        closures.append((strip, _carried(times.now, word[0]) if carried else times.now))
+    return closures
 
 
 def _carried(interval: tuple[float, float], word: _Times) -> tuple[float, float]:
-    """Times in a word, seconds, where the word is now."""
+    """The times of an interval, seconds, after its word has moved."""
     rate = (word.now[1] - word.now[0]) / max(word.was[1] - word.was[0], 1e-3)
     start_s, end_s = (max(0.0, word.now[0] + rate * (at - word.was[0])) for at in interval)
     return start_s, end_s
@@ -146,12 +146,12 @@ def _times(scene, source, strip) -> _Times:
     exact = tuple(strip[_SECONDS])
     if was is None or ends == list(was):
         return _Times(exact, exact)
-    # Frames against frames: a word that is shifted keeps the lengths of what is in it.
+    # Both in frames: what lies in a shifted word keeps its length.
     return _Times(*(tuple(max(0.0, at / fps) for at in pair) for pair in (ends, was)))
 
 
 def _settle(strip, now: tuple[float, float], start: int) -> None:
-    """Where a strip is becomes where it was put."""
+    """Stores the present place of a strip as the place where it was put."""
     strip[_SECONDS] = [float(at) for at in now]
     strip[_FRAMES] = [at - start for at in sequencer.ends(strip)]
 
@@ -161,17 +161,17 @@ def _words(scene, source) -> list:
 
 
 def apart(labelled: list[tuple[float, float, str]]) -> list[tuple[float, float, str]]:
-    """The same intervals, each behind the one before: strips of two channels may overlap."""
-    found, free = [], 0.0
+    """The same intervals without overlaps: strips of two channels may overlap."""
+    intervals, free = [], 0.0
     for start_s, end_s, label in labelled:
         if end_s > max(start_s, free):
-            found.append((max(start_s, free), end_s, label or LABEL))
+            intervals.append((max(start_s, free), end_s, label or LABEL))
             free = end_s
-    return found
+    return intervals
 
 
 def shows(strip) -> bool:
-    """True for a strip that shows what is heard in a sound."""
+    """True for a strip that shows a sound."""
     return strip.get(_SOUND) is not None
 
 

@@ -1,4 +1,4 @@
-"""Several sound strips as one take, and what the panel says of a sound before it is used."""
+"""Several sound strips as one take, and the length of a sound for the panel."""
 
 import math
 import os
@@ -21,41 +21,41 @@ def chosen(scene, names: list[str], channel: int) -> list:
     """
     strips = sequencer.sound_strips(scene)
     if names:
-        found = [sequencer.sound_strip(scene, name) for name in names]
-        return sorted(found, key=lambda strip: sequencer.ends(strip)[0])
-    found = [strip for strip in strips if strip.channel == channel]
-    if not found:
+        selection = [sequencer.sound_strip(scene, name) for name in names]
+        return sorted(selection, key=lambda strip: sequencer.ends(strip)[0])
+    selection = [strip for strip in strips if strip.channel == channel]
+    if not selection:
         known = ", ".join(str(n) for n in sorted({strip.channel for strip in strips})) or "none"
         raise AnyfaceError(
             "audio",
             f"no sound strip on channel {channel} of {scene.name} (there are some on {known})",
         )
-    return found
+    return selection
 
 
 def named_in(name: str, objects: list):
-    """The object whose name stands anywhere in that of a strip, the longest one; or None."""
+    """The object whose name is part of a strip's name, the longest one; or None."""
     said, named = f" {_words(name)} ", [ob for ob in objects if _words(ob.name)]
     named = [ob for ob in named if f" {_words(ob.name)} " in said]
     return max(named, key=lambda ob: len(ob.name), default=None)
 
 
 def without_name(name: str, objects: list) -> str:
-    """A name without that of the object which stands in it: "Anna: smile" is "smile"."""
-    found = named_in(name, objects)
-    if found is None:
+    """A name without that of the object in it: "Anna: smile" becomes "smile"."""
+    ob = named_in(name, objects)
+    if ob is None:
         return name
-    letters = r"[\W_]*".join(map(re.escape, _words(found.name).split()))
+    letters = r"[\W_]*".join(map(re.escape, _words(ob.name).split()))
     return re.sub(rf"(?i)[\W_]*{letters}[\s:_.-]*", " ", name, count=1).strip()
 
 
 def _words(name: str) -> str:
-    """ "Anna_01.wav" is "anna 01 wav"."""
+    """Splits a name into words: "Anna_01.wav" becomes "anna 01 wav"."""
     return " ".join(re.findall(r"[^\W\d_]+|\d+", name.lower()))
 
 
 def as_one(scene, strips: list, decode: Decode) -> MixedSource:
-    """The strips as they play: each at its place, muted ones left out and named.
+    """The strips as they play, each at its place; muted ones are left out with a note.
 
     Raises `AnyfaceError("audio")` where all are muted.
     """
@@ -75,20 +75,20 @@ def as_one(scene, strips: list, decode: Decode) -> MixedSource:
 
 @dataclass
 class Length:
-    """What the panel shows of a sound: scene frames (the last one not included) and seconds."""
+    """The length of a sound for the panel: scene frames (without the last one) and seconds."""
 
     first: float
     last: float
     seconds: float
 
     def __str__(self) -> str:
-        # The last frame on which something is heard.
+        # The last frame in which something is heard.
         last = max(math.ceil(self.last) - 1, math.floor(self.first))
         return f"frames {self.first:g} to {last}, {self.seconds:.2f} s"
 
 
 def length_of(scene, strips: list, with_muted: bool = False) -> Length | None:
-    """Where strips begin and end; muted ones are left out unless `with_muted`. None without any."""
+    """Where strips begin and end, without muted ones unless `with_muted`; None without strips."""
     audible = [strip for strip in strips if with_muted or not strip.mute]
     if not audible:
         return None
@@ -98,7 +98,7 @@ def length_of(scene, strips: list, with_muted: bool = False) -> Length | None:
 
 
 def length_of_file(scene, path: str, start_frame: float) -> Length | None:
-    """Where a sound file ends that begins at `start_frame`; None where that is not known yet."""
+    """The length of a sound file that begins at `start_frame`; None where it is not known yet."""
     seconds = seconds_of(path)
     if seconds is None:
         return None
@@ -107,7 +107,7 @@ def length_of_file(scene, path: str, start_frame: float) -> Length | None:
 
 
 def seconds_of(path: str) -> float | None:
-    """Length of a sound file in seconds; None where that is not known before decoding."""
+    """The length of a sound file in seconds; None where it is not known before decoding."""
     full = bpy.path.abspath(path)
     if not path or not os.path.isfile(full):
         return None
@@ -115,14 +115,15 @@ def seconds_of(path: str) -> float | None:
 
 
 def duration_s(source) -> float | None:
-    """Length of a `SoundSource` or `MixedSource` in seconds, None where it is not known yet."""
+    """The length of a `SoundSource` or `MixedSource` in seconds; None where it is not known yet."""
     known = source.duration_s
     return seconds_of(getattr(source, "path", "")) if known is None else known
 
 
 @lru_cache(maxsize=32)
 def _seconds(path: str, _changed: int) -> float | None:
-    """Length of a sound file from its header; the panel asks at every redraw."""
+    """The length of a sound file from its header, cached since the panel reads it at every
+    redraw."""
     try:
         with wave.open(path, "rb") as file:
             return file.getnframes() / file.getframerate()
@@ -134,5 +135,5 @@ def _seconds(path: str, _changed: int) -> float | None:
         sound_file = aud.Sound(path)
         return sound_file.length / sound_file.specs[0]
     except Exception:
-        # Whatever the decoder says, the panel goes on; Generate tells what is wrong.
+        # The panel is drawn whatever the decoder raises; Generate reports the error.
         return None

@@ -1,1 +1,1 @@
-"""Takes: written, removed, kept beside others, changed, and made again in part."""
+"""Takes: how they are written, removed, kept beside others, changed, and redone in part."""

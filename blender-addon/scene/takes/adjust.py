@@ -1,4 +1,4 @@
-"""Changes a take that is there already: how strongly it moves, what it shows, and when."""
+"""Changes a finished take: how strongly it moves, what it shows, and when."""
 
 from functools import lru_cache
 
@@ -10,29 +10,30 @@ from ..animation import bezier, curves
 from ..shape_keys import guard, record, slider_changes
 from . import together
 
-# What a take of named shapes can change on its own: beginnings of the shapes' names.
+# Groups of named shapes that can be scaled alone, by the beginnings of the shapes' names.
 GROUPS = {
     "mouth": ("jaw", "mouth", "tongue", "viseme_"),
     "blinks": ("eyeBlink",),
     "brows": ("brow",),
 }
-# Weights below this are rounding.
+# Weights below this are rounding errors.
 _NOTHING = 1e-6
 _NAMED = "it acts on New Keys; scale mouth, blinks and brows instead"
 _OLDER = "the take was made by an earlier version: generate again"
 
 
-def adjust(ob, **wanted: float) -> None:
+def adjust(ob, **changes: float) -> None:
     """Changes the take of `ob` and of the objects beside it.
 
-    `strength` scales all of it, a name of `GROUPS` those shapes, `shift` moves it by scene frames;
-    a name of `sliders.NAMES` changes basis keys as a new run would, within its limits, where
-    `why_not` has no objection. All count from the take as it was made; what is not named stays.
+    `strength` scales all motion, and `shift` moves it by scene frames. A name of `GROUPS` scales
+    those shapes. A name of `sliders.NAMES` changes basis keys as a new run would, within its
+    limits, where `why_not` has no objection. All count from the take as it was made; what is not
+    named stays.
     """
     copies.settle()
     for part in (ob, *together.others_of(ob)):
         if record.is_generated(part):
-            _adjust(part, wanted)
+            _adjust(part, changes)
 
 
 def has_take(ob) -> bool:
@@ -47,11 +48,11 @@ def is_named(ob) -> bool:
 
 
 def names_of(ob) -> tuple[str, ...]:
-    """What the panel shows of a take beside its strength: sliders, or groups of shapes."""
+    """The names that the panel shows beside the strength: sliders, or groups of shapes."""
     if is_named(ob):
         return tuple(groups_of(record.read(ob.data.shape_keys)))
-    taken = record.read(ob.data.shape_keys) if record.is_generated(ob) else None
-    still = taken.still if taken is not None else {}
+    take_record = record.read(ob.data.shape_keys) if record.is_generated(ob) else None
+    still = take_record.still if take_record is not None else {}
     return tuple(name for name in sliders.NAMES if still.get(name) != sliders.NONE)
 
 
@@ -62,64 +63,75 @@ def why_not(ob, name: str) -> str:
         return "there is no take: generate one"
     if output.finished:
         return output.finished
-    taken = record.read(ob.data.shape_keys)
+    take_record = record.read(ob.data.shape_keys)
     if not output.as_basis:
-        return "" if name in groups_of(taken) else _NAMED
-    if name in slider_changes.read(ob.data.shape_keys, taken):
+        return "" if name in groups_of(take_record) else _NAMED
+    if name in slider_changes.read(ob.data.shape_keys, take_record):
         return ""
-    return taken.still.get(name, _OLDER)
+    return take_record.still.get(name, _OLDER)
 
 
-def groups_of(taken: record.Record) -> list[str]:
-    """The groups that a take has shapes of."""
-    found = [_group(taken.shown.get(name, name)) for name in (*taken.keys, *taken.values)]
-    return [name for name in GROUPS if name in found]
+def groups_of(take_record: record.Record) -> list[str]:
+    """The groups of which a take has shapes."""
+    groups = [
+        _group(take_record.shown.get(name, name))
+        for name in (*take_record.keys, *take_record.values)
+    ]
+    return [name for name in GROUPS if name in groups]
 
 
-def _adjust(ob, wanted: dict[str, float]) -> None:
-    guard.own(ob)
+def _adjust(ob, changes: dict[str, float]) -> None:
+    guard.unshare(ob)
     shape_keys = ob.data.shape_keys
-    taken = record.read(shape_keys)
-    before, shift = dict(taken.adjusted), taken.adjusted.get("shift", 0.0)
-    found, output = slider_changes.read(shape_keys, taken), outputs.of_record(taken)
-    taken.adjusted |= _possible(wanted, output, found)
-    moved = taken.adjusted.get("shift", 0.0) - shift
-    added = _added(found, before, taken.adjusted)
+    take_record = record.read(shape_keys)
+    before, shift = dict(take_record.adjusted), take_record.adjusted.get("shift", 0.0)
+    take_sliders, output = (
+        slider_changes.read(shape_keys, take_record),
+        outputs.of_record(take_record),
+    )
+    take_record.adjusted |= _possible(changes, output, take_sliders)
+    moved = take_record.adjusted.get("shift", 0.0) - shift
+    added = _added(take_sliders, before, take_record.adjusted)
     if added is not None:
-        frames = taken.first_frame + shift + taken.frame_step * np.arange(len(added))
+        frames = take_record.first_frame + shift + take_record.frame_step * np.arange(len(added))
     bag = curves.channels(shape_keys.animation_data)
-    made = {curve.data_path: curve for curve in bag.fcurves} if bag is not None else {}
-    if "eval_time" in made:
-        _change(made["eval_time"], 1.0, moved)
-    for number, name in enumerate((*taken.keys, *taken.values) if not output.finished else ()):
-        shown = taken.shown.get(name, name)
-        now, block = factor(shown, taken.adjusted), shape_keys.key_blocks.get(name)
-        if block is None or curves.value_path(name) not in made:
+    fcurves = {curve.data_path: curve for curve in bag.fcurves} if bag is not None else {}
+    if "eval_time" in fcurves:
+        _change(fcurves["eval_time"], 1.0, moved)
+    for number, name in enumerate(
+        (*take_record.keys, *take_record.values) if not output.finished else ()
+    ):
+        shown = take_record.shown.get(name, name)
+        now, block = factor(shown, take_record.adjusted), shape_keys.key_blocks.get(name)
+        if block is None or curves.value_path(name) not in fcurves:
             continue
         more = None if added is None else (frames, now * added[:, number])
-        low, high = _change(made[curves.value_path(name)], now / factor(shown, before), moved, more)
-        if name in taken.keys:
+        low, high = _change(
+            fcurves[curves.value_path(name)], now / factor(shown, before), moved, more
+        )
+        if name in take_record.keys:
             block.slider_min, block.slider_max = min(block.slider_min, low), max(1.0, high)
-    record.write(shape_keys, taken)
+    record.write(shape_keys, take_record)
 
 
-def _possible(wanted, output, found) -> dict[str, float]:
-    """What is wanted and can be; of basis keys within the limits of their sliders."""
+def _possible(changes, output, take_sliders) -> dict[str, float]:
+    """Those of `changes` that can be applied; basis keys stay within the limits of their
+    sliders."""
     if not output.as_basis:
         groups = ("strength", "shift", *GROUPS)
-        return {name: value for name, value in wanted.items() if name in groups}
+        return {name: value for name, value in changes.items() if name in groups}
     limited = {
-        name: min(max(wanted[name], change.limits[0]), change.limits[1])
-        for name, change in found.items()
-        if name in wanted and name in sliders.NAMES
+        name: min(max(changes[name], change.limits[0]), change.limits[1])
+        for name, change in take_sliders.items()
+        if name in changes and name in sliders.NAMES
     }
-    return {name: wanted[name] for name in ("strength", "shift") if name in wanted} | limited
+    return {name: changes[name] for name in ("strength", "shift") if name in changes} | limited
 
 
-def _added(found, before, after) -> np.ndarray | None:
-    """What sliders that stand elsewhere than before add to the weights, `[T, K]`; None for none."""
+def _added(take_sliders, before, after) -> np.ndarray | None:
+    """What sliders that have moved add to the weights, `[T, K]`; None where none has moved."""
     moved = []
-    for name, change in found.items():
+    for name, change in take_sliders.items():
         old, new = sliders.place(name, before), sliders.place(name, after)
         if old != new:
             moved.append(change.at(new) - change.at(old))
@@ -127,7 +139,7 @@ def _added(found, before, after) -> np.ndarray | None:
 
 
 def factor(name: str, adjusted: dict[str, float]) -> float:
-    """By how much a shape of a take was scaled."""
+    """The factor by which a shape of a take was scaled."""
     return adjusted.get("strength", 1.0) * adjusted.get(_group(name), 1.0)
 
 
@@ -140,10 +152,11 @@ def _group(key: str) -> str:
 
 
 def _change(curve, factor: float, moved: float, more=None) -> tuple[float, float]:
-    """Scales a curve, adds `more` (values at frames `[T]`, before they move), moves it in time.
+    """Scales a curve, adds `more` to it, and moves it in time.
 
-    Keyframes that the artist has moved or added go along; outside the take nothing is added.
-    Returns the lowest and the highest value.
+    `more` holds frames `[T]`, before they move, and the values to add at them. Keyframes that the
+    artist has moved or added change too; outside the take nothing is added. Returns the lowest and
+    the highest value.
     """
     if bezier.is_sparse(curve):
         return bezier.change(curve, factor, moved, more)
@@ -155,7 +168,7 @@ def _change(curve, factor: float, moved: float, more=None) -> tuple[float, float
         half = 0.5 * (frames[1] - frames[0]) if len(frames) > 1 else 0.5
         inside = (points[0::2] > frames[0] - half) & (points[0::2] < frames[-1] + half)
         points[1::2] += inside * np.interp(points[0::2], frames, added)
-    # Blender passes over keys at exactly 0.
+    # Blender skips keys whose value is exactly 0.
     points[1::2] *= np.abs(points[1::2]) > _NOTHING
     points[0::2] += moved
     curves.put(curve, {"co": points})

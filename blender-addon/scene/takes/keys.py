@@ -13,7 +13,8 @@ from . import remove
 
 
 def check(ob, take: Take) -> None:
-    """Raises `AnyfaceError` where its output objects, or the mesh has changed since it was read."""
+    """Raises `AnyfaceError` where the output refuses `ob`, or its mesh has changed since it was
+    read."""
     outputs.of_take(take).check_object(ob)
     if take.motion.vectors is not None:
         guard.check_size(ob, take.motion.vectors.shape[1])
@@ -22,7 +23,7 @@ def check(ob, take: Take) -> None:
 def prepare(ob, take: Take, start_frame: float, scene_fps: float):
     """Makes the curves of a take beforehand, yielding after each; returns `curves.Prepared`.
 
-    Closed before its end it leaves nothing.
+    If it is closed before its end, it leaves nothing.
     """
     if take.motion.weights is None:
         return None
@@ -44,38 +45,38 @@ def _times(take: Take, start_frame: float, scene_fps: float) -> np.ndarray:
 def write(ob, take: Take, start_frame: float, scene_fps: float) -> record.Record:
     """Puts `take` on `ob` with its first frame at `start_frame`; an earlier take goes.
 
-    Nothing is written where `check` objects.
+    Nothing is written where `check` raises.
     """
     return at_once(writing(ob, take, start_frame, scene_fps, None))
 
 
 def writing(ob, take: Take, start_frame: float, scene_fps: float, prepared: curves.Prepared | None):
-    """The same in steps with curves that were `prepared`: keys, then curves; yields `BEGUN`.
+    """Writes like `write`, in steps: keys, then curves, which may be `prepared`; yields `BEGUN`.
 
-    Between the steps Blender evaluates what there is: both at once would take it too long.
+    Between the steps Blender evaluates the scene. Keys and curves at once would take too long.
     """
     check(ob, take)
     output, at = outputs.of_take(take), _times(take, start_frame, scene_fps)
     with guard.object_mode(ob):
         remove_earlier(ob)
         with guard.selection_kept(ob):
-            taken = record.Record(output.name)
-            taken.prepared = prepared
-            guard.make_single_user(ob, taken)
-            record.write(ob.data.shape_keys, taken)
-            output.write(ob, take, mesh.read_basis(ob.data), at, taken)
-            record.write(ob.data.shape_keys, taken)
+            take_record = record.Record(output.name)
+            take_record.prepared = prepared
+            guard.make_single_user(ob, take_record)
+            record.write(ob.data.shape_keys, take_record)
+            output.write(ob, take, mesh.read_basis(ob.data), at, take_record)
+            record.write(ob.data.shape_keys, take_record)
             ob.data.update()
-    if taken.waiting is not None:
+    if take_record.waiting is not None:
         yield BEGUN
-        for _ in play(ob, taken):
+        for _ in play(ob, take_record):
             yield BEGUN
-        record.write(ob.data.shape_keys, taken)
-    return taken
+        record.write(ob.data.shape_keys, take_record)
+    return take_record
 
 
 def remove_earlier(ob) -> None:
-    """Takes away the take that a new one replaces."""
+    """Removes the take that a new one replaces."""
     for output in outputs.ALL:
         if output.on_mesh:
             output.remove(ob)

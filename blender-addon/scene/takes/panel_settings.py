@@ -1,65 +1,67 @@
-"""The panel's settings of a character as plain values, kept with each take."""
+"""The panel's settings of a character as plain values, stored with each take."""
 
 from ...core.heard_emotion import HeardEmotion
 from .. import outputs
 from ..shape_keys import record
 
-# Property groups of an object; those of the output that act on a take are no settings.
+# Property groups of an object, without those of the output that change a finished take.
 GROUPS = ("anyface", "anyface_audio", "anyface_life_settings")
 _REPORT, _LAST, _DETAILS = "report", "last_frame", "report_details"
-# What shows a setting in another way.
+# Properties that show a setting in another way.
 _SHOWN = ("emotion_face",)
 _KINDS = {"BOOLEAN", "INT", "FLOAT", "STRING", "ENUM"}
 
 
 def read(ob) -> dict:
-    """The settings by group and name; chosen strips by their names."""
-    found = {name: _values(getattr(ob, name)) for name in GROUPS}
-    found["chosen"] = [row.name for row in ob.anyface_audio.chosen]
-    return found
+    """The settings by group and name; the chosen strips by their names."""
+    values = {name: _values(getattr(ob, name)) for name in GROUPS}
+    values["chosen"] = [row.name for row in ob.anyface_audio.chosen]
+    return values
 
 
-def note(ob, asked: dict, report: str, heard_emotion: HeardEmotion | None = None) -> None:
-    """Keeps settings, what was said of the result, its last frame, and the emotion that was heard,
-    with the take that plays on `ob`."""
-    taken = record.read(ob.data.shape_keys) if outputs.has_take(ob) else None
-    if taken is not None:
-        taken.asked = {
-            **asked,
+def note(ob, settings: dict, report: str, heard_emotion: HeardEmotion | None = None) -> None:
+    """Stores settings and results with the take that plays on `ob`.
+
+    The results are the report, the last frame, and the emotion that was heard.
+    """
+    take_record = record.read(ob.data.shape_keys) if outputs.has_take(ob) else None
+    if take_record is not None:
+        take_record.asked = {
+            **settings,
             _REPORT: report,
             _LAST: ob.anyface.last_frame,
             _DETAILS: ob.anyface.report_details,
         }
         if heard_emotion is not None:
-            taken.heard_emotion = heard_emotion.to_plain()
-        record.write(ob.data.shape_keys, taken)
+            take_record.heard_emotion = heard_emotion.to_plain()
+        record.write(ob.data.shape_keys, take_record)
 
 
 def bring_back(ob) -> None:
-    """Sets the panel to what the playing take was made with; curves on settings stay."""
-    taken = record.read(ob.data.shape_keys)
-    asked = taken.asked if taken is not None else {}
-    if "emotion" in asked.get("anyface", {}):
+    """Sets the panel to the settings of the playing take; curves on settings stay."""
+    take_record = record.read(ob.data.shape_keys)
+    settings = take_record.asked if take_record is not None else {}
+    if "emotion" in settings.get("anyface", {}):
         # Takes of earlier versions have one emotion.
         ob.anyface.mixed = ""
     for name in GROUPS:
-        _set(getattr(ob, name), asked.get(name, {}))
-    if "chosen" in asked:
+        _set(getattr(ob, name), settings.get(name, {}))
+    if "chosen" in settings:
         ob.anyface_audio.chosen.clear()
-        for name in asked["chosen"]:
+        for name in settings["chosen"]:
             ob.anyface_audio.chosen.add().name = name
-    if _REPORT in asked:
-        ob.anyface.report, ob.anyface.report_is_error = asked[_REPORT], False
-    ob.anyface.last_frame = asked.get(_LAST, 0)
-    ob.anyface.report_details = asked.get(_DETAILS, "")
+    if _REPORT in settings:
+        ob.anyface.report, ob.anyface.report_is_error = settings[_REPORT], False
+    ob.anyface.last_frame = settings.get(_LAST, 0)
+    ob.anyface.report_details = settings.get(_DETAILS, "")
 
 
 def _values(group) -> dict:
     names = [p.identifier for p in group.bl_rna.properties if p.type in _KINDS]
-    own = [name for name in names if not group.is_property_readonly(name)]
+    writable = [name for name in names if not group.is_property_readonly(name)]
     return {
         name: getattr(group, name)
-        for name in own
+        for name in writable
         if name not in ("name", _REPORT, _LAST, _DETAILS, *_SHOWN)
     }
 

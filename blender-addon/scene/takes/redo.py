@@ -1,4 +1,4 @@
-"""Makes the frames between two markers of a take again; every keyframe outside stays as it is."""
+"""Redoes the frames between two markers of a take; every keyframe outside stays as it is."""
 
 import numpy as np
 
@@ -20,16 +20,17 @@ _NO_RANGE = (
     "no stretch to redo: move a word, set a preview range (P), or put a marker (M) before and "
     "behind it"
 )
-# What moves by less looks the same: twice the error of a take, mm.
+# A smaller motion looks the same: twice the error of a take, mm.
 _NOTHING_MM = 0.2
 _REDONE = "a stretch of the take was redone: generate again"
 
 
 def between(scene, source=None) -> tuple[float, float]:
-    """The frames that *Redo* is about: the preview range, two selected markers, where words of the
-    sound `source` have moved, or the markers before and behind the current frame.
+    """The frames that *Redo* changes.
 
-    Raises `AnyfaceError("input")` where there are none.
+    They lie in the preview range, between two selected markers, where words of the sound `source`
+    have moved, or between the markers around the current frame, whichever applies first. Raises
+    `AnyfaceError("input")` where none does.
     """
     if scene.use_preview_range:
         return float(scene.frame_preview_start), float(scene.frame_preview_end)
@@ -53,13 +54,14 @@ def why_not(ob) -> str:
 
 
 def _output_of(ob):
-    """The output whose take is meant: what moves the mesh, else a table."""
-    made = outputs.of_object(ob)
-    return made or next((output for output in outputs.ALL if output.find(ob)), None)
+    """The output whose take is redone: the one that moves the mesh, or else a table."""
+    of_mesh = outputs.of_object(ob)
+    return of_mesh or next((output for output in outputs.ALL if output.find(ob)), None)
 
 
 def read(ob, scene, settings, engine) -> redo.Redo | FilmRedo:
-    """Reads what a stretch is made of with the panel's settings; raises `AnyfaceError`."""
+    """Reads everything that is needed to redo a stretch with the panel's settings; raises
+    `AnyfaceError`."""
     copies.settle()
     output = _output_of(ob)
     if output is None:
@@ -71,49 +73,49 @@ def read(ob, scene, settings, engine) -> redo.Redo | FilmRedo:
     snapshot.request.error_mm = None
     if not output.redoes:
         return redo_film.read(ob, output, snapshot, between(scene, snapshot.source))
-    found = [ob, *together.others_of(ob)]
-    keys = [_keys_of(part) for part in found if _takes_part(snapshot.face, ob, part)]
-    wanted = redo.Redo(snapshot, range(0), keys)
-    stretch, start, step = _stretch(ob, wanted, scene)
-    wanted.rows = redo.rows_of(stretch, start, step)
-    return wanted
+    parts = [ob, *together.others_of(ob)]
+    keys = [_keys_of(part) for part in parts if _takes_part(snapshot.face, ob, part)]
+    job = redo.Redo(snapshot, range(0), keys)
+    stretch, start, step = _stretch(ob, job, scene)
+    job.rows = redo.rows_of(stretch, start, step)
+    return job
 
 
-def landing(ob, scene, wanted: redo.Redo | FilmRedo, made):
-    """Writes what was made, in steps like `bake.landing`; returns in one line what was done."""
-    if isinstance(wanted, FilmRedo):
-        text = yield from redo_film.landing(ob, wanted, made)
-        sounds.follow(scene, wanted.snapshot.source)
+def landing(ob, scene, job: redo.Redo | FilmRedo, result):
+    """Writes the result in steps like `bake.landing`; returns one line about what it did."""
+    if isinstance(job, FilmRedo):
+        text = yield from redo_film.landing(ob, job, result)
+        sounds.follow(scene, job.snapshot.source)
         return text
-    text = write(ob, scene, wanted, made)
+    text = write(ob, scene, job, result)
     yield BEGUN
     return text
 
 
-def write(ob, scene, wanted: redo.Redo, made: redo.Redone) -> str:
-    """Puts the new stretch into the curves; returns in one line what was done."""
-    bake.follow_names(wanted.snapshot, ())
-    stretch, start, step = _stretch(ob, wanted, scene)
-    at = start + step * (wanted.rows.start + np.arange(made.frames))
+def write(ob, scene, job: redo.Redo, result: redo.Redone) -> str:
+    """Puts the new stretch into the curves; returns one line about what it did."""
+    bake.follow_names(job.snapshot, ())
+    stretch, start, step = _stretch(ob, job, scene)
+    at = start + step * (job.rows.start + np.arange(result.frames))
     parts = {part.name: part for part in (ob, *together.others_of(ob))}
-    by_mm = made.unit_mm * max(_change(parts[k.name], k, made, at, stretch) for k in wanted.keys)
-    limits = {keys.name: _limits(wanted.snapshot, keys, made.unit_mm) for keys in wanted.keys}
-    engine = wanted.snapshot.engine
+    by_mm = result.unit_mm * max(_change(parts[k.name], k, result, at, stretch) for k in job.keys)
+    limits = {keys.name: _limits(job.snapshot, keys, result.unit_mm) for keys in job.keys}
+    engine = job.snapshot.engine
     changed = [
         _write(parts[name], fit, at, stretch, _Fewer(engine, limits[name]))
-        for name, fit in made.fits.items()
+        for name, fit in result.fits.items()
     ]
     if not any(changed):
         raise AnyfaceError("mesh", "the take has no keyframe there: has it been moved?")
-    if made.life is not None:
-        settings = wanted.snapshot.settings
-        head_and_eyes.redo(ob, made.life, settings, at, lambda *c: curves.splice(*c, stretch))
-    more = sum(len(fit.more) for fit in made.fits.values())
-    sounds.follow(scene, wanted.snapshot.source)
+    if result.life is not None:
+        settings = job.snapshot.settings
+        head_and_eyes.redo(ob, result.life, settings, at, lambda *c: curves.splice(*c, stretch))
+    more = sum(len(fit.more) for fit in result.fits.values())
+    sounds.follow(scene, job.snapshot.source)
     text = f"frames {stretch.first:g} to {stretch.last:g} redone"
     if by_mm < _NOTHING_MM:
         return f"{text} as they were: change the seed, the emotion or the strips first"
-    left_out = max(fit.left_out for fit in made.fits.values())
+    left_out = max(fit.left_out for fit in result.fits.values())
     by = wording.length(by_mm, mesh.is_of_human_size(ob))
     text += f", other by {by} at most" + (f", {more} more keys" if more else "")
     return text + (f", keys show {1.0 - left_out:.0%} of it" if left_out > 0.1 else "")
@@ -124,108 +126,113 @@ def _takes_part(face, ob, part) -> bool:
 
 
 def _keys_of(part) -> redo.ObjectKeys:
-    """The keys of the take on one object that are there."""
+    """The existing keys of the take on one object."""
     shape_keys = part.data.shape_keys
-    taken = record.read(shape_keys)
-    names = list(_curves(part, taken))
+    take_record = record.read(shape_keys)
+    names = list(_curves(part, take_record))
     rest = mesh.read_basis(part.data)
     blocks = [shape_keys.key_blocks[name] for name in names]
     vectors = [mesh.read_key(block) - mesh.read_key(block.relative_key) for block in blocks]
-    shapes = [taken.shown.get(name, name) for name in names]
-    free = outputs.of_record(taken).as_basis
+    shapes = [take_record.shown.get(name, name) for name in names]
+    free = outputs.of_record(take_record).as_basis
     factors = [
-        taken.factors.get(name, {shape: 1.0}) for name, shape in zip(names, shapes, strict=True)
+        take_record.factors.get(name, {shape: 1.0})
+        for name, shape in zip(names, shapes, strict=True)
     ]
     moves = np.array(vectors).reshape(-1, *rest.shape)
     return redo.ObjectKeys(part.name, shapes, moves, free, factors)
 
 
-def _stretch(ob, wanted: redo.Redo, scene) -> tuple[redo.Stretch, float, float]:
-    """The stretch, the scene frame at which the take begins and how far its frames lie apart."""
-    snapshot, taken = wanted.snapshot, record.read(ob.data.shape_keys)
-    start = snapshot.source.start_frame + taken.adjusted.get("shift", 0.0)
+def _stretch(ob, job: redo.Redo, scene) -> tuple[redo.Stretch, float, float]:
+    """The stretch, the scene frame at which the take begins, and the distance of its frames."""
+    snapshot, take_record = job.snapshot, record.read(ob.data.shape_keys)
+    start = snapshot.source.start_frame + take_record.adjusted.get("shift", 0.0)
     step = snapshot.scene_fps / snapshot.request.fps
-    found = [curve.range()[1] for curve in _curves(ob, taken).values()]
-    if not found:
+    last_frames = [curve.range()[1] for curve in _curves(ob, take_record).values()]
+    if not last_frames:
         raise AnyfaceError("mesh", "the take has no curves any more: generate again")
-    # The last keyframe is one of rest, behind the last frame of the sound.
-    ends = max(found) - curves.EASE_S * snapshot.scene_fps
+    # The last keyframe is at rest, behind the last frame of the sound.
+    ends = max(last_frames) - curves.EASE_S * snapshot.scene_fps
     stretch = redo.Stretch(*between(scene, snapshot.source), start, ends, snapshot.scene_fps)
     return stretch, start, step
 
 
-def _curves(part, taken) -> dict:
+def _curves(part, take_record) -> dict:
     """The curves of a take's keys on one object by name, in the order of the keys."""
     shape_keys = part.data.shape_keys
-    names = [name for name in (*taken.keys, *taken.values) if name in shape_keys.key_blocks]
+    names = [
+        name for name in (*take_record.keys, *take_record.values) if name in shape_keys.key_blocks
+    ]
     paths = {name: curves.value_path(name) for name in names}
-    found = {name: curves.find(shape_keys.animation_data, path) for name, path in paths.items()}
-    return {name: curve for name, curve in found.items() if curve is not None}
+    fcurves = {name: curves.find(shape_keys.animation_data, path) for name, path in paths.items()}
+    return {name: curve for name, curve in fcurves.items() if curve is not None}
 
 
-def _change(part, keys: redo.ObjectKeys, made: redo.Redone, at, stretch) -> float:
-    """How far the new weights move any vertex of an object from where it was, object units."""
-    taken = record.read(part.data.shape_keys)
-    was = np.array([bezier.sample(curve, at) for curve in _curves(part, taken).values()]).T
-    scale = [adjust.factor(shape, taken.adjusted) for shape in keys.shapes]
+def _change(part, keys: redo.ObjectKeys, result: redo.Redone, at, stretch) -> float:
+    """The largest distance by which the new weights move a vertex of an object, object units."""
+    take_record = record.read(part.data.shape_keys)
+    was = np.array([bezier.sample(curve, at) for curve in _curves(part, take_record).values()]).T
+    scale = [adjust.factor(shape, take_record.adjusted) for shape in keys.shapes]
     shares = stretch.shares(at)[:, None]
-    return redo.moved_by(keys, shares * (made.fits[keys.name].weights * scale - was))
+    return redo.moved_by(keys, shares * (result.fits[keys.name].weights * scale - was))
 
 
 class _Fewer:
-    """Says which frames of a stretch get keys; `limits` `[K]` are those of the curves."""
+    """Chooses which frames of a stretch get keys; `limits` `[K]` are those of the curves."""
 
     def __init__(self, engine, limits: np.ndarray):
         self._engine, self._limits = engine, limits
 
     def of(self, number: int):
-        """The function for a curve."""
+        """The function that chooses for one curve."""
         limit = self._limits[number : number + 1]
         return lambda values: self._engine.few_keys_each(values[:, None], limit)[0]
 
 
 def _limits(snapshot, keys: redo.ObjectKeys, unit_mm: float) -> np.ndarray:
-    """How far each curve of a stretch may be off alone, `[K]`, for all to stay within the limit."""
+    """The tolerance of each curve of a stretch, `[K]`, with which all together stay within the
+    limit."""
     sizes = np.sqrt((keys.vectors**2).sum(axis=2).max(axis=1, initial=0.0)) * unit_mm
     return sparse.ALONE * snapshot.settings.curves_mm / np.maximum(sizes, 1e-9)
 
 
 def _write(part, fit: redo.Fit, at, stretch: redo.Stretch, fewer: _Fewer) -> bool:
-    """Puts new weights into the curves of one object; False where no keyframe lies there."""
-    guard.own(part)
+    """Puts new weights into the curves of one object; False where no keyframe lies in the
+    stretch."""
+    guard.unshare(part)
     shape_keys = part.data.shape_keys
-    taken = record.read(shape_keys)
-    made, changed = _curves(part, taken), False
-    pairs = zip(made.items(), fit.weights.T, strict=True)
+    take_record = record.read(shape_keys)
+    fcurves, changed = _curves(part, take_record), False
+    pairs = zip(fcurves.items(), fit.weights.T, strict=True)
     for number, ((name, curve), column) in enumerate(pairs):
-        column = column * adjust.factor(taken.shown.get(name, name), taken.adjusted)
+        column = column * adjust.factor(take_record.shown.get(name, name), take_record.adjusted)
         if not curves.splice(curve, at, column, stretch, fewer.of(number)):
             continue
         block, changed = shape_keys.key_blocks[name], True
         block.slider_min = min(block.slider_min, float(column.min()))
         block.slider_max = max(block.slider_max, float(column.max()))
     if changed:
-        _add(part, taken, fit, at, stretch)
-        slider_changes.clear(shape_keys, taken)
-        taken.still = dict.fromkeys(sliders.NAMES, _REDONE)
-        record.write(shape_keys, taken)
+        _add(part, take_record, fit, at, stretch)
+        slider_changes.clear(shape_keys, take_record)
+        take_record.still = dict.fromkeys(sliders.NAMES, _REDONE)
+        record.write(shape_keys, take_record)
         part.data.update()
     return changed
 
 
-def _add(part, taken, fit: redo.Fit, at: np.ndarray, stretch: redo.Stretch) -> None:
-    """Keys for what those of the take cannot show; at rest outside the stretch."""
+def _add(part, take_record, fit: redo.Fit, at: np.ndarray, stretch: redo.Stretch) -> None:
+    """Adds keys for what the keys of the take cannot show; they rest outside the stretch."""
     if not len(fit.more):
         return
-    strength = adjust.factor("", taken.adjusted)
-    bag = curves.key_channels(part, taken)
-    earliest = min(curve.range()[0] for curve in _curves(part, taken).values())
+    strength = adjust.factor("", take_record.adjusted)
+    bag = curves.key_channels(part, take_record)
+    earliest = min(curve.range()[0] for curve in _curves(part, take_record).values())
     frames = curves.with_rest(at, stretch.fps, earliest)
     with guard.object_mode(part), guard.selection_kept(part):
         rest, shares = mesh.read_basis(part.data), stretch.shares(at)
         for vector, column in zip(fit.more, fit.more_weights.T, strict=True):
-            block = mesh.add_key(part, f"{PREFIX}.{len(taken.keys) + 1:03d}", rest + vector)
+            block = mesh.add_key(part, f"{PREFIX}.{len(take_record.keys) + 1:03d}", rest + vector)
             block.slider_min = -1.0
-            taken.keys.append(block.name)
+            take_record.keys.append(block.name)
             values = curves.from_rest(shares * column * strength, frames)
             curves.write(bag, curves.value_path(block.name), frames, values)

@@ -1,4 +1,4 @@
-"""Makes a stretch of a take again that is kept frame by frame, or lies on a rig."""
+"""Redoes a stretch of a take that is stored frame by frame, or lies on a rig."""
 
 import numpy as np
 
@@ -13,18 +13,19 @@ from . import together
 
 
 def read(ob, output, snapshot, bounds: tuple[float, float]) -> FilmRedo:
-    """Reads what the frames of the scene between `bounds` are made of; raises `AnyfaceError`."""
+    """Reads everything that is needed to redo the scene's frames between `bounds`; raises
+    `AnyfaceError`."""
     stretch, rows, at = _where(ob, output, snapshot, bounds)
     plan = output.redo_plan(ob, snapshot, rows.start, stretch.of_keyframes(at))
     return FilmRedo(snapshot, rows, plan, bounds)
 
 
-def landing(ob, wanted: FilmRedo, take: Take):
-    """Writes the frames in steps; returns in one line what was done."""
-    snapshot = wanted.snapshot
+def landing(ob, job: FilmRedo, take: Take):
+    """Writes the frames in steps; returns one line about what it did."""
+    snapshot = job.snapshot
     bake.follow_names(snapshot, take.motion.files)
     output = outputs.of(snapshot.settings.mode)
-    stretch, rows, at = _where(ob, output, snapshot, wanted.bounds)
+    stretch, rows, at = _where(ob, output, snapshot, job.bounds)
     parts = [ob, *together.others_of(ob)]
     yield from output.redo_write(parts, snapshot, take, rows.start, at, stretch)
     if take.life is not None:
@@ -37,7 +38,7 @@ def landing(ob, wanted: FilmRedo, take: Take):
 
 
 def _where(ob, output, snapshot, bounds) -> tuple[redo.Stretch, range, np.ndarray]:
-    """The stretch, its frames of the take, and the frames of the scene at which these lie."""
+    """The stretch, its frames of the take, and the scene frames at which they lie."""
     start, step, count = output.span(ob, snapshot)
     ends = start + (count - 1) * step
     stretch = redo.Stretch(*bounds, start, ends, snapshot.scene_fps)

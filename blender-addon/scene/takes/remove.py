@@ -10,10 +10,10 @@ from ..shape_keys import artist_keys, guard, record, slider_changes
 
 
 def remove(ob) -> bool:
-    """Takes the generated keys, curves, action and copies away; False where there were none.
+    """Removes the generated keys, curves, action and copies; False where there were none.
 
-    A generated key that was renamed belongs to the artist and stays, at rest and without its curve,
-    as do keys, curves and drivers that were added since. A mesh or action that had been shared is
+    A generated key that was renamed belongs to the artist: it stays, at rest and without its curve.
+    So do keys, curves and drivers that were added since. A mesh or action that had been shared is
     shared again, unless somebody has changed the copy.
     """
     if not record.is_generated(ob):
@@ -21,90 +21,95 @@ def remove(ob) -> bool:
     if ob.library is not None or ob.data.library is not None:
         raise AnyfaceError("mesh", f"{ob.name} is linked: remove the take in its own file")
     with guard.object_mode(ob), guard.selection_kept(ob):
-        guard.own(ob)
-        taken = record.read(ob.data.shape_keys)
+        guard.unshare(ob)
+        take_record = record.read(ob.data.shape_keys)
         record.clear(ob.data.shape_keys)
-        slider_changes.clear(ob.data.shape_keys, taken)
-        _inherit(ob.data.shape_keys, taken)
-        _remove_curves(ob.data.shape_keys, taken)
-        shared = _original(ob.data.shape_keys, record.SHARED_MESH, taken.shared_mesh_print)
-        _remove_keys(ob, taken)
-        _share_mesh_again(ob, shared, taken)
+        slider_changes.clear(ob.data.shape_keys, take_record)
+        _inherit(ob.data.shape_keys, take_record)
+        _remove_curves(ob.data.shape_keys, take_record)
+        shared = _original(ob.data.shape_keys, record.SHARED_MESH, take_record.shared_mesh_print)
+        _remove_keys(ob, take_record)
+        _share_mesh_again(ob, shared, take_record)
     ob.data.update()
     return True
 
 
-def _inherit(shape_keys, taken: record.Record) -> None:
-    """What was made once for all takes is undone with the last of them."""
-    kept = record.read_kept(shape_keys)
-    if not kept:
+def _inherit(shape_keys, take_record: record.Record) -> None:
+    """Passes what was added once for all takes on to a take that waits; the last take undoes it."""
+    waiting = record.read_kept(shape_keys)
+    if not waiting:
         return
     for name in ("made_keys", "made_animation_data", "shared_mesh_print"):
-        setattr(kept[0], name, getattr(kept[0], name) or getattr(taken, name))
-        setattr(taken, name, type(getattr(taken, name))())
-    record.write_kept(shape_keys, kept)
+        setattr(waiting[0], name, getattr(waiting[0], name) or getattr(take_record, name))
+        setattr(take_record, name, type(getattr(take_record, name))())
+    record.write_kept(shape_keys, waiting)
 
 
-def _remove_curves(shape_keys, taken: record.Record) -> None:
+def _remove_curves(shape_keys, take_record: record.Record) -> None:
     animation = shape_keys.animation_data
     if animation is None:
         return
-    _rest_renamed(shape_keys, taken)
-    curves.remove(animation, outputs.of_record(taken).paths(taken))
-    artist_keys.restore(shape_keys, taken)
-    original = _original(shape_keys, record.SHARED_ACTION, taken.shared_action_print)
-    _release_action(animation, taken, original)
-    curves.drop_idle_animation(shape_keys, taken.made_animation_data)
+    _rest_renamed(shape_keys, take_record)
+    curves.remove(animation, outputs.of_record(take_record).paths(take_record))
+    artist_keys.restore(shape_keys, take_record)
+    original = _original(shape_keys, record.SHARED_ACTION, take_record.shared_action_print)
+    _release_action(animation, take_record, original)
+    curves.drop_idle_animation(shape_keys, take_record.made_animation_data)
 
 
-def _rest_renamed(shape_keys, taken: record.Record) -> None:
-    """Brings keys of the take that have other names by now to where they were before it.
+def _rest_renamed(shape_keys, take_record: record.Record) -> None:
+    """Puts keys of the take that were renamed since back to where they were before it.
 
-    Blender renames their curves along, and these lie in our group, in the order of the keys.
+    Blender renames their curves too. These lie in our group, in the order of the keys.
     """
-    names, blocks = (*taken.keys, *taken.values), shape_keys.key_blocks
+    names, blocks = (*take_record.keys, *take_record.values), shape_keys.key_blocks
     lost = [name for name in names if name not in blocks]
     others = {curves.value_path(block.name): block for block in blocks if block.name not in names}
-    found = [curve for curve in curves.of_group(shape_keys.animation_data) if lost]
-    renamed = [curve for curve in found if curve.data_path in others]
+    our_curves = [curve for curve in curves.of_group(shape_keys.animation_data) if lost]
+    renamed = [curve for curve in our_curves if curve.data_path in others]
     for number, curve in enumerate(renamed):
         block = others[curve.data_path]
         curves.remove(shape_keys.animation_data, {curve.data_path})
-        block.value = taken.values.get(lost[number], 0.0) if len(renamed) == len(lost) else 0.0
+        block.value = (
+            take_record.values.get(lost[number], 0.0) if len(renamed) == len(lost) else 0.0
+        )
 
 
-def _original(shape_keys, name: str, wanted: str):
-    """What a copy of ours has stood in for, where `wanted` says so; it is kept no longer."""
-    found = shape_keys.get(name) if wanted else None
-    if found is not None:
+def _original(shape_keys, name: str, copy_print: str):
+    """The original for which a copy of ours stands in, where `copy_print` is set; its pointer is
+    deleted."""
+    original = shape_keys.get(name) if copy_print else None
+    if original is not None:
         del shape_keys[name]
-    return found
+    return original
 
 
-def _release_action(animation, taken: record.Record, original) -> None:
-    """Takes our action off; an `original` for which it stood in is played again, unless somebody
-    has changed the copy."""
+def _release_action(animation, take_record: record.Record, original) -> None:
+    """Removes our action.
+
+    If it stood in for `original`, that plays again, unless somebody has changed the copy.
+    """
     action = animation.action
     if (
         original is None
         or action is None
-        or taken.shared_action_print != digest.action_digest(action)
+        or take_record.shared_action_print != digest.action_digest(action)
     ):
-        curves.drop_empty_action(animation, taken)
+        curves.drop_empty_action(animation, take_record)
         return
     animation.action = original
-    if taken.made_slot:
+    if take_record.made_slot:
         animation.action_slot = None
     bpy.data.actions.remove(action)
 
 
-def _remove_keys(ob, taken: record.Record) -> None:
+def _remove_keys(ob, take_record: record.Record) -> None:
     shape_keys = ob.data.shape_keys
-    outputs.of_record(taken).leave(shape_keys)
-    ours = set(taken.keys) - record.all_keys(shape_keys)
+    outputs.of_record(take_record).leave(shape_keys)
+    ours = set(take_record.keys) - record.all_keys(shape_keys)
     basis = shape_keys.reference_key
     others = [b for b in shape_keys.key_blocks if b.name not in ours and b != basis]
-    if taken.made_keys and not others:
+    if take_record.made_keys and not others:
         _clear_keys(ob)
     else:
         for block in [b for b in shape_keys.key_blocks if b.name in ours]:
@@ -114,10 +119,10 @@ def _remove_keys(ob, taken: record.Record) -> None:
 
 
 def _clear_keys(ob) -> None:
-    """Takes all keys of `ob` away, and what held them.
+    """Removes all keys of `ob`, and their data-block.
 
-    Blender counts one user too many of the keys of a copied mesh: they would stay, belong to
-    nothing, and be complained of whenever the file is saved.
+    Blender counts one user too many for the keys of a copied mesh. They would stay without an
+    owner, and Blender would warn of them whenever the file is saved.
     """
     name = ob.data.shape_keys.name
     ob.shape_key_clear()
@@ -126,8 +131,8 @@ def _clear_keys(ob) -> None:
             bpy.data.batch_remove([left])
 
 
-def _share_mesh_again(ob, original, taken: record.Record) -> None:
-    if original is None or digest.mesh_digest(ob.data) != taken.shared_mesh_print:
+def _share_mesh_again(ob, original, take_record: record.Record) -> None:
+    if original is None or digest.mesh_digest(ob.data) != take_record.shared_mesh_print:
         return
     copy = ob.data
     ob.data = original

@@ -1,7 +1,7 @@
 """Several takes on one character: one plays, the others wait as actions or lie in the NLA.
 
-A take that waits keeps its keys, at 0, and its curves in an action of its own; a custom property
-of the shape keys points to that action, so that it is saved and may be renamed.
+The keys of a take that waits stay at 0, and its curves lie in an action of their own. A custom
+property of the shape keys points to that action, so that it is saved and may be renamed.
 """
 
 from dataclasses import dataclass
@@ -26,51 +26,51 @@ class Row:
 
 
 def rows(ob) -> list[Row]:
-    """The takes of `ob`, oldest first by name."""
+    """The takes of `ob`, sorted by name, oldest first."""
     shape_keys = ob.data.shape_keys if ob is not None and ob.type == "MESH" else None
-    found = [
-        Row(taken.id, taken.name, "NLA" if taken.in_nla else "WAITS")
-        for taken in record.read_kept(shape_keys)
+    listed = [
+        Row(take_record.id, take_record.name, "NLA" if take_record.in_nla else "WAITS")
+        for take_record in record.read_kept(shape_keys)
     ]
     current = record.read(shape_keys)
     if current is not None:
-        found.append(Row(current.id, current.name or _new_name(shape_keys), "PLAYS"))
-    return sorted(found, key=lambda row: (len(row.name), row.name))
+        listed.append(Row(current.id, current.name or _new_name(shape_keys), "PLAYS"))
+    return sorted(listed, key=lambda row: (len(row.name), row.name))
 
 
 def keep(ob) -> bool:
-    """The current take waits from now on, and the next one goes beside it; False without one.
+    """Lets the current take wait, so that the next one goes beside it; False without one.
 
-    So do the takes of the objects beside the face.
+    The takes of the objects beside the face wait too.
     """
     others = together.others_of(ob)
     current = record.read(_editable(ob))
-    kept = _keep(ob)
-    if kept:
+    waits = _keep(ob)
+    if waits:
         turns.keep(ob, current.id)
-    for other in others if kept else ():
+    for other in others if waits else ():
         _keep(other)
-    return kept
+    return waits
 
 
 def _keep(ob) -> bool:
     shape_keys = _editable(ob)
-    taken = record.read(shape_keys)
-    if taken is None:
+    take_record = record.read(shape_keys)
+    if take_record is None:
         return False
-    cannot = outputs.of_record(taken).cannot_wait
+    cannot = outputs.of_record(take_record).cannot_wait
     if cannot:
         raise AnyfaceError("mesh", f"{ob.name}: {cannot}")
-    taken.name = taken.name or _new_name(shape_keys)
+    take_record.name = take_record.name or _new_name(shape_keys)
     with guard.object_mode(ob):
         record.clear(shape_keys)
-        shape_keys[_ACTION + taken.id] = _take_out(ob, taken)
-        record.write_kept(shape_keys, [*record.read_kept(shape_keys), taken])
+        shape_keys[_ACTION + take_record.id] = _take_out(ob, take_record)
+        record.write_kept(shape_keys, [*record.read_kept(shape_keys), take_record])
     return True
 
 
 def switch(ob, take_id: str) -> None:
-    """Makes a take the one that plays."""
+    """Lets another take play."""
     shape_keys = _editable(ob)
     current = record.read(shape_keys)
     if current is not None and current.id == take_id:
@@ -79,34 +79,38 @@ def switch(ob, take_id: str) -> None:
     keep(ob)
     _play(ob, take_id)
     turns.play(ob, take_id)
-    for other, taken in _beside(ob, take_id):
-        _play(other, taken.id)
+    for other, take_record in _beside(ob, take_id):
+        _play(other, take_record.id)
     panel_settings.bring_back(ob)
 
 
-def channels_of(shape_keys, taken: record.Record):
-    """What holds the curves of a take, whether it plays or waits; None where that is gone."""
-    action = shape_keys.get(_ACTION + taken.id)
+def channels_of(shape_keys, take_record: record.Record):
+    """The holder of the curves of a take, whether it plays or waits; None where that is gone."""
+    action = shape_keys.get(_ACTION + take_record.id)
     if action is not None:
         return next(iter(curves.bags(action)), None)
     return curves.channels(shape_keys.animation_data)
 
 
 def _beside(ob, take_id: str) -> list[tuple]:
-    """The objects that have a part of a take of `ob`, and its record there."""
+    """The objects that play a part of a take of `ob`, each with its record there."""
     meshes = [part for part in identity.parts_of(ob) if part.type == "MESH"]
-    found = [(part, taken) for part in meshes for taken in record.everyone(part.data.shape_keys)]
-    return [(part, taken) for part, taken in found if taken.belongs_to == take_id]
+    pairs = [
+        (part, take_record)
+        for part in meshes
+        for take_record in record.everyone(part.data.shape_keys)
+    ]
+    return [(part, take_record) for part, take_record in pairs if take_record.belongs_to == take_id]
 
 
 def _play(ob, take_id: str) -> None:
     shape_keys = _editable(ob)
-    kept = record.read_kept(shape_keys)
-    taken = next(taken for taken in kept if taken.id == take_id)
-    record.write_kept(shape_keys, [other for other in kept if other.id != take_id])
+    waiting = record.read_kept(shape_keys)
+    take_record = next(take_record for take_record in waiting if take_record.id == take_id)
+    record.write_kept(shape_keys, [other for other in waiting if other.id != take_id])
     with guard.object_mode(ob):
-        _put_in(ob, taken)
-        record.write(shape_keys, taken)
+        _put_in(ob, take_record)
+        record.write(shape_keys, take_record)
 
 
 def rename(ob, take_id: str, name: str) -> None:
@@ -115,12 +119,12 @@ def rename(ob, take_id: str, name: str) -> None:
     name = name.strip()
     if not name:
         raise AnyfaceError("input", "take: expected a name, got nothing")
-    current, kept = record.read(shape_keys), record.read_kept(shape_keys)
-    for taken in kept:
-        if taken.id == take_id:
-            taken.name = name
-            shape_keys[_ACTION + taken.id].name = f"{ob.name} {name}"
-    record.write_kept(shape_keys, kept)
+    current, waiting = record.read(shape_keys), record.read_kept(shape_keys)
+    for take_record in waiting:
+        if take_record.id == take_id:
+            take_record.name = name
+            shape_keys[_ACTION + take_record.id].name = f"{ob.name} {name}"
+    record.write_kept(shape_keys, waiting)
     if current is not None and current.id == take_id:
         current.name = name
         record.write(shape_keys, current)
@@ -132,24 +136,24 @@ def push_down(ob, take_id: str) -> None:
     current = record.read(shape_keys)
     if current is not None and current.id == take_id:
         keep(ob)
-    for other, taken in _beside(ob, take_id):
-        _push(other, taken.id)
+    for other, take_record in _beside(ob, take_id):
+        _push(other, take_record.id)
     _push(ob, take_id)
 
 
 def _push(ob, take_id: str) -> None:
     shape_keys = _editable(ob)
-    kept = record.read_kept(shape_keys)
-    taken = next((taken for taken in kept if taken.id == take_id), None)
-    if taken is None or taken.in_nla:
+    waiting = record.read_kept(shape_keys)
+    take_record = next((take_record for take_record in waiting if take_record.id == take_id), None)
+    if take_record is None or take_record.in_nla:
         return
-    nla.push(ob, taken, shape_keys[_ACTION + taken.id])
-    taken.in_nla = True
-    record.write_kept(shape_keys, kept)
+    nla.push(ob, take_record, shape_keys[_ACTION + take_record.id])
+    take_record.in_nla = True
+    record.write_kept(shape_keys, waiting)
 
 
 def delete(ob, take_id: str) -> None:
-    """Takes a take away with its keys, its action and its strip; the others stay."""
+    """Deletes a take with its keys, its action and its strip; the others stay."""
     shape_keys = _editable(ob)
     current = record.read(shape_keys)
     _find(shape_keys, take_id)
@@ -159,65 +163,65 @@ def delete(ob, take_id: str) -> None:
         switch(ob, current.id)
 
 
-def _take_out(ob, taken: record.Record):
-    """Takes the curves off the character; the action in which they now are."""
+def _take_out(ob, take_record: record.Record):
+    """Moves the curves of a take off the character; returns the action that holds them now."""
     shape_keys = ob.data.shape_keys
     animation = shape_keys.animation_data
-    paths = outputs.of_record(taken).paths(taken)
+    paths = outputs.of_record(take_record).paths(take_record)
     action = animation.action
-    alone = taken.made_action and all(
+    alone = take_record.made_action and all(
         curve.data_path in paths for bag in curves.bags(action) for curve in bag.fcurves
     )
     if alone:
         animation.action = None
     else:
-        alone_action, bag = curves.new_action(taken.name)
+        alone_action, bag = curves.new_action(take_record.name)
         curves.copy_paths(action, bag, paths)
         curves.remove(animation, paths)
-        artist_keys.restore(shape_keys, taken)
-        taken.made_action, action = False, alone_action
-    action.name = f"{ob.name} {taken.name}"
-    for name in taken.keys:
+        artist_keys.restore(shape_keys, take_record)
+        take_record.made_action, action = False, alone_action
+    action.name = f"{ob.name} {take_record.name}"
+    for name in take_record.keys:
         if name in shape_keys.key_blocks:
             shape_keys.key_blocks[name].value = 0.0
-    for name, value in taken.values.items():
+    for name, value in take_record.values.items():
         if name in shape_keys.key_blocks:
             shape_keys.key_blocks[name].value = value
     return action
 
 
-def _put_in(ob, taken: record.Record) -> None:
+def _put_in(ob, take_record: record.Record) -> None:
     """Gives the character the curves of a take that waits."""
     shape_keys = ob.data.shape_keys
-    action = shape_keys.get(_ACTION + taken.id)
+    action = shape_keys.get(_ACTION + take_record.id)
     if action is None:
-        raise AnyfaceError("mesh", f"{taken.name}: its action was deleted")
-    del shape_keys[_ACTION + taken.id]
+        raise AnyfaceError("mesh", f"{take_record.name}: its action was deleted")
+    del shape_keys[_ACTION + take_record.id]
     animation = shape_keys.animation_data or shape_keys.animation_data_create()
-    nla.leave(shape_keys, taken, action)
-    taken.in_nla = False
-    if taken.values:
-        artist_keys.note_values(shape_keys, taken)
+    nla.leave(shape_keys, take_record, action)
+    take_record.in_nla = False
+    if take_record.values:
+        artist_keys.note_values(shape_keys, take_record)
     if animation.action is None:
         curves.assign(animation, action)
-        taken.made_action = True
+        take_record.made_action = True
         return
-    paths = outputs.of_record(taken).paths(taken)
-    curves.copy_paths(action, curves.key_channels(ob, taken), paths)
+    paths = outputs.of_record(take_record).paths(take_record)
+    curves.copy_paths(action, curves.key_channels(ob, take_record), paths)
     curves.delete_action(action)
 
 
 def _new_name(shape_keys) -> str:
-    names = {taken.name for taken in record.everyone(shape_keys)}
+    names = {take_record.name for take_record in record.everyone(shape_keys)}
     return next(name for n in range(1, 10_000) if (name := f"Take {n}") not in names)
 
 
 def _find(shape_keys, take_id: str) -> None:
-    if all(taken.id != take_id for taken in record.everyone(shape_keys)):
+    if all(take_record.id != take_id for take_record in record.everyone(shape_keys)):
         raise AnyfaceError("input", f"take: expected one that is there, got {take_id!r}")
 
 
 def _editable(ob):
     guard.check_editable(ob)
-    guard.own(ob)
+    guard.unshare(ob)
     return ob.data.shape_keys

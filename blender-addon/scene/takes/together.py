@@ -1,4 +1,4 @@
-"""Writes one take on all the objects of a face, and takes it from all of them again."""
+"""Writes one take on all the objects of a face, and removes it from all of them again."""
 
 import bpy
 
@@ -14,39 +14,39 @@ from . import keys, remove
 def landing(ob, parts: list[Piece], take: Take, start_frame: float, scene_fps: float, before=None):
     """Puts `take` on `ob` and on the objects beside it that move, in steps: yields between them.
 
-    An earlier one goes, but for a table, which changes no mesh. Nothing is written where one of
-    the objects cannot be: all are checked first. Closed before it yields `BEGUN` it has changed
-    nothing. `before` is called when nothing can go wrong any more.
+    An earlier take goes, except for a table, which changes no mesh. All objects are checked first,
+    and nothing is written where one cannot be. If it is closed before it yields `BEGUN`, nothing
+    has changed. `before` is called when nothing can go wrong any more.
     """
     output = outputs.of_take(take)
     if output.in_files:
         yield from _landing_files(ob, output, take, start_frame, scene_fps, before)
         return
-    (_, own), *others = output.split(take, parts) if len(parts) > 1 else [(None, take)]
+    (_, face_take), *others = output.split(take, parts) if len(parts) > 1 else [(None, take)]
     for piece, part in others:
         other = pieces.object_of(pieces.Part(piece.name), ob)
         output.check_object(other)
         if part is not None:
             keys.check(other, part)
-    keys.check(ob, own)
-    moving = [(ob, own)]
+    keys.check(ob, face_take)
+    moving = [(ob, face_take)]
     moving += [(bpy.data.objects[p.name], part) for p, part in others if part is not None]
     prepared = []
     try:
         for other, part in moving:
-            made = yield from keys.prepare(other, part, start_frame, scene_fps)
-            prepared.append(made)
+            prepared_curves = yield from keys.prepare(other, part, start_frame, scene_fps)
+            prepared.append(prepared_curves)
         if before is not None:
             before()
         yield from _write(moving, start_frame, scene_fps, prepared)
     finally:
-        for made in prepared:
-            if made is not None:
-                made.drop()
+        for prepared_curves in prepared:
+            if prepared_curves is not None:
+                prepared_curves.drop()
 
 
 def _landing_files(ob, output, take: Take, start_frame: float, scene_fps: float, before):
-    """The same for what lies elsewhere: files, the curves of a rig."""
+    """Does the same for takes in files or on a rig."""
     output.check_files(take)
     yield from output.prepare_files(take, start_frame, scene_fps)
     try:
@@ -61,38 +61,42 @@ def _landing_files(ob, output, take: Take, start_frame: float, scene_fps: float,
 
 
 def _write(moving: list[tuple], start_frame: float, scene_fps: float, prepared: list):
-    """Writes the takes of a face and of what moves beside it, with curves that were prepared."""
-    (ob, own), *others = moving
+    """Writes the takes of a face and of the parts that move with it, with prepared curves."""
+    (ob, face_take), *others = moving
     remove_others(ob)
-    first = yield from keys.writing(ob, own, start_frame, scene_fps, prepared[0])
-    for (other, part), made in zip(others, prepared[1:], strict=True):
+    first = yield from keys.writing(ob, face_take, start_frame, scene_fps, prepared[0])
+    for (other, part), prepared_curves in zip(others, prepared[1:], strict=True):
         yield BEGUN
-        taken = yield from keys.writing(other, part, start_frame, scene_fps, made)
-        taken.belongs_to = first.id
-        record.write(other.data.shape_keys, taken)
+        take_record = yield from keys.writing(other, part, start_frame, scene_fps, prepared_curves)
+        take_record.belongs_to = first.id
+        record.write(other.data.shape_keys, take_record)
         identity.join(ob, other)
 
 
 def remove_all(ob) -> bool:
-    """Takes the take from `ob` and from the objects beside it; False where there was none."""
+    """Removes the take from `ob` and from the objects beside it; False where there was none."""
     others = remove_others(ob)
     turns.release(ob)
     return remove.remove(ob) or others
 
 
 def remove_others(ob) -> bool:
-    """Takes the take of `ob` from the objects beside it, also renamed ones."""
-    found = others_of(ob)
-    for other in found:
+    """Removes the take of `ob` from the objects beside it, also from renamed ones."""
+    others = others_of(ob)
+    for other in others:
         remove.remove(other)
-    return bool(found)
+    return bool(others)
 
 
 def others_of(ob) -> list:
     """The objects that got their keys together with `ob`."""
     if not record.is_generated(ob):
         return []
-    own = record.read(ob.data.shape_keys).id
+    take_id = record.read(ob.data.shape_keys).id
     meshes = [other for other in identity.parts_of(ob) if other.type == "MESH"]
     records = [(other, record.read(other.data.shape_keys)) for other in meshes]
-    return [other for other, taken in records if taken is not None and taken.belongs_to == own]
+    return [
+        other
+        for other, take_record in records
+        if take_record is not None and take_record.belongs_to == take_id
+    ]
