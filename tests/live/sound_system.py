@@ -30,8 +30,12 @@ class SoundSystem:
         self._folder = tempfile.TemporaryDirectory()
         self._server = None
         hidden = {"PULSE_SERVER", "PULSE_RUNTIME_PATH", "DISPLAY", "DBUS_SESSION_BUS_ADDRESS"}
-        kept = {name: value for name, value in os.environ.items() if name not in hidden}
-        self.environment = {**kept, "XDG_RUNTIME_DIR": self._folder.name, "HOME": self._folder.name}
+        inherited = {name: value for name, value in os.environ.items() if name not in hidden}
+        self.environment = {
+            **inherited,
+            "XDG_RUNTIME_DIR": self._folder.name,
+            "HOME": self._folder.name,
+        }
 
     def __enter__(self):
         self.start()

@@ -59,9 +59,9 @@ console.log(JSON.stringify(Object.keys(face.morphTargetDictionary)));
 
 def anyface(task, *words, mesh=HEAD / "head.obj", landmarks=HEAD / "landmarks.json") -> str:
     """Runs the command, by default on the default head; what it says."""
-    given = ["--mesh", mesh, "--landmarks", landmarks]
+    head_options = ["--mesh", mesh, "--landmarks", landmarks]
     done = subprocess.run(
-        [COMMAND, task, *given, *words], capture_output=True, text=True, check=False
+        [COMMAND, task, *head_options, *words], capture_output=True, text=True, check=False
     )
     assert done.returncode == 0, done.stderr
     return done.stdout + done.stderr
