@@ -23,9 +23,9 @@ from scipy.spatial import cKDTree
 
 NEIGHBOURS = 4
 SOFT_DM = 0.003
-"""Added to distances, so that a point that is hit exactly does not stand alone."""
+"""Added to distances, so that a point at distance 0 does not outweigh all others."""
 FULL_WITHIN_DM, GONE_AT_DM = 0.06, 0.12
-"""Distance of the nearest point up to which a vertex follows wholly, and from which not at all."""
+"""Up to the first distance of the nearest point a vertex follows fully; from the second on it does not."""
 
 
 @dataclass

@@ -64,12 +64,12 @@ class Template:
 
 def cut(body, head: dict, target: Target) -> Template:
     """Skin of the head down to the collar, aligned and bent by the landmarks."""
-    kept = np.zeros(len(body.points), bool)
-    kept[head["base_index"]] = True
-    faces = kept[body.quads].all(1)
+    selected = np.zeros(len(body.points), bool)
+    selected[head["base_index"]] = True
+    faces = selected[body.quads].all(1)
     for _ in range(COLLAR_RINGS):
-        kept[body.quads[faces].ravel()] = True
-        faces = kept[body.quads].any(1)
+        selected[body.quads[faces].ravel()] = True
+        faces = selected[body.quads].any(1)
     vertices, numbers = np.unique(body.quads[faces], return_inverse=True)
     mesh = Quads(numbers.reshape(-1, 4), len(vertices))
     landmarks = np.searchsorted(vertices, head["base_index"][head["landmarks68"]])
@@ -198,19 +198,21 @@ def fit(template: Template, target: Target) -> Fit:
             blocks[vertex] += 20 * np.eye(3)
             pulls[vertex] += 20 * (place - start[vertex])
         rows = np.arange(mesh.count + 1)
-        held = sparse.bsr_matrix((blocks, rows[:-1], rows), shape=stiff.shape).tocsr()
-        system = np.interp(share, [0, 1], STIFFNESS) * stiff + held + 1e-6 * sparse.eye(stiff.shape[0])
+        pull_matrix = sparse.bsr_matrix((blocks, rows[:-1], rows), shape=stiff.shape).tocsr()
+        system = np.interp(share, [0, 1], STIFFNESS) * stiff + pull_matrix + 1e-6 * sparse.eye(stiff.shape[0])
         points = start + splu(system.tocsc()).solve(pulls.ravel()).reshape(-1, 3)
     on_rim = sparse.csr_matrix((np.ones(len(rim)), (rim, np.arange(len(rim)))), (mesh.count, len(rim)))
     counts[rim] = 0
-    held = sparse.diags((counts > 0).astype(float)) @ samples.weights[partner] + on_rim @ rim_weights
+    partner_weights = (
+        sparse.diags((counts > 0).astype(float)) @ samples.weights[partner] + on_rim @ rim_weights
+    )
     counts[rim] = 20
     skin = np.flatnonzero(outside)
     within = skin[cKDTree(points[skin]).query(points, k=MEAN_OF)[1]]
     loose = (counts == 0) & outside
     return Fit(
         points,
-        (held + sparse.diags(loose.astype(float)) @ around(points, target)).tocsr(),
+        (partner_weights + sparse.diags(loose.astype(float)) @ around(points, target)).tocsr(),
         np.where(loose, LOOSE, counts),
         within,
     )

@@ -92,7 +92,7 @@ def traits(makehuman: MakeHuman) -> dict[str, tuple[np.ndarray, np.ndarray]]:
     young = {name: [target(f"macrodetails/{name}-{sex}-young") for sex in SEXES] for name in ANCESTRIES}
     of_ancestry = {name: sum(both) / len(both) for name, both in young.items()}
     mean = sum(of_ancestry.values()) / len(ANCESTRIES)
-    found = {
+    sliders = {
         "age": (both("old") - adult, both("child") - adult),
         "sex": (man - adult, adult - man),
         "weight": tuple(
@@ -101,12 +101,12 @@ def traits(makehuman: MakeHuman) -> dict[str, tuple[np.ndarray, np.ndarray]]:
         ),
     }
     for name, place in of_ancestry.items():
-        found[name] = (place - mean, mean - place)
+        sliders[name] = (place - mean, mean - place)
 
     for name, share, targets in DETAILS:
         sides = ([target(f"{one}-{side}") for one in targets] for side in ("incr", "decr"))
-        found[name] = tuple(share * sum(side) for side in sides)
-    return found
+        sliders[name] = tuple(share * sum(side) for side in sides)
+    return sliders
 
 
 def straightened(moved: np.ndarray, body: np.ndarray, face: np.ndarray) -> np.ndarray:
@@ -152,8 +152,8 @@ def under_skin(template: Template, fitted: Fit) -> np.ndarray:
     over = fitted.over[:, :6]
     depth = np.einsum("vkd,vkd->vk", points[over] - points[:, None], outward[over]).min(1)
     from_rim = cKDTree(points[template.rims[0]]).query(points)[0]
-    wanted = np.clip(THICK_CM * (from_rim - 0.3) / 1.0, 0.0, THICK_CM)
-    push = np.where(inside, np.maximum(wanted - depth, 0.0), 0.0)
+    target_depth = np.clip(THICK_CM * (from_rim - 0.3) / 1.0, 0.0, THICK_CM)
+    push = np.where(inside, np.maximum(target_depth - depth, 0.0), 0.0)
     goal = points - push[:, None] * outward[over].mean(1)
     laplacian = template.mesh.laplacian()
     firm = np.where(inside, 0.3, 1e3)
@@ -192,37 +192,37 @@ def face_materials(template: Template, points: np.ndarray) -> np.ndarray:
 
 def eye_parts(neutral: np.ndarray) -> list[Part]:
     """Both eyes."""
-    made = [parts.eye(name, neutral[a : b + 1]) for name, (a, b) in EYEBALLS.items()]
-    for ball in made:
+    balls = [parts.eye(name, neutral[a : b + 1]) for name, (a, b) in EYEBALLS.items()]
+    for ball in balls:
         middle, _ = parts.fit_sphere(ball.points)
         ball.points = middle + EYE_CLEARANCE * (ball.points - middle)
-    return made
+    return balls
 
 
 def rigid_parts(neutral: np.ndarray) -> list[tuple[Part, slice]]:
     """Eyes, teeth and tongue, and which of ICT's vertices each follows."""
     rows = {name: slice(a, b + 1) for name, (a, b) in {**EYEBALLS, **TEETH}.items()}
     upper, lower = (neutral[rows[name]] for name in TEETH)
-    made = [
+    upper_parts = [
         *eye_parts(neutral),
         teeth.row("teeth_upper", upper, True),
         teeth.row("teeth_lower", lower, False),
     ]
-    return [(part, rows[part.name]) for part in made] + [(parts.tongue(lower), rows["teeth_lower"])]
+    return [(part, rows[part.name]) for part in upper_parts] + [(parts.tongue(lower), rows["teeth_lower"])]
 
 
 def hairs(template: Template, points: np.ndarray, eyes: list[Part]) -> list[Follower]:
     """Lashes and brows."""
-    skin, marks, made = hair.Skin(points, template.mesh.triangles), template.landmarks, []
+    skin, marks, hair_parts = hair.Skin(points, template.mesh.triangles), template.landmarks, []
     rims = [("left", [42, 43, 44, 45, 46, 47]), ("right", [39, 38, 37, 36, 41, 40])]
     for (side, rim), eye in zip(rims, eyes, strict=True):
         centre, _ = parts.fit_sphere(eye.points)
         upper, lower = ([rim[n] for n in corners] for corners in ((0, 1, 2, 3), (0, 5, 4, 3)))
         lines = [way(template, marks[line], points) for line in (upper, lower)]
-        made.append(hair.lashes(f"lashes_{side}", *lines, centre))
+        hair_parts.append(hair.lashes(f"lashes_{side}", *lines, centre))
     for side, numbers in (("left", range(22, 27)), ("right", range(21, 16, -1))):
-        made.append(hair.brow(f"brow_{side}", skin, points[marks[list(numbers)]]))
-    return [Follower(part, *skin.under(part.points)) for part in made]
+        hair_parts.append(hair.brow(f"brow_{side}", skin, points[marks[list(numbers)]]))
+    return [Follower(part, *skin.under(part.points)) for part in hair_parts]
 
 
 def way(template: Template, vertices: np.ndarray, points: np.ndarray) -> np.ndarray:

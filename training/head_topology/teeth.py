@@ -103,8 +103,8 @@ def row(name: str, measured: np.ndarray, upper: bool) -> Part:
     ends = np.r_[-np.array(gum_far)[::-1], gum_far]
     rings = [min(int(np.abs(ends - place).argmin()), len(ends) - 2) for _, place in roots]
     inner = [len(teeth[0]) + ring * GUM_RING + GUM_INNER for ring in rings]
-    held = [[tooth, at, at + GUM_RING] for (tooth, _), at in zip(roots, inner, strict=True)]
-    in_gum = np.concatenate([gum_faces + len(teeth[0]), held])
+    anchors = [[tooth, at, at + GUM_RING] for (tooth, _), at in zip(roots, inner, strict=True)]
+    in_gum = np.concatenate([gum_faces + len(teeth[0]), anchors])
     return Part(name, np.concatenate([teeth[0], gum]), {"teeth": teeth[1], "gums": in_gum})
 
 

@@ -173,8 +173,10 @@ def add_eyes(rng: np.random.Generator, clay: Clay, flat: np.ndarray) -> None:
 def add_brows(rng: np.random.Generator, clay: Clay, flat: np.ndarray) -> None:
     """Ridges along the brows, or one shelf over both eyes."""
     out, wide = rng.uniform(0.001, 0.012), rng.uniform(0.002, 0.008)
-    for own in (slice(17, 22), slice(22, 27)):
-        clay.heights.append(lambda xy, own=own: out * np.exp(-((line_distance(xy, flat[own]) / wide) ** 2)))
+    for brow in (slice(17, 22), slice(22, 27)):
+        clay.heights.append(
+            lambda xy, brow=brow: out * np.exp(-((line_distance(xy, flat[brow]) / wide) ** 2))
+        )
 
 
 def add_nose(rng: np.random.Generator, clay: Clay, flat: np.ndarray) -> None:

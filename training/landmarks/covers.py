@@ -54,12 +54,12 @@ def turned(rng: np.random.Generator, points: np.ndarray, degrees: float) -> np.n
     return points @ about_x.T @ render.yaw(b).T
 
 
-def set_before(marks: np.ndarray, own: slice, shape, flat: bool) -> np.ndarray:
+def set_before(marks: np.ndarray, eye: slice, shape, flat: bool) -> np.ndarray:
     """Landmarks of one eye on a cover: on its surface, and where it does not reach, at its front's height."""
-    out = render.come_out(marks, own, [shape])
+    out = render.come_out(marks, eye, [shape])
     if flat:
-        out[own, 2] = np.maximum(out[own, 2], np.median(out[own, 2]))
-        out[own, 2] = np.maximum(out[own, 2], shape[0][:, 2].max() - 0.003)
+        out[eye, 2] = np.maximum(out[eye, 2], np.median(out[eye, 2]))
+        out[eye, 2] = np.maximum(out[eye, 2], shape[0][:, 2].max() - 0.003)
     return out
 
 

@@ -77,9 +77,9 @@ def spread(rng: np.random.Generator, head: Head, gap: float) -> np.ndarray:
     a, b, c = (head.points[head.triangles[:, k]] for k in range(3))
     area = 0.5 * np.linalg.norm(np.cross(b - a, c - a), axis=1)
     count = int(min(4 * area.sum() / gap**2, 300_000))
-    own = rng.choice(len(area), count, p=area / area.sum())
+    triangle = rng.choice(len(area), count, p=area / area.sum())
     u, v = np.sqrt(rng.random((count, 1))), rng.random((count, 1))
-    return (1 - u) * a[own] + u * (1 - v) * b[own] + u * v * c[own]
+    return (1 - u) * a[triangle] + u * (1 - v) * b[triangle] + u * v * c[triangle]
 
 
 def stepped(rng: np.random.Generator, head: Head) -> Head:

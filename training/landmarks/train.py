@@ -74,8 +74,8 @@ def train(arguments) -> None:
         x = x.contiguous(memory_format=torch.channels_last)
         with torch.autocast("cpu", torch.bfloat16):
             value, heat = loss_of(model, x, places, face)
-        found, _ = decode(heat.detach().float())
-        off = (found - places).norm(dim=-1)[face > 0] * 64
+        predicted, _ = decode(heat.detach().float())
+        off = (predicted - places).norm(dim=-1)[face > 0] * 64
         return value, {"median heat-map pixels": off.median().item()}
 
     def judge(model: LandmarkNetwork) -> dict:

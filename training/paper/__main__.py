@@ -87,8 +87,8 @@ def main(
                     figures = draw(folder, engine, Path(place), out.parent / "images/paper")
     ablated = []
     if ablations:
-        found = json.loads((ablations / "scores.json").read_text())
-        ablated = [Table(**table) for table in found]
+        rows = json.loads((ablations / "scores.json").read_text())
+        ablated = [Table(**table) for table in rows]
     names = " ".join(path.name for path in corpus)
     command = f"python -m training.paper --corpus {names} --clips {clips}"
     out.write_text(page(tables, ablated, figures, out, command), encoding="utf-8")

@@ -26,7 +26,8 @@ FEATURES = 3 + 3 * LANDMARKS + LANDMARKS + LANDMARKS
 OUTPUT_SCALE = 0.1
 """Outputs of the network are multiplied by this, so that training starts near zero."""
 FADE_DM = (0.6, 1.0)
-"""Distance from the nearest landmark up to which the network speaks, and from which it is silent."""
+"""Up to the first distance from the nearest landmark the network has full effect; from the second on it has
+none."""
 
 
 @dataclass(frozen=True)

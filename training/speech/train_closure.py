@@ -2,10 +2,10 @@
 
     python -m training.speech.train_closure --data ../shared/data --run runs/ats/ats.pt
 
-A closure lasts a frame or two of video, smoothing lifts it and every squared error blurs it, so p,
-b and m are read from the sound itself: a logistic read-out of the encoder's features, trained on all
-speech with phones: that of the project, or with `--corpus DIR [DIR ...]` the clips of corpus folders that
-have `phones/CLIP.tsv`. The run file is written again with it.
+A closure lasts a frame or two of video. Smoothing lifts it and every squared error blurs it, so p, b and m
+are read from the sound itself, by a logistic read-out of the encoder's features. It trains on all speech with
+phones: the project's, or with `--corpus DIR [DIR ...]` the clips of corpus folders that have
+`phones/CLIP.tsv`. The run's file is rewritten with the read-out.
 """
 
 import argparse

@@ -124,7 +124,7 @@ class Coarse:
     style: Tensor
     emotion: Tensor
     intensity: Tensor
-    given: Tensor
+    has_label: Tensor
 
 
 class CoarseCondition(nn.Module):
@@ -141,9 +141,9 @@ class CoarseCondition(nn.Module):
         """→ C_f [B, T, d]."""
         frames = coarse.emotion.shape[1]
         style = self.style(coarse.style)[:, None].expand(-1, frames, -1)
-        felt = coarse.intensity[..., None] * self.intensity
-        mapped = self.linear(torch.cat([style, coarse.emotion, felt], dim=-1))
-        return torch.where(coarse.given[:, None, None], mapped, self.null)
+        intensity = coarse.intensity[..., None] * self.intensity
+        mapped = self.linear(torch.cat([style, coarse.emotion, intensity], dim=-1))
+        return torch.where(coarse.has_label[:, None, None], mapped, self.null)
 
 
 class Block(nn.Module):
@@ -211,9 +211,9 @@ class Adapter(nn.Module):
 
     def condition(self, events: Tensor) -> Tensor:
         """Active units [B, T, 2·16] (left, then right) → [B, T, d]; 0 two frames away from any event."""
-        seen = events.any(dim=-1, keepdim=True).to(events.dtype)
-        heard = nn.functional.silu(self.events(events)) * seen
-        near = nn.functional.max_pool1d(seen.transpose(1, 2), EVENT_KERNEL, 1, EVENT_KERNEL // 2)
+        active = events.any(dim=-1, keepdim=True).to(events.dtype)
+        heard = nn.functional.silu(self.events(events)) * active
+        near = nn.functional.max_pool1d(active.transpose(1, 2), EVENT_KERNEL, 1, EVENT_KERNEL // 2)
         return self.spread(heard.transpose(1, 2)).transpose(1, 2) * near.transpose(1, 2)
 
 

@@ -101,7 +101,7 @@ def _window(model: Denoiser, noise: Tensor, speech: Tensor, request: Request, sa
         heard = model(x, step, speech[None], coarse, yes)
         unheard = heard
         if sampling.alpha != 1.0 or (controlled and request.printed):
-            unheard = model(x, step, speech[None], replace(coarse, given=no), no)
+            unheard = model(x, step, speech[None], replace(coarse, has_label=no), no)
         base = guided(unheard, heard, sampling.alpha)
         if not controlled:
             return base

@@ -20,8 +20,8 @@ from torch import nn
 from training.corpus import arkit, spoken
 from training.corpus.action_units import active_units, random_events, sparse, unit_matrix
 from training.corpus.bank import Entry
+from training.corpus.emotion_weights import with_emotion
 from training.corpus.faces import CHANNELS
-from training.corpus.felt import with_emotion
 from training.corpus.shares import lasting
 from training.diffusion.schedule import add_noise, noise_levels
 from training.losses import feature_concordance, feature_scores, lip_gap, motion_loss
@@ -67,7 +67,7 @@ class Step:
 
     mel: torch.Tensor
     weights: torch.Tensor
-    seen: torch.Tensor
+    visibility: torch.Tensor
     coarse: Coarse
     events: torch.Tensor
     swapped: torch.Tensor
@@ -115,9 +115,9 @@ class CafeTalkTrainer:
         """Takes a finished base; its adapter, where it has one, is left and begins anew."""
         stored = load_stored(path)
         for part in ("blocks", "width", "coarse", "styles"):
-            wanted, found = getattr(self.config, part), getattr(stored.config, part)
-            if wanted != found:
-                raise ValueError(f"{path}: expected a base with {part} {wanted}, got {found}")
+            expected, actual = getattr(self.config, part), getattr(stored.config, part)
+            if expected != actual:
+                raise ValueError(f"{path}: expected a base with {part} {expected}, got {actual}")
         adapter = {k: v for k, v in self.model.state_dict().items() if k.startswith(ADAPTER)}
         self.model.load_state_dict(stored.base | adapter)
 
@@ -132,19 +132,22 @@ class CafeTalkTrainer:
         label = torch.where(withheld, self.config.styles.index(ANY_STYLE), label)
         swapped = torch.rand(count, generator=self.random) < self.swapped_share
         swapped &= events.any(dim=-1).any(dim=-1)
-        given = (torch.rand(count, generator=self.random) >= MASKED_SHARE) | swapped
-        felt = self._label_places(emotion, swapped)
-        seen = torch.maximum(
+        has_label = (torch.rand(count, generator=self.random) >= MASKED_SHARE) | swapped
+        label_places = self._label_places(emotion, swapped)
+        visibility = torch.maximum(
             batch.weight.float().clamp_min(UNSEEN_WEIGHT), (intensity[..., None] > 0).float()
         )
         if self.fine:
-            seen = torch.maximum(seen, EVENT_WEIGHT * self._controlled(events))
+            visibility = torch.maximum(visibility, EVENT_WEIGHT * self._controlled(events))
             label_intensity = torch.from_numpy(self.generator.uniform(*TOLD_INTENSITY, (count, 1))).float()
             intensity = torch.where(swapped[:, None], label_intensity, intensity)
         device = self.machine.device
-        coarse = Coarse(*(t.to(device) for t in (label, felt, intensity, given)))
+        coarse = Coarse(*(t.to(device) for t in (label, label_places, intensity, has_label)))
         return Step(
-            *(t.to(device) for t in (batch.mel, weights, seen)), coarse, events.to(device), swapped.to(device)
+            *(t.to(device) for t in (batch.mel, weights, visibility)),
+            coarse,
+            events.to(device),
+            swapped.to(device),
         )
 
     def _controlled(self, events: torch.Tensor) -> torch.Tensor:
@@ -199,25 +202,27 @@ class CafeTalkTrainer:
         t, noise = noise_levels(step.weights.shape, len(self.alphas), pure_noise, self.random)
         clean = self.model.standardise(step.weights)
         noisy = add_noise(clean, noise.to(device), self.alphas[t][:, None, None].to(device))
-        speech_given = (torch.rand(count, generator=self.random) >= MASKED_SHARE).to(device)
+        has_speech = (torch.rand(count, generator=self.random) >= MASKED_SHARE).to(device)
         with self.machine.autocast():
             speech = self.speech.windows(step.mel)
             events = step.events if self.fine else None
-            found = self.model(noisy, t.to(device), speech, step.coarse, speech_given, events).float()
-        plain = torch.ones_like(step.seen) if self.recipe.plain else step.seen
-        seen = torch.where(step.swapped[:, None, None], self._controlled(step.events), plain)
+            predicted = self.model(noisy, t.to(device), speech, step.coarse, has_speech, events).float()
+        plain = torch.ones_like(step.visibility) if self.recipe.plain else step.visibility
+        visibility = torch.where(step.swapped[:, None, None], self._controlled(step.events), plain)
         if not self.recipe.plain:
-            seen = seen * self.channel_weight.to(device)
-        error, shares = found - clean, (self.recipe.velocity, self.recipe.acceleration)
+            visibility = visibility * self.channel_weight.to(device)
+        error, shares = predicted - clean, (self.recipe.velocity, self.recipe.acceleration)
         if self.fine:
-            rows = zip(error.split(1), seen.split(1), strict=True)
+            rows = zip(error.split(1), visibility.split(1), strict=True)
             simple = torch.stack([motion_loss(*row, *shares) for row in rows]).mean()
         else:
-            simple = motion_loss(error, seen, *shares)
+            simple = motion_loss(error, visibility, *shares)
         if self.recipe.plain:
             return simple, {"simple": simple.item()}
-        as_it_is = speech_given & step.coarse.given & ~step.swapped
-        shown = [arkit.landmarks_of(x[as_it_is]) * 1e3 for x in (self.model.to_weights(found), step.weights)]
+        as_it_is = has_speech & step.coarse.has_label & ~step.swapped
+        shown = [
+            arkit.landmarks_of(x[as_it_is]) * 1e3 for x in (self.model.to_weights(predicted), step.weights)
+        ]
         agreement, parts = feature_concordance(*shown)
         return simple + CONCORDANCE * agreement, {"simple": simple.item()} | parts
 
@@ -259,8 +264,8 @@ def validate(trainer: CafeTalkTrainer, model: Denoiser, clips: int) -> dict[str,
         pairs = []
         for entry in chosen:
             request = Request.neutral(trainer.config, trainer.words.emotions(), len(entry.motion))
-            made = sample_weights(model, trainer.speech.clip(entry), request).cpu()
-            pairs.append((arkit.landmarks_of(made), arkit.landmarks_of(entry.motion.float())))
+            generated = sample_weights(model, trainer.speech.clip(entry), request).cpu()
+            pairs.append((arkit.landmarks_of(generated), arkit.landmarks_of(entry.motion.float())))
         if pairs:
             report |= {f"{source} {k}": v for k, v in feature_scores(pairs).items()}
     model.train()
@@ -327,13 +332,13 @@ def solved(entries: list[Entry], arguments) -> list[Entry]:
     code = Path(arkit.__file__).read_bytes() + repr([(e.name, len(e.motion)) for e in entries]).encode()
     path = arguments.cache / f"arkit-{hashlib.sha256(code).hexdigest()[:12]}.pt"
     if path.exists():
-        found = torch.load(path)
-        return [replace(e, motion=m, weight=w) for e, (m, w) in zip(entries, found, strict=True)]
-    found = arkit.as_weights(entries, arguments.data)
+        results = torch.load(path)
+        return [replace(e, motion=m, weight=w) for e, (m, w) in zip(entries, results, strict=True)]
+    results = arkit.as_weights(entries, arguments.data)
     partial = path.with_suffix(".partial")
-    torch.save([(e.motion.half(), _constant_once(e.weight)) for e in found], partial)
+    torch.save([(e.motion.half(), _constant_once(e.weight)) for e in results], partial)
     partial.rename(path)
-    return found
+    return results
 
 
 def _constant_once(weight: torch.Tensor) -> torch.Tensor:

@@ -12,7 +12,7 @@ from training.corpus.cache import cached
 from training.corpus.clip import FPS, MEL_PER_FRAME, fit_frames
 from training.corpus.conditions import EMOTIONS
 from training.corpus.emodb import SOURCE as EMODB
-from training.corpus.emodb import read_felt
+from training.corpus.emodb import read_acted
 from training.corpus.facegood import read_facegood
 from training.corpus.faces import load_ict
 from training.corpus.folder import CorpusFolder
@@ -73,7 +73,7 @@ def load_clips(arguments, config: EmoFaceConfig) -> list[Spoken]:
     weights = read_bytes(arguments.emotion_encoder)
     key = hashlib.sha256(weights + repr((arguments.voices, arguments.limit)).encode()).hexdigest()[:12]
     path = arguments.cache / f"emoface-{key}.pt"
-    clips = cached(path, Spoken, lambda: [*recorded(arguments), *felt(arguments)])
+    clips = cached(path, Spoken, lambda: [*recorded(arguments), *acted(arguments)])
     config.emotion_ear = True
     config.speech.channels, config.emotion_channels = (
         x.shape[1] for x in (clips[0].content[0], clips[0].emotion)
@@ -122,28 +122,28 @@ def recorded(arguments) -> list[Spoken]:
     entries = bank.load(arguments.data, arguments.cache, arguments.voices, limit=arguments.limit)
     entries = arkit.as_weights(entries, arguments.data)
     samples = {c.name: c.samples for c in [*read_grid(arguments.data), *read_facegood(arguments.data)]}
-    found = []
+    clips = []
     for entry in entries:
         content = [encoder(normalise(mel.float())[None])[0].half() for mel in entry.mels]
         heard = _emotion_of(emotion, samples[entry.name], len(entry.motion))
-        found.append(Spoken(entry.name, entry.source, entry.held_out, content, heard, entry.motion.float()))
-    return found
+        clips.append(Spoken(entry.name, entry.source, entry.held_out, content, heard, entry.motion.float()))
+    return clips
 
 
 @torch.no_grad()
-def felt(arguments) -> list[Spoken]:
+def acted(arguments) -> list[Spoken]:
     """emodb_de: faces made from its phones by the teacher; the emotion is added when rows are drawn."""
     encoder, emotion = load_encoder(SHIPPED_ENCODER).eval(), load_emotion(arguments.emotion_encoder)
-    teacher, found = Teacher.load(), []
-    for clip in read_felt(arguments.data, arguments.limit):
+    teacher, clips = Teacher.load(), []
+    for clip in read_acted(arguments.data, arguments.limit):
         frames = max(int(len(clip.samples) * FPS / 16000), 2)
         motion = torch.from_numpy(teacher.motion(clip.phones, frames)).flatten(1)
         weights = arkit.weights_of(motion, torch.ones(204))
         content = [_said(encoder, clip.samples, frames).half()]
         heard = _emotion_of(emotion, clip.samples, frames)
         label = (clip.emotion, clip.share)
-        found.append(Spoken(clip.name, EMODB, clip.held_out, content, heard, weights.float(), *label))
-    return found
+        clips.append(Spoken(clip.name, EMODB, clip.held_out, content, heard, weights.float(), *label))
+    return clips
 
 
 def _emotion_of(emotion: EmotionEncoder, samples: np.ndarray, frames: int) -> Tensor:

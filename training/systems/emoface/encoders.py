@@ -60,8 +60,8 @@ class Checkpoint(nn.Module):
         super().__init__()
         self.features = HubertFeatures(folder, fps if before_transformer else None, fps)
         if self.features.kind not in MODELS:
-            wanted, got = " or ".join(MODELS), self.features.kind
-            raise ValueError(f"{folder}/config.json: model_type: expected {wanted} for EmoFace, got {got}")
+            expected, got = " or ".join(MODELS), self.features.kind
+            raise ValueError(f"{folder}/config.json: model_type: expected {expected} for EmoFace, got {got}")
         self.model = self.features.model
         self.name = role + self.features.kind
         self.about = SpeechInput(self.features.kind, self.features.channels, self.features.transformer_fps)

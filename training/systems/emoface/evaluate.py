@@ -23,14 +23,14 @@ import torch
 from torch import Tensor
 
 from training.corpus.emodb import SOURCE as EMODB
-from training.corpus.felt import with_emotion
+from training.corpus.emotion_weights import with_emotion
 from training.losses import lip_gap
 from training.systems.cafe_talk.train import lips_met
 from training.systems.emoface import folder_scores
 from training.systems.emoface.clips import load_clips, template_of
 from training.systems.emoface.emotion_encoder import HEARD_EMOTIONS
 from training.systems.emoface.folder_scores import face_of, regions
-from training.systems.emoface.model import CONFIGS, EmoFace, Made
+from training.systems.emoface.model import CONFIGS, EmoFace, FaceMotion
 from training.systems.emoface.rows import Spoken, mixture
 from training.systems.emoface.train import parser as training_parser
 from training.systems.emoface.train import performed, together
@@ -72,9 +72,9 @@ def opened(run: Path, data: Path) -> Judged:
     )
 
 
-def largest_mm(found: Tensor, truth: Tensor, among: np.ndarray) -> float:
+def largest_mm(predicted: Tensor, truth: Tensor, among: np.ndarray) -> float:
     """Mean over frames of the largest squared error among some vertices, mm²."""
-    apart = ((found - truth)[:, among] * 1e3).pow(2).sum(dim=-1)
+    apart = ((predicted - truth)[:, among] * 1e3).pow(2).sum(dim=-1)
     return float(apart.max(dim=1).values.mean())
 
 
@@ -82,7 +82,7 @@ def branches(judged: Judged, clips: list[Spoken]) -> dict[str, tuple[float, floa
     """√LVE and √EVE of the whole, of each branch, of their sum and of no motion."""
     sums: dict[str, list[tuple[float, float]]] = {}
     for clip in clips:
-        truth, made = judged.truth(clip), performed(judged.model, clip)
+        truth, whole = judged.truth(clip), performed(judged.model, clip)
         alone = {
             layer: getattr(performed(judged.model, clip, layer), layer) for layer in ("content", "emotion")
         }
@@ -90,17 +90,17 @@ def branches(judged: Judged, clips: list[Spoken]) -> dict[str, tuple[float, floa
             "no motion": torch.zeros_like(truth),
             "content branch": judged.metres(alone["content"]),
             "emotion branch": judged.metres(alone["emotion"]),
-            "their sum": judged.metres(made.content + made.emotion),
-            "under the mask": judged.metres(made.motion),
+            "their sum": judged.metres(whole.content + whole.emotion),
+            "under the mask": judged.metres(whole.motion),
         }
-        for name, found in rows.items():
-            errors = largest_mm(found, truth, judged.lips), largest_mm(found, truth, judged.upper)
+        for name, values in rows.items():
+            errors = largest_mm(values, truth, judged.lips), largest_mm(values, truth, judged.upper)
             sums.setdefault(name, []).append(errors)
-    return {name: tuple(np.sqrt(np.mean(found, axis=0))) for name, found in sums.items()}
+    return {name: tuple(np.sqrt(np.mean(values, axis=0))) for name, values in sums.items()}
 
 
 @torch.no_grad()
-def emotion_of(judged: Judged, clip: Spoken, other: Spoken) -> Made:
+def emotion_of(judged: Judged, clip: Spoken, other: Spoken) -> FaceMotion:
     """A sentence with the emotion of another recording, stretched to its length."""
     inputs = together([clip], judged.model.config, len(clip))
     at = np.linspace(0.2 * (len(other) - 1), len(other) - 1, len(clip)).round().astype(int)
@@ -116,22 +116,22 @@ def crossed(judged: Judged, clips: list[Spoken]) -> dict[str, float]:
     """
     right, heard, agreement = [], [], []
     for n, clip in enumerate(clips):
-        own = performed(judged.model, clip)
+        own_take = performed(judged.model, clip)
         others = [c for c in clips if c.name[:2] == clip.name[:2] and c.label != clip.label]
         for other in others[n % 7 :: max(1, len(others) // CROSSED)][:CROSSED]:
-            made = emotion_of(judged, clip, other)
-            found = judged.metres(made.motion)
+            mixed_take = emotion_of(judged, clip, other)
+            motion = judged.metres(mixed_take.motion)
             label = {
                 f: Spoken("", "", True, [], clip.emotion, clip.weights, f, other.share)
                 for f in HEARD_EMOTIONS
             }
             apart = {
-                f: float((found - judged.truth(clip, one)).norm(dim=-1).mean()) for f, one in label.items()
+                f: float((motion - judged.truth(clip, one)).norm(dim=-1).mean()) for f, one in label.items()
             }
             right.append(min(apart, key=apart.get) == other.label)
             shares = other.emotion[len(other) // 2 :, -len(HEARD_EMOTIONS) :].float().mean(dim=0)
             heard.append(HEARD_EMOTIONS[int(shares.argmax())] == other.label)
-            agreement.append(_gap_r(judged, own, made))
+            agreement.append(_gap_r(judged, own_take, mixed_take))
     return {
         "felt as the other recording": float(np.mean(right)),
         "of those whose emotion was heard right": float(np.mean(np.array(right)[np.array(heard)])),
@@ -140,7 +140,7 @@ def crossed(judged: Judged, clips: list[Spoken]) -> dict[str, float]:
     }
 
 
-def _gap_r(judged: Judged, one: Made, two: Made) -> float:
+def _gap_r(judged: Judged, one: FaceMotion, two: FaceMotion) -> float:
     at = judged.model.config.landmarks
     gaps = [lip_gap(judged.metres(x.motion)[:, at].flatten(1)).numpy() for x in (one, two)]
     return float(np.corrcoef(*gaps)[0, 1])
@@ -156,12 +156,12 @@ def taught(judged: Judged, clips: list[Spoken]) -> dict[str, tuple[float, float]
     neutral = [_under_label(judged, clip, HEARD_EMOTIONS[0]) for clip in clips]
     for emotion in HEARD_EMOTIONS[1:]:
         pairs = []
-        for clip, (found, truth) in zip(clips, neutral, strict=True):
-            made, meant = _under_label(judged, clip, emotion)
-            pairs.append((made - found, meant - truth))
-        made, meant = (torch.cat([pair[k].flatten() for pair in pairs]) for k in (0, 1))
-        along = made @ meant
-        out[emotion] = float(along / (meant @ meant)), float(along / (made.norm() * meant.norm()))
+        for clip, (neutral_motion, truth) in zip(clips, neutral, strict=True):
+            predicted, meant = _under_label(judged, clip, emotion)
+            pairs.append((predicted - neutral_motion, meant - truth))
+        predicted, meant = (torch.cat([pair[k].flatten() for pair in pairs]) for k in (0, 1))
+        along = predicted @ meant
+        out[emotion] = float(along / (meant @ meant)), float(along / (predicted.norm() * meant.norm()))
     return out
 
 
@@ -182,8 +182,8 @@ def recorded(judged: Judged, clips: list[Spoken]) -> dict[str, float]:
     for source in sorted({c.source for c in clips}):
         errors = []
         for clip in (c for c in clips if c.source == source):
-            found = judged.metres(performed(judged.model, clip).motion)
-            errors.append(largest_mm(found, judged.truth(clip), judged.lips))
+            predicted = judged.metres(performed(judged.model, clip).motion)
+            errors.append(largest_mm(predicted, judged.truth(clip), judged.lips))
         out[source] = float(np.sqrt(np.mean(errors)))
     return out
 
@@ -192,8 +192,8 @@ def masks(judged: Judged, clips: list[Spoken]) -> dict[str, float]:
     """w, mean over frames, at the mouth, the jaw and the eyes: the paper's figure 4 in three numbers."""
     at = judged.model.config.landmarks
     regions = {"mouth": at[48:], "jaw": at[4:13], "eyes and brows": at[17:27] + at[36:48]}
-    found = torch.stack([performed(judged.model, clip).mask[0].mean(dim=0) for clip in clips]).mean(dim=0)
-    return {name: float(found[places].mean()) for name, places in regions.items()}
+    mask = torch.stack([performed(judged.model, clip).mask[0].mean(dim=0) for clip in clips]).mean(dim=0)
+    return {name: float(mask[places].mean()) for name, places in regions.items()}
 
 
 def parser() -> argparse.ArgumentParser:
@@ -218,17 +218,17 @@ def main() -> None:
                 print(f"  {line}")
         return
     held_out = [c for c in load_clips(arguments, CONFIGS[arguments.config]()) if c.held_out]
-    felt = [c for c in held_out if c.source == EMODB]
-    felt = felt[:: max(1, len(felt) // arguments.clips)][: arguments.clips]
+    emotional = [c for c in held_out if c.source == EMODB]
+    emotional = emotional[:: max(1, len(emotional) // arguments.clips)][: arguments.clips]
     spoken = [c for s in ("grid_s1", "facegood_zh") for c in [c for c in held_out if c.source == s][:24]]
     for run in arguments.run:
         judged = opened(run, arguments.data)
-        print(run, f"{len(felt)} felt clips")
-        for name, (lips, upper) in branches(judged, felt).items():
+        print(run, f"{len(emotional)} felt clips")
+        for name, (lips, upper) in branches(judged, emotional).items():
             print(f"  {name:16s} √LVE {lips:.2f} mm, √EVE {upper:.2f} mm")
-        for name, (slope, cosine) in taught(judged, felt[:: max(1, len(felt) // TAUGHT)]).items():
+        for name, (slope, cosine) in taught(judged, emotional[:: max(1, len(emotional) // TAUGHT)]).items():
             print(f"  {name:16s} slope {slope:.2f}, cosine {cosine:.2f}")
-        for numbers in (recorded(judged, spoken), masks(judged, felt), crossed(judged, felt)):
+        for numbers in (recorded(judged, spoken), masks(judged, emotional), crossed(judged, emotional)):
             print("  " + ", ".join(f"{name} {value:.3f}" for name, value in numbers.items()))
 
 

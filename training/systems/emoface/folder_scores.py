@@ -71,11 +71,13 @@ def lines(run: Path, arguments) -> Iterator[Scores]:
     pairs = Pairs(clips)
     crossed = [(c, pairs.cross(c, other)) for c in clips for other in pairs.of(c)]
     if crossed:
-        made = [perform_clip(model, felt, starts) for _, felt in crossed]
-        found = score("crossed", [(c.weights, x) for (_, c), x in zip(crossed, made, strict=True)], about)
-        apart = [[_mean_apart(x, c.weights) for c in pair] for pair, x in zip(crossed, made, strict=True)]
-        found.nearer = float(np.mean([there < here for here, there in apart]))
-        yield found
+        motions = [perform_clip(model, mixed, starts) for _, mixed in crossed]
+        crossed_score = score(
+            "crossed", [(c.weights, x) for (_, c), x in zip(crossed, motions, strict=True)], about
+        )
+        apart = [[_mean_apart(x, c.weights) for c in pair] for pair, x in zip(crossed, motions, strict=True)]
+        crossed_score.nearer = float(np.mean([there < here for here, there in apart]))
+        yield crossed_score
 
 
 def read_held_out(run: Path, config: EmoFaceConfig, saved: dict, arguments) -> list[Spoken]:
@@ -110,12 +112,12 @@ def encoders_of_run(run: Path, config: EmoFaceConfig, saved: dict, arguments) ->
     inputs = [x.transformer_fps for x in (config.speech, config.emotion) if x is not None]
     arguments.tune_encoders = False
     encoders = encoders_of(arguments, config, any(x is not None for x in inputs))
-    for flag, wanted, got in (
+    for flag, expected, got in (
         ("--speech or --hubert", config.speech, encoders.speech.about),
         ("--emotion-encoder or --emotion-hubert", config.emotion, encoders.emotion.about),
     ):
         one, two = (
-            f"{x.encoder} of {x.channels} channels" if x else "emotion_encoder" for x in (wanted, got)
+            f"{x.encoder} of {x.channels} channels" if x else "emotion_encoder" for x in (expected, got)
         )
         if one != two:
             raise ValueError(f"{flag}: expected {one} as in training, got {two}; name that encoder")
@@ -131,8 +133,8 @@ def perform_clip(model: EmoFace, clip: Spoken, starts: bool) -> Tensor:
 def score(name: str, pairs: list[tuple[Tensor, Tensor]], about: tuple[np.ndarray, np.ndarray]) -> Scores:
     """Of truths and motions [T, 3 V] metres."""
     errors = []
-    for truth, found in pairs:
-        g, p = (1e3 * x.unflatten(1, (-1, 3)).double().numpy() for x in (truth, found))
+    for truth, predicted in pairs:
+        g, p = (1e3 * x.unflatten(1, (-1, 3)).double().numpy() for x in (truth, predicted))
         errors.append([worst_point(p[:, among], g[:, among]) for among in about])
     return Scores(name, len(pairs), *np.mean(errors, axis=0).tolist())
 

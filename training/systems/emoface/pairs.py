@@ -61,9 +61,9 @@ class Pairs:
 
 def align(x: np.ndarray, y: np.ndarray) -> np.ndarray:
     """Rows of `x` [T, C] → places among rows of `y` [S, C] that sound alike, never backwards, [T] f32."""
-    found = np.array(best_path(path_costs(cdist(x, y), np.add)))
-    sums = np.bincount(found[:, 0], weights=found[:, 1], minlength=len(x))
-    places = sums / np.bincount(found[:, 0], minlength=len(x))
+    path = np.array(best_path(path_costs(cdist(x, y), np.add)))
+    sums = np.bincount(path[:, 0], weights=path[:, 1], minlength=len(x))
+    places = sums / np.bincount(path[:, 0], minlength=len(x))
     return uniform_filter1d(places, SMOOTH_FRAMES, mode="nearest").astype(np.float32)
 
 

@@ -7,7 +7,7 @@ import torch
 from torch import Tensor
 
 from training.corpus.conditions import EMOTIONS
-from training.corpus.felt import with_emotion
+from training.corpus.emotion_weights import with_emotion
 from training.corpus.windows import interpolate
 from training.systems.emoface.model import ANY_STYLE, EmoFaceConfig, Inputs
 
@@ -83,13 +83,13 @@ class Rows:
         self.config, self.met, self.worn_share = config, met, worn_share
         self.random = np.random.default_rng(seed)
         self.clips = {s: [c for c in clips if c.source == s and not c.held_out] for s in shares}
-        empty = [s for s, found in self.clips.items() if not found]
+        empty = [s for s, group in self.clips.items() if not group]
         if empty:
             raise ValueError(f"{empty[0]}: expected training clips, got none")
         self.sources = list(shares)
         self.shares = np.array(list(shares.values())) / sum(shares.values())
-        felt = [c for group in self.clips.values() for c in group]
-        self.felt = {f: [c for c in felt if c.label == f] for f in config.emotions}
+        all_clips = [c for group in self.clips.values() for c in group]
+        self.by_emotion = {f: [c for c in all_clips if c.label == f] for f in config.emotions}
 
     def batch(self, count: int, frames: int) -> Batch:
         """`count` rows of `frames` frames."""
@@ -109,12 +109,12 @@ class Rows:
         level = float(self.random.uniform(0.0, HIGHEST_LEVEL))
         level = 1.0 if self.random.random() < LEVEL_ONE_SHARE else level
         met = self.met(spoken)
-        felt = with_emotion(spoken, emotion, level * share, met)
-        worn = self._worn(spoken, met) if self.random.random() < self.worn_share else felt.clone()
+        acted = with_emotion(spoken, emotion, level * share, met)
+        worn = self._worn(spoken, met) if self.random.random() < self.worn_share else acted.clone()
         if start == 0.0:
             worn[0] = 0.0
         named = self._style(clip)
-        return content, heard, torch.tensor(named), torch.full((frames,), level), felt[1:], worn[:-1]
+        return content, heard, torch.tensor(named), torch.full((frames,), level), acted[1:], worn[:-1]
 
     def _style(self, clip: Spoken) -> int:
         unnamed = self.random.random() < UNNAMED_STYLE_SHARE
@@ -139,21 +139,21 @@ class Rows:
 
     def _emotion(self, clip: Spoken, at: Tensor, frames: int) -> tuple[Tensor, Tensor, Tensor]:
         """What the emotion branch hears [T, E], and what is felt [T + 1, 15] how strongly [T + 1]."""
-        own = self.random.random() < (NEUTRAL_SHARE if clip.label == NEUTRAL else OWN_SHARE)
-        one = (interpolate(clip.emotion, at[1:]), clip) if own else self._of_another(frames)
+        is_own = self.random.random() < (NEUTRAL_SHARE if clip.label == NEUTRAL else OWN_SHARE)
+        one = (interpolate(clip.emotion, at[1:]), clip) if is_own else self._of_another(frames)
         if self.random.random() >= CHANGING_SHARE:
             return one[0], mixture(one[1]).expand(frames + 1, -1), torch.full((frames + 1,), one[1].share)
         two = self._of_another(frames)
         middle = int(self.random.integers(0, frames))
         heard = torch.cat([one[0][:middle], two[0][middle:]])
         share = ((torch.arange(-1, frames) - middle) / CHANGE_FRAMES).clamp(0.0, 1.0)[:, None]
-        felt = (1.0 - share) * mixture(one[1]) + share * mixture(two[1])
-        return heard, felt, ((1.0 - share) * one[1].share + share * two[1].share)[:, 0]
+        shares = (1.0 - share) * mixture(one[1]) + share * mixture(two[1])
+        return heard, shares, ((1.0 - share) * one[1].share + share * two[1].share)[:, 0]
 
     def _of_another(self, frames: int) -> tuple[Tensor, Spoken]:
         """A recording of any emotion, stretched from its second half second on to this length."""
         label = self.config.emotions[int(self.random.integers(len(self.config.emotions)))]
-        group = self.felt[label] or self.felt[NEUTRAL]
+        group = self.by_emotion[label] or self.by_emotion[NEUTRAL]
         clip = group[int(self.random.integers(len(group)))]
         first = self.random.uniform(0.0, 0.4) * (len(clip) - 1)
         at = torch.linspace(first, len(clip) - 1, frames)

@@ -30,7 +30,7 @@ from training.systems.cafe_talk.train import lips_met
 from training.systems.emoface import folder_clips
 from training.systems.emoface.clips import load_clips, of_corpus, template_of
 from training.systems.emoface.encoders import UNTAUGHT, Encoders
-from training.systems.emoface.model import CONFIGS, EmoFace, EmoFaceConfig, Inputs, Made
+from training.systems.emoface.model import CONFIGS, EmoFace, EmoFaceConfig, FaceMotion, Inputs
 from training.systems.emoface.recipes import EMOFACE, EmoFaceRecipe
 from training.systems.emoface.recorded_rows import RecordedRows
 from training.systems.emoface.rows import Batch, Rows, Spoken, prototypes
@@ -56,11 +56,11 @@ class Learner(nn.Module):
 
     def groups(self, recipe: EmoFaceRecipe) -> list[dict]:
         """Parameters with their rates."""
-        found = [{"params": list(self.face.parameters()), "lr": recipe.rate}]
+        groups = [{"params": list(self.face.parameters()), "lr": recipe.rate}]
         if self.encoders is not None:
             rate = recipe.encoder_share * recipe.rate
-            found.append({"params": list(self.encoders.parameters()), "lr": rate})
-        return found
+            groups.append({"params": list(self.encoders.parameters()), "lr": rate})
+        return groups
 
 
 class EmoFaceTrainer:
@@ -112,17 +112,17 @@ class EmoFaceTrainer:
         rows with the concordance of the mouth."""
         truth = self.motion(batch.weights)
         before = self.motion(batch.before)
-        own = self.own_share(step)
-        if own > 0.0:
+        own_share = self.own_share(step)
+        if own_share > 0.0:
             with torch.no_grad():
-                found = self.model(before, batch.inputs).motion
-            taken = torch.rand(before.shape[:2], generator=self.random) < own
-            taken[:, 0] = False
-            before = torch.where(taken[..., None], found.roll(1, dims=1), before)
-        made = self.model(before, batch.inputs)
+                own_motion = self.model(before, batch.inputs).motion
+            from_model = torch.rand(before.shape[:2], generator=self.random) < own_share
+            from_model[:, 0] = False
+            before = torch.where(from_model[..., None], own_motion.roll(1, dims=1), before)
+        predicted = self.model(before, batch.inputs)
         metres = self.config.scale_m
-        errors = {name: (getattr(made, name) - truth).abs() for name in ("motion", "content", "emotion")}
-        quickness = (made.motion.diff(dim=1) - truth.diff(dim=1)).abs()
+        errors = {name: (getattr(predicted, name) - truth).abs() for name in ("motion", "content", "emotion")}
+        quickness = (predicted.motion.diff(dim=1) - truth.diff(dim=1)).abs()
         recipe, report = self.recipe, {}
         if recipe.plain:
             rows = [x for x in (~batch.crossed, batch.crossed) if x.any()]
@@ -132,20 +132,20 @@ class EmoFaceTrainer:
         else:
             apart = sum(error.mean() * metres for error in errors.values())
             velocity = quickness.mean() * metres
-            shown, true = (self.landmarks(x) * metres * 1e3 for x in (made.motion, truth))
+            shown, true = (self.landmarks(x) * metres * 1e3 for x in (predicted.motion, truth))
             agreement, features = feature_concordance(shown, true)
             total = (
                 recipe.reconstruction * apart + recipe.velocity * velocity + recipe.concordance * agreement
             )
             report |= features
         if batch.logits is not None:
-            told = {"reduction": "sum", "ignore_index": UNTAUGHT}
-            total = total + recipe.classification * F.cross_entropy(batch.logits, batch.labels, **told)
+            options = {"reduction": "sum", "ignore_index": UNTAUGHT}
+            total = total + recipe.classification * F.cross_entropy(batch.logits, batch.labels, **options)
             report["class right"] = (batch.logits.argmax(dim=1) == batch.labels).float().mean().item()
         if batch.crossed is not None and batch.crossed.any():
             report["crossed"] = 1e3 * metres * errors["motion"][batch.crossed].mean().item()
         sizes = {name: 1e3 * metres * error.mean().item() for name, error in errors.items()}
-        return total, sizes | report | {"mask": made.mask.mean().item()}
+        return total, sizes | report | {"mask": predicted.mask.mean().item()}
 
     def own_share(self, step: int) -> float:
         """How many of the frames before are the model's own, eq. 6: 0 until θ, 1 from (N + θ)/2 on."""
@@ -176,8 +176,8 @@ def validate(trainer: EmoFaceTrainer, model: EmoFace, clips: list[Spoken]) -> di
         chosen = [c for c in clips if c.source == source]
         frames = max(len(c) for c in chosen)
         inputs = together(chosen, trainer.config, frames)
-        made = model.perform(inputs)
-        shown = trainer.landmarks(made.motion) * trainer.config.scale_m
+        predicted = model.perform(inputs)
+        shown = trainer.landmarks(predicted.motion) * trainer.config.scale_m
         true = [trainer.landmarks(trainer.motion(c.weights)) * trainer.config.scale_m for c in chosen]
         pairs = [(x[: len(c)], y) for x, y, c in zip(shown, true, chosen, strict=True)]
         report |= {f"{source} {k}": v for k, v in feature_scores(pairs).items()}
@@ -232,7 +232,7 @@ def train(arguments) -> Path:
         return trainer.loss(trainer.draw(step), step)
 
     template = trainer.template
-    kept = {"vertices": torch.from_numpy(template.vertices).float(),
+    extra = {"vertices": torch.from_numpy(template.vertices).float(),
             "triangles": torch.from_numpy(template.triangles), "recipe": recipe.record(),
             "tuned": learner.encoders is not None}  # fmt: skip
 
@@ -243,7 +243,7 @@ def train(arguments) -> Path:
             face.prototypes.copy_(prototypes(averaged.encoders.hear(few_of_each(clips)), config))
             averaged.encoders.write(run.out / MODELS)
         scores = validate(trainer, face, heard)
-        save(run.out / "emoface.pt", face, **kept, spirals=face.mesh_attention.conv.spirals)
+        save(run.out / "emoface.pt", face, **extra, spirals=face.mesh_attention.conv.spirals)
         return scores
 
     descend(arguments, run, loss, judge, clip=recipe.clip)
@@ -257,7 +257,7 @@ def few_of_each(clips: list[Spoken]) -> list[Spoken]:
     return [c for group in groups for c in group[:: max(1, len(group) // PROTOTYPE_CLIPS)][:PROTOTYPE_CLIPS]]
 
 
-def performed(model: EmoFace, clip: Spoken, layer: str = "motion", first: Tensor | None = None) -> Made:
+def performed(model: EmoFace, clip: Spoken, layer: str = "motion", first: Tensor | None = None) -> FaceMotion:
     """A held-out clip with its own emotion, from rest or a first pose."""
     return model.perform(together([clip], model.config, len(clip)), first, layer)
 

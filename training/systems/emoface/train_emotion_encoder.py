@@ -16,7 +16,7 @@ import torch
 
 from training import shipped
 from training.corpus.clip import read_sound
-from training.corpus.emodb import read_felt
+from training.corpus.emodb import read_acted
 from training.nn.checkpoint import write_model
 from training.systems.emoface.emotion_encoder import HEARD_EMOTIONS, EmotionEncoder, fitted, numbers, voice_of
 
@@ -36,26 +36,28 @@ class Measured:
     held_out: bool = False
 
 
-def felt_clips(data: Path, limit: int | None = None) -> list[Measured]:
+def acted_clips(data: Path, limit: int | None = None) -> list[Measured]:
     """emodb_de."""
-    found = []
-    for clip in read_felt(data, limit):
+    clips = []
+    for clip in read_acted(data, limit):
         rows = numbers(voice_of(clip.samples))
         if len(rows):
-            found.append(Measured(clip.actor, HEARD_EMOTIONS.index(clip.emotion), rows, clip.held_out))
-    return found
+            clips.append(Measured(clip.actor, HEARD_EMOTIONS.index(clip.emotion), rows, clip.held_out))
+    return clips
 
 
 def readers(data: Path, count: int = 60) -> list[Measured]:
     """Neutral by their nature: `count` recordings of each source, evenly drawn; every other one held out."""
-    found = []
+    recordings = []
     for source in READERS:
         paths = sorted((data / "speech" / source).glob("*.ogg"))
         for k, path in enumerate(paths[:: max(1, len(paths) // count)][:count]):
             rows = numbers(voice_of(read_sound(path)))
             if len(rows):
-                found.append(Measured(source, 0, rows[:: max(1, len(rows) // TRAINING_INSTANTS)], k % 2 == 1))
-    return found
+                recordings.append(
+                    Measured(source, 0, rows[:: max(1, len(rows) // TRAINING_INSTANTS)], k % 2 == 1)
+                )
+    return recordings
 
 
 def fit(clips: list[Measured]) -> EmotionEncoder:
@@ -114,7 +116,7 @@ def main() -> None:
     parser.add_argument("--leave-one-out", action="store_true", help="measure instead of writing the model")
     parser.add_argument("--limit", type=int, help="recordings of each half of the actors, for a quick look")
     arguments = parser.parse_args()
-    clips, neutral = felt_clips(arguments.data, arguments.limit), readers(arguments.data)
+    clips, neutral = acted_clips(arguments.data, arguments.limit), readers(arguments.data)
     taught, unheard = ([c for c in neutral if c.held_out == held_out] for held_out in (False, True))
     if arguments.leave_one_out:
         print("readers taught", leave_one_out(clips, taught))
@@ -126,9 +128,11 @@ def main() -> None:
              for name in ("mean", "scale", "coordinates", "weight", "bias")}  # fmt: skip
     folder = arguments.models / "emotion_encoder" if arguments.models else shipped("emotion_encoder")
     print(write_model(folder, state, model.config.to_json(), exact=("",)))
-    kept = [c for c in clips if c.held_out]
-    if kept:
-        print("actors held out", scores(logits_of(model, kept), np.array([c.label for c in kept])))
+    test_clips = [c for c in clips if c.held_out]
+    if test_clips:
+        print(
+            "actors held out", scores(logits_of(model, test_clips), np.array([c.label for c in test_clips]))
+        )
     for source in READERS:
         group = [c for c in unheard if c.speaker == source]
         if group:

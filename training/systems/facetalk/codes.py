@@ -90,9 +90,9 @@ def set_codes(head: Head, heads: IctHeads) -> dict[str, float]:
             rows.append(rows[-1] * modes.sign)
             continue
         weight = modes.area * blend[:, number]
-        found, _ = directions(modes, weight, left, config.local_code, False)
-        rows.append(found)
-        span = torch.cat([whole, found])
+        local_rows, _ = directions(modes, weight, left, config.local_code, False)
+        rows.append(local_rows)
+        span = torch.cat([whole, local_rows])
         flat = (modes.modes * weight.sqrt()[:, None]).flatten(1) / weight.sum().sqrt()
         over = flat - span.T @ (span @ flat)
         report[f"anchor {number} mm"] = 1e3 * over.square().sum().sqrt().item()
@@ -166,10 +166,10 @@ def named(modes: Modes, heads: IctHeads, rows: Tensor) -> list[tuple[str, float]
     varies = {
         name: value.std() for name, value in people(torch.randn(200, COEFFICIENTS, generator=random)).items()
     }
-    found: list[tuple[str, float]] = []
+    names: list[tuple[str, float]] = []
     for row in rows:
         change = {n: ((v[0] - v[1]) / varies[n]).item() for n, v in people(torch.stack([row, -row])).items()}
-        taken = {name for name, _ in found}
-        name = max((n for n in change if n not in taken), key=lambda n: abs(change[n]))
-        found.append((name, 1.0 if change[name] >= 0.0 else -1.0))
-    return found
+        used = {name for name, _ in names}
+        name = max((n for n in change if n not in used), key=lambda n: abs(change[n]))
+        names.append((name, 1.0 if change[name] >= 0.0 else -1.0))
+    return names

@@ -103,12 +103,12 @@ class ExpressionLoss:
         upper, lower = error[:, points:].chunk(2, 1)
         length = error.norm(dim=-1)
         forward, gap = steep(length, scale), (upper - lower).norm(dim=-1).mean()
-        kept = int(BACKWARD_POINTS * points)
-        close = (places.away.abs() <= BACKWARD_AWAY_M).nonzero()[:, 0][:kept].to(device)
+        most = int(BACKWARD_POINTS * points)
+        close = (places.away.abs() <= BACKWARD_AWAY_M).nonzero()[:, 0][:most].to(device)
         start = (here + moved[:, : place.shape[1]]).detach()[:, close] if cycle else there[:, close]
         with torch.no_grad():
-            found = head.place(start, z)
-        back = start + head.backward_field.move(found, z, anchors, code) - here[:, close]
+            start_places = head.place(start, z)
+        back = start + head.backward_field.move(start_places, z, anchors, code) - here[:, close]
         backward = back.norm(dim=-1)
         total = (
             forward

@@ -105,22 +105,26 @@ def fit_sequence(
         last = min(first + fit.group, frames)
         if first > 0:
             codes[first + fit.shared : last] = codes[first + fit.shared - 1]
-        own = codes[first:last].clone().requires_grad_()
-        optimiser = torch.optim.Adam([own], fit.rate)
+        window = codes[first:last].clone().requires_grad_()
+        optimiser = torch.optim.Adam([window], fit.rate)
         identity = z.expand(last - first, -1)
         for number in range(fit.iterations):
             if number == fit.late_from:
                 optimiser.param_groups[0]["lr"] = fit.late_rate
             drawn = [c[torch.randint(0, len(c), (fit.points,), generator=random)] for c in clouds[first:last]]
-            s = head(torch.stack(drawn) / scale, identity, own)
-            change = torch.nn.functional.huber_loss(own[1:], own[:-1], reduction="sum")
-            loss = SDF * s.abs().mean() + TEMPORAL * change / own.numel() + EXPRESSION * own.square().mean()
+            s = head(torch.stack(drawn) / scale, identity, window)
+            change = torch.nn.functional.huber_loss(window[1:], window[:-1], reduction="sum")
+            loss = (
+                SDF * s.abs().mean()
+                + TEMPORAL * change / window.numel()
+                + EXPRESSION * window.square().mean()
+            )
             optimiser.zero_grad()
             loss.backward()
             if first > 0:
-                own.grad[: fit.shared] = 0.0
+                window.grad[: fit.shared] = 0.0
             optimiser.step()
-        codes[first:last] = own.detach()
+        codes[first:last] = window.detach()
         if last == frames:
             return codes
         first = last - fit.shared

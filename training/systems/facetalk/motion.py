@@ -136,8 +136,10 @@ class Denoiser(nn.Module):
         self.register_buffer("mean", torch.zeros(config.codes))
         self.register_buffer("std", torch.ones(config.codes))
 
-    def forward(self, noisy: Tensor, timestep: Tensor, speech: Tensor, given: Tensor, r: Tensor) -> Tensor:
-        """`noisy` [B, T, X], `timestep` [B], `speech` [B, T, C], `given` [B] bool, `r` [B] → x̂₀."""
+    def forward(
+        self, noisy: Tensor, timestep: Tensor, speech: Tensor, has_speech: Tensor, r: Tensor
+    ) -> Tensor:
+        """`noisy` [B, T, X], `timestep` [B], `speech` [B, T, C], `has_speech` [B] bool, `r` [B] → x̂₀."""
         frames = noisy.shape[1]
         if speech.shape[1] != frames:
             raise ValueError(f"speech frames: expected {frames}, got {speech.shape[1]}")
@@ -145,7 +147,7 @@ class Denoiser(nn.Module):
             r[:, None] - 1.0
         )
         films = self.film(condition if self.config.film else torch.zeros_like(condition))
-        memory = torch.where(given[:, None, None], self.mem_proj(speech), self.null_speech)
+        memory = torch.where(has_speech[:, None, None], self.mem_proj(speech), self.null_speech)
         rows = torch.arange(frames, device=noisy.device)
         back = rows[:, None] - rows
         behind = (back >= 0) & (back < self.config.look_back_frames)
@@ -158,16 +160,16 @@ class Denoiser(nn.Module):
         clean = self.head(self.norm(x))
         if self.direct is None:
             return clean
-        return clean + torch.where(given[:, None, None], self.direct(speech), 0.0)
+        return clean + torch.where(has_speech[:, None, None], self.direct(speech), 0.0)
 
     @torch.no_grad()
     def begin_direct(self, memory: Tensor, codes: Tensor) -> None:
         """What is added at first: the linear map of memory [N, C] that comes nearest to codes [N, X]; the
         blocks say nothing yet."""
-        seen = torch.cat([memory, torch.ones(len(memory), 1)], 1)
-        found = torch.linalg.lstsq(seen, self.standardise(codes)).solution
-        self.direct.weight.copy_(found[:-1].T)
-        self.direct.bias.copy_(found[-1])
+        inputs = torch.cat([memory, torch.ones(len(memory), 1)], 1)
+        solution = torch.linalg.lstsq(inputs, self.standardise(codes)).solution
+        self.direct.weight.copy_(solution[:-1].T)
+        self.direct.bias.copy_(solution[-1])
         nn.init.zeros_(self.head.weight)
         nn.init.zeros_(self.head.bias)
 

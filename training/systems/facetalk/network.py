@@ -80,9 +80,9 @@ class Network(nn.Module):
 
     def read_out(self, h: Tensor, code: Tensor) -> Tensor:
         """The last layer, whose matrix each code makes."""
-        made = self.out_code(code).unflatten(-1, (self.outputs, self.width + 1))
-        weight = self.out.weight + made[..., :-1]
-        bias = self.out.bias + made[..., -1]
+        matrix = self.out_code(code).unflatten(-1, (self.outputs, self.width + 1))
+        weight = self.out.weight + matrix[..., :-1]
+        bias = self.out.bias + matrix[..., -1]
         return h @ weight.transpose(1, 2) + bias[:, None]
 
 

@@ -19,18 +19,18 @@ EXACT = ("identity_code.", "expression_code.", "identity.landmarks.", "identity.
 
 def load_head(path: Path, octaves: int | None = None) -> Head:
     """A head.pt; deformations then see as many `octaves` of places, if said."""
-    kept = torch.load(path, map_location="cpu", weights_only=True)
-    config = HeadConfig.from_json(kept["config"])
+    saved = torch.load(path, map_location="cpu", weights_only=True)
+    config = HeadConfig.from_json(saved["config"])
     config.expression_octaves = octaves or config.expression_octaves
     head = Head(config)
-    head.load_state_dict(widened(kept["state"], config.expression_octaves))
+    head.load_state_dict(widened(saved["state"], config.expression_octaves))
     return head
 
 
 def load_motion(path: Path) -> Denoiser:
     """A motion.pt."""
-    kept = torch.load(path, map_location="cpu", weights_only=True)
-    return restored(Denoiser(MotionConfig.from_json(kept["config"])), kept["state"])
+    saved = torch.load(path, map_location="cpu", weights_only=True)
+    return restored(Denoiser(MotionConfig.from_json(saved["config"])), saved["state"])
 
 
 def joined(head: Head, motions: dict[str, Denoiser]) -> tuple[dict[str, Tensor], dict]:

@@ -123,8 +123,8 @@ def identity_loss(head: Head, heads: IctHeads, pool: Pool, count: int, points: i
     moves = vertices[:, corners] - heads.opened[corners]
     far = far_goal + (heads.volume.share[rows][..., None] * moves).sum(2) / scale
     x, goal, far_goal, on = (t.to(device) for t in (torch.cat([here, far], 1), goal, far_goal, on))
-    made = x + head.identity.to_mean(x, z)
-    error, off = made[:, :points] - goal, made[:, points:] - far_goal
+    predicted = x + head.identity.to_mean(x, z)
+    error, off = predicted[:, :points] - goal, predicted[:, points:] - far_goal
     near = uneven(error, on, scale).mean()
     calm = (1.0 / (1.0 + heads.volume.distance[rows].abs() / 0.01)).to(device)
     total = near + FAR_WEIGHT * (off.norm(dim=-1) * calm).mean()
@@ -213,7 +213,7 @@ def train(arguments) -> Path:
     groups = by_rate(head, learned, rate)
     run = begin(
         arguments, head, {"random": random}, groups=groups, decay=0.0, warm=0.05, average=None, name="head",
-        machine=machine, kept={} if pool is None else {"pool": pool}, final_div_factor=100.0,
+        machine=machine, extra={} if pool is None else {"pool": pool}, final_div_factor=100.0,
     )  # fmt: skip
 
     def loss(step: int) -> tuple[Tensor, dict[str, float]]:

@@ -22,7 +22,7 @@ from torch import Tensor
 from training import shipped
 from training.corpus import bank
 from training.corpus.arkit import as_weights, landmarks_of, of_folders
-from training.corpus.poses import LIDS, UPPER, felt
+from training.corpus.poses import LIDS, UPPER, emotion_prototypes
 from training.corpus.shares import lasting
 from training.diffusion.schedule import add_noise
 from training.losses import feature_concordance, feature_scores, motion_loss
@@ -109,7 +109,7 @@ class Trainer:
         config = replace(CONFIGS[arguments.config](), codes=codes, speech=heard)
         if self.by_landmarks:
             config = landmark_config(codes)
-        self.felt = felt()
+        self.prototypes = emotion_prototypes()
         config.film = "film" not in self.without
         if "alignment" in self.without:
             config.band = WIDE_BAND
@@ -141,25 +141,25 @@ class Trainer:
         if self.by_landmarks:
             weights = self.beside(weights)
         t, noise = self._noise(count, frames)
-        given = torch.rand(count, generator=self.random) >= DROPPED_SHARE
+        has_speech = torch.rand(count, generator=self.random) >= DROPPED_SHARE
         with torch.no_grad(), self.machine.autocast():
             memory = self.memory(batch, weights)
-        weights, given = weights.to(device), given.to(device)
+        weights, has_speech = weights.to(device), has_speech.to(device)
         clean = self.model.standardise(self.codes.of(weights))
         noisy = add_noise(clean, noise.to(device), self.alphas[t][:, None, None].to(device))
         if "diffusion" in self.without:
             noisy = torch.zeros_like(noisy)
         with self.machine.autocast():
-            found = self.model(noisy, t.to(device), memory, given, r.to(device)).float()
+            predicted = self.model(noisy, t.to(device), memory, has_speech, r.to(device)).float()
         shares = (self.recipe.velocity, self.recipe.acceleration)
-        simple = motion_loss(found - clean, torch.ones_like(clean), *shares)
+        simple = motion_loss(predicted - clean, torch.ones_like(clean), *shares)
         if self.recipe.plain:
             return simple, {"simple": simple.item()}
         shown, truth = (
-            1e3 * landmarks_of(w) for w in (self.codes.weights(self.model.to_codes(found)), weights)
+            1e3 * landmarks_of(w) for w in (self.codes.weights(self.model.to_codes(predicted)), weights)
         )
         near = motion_loss((shown - truth) / LANDMARK_SCALE_MM, torch.ones_like(shown))
-        agreement, parts = feature_concordance(shown[given], truth[given])
+        agreement, parts = feature_concordance(shown[has_speech], truth[has_speech])
         total = simple + LANDMARK_WEIGHT * near + CONCORDANCE * agreement
         return total, {"simple": simple.item(), "landmarks": near.item()} | parts
 
@@ -190,15 +190,15 @@ class Trainer:
         def uniform(*shape: int) -> Tensor:
             return torch.rand(*shape, generator=self.random)
 
-        held = self.felt[torch.randint(0, len(self.felt), (count,), generator=self.random)] * uniform(
-            count, 1
-        )
-        held[:, UPPER] += uniform(count, len(UPPER)) * (uniform(count, len(UPPER)) < 0.2)
-        held = held * (uniform(count, 1) < BESIDE_SHARE)
+        added = self.prototypes[
+            torch.randint(0, len(self.prototypes), (count,), generator=self.random)
+        ] * uniform(count, 1)
+        added[:, UPPER] += uniform(count, len(UPPER)) * (uniform(count, len(UPPER)) < 0.2)
+        added = added * (uniform(count, 1) < BESIDE_SHARE)
         low, high = BESIDE_FRAMES
         at = torch.arange(frames) - frames * uniform(count, 1)
         length = low + (high - low) * uniform(count, 1)
-        out = weights + held[:, None] * (1.0 - (at / length).square()).clamp_min(0.0)[..., None]
+        out = weights + added[:, None] * (1.0 - (at / length).square()).clamp_min(0.0)[..., None]
         shut = (1.0 - ((torch.arange(frames) - frames * uniform(count, 1)) / 4.0).square()).clamp_min(0.0)
         out[..., LIDS] = torch.maximum(out[..., LIDS], (shut * (uniform(count, 1) < 0.5))[..., None])
         return out.clamp(0.0, 1.3)
@@ -230,8 +230,8 @@ def validate(trainer: Trainer, model: Denoiser, clips: int) -> dict[str, float]:
         for entry in [e for e in entries if e.source == source and e.held_out][:clips]:
             truth = landmarks_of(entry.motion.float())
             memory = CM * truth if trainer.by_landmarks else trainer.speech.clip(entry)
-            made = trainer.codes.weights(sample(model, memory)).cpu()
-            pairs.append((landmarks_of(made), truth))
+            predicted = trainer.codes.weights(sample(model, memory)).cpu()
+            pairs.append((landmarks_of(predicted), truth))
         if pairs:
             report |= {f"{source} {k}": v for k, v in feature_scores(pairs).items()}
     model.train()

@@ -163,9 +163,9 @@ class AtsDenoiser(nn.Module):
         tokens = self.x_proj(noisy) + self.pos_tgt[span]
         tokens = tokens + self._conditions(timestep, affect, style)
         band = band_mask(frames, frames, self.config.radius, noisy.device)
-        seen = None if valid is None else valid[:, None, None, :]
+        valid_mask = None if valid is None else valid[:, None, None, :]
         for layer in self.layers:
-            tokens = layer(tokens, memory, seen, band)
+            tokens = layer(tokens, memory, valid_mask, band)
         if self.norm is not None:
             tokens = self.norm(tokens)
         return self.head(tokens)

@@ -137,14 +137,14 @@ class AtsTrainer:
         offset = int(torch.randint(0, room + 1, (1,), generator=self.random))
         with self.machine.autocast():
             speech = self.speech.windows(step.mel)
-            found = self.model(noisy, t.to(device), speech, step.affect, step.source, offset).float()
-        error = (found - clean) * self.model.std
+            predicted = self.model(noisy, t.to(device), speech, step.affect, step.source, offset).float()
+        error = (predicted - clean) * self.model.std
         shares = (self.recipe.velocity, self.recipe.acceleration)
         if self.recipe.plain:
             motion = 3e6 * motion_loss(error, step.weight, *shares)
             return motion, {"motion": motion.item()}
         motion = motion_loss(error, step.weight, *shares) * step.weight.mean() / self.landmark_weight.mean()
-        agreement, parts = feature_concordance(self.model.to_metres(found) * 1e3, step.motion * 1e3)
+        agreement, parts = feature_concordance(self.model.to_metres(predicted) * 1e3, step.motion * 1e3)
         return motion + CONCORDANCE * agreement, {"motion": motion.item()} | parts
 
     def _noise(self, shape: torch.Size) -> tuple[torch.Tensor, torch.Tensor]:
@@ -166,9 +166,9 @@ def source_shares(arguments, entries: list[Entry]) -> dict[str, float]:
     """How often each source is drawn: of corpus folders as long as they last, of ours as they were set."""
     if arguments.corpus:
         return lasting(entries)
-    found = {e.source for e in entries if not e.held_out}
+    sources = {e.source for e in entries if not e.held_out}
     shares = dict(zip(SHARES, arguments.shares, strict=True))
-    return {s: shares[s] for s in SHARES if s in found and s not in arguments.leave_out}
+    return {s: shares[s] for s in SHARES if s in sources and s not in arguments.leave_out}
 
 
 def judged_by_phones(arguments, entries: list[Entry]) -> list[Entry]:
@@ -210,7 +210,7 @@ def closure_report(trainer: AtsTrainer, model, speech, sampling: Sampling) -> di
         gap = lip_gap(clip_motion(speech, model, entry, style, sampling))
         label = entry.name.split("/")[0]
         met.setdefault(label, []).extend(closures_met(gap + NEUTRAL_GAP_M, entry.phones))
-    return {f"{label} closed": sum(found) / len(found) for label, found in sorted(met.items())}
+    return {f"{label} closed": sum(flags) / len(flags) for label, flags in sorted(met.items())}
 
 
 @torch.no_grad()
@@ -292,8 +292,8 @@ def fit_to_corpora(config: AtsConfig, entries: list[Entry]) -> None:
     """Styles are the names of the corpora; emotions are learned where a label in training says one."""
     config.styles = [*sorted({e.source for e in entries}), ANY_STYLE]
     config.closing_styles = [ANY_STYLE]
-    felt = any(e.emotion != "neutral" and e.intensity > 0 and not e.held_out for e in entries)
-    config.emotion = "learned" if felt else "added"
+    has_emotion = any(e.emotion != "neutral" and e.intensity > 0 and not e.held_out for e in entries)
+    config.emotion = "learned" if has_emotion else "added"
 
 
 def speech_source(arguments, config: AtsConfig) -> CompactSpeech | HubertSpeech:

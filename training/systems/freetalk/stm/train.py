@@ -169,9 +169,9 @@ def train_on_data(args) -> None:
         else:
             config = PAPER[args.config or "compact"]
             coarse = {f: [m for m in corpus.train[f] if len(m.lips) <= MOST_VERTICES] for f in faces}
-            seen = {f: [paper_mesh(m, config) for m in coarse[f]] for f in coarse}
+            prepared = {f: [paper_mesh(m, config) for m in coarse[f]] for f in coarse}
             steps, log = args.steps or PAPER_STEPS, {"log_every": args.log_every}
-            model = train_paper(config, speech, steps, args.seed, seen, out, *how(args), **log)
+            model = train_paper(config, speech, steps, args.seed, prepared, out, *how(args), **log)
         save(args.runs / f"{args.model}_{name}.pt", model)
 
 
@@ -189,11 +189,11 @@ def judge_on(args, config: PaperConfig) -> Callable[[PaperDecoder], dict[str, fl
     """Errors of a decoder on held-out clips of the folders, in mm, where it computes."""
     device = machine_of(args).device
     meshes = sequence_meshes(args.corpus, held_out=True)
-    seen = {mesh.name: moved(paper_mesh(mesh, config), device) for mesh in meshes}
+    prepared = {mesh.name: moved(paper_mesh(mesh, config), device) for mesh in meshes}
 
     def judge(model: PaperDecoder) -> dict[str, float]:
         def method(mesh: SequenceMesh, landmarks: torch.Tensor) -> torch.Tensor:
-            return predict(model, seen[mesh.name], landmarks.to(device)).cpu()
+            return predict(model, prepared[mesh.name], landmarks.to(device)).cpu()
 
         return dict(zip(("mean mm", "lips mm"), held_out_errors(method, meshes, JUDGED_FRAMES), strict=True))
 
@@ -223,10 +223,10 @@ def train_on_corpora(args) -> Path:
         method = lambda mesh, landmarks: deform(model, mesh.geometry, landmarks, 1.0)  # noqa: E731
     else:
         config = PAPER[args.config or "compact"]
-        seen = {"corpus": [paper_mesh(mesh, config) for mesh in meshes]}
+        prepared = {"corpus": [paper_mesh(mesh, config) for mesh in meshes]}
         steps = paper_steps(args, meshes)
         log = {"log_every": args.log_every, "judge": judge_on(args, config)}
-        model = train_paper(config, None, steps, args.seed, seen, out, *how(args), **log)
+        model = train_paper(config, None, steps, args.seed, prepared, out, *how(args), **log)
         method = lambda mesh, landmarks: predict(model, paper_mesh(mesh, config), landmarks)  # noqa: E731
     save(path, model)
     held_out = sequence_meshes(args.corpus, held_out=True)
