@@ -1,4 +1,4 @@
-"""What extensions.blender.org asks of an add-on, as docs/publishing.md goes through it."""
+"""The rules of extensions.blender.org for add-ons, in the order of docs/publishing.md."""
 
 import ast
 import importlib.util

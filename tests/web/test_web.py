@@ -35,7 +35,7 @@ MOST_BYTES = 10_000_000
 
 
 def need(*tools: str) -> None:
-    """Ignores the test where none of these is there, but not where all tools have to be."""
+    """Skips the test if none of these tools is installed; fails it where `CI` is set."""
     if not any(map(shutil.which, tools)):
         if os.environ.get("CI"):
             pytest.fail(f"{tools[0]} is not installed")
@@ -66,7 +66,7 @@ def spoken(seconds: float) -> np.ndarray:
 
 
 def write_wav(path: Path, samples: np.ndarray) -> np.ndarray:
-    """Writes 16 bit; the samples that readers get."""
+    """Writes a 16-bit file; returns the samples that readers get."""
     whole = np.round(samples * 32767).astype("<i2")
     with wave.open(str(path), "wb") as file:
         file.setnchannels(1)
@@ -126,7 +126,7 @@ def test_the_package_packs_what_it_exports(served, tmp_path):
 
 
 class Quiet(http.server.SimpleHTTPRequestHandler):
-    """Serves files without a word."""
+    """Serves files and writes no log."""
 
     def log_message(self, *_):
         """Says nothing."""
@@ -134,7 +134,7 @@ class Quiet(http.server.SimpleHTTPRequestHandler):
 
 @pytest.fixture(scope="module")
 def address(served):
-    """Of a server of files that has the page."""
+    """Address of a server that has the page."""
     need(*browser.BROWSERS)
     PICTURES.mkdir(exist_ok=True)
     handler = functools.partial(Quiet, directory=served)

@@ -28,7 +28,7 @@ FOLDER = ROOT / "target/vrm"
 
 
 class Quiet(http.server.SimpleHTTPRequestHandler):
-    """Serves files without a word."""
+    """Serves files and writes no log."""
 
     def log_message(self, *_):
         """Says nothing."""
