@@ -284,9 +284,9 @@ def main(
         read_grid_speech(data, held_out),
     ]
     spoken = [speak(espeak, x, minutes, seed=MEASURED_SEED) for x in MEASURED_LANGUAGES]
-    for source in [[u for u in utterances if u.held_out] for utterances in recorded] + spoken:
-        write(out / source[0].source, source)
-        print(out / source[0].source, len(source))
+    for part in [[u for u in utterances if u.held_out] for utterances in recorded] + spoken:
+        write(out / part[0].source, part)
+        print(out / part[0].source, len(part))
 
 
 if __name__ == "__main__":

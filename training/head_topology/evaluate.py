@@ -1,4 +1,4 @@
-"""How far the head of quads lies from ICT's heads of the same coefficients, which it was never fitted to.
+"""Distance of the head of quads from ICT's heads with the same coefficients, which it was never fitted to.
 
 python -m training.head_topology.evaluate --data ../shared/data
 """

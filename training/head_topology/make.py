@@ -41,10 +41,10 @@ HELPERS = {
     "eye_left": "helper-l-eye",
     "eye_right": "helper-r-eye",
 }
-"""The groups of MakeHuman that its traits move as a part."""
+"""MakeHuman's groups that its traits move as one part."""
 UPPER_JAW, LOWER_JAW = [31, 33, 35, 50, 51, 52], [56, 57, 58]
 BONES = {"teeth_upper": UPPER_JAW, "teeth_lower": LOWER_JAW, "tongue": LOWER_JAW}
-"""Landmarks whose skin tells where traits bring a jaw: MakeHuman's own teeth leave the skin by 6 mm."""
+"""Landmarks whose skin says where traits move a jaw. MakeHuman's own teeth leave the skin by 6 mm."""
 DETAILS = (
     ("nose depth", 1.0, ["nose/nose-scale-depth"]),
     ("nose breadth", 1.0, ["nose/nose-scale-horiz"]),
@@ -60,16 +60,19 @@ MATERIALS = (
 )  # fmt: skip
 LIPS_REACH_CM = 2.5
 THICK_CM = 0.9
-"""How far the mouth's bag stays behind cheeks and chin."""
+"""How far behind cheeks and chin the mouth's bag stays."""
 SOCKET_OVER_BALL = 1.04
 EYE_CLEARANCE = 0.985
-"""How much of ICT's eyeball ours is: its lids have some thickness."""
+"""Size of our eyeball relative to ICT's: its lids have some thickness."""
 
 
 @dataclass
 class Follower:
-    """A part: it moves with skin (`corners` and `shares` `[P, 3]`), or as `moves` `[K, 4]` say: by three
-    numbers, and away from its middle by the fourth."""
+    """A part that follows the head.
+
+    It moves with the skin (`corners` and `shares` `[P, 3]`), or by `moves` `[K, 4]`: a shift of three numbers
+    and growth about its middle.
+    """
 
     part: Part
     corners: np.ndarray | None = None
@@ -78,7 +81,7 @@ class Follower:
 
 
 def traits(makehuman: MakeHuman) -> dict[str, tuple[np.ndarray, np.ndarray]]:
-    """What each slider does in full, to the right and to the left, `[V, 3]` centimetres of the body."""
+    """What each slider does at full value to the right and to the left, `[V, 3]` centimetres of the body."""
     target = makehuman.target
 
     def grown(sex: str, age: str, weight: str = "averageweight") -> np.ndarray:
@@ -110,13 +113,13 @@ def traits(makehuman: MakeHuman) -> dict[str, tuple[np.ndarray, np.ndarray]]:
 
 
 def straightened(moved: np.ndarray, body: np.ndarray, face: np.ndarray) -> np.ndarray:
-    """A displacement without what it does to the place, size and turn of `face`, vertices of the body."""
+    """A displacement without the shift, size and turn that it gives `face`, vertices of the body."""
     back = similarity((body + moved)[face], body[face])
     return back(body + moved) - body
 
 
 def lips_together(template: Template, points: np.ndarray, moved: np.ndarray) -> np.ndarray:
-    """Displacements `[K, V, 3]` under which the rims of the lips keep their distance: MakeHuman's ancestries
+    """Displacements `[K, V, 3]` that keep the distance between the rims of the lips; MakeHuman's ancestries
     part them."""
     rim = template.rims[0]
     turn = rim.index(int(template.landmarks[64]))
@@ -139,7 +142,7 @@ def lips_together(template: Template, points: np.ndarray, moved: np.ndarray) -> 
 
 
 def moves_of(points: np.ndarray, moved: np.ndarray) -> np.ndarray:
-    """What displacements `[K, N, 3]` do as a whole, `[K, 4]`: a shift, and growth about the middle."""
+    """Displacements `[K, N, 3]` as motion of the whole, `[K, 4]`: a shift, and growth about the middle."""
     away = points - points.mean(0)
     growth = np.einsum("knd,nd->k", moved, away) / (away**2).sum()
     return np.c_[moved.mean(1), growth]
@@ -162,7 +165,7 @@ def under_skin(template: Template, fitted: Fit) -> np.ndarray:
 
 
 def off_balls(points: np.ndarray, sockets: np.ndarray, balls: list[Part]) -> np.ndarray:
-    """Sockets pushed out of the eyes that they hold."""
+    """Pushes the sockets out of the eyes in them."""
     points = points.copy()
     for ball in balls:
         centre, radius = parts.fit_sphere(ball.points)

@@ -1,4 +1,4 @@
-"""Meshes of quads: edges, loops between vertices, what lies behind a loop, normals."""
+"""Meshes of quads: edges, loops between vertices, the part behind a loop, normals."""
 
 import heapq
 from collections import Counter, defaultdict

@@ -23,7 +23,7 @@ GUM_RING, GUM_INNER = 9, 4
 SQUARENESS = 0.55
 """The power that makes a circle a rounded square."""
 FULLNESS = [0.72, 0.9, 1.0, 0.98, 0.9, 0.8]
-"""Of a crown's outline at each level from its edge to the gum."""
+"""Size of a crown's outline at each level from its edge to the gum."""
 
 
 class Arch:
@@ -39,7 +39,7 @@ class Arch:
         self.length = float(self._far[-1])
 
     def at(self, far: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
-        """Places `[N, 2]` (x, z) so far along the left half, negative on the right, and their normals."""
+        """Places `[N, 2]` (x, z) and normals at distances along the left half; negative ones lie right."""
         side = np.where(far < 0, -1.0, 1.0)[:, None] * [1, 0] + [0, 1]
         inside = np.clip(np.abs(far), 0, self.length)
         place = np.stack([np.interp(inside, self._far, self._line[:, k]) for k in (0, 1)], 1)

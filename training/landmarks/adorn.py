@@ -1,8 +1,9 @@
-"""What characters wear or carry in their faces: eyes stuck on, thick rims, brows, glasses, beards,
-hair over the brow, ears at the sides, muzzles, and features melted away.
+"""What characters wear or carry in their faces.
 
-Every function takes a head with true landmarks and gives one whose landmarks are still true: closed
-shapes are set where landmarks are, or landmarks move with the surface. Lengths are canonical metres.
+Eyes stuck on, thick rims, brows, glasses, beards, hair over the brow, ears at the sides, muzzles, and
+features melted away. Every function takes a head with true landmarks and returns one whose landmarks are
+still true: it sets closed shapes at landmarks, or moves landmarks with the surface. Lengths are canonical
+metres.
 """
 
 import numpy as np

@@ -25,7 +25,7 @@ from training.landmarks.stylise import limb
 
 
 def find(anyface: list, folder: Path, points: np.ndarray, triangles: np.ndarray) -> np.ndarray | None:
-    """`[68, 3]` as the command (with its first arguments) finds them, or nothing."""
+    """`[68, 3]` as the command (`anyface`, with its first arguments) finds them; None if it refuses."""
     write_obj(folder / "m.obj", points, triangles)
     run = subprocess.run(
         [*anyface, "landmarks", "--mesh", folder / "m.obj", "--out", folder / "l.json"],
@@ -117,7 +117,7 @@ def main(
 
 
 def command_of(anyface: Path, weights: Path | None) -> list:
-    """The command with the models that it is to take."""
+    """The command with the chosen models."""
     return [anyface, "--weights", weights] if weights else [anyface]
 
 

@@ -1,11 +1,10 @@
-"""Measures the finder as shipped on stylised heads of kinds it never trained on, and how it refuses things
-without a face.
+"""Measures the shipped finder on stylised heads of unseen kinds, and how it refuses things without a face.
 
-    cargo build --release && python -m training.landmarks.evaluate_unseen --data ../shared/data \
-        --anyface target/release/anyface
+    cargo build --release
+    python -m training.landmarks.evaluate_unseen --data ../shared/data --anyface target/release/anyface
 
-Everything is turned at random, scaled and moved. A region is found where its landmarks lie within 4 % of
-the face's height of the truth, on average; the height goes from the chin to the middle of the brows.
+Everything is turned at random, scaled and moved. A region counts as right if its landmarks lie on average
+within 4 % of the face's height from the truth. The height goes from the chin to the middle of the brows.
 """
 
 import tempfile

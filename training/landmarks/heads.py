@@ -1,5 +1,4 @@
-"""Random heads for training: human, warped, strongly stylised, in costume, or never human at all;
-torn, remeshed, dressed."""
+"""Random heads for training: human, warped, stylised, in costume, or never human; torn, remeshed, dressed."""
 
 import numpy as np
 
@@ -78,7 +77,7 @@ def bare_head(rng: np.random.Generator, faces: Faces, identities, makehuman_shar
 
 
 def costumed(rng: np.random.Generator, head: Head) -> Head:
-    """Up to two features melted away and some things stuck on, the face still to be seen."""
+    """The head with up to two features melted away and some things stuck on; the face stays visible."""
     marks = head.landmarks
     eye, brow = int(rng.integers(2)), int(rng.integers(2))
     for centre, sigma, chance in (
@@ -96,11 +95,11 @@ def costumed(rng: np.random.Generator, head: Head) -> Head:
 
 
 HIDDEN = {"mouth": (slice(48, 68), 0.2), "eyes": (slice(36, 48), 0.35), "inner": (slice(17, 68), 0.35)}
-"""How much of each part may be covered."""
+"""Share of each part that may be covered."""
 
 
 def face_is_visible(head: Head) -> bool:
-    """Whether what the head wears leaves its face free, as seen from the front."""
+    """Whether what the head wears leaves its face visible from the front."""
     marks, inner = head.landmarks, head.landmarks[17:]
     middle = inner.mean(0)
     half = 1.1 * np.abs(inner - middle)[:, :2].max()
@@ -112,7 +111,7 @@ def face_is_visible(head: Head) -> bool:
 
 
 LEAST_TRIANGLES = {"stylised": 500, "costume": 900, "character": 900}
-"""Fewer leave nothing of the features; things stuck on need triangles of their own."""
+"""Least number of triangles. Fewer leave nothing of the features, and things stuck on need triangles too."""
 
 
 def low_poly(rng: np.random.Generator, head: Head, least: int) -> Head:

@@ -58,7 +58,7 @@ def decode(out: torch.Tensor) -> tuple[torch.Tensor, ...]:
 
 
 def measured(out: torch.Tensor, poses: torch.Tensor) -> dict[str, float]:
-    """Errors where a face is, presence where one is and is not."""
+    """Errors where there is a face; presence where there is one and where there is none."""
     chance, place, size, turn = decode(out)
     yes, no = poses[:, 0] > 0, poses[:, 0] == 0
     true = orthonormal(poses[:, 4:10])

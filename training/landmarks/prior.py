@@ -1,7 +1,7 @@
 """The shape prior of the 68 landmarks: how those of training's faces vary together.
 
-Every face is brought to the mean landmarks by a similarity (weights as in `mesh/canonical.rs`); the
-leading modes of what is left, each as long as its deviation, go into the model file.
+A similarity brings every face to the mean landmarks (weights as in `mesh/canonical.rs`). The leading modes of
+the rest, scaled to their deviation, go into the model file.
 """
 
 from pathlib import Path

@@ -150,8 +150,11 @@ def yaw(angle: float) -> np.ndarray:
 def come_out(
     marks: np.ndarray, region: slice, shapes: list, room: float = 0.012, pixels: int = 192
 ) -> np.ndarray:
-    """Landmarks `[68, 3]` with those of `region` moved along z onto what `shapes` (points, triangles; metres)
-    show from the front, where that lies before them: they lie on what is seen, not behind it."""
+    """Landmarks `[68, 3]` with those of `region` moved along z to the front of `shapes`, if that lies before
+    them.
+
+    Landmarks lie on the visible surface. `shapes` are (points, triangles) in metres.
+    """
     middle = marks[region, :2].mean(0)
     half = float(np.abs(marks[region, :2] - middle).max() + room)
     front = np.full((pixels, pixels), -np.inf, np.float32)

@@ -9,17 +9,17 @@ import numpy as np
 from training.landmarks.samples import Head
 
 FINE, COARSE = (0.0015, 0.003), (0.006, 0.0085)
-"""Lengths of steps."""
+"""Range of step lengths."""
 
 
 def step(rng: np.random.Generator, count: int) -> np.ndarray:
-    """Lengths of steps in `count` directions, each fine or coarse by itself."""
+    """Step lengths in `count` directions, each fine or coarse on its own."""
     low, high = np.where(rng.random((count, 1)) < 0.5, [FINE], [COARSE]).T
     return rng.uniform(low, high)
 
 
 def lattice(rng: np.random.Generator, head: Head) -> Head:
-    """Vertices moved to a lattice of other steps in each direction, turned by up to half a right angle."""
+    """Vertices moved to a lattice with other steps in each direction, turned by up to 45 degrees."""
     turn = np.eye(3)
     if rng.random() < 0.75:
         axis = rng.normal(size=3)

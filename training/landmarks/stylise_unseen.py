@@ -1,8 +1,8 @@
-"""Stylised heads of kinds that training never makes, to measure the finder on: swollen to balls, pressed
-into boxes, bent, twisted, pulled by a cage, seen through a lens, carved in steps or waves, exaggerated.
+"""Stylised heads of kinds that training never makes, to measure the finder on.
 
-Every warp is a map of space or moves vertices by millimetres, so that the landmarks of the face
-under it stay true. Lengths are canonical metres.
+They are swollen to balls, pressed into boxes, bent, twisted, pulled by a cage, seen through a lens, carved in
+steps or waves, or exaggerated. Every warp is a map of space or moves vertices by millimetres, so the
+landmarks of the face stay true. Lengths are canonical metres.
 """
 
 import numpy as np

@@ -86,10 +86,9 @@ def loss_of(model: SpeechToMotion, batch: Batch, scale: torch.Tensor, weight: to
     loss = moved + CONCORDANCE * agreement + ARTICULATION * said
     parts |= {"motion": moved.item(), "said": said.item()}
     if predicted_features is not None:
-        predicted_features = weighted_mean(
-            predicted_features - target_features, known.expand_as(predicted_features)
-        )
-        parts, loss = parts | {"told": predicted_features.item()}, loss + DISTILLATION * predicted_features
+        error = predicted_features - target_features
+        distillation = weighted_mean(error, known.expand_as(error))
+        parts, loss = parts | {"told": distillation.item()}, loss + DISTILLATION * distillation
     return loss, parts
 
 

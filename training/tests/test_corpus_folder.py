@@ -1,4 +1,4 @@
-"""Corpus folders: a sound one, and many kinds of bad ones, each told by file, row, expected and found."""
+"""Corpus folders: a sound one, and many bad ones; each error names file, row, expected and actual value."""
 
 import json
 import shutil

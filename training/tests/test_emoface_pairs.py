@@ -101,7 +101,7 @@ def test_a_path_by_hand():
 
 
 def uniform(places: list[float]) -> np.ndarray:
-    """Mean over five, the ends held."""
+    """Mean over five; the end values repeat."""
     padded = [places[0]] * 2 + places + [places[-1]] * 2
     return np.array([np.mean(padded[k : k + 5]) for k in range(len(places))], np.float32)
 

@@ -1,4 +1,4 @@
-"""The ear for emotion: what it hears, how it is taught, and that whose recording it is says nothing."""
+"""The ear for emotion: what it hears, how it learns, and that the recording's source says nothing."""
 
 import numpy as np
 import torch

@@ -1,4 +1,4 @@
-"""Labels of felt speech become phones."""
+"""Labels of acted speech become phones."""
 
 from training.corpus.emodb import phones_of
 from training.corpus.phones import segments

@@ -24,7 +24,7 @@ def cache(tmp_path_factory) -> Path:
 
 @pytest.fixture(autouse=True)
 def few_places(monkeypatch):
-    """Places about the heads in such numbers that they are found in seconds, and codes as they fall."""
+    """Few places about the heads, so that they are drawn in seconds, and codes that are not fitted."""
     monkeypatch.setattr(train_head, "set_codes", lambda *_: {})
     monkeypatch.setattr(train_head, "set_directions", lambda *_: None)
     monkeypatch.setattr(train_head, "IctHeads", lambda *places: IctHeads(*places, 3000, 800))

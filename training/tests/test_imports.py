@@ -1,4 +1,4 @@
-"""What modules of the package take from each other is there, also where a library is not installed."""
+"""Names that modules of the package import from each other exist, even if a library is missing."""
 
 import ast
 from graphlib import TopologicalSorter

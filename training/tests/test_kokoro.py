@@ -1,4 +1,4 @@
-"""Facts about made speech with phone times, with a stand-in for the model: a tone for each letter."""
+"""Facts about synthetic speech with phone times; a stand-in for the model sounds a tone for each letter."""
 
 import json
 

@@ -78,7 +78,7 @@ def test_two_processes_train_as_one_and_go_on_with_the_same_bits(corpus, tmp_pat
 
 
 def equation_15(error: torch.Tensor, velocity: float, acceleration: float) -> float:
-    """As printed, term by term; `error` [T, K, 3] is Ŷ − Y."""
+    """The printed loss, term by term; `error` [T, K, 3] is Ŷ − Y."""
     frames, points = error.shape[:2]
     v = [error[t + 1] - error[t] for t in range(frames - 1)]
     a = [error[t + 2] - 2 * error[t + 1] + error[t] for t in range(frames - 2)]

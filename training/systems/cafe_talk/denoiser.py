@@ -39,7 +39,7 @@ class Sampling:
 
 @dataclass
 class CafeTalkConfig(Config):
-    """Everything that inference has to know; saved as config.json.
+    """Everything that inference needs; saved as config.json.
 
     `coarse` is how the coarse condition enters: `ada_ln`, or `film` as in the paper's table 2.
     """
@@ -117,8 +117,8 @@ CONFIGS = {"compact": compact_config, "paper": paper_config, "debug": debug_conf
 class Coarse:
     """The coarse condition C of a batch.
 
-    `style` [B] int. `emotion` [B, T, E]: place in the text space. `intensity` [B, T].
-    `given` [B] bool: where false, the learned null stands for all of it.
+    `style` [B] int. `emotion` [B, T, E]: place in the text space. `intensity` [B, T]. `has_label` [B] bool:
+    where it is false, the learned null replaces all of it.
     """
 
     style: Tensor
@@ -218,7 +218,7 @@ class Adapter(nn.Module):
 
 
 class Denoiser(nn.Module):
-    """`M̂₀ = G(M_τ; τ, A, C, F)`, eq. 3; without events the base model alone."""
+    """`M̂₀ = G(M_τ; τ, A, C, F)`, eq. 3; without events only the base model."""
 
     def __init__(self, config: CafeTalkConfig):
         super().__init__()

@@ -1,9 +1,9 @@
 """A judge of emotions: which of the fifteen do weights [T, 51] show? (Cafe-Talk, appendix D.2.)
 
 An MLP, a `cls` token, positions, one layer of a transformer with 8 heads, and two heads on the token: which
-emotion, and how strong. It learns from recorded speech under added emotions; what it is asked about are other
-clips. `Acc` is the share of clips whose emotion it finds, `Div` the deviation of its features over clips,
-`read` the mean strength that it reads.
+emotion, and how strong. It learns from recorded speech under added emotions and judges other clips. `Acc` is
+the share of clips whose emotion it reads correctly, `Div` the deviation of its features over clips, `read`
+the mean strength that it reads.
 """
 
 from collections.abc import Callable
@@ -25,11 +25,11 @@ WIDTH, HEADS = 64, 8
 WINDOW_FRAMES = 50
 BATCH, RATE = 64, 2e-3
 INTENSITIES = (0.0, 1.5)
-"""Of the emotions that the judge learns from."""
+"""Intensities of the emotions that the judge learns from."""
 TOO_WEAK = 0.25
-"""Below this a window teaches how strong it is, and not which emotion it shows."""
+"""Below this intensity a window teaches only its strength, not which emotion it shows."""
 STRENGTH_SHARE = 1.0
-"""How much an error of the strength counts beside the cross-entropy of the emotion."""
+"""Weight of the strength's error beside the cross-entropy of the emotion."""
 
 
 class Judge(nn.Module):
@@ -44,7 +44,7 @@ class Judge(nn.Module):
         self.strength = nn.Linear(WIDTH, 1)
 
     def features(self, weights: Tensor) -> Tensor:
-        """What the token knows of [B, T, 51], [B, d]."""
+        """Features of the token for weights [B, T, 51], [B, d]."""
         x = self.mlp(weights)
         x = torch.cat([self.cls.expand(len(x), 1, -1), x], dim=1)
         return self.layer(x + timestep_embedding(torch.arange(x.shape[1]), WIDTH))[:, 0]
@@ -65,7 +65,7 @@ class Judge(nn.Module):
 
 
 def under_emotion(weights: Tensor, emotion: int, intensity: float) -> Tensor:
-    """Recorded speech [T, 51] under an emotion, as the model's targets are made."""
+    """Recorded speech [T, 51] under an emotion, computed as the model's targets are."""
     rows = torch.zeros(len(weights), len(EMOTIONS))
     rows[:, emotion] = 1.0
     return with_emotion(weights, rows, torch.full((len(weights),), intensity), lips_met(weights))
@@ -108,7 +108,8 @@ def _batch(usable: list[Tensor], random: np.random.Generator) -> tuple[Tensor, T
 
 @dataclass
 class Verdicts:
-    """Of takes: numbers of the emotions asked for and found, [N] each, features [N, d] and strength [N]."""
+    """The judge's answers on takes: numbers of the true and of the read emotions, [N] each, features [N, d]
+    and strength [N]."""
 
     true_emotions: np.ndarray
     read_emotions: np.ndarray
@@ -116,7 +117,7 @@ class Verdicts:
     strength: np.ndarray
 
     def scores(self, rows: np.ndarray | None = None, truth: int | None = None) -> dict[str, float]:
-        """Acc and Div of some of them; against one emotion for all where `truth` is given."""
+        """Acc and Div over `rows` (all if None). With `truth` every take counts against that one emotion."""
         rows = np.ones(len(self.true_emotions), bool) if rows is None else rows
         targets = self.true_emotions if truth is None else np.full(len(self.true_emotions), truth)
         spread = self.features[torch.from_numpy(rows)].std(dim=0).mean()
@@ -130,7 +131,7 @@ class Verdicts:
 
 
 def judged(judge: Judge, makes: Callable[[int, int], Tensor], count: int) -> Verdicts:
-    """The judge on `makes(clip, emotion)` [T, 51], over `count` clips and all emotions."""
+    """Verdicts on `makes(clip, emotion)` [T, 51], over `count` clips and all emotions."""
     true_emotions = [(clip, emotion) for clip in range(count) for emotion in range(len(EMOTIONS))]
     each = [judge.verdict(makes(clip, emotion)) for clip, emotion in true_emotions]
     read_emotions, features, strength = zip(*each, strict=True)

@@ -42,7 +42,7 @@ from training.text.words import Words
 
 TOKENS = 2000
 MASKED_SHARE = 0.2
-"""Rows without speech, and independently rows without the coarse condition (§3.1.2)."""
+"""Share of rows without speech and, independently, of rows without the coarse condition (§3.1.2)."""
 CONCORDANCE = 0.3
 PURE_NOISE_SHARE = 0.3
 UNSEEN_WEIGHT = 0.1
@@ -52,18 +52,19 @@ LEAST_DEVIATION = 0.05
 MOUTH_WEIGHT = 2.0
 EVENT_SHARE, SWAPPED_SHARE = 0.5, 0.5
 EVENT_WEIGHT = 4.0
-"""Of an event's own channels, beside what was recorded."""
+"""Weight of an event's own channels, beside what was recorded."""
 TOLD_INTENSITY = (0.3, 1.2)
-"""Of the emotion that a row with a swapped label is told."""
+"""Intensities of the emotion given to a row with a swapped label."""
 CONTACT_FRAMES, SPOKEN_M = 6, 2.5e-3
-"""Lips that meet in speech part so far within so many frames."""
+"""In speech, lips that meet open this far within so many frames."""
 MET_M, PARTED_M = -0.3e-3, 1.0e-3
-"""Openings over that of the neutral face between which lips count as less and less closed."""
+"""Between these openings over that of the neutral face, lips count as less and less closed."""
 
 
 @dataclass
 class Step:
-    """One batch; `weights`, `seen` [B, T, 51]; `events` [B, T, 32]; the rest as the denoiser takes it."""
+    """One batch. `weights` and `visibility` [B, T, 51]; `events` [B, T, 32]; the rest as the denoiser takes
+    it."""
 
     mel: torch.Tensor
     weights: torch.Tensor
@@ -106,13 +107,13 @@ class CafeTalkTrainer:
         self.speech.to(self.machine.device)
 
     def parameters(self) -> list[nn.Parameter]:
-        """Those of the stage."""
+        """Parameters that the stage trains."""
         if self.joint:
             return list(self.model.parameters())
         return list(self.model.adapter.parameters()) if self.fine else self.model.base_parameters()
 
     def _begin_at(self, path: Path) -> None:
-        """Takes a finished base; its adapter, where it has one, is left and begins anew."""
+        """Loads a finished base. An adapter in it is ignored and begins anew."""
         stored = load_stored(path)
         for part in ("blocks", "width", "coarse", "styles"):
             expected, actual = getattr(self.config, part), getattr(stored.config, part)
@@ -185,7 +186,8 @@ class CafeTalkTrainer:
         return emotion, (1 - share) * levels[0] + share * levels[1]
 
     def _label_places(self, emotion: torch.Tensor, swapped: torch.Tensor) -> torch.Tensor:
-        """Places in the text space [B, T, E] of words for what is felt, or something else where swapped."""
+        """Places in the text space [B, T, E] of words for the emotion, or for another one where labels are
+        swapped."""
         out = []
         for row, other in zip(emotion, swapped, strict=True):
             names = [self.generator.choice(SYNONYMS[e]) for e in self.config.emotions]
@@ -227,7 +229,7 @@ class CafeTalkTrainer:
         return simple + CONCORDANCE * agreement, {"simple": simple.item()} | parts
 
     def _measure_scale(self) -> None:
-        """Mean and deviation of the training weights, emotions included, into the model."""
+        """Sets the model's mean and deviation to those of the training weights, emotions included."""
         rows = [self.draw(16, min(self.config.window_frames, 96)).weights for _ in range(12)]
         weights = torch.cat(rows).flatten(0, 1)
         self.model.mean.copy_(weights.mean(dim=0))
@@ -241,7 +243,7 @@ def lips_met(weights: torch.Tensor) -> torch.Tensor:
 
 
 def lips_touch(weights: torch.Tensor) -> torch.Tensor:
-    """As `lips_met`, but 0 for lips that rest: those that do not part within a quarter of a second, [T]."""
+    """As `lips_met`, but 0 for lips at rest, which do not part within a quarter of a second, [T]."""
     gap = lip_gap(arkit.landmarks_of(weights))
     around = nn.functional.max_pool1d(gap[None, None], 2 * CONTACT_FRAMES + 1, 1, CONTACT_FRAMES)[0, 0]
     return lips_met(weights) * (around > SPOKEN_M).float()
@@ -328,7 +330,7 @@ def weights_source(arguments, config: CafeTalkConfig) -> CompactSpeech | HubertS
 
 
 def solved(entries: list[Entry], arguments) -> list[Entry]:
-    """`arkit.as_weights`, from the cache where it was done before by the same code on the same clips."""
+    """`arkit.as_weights`, from the cache if the same code did it before on the same clips."""
     code = Path(arkit.__file__).read_bytes() + repr([(e.name, len(e.motion)) for e in entries]).encode()
     path = arguments.cache / f"arkit-{hashlib.sha256(code).hexdigest()[:12]}.pt"
     if path.exists():
@@ -342,7 +344,7 @@ def solved(entries: list[Entry], arguments) -> list[Entry]:
 
 
 def _constant_once(weight: torch.Tensor) -> torch.Tensor:
-    """[T, 51]; rows that are all alike take the room of one."""
+    """[T, 51]; if all rows are equal, one row that stands for all."""
     return weight[:1].expand(len(weight), -1) if weight.var(0).max() == 0 else weight
 
 

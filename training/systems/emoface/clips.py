@@ -35,7 +35,7 @@ from training.systems.emoface.rows import NEUTRAL, Spoken
 from training.systems.emoface.template import ict_template
 
 TEMPLATE = EmoFaceConfig.template
-"""That of the project's own clips."""
+"""Frame rate of the project's own clips."""
 
 
 def template_of(data: Path, vertices: int) -> tuple[Template, np.ndarray]:
@@ -52,7 +52,7 @@ def load_emotion(folder: Path) -> EmotionEncoder:
 
 
 def load_clips(arguments, config: EmoFaceConfig) -> list[Spoken]:
-    """The project's own clips; from the cache where they were heard before by the same encoders."""
+    """The project's own clips, from the cache if the same encoders heard them before."""
     for_folders = {
         "--hubert": arguments.hubert, "--emotion-hubert": arguments.emotion_hubert,
         "--tune-encoders": arguments.tune_encoders, "--recipe paper": arguments.recipe == "paper",
@@ -82,7 +82,7 @@ def load_clips(arguments, config: EmoFaceConfig) -> list[Spoken]:
 
 
 def of_corpus(arguments, config: EmoFaceConfig) -> tuple[list[Spoken], Encoders]:
-    """Clips of a corpus folder and what hears them; tells `config` both, and its speakers and emotions."""
+    """Clips of a corpus folder and their encoders. Sets both, and the speakers and emotions, in `config`."""
     folder = CorpusFolder(arguments.corpus)
     present = {row.emotion for row in folder.rows if not row.held_out}
     config.emotions = [f for f in EMOTIONS if f == NEUTRAL or f in present]
@@ -95,8 +95,11 @@ def of_corpus(arguments, config: EmoFaceConfig) -> tuple[list[Spoken], Encoders]
 
 
 def encoders_of(arguments, config: EmoFaceConfig, before_transformer: bool) -> Encoders:
-    """Those of the command line at the frame rate of a model; where its size asks for it (or it was trained
-    so) a checkpoint's steps have FaceFormer's order."""
+    """The encoders of the command line at the frame rate of a model.
+
+    If the model's size asks for it (or the model was trained so), a checkpoint resamples before its
+    transformer, as FaceFormer does.
+    """
     if arguments.hubert is not None:
         speech = Checkpoint(arguments.hubert, config.fps, before_transformer)
     else:
@@ -110,7 +113,7 @@ def encoders_of(arguments, config: EmoFaceConfig, before_transformer: bool) -> E
 
 
 def _said(encoder, samples: np.ndarray, frames: int) -> Tensor:
-    """What the compact encoder hears, [frames, C]."""
+    """Features of the compact encoder, [frames, C]."""
     mel = fit_frames(log_mel(torch.from_numpy(samples)), MEL_PER_FRAME * frames)
     return encoder(normalise(mel)[None])[0]
 
@@ -132,7 +135,7 @@ def recorded(arguments) -> list[Spoken]:
 
 @torch.no_grad()
 def acted(arguments) -> list[Spoken]:
-    """emodb_de: faces made from its phones by the teacher; the emotion is added when rows are drawn."""
+    """emodb_de: the teacher makes faces from its phones. The emotion is added when rows are drawn."""
     encoder, emotion = load_encoder(SHIPPED_ENCODER).eval(), load_emotion(arguments.emotion_encoder)
     teacher, clips = Teacher.load(), []
     for clip in read_acted(arguments.data, arguments.limit):
@@ -147,5 +150,5 @@ def acted(arguments) -> list[Spoken]:
 
 
 def _emotion_of(emotion: EmotionEncoder, samples: np.ndarray, frames: int) -> Tensor:
-    """What the emotion encoder hears, [T, E]."""
+    """Features of the emotion encoder, [T, E]."""
     return torch.from_numpy(emotion.track(samples, frames)).float()

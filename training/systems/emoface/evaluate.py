@@ -36,14 +36,14 @@ from training.systems.emoface.train import parser as training_parser
 from training.systems.emoface.train import performed, together
 
 TAUGHT = 8
-"""Sentences on which taught emotions are told."""
+"""Sentences on which taught emotions are measured."""
 CROSSED = 3
-"""Recordings of other emotions through which every sentence is felt."""
+"""Recordings of other emotions that each sentence is combined with."""
 
 
 @dataclass
 class Judged:
-    """A model with all that is needed to score it: `modes` [51, D] metres; `lips`, `upper` vertices."""
+    """A model with what is needed to score it: `modes` [51, D] metres; `lips` and `upper` vertices."""
 
     model: EmoFace
     modes: Tensor
@@ -51,7 +51,7 @@ class Judged:
     upper: np.ndarray
 
     def truth(self, clip: Spoken, emotion: Spoken | None = None) -> Tensor:
-        """[T, V, 3] metres: the clip's speech under its own label, or under that of another."""
+        """[T, V, 3] metres: the clip's speech under its own label, or under that of another clip."""
         one = emotion or clip
         frames = len(clip)
         emotion, share = mixture(one).expand(frames, -1), torch.full((frames,), one.share)
@@ -109,10 +109,11 @@ def emotion_of(judged: Judged, clip: Spoken, other: Spoken) -> FaceMotion:
 
 
 def crossed(judged: Judged, clips: list[Spoken]) -> dict[str, float]:
-    """How often a face wears the emotion that the other recording was meant to have; lip gap with its take.
+    """How often a face shows the emotion that the other recording was meant to have, and r of its lip gap
+    with its own take.
 
-    The class of a face is that of the seven under which the teacher's face of this sentence lies nearest in
-    the mean over vertices and frames. It is a measure by our own tables, not by people.
+    A face belongs to the class, of seven, whose teacher's face of this sentence lies nearest in the mean over
+    vertices and frames. Our own tables measure this, not people.
     """
     right, heard, agreement = [], [], []
     for n, clip in enumerate(clips):
@@ -147,10 +148,10 @@ def _gap_r(judged: Judged, one: FaceMotion, two: FaceMotion) -> float:
 
 
 def taught(judged: Judged, clips: list[Spoken]) -> dict[str, tuple[float, float]]:
-    """How far each taught emotion goes where it is told by its mean features.
+    """How far each taught emotion goes when its mean features are the input.
 
-    The least-squares slope of what it adds to the neutral face over what the teacher's adds, mean over the
-    frames of a clip, and the cosine.
+    The slope, by least squares, of what it adds to the neutral face over what the teacher's adds, mean over
+    the frames of a clip; and the cosine.
     """
     out = {}
     neutral = [_under_label(judged, clip, HEARD_EMOTIONS[0]) for clip in clips]
@@ -167,7 +168,7 @@ def taught(judged: Judged, clips: list[Spoken]) -> dict[str, tuple[float, float]
 
 @torch.no_grad()
 def _under_label(judged: Judged, clip: Spoken, emotion: str) -> tuple[Tensor, Tensor]:
-    """Mean faces [V, 3] metres, made and true, of a sentence under an emotion that is told."""
+    """Mean faces [V, 3] metres, predicted and true, of a sentence under an emotion that is the label."""
     inputs = together([clip], judged.model.config, len(clip))
     inputs.emotion = judged.model.prototypes[HEARD_EMOTIONS.index(emotion)].expand(1, len(clip), -1)
     label = Spoken("", "", True, [], clip.emotion, clip.weights, emotion)

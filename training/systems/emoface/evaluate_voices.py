@@ -1,13 +1,12 @@
-"""What EmoFace shows of voices that are chosen for their emotion, and of people who read calmly.
+"""What EmoFace shows for voices chosen for their emotion, and for people who read calmly.
 
     python -m training.systems.emoface.evaluate_voices --data ../shared/data --anyface target/release/anyface
 
-Two people whom nobody taught an emotion (a man of grid_s1, a woman of nathalie_nl) say a line under the
-recordings of the two actors of emodb_de who are held out (`--emotion-of`). Motion is told against the same
-line without an emotion, in mm on a human head: brows up, corners up, r of the lips' gap. The class of a
-face is that of the emotion whose face, asked for by name, has the most similar direction in the mean over
-frames. A neutral reading shows an emotion where a brow or a lid is more than 1.5 mm from the same reading
-without an emotion.
+Two people whom nobody taught an emotion (a man of grid_s1, a woman of nathalie_nl) say a line under
+recordings of the two held-out actors of emodb_de (`--emotion-of`). Motion is compared with the same line
+without an emotion, in mm on a human head: brows up, corners up, r of the lips' gap. A face belongs to the
+emotion whose face under `--emotion` has the most similar direction in the mean over frames. A neutral reading
+shows an emotion where a brow or a lid is more than 1.5 mm from the same reading without an emotion.
 """
 
 import tempfile
@@ -43,7 +42,7 @@ SHOWN = ("angry", "sad", "happy", "afraid", "disgusted")
 BROWS, CORNERS, UPPER = [19, 20, 21, 22, 23, 24], [48, 54], [*range(17, 27), *range(36, 48)]
 SEEN_MM = 1.5
 GRID_STEP, GRID_COUNT = 20, 40
-"""Every twentieth clip of grid_s1 is among those that are held out."""
+"""Every twentieth clip of grid_s1; all of these are held out."""
 
 
 def motion(engine: Engine, sound: Path, *more) -> np.ndarray:
@@ -53,7 +52,7 @@ def motion(engine: Engine, sound: Path, *more) -> np.ndarray:
 
 
 def gap(moved: np.ndarray) -> np.ndarray:
-    """[T], of the lips."""
+    """Lip gap, [T]."""
     return moved[:, 62, 1] - moved[:, 66, 1]
 
 
@@ -81,12 +80,13 @@ def borrowed(engine: Engine, data: Path, line: Path, limit: int) -> Iterator[str
 
 
 def angle(a: np.ndarray, b: np.ndarray) -> float:
-    """Between two faces, whatever their strength."""
+    """Angle between two faces, whatever their strength."""
     return -float((a * b).sum() / (np.linalg.norm(a) * np.linalg.norm(b) + 1e-9))
 
 
 def neutral(engine: Engine, name: str, sounds: list[Path]) -> str:
-    """How much of calm readings shows an emotion, and how far from rest the face is in silence after them."""
+    """The share of calm readings that shows an emotion, and how far from rest the face is in the silence
+    after them."""
     emotional, shown, ends = [], 0, []
     for sound in sounds:
         moved = motion(engine, sound)

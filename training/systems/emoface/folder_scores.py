@@ -1,10 +1,10 @@
-"""What a model is worth on held-out clips of a corpus folder, against vertices that were recorded.
+"""What a model is worth on held-out clips of a corpus folder, against recorded vertices.
 
 LVE and EVE are those of `training.paper.metrics`, mm²: over vertices within 8 mm of the lips' landmarks, and
 over those above the middle of the nose; means over clips. Clips start from rest, or after the paper's recipe
 from their own first frame. Recordings with a partner are also crossed: the content of one under the emotion
-of the other, against the other's motion at its times; `nearer` says how often that lies nearer, in the mean
-over vertices and frames, than the motion of the emotion that was taken away.
+of the other, compared with the other's motion at its times. `nearer` is how often the crossed motion lies
+nearer to that than to the motion of the replaced emotion, in the mean over vertices and frames.
 """
 
 from argparse import Namespace
@@ -32,7 +32,7 @@ LIP_REACH_M = 8e-3
 
 @dataclass
 class Scores:
-    """Of one kind of performance; `nearer` where the emotion was another's."""
+    """Scores of one kind of performance; `nearer` only if the emotion was another recording's."""
 
     name: str
     clips: int
@@ -61,7 +61,7 @@ def regions(points: np.ndarray, landmarks: np.ndarray) -> tuple[np.ndarray, np.n
 
 
 def lines(run: Path, arguments) -> Iterator[Scores]:
-    """Scores of no motion, of own emotions, and of crossed ones where the folder has pairs."""
+    """Scores of no motion, of own emotions, and of crossed ones if the folder has pairs."""
     model, saved = face_of(run)
     clips = read_held_out(run, model.config, saved, arguments)
     about = regions(saved["vertices"].numpy(), np.array(model.config.landmarks))
@@ -98,7 +98,8 @@ def read_held_out(run: Path, config: EmoFaceConfig, saved: dict, arguments) -> l
 
 
 def encoders_of_run(run: Path, config: EmoFaceConfig, saved: dict, arguments) -> Encoders:
-    """Of the command line, or those that learned with the run; of the kinds that it was trained with."""
+    """The encoders of the command line, or those trained with the run; they must be of the kinds used in
+    training."""
     arguments = Namespace(**vars(arguments))
     if saved.get("tuned"):
         models, hears, feels = run.parent / MODELS, config.speech.encoder, config.emotion
@@ -131,7 +132,7 @@ def perform_clip(model: EmoFace, clip: Spoken, starts: bool) -> Tensor:
 
 
 def score(name: str, pairs: list[tuple[Tensor, Tensor]], about: tuple[np.ndarray, np.ndarray]) -> Scores:
-    """Of truths and motions [T, 3 V] metres."""
+    """Scores of truths and motions [T, 3 V] metres."""
     errors = []
     for truth, predicted in pairs:
         g, p = (1e3 * x.unflatten(1, (-1, 3)).double().numpy() for x in (truth, predicted))

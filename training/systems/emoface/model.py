@@ -47,7 +47,7 @@ class EmoFaceConfig(Config):
     speech: SpeechInput = field(default_factory=SpeechInput)
     emotion: SpeechInput | None = None
     emotion_ear: bool = False
-    """Whether the emotion branch gets the mean features of the emotion that the ear hears in a voice."""
+    """Whether the emotion branch gets the mean features of the emotion that the ear hears in the voice."""
     emotion_channels: int = 13
     emotions: list[str] = field(default_factory=lambda: list(HEARD_EMOTIONS))
     styles: list[str] = field(default_factory=lambda: ["grid_s1", "facegood_zh", "emodb_de", ANY_STYLE])
@@ -81,7 +81,8 @@ class Branch(nn.Module):
         nn.init.zeros_(self.motion_out.bias)
 
     def forward(self, before: Tensor, heard: Tensor, condition: Tensor) -> Tensor:
-        """`before` [B, T, D] the frame before each, `heard` [B, T, C], `condition` [B, T, d] → [B, T, D]."""
+        """`before` [B, T, D] holds the frame before each; `heard` [B, T, C], `condition` [B, T, d] → [B, T,
+        D]."""
         x = self._entered(before, condition, 0)
         return self._left(self.norm1(x + self.self_attn(x)), heard)
 
@@ -101,7 +102,7 @@ class Branch(nn.Module):
 
 
 class MeshAttention(nn.Module):
-    """For every vertex and frame how far the emotion branch is believed, 0 to 1 (§3.2)."""
+    """Share of the emotion branch for every vertex and frame, 0 to 1 (§3.2)."""
 
     def __init__(self, config: EmoFaceConfig, spirals: np.ndarray):
         super().__init__()
@@ -126,8 +127,10 @@ class MeshAttention(nn.Module):
 
 @dataclass
 class Inputs:
-    """What a stretch is made from: `content` [B, T, speech channels], `emotion` [B, T, emotion channels],
-    `style` [B], `level` [B, T] of emotion from 0 to 1.5.
+    """Inputs of a stretch.
+
+    `content` [B, T, speech channels], `emotion` [B, T, emotion channels], `style` [B], `level` [B, T] of
+    emotion from 0 to 1.5.
     """
 
     content: Tensor
@@ -183,8 +186,10 @@ class EmoFace(nn.Module):
 
     @torch.no_grad()
     def perform(self, inputs: Inputs, first: Tensor | None = None, layer: str = "motion") -> FaceMotion:
-        """Frame after frame from a first pose [B, D] (the template if none); as `layer` `content` and
-        `emotion` go on from themselves alone."""
+        """Predicts frame after frame from a first pose [B, D] (the template if None).
+
+        With `layer` `content` or `emotion` the next frame follows from that branch alone.
+        """
         content, emotion = self.content_in(inputs.content), self.emotion_in(inputs.emotion)
         plain, emotional = self._conditions(inputs)
         mask = self.mesh_attention(content, emotion)

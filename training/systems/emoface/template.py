@@ -16,9 +16,9 @@ from training.corpus.faces import Face, load_ict
 from training.systems.emoface.model import Template
 
 FINE = {"lips": (range(48, 68), 9e-3, 3.0), "lids": (range(36, 48), 6e-3, 2.0)}
-"""Landmarks, how far about them in metres, and how much longer an edge counts there."""
+"""Landmarks, a distance around them in metres, and how much longer edges count there."""
 STILL_M, STILL = 5e-4, 0.5
-"""What no channel moves as far as that counts as so much shorter."""
+"""Where no channel moves a vertex this far, edges count this much shorter."""
 
 
 def ict_template(data: Path, vertices: int) -> tuple[Template, np.ndarray]:
@@ -27,7 +27,7 @@ def ict_template(data: Path, vertices: int) -> tuple[Template, np.ndarray]:
 
 
 def chosen(face: Face, vertices: int) -> tuple[Template, np.ndarray]:
-    """A template of so many of a face's own vertices; fewer where some have no triangle."""
+    """A template of this many of a face's own vertices; fewer if some have no triangle."""
     graph = _graph(face)
     seeds = list(dict.fromkeys(face.landmarks.tolist()))
     near = np.full(len(face.vertices), np.inf)

@@ -41,13 +41,13 @@ GUIDED_SHARE = 0.2
 """θ of eq. 6 over N."""
 LENGTHS = (36, 48, 60)
 PROTOTYPE_CLIPS = 8
-"""Of each emotion, heard again by encoders that learn."""
+"""Clips of each emotion that encoders in training hear again for the prototypes."""
 MODELS = "models"
-"""Folder of a run with encoders that learn."""
+"""Folder in a run for encoders that were trained."""
 
 
 class Learner(nn.Module):
-    """All that a training changes: the model, and encoders where they learn."""
+    """Everything that a training changes: the model, and encoders that learn."""
 
     def __init__(self, face: EmoFace, encoders: Encoders | None):
         super().__init__()
@@ -108,8 +108,10 @@ class EmoFaceTrainer:
         return moved / self.config.scale_m
 
     def loss(self, batch: Batch, step: int) -> tuple[Tensor, dict[str, float]]:
-        """Eq. 7 to 10 on the second pass of the self-growing scheme: eq. 11, or in our recipe one mean of all
-        rows with the concordance of the mouth."""
+        """Eq. 7 to 10 on the second pass of the self-growing scheme.
+
+        The sum is eq. 11, or in our recipe one mean over all rows plus the concordance of the mouth.
+        """
         truth = self.motion(batch.weights)
         before = self.motion(batch.before)
         own_share = self.own_share(step)
@@ -148,7 +150,7 @@ class EmoFaceTrainer:
         return total, sizes | report | {"mask": predicted.mask.mean().item()}
 
     def own_share(self, step: int) -> float:
-        """How many of the frames before are the model's own, eq. 6: 0 until θ, 1 from (N + θ)/2 on."""
+        """Share of the frames before that come from the model, eq. 6: 0 until θ, 1 from (N + θ)/2 on."""
         if not self.grows:
             return 0.0
         first = GUIDED_SHARE * self.steps
@@ -162,7 +164,7 @@ class EmoFaceTrainer:
 
 
 def _template(arguments, config: EmoFaceConfig):
-    """The template, and what moves it at weight 1 of each channel; none where clips hold its vertices."""
+    """The template and its displacement at weight 1 of each channel; None where clips hold its vertices."""
     if not arguments.corpus:
         return template_of(arguments.data, config.vertices)
     return folder_clips.template_of(CorpusFolder(arguments.corpus)), None
@@ -186,7 +188,7 @@ def validate(trainer: EmoFaceTrainer, model: EmoFace, clips: list[Spoken]) -> di
 
 
 def together(clips: list[Spoken], config: EmoFaceConfig, frames: int) -> Inputs:
-    """Clips in one batch, the last frame held to the end."""
+    """Clips in one batch. Shorter ones repeat their last frame."""
 
     def padded(x: Tensor) -> Tensor:
         return torch.cat([x.float(), x[-1:].float().expand(frames - len(x), -1)])
@@ -251,7 +253,7 @@ def train(arguments) -> Path:
 
 
 def few_of_each(clips: list[Spoken]) -> list[Spoken]:
-    """Training clips, so many of each emotion that prototypes may be told from them."""
+    """Training clips, enough of each emotion to compute prototypes from."""
     labels = sorted({c.label for c in clips})
     groups = ([c for c in clips if c.label == label and not c.held_out] for label in labels)
     return [c for group in groups for c in group[:: max(1, len(group) // PROTOTYPE_CLIPS)][:PROTOTYPE_CLIPS]]

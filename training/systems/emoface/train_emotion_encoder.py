@@ -23,7 +23,7 @@ from training.systems.emoface.emotion_encoder import HEARD_EMOTIONS, EmotionEnco
 READERS = ("kathleen_en", "kerstin_de", "nathalie_nl", "picovoice_en")
 SHRINKAGE = 0.1
 TRAINING_INSTANTS = 2
-"""Of each clip: its last instants, so that shorter windows are known too."""
+"""Instants of each clip in training: its last ones, so that shorter windows are known too."""
 
 
 @dataclass
@@ -47,7 +47,7 @@ def acted_clips(data: Path, limit: int | None = None) -> list[Measured]:
 
 
 def readers(data: Path, count: int = 60) -> list[Measured]:
-    """Neutral by their nature: `count` recordings of each source, evenly drawn; every other one held out."""
+    """Readings, which are neutral: `count` of each source, evenly drawn; every other one is held out."""
     recordings = []
     for source in READERS:
         paths = sorted((data / "speech" / source).glob("*.ogg"))
@@ -61,7 +61,7 @@ def readers(data: Path, count: int = 60) -> list[Measured]:
 
 
 def fit(clips: list[Measured]) -> EmotionEncoder:
-    """From clips that are not left out."""
+    """Fits the encoder to these clips."""
     rows = [(c.rows[-TRAINING_INSTANTS:], c.label) for c in clips]
     x = np.concatenate([r for r, _ in rows])
     labels = np.concatenate([np.full(len(r), label) for r, label in rows])
@@ -69,7 +69,7 @@ def fit(clips: list[Measured]) -> EmotionEncoder:
 
 
 def logits_of(model: EmotionEncoder, clips: list[Measured]) -> np.ndarray:
-    """At the end of each clip, [N, 7]."""
+    """Logits at the end of each clip, [N, 7]."""
     x = (np.stack([c.rows[-1] for c in clips]) - model.mean) / model.scale
     return x @ model.weight + model.bias
 
@@ -89,7 +89,7 @@ def scores(logits: np.ndarray, labels: np.ndarray) -> dict[str, float]:
 
 
 def without_neutral(clips: list[Measured]) -> list[Measured]:
-    """Clips with their speaker's mean neutral numbers taken away."""
+    """Clips less their speaker's mean neutral numbers."""
     out = []
     for clip in clips:
         group = [c.rows[-1] for c in clips if c.speaker == clip.speaker and c.label == 0]

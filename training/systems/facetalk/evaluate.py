@@ -24,7 +24,7 @@ from training.systems.facetalk.head import Head
 from training.systems.facetalk.stored import load_folder, load_head
 
 UNSEEN_SEED = 9_000_000
-"""Training's own generators are seeded by small numbers."""
+"""Offset for the seeds of evaluation; the generators of training have small seeds."""
 LIPS_M = 8e-3
 FITTED_POINTS = 5000
 POSES_OF_EACH = 20
@@ -83,7 +83,7 @@ def identity(head: Head, heads: IctHeads, _data: Path, count: int) -> None:
 
 
 def makehuman(head: Head, _heads: IctHeads, data: Path, _count: int) -> None:
-    """A face whose kind training never saw, jaw opened by its own mode."""
+    """A face of a kind that training never saw, jaw opened by its own mode."""
     face = load_makehuman(data)
     opened = torch.from_numpy(
         face.vertices + head.config.open_jaw * face.modes[CHANNELS.index("jawOpen")]
@@ -175,8 +175,11 @@ def expression(head: Head, heads: IctHeads, data: Path, count: int) -> None:
 
 @torch.no_grad()
 def shapes(head: Head, heads: IctHeads, _data: Path, count: int) -> None:
-    """Each of ARKit's shapes at weight 1, from rest: by which share the field goes its way, and how far
-    vertices are off that it moves by more than half a millimetre."""
+    """Each ARKit shape at weight 1, from rest.
+
+    Prints the share of the true way that the field goes, and the error of vertices that the shape moves by
+    more than half a millimetre.
+    """
     canonical, scales = heads.canonical(unseen(count))
     z, size = head.identity_code(unseen(count)), head.config.scale_m
     skin = canonical[:, :FACE_VERTICES] / size
@@ -193,9 +196,12 @@ def shapes(head: Head, heads: IctHeads, _data: Path, count: int) -> None:
 
 @torch.no_grad()
 def closure(head: Head, heads: IctHeads, _data: Path, count: int) -> None:
-    """How far lips that meet at rest, and lids that meet when shut, are apart, or have crossed, after the way
-    through the canonical pose: pairs of vertices, the part along the true surface's normal beside that of the
-    mesh itself."""
+    """Gap of lips that meet at rest, and of lids that meet when shut, after the way through the canonical
+    pose.
+
+    Measured on pairs of vertices along the true surface's normal, beside the gap of the mesh itself. A
+    negative gap means that they have crossed.
+    """
     rest, shut = torch.zeros(len(CHANNELS)), torch.zeros(len(CHANNELS))
     shut[LIDS] = 1.0
     canonical, scales = heads.canonical(unseen(count))
@@ -223,7 +229,7 @@ def closure(head: Head, heads: IctHeads, _data: Path, count: int) -> None:
 
 
 def sequences(head: Head, heads: IctHeads, data: Path, count: int) -> None:
-    """Clouds with noise of stretches of held-out takes, fitted by eq. 16 and frame by frame, from rest."""
+    """Noisy clouds from stretches of held-out takes, fitted by eq. 16, frame by frame, and from rest."""
     poses = Poses(data, held_out=True)
     random = torch.Generator().manual_seed(UNSEEN_SEED + 2)
     coefficients = unseen(count)

@@ -64,7 +64,7 @@ def correlation(a: Tensor, b: Tensor) -> float:
 
 
 def by_source(entries: list[Entry], count: int, skipped: int = 0) -> dict[str, list[Entry]]:
-    """Held-out clips, the first `skipped` left out; no source that has no more."""
+    """Held-out clips by source, without the first `skipped`; sources that have no more are left out."""
     sources = sorted({e.source for e in entries})
     groups = {s: [e for e in entries if e.source == s and e.held_out][skipped:][:count] for s in sources}
     return {source: group for source, group in groups.items() if group}
@@ -87,7 +87,7 @@ def agreement(speaker: Speaker, clips: dict[str, list[Entry]], sampling: Samplin
 
 
 def freetalk(models: Path, clips: dict[str, list[Entry]]) -> dict[str, float]:
-    """The same of the shipped FreeTalk, on landmarks; r of its chin against jawOpen."""
+    """The same for the shipped FreeTalk, on landmarks; r of its chin with jawOpen."""
     encoder, model = load_models(models)
     style = model.config.styles.index(model.config.default_style)
     report = {}
@@ -120,7 +120,7 @@ def loudness(clips: dict[str, list[Entry]]) -> dict[str, float]:
 
 
 def seeds(speaker: Speaker, clips: list[Entry], sampling: Sampling | None = None) -> dict[str, float]:
-    """How far five seeds lie apart: deviation between them in mm, and r of their lip gaps."""
+    """How much five seeds differ: deviation between them in mm, and r of their lip gaps."""
     upper, mouth, agreed = [], [], []
     for e in clips:
         speech = speaker.heard(e)
@@ -139,7 +139,8 @@ def seeds(speaker: Speaker, clips: list[Entry], sampling: Sampling | None = None
 
 
 def at_once(speaker: Speaker, clips: list[Entry]) -> dict[str, float]:
-    """A minute in one go beside windows of two seconds: r of the lip gap, and where the mean drifts."""
+    """A minute sampled at once, compared with windows of two seconds: r of the lip gap, and drift of the
+    mean."""
     speech = torch.cat([speaker.heard(e) for e in clips])[:LONG_FRAMES]
     truth = lip_gap(landmarks_of(torch.cat([e.motion.float() for e in clips])[:LONG_FRAMES]))
     whole = lip_gap(landmarks_of(speaker.says(speech)))
@@ -163,14 +164,16 @@ def still(speaker: Speaker, clips: list[Entry]) -> float:
 
 
 def tell(name: str, row: dict[str, float]) -> None:
-    """One line."""
+    """Prints one line."""
     print(f"{name}: " + ", ".join(f"{key} {value:.3f}" for key, value in row.items()), flush=True)
 
 
 def from_landmarks(model: Denoiser, codes: Codes, clips, data: Path) -> dict[str, dict[str, float]]:
-    """How far vertices of ICT's face lie from those that the true weights move, mean mm, where the model is
-    told the motion of landmarks alone, which are off by so many mm: of recordings, and with an emotion on
-    them. Beside it least squares."""
+    """Error of the model that hears only the motion of landmarks, as mean mm over vertices of ICT's face.
+
+    The landmarks of recordings, plain and with an emotion, are disturbed by so many mm. Least squares stands
+    beside it.
+    """
     modes = torch.from_numpy(load_ict(data, "face").mean.modes).float().flatten(1)
     random = torch.Generator().manual_seed(3)
     by_least_squares = torch.linalg.pinv(landmarks_of(torch.eye(len(modes))))

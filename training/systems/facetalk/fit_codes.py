@@ -1,8 +1,8 @@
-"""Codes of a head that is given as points: z_id of a scan, and z_ex of a sequence of clouds (eq. 16 to 18).
+"""Codes of a head from points: z_id of a scan, and z_ex of a sequence of clouds (eq. 16 to 18).
 
 z_id is sought among coefficients, z = W c + b with c from N(0, 1), by Gauss-Newton steps on distances and
-landmarks under that prior; slopes come from differences, so that the same can be done without automatic
-differentiation. `free` then lets z leave what coefficients reach.
+landmarks under that prior. Slopes come from differences, so that it also works without automatic
+differentiation. `free` then lets z leave the range of the coefficients.
 """
 
 from dataclasses import dataclass
@@ -16,8 +16,10 @@ from training.systems.facetalk.head import COEFFICIENTS, Head
 SDF, TEMPORAL, EXPRESSION = 10.0, 0.1, 0.0025
 """Weights of eq. 16."""
 DISTANCE_M, LANDMARK_M = 4e-4, 3e-3
-"""How far points and landmarks may well lie from a head of the model; points are not independent, so
-`POINT_SHARE` of their number counts."""
+"""Deviation of points and of landmarks from a head of the model.
+
+Points are not independent, so only `POINT_SHARE` of their number counts.
+"""
 POINT_SHARE = 0.05
 ROBUST_M = 3e-3
 """Points farther off than this count less and less (Cauchy)."""
@@ -38,7 +40,8 @@ def fit_identity(
 ) -> Tensor:  # fmt: skip
     """Coefficients [100] whose head passes through points [P, 3] (metres, canonical frame and pose).
 
-    `landmarks` [68, 3] metres start it and keep weight; `which` of them are given, all where it is none.
+    `landmarks` [68, 3] metres start the fit and keep weight. `which` says which of them exist; None means
+    all.
     """
     random = torch.Generator().manual_seed(seed)
     chosen = list(range(68)) if which is None else which

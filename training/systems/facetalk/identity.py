@@ -62,7 +62,7 @@ class Identity(nn.Module):
     def to_mean(self, x: Tensor, z: Tensor) -> Tensor:
         """D(x; z): from points [B, P, 3] to the same points of the mean head, [B, P, 3].
 
-        A network is asked where any head of the batch asks it.
+        A network computes the points where its weight is positive for any head of the batch.
         """
         config = self.config
         global_code, local = self.codes(z)

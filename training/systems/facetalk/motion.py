@@ -21,7 +21,7 @@ from training.nn.rotary import RotaryAttention
 
 PLACES = 3
 LANDMARKS = "landmarks"
-"""The memory of a model that goes by landmarks instead of speech: their motion, [T, 204] centimetres."""
+"""Memory of a model that follows landmarks instead of speech: their motion, [T, 204] centimetres."""
 CM = 100.0
 
 
@@ -57,9 +57,11 @@ class MotionConfig(Config):
 
 
 def landmark_config(codes: int) -> MotionConfig:
-    """The model whose memory is the motion of 68 landmarks (the paper's conclusion). That says nearly all, so
-    it is small, starts from no noise and is not guided; a layer that begins as the best linear one adds the
-    memory to what comes out."""
+    """The model whose memory is the motion of 68 landmarks (the paper's conclusion).
+
+    That motion says nearly everything, so the model is small, starts from no noise and is not guided. A layer
+    that begins as the best linear map adds the memory to the output.
+    """
     return MotionConfig(
         codes=codes, width=32, inner=32, blocks=2, heads=4, feedforward=32, look_back_frames=12,
         direct=True, speech=SpeechInput(LANDMARKS, 204),
@@ -164,8 +166,10 @@ class Denoiser(nn.Module):
 
     @torch.no_grad()
     def begin_direct(self, memory: Tensor, codes: Tensor) -> None:
-        """What is added at first: the linear map of memory [N, C] that comes nearest to codes [N, X]; the
-        blocks say nothing yet."""
+        """Sets the direct layer to the linear map from memory [N, C] that comes nearest to codes [N, X].
+
+        The blocks add nothing yet.
+        """
         inputs = torch.cat([memory, torch.ones(len(memory), 1)], 1)
         solution = torch.linalg.lstsq(inputs, self.standardise(codes)).solution
         self.direct.weight.copy_(solution[:-1].T)

@@ -60,13 +60,14 @@ PARTS = ["augmentation", "film", "alignment", "diffusion"]
 WIDE_BAND = 1000
 CONFIGS = {"compact": MotionConfig, "debug": debug_config}
 BESIDE_SHARE, BESIDE_FRAMES = 0.7, (6, 40)
-"""Rows of landmark motion with an emotion, shut lids and moving brows besides, and how long these last."""
+"""Share of rows of landmark motion with an added emotion, shut lids and moving brows, and how long these
+last."""
 UNEVEN_MM = 1.5
-"""What tracked landmarks are off by at most, deviation."""
+"""Greatest error of tracked landmarks, as a deviation."""
 
 
 class Codes:
-    """Between ARKit weights and z_ex of a head: the map, and the way back that is shortest."""
+    """Map from ARKit weights to z_ex of a head, and the shortest way back."""
 
     def __init__(self, head):
         with torch.no_grad():
@@ -83,7 +84,7 @@ class Codes:
         return (codes - self.at_rest) @ self.back.T
 
     def to(self, device: torch.device) -> None:
-        """Moves all of it."""
+        """Moves the maps to a device."""
         self.matrix, self.at_rest, self.back = (x.to(device) for x in (self.matrix, self.at_rest, self.back))
 
 
@@ -133,7 +134,7 @@ class Trainer:
         self.codes.to(self.machine.device)
 
     def loss(self, count: int, frames: int) -> tuple[Tensor, dict[str, float]]:
-        """Eq. 4, and in our recipe the same on the landmarks that codes move."""
+        """Eq. 4; in our recipe also the same loss on the landmarks that the codes move."""
         device = self.machine.device
         batch = self.sampler.batch(count, frames)
         r = self.low + (self.high - self.low) * torch.rand(count, generator=self.random)
@@ -175,7 +176,7 @@ class Trainer:
         return t, torch.zeros_like(noise) if "diffusion" in self.without else noise
 
     def memory(self, batch, weights: Tensor) -> Tensor:
-        """What the model goes by, [B, T, C]: what is heard, or the landmarks that `weights` move."""
+        """Memory of the model, [B, T, C]: speech features, or the landmarks that `weights` move."""
         if not self.by_landmarks:
             return self.speech.windows(batch.mel.to(self.machine.device))
         moved = landmarks_of(weights)
@@ -184,7 +185,7 @@ class Trainer:
         return (CM * moved).to(self.model.mean.device)
 
     def beside(self, weights: Tensor) -> Tensor:
-        """Weights [B, T, 51] with what recordings of speech lack: emotions, brows, and lids that shut."""
+        """Weights [B, T, 51] plus what recordings of speech lack: emotions, brows, and lids that shut."""
         count, frames = weights.shape[:2]
 
         def uniform(*shape: int) -> Tensor:
@@ -205,7 +206,7 @@ class Trainer:
 
 
 def speech_of(arguments) -> tuple[CompactSpeech | HubertSpeech, SpeechInput]:
-    """What is heard, and by which encoder; wav2vec2 as the paper has it (section 4)."""
+    """The speech features and their encoder; wav2vec2 as the paper has it (section 4)."""
     if arguments.hubert is None:
         encoder = load_encoder(arguments.speech or SHIPPED_ENCODER)
         heard = SpeechInput("compact_speech", encoder.config.channels)

@@ -60,7 +60,7 @@ CONCORDANCE = 0.3
 PURE_NOISE_SHARE = 0.3
 UNSEEN_WEIGHT = 0.1
 NEUTRAL_GAP_M = 0.8e-3
-"""Opening of the inner lips in ICT's neutral face, which the motion starts from."""
+"""Opening of the inner lips in ICT's neutral face, where the motion starts."""
 UNLABELLED_SHARE = 0.6
 
 
@@ -105,7 +105,7 @@ class AtsTrainer:
         self.parts = nn.ModuleDict({"denoiser": self.model, "encoder": speech.encoder})
 
     def parameters(self, rate: float, encoder_rate: float) -> list[dict]:
-        """Parameter groups; the encoder stays as it was trained at rate 0."""
+        """Parameter groups. At rate 0 the encoder stays unchanged."""
         groups = [{"params": list(self.model.parameters()), "lr": rate}]
         if encoder_rate > 0.0:
             self.speech.encoder.requires_grad_(True)
@@ -155,7 +155,7 @@ class AtsTrainer:
         return t, torch.randn(shape, generator=self.random)
 
     def _measure_scale(self) -> None:
-        """Mean and deviation of the training motion into the model."""
+        """Sets the model's mean and deviation to those of the training motion."""
         frames = min(self.config.window_frames, 96)
         motion = torch.cat([self.sampler.batch(16, frames).motion for _ in range(12)]).flatten(0, 1)
         self.model.mean.copy_(motion.mean(dim=0))
@@ -163,7 +163,7 @@ class AtsTrainer:
 
 
 def source_shares(arguments, entries: list[Entry]) -> dict[str, float]:
-    """How often each source is drawn: of corpus folders as long as they last, of ours as they were set."""
+    """How often each source is drawn: corpus folders in proportion to their length, ours by fixed shares."""
     if arguments.corpus:
         return lasting(entries)
     sources = {e.source for e in entries if not e.held_out}
@@ -172,7 +172,7 @@ def source_shares(arguments, entries: list[Entry]) -> dict[str, float]:
 
 
 def judged_by_phones(arguments, entries: list[Entry]) -> list[Entry]:
-    """Held-out speech with phones, by which closures are counted."""
+    """Held-out speech with phones, on which closures are counted."""
     if arguments.corpus:
         return with_phones([e for e in entries if e.held_out])
     if arguments.config != "compact":
@@ -223,7 +223,7 @@ def clip_motion(speech, model, entry, style: int, sampling: Sampling, seed: int 
 def train(arguments, denoiser: type[AtsDenoiser] = AtsDenoiser) -> Path:
     """Runs the training; writes `ats.pt` with the averaged weights and returns its path.
 
-    Another `denoiser` is one that lacks a part, for comparison; the engine knows the whole one alone.
+    Another `denoiser` class lacks a part, for comparison. The engine knows only the whole one.
     """
     seeded(arguments)
     config = CONFIGS[arguments.config]()
@@ -253,7 +253,8 @@ def train(arguments, denoiser: type[AtsDenoiser] = AtsDenoiser) -> Path:
 
 
 def steps_of(arguments, trainer: AtsTrainer) -> int:
-    """As asked for, else the recipe's epochs over the training clips, else 1500; `debug` takes 20 at most."""
+    """Number of steps: `--steps`, else the recipe's epochs over the training clips, else 1500; `debug` takes
+    20 at most."""
     clips = sum(not e.held_out for e in trainer.speech.entries)
     usual = trainer.recipe.steps(clips) if trainer.recipe.epochs else STEPS
     steps = arguments.steps or usual
@@ -289,7 +290,7 @@ def start_from(trainer: AtsTrainer, path: Path) -> None:
 
 
 def fit_to_corpora(config: AtsConfig, entries: list[Entry]) -> None:
-    """Styles are the names of the corpora; emotions are learned where a label in training says one."""
+    """Sets the styles to the names of the corpora. Emotions are learned if a label in training has one."""
     config.styles = [*sorted({e.source for e in entries}), ANY_STYLE]
     config.closing_styles = [ANY_STYLE]
     has_emotion = any(e.emotion != "neutral" and e.intensity > 0 and not e.held_out for e in entries)
@@ -313,12 +314,12 @@ def speech_source(arguments, config: AtsConfig) -> CompactSpeech | HubertSpeech:
 
 
 def hears_hubert(arguments, config: AtsConfig) -> bool:
-    """Whether features are those of `--hubert`; any size takes them, `paper` unless `--speech` is given."""
+    """Whether features come from `--hubert`: of any size if it is set, of `paper` unless `--speech` is."""
     return arguments.hubert is not None or (config.speech.encoder == "hubert" and arguments.speech is None)
 
 
 def own_clips(arguments) -> list[Clip]:
-    """Of the corpus folders, else of the project's own sources, before anything is heard."""
+    """Clips of the corpus folders, else of the project's own sources, before an encoder hears them."""
     if arguments.corpus:
         return bank.clips_of_folders(arguments.corpus, arguments.limit)
     sources = [bank.few(read(arguments.data), arguments.limit) for read in bank.READERS.values()]
@@ -326,7 +327,7 @@ def own_clips(arguments) -> list[Clip]:
 
 
 def add_speech_flags(parser: argparse.ArgumentParser, validation_clips: int) -> None:
-    """What a model hears, where it computes and what the log says, for `speech_source` and `descend`."""
+    """Adds the flags for the encoder, the machine and the log, which `speech_source` and `descend` read."""
     parser.add_argument("--speech", type=Path, help="speech.pt of training.speech.train, or a model folder")
     parser.add_argument("--hubert", type=Path, help="folder of a HuBERT or wav2vec2 checkpoint, such as XLSR")
     parser.add_argument("--leave-speech", nargs="*", default=[], help="speech to leave out (nathalie_nl, …)")

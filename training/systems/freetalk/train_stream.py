@@ -128,7 +128,7 @@ def validate(model: StreamNet, clips: list[Lesson], captured: dict[str, float]) 
 
 
 def prepare(arguments) -> list[Lesson]:
-    """Bank and teacher to lessons."""
+    """The lessons of a run, from bank and teacher."""
     debug = arguments.config == "debug"
     voices, limit = (2, 4) if debug else (arguments.voices, None)
     entries = entries_of(arguments, voices, limit)

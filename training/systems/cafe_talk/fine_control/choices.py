@@ -9,11 +9,11 @@ from training.systems.cafe_talk.fine_control.trial import Actor, Take, TakeContr
 STEPS = (1, 2, 4, 8, 16)
 ALPHAS = (1.0, 1.5, 2.0)
 SAMPLE = ("1", "4", "12", "15", "26", "45")
-"""Units that stand for the sixteen where every unit would take too long."""
+"""Units that represent all sixteen where trying each would take too long."""
 UPPER, LOWER = ("1", "4", "45"), ("12", "20", "26")
-"""Units whose events should leave lips as they are, and some that move them."""
+"""Units whose events should not move the lips, and some whose events do."""
 GUIDANCES = (1.0, 2.0, 3.0)
-"""Of α, beside which the two forms of eq. 6 are set."""
+"""Values of α at which the two forms of eq. 6 are compared."""
 Row = dict[str, float | str]
 
 
@@ -50,8 +50,9 @@ def _row(actor: Actor, takes: list[Take], sampling: Sampling, name: Row) -> Row:
 def formulas(actor: Actor, takes: list[Take]) -> list[Row]:
     """Eq. 6 as printed and with `G_AC` in its third term: what a slot does to the lips, by α, at β 1.
 
-    The amplitude of the lip gap is that with the event over that without, within the slot and outside it.
-    With a mask over frames alone an event guides every shape of its slot, with one over shapes its own.
+    The amplitude of the lip gap with the event is divided by that without, inside the slot and outside it.
+    With a mask over frames alone an event guides every shape in its slot. With a mask over shapes it guides
+    its own.
     """
     return [
         {"α": alpha, "units": name} | row

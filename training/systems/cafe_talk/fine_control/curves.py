@@ -41,7 +41,7 @@ def weight(arrays: dict[str, np.ndarray], shape: str) -> np.ndarray:
 
 
 def opening(arrays: dict[str, np.ndarray]) -> np.ndarray:
-    """How far the lips part more than at rest, [T] mm."""
+    """How much farther than at rest the lips are apart, [T] mm."""
     moved = arrays["landmark_displacements"]
     return MM * (moved[:, UPPER_LIP, 1] - moved[:, LOWER_LIP, 1])
 

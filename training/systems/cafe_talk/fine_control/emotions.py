@@ -1,4 +1,4 @@
-"""Whether the coarse condition is obeyed: Acc and Div of generated takes (tables 2, 8 and 9 of Cafe-Talk)."""
+"""Whether takes obey the coarse condition: Acc and Div (tables 2, 8 and 9 of Cafe-Talk)."""
 
 from collections.abc import Callable
 
@@ -14,7 +14,7 @@ Scores = dict[str, float]
 
 
 def performed(actor: Actor, takes: list[Take], **controls) -> Callable[[int, int], Tensor]:
-    """Takes by the number of the clip and of the emotion."""
+    """A function that generates the take of a clip number and an emotion number."""
 
     def make(clip: int, emotion: int) -> Tensor:
         return actor.perform(takes[clip], TakeControl(emotion=EMOTIONS[emotion], **controls))
@@ -23,7 +23,7 @@ def performed(actor: Actor, takes: list[Take], **controls) -> Callable[[int, int
 
 
 def recorded(takes: list[Take], intensity: float) -> Callable[[int, int], Tensor]:
-    """The recordings themselves under each emotion: what the judge could find at best."""
+    """A function that puts the recordings under each emotion: the best that the judge could read."""
     return lambda clip, emotion: judging.under_emotion(takes[clip].truth, emotion, intensity)
 
 
@@ -33,10 +33,10 @@ def accuracy(judge: judging.Judge, actor: Actor, takes: list[Take], intensity: f
 
 
 def by_label(judge: judging.Judge, actor: Actor, takes: list[Take]) -> dict[str, Scores]:
-    """Table 8: the label told, masked, and at odds with the voice.
+    """Table 8: the label present, masked, and at odds with the voice.
 
-    The recorded voices are neutral, so that every other label is one that the voice does not have. With the
-    label masked a take is the same whatever was asked, and 1 in 15 is right.
+    The recorded voices are neutral, so every other label is one that the voice does not have. With the label
+    masked a take is the same for every emotion, and 1 in 15 is right.
     """
     count = len(takes)
     verdicts = judging.judged(judge, performed(actor, takes, intensity=1.0), count)

@@ -1,7 +1,7 @@
-"""Whether the face does what events ask, where they ask it, and what that costs the speech.
+"""Whether the face does what events ask for, where they ask for it, and what that costs the speech.
 
 Twins of the Rust crate's `metrics::control_rate` and `tests/eval`'s section on events. A slot is its first
-frame and the one behind its last; what cannot be measured is NaN.
+frame and the frame after its last. What cannot be measured is NaN.
 """
 
 import math
@@ -62,7 +62,7 @@ def gap_r(predicted: Tensor, true: Tensor) -> float:
 
 
 def gap_slope(predicted: Tensor, true: Tensor) -> float:
-    """Slope of the made lip gap over the true one, both [T, 51]."""
+    """Slope of the predicted lip gap over the true one, both [T, 51]."""
     p, t = (x - x.mean() for x in (gap_mm(predicted), gap_mm(true)))
     return float((p * t).mean() / t.square().mean())
 

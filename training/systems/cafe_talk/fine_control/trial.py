@@ -1,4 +1,4 @@
-"""A finished run under trial: held-out clips through it, with events and emotions as asked."""
+"""A finished run on held-out clips, with any events and emotions."""
 
 from dataclasses import dataclass, replace
 from pathlib import Path
@@ -60,14 +60,14 @@ class TakeControl:
 
 
 class Unlabelled:
-    """A denoiser that is never told the coarse condition (table 8: the label masked)."""
+    """A denoiser that never gets the coarse condition (table 8: the label masked)."""
 
     def __init__(self, model: Denoiser):
         self.model, self.config, self.mean = model, model.config, model.mean
         self.to_weights = model.to_weights
 
     def __call__(self, noisy: Tensor, timestep: Tensor, speech: Tensor, coarse, *more) -> Tensor:
-        """As the denoiser, under its learned null."""
+        """The denoiser's pass, under its learned null."""
         withheld = torch.zeros_like(coarse.has_label)
         return self.model(noisy, timestep, speech, replace(coarse, has_label=withheld), *more)
 
@@ -119,10 +119,10 @@ class Actor:
 
 
 def clips(arguments) -> tuple[list[Entry], list[Entry]]:
-    """Clips to teach the judge, and held-out ones to judge and measure; weights [T, 51] for motion.
+    """Clips to teach the judge, and held-out clips to judge and measure; motion is weights [T, 51].
 
-    `arguments`: `corpus` folders, or the `data` folder with `cache` and `voices` as in training, whose bank
-    is then found; `clips` of each source, at most `seconds` of each.
+    `arguments` has `corpus` folders, or the `data` folder with `cache` and `voices` as in training, so that
+    its bank is reused; `clips` of each source, at most `seconds` of each.
     """
     if arguments.corpus:
         entries = bank.of_folders(arguments.corpus, 1)

@@ -1,4 +1,4 @@
-"""Every action unit on held-out takes: how it is obeyed, and what it costs (tables 3 and 4 of Cafe-Talk)."""
+"""Every action unit on held-out takes: how well it acts, and its cost (tables 3 and 4 of Cafe-Talk)."""
 
 import math
 from dataclasses import asdict, dataclass
@@ -96,7 +96,7 @@ def closed_share(takes: list[Take], generated: list[Tensor]) -> tuple[int, float
 
 
 def mean(values) -> float:
-    """Mean of what could be measured."""
+    """Mean of the values that could be measured."""
     known = [v for v in values if not math.isnan(v)]
     return float(np.mean(known)) if known else math.nan
 

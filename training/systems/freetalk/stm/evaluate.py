@@ -73,7 +73,7 @@ def no_motion(mesh: PreparedMesh, landmarks: torch.Tensor) -> torch.Tensor:
 
 
 def static(path: Path, familiarity: float | None) -> Method:
-    """The static decoder with the weights of `path`, told how familiar each face is or not."""
+    """The static decoder with the weights of `path`, with or without the familiarity of each face."""
     saved = torch.load(path)
     model = restored(StaticWeights(StaticConfig(**saved["config"])), saved["state"])
 

@@ -50,17 +50,17 @@ from training.systems.freetalk.stm.train_paper import (
 )
 
 STEPS = 5000
-"""Of the static decoder."""
+"""Steps of the static decoder."""
 PAPER_STEPS = 36_000
-"""Of the paper's decoder, of which each costs 0.17 s of one core."""
+"""Steps of the paper's decoder; each takes 0.17 s of one core."""
 SAVE_EVERY = 500
 JUDGED_FRAMES = 10
-"""Of each held-out clip, at every log."""
+"""Frames of each held-out clip that every log line is judged on."""
 COARSE = Counts(60, 40, (1600, 3600))
-"""Meshes for the paper's decoder, whose step costs as much as its vertices."""
+"""Meshes for the paper's decoder, whose steps cost in proportion to the vertices."""
 MOST_VERTICES = 2200
 SHAPES = 1500
-"""Neutral faces of each kind by which a familiar one is told."""
+"""Neutral faces of each kind that define a familiar face."""
 
 FACES = {"both": ("ict", "makehuman"), "ict": ("ict",), "makehuman": ("makehuman",)}
 
@@ -90,10 +90,10 @@ def sample(rng: np.random.Generator, mesh: PreparedMesh, speech: np.ndarray, fra
 
 
 def restyle(motion: torch.Tensor, positions: torch.Tensor, strength: float) -> torch.Tensor:
-    """Multiplies motion by a smooth random field of matrices near one, another one each frame.
+    """Multiplies motion by a smooth random field of matrices near one, a new field in each frame.
 
-    Real faces differ in how they move, the corpus does not: this keeps the network from taking
-    one face's habits for a law. motion: [T, P, 3]; positions: [P, 3] dm.
+    Real faces differ in how they move; the corpus does not. The field keeps the network from taking one
+    face's habits for a law. motion: [T, P, 3]; positions: [P, 3] dm.
     """
     bumps = 6
     centres = positions[torch.randint(len(positions), (bumps,))] + 0.1 * torch.randn(bumps, 3)
@@ -154,7 +154,7 @@ def learn_shapes(model: StaticWeights, faces: tuple[str, ...], data: Path, seed:
 
 
 def train_on_data(args) -> None:
-    """On both faces of the project and on each alone."""
+    """Trains on both faces of the project and on each alone."""
     counts, cache = (COUNTS, "corpus.pkl") if args.model == "static" else (COARSE, "coarse.pkl")
     corpus = load_or_build(args.data, args.runs / cache, counts)
     speech = load_speech(args.data).train
@@ -176,7 +176,7 @@ def train_on_data(args) -> None:
 
 
 def machine_of(args) -> Machine:
-    """Where it trains."""
+    """The machine that it trains on."""
     return Machine(args.device, args.precision)
 
 
@@ -201,7 +201,7 @@ def judge_on(args, config: PaperConfig) -> Callable[[PaperDecoder], dict[str, fl
 
 
 def paper_steps(args, meshes: list[SequenceMesh]) -> int:
-    """How long it trains on corpora: `--steps`, else the recipe's epochs, else as long as ours."""
+    """Number of steps on corpora: `--steps`, else the recipe's epochs, else as many as ours."""
     recipe = recipes.STM[args.recipe]
     if args.steps is not None or recipe.epochs is None:
         return args.steps or PAPER_STEPS
@@ -209,7 +209,7 @@ def paper_steps(args, meshes: list[SequenceMesh]) -> int:
 
 
 def train_on_corpora(args) -> Path:
-    """On vertex sequences of corpus folders; prints the errors on held-out clips."""
+    """Trains on vertex sequences of corpus folders; prints the errors on held-out clips."""
     meshes = sequence_meshes(args.corpus, held_out=False)
     out, path = args.runs / f"{args.model}_corpus", args.runs / f"{args.model}_corpus.pt"
     if args.model == "static":

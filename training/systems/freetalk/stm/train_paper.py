@@ -31,9 +31,9 @@ SAVE_EVERY = 200
 LOG_EVERY = 2000
 LANDMARK_GAIN = 20.0
 ATTENTION_RATE = 0.1
-"""Of the learning rate, for what decides where a vertex looks."""
+"""Share of the learning rate for the parameters that decide where a vertex looks."""
 START_MESHES = 8
-"""Meshes of each face by which attention starts."""
+"""Meshes of each face that the start of the attention is fitted to."""
 
 
 @dataclass
@@ -54,7 +54,7 @@ def paper_mesh(mesh: PreparedMesh, config: PaperConfig) -> PaperMesh:
 
 
 def mirrored(face: PaperMesh) -> PaperMesh:
-    """The same seen in a mirror; the second tangent turns round, so that frames stay right-handed."""
+    """The mesh in the mirror. The second tangent turns round, so that frames stay right-handed."""
     flip = FLIP.to(face.inputs.device)
     operators = replace(face.operators, grad_y=-1.0 * face.operators.grad_y)
     mesh = replace(face.mesh, geometry=face.mesh.geometry.mirrored())
@@ -106,7 +106,7 @@ def prepare_weights(model: PaperDecoder, faces: list[PaperMesh]) -> None:
 
 
 def parameter_groups(model: PaperDecoder, recipe: Recipe) -> list[dict]:
-    """Parameters for the optimiser in two groups: what decides where a vertex looks is slower in ours."""
+    """Parameters in two groups. In our recipe those that decide where a vertex looks learn more slowly."""
     deciding = [model.attention.query, model.attention.key, model.landmark_projection]
     slow = [parameter for layer in deciding for parameter in layer.parameters()]
     rest = [p for p in model.parameters() if all(p is not other for other in slow)]
