@@ -1,11 +1,11 @@
-"""How late a face is behind its microphone: from sound that is written to lines on standard output.
+"""How late a face is behind its microphone, from written sound to lines on standard output.
 
     python tests/live/latency.py SPEECH.wav [--rate 44100] [--fps 60] [--times 12] [...]
 
-Further arguments are those of `anyface live`. PulseAudio reads the device from a pipe into which
-this writes the voice, mono at 16 kHz, 2 ms at a time by the clock: so it is known when each instant
-of the sound was there. The motion of the jaw, laid over that of the same sound without a clock,
-tells at which of them a frame stands. A line is late by its arrival less that instant, look-ahead
+Further arguments are those of `anyface live`. PulseAudio reads the device from a pipe. This writes
+the voice into it, mono at 16 kHz, 2 ms at a time by the clock, so the time of each instant of the
+sound is known. The motion of the jaw is compared with that of the same sound without a clock, which
+tells the instant that a frame shows. A line is late by its arrival less that instant, look-ahead
 included.
 """
 
