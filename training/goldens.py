@@ -63,7 +63,7 @@ def write_golden(path: Path, tensors: dict[str, Tensor], name: str, model: nn.Mo
 def main() -> None:
     """Entry of the command."""
     parser = argparse.ArgumentParser(description=__doc__.splitlines()[0])
-    parser.add_argument("names", nargs="*", choices=[*GOLDENS, []], help="default: all")
+    parser.add_argument("names", nargs="*", choices=[*GOLDENS, []], help="goldens to write; default: all")
     parser.add_argument("--shared", type=Path, default=Path("../shared"))
     parser.add_argument("--out", type=Path, default=Path("tests/goldens"))
     args = parser.parse_args()

@@ -17,7 +17,9 @@ PRECISIONS = {"float32": None, "bfloat16": torch.bfloat16, "float16": torch.floa
 def add_arguments(parser: argparse.ArgumentParser, precision: str) -> None:
     """Adds `--device` and `--precision`; a trainer sets its own default of the latter."""
     parser.add_argument("--device", choices=["auto", "cpu", "cuda"], default="auto")
-    parser.add_argument("--precision", choices=list(PRECISIONS), default=precision, help="of products")
+    parser.add_argument(
+        "--precision", choices=list(PRECISIONS), default=precision, help="precision of products"
+    )
 
 
 class Machine:

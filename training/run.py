@@ -187,7 +187,7 @@ def trainer_parser(doc: str, out: str, steps: int | None, rate: float | None, *,
     parser.add_argument("--cache", type=Path, default=Path("runs/cache"))
     parser.add_argument("--steps", type=int, default=steps)
     if rate is not None:
-        parser.add_argument("--rate", type=float, default=rate, help="of learning")
+        parser.add_argument("--rate", type=float, default=rate, help="learning rate")
     parser.add_argument("--seed", type=int, default=0)
     parser.add_argument("--threads", type=int, default=1)
     parser.add_argument("--log-every", type=int, default=log_every)

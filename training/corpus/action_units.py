@@ -1,8 +1,8 @@
 """Action units on ARKit's channels, and the events that fine control is trained with.
 
 The table is that of the Facial Action Coding System (Ekman & Friesen 1978) on ARKit's names. Algorithm 1 of
-Cafe-Talk (Chen et al. 2025, appendix C.2) finds the units that are active in a clip; since speech shows few
-of them, others are added to it at random, as an animator would ask for them.
+Cafe-Talk (Chen et al. 2025, appendix C.2) determines the units that are active in a clip. Speech shows few of
+them, so others are added at random, as an animator would ask for them.
 """
 
 from dataclasses import dataclass

@@ -271,7 +271,7 @@ def write(folder: Path, utterances: list[Utterance]) -> None:
 def main(
     data: Path = DATA,
     out: Path = Path("runs/aligned"),
-    minutes: Annotated[float, "of each language that espeak-ng speaks"] = 1.5,
+    minutes: Annotated[float, "minutes of each language that espeak-ng speaks"] = 1.5,
 ) -> None:
     """Command line."""
     espeak = Espeak()

@@ -1,8 +1,8 @@
-"""Clips whose motion is ARKit weights [T, 51], from whatever was recorded.
+"""Clips whose motion is ARKit weights [T, 51], from any kind of recording.
 
-Captures of weights are taken as they are; landmarks become weights by bounded least squares on ICT's
-modes, so that the weights move ICT's landmarks as the recorded ones moved. An `Entry` then holds weights
-instead of landmarks, everything else alike.
+Captured weights stay as they are. Landmarks become weights by bounded least squares on ICT's modes, so that
+the weights move ICT's landmarks as the recorded ones moved. An `Entry` then holds weights instead of
+landmarks; everything else is the same.
 """
 
 from collections.abc import Sequence

@@ -1,8 +1,8 @@
-"""Says in words and numbers what a corpus folder holds, what is odd, and what it can train.
+"""Reports in words and numbers what a corpus folder holds, what is odd, and what it can train.
 
-Errors stop training; what is odd does not, but is worth a look. Speech opens the lips, so the opening
-of the inner lips follows the loudness of the sound: the lag of their best correlation tells a shift,
-and its change from the first third of a clip to the last a drift.
+Errors stop training. Odd things do not, but are worth a look. Speech opens the lips, so the opening of the
+inner lips follows the loudness of the sound. The lag of their best correlation reveals a shift; its change
+from the first third of a clip to the last reveals a drift.
 """
 
 from collections import Counter

@@ -1,8 +1,8 @@
-"""Phones of speech that nobody transcribed in time, read by a trained speech encoder.
+"""Phones of speech without transcribed times, read by a trained speech encoder.
 
-A first run of `training.speech.train` gives log-posteriors at 100 Hz. Where the
-text is known (kerstin_de), espeak-ng's phones for it are aligned to them; where it is not
-(picovoice_en, more than 50 speakers), the likeliest sequence is taken. Both are Viterbi (1967).
+A first run of `training.speech.train` gives log-posteriors at 100 Hz. Where the text is known (kerstin_de),
+espeak-ng's phones for it are aligned to them. Where it is not (picovoice_en, more than 50 speakers), the
+likeliest sequence counts. Both are Viterbi (1967).
 """
 
 from pathlib import Path

@@ -2,13 +2,13 @@
 
     python -m training.corpus.fit_teacher --data ../shared/data
 
-Fits on the training clips of grid_s1 (phones by pocketsphinx) and writes
-`training/corpus/teacher.json`. Components of motion and measures of it are lip gap, mouth width, chin,
-upper and lower inner lip, corners and protrusion; all but the gap are compared after each clip's mean
-is taken away, as the recording keeps a pose of its own there. The loss is 1 − Lin's concordance, whose
-best answer has the recording's own amplitude. Frames of p, b and m are left out: there the teacher
-closes the lips by rule. What the articulatory features of all segments share is fitted beside what
-each has of its own, so segments that GRID lacks move with their kin.
+Fits on the training clips of grid_s1 (phones by pocketsphinx) and writes `training/corpus/teacher.json`.
+Components of motion, and their measures, are lip gap, mouth width, chin, upper and lower inner lip, corners
+and protrusion. All but the gap are compared after each clip's mean is removed, because the recording keeps a
+pose of its own there. The loss is 1 − Lin's concordance, whose optimum has the recording's own amplitude.
+Frames of p, b and m are left out: there the teacher closes the lips by rule. A segment's target is the sum of
+a part that depends on its articulatory features and an offset of its own, so segments that GRID lacks move
+like related ones.
 """
 
 import json

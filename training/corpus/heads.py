@@ -1,9 +1,9 @@
-"""Heads with all that lies about them: ICT identities, face, head and neck, with sockets, the neck capped.
+"""Whole heads and the space about them: ICT identities with face, head, neck and sockets.
 
-The skin with its sockets is one closed surface but for the neck's end, which a fan of triangles closes. All
-identities share its triangles, so a place on (or beside) the mean head has a partner on every other: places
-off the surface lie on normals. Places of the volume are drawn once about the mean head, where the winding
-number tells inside from outside, and are carried to other identities by the surface about them.
+The skin with its sockets is one closed surface except for the neck's end, which a fan of triangles closes.
+All identities share its triangles, so a place on (or beside) the mean head has a partner on every other one.
+Places off the surface lie on normals. Places of the volume are drawn once about the mean head, where the
+winding number tells inside from outside. The surface about them carries them to other identities.
 """
 
 from __future__ import annotations

@@ -128,9 +128,9 @@ def main(
     data: Path = DATA,
     out: Path = Path("runs/ict_sequences"),
     triangles: Annotated[list[int], "0: ICT's own"] = (1500, 1800, 2200),
-    people: Annotated[int, "who train, in each folder"] = 8,
-    held_out: Annotated[int, "who test, in each folder"] = 1,
-    stretches: Annotated[int, "of ten seconds, of each person"] = 6,
+    people: Annotated[int, "training speakers in each folder"] = 8,
+    held_out: Annotated[int, "test speakers in each folder"] = 1,
+    stretches: Annotated[int, "stretches of ten seconds for each speaker"] = 6,
     seed: int = 0,
 ) -> None:
     """Entry of the command."""

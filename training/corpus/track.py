@@ -1,10 +1,10 @@
 """Tracks the faces of videos with MediaPipe's Face Landmarker, as the truth of grid_s1 was made.
 
-Each frame by itself: the video mode smooths, which lags by 18 ms. A folder with `video/CLIP.mp4` (or .mov,
-.avi, .mkv, .mpg) gets landmarks (68, metres, one scale a clip, the head's motion in them), blend weights and
-`head/CLIP.csv` (rotation vector and place against the neutral pose); sounds are taken out by ffmpeg where
-`audio` has none, clips.tsv and corpus.json are written where there are none. The model file is the user's;
-`pip install mediapipe` brings the rest, which is imported only here.
+Every frame is tracked by itself, since the video mode smooths and so lags by 18 ms. The folder has
+`video/CLIP.mp4` (or .mov, .avi, .mkv, .mpg). It gets landmarks (68, metres, one scale a clip, the head's
+motion in them), blend weights, and `head/CLIP.csv` (rotation vector and place against the neutral pose).
+Where they are missing, ffmpeg extracts the sounds, and clips.tsv and corpus.json are written. The user
+supplies the model file. `pip install mediapipe` brings the rest, which is imported only here.
 """
 
 import shutil

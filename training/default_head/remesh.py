@@ -1,10 +1,10 @@
 """A new triangulation of a surface by geodesic Voronoi clustering.
 
-Points are spread over a finely subdivided copy of the surface by Lloyd's relaxation, distances
-measured along its edges in units of the wanted edge length; where three cells meet, a triangle is
-made (the dual of the Voronoi diagram; after Valette & Chassery 2004, "Approximated centroidal
-Voronoi diagrams for uniform polygonal mesh coarsening", with Dijkstra cells in place of their
-energy). Cells grow along the surface only, so lips that touch stay apart.
+Lloyd's relaxation spreads points over a finely subdivided copy of the surface. Distances run along its edges,
+in units of the local edge length. Where three cells meet there is a triangle (the dual of the Voronoi
+diagram; after Valette & Chassery 2004, "Approximated centroidal Voronoi diagrams for uniform polygonal mesh
+coarsening", with Dijkstra cells in place of their energy). Cells grow along the surface only, so lips that
+touch stay apart.
 """
 
 from dataclasses import dataclass

@@ -2,12 +2,12 @@
 
     python -m training.deform.fit_creases --data ../shared/data
 
-The references are ICT FaceKit's mean face and MakeHuman's, one for each kind that the static weights
-know. What these weights leave over of the 51 shapes is a linear function of the landmarks; it is regressed
-on them over speech, the upper face and whole expressions, under landmarks that lie `NOISE_DM` beside their
-places, so that other motion is not blown up. Lips, chin and jaw are left out: there another face moves in
-its own way. Points are drawn on the surface with their mirror images, and the residual is the mean of both
-sides. With `--score` errors on identities and warps it was not measured on.
+The references are ICT FaceKit's mean face and MakeHuman's, one for each kind that the static weights know.
+The part of the 51 shapes that these weights do not explain is a linear function of the landmarks. It is
+regressed on them over speech, the upper face and whole expressions. The landmarks get noise of `NOISE_DM`, so
+that other motion is not amplified. Lips, chin and jaw are left out, because every face moves in its own way
+there. Points are drawn on the surface with their mirror images, and the residual is the mean of both sides.
+`--score` prints errors on identities and warps that it was not measured on.
 """
 
 from dataclasses import dataclass
@@ -258,7 +258,7 @@ def print_scores(rng: np.random.Generator, faces: dict[str, Creases], data: Path
 def main(
     data: Path = DATA,
     models: Annotated[Path | None, "folder of models; none: the embedded ones"] = None,
-    score: Annotated[bool, "measure on faces that it was not made from"] = False,
+    score: Annotated[bool, "measure on faces that the creases do not come from"] = False,
 ) -> None:
     """Entry of the command."""
     torch.set_num_threads(1)

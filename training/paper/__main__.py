@@ -64,7 +64,7 @@ def rows_of(table: Table) -> str:
 def main(
     corpus: Annotated[list[Path], "corpus folders"],
     anyface: Path = Path("target/release/anyface"),
-    options: Annotated[list[str], "of every call"] = (),
+    options: Annotated[list[str], "options of every call"] = (),
     ablations: Annotated[Path | None, "folder that training.paper.ablations wrote"] = None,
     clips: Annotated[int, "held-out clips of each folder"] = 20,
     out: Path = Path("docs/paper.md"),

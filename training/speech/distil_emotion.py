@@ -214,13 +214,18 @@ def train(net: EmotionEarNet, batches: list[tuple[Tensor, Tensor, Tensor, Tensor
 def main() -> None:
     """Command line."""
     parser = argparse.ArgumentParser(description=__doc__.splitlines()[0])
-    parser.add_argument("--windows", type=Path, required=True, help="of training.speech.emotion_windows")
+    parser.add_argument(
+        "--windows", type=Path, required=True, help="windows.pt of training.speech.emotion_windows"
+    )
     parser.add_argument("--whisper", type=Path, required=True, help="folder of training.speech.whisper")
     parser.add_argument(
-        "--bank", type=Path, required=True, help="what is heard of them; written where it is not there"
+        "--bank",
+        type=Path,
+        required=True,
+        help="file of the network's inputs and targets; written if it is missing",
     )
     parser.add_argument("--out", type=Path, required=True)
-    parser.add_argument("--leave", nargs="*", default=HELD_OUT, help="actors of emodb_de who are not heard")
+    parser.add_argument("--leave", nargs="*", default=HELD_OUT, help="actors of emodb_de to leave out")
     parser.add_argument("--variants", type=int, default=3)
     parser.add_argument("--go-on", type=Path, help="an earlier --out to start from")
     parser.add_argument("--minutes", type=float, default=12.0)

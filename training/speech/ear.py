@@ -222,9 +222,12 @@ def without_target(entry: Entry) -> Entry:
 
 def add_arguments(parser: argparse.ArgumentParser) -> None:
     """Adds the flags that choose the teacher, for `lessons` and `speech_without_a_face`."""
-    parser.add_argument("--ear", type=Path, help="ear.pt of training.speech.train_ear, which then teaches")
+    parser.add_argument("--ear", type=Path, help="ear.pt of training.speech.train_ear, the teacher")
     parser.add_argument(
-        "--layer", type=int, choices=ear.LAYERS, help="of Whisper, in place of ear.pt's features"
+        "--layer",
+        type=int,
+        choices=ear.LAYERS,
+        help="layer of Whisper to learn, instead of ear.pt's features",
     )
     parser.add_argument("--whisper", type=Path, help="folder of training.speech.whisper, for --ear")
 

@@ -1,8 +1,8 @@
-"""The ear for emotion: which emotion is heard in two seconds of a voice, and how sure that is.
+"""The ear for emotion: which emotion two seconds of a voice express, and how sure that is.
 
-A small network over log-mels and pitch tells what Whisper's middle layers say of the two seconds; beside it
-stand the 118 numbers of `training.systems.emoface.emotion_encoder`. A linear layer makes of both the logits
-of the emotions. `training.speech.train_emotion_ear` trains it. Instants and their windows are those of the
+A small network over log-mels and pitch predicts Whisper's middle layers for the two seconds. The 118 numbers
+of `training.systems.emoface.emotion_encoder` stand beside its outputs. A linear layer turns both into logits
+of the emotions. `training.speech.train_emotion_ear` trains it. Instants and windows are those of the 118
 numbers.
 """
 

@@ -1,9 +1,9 @@
 """When the words of a text are said: letters, the phones that each may stand for, and the best path.
 
-Twin of `rust-core/src/speech/alignment.rs`. There is no dictionary: a text becomes units, a letter or
-one of the groups below, and `table` [U, K] says with which probability a unit sounds as each class of
-phones. A unit may be silent, a pause may stand before, between and after words; the most probable path
-(Viterbi 1967) through the frames says where each unit is.
+Twin of `rust-core/src/speech/alignment.rs`. There is no dictionary. A text becomes units, each a letter or
+one of the groups below, and `table` [U, K] has the probability that a unit sounds as each class of phones. A
+unit may be silent; a pause may stand before, between and after words. The most probable path (Viterbi 1967)
+through the frames says where each unit is.
 """
 
 import unicodedata

@@ -184,7 +184,7 @@ def write_readers(folder: Path, readers: np.ndarray) -> None:
 
 def main(
     data: Path,
-    windows: Annotated[Path, "of training.speech.emotion_windows"],
+    windows: Annotated[Path, "windows.pt of training.speech.emotion_windows"],
     write: Annotated[bool, "put `readers` into the shipped model instead of measuring"] = False,
 ) -> None:
     """Command line."""

@@ -132,12 +132,12 @@ def _within(times: np.ndarray, spans: list[tuple[float, float]], around: float) 
 
 
 def main(
-    anyface: Annotated[Path, "the engine's program"],
+    anyface: Annotated[Path, "the anyface command"],
     speech: Annotated[list[Path], "folders of sounds with phones.jsonl"],
-    clips: Annotated[int, "of each source at most, the first"] = 20,
+    clips: Annotated[int, "most clips of each source, from the first on"] = 20,
     fps: int = 60,
     held_out: Annotated[bool, "only what no training hears"] = False,
-    weights: Annotated[Path | None, "models in place of those of the program"] = None,
+    weights: Annotated[Path | None, "folder of models instead of the built-in ones"] = None,
 ) -> None:
     """Command line."""
     options = ["--threads", "1"] + (["--weights", str(weights)] if weights else [])

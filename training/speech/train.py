@@ -2,12 +2,12 @@
 
     python -m training.speech.train --data ../shared/data --out runs/speech
 
-Each source of motion has its own linear read-out, so that two people do not average into one.
-Speech without a face (many voices, eighteen languages) joins through its phones. With `--ear ear.pt` of
-`training.speech.train_ear` that teacher gives this speech its motion, instead of the co-articulation rules,
-and the encoder learns to tell the teacher's features (or a `--layer` of Whisper) as well. With `--corpus DIR
-[DIR ...]` it hears corpus folders alone, and their phones where they say them. Only the encoder is kept.
-Seeded; resumes from `--out/last.pt` with the same bits.
+Each source of motion has its own linear read-out, so that two people do not average into one. Speech without
+a face (many voices, eighteen languages) joins through its phones. With `--ear ear.pt` of
+`training.speech.train_ear`, that teacher gives this speech its motion instead of the co-articulation rules,
+and the encoder also learns the teacher's features (or a `--layer` of Whisper). With `--corpus DIR [DIR ...]`
+it hears only corpus folders, and their phones if they have any. Only the encoder is kept. Seeded; resumes
+from `--out/last.pt` with the same bits.
 """
 
 import argparse
@@ -224,10 +224,12 @@ def parser() -> argparse.ArgumentParser:
     parser.add_argument("--leave-out", nargs="*", default=[], choices=[*SHARES], help="sources of motion")
     parser.add_argument("--leave-speech", nargs="*", default=[], help="speech to leave out (nathalie_nl, …)")
     parser.add_argument("--teacher", action=argparse.BooleanOptionalAction, default=True)
-    parser.add_argument("--reader", type=Path, help="an earlier speech.pt that reads untimed speech")
+    parser.add_argument(
+        "--reader", type=Path, help="an earlier speech.pt to read the phones of untimed speech"
+    )
     add_arguments(parser)
     parser.add_argument("--channels", type=int, default=192, help="width of the encoder")
-    parser.add_argument("--minutes", type=float, default=5.0, help="of each language by espeak-ng")
+    parser.add_argument("--minutes", type=float, default=5.0, help="minutes of each language by espeak-ng")
     parser.add_argument("--voices", type=int, default=7)
     parser.add_argument("--init", type=Path, help="start from this speech.pt, or encoder (a folder)")
     parser.add_argument("--batch", type=int, default=24)

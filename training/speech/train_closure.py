@@ -79,7 +79,7 @@ def main(line: list[str] | None = None) -> None:
     parser.add_argument("--data", type=Path, default=Path("../shared/data"))
     parser.add_argument("--run", type=Path, required=True, help="ats.pt of training.systems.freetalk.train")
     parser.add_argument("--cache", type=Path, default=Path("runs/cache"))
-    parser.add_argument("--reader", type=Path, help="as given to training.systems.freetalk.train")
+    parser.add_argument("--reader", type=Path, help="the --reader of training.systems.freetalk.train")
     add_arguments(parser)
     parser.add_argument("--leave-speech", nargs="*", default=[])
     parser.add_argument("--minutes", type=float, default=5.0)

@@ -187,7 +187,7 @@ def parser() -> argparse.ArgumentParser:
     parser.add_argument("--leave-speech", nargs="*", default=["nathalie_nl"], help="speech to leave out")
     rules = "speech without a face moves by the co-articulation rules (fitted to grid_s1)"
     parser.add_argument("--rules", action=argparse.BooleanOptionalAction, default=True, help=rules)
-    parser.add_argument("--minutes", type=float, default=5.0, help="of each language by espeak-ng")
+    parser.add_argument("--minutes", type=float, default=5.0, help="minutes of each language by espeak-ng")
     parser.add_argument("--batch", type=int, default=16)
     parser.add_argument("--frames", type=int, default=72)
     return parser

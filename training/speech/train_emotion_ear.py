@@ -141,8 +141,8 @@ def leave_one_out(rows: Rows) -> dict[str, float]:
 
 
 def main(
-    windows: Annotated[Path, "of training.speech.emotion_windows"],
-    net: Annotated[Path, "of training.speech.distil_emotion"],
+    windows: Annotated[Path, "windows.pt of training.speech.emotion_windows"],
+    net: Annotated[Path, "net.pt of training.speech.distil_emotion"],
     models: Annotated[Path | None, "folder of models; none: the embedded ones"] = None,
     measure: Annotated[bool, "measure instead of writing the model"] = False,
 ) -> None:

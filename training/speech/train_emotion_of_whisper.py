@@ -118,7 +118,7 @@ def shown_of(encoder: WhisperEncoder, layer: EmotionLayer, samples: np.ndarray) 
 
 
 def main(
-    windows: Annotated[Path, "of training.speech.emotion_windows"],
+    windows: Annotated[Path, "windows.pt of training.speech.emotion_windows"],
     whisper: Annotated[Path, "folder of training.speech.whisper"],
     models: Annotated[Path | None, "folder of models; none: the embedded ones"] = None,
     measure: Annotated[Path | None, "folder of data to measure on instead of writing the model"] = None,

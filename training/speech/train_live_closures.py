@@ -1,12 +1,12 @@
-"""Trains what hears lips together while somebody is speaking: the closures of FreeTalk's stream.
+"""Trains a detector of closed lips for speech as it happens: the closures of FreeTalk's stream.
 
     python -m training.speech.train_live_closures --data ../shared/data --out runs/live_closures
 
-A landmark network that is trained by squared error blurs p, b and m. This small student hears the same sound
-with the same look-ahead and says one number a frame, the logit of lips that are together; its teacher is the
-read-out of the compact encoder, which hears all of it. Speech, rooms, noises and levels are those of
-`training.speech.train_causal`. Seeded; resumes from `--out/last.pt`; `--config debug` takes a minute.
-`python -m training.export stream --run runs/live_closures/stream.pt` writes the model.
+A landmark network trained by squared error blurs p, b and m. This small student hears the same sound with the
+same look-ahead and outputs one number a frame, the logit of closed lips. Its teacher is the read-out of the
+compact encoder, which hears the whole sound. Speech, rooms, noises and levels are those of
+`training.speech.train_causal`. Seeded; resumes from `--out/last.pt`; `--config debug` takes a minute. `python
+-m training.export stream --run runs/live_closures/stream.pt` writes the model.
 """
 
 import argparse
@@ -169,7 +169,7 @@ def parser() -> argparse.ArgumentParser:
     parser = train_causal.parser(__doc__, "runs/live_closures")
     parser.set_defaults(channels=64, steps=2500)
     parser.add_argument("--sooner", type=int, nargs="*", default=[],
-                        help="frames: train a further head for each on --finished, which stays")  # fmt: skip
+                        help="leads in frames: train a head for each on a frozen --finished")  # fmt: skip
     parser.add_argument("--finished", type=Path, default=WEIGHTS / "freetalk/live_closures")
     return parser
 

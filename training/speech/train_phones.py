@@ -2,10 +2,10 @@
 
     python -m training.speech.train_phones --data ../shared/data --out runs/phones
 
-First the read-out learns speech whose phones have known times: Dutch, German actors, twenty languages
-by espeak-ng. Then recorded English and German with text join: espeak-ng says which phones their texts
-have, the read-out says when. The table of letters beside it holds the rules of `training.speech.letters`.
-`training.speech.evaluate_phones` measures.
+First the read-out learns from speech whose phones have known times: Dutch, German actors, twenty languages by
+espeak-ng. Then recorded English and German with text join: espeak-ng says which phones their texts have, the
+read-out says when. The table of letters beside it holds the rules of `training.speech.letters`.
+`training.speech.evaluate_phones` measures the result.
 """
 
 import argparse
@@ -141,7 +141,7 @@ def parser() -> argparse.ArgumentParser:
     parser.add_argument("--data", type=Path, default=Path("../shared/data"))
     parser.add_argument("--out", type=Path, default=Path("runs/phones"))
     parser.add_argument("--cache", type=Path, default=Path("runs/cache"))
-    parser.add_argument("--minutes", type=float, default=3.0, help="of each language by espeak-ng")
+    parser.add_argument("--minutes", type=float, default=3.0, help="minutes of each language by espeak-ng")
     parser.add_argument("--hidden", type=int, default=160)
     parser.add_argument("--steps", type=int, default=3000)
     parser.add_argument("--batch", type=int, default=32)

@@ -217,14 +217,18 @@ def train(pairs: Pairs, words: Words, hearing: Hearing, arguments: argparse.Name
 def main() -> None:
     """Entry of the command."""
     parser = argparse.ArgumentParser(description=__doc__.splitlines()[0])
-    parser.add_argument("--text", type=Path, default=Path("runs/text"), help="the space, and for results")
-    parser.add_argument("--wordnet", type=Path, help="WordNet's folder, to measure its synonyms beside")
-    parser.add_argument("--clip", type=Path, help="Hugging Face folder of CLIP to hear by")
+    parser.add_argument(
+        "--text", type=Path, default=Path("runs/text"), help="folder of the text space; results go there too"
+    )
+    parser.add_argument("--wordnet", type=Path, help="WordNet's folder, to compare with its synonyms")
+    parser.add_argument("--clip", type=Path, help="Hugging Face folder of CLIP, instead of the text space")
     parser.add_argument("--steps", type=int, default=3000)
     parser.add_argument("--batch", type=int, default=128)
     parser.add_argument("--hidden", type=int, default=128)
     parser.add_argument("--rate", type=float, default=1e-2)
-    parser.add_argument("--noise", type=float, default=0.06, help="mean deviation of the numbers of a place")
+    parser.add_argument(
+        "--noise", type=float, default=0.06, help="mean deviation of the noise on word places"
+    )
     parser.add_argument("--info-nce", type=float, default=0.1)
     parser.add_argument("--folds", type=int, default=0)
     parser.add_argument("--seed", type=int, default=0)

@@ -129,7 +129,7 @@ def sources(data: Path) -> tuple[list[Source], list[Recording], list[Recording]]
 def main(
     data: Path = DATA,
     anyface: Annotated[Path, "the command"] = Path("target/release/anyface"),
-    work: Annotated[Path, "folder for the tools and what they put out, 1 GB"] = Path("runs/peers"),
+    work: Annotated[Path, "folder for the tools and their outputs, 1 GB"] = Path("runs/peers"),
     out: Path = Path("docs/measured/peers.md"),
 ) -> None:
     """Command line."""

@@ -142,12 +142,16 @@ def parser() -> argparse.ArgumentParser:
     parser.add_argument("--corpus", type=Path, nargs="*", default=[], help="corpus folders")
     parser.add_argument("--data", type=Path, default=Path("../shared/data"))
     parser.add_argument("--cache", type=Path, default=Path("runs/cache"))
-    parser.add_argument("--voices", type=int, default=7, help="as in training, whose bank is then found")
+    parser.add_argument(
+        "--voices", type=int, default=7, help="voices as in training, so that its bank is reused"
+    )
     parser.add_argument("--only", nargs="*", choices=PARTS, default=list(PARTS))
     parser.add_argument("--units", nargs="*", choices=UNITS, default=list(UNITS))
     parser.add_argument("--clips", type=int, default=8, help="held-out clips of each source")
-    parser.add_argument("--few", type=int, default=3, help="of them for emotions and settings")
-    parser.add_argument("--seconds", type=float, default=6.0, help="of each clip at most")
+    parser.add_argument(
+        "--few", type=int, default=3, help="held-out clips of each source for emotions and settings"
+    )
+    parser.add_argument("--seconds", type=float, default=6.0, help="most seconds of each clip")
     parser.add_argument("--judge-steps", type=int, default=800)
     parser.add_argument("--seed", type=int, default=0)
     parser.add_argument("--threads", type=int, default=1)

@@ -359,8 +359,13 @@ def parser() -> argparse.ArgumentParser:
     parser.add_argument("--one-stage", action="store_true", help="base and adapter learn together (table 3)")
     parser.add_argument("--config", choices=list(CONFIGS), default="compact")
     add_speech_flags(parser, validation_clips=12)
-    parser.add_argument("--coarse", choices=["ada_ln", "film"], default="ada_ln", help="table 2 of the paper")
-    parser.add_argument("--swapped-share", type=float, default=SWAPPED_SHARE, help="rows with eq. 5")
+    parser.add_argument(
+        "--coarse",
+        choices=["ada_ln", "film"],
+        default="ada_ln",
+        help="how the coarse condition enters (table 2)",
+    )
+    parser.add_argument("--swapped-share", type=float, default=SWAPPED_SHARE, help="share of rows with eq. 5")
     parser.add_argument("--tokens", type=int, help=f"frames in a batch: {TOKENS}, or the batch of the recipe")
     return parser
 

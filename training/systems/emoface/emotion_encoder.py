@@ -1,12 +1,12 @@
 """The emotion encoder E_e: how somebody feels, heard in how he speaks over two seconds (EmoFace §3.3.2).
 
-From the last two seconds before each instant 118 numbers are taken: pitch, voicing, loudness, tilt, cepstra
-and how they move. A linear discriminant (Fisher 1936) with equal priors and a shrunken covariance makes of
-them six coordinates in which the taught emotions lie apart, and the probability of each; both are F_e.
-Differs from the paper's wav2vec 2.0: with 25 minutes of felt speech from ten actors a convolutional network
-told 50 % of an unheard actor's emotions apart, these numbers 69 %.
+For each instant, 118 numbers describe the last two seconds: pitch, voicing, loudness, tilt, cepstra and their
+changes. A linear discriminant (Fisher 1936) with equal priors and a shrunken covariance turns them into six
+coordinates that separate the taught emotions, and into the probability of each. Both are F_e. Differs from
+the paper's wav2vec 2.0: with 25 minutes of acted speech from ten actors, a convolutional network recognised
+50 % of an unheard actor's emotions, these numbers 69 %.
 
-Frames of 10 ms are those of `log_mel`; instants stand 160 ms apart.
+Frames of 10 ms are those of `log_mel`. Instants stand 160 ms apart.
 """
 
 from dataclasses import dataclass, field

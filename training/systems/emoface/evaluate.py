@@ -2,16 +2,16 @@
 
     python -m training.systems.emoface.evaluate --data ../shared/data --run runs/emoface/emoface.pt
 
-Every sentence of the actors of emodb_de that were never heard is spoken from rest with the emotion of its
-own voice; truth is the teacher's face under the label (faces of these recordings do not exist). Then the same
-sentence is felt through another recording. Errors are on the template: √LVE over the vertices about the lips,
-√EVE over those above the middle of the nose, mm (metrics as in `docs/measuring.md`). There is nothing random
-in it. `--run` may be given several times, so that runs stand beside one another.
+Every sentence of the held-out actors of emodb_de is spoken from rest with the emotion of its own voice. The
+truth is the teacher's face under the label, since no faces of these recordings exist. Then the same sentence
+gets the emotion of another recording. Errors are on the template: √LVE over the vertices about the lips, √EVE
+over those above the middle of the nose, mm (metrics as in `docs/measuring.md`). Nothing is random. `--run`
+may be repeated to compare runs.
 
     python -m training.systems.emoface.evaluate --corpus DIR --run runs/emoface/emoface.pt
 
 scores held-out clips of a corpus folder instead, against their own vertices (`folder_scores`). Encoders are
-those of the command line as in training, or where they learned those that the run left in `models`.
+those of the command line as in training, or if they learned, those that the run left in `models`.
 """
 
 import argparse
@@ -204,7 +204,9 @@ def parser() -> argparse.ArgumentParser:
     parser.add_argument(
         "--run", type=Path, action="append", required=True, help="emoface.pt; may be repeated"
     )
-    parser.add_argument("--clips", type=int, default=1000, help="felt clips at most, evenly drawn")
+    parser.add_argument(
+        "--clips", type=int, default=1000, help="most emotional clips to measure, evenly drawn"
+    )
     return parser
 
 

@@ -1,9 +1,9 @@
 """The template whose vertices EmoFace moves: a part of ICT FaceKit's vertices, dense at lips and lids.
 
-Vertices are the landmarks and then, one after another, whichever lies farthest from all chosen ones along
-the surface (Eldar et al. 1997), where edges about lips and lids count as longer, and shorter where nothing
-moves; triangles join vertices whose cells of nearest points meet (the dual of a geodesic Voronoi diagram).
-Paths never cross the slit between the lips, so neither do triangles.
+The landmarks come first. Each further vertex is the one farthest from all chosen ones along the surface
+(Eldar et al. 1997). Edges about lips and lids count as longer, edges where nothing moves as shorter.
+Triangles join vertices whose cells of nearest points meet (the dual of a geodesic Voronoi diagram). Paths
+never cross the slit between the lips, so neither do triangles.
 """
 
 from pathlib import Path

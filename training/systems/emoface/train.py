@@ -2,13 +2,13 @@
 
     python -m training.systems.emoface.train --data ../shared/data --out runs/emoface
 
-Reads the recorded motion of grid_s1 and facegood_zh and the felt speech of emodb_de, whose faces are made
-from its phones and labels; `--corpus` reads vertex sequences of a corpus folder instead, as the paper does.
-There a speaker's recordings of one sentence in two emotions are crossed (`pairs`), at the frame rate of
+Reads the recorded motion of grid_s1 and facegood_zh and the acted speech of emodb_de, whose faces are made
+from its phones and labels. `--corpus` reads vertex sequences of a corpus folder instead, as the paper does.
+There, recordings of one speaker and sentence in two emotions are crossed (`pairs`), at the frame rate of
 `--config`. The emotion encoder is that of `training.systems.emoface.train_emotion_encoder`, or with
-`--emotion-hubert` a second checkpoint, as in the paper; both encoders stay as they are unless
-`--tune-encoders` trains them too, under eq. 10. `--recipe paper` is eq. 11 as printed.
-Seeded; resumes from `--out/last.pt` with the same bits.
+`--emotion-hubert` a second checkpoint, as in the paper. Both encoders are frozen unless `--tune-encoders`
+trains them too, under eq. 10. `--recipe paper` is eq. 11 as printed. Seeded; resumes from `--out/last.pt`
+with the same bits.
 """
 
 import argparse
@@ -275,26 +275,30 @@ def parser() -> argparse.ArgumentParser:
     parser.add_argument("--speech", type=Path, default=SHIPPED_ENCODER, help="compact speech encoder")
     parser.add_argument("--hubert", type=Path, help="folder of a HuBERT or wav2vec2 checkpoint")
     parser.add_argument(
-        "--emotion-hubert", type=Path, help="the same for the emotion, of a model on a corpus folder"
+        "--emotion-hubert", type=Path, help="such a checkpoint for the emotion, with --corpus"
     )
     parser.add_argument(
         "--emotion-encoder", type=Path, default=shipped("emotion_encoder"), help="emotion encoder"
     )
     parser.add_argument("--config", choices=list(CONFIGS), default="compact")
-    parser.add_argument("--vertices", type=int, help="of the template")
+    parser.add_argument("--vertices", type=int, help="vertices of the template")
     parser.add_argument("--kernel", type=int, help="vertices of a spiral")
-    parser.add_argument("--dilation", type=int, help="every so many of them")
+    parser.add_argument("--dilation", type=int, help="step along the spiral")
     parser.add_argument("--delta", type=int, help="frames that the convolution sees")
     parser.add_argument("--fusion", choices=["mesh_attention", "sum"], default="mesh_attention")
     parser.add_argument(
-        "--guided", action="store_true", help="true frames before to the end: no self-growing"
+        "--guided", action="store_true", help="true frames before until the end, no self-growing"
     )
-    parser.add_argument("--worn", type=float, default=0.0, help="rows whose past wears another emotion")
+    parser.add_argument(
+        "--worn", type=float, default=0.0, help="share of rows whose frames before show another emotion"
+    )
     parser.add_argument("--base", type=Path, help="emoface.pt to go on from")
     parser.add_argument("--voices", type=int, default=4)
     parser.add_argument("--limit", type=int, help="clips of each source, for a quick look")
     parser.add_argument("--tokens", type=int, default=600, help="frames in a batch")
-    parser.add_argument("--validation-clips", type=int, default=24, help="of each source, at every log")
+    parser.add_argument(
+        "--validation-clips", type=int, default=24, help="held-out clips of each source to judge at every log"
+    )
     return parser
 
 

@@ -3,8 +3,8 @@
     python -m training.systems.emoface.train_emotion_encoder --data ../shared/data
     python -m training.systems.emoface.train_emotion_encoder --data ../shared/data --leave-one-out
 
-The second fits once without each of the ten actors and prints how often the others' emotions are told from
-the first two seconds of a clip. There is nothing random in it.
+The second command fits once without each of the ten actors and prints how often the left-out actor's emotion
+is recognised from the first two seconds of a clip. Nothing is random.
 """
 
 import argparse

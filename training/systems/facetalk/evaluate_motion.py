@@ -214,16 +214,24 @@ def main(line: list[str] | None = None) -> None:
     parser.add_argument("--model", type=Path, default=shipped("facetalk_compact"))
     parser.add_argument("--head", type=Path, help="head.pt that --motion was trained with")
     parser.add_argument("--motion", type=Path, help="motion.pt instead of the folder's model")
-    parser.add_argument("--landmark-motion", type=Path, help="motion.pt of `--memory landmarks`, the same")
-    parser.add_argument("--runs", nargs="*", default=[], metavar="NAME=MOTION.PT", help="table 2")
+    parser.add_argument(
+        "--landmark-motion", type=Path, help="motion.pt of `--memory landmarks` instead of the folder's model"
+    )
+    parser.add_argument(
+        "--runs", nargs="*", default=[], metavar="NAME=MOTION.PT", help="more runs to measure (table 2)"
+    )
     parser.add_argument("--models", type=Path, help="folder of models; none: the embedded ones")
     parser.add_argument("--data", type=Path, default=Path("../shared/data"))
     parser.add_argument("--cache", type=Path, default=Path("runs/cache"))
-    parser.add_argument("--corpus", type=Path, nargs="*", default=[], help="corpus folders, not --data")
-    parser.add_argument("--voices", type=int, default=4, help="as in training, whose bank is then found")
+    parser.add_argument(
+        "--corpus", type=Path, nargs="*", default=[], help="corpus folders, instead of --data"
+    )
+    parser.add_argument(
+        "--voices", type=int, default=4, help="voices as in training, so that its bank is reused"
+    )
     parser.add_argument("--clips", type=int, default=30, help="held-out clips of each source")
-    parser.add_argument("--skip", type=int, default=0, help="of these, the first ones")
-    parser.add_argument("--temperature", type=float, help="of every model, for its own")
+    parser.add_argument("--skip", type=int, default=0, help="held-out clips of each source to skip first")
+    parser.add_argument("--temperature", type=float, help="temperature of every model, instead of its own")
     parser.add_argument("--steps", type=int, nargs="*", default=[1, 2, 4, 10, 25])
     arguments = parser.parse_args(line)
     torch.set_num_threads(1)

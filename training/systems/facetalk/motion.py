@@ -1,8 +1,9 @@
 """Speech to expression codes: a transformer decoder that predicts clean codes (§4, fig. 2; eq. 2 to 10).
 
-Departures: the norm stands before each sublayer and what it adds is modulated (`nn.film`); positions are
-rotary; a row sees itself and `look_back_frames` − 1 rows behind it, so that a sound of any length is sampled
-at once as windows were trained; the model is told the augmentation r of eq. 8, which then is a control.
+Departures from the paper: the norm stands before each sublayer, whose output is modulated (`nn.film`).
+Positions are rotary. A row sees itself and the `look_back_frames` − 1 rows before it, so a sound of any
+length is sampled at once, just as windows were trained. The augmentation r of eq. 8 is an input of the model
+and so becomes a control.
 """
 
 from dataclasses import dataclass, field

@@ -239,19 +239,21 @@ def parser() -> argparse.ArgumentParser:
     """Command line."""
     parser = trainer_parser(__doc__, "runs/facetalk", 3000, None, log_every=100, save_every=500, corpus=False)
     parser.add_argument("part", choices=list(RATES))
-    parser.add_argument("--corpus", type=Path, nargs="*", default=[], help="corpus folders, expression alone")
+    parser.add_argument(
+        "--corpus", type=Path, nargs="*", default=[], help="corpus folders, for the part expression only"
+    )
     add_arguments(parser, "float32")
     parser.add_argument("--stop-at", type=int, help="stop after this step; the same command goes on")
     parser.add_argument("--start", type=Path, help="head.pt of the part before, or of this one to go on")
     parser.add_argument("--config", choices=list(CONFIGS), default="compact")
-    parser.add_argument("--heads", type=int, default=24, help="in a batch")
+    parser.add_argument("--heads", type=int, default=24, help="heads in a batch")
     parser.add_argument("--pool", type=int, default=400, help="heads held in memory")
-    parser.add_argument("--points", type=int, default=512, help="of each head")
+    parser.add_argument("--points", type=int, default=512, help="points of each head")
     parser.add_argument("--exact", type=float, default=0.6,
                         help="share of steps before places come from the identity field")  # fmt: skip
-    parser.add_argument("--keep-codes", action="store_true", help="leave the map of expressions as it is")
+    parser.add_argument("--keep-codes", action="store_true", help="do not train the map of expressions")
     parser.add_argument("--octaves", type=int,
-                        help="of the places that deformations see; fewer at first, then more")  # fmt: skip
+                        help="octaves of places for deformations; few at first, later more")  # fmt: skip
     parser.add_argument("--rate", type=float)
     return parser
 

@@ -3,13 +3,13 @@
     python -m training.systems.facetalk.train_motion --corpus DIR [DIR ...] --out runs/facetalk_motion
     python -m training.systems.facetalk.train_motion --head runs/facetalk/head.pt --data ../shared/data
 
-`--corpus` trains on corpus folders (`training/corpus/folder.py`) and nothing else. Codes are those that the
-head's map gives to ARKit weights: captured ones as they are, landmarks and those of vertices by the weights
-that move ICT's landmarks alike. Each window is scaled about the face at rest by r ~ U(low, high) (eq. 8),
-which the model is told. `--without` leaves a part out, for table 2. `--memory landmarks` trains the small
-model that goes by the motion of landmarks instead, whatever moves them. `--recipe paper` has the paper's loss
-and rate. Seeded; resumes from `--out/last.pt` with the same bits; `--device` and `--precision` say where it
-computes (`training/machine.py`).
+`--corpus` trains on corpus folders (`training/corpus/folder.py`) and nothing else. The head's map turns ARKit
+weights into codes. Captured weights are used as they are. Landmarks, and those of vertices, first become the
+weights that move ICT's landmarks alike. Each window is scaled about the face at rest by r ~ U(low, high) (eq.
+8), and r is an input of the model. `--without` leaves a part out, for table 2. `--memory landmarks` trains
+the small model that follows the motion of landmarks instead, whatever moves them. `--recipe paper` has the
+paper's loss and rate. Seeded; resumes from `--out/last.pt` with the same bits; `--device` and `--precision`
+say where it computes (`training/machine.py`).
 """
 
 import argparse
@@ -271,7 +271,9 @@ def parser() -> argparse.ArgumentParser:
     parser.add_argument("--head", type=Path, default=shipped("facetalk_compact"))
     parser.add_argument("--speech", type=Path, help="speech.pt of training.speech.train, or a model folder")
     parser.add_argument("--hubert", type=Path, help="folder of a wav2vec2 or HuBERT checkpoint instead")
-    parser.add_argument("--memory", choices=["speech", LANDMARKS], default="speech", help="what it goes by")
+    parser.add_argument(
+        "--memory", choices=["speech", LANDMARKS], default="speech", help="input of the model"
+    )
     parser.add_argument("--config", choices=list(CONFIGS), default="compact")
     recipes.add_arguments(parser)
     add_arguments(parser, "float32")
@@ -279,10 +281,12 @@ def parser() -> argparse.ArgumentParser:
     parser.add_argument("--voices", type=int, default=4)
     clips = "held-out clips of each source, at every log"
     parser.add_argument("--validation-clips", type=int, default=12, help=clips)
-    parser.add_argument("--without", nargs="*", choices=PARTS, default=[], help="table 2")
+    parser.add_argument(
+        "--without", nargs="*", choices=PARTS, default=[], help="parts to leave out (table 2)"
+    )
     parser.add_argument("--augment", type=float, nargs=2, default=[0.7, 1.3], metavar=("LOW", "HIGH"))
-    parser.add_argument("--windows", type=int, default=24, help="in a batch")
-    parser.add_argument("--frames", type=int, default=48, help="of a window")
+    parser.add_argument("--windows", type=int, default=24, help="windows in a batch")
+    parser.add_argument("--frames", type=int, default=48, help="frames of a window")
     return parser
 
 

@@ -52,7 +52,7 @@ STM = {
 def add_arguments(parser: argparse.ArgumentParser) -> None:
     """`--recipe`, and the rate that overrides its own."""
     parser.add_argument("--recipe", choices=["ours", "paper"], default="ours")
-    parser.add_argument("--rate", type=float, help="of learning, in place of the recipe's")
+    parser.add_argument("--rate", type=float, help="learning rate, instead of the recipe's")
 
 
 def chosen(recipes: dict[str, Recipe], arguments: argparse.Namespace) -> Recipe:

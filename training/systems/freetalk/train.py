@@ -331,13 +331,15 @@ def add_speech_flags(parser: argparse.ArgumentParser, validation_clips: int) -> 
     parser.add_argument("--speech", type=Path, help="speech.pt of training.speech.train, or a model folder")
     parser.add_argument("--hubert", type=Path, help="folder of a HuBERT or wav2vec2 checkpoint, such as XLSR")
     parser.add_argument("--leave-speech", nargs="*", default=[], help="speech to leave out (nathalie_nl, …)")
-    parser.add_argument("--reader", type=Path, help="an earlier speech.pt that reads untimed speech")
-    parser.add_argument("--minutes", type=float, default=5.0, help="of each language by espeak-ng")
+    parser.add_argument(
+        "--reader", type=Path, help="an earlier speech.pt to read the phones of untimed speech"
+    )
+    parser.add_argument("--minutes", type=float, default=5.0, help="minutes of each language by espeak-ng")
     ear.add_arguments(parser)
     parser.add_argument("--voices", type=int, default=7)
     parser.add_argument("--limit", type=int, help="clips of each source, for a quick look")
     add_arguments(parser, "bfloat16")
-    parser.add_argument("--tensorboard", action="store_true", help="logs for TensorBoard too, into --out")
+    parser.add_argument("--tensorboard", action="store_true", help="also log for TensorBoard, into --out")
     parser.add_argument("--stop-at", type=int, help="stop after this step; the same command goes on")
     clips = "held-out clips of each source, at every log"
     parser.add_argument("--validation-clips", type=int, default=validation_clips, help=clips)
@@ -349,14 +351,14 @@ def parser() -> argparse.ArgumentParser:
     parser.add_argument("--config", choices=list(CONFIGS), default="compact")
     add_speech_flags(parser, validation_clips=40)
     parser.add_argument("--leave-out", nargs="*", default=[], choices=[*SHARES], help="sources of motion")
-    parser.add_argument("--leave-clips", nargs="*", default=[], help="begins of names of clips to hold out")
+    parser.add_argument("--leave-clips", nargs="*", default=[], help="hold out clips whose names begin so")
     default = list(SHARES.values())
     parser.add_argument("--shares", type=float, nargs=3, default=default, help=f"of {[*SHARES]}")
     parser.add_argument("--init", type=Path, help="start from this ats.pt, its encoder included")
     parser.add_argument("--tokens", type=int, help=f"frames in a batch: {TOKENS}, or the batch of the recipe")
     recipes.add_arguments(parser)
-    parser.add_argument("--encoder-rate", type=float, default=0.0, help="tunes the encoder as well")
-    parser.add_argument("--dropout", type=float, help="in place of the recipe's")
+    parser.add_argument("--encoder-rate", type=float, default=0.0, help="train the encoder too")
+    parser.add_argument("--dropout", type=float, help="dropout, instead of the recipe's")
     return parser
 
 

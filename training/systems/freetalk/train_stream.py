@@ -2,11 +2,11 @@
 
     python -m training.systems.freetalk.train_stream --data ../shared/data --out runs/stream
 
-The teacher is the encoder and denoiser in `--models`, or with `--ats` those of a finished run. It
-performs every clip once; that is kept under `--out`. `--speech DIR ...` adds
-folders of speech without motion, which the teacher alone judges: more voices than were captured;
-`--minutes` adds recorded and synthetic speech of many languages (`training/corpus/spoken.py`), `--corpus
-DIR [DIR ...]` takes corpus folders in place of the project's own. Seeded; resumes from `--out/last.pt` with
+The teacher is the encoder and denoiser in `--models`, or with `--ats` those of a finished run. It performs
+every clip once; the results are stored under `--out`. `--speech DIR ...` adds folders of speech without
+motion, so that the student hears more voices than were captured; only the teacher's motion counts there.
+`--minutes` adds recorded and synthetic speech of many languages (`training/corpus/spoken.py`). `--corpus DIR
+[DIR ...]` trains on corpus folders in place of the project's own. Seeded; resumes from `--out/last.pt` with
 the same bits; `--device` and `--precision` say where it computes (`training/machine.py`); `--config debug`
 takes a minute.
 """
@@ -184,13 +184,15 @@ def parser() -> argparse.ArgumentParser:
     parser = trainer_parser(__doc__, "runs/stream", 1500, 2e-3)
     add_arguments(parser, "bfloat16")
     parser.add_argument("--models", type=Path, help="folder of models; none: the embedded ones")
-    parser.add_argument("--ats", type=Path, help="ats.pt of training.systems.freetalk.train, not --models")
+    parser.add_argument(
+        "--ats", type=Path, help="ats.pt of training.systems.freetalk.train, instead of --models"
+    )
     parser.add_argument("--sooner", type=int, nargs="*", default=[],
-                        help="frames: train a further head for each on --finished, which stays")  # fmt: skip
+                        help="leads in frames: train a head for each on a frozen --finished")  # fmt: skip
     parser.add_argument("--finished", type=Path, default=WEIGHTS / "freetalk/stream")
     parser.add_argument("--speech", type=Path, nargs="*", default=[], help="folders of sound")
     parser.add_argument("--speech-limit", type=int, help="sounds of each folder")
-    parser.add_argument("--minutes", type=float, default=0.0, help="of each language by espeak-ng")
+    parser.add_argument("--minutes", type=float, default=0.0, help="minutes of each language by espeak-ng")
     parser.add_argument("--config", choices=["stream", "debug"], default="stream")
     parser.add_argument("--voices", type=int, default=7)
     parser.add_argument("--batch", type=int, default=16)

@@ -203,7 +203,7 @@ def main() -> None:
     parser.add_argument("--data", type=Path, default=Path("../shared/data"))
     parser.add_argument("--runs", type=Path, default=Path("runs/stm"))
     parser.add_argument("--corpus", type=Path, nargs="*", default=[], help="corpus folders")
-    parser.add_argument("--frames", type=int, default=50, help="of each clip of corpus folders")
+    parser.add_argument("--frames", type=int, default=50, help="frames of each clip of corpus folders")
     args = parser.parse_args()
     torch.set_num_threads(1)
     if args.corpus:

@@ -247,8 +247,10 @@ def parser() -> argparse.ArgumentParser:
     parser.add_argument("--faces", nargs="*", choices=list(FACES), default=list(FACES))
     parser.add_argument("--config", choices=sorted({*CONFIGS, *PAPER}), help="size: see the model's CONFIGS")
     parser.add_argument("--steps", type=int, help=f"{STEPS} for static, {PAPER_STEPS} for paper")
-    parser.add_argument("--shapes", type=int, default=SHAPES, help="neutral faces by which one is told")
-    logs = f"of the paper's decoder, steps between rows of log.csv: {LOG_EVERY}"
+    parser.add_argument(
+        "--shapes", type=int, default=SHAPES, help="neutral faces of each kind that define a familiar face"
+    )
+    logs = f"steps between rows of log.csv, paper's decoder only: {LOG_EVERY}"
     parser.add_argument("--log-every", type=int, default=LOG_EVERY, help=logs)
     recipes.add_arguments(parser)
     add_arguments(parser, "float32")
