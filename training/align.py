@@ -19,8 +19,8 @@ def canonical_landmarks() -> np.ndarray:
 def stability() -> np.ndarray:
     """How much each landmark says about where the head is. [68], sums to 1.
 
-    Mirrors `stability` of `rust-core/src/mesh/canonical.rs`: what a decoder sees while it is
-    trained and while it is used must be turned and scaled alike.
+    Mirrors `stability` of `rust-core/src/mesh/canonical.rs`, so that a decoder sees meshes turned and scaled
+    alike in training and in use.
     """
     weight = np.full(68, 0.7)
     weight[:17], weight[17:27], weight[27:36], weight[36:48] = 0.15, 0.4, 1.5, 1.0
@@ -29,7 +29,7 @@ def stability() -> np.ndarray:
 
 
 def steady() -> np.ndarray:
-    """`stability` of the nose and the eyes alone, [68], which speech does not move; sums to 1."""
+    """`stability` of the nose and the eyes alone, [68], sums to 1. Speech does not move them."""
     weight = stability() * (np.arange(68) >= 27) * (np.arange(68) < 48)
     return weight / weight.sum()
 
@@ -46,7 +46,7 @@ class Similarity:
 
     @property
     def scale(self) -> np.ndarray | torch.Tensor:
-        """How much longer the target is; not a number where all points of the source are one."""
+        """How much longer the target is; NaN where all source points coincide."""
         return self.stretch / self.spread
 
     def __call__(self, points):
@@ -58,8 +58,8 @@ class Similarity:
 def similarity(source, target, weight=None) -> Similarity:
     """The similarity that brings `source` [..., N, 3] nearest to `target` [N, 3] (Umeyama 1991).
 
-    `weight` [N], whose sum is 1, counts every point's squared distance; without it all count alike. Who wants
-    a rigid motion leaves the scale away.
+    `weight` [N] weighs the squared distance of every point; its sum is 1. Without it all points count alike.
+    For a rigid motion, ignore the scale.
     """
     backend = torch if isinstance(source, torch.Tensor) else np
     if weight is None:

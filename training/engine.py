@@ -1,4 +1,4 @@
-"""The command as it is used: sound to landmarks, sound to a mesh, landmark motion to a mesh."""
+"""The command as users run it: sound to landmarks, sound to a mesh, landmark motion to a mesh."""
 
 import subprocess
 import tempfile
@@ -35,7 +35,8 @@ class Engine:
         return self._spread(motion, neutral, mesh, marks, *more)["displacements"]
 
     def attention(self, motion: np.ndarray, neutral: np.ndarray, mesh: Path, marks: Path) -> np.ndarray:
-        """By which share each vertex attends to each landmark, [V, 68]: the paper's decoder, figure 7."""
+        """Share of its attention that each vertex gives each landmark, [V, 68]: the paper's decoder, figure
+        7."""
         with tempfile.TemporaryDirectory() as folder:
             maps = Path(folder) / "attention.npz"
             self._spread(motion, neutral, mesh, marks, "--decoder", "paper", "--attention", maps)

@@ -136,7 +136,7 @@ def rig(data: Path = DATA, runs: Path = Path("runs/rig")) -> Iterator[Model]:
 
 def text(
     text: Path = Path("runs/text"),
-    clip: Annotated[Path | None, "as in training; seen from the model's folder if relative"] = None,
+    clip: Annotated[Path | None, "CLIP's folder as in training; relative to the model's folder"] = None,
 ) -> Iterator[Model]:
     """The text space and its tower; a tower upon CLIP names the folder of CLIP, which stays where it is."""
     words, tower = load_tower(text, clip is not None)

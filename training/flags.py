@@ -7,8 +7,10 @@ from typing import Annotated, Literal, get_args, get_origin
 
 
 def run_command(function: Callable, line: list[str] | None = None) -> object:
-    """Calls a function with what the command line says of its parameters; `--help` begins with the first line
-    of its module."""
+    """Calls a function with the arguments of the command line.
+
+    `--help` begins with the first line of the function's module.
+    """
     parser = argparse.ArgumentParser(description=function.__globals__["__doc__"].splitlines()[0])
     add_flags(parser, function)
     return function(**vars(parser.parse_args(line)))

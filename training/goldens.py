@@ -48,8 +48,10 @@ GOLDENS = {
 
 def write_golden(path: Path, tensors: dict[str, Tensor], name: str, model: nn.Module | None = None,
                  config: dict | None = None, **about: str) -> Path:  # fmt: skip
-    """Writes `tensors`, the weights of `model` as `weights.*`, and in the metadata its configuration, how
-    near Rust must come, the command, and what else there is to say `about` it."""
+    """Writes `tensors` and the weights of `model` as `weights.*`.
+
+    The metadata has the model's configuration, the tolerance for Rust, the command, and `about`.
+    """
     weights = {} if model is None else {f"weights.{key}": value for key, value in model.state_dict().items()}
     metadata = {} if config is None else {"config": json.dumps(config)}
     metadata |= {"tolerance": "1e-4", "command": f"python -m training.goldens {name}"} | about
@@ -61,7 +63,7 @@ def write_golden(path: Path, tensors: dict[str, Tensor], name: str, model: nn.Mo
 def main() -> None:
     """Entry of the command."""
     parser = argparse.ArgumentParser(description=__doc__.splitlines()[0])
-    parser.add_argument("names", nargs="*", choices=[*GOLDENS, []], help="default: all")
+    parser.add_argument("names", nargs="*", choices=[*GOLDENS, []], help="goldens to write; default: all")
     parser.add_argument("--shared", type=Path, default=Path("../shared"))
     parser.add_argument("--out", type=Path, default=Path("tests/goldens"))
     args = parser.parse_args()

@@ -58,7 +58,7 @@ def protrusion(motion: Tensor) -> Tensor:
 
 
 FEATURES = {"gap": lip_gap, "width": mouth_width, "chin": chin_drop, "protrusion": protrusion}
-"""What a viewer sees of a speaking mouth, each [..., 204] → [...] in the motion's unit."""
+"""Features that a viewer sees of a speaking mouth, each [..., 204] → [...] in the motion's unit."""
 SHARES = {"gap": 1.0, "width": 0.7, "chin": 0.5, "protrusion": 0.5}
 
 
@@ -72,7 +72,7 @@ def feature_concordance(prediction: Tensor, truth: Tensor) -> tuple[Tensor, dict
 def concordance_loss(prediction: Tensor, truth: Tensor) -> Tensor:
     """1 − Lin's concordance (1989) along the last axis, mean over rows that move.
 
-    Its best answer has the truth's own deviation; that of a squared error is too small.
+    Its optimum has the truth's own deviation. The optimum of a squared error has too small a one.
     """
     p, t = prediction - prediction.mean(-1, True), truth - truth.mean(-1, True)
     moving = t.square().mean(-1) > 1e-8
@@ -105,7 +105,7 @@ def feature_scores(pairs) -> dict[str, float]:
     for name, of in FEATURES.items():
         centred = [[of(x) - of(x).mean() for x in pair] for pair in pairs]
         each = torch.stack([torch.corrcoef(torch.stack(pair))[0, 1] for pair in centred])
-        made, true = (torch.cat(x) for x in zip(*centred, strict=True))
+        predicted, true = (torch.cat(x) for x in zip(*centred, strict=True))
         report[f"{name} r"] = float(each.nanmean())
-        report[f"{name} slope"] = float((made * true).mean() / true.square().mean())
+        report[f"{name} slope"] = float((predicted * true).mean() / true.square().mean())
     return report

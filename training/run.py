@@ -54,8 +54,8 @@ class Run:
         for name, part in self.parts.items():
             part.load_state_dict(saved[name])
         if len(saved["random"]) != self.machine.processes:
-            wanted, got = len(saved["random"]), self.machine.processes
-            raise ValueError(f"{path}: expected {wanted} processes as before, got {got}")
+            expected, got = len(saved["random"]), self.machine.processes
+            raise ValueError(f"{path}: expected {expected} processes as before, got {got}")
         random = saved["random"][self.machine.rank]
         torch.set_rng_state(random["torch"])
         if torch.cuda.is_available() and random["cuda"] is not None:
@@ -65,7 +65,7 @@ class Run:
         return saved["step"]
 
     def save(self, step: int) -> None:
-        """Writes `last.pt` after `step` steps; an interrupted write leaves the one before."""
+        """Writes `last.pt` after `step` steps. If the write is interrupted, the previous file remains."""
         random = {name: _state(generator) for name, generator in self.generators.items()}
         cuda = torch.cuda.get_rng_state() if self.machine.device.type == "cuda" else None
         random = self.machine.gathered(random | {"torch": torch.get_rng_state(), "cuda": cuda})
@@ -91,11 +91,11 @@ class Run:
             self.save(done)
 
     def seconds(self) -> int:
-        """Since the run began or went on."""
+        """Seconds since the run began or was resumed."""
         return round(time.monotonic() - self.started)
 
     def log(self, record: dict) -> None:
-        """Adds a row to `log.csv`, and to TensorBoard where asked for; new columns join at the right."""
+        """Adds a row to `log.csv`, and to TensorBoard with `--tensorboard`. New columns join at the right."""
         for key, value in record.items() if self.board is not None else ():
             self.board.add_scalar(key.replace(" ", "/", 1), value, record["step"])
         row = {key: f"{value:.5g}" if isinstance(value, float) else value for key, value in record.items()}
@@ -115,13 +115,13 @@ class Run:
 def begin(arguments, model: nn.Module, generators: dict[str, torch.Generator | np.random.Generator], *,
           groups: list[dict] | None = None, steps: int | None = None, decay: float = 0.01, warm: float = 0.1,
           factor: Callable[[int], float] | None = None, average: float | None = 0.995,
-          machine: Machine | None = None, name: str = "model", kept: dict[str, Stateful] | None = None,
+          machine: Machine | None = None, name: str = "model", extra: dict[str, Stateful] | None = None,
           **cycle: float) -> Run:  # fmt: skip
-    """A run with AdamW, a rate that rises in the share `warm` of its steps and falls to the end (or that is
-    multiplied by the `factor` of each step) and averaged weights, as they were where it stopped.
+    """Starts or resumes a run with AdamW and averaged weights.
 
-    `groups` of parameters have rates of their own, otherwise all learn at `arguments.rate`. The checkpoint
-    has `kept` too: whatever else changes from step to step.
+    The rate rises during the share `warm` of the steps and falls to the end, or is multiplied by the `factor`
+    of each step. `groups` of parameters have rates of their own; otherwise all learn at `arguments.rate`. The
+    checkpoint includes `extra`, other state that changes from step to step.
     """
     steps = steps or arguments.steps
     groups = groups or [{"params": list(model.parameters()), "lr": arguments.rate}]
@@ -136,17 +136,17 @@ def begin(arguments, model: nn.Module, generators: dict[str, torch.Generator | n
         mean = torch.optim.swa_utils.get_ema_multi_avg_fn(average)
         parts["average"] = torch.optim.swa_utils.AveragedModel(model, multi_avg_fn=mean)
     board = getattr(arguments, "tensorboard", False)
-    return Run(arguments.out, parts | (kept or {}), steps, arguments.save_every, generators, machine, board)
+    return Run(arguments.out, parts | (extra or {}), steps, arguments.save_every, generators, machine, board)
 
 
 def descend(arguments, run: Run, loss: Callable[[int], tuple[Tensor, dict]],
             judge: Callable[[nn.Module], dict], clip: float = 1.0,
             clipped: nn.Module | None = None) -> nn.Module:  # fmt: skip
-    """Goes all steps and returns the averaged model, or the model where nothing is averaged.
+    """Runs all steps. Returns the averaged model, or the model itself if nothing is averaged.
 
-    `loss` of a step's number gives the loss and what the log says of it; `judge` gets that model every
-    `arguments.log_every` steps in the first process, keeps it and returns scores for the log. Gradients of
-    `clipped`, by default of the whole model, are at most `clip` long.
+    `loss` gets a step's number and returns the loss and what to log. `judge` gets the model every
+    `arguments.log_every` steps in the first process, saves it and returns scores for the log. Gradients of
+    `clipped`, by default of the whole model, are cut to a norm of `clip`.
     """
     model, optimiser, schedule, *average = list(run.parts.values())[: 3 + ("average" in run.parts)]
     best = average[0].module if average else model
@@ -168,7 +168,7 @@ def descend(arguments, run: Run, loss: Callable[[int], tuple[Tensor, dict]],
 
 
 def downhill(loss: Tensor, optimiser: torch.optim.Optimizer, schedule=None) -> None:
-    """One step of a training that is over in minutes and keeps nothing on the way."""
+    """One step of a training that takes minutes and writes no checkpoint."""
     optimiser.zero_grad()
     loss.backward()
     optimiser.step()
@@ -178,7 +178,7 @@ def downhill(loss: Tensor, optimiser: torch.optim.Optimizer, schedule=None) -> N
 
 def trainer_parser(doc: str, out: str, steps: int | None, rate: float | None, *, log_every: int = 150,
                    save_every: int = 50, corpus: bool = True) -> argparse.ArgumentParser:  # fmt: skip
-    """The flags that every trainer has; `rate` of `None` leaves that flag to the trainer."""
+    """Adds the flags that every trainer has. A `rate` of None leaves that flag to the trainer."""
     parser = argparse.ArgumentParser(description=doc.splitlines()[0])
     if corpus:
         parser.add_argument("--corpus", type=Path, nargs="*", default=[], help="corpus folders")
@@ -187,7 +187,7 @@ def trainer_parser(doc: str, out: str, steps: int | None, rate: float | None, *,
     parser.add_argument("--cache", type=Path, default=Path("runs/cache"))
     parser.add_argument("--steps", type=int, default=steps)
     if rate is not None:
-        parser.add_argument("--rate", type=float, default=rate, help="of learning")
+        parser.add_argument("--rate", type=float, default=rate, help="learning rate")
     parser.add_argument("--seed", type=int, default=0)
     parser.add_argument("--threads", type=int, default=1)
     parser.add_argument("--log-every", type=int, default=log_every)
@@ -196,7 +196,7 @@ def trainer_parser(doc: str, out: str, steps: int | None, rate: float | None, *,
 
 
 def seeded(arguments) -> None:
-    """Begins a training: the same seed on as many threads gives the same bits."""
+    """Begins a training. The same seed on as many threads gives the same bits."""
     torch.manual_seed(arguments.seed)
     torch.set_num_threads(arguments.threads)
 

@@ -27,8 +27,8 @@ HEADING = [
 YES, NO = "yes", "–"
 
 
-class Asked(Exception):
-    """Holds the parser of a command that was about to read its line."""
+class ParserReached(Exception):
+    """Carries the parser of a command that was about to parse its line."""
 
 
 def trainers() -> Iterator[ModuleType]:
@@ -42,12 +42,12 @@ def trainers() -> Iterator[ModuleType]:
 
 
 def parser_of(trainer: ModuleType) -> argparse.ArgumentParser:
-    """The arguments of a trainer; of one that only has `main`, those with which it would read its line."""
+    """The parser of a trainer; for a trainer with only `main`, the one it would parse its line with."""
     if hasattr(trainer, "parser"):
         return trainer.parser()
 
     def ask(parser: argparse.ArgumentParser, *_line: object) -> None:
-        raise Asked(parser)
+        raise ParserReached(parser)
 
     try:
         with patch.object(argparse.ArgumentParser, "parse_args", ask):
@@ -55,8 +55,8 @@ def parser_of(trainer: ModuleType) -> argparse.ArgumentParser:
             if any(parameter.default is parameter.empty for parameter in needs):
                 run_command(trainer.main)
             trainer.main()
-    except Asked as asked:
-        return asked.args[0]
+    except ParserReached as reached:
+        return reached.args[0]
     raise ValueError(
         f"{trainer.__name__}: expected a parser() or a main() that parses arguments, got neither"
     )
@@ -85,7 +85,7 @@ def table() -> str:
 
 
 def parts(document: Path) -> tuple[str, str, str]:
-    """What stands before the table, the table, and what stands behind it."""
+    """The text before the table, the table, and the text after it."""
     text = document.read_text(encoding="utf-8")
     if text.count(BEGIN) != 1 or text.count(END) != 1:
         raise ValueError(f"{document}: expected one line {BEGIN} and one {END} around the table")

@@ -1,11 +1,11 @@
-"""How late a face is behind its microphone: from sound that is written to lines on standard output.
+"""How late a face is behind its microphone, from written sound to lines on standard output.
 
     python tests/live/latency.py SPEECH.wav [--rate 44100] [--fps 60] [--times 12] [...]
 
-Further arguments are those of `anyface live`. PulseAudio reads the device from a pipe into which
-this writes the voice, mono at 16 kHz, 2 ms at a time by the clock: so it is known when each instant
-of the sound was there. The motion of the jaw, laid over that of the same sound without a clock,
-tells at which of them a frame stands. A line is late by its arrival less that instant, look-ahead
+Further arguments are those of `anyface live`. PulseAudio reads the device from a pipe. This writes
+the voice into it, mono at 16 kHz, 2 ms at a time by the clock, so the time of each instant of the
+sound is known. The motion of the jaw is compared with that of the same sound without a clock, which
+tells the instant that a frame shows. A line is late by its arrival less that instant, look-ahead
 included.
 """
 
@@ -59,7 +59,7 @@ def main() -> None:
 
 
 def repeated(speech: str, times: int) -> np.ndarray:
-    """A voice so many times, silence before each."""
+    """A voice so many times, with silence before each."""
     with wave.open(speech) as file:
         once = np.frombuffer(file.readframes(file.getnframes()), "<i2")
     return np.tile(np.concatenate([np.zeros(_PAUSE_S * _RATE_HZ, "<i2"), once]), times)
@@ -72,7 +72,7 @@ def resampled(sound: np.ndarray, rate_hz: int) -> np.ndarray:
 
 
 class Microphone(threading.Thread):
-    """Writes a sound into a pipe as a device that hears it would."""
+    """Writes a sound into a pipe by the clock, as a device that records it would."""
 
     def __init__(self, pipe: str, sound: np.ndarray, rate_hz: int):
         super().__init__(daemon=True)
@@ -81,7 +81,7 @@ class Microphone(threading.Thread):
         self.start()
 
     def run(self) -> None:
-        """Each block is written when its last sample has been heard."""
+        """Writes each block at the time of its last sample."""
         block = round(_BLOCK_S * self._rate_hz)
         with open(self._pipe, "wb", buffering=0) as pipe:
             for first in range(0, len(self._sound), block):
@@ -91,10 +91,10 @@ class Microphone(threading.Thread):
 
 
 def offsets_between(frames: list, sound: np.ndarray, live: list, times: int) -> list[float]:
-    """Seconds of the sound before the face heard it, by the way in which its jaw moves.
+    """Delay in seconds from the sound to the face, found by the motion of its jaw.
 
-    One for each time but the first, in which the voice is new to the face; they are alike unless
-    samples were dropped.
+    One for each repetition but the first, in which the voice is new to the face. They are alike
+    unless samples were dropped.
     """
     words = [COMMAND, "live", "--input", "-", "--json", *live]
     whole = []

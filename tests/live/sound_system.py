@@ -1,4 +1,4 @@
-"""A PulseAudio of its own whose device hears what is played on it, and `anyface live` beside it."""
+"""A private PulseAudio server whose device hears what plays on it, and `anyface live` beside it."""
 
 import json
 import os
@@ -23,15 +23,19 @@ _MODULES = "module-native-protocol-unix"
 
 
 class SoundSystem:
-    """A server without hardware; `with` starts and ends it."""
+    """A server without hardware; `with` starts and stops it."""
 
     def __init__(self, rate_hz: int = 48000, channels: int = 2):
         self._sink = f"rate={rate_hz} channels={channels} sink_properties=device.description=Desk"
         self._folder = tempfile.TemporaryDirectory()
         self._server = None
         hidden = {"PULSE_SERVER", "PULSE_RUNTIME_PATH", "DISPLAY", "DBUS_SESSION_BUS_ADDRESS"}
-        kept = {name: value for name, value in os.environ.items() if name not in hidden}
-        self.environment = {**kept, "XDG_RUNTIME_DIR": self._folder.name, "HOME": self._folder.name}
+        inherited = {name: value for name, value in os.environ.items() if name not in hidden}
+        self.environment = {
+            **inherited,
+            "XDG_RUNTIME_DIR": self._folder.name,
+            "HOME": self._folder.name,
+        }
 
     def __enter__(self):
         self.start()
@@ -50,7 +54,7 @@ class SoundSystem:
         self.plug()
 
     def stop(self) -> None:
-        """Kills the server as a crash does."""
+        """Kills the server, as a crash would."""
         self._server.kill()
         self._server.wait()
 
@@ -73,7 +77,7 @@ class SoundSystem:
         self.control("unload-module", "module-null-sink")
 
     def control(self, *words: str) -> str | None:
-        """What pactl says, or None where it fails."""
+        """The output of pactl, or None if it fails."""
         done = subprocess.run(
             ["pactl", *words], env=self.environment, capture_output=True, text=True, check=False
         )
@@ -111,7 +115,7 @@ class LiveFace:
         return sum(text in note for note in self.notes)
 
     def processor_s(self) -> float:
-        """Seconds of a core that it has taken."""
+        """Seconds of processor time used so far."""
         fields = Path(f"/proc/{self.process.pid}/stat").read_text().rsplit(") ", 1)[1].split()
         return (int(fields[11]) + int(fields[12])) / os.sysconf("SC_CLK_TCK")
 

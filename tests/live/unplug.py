@@ -12,7 +12,7 @@ from sound_system import LiveFace, SoundSystem, until
 
 
 def main() -> int:
-    """Every tenth time the server dies, else the device goes."""
+    """Every tenth time the server dies; otherwise the device disappears."""
     parser = argparse.ArgumentParser()
     parser.add_argument("--times", type=int, default=200)
     times = parser.parse_args().times

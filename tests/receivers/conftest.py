@@ -58,10 +58,10 @@ console.log(JSON.stringify(Object.keys(face.morphTargetDictionary)));
 
 
 def anyface(task, *words, mesh=HEAD / "head.obj", landmarks=HEAD / "landmarks.json") -> str:
-    """Runs the command, by default on the default head; what it says."""
-    given = ["--mesh", mesh, "--landmarks", landmarks]
+    """Runs the command, by default on the default head; returns its output."""
+    head_options = ["--mesh", mesh, "--landmarks", landmarks]
     done = subprocess.run(
-        [COMMAND, task, *given, *words], capture_output=True, text=True, check=False
+        [COMMAND, task, *head_options, *words], capture_output=True, text=True, check=False
     )
     assert done.returncode == 0, done.stderr
     return done.stdout + done.stderr
@@ -116,7 +116,7 @@ def spoken(tmp_path_factory):
 
 
 class Expected:
-    """Where vertices are to be: those of the skin as in the arrays, and eyes that look."""
+    """Expected places of vertices: the skin as in the arrays, and eyes that look."""
 
     def __init__(self, folder: Path):
         self.arrays = np.load(folder / "talk.npz")
@@ -148,12 +148,12 @@ class Expected:
 
 @pytest.fixture(scope="session")
 def expected(spoken):
-    """Where vertices are to be in the take."""
+    """Expected places of vertices in the take."""
     return Expected(spoken)
 
 
 def node(code: str, *words, packages: tuple[str, ...]):
-    """What a module prints as JSON under node, with packages of npm, which are fetched once."""
+    """JSON output of a module under node, with packages of npm, which are fetched once."""
     if shutil.which("npm") is None:
         pytest.skip("ignored, needs npm")
     names = [package.rsplit("@", 1)[0] for package in packages]

@@ -37,12 +37,12 @@ def sound(tmp_path_factory):
 
 
 def weights(frames, name):
-    """Those of a shape in all frames."""
+    """Values of a shape in all frames."""
     return np.array([frame["shapes"][name] for frame in frames])
 
 
 def run(words, **more):
-    """What a program writes."""
+    """Output of a program."""
     environment = {**os.environ, "LD_LIBRARY_PATH": str(LIBRARIES)}
     done = subprocess.run(words, capture_output=True, text=True, env=environment, **more)
     assert done.returncode == 0, done.stderr

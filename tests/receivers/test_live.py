@@ -45,15 +45,15 @@ def sent(voice):
             receiver.settimeout(5.0)
         vmc_at, link_at = (f"127.0.0.1:{one.getsockname()[1]}" for one in (vmc, link))
         targets = ["--vmc", vmc_at, "--live-link", link_at, "--subject", "Änne", "--json"]
-        told = subprocess.run(
+        live = subprocess.run(
             [COMMAND, "live", "--input", voice, "--any-sound", "--emotion", "happy:1", *targets],
             capture_output=True,
             text=True,
             encoding="utf-8",
             check=False,
         )
-        assert told.returncode == 0, told.stderr
-        lines = [json.loads(line) for line in told.stdout.splitlines()]
+        assert live.returncode == 0, live.stderr
+        lines = [json.loads(line) for line in live.stdout.splitlines()]
         assert len(lines) == SECONDS * FPS
         packets = {
             "vmc": [vmc.recv(65536) for _ in lines],
@@ -93,8 +93,8 @@ def test_python_osc_reads_expressions_and_the_head(sent):
 def test_pylivelinkface_reads_the_same_weights(sent):
     packets, lines = sent
     for number, (packet, line) in enumerate(zip(packets["link"], lines, strict=True)):
-        found, face = PyLiveLinkFace.decode(packet)
-        assert found and face.name == "Änne" and face._frames == number
+        is_packet, face = PyLiveLinkFace.decode(packet)
+        assert is_packet and face.name == "Änne" and face._frames == number
         assert (face.fps, face._denominator) == (FPS, 1)
         for shape in list(FaceBlendShape)[:52]:
             name = shape.name[0].lower() + shape.name[1:]

@@ -24,7 +24,7 @@ if not bpy.app.online_access:
 
 
 def subscribe():
-    """Adds the repository as an artist does, and no other that Blender would ask."""
+    """Adds the repository as an artist does, and removes those that Blender would ask."""
     repositories = preferences.extensions.repos
     for other in [repository for repository in repositories if repository.use_remote_url]:
         repositories.remove(other)

@@ -66,7 +66,7 @@ def packages(extension: Path, folder: Path, version: str) -> Path:
 
 
 def write_site(out: Path, *words) -> str:
-    """`cargo xtask site`; returns what it says."""
+    """Runs `cargo xtask site`; returns its output."""
     command = ["cargo", "xtask", "site", "--out", out, *words]
     done = subprocess.run(command, cwd=ROOT, capture_output=True, text=True, check=False)
     assert done.returncode == 0, done.stdout + done.stderr
@@ -75,7 +75,7 @@ def write_site(out: Path, *words) -> str:
 
 @pytest.fixture(scope="session")
 def site(extension, wheel, tmp_path_factory):
-    """The folder of a site; the file `said.txt` beside it holds what the task says."""
+    """The folder of a site. The file `said.txt` beside it holds the output of the task."""
     folder = tmp_path_factory.mktemp("site")
     packed = packages(extension, folder / "packages", "0.1.0")
     shutil.copy(wheel, packed)

@@ -28,7 +28,7 @@ def starts():
 
 @pytest.fixture(params=starts())
 def session(request, voice, tmp_path):
-    """`session(action, address)` is what a new Blender with the same user says."""
+    """`session(action, address)` is the output of a new Blender with the same user."""
     user = tmp_path / "user"
     user.mkdir()
     # The executable may see the folder for temporary files alone.

@@ -1,4 +1,4 @@
-"""Pages of the site: links lead somewhere, other hosts are left alone, what is missing is said."""
+"""Pages of the site: links lead somewhere, nothing comes from other hosts, gaps are explained."""
 
 import hashlib
 import html.parser

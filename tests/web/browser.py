@@ -16,7 +16,7 @@ _KEYS = {"Tab": 9, "Enter": 13, " ": 32, "Home": 36, "ArrowLeft": 37, "ArrowDown
 
 
 def wait(is_so, seconds: float = 120.0):
-    """What `is_so()` says when that is not nothing."""
+    """Waits until `is_so()` is true; returns its value."""
     end = time.monotonic() + seconds
     while not (answer := is_so()):
         assert time.monotonic() < end, "nothing came"
@@ -25,7 +25,8 @@ def wait(is_so, seconds: float = 120.0):
 
 
 class Page:
-    """A page in a browser of its own; `prefix`: words before the browser's, such as `taskset`."""
+    """A page in a browser of its own; `prefix`: words before the browser's command, such as
+    `taskset`."""
 
     def __init__(self, address: str, flags=(), prefix=(), size=(1280, 800)):
         self._folder = tempfile.TemporaryDirectory(ignore_cleanup_errors=True)
@@ -65,7 +66,7 @@ class Page:
         self.call("Page.navigate", url=address)
 
     def call(self, method: str, **parameters):
-        """What the browser answers."""
+        """Sends a command; returns the browser's answer."""
         self._number += 1
         self._socket.send(json.dumps({"id": self._number, "method": method, "params": parameters}))
         while (answer := json.loads(self._socket.recv(timeout=120))).get("id") != self._number:
@@ -75,7 +76,7 @@ class Page:
         return answer["result"]
 
     def read(self, expression: str):
-        """Value of JavaScript, of a promise when it is there."""
+        """Value of a JavaScript expression; waits for it if it is a promise."""
         answer = self.call(
             "Runtime.evaluate", expression=expression, returnByValue=True, awaitPromise=True
         )
@@ -83,7 +84,7 @@ class Page:
         return answer["result"].get("value")
 
     def press(self, key: str) -> None:
-        """A key, down and up."""
+        """Presses and releases a key."""
         code = _KEYS[key]
         text = {"Enter": "\r", " ": " "}.get(key, "")
         of_key = {"key": key, "windowsVirtualKeyCode": code, "code": "Space" if key == " " else key}
@@ -92,14 +93,14 @@ class Page:
         self.call("Input.dispatchKeyEvent", type="keyUp", **of_key)
 
     def prefer(self, scheme: str) -> None:
-        """Light or dark."""
+        """Switches to the light or the dark scheme."""
         self.call(
             "Emulation.setEmulatedMedia",
             features=[{"name": "prefers-color-scheme", "value": scheme}],
         )
 
     def photograph(self, path: Path) -> None:
-        """A picture."""
+        """Writes a picture of the page."""
         picture = self.call("Page.captureScreenshot")["data"]
         path.write_bytes(base64.b64decode(picture))
 

@@ -12,7 +12,7 @@ const engine = new Engine();
 const loaded = lap();
 const known = landmarks === "-" ? undefined : readFileSync(landmarks, "utf8");
 const face = engine.face(readFileSync(head), known);
-const found = lap();
+const faceReady = lap();
 const bytes = readFileSync(sound);
 const samples = new Float32Array(bytes.buffer.slice(bytes.byteOffset, bytes.byteOffset + bytes.length));
 const clip = engine.speak(samples, "happy:0.7", false);
@@ -27,7 +27,7 @@ const glb = engine.exportGlb(face, clip);
 writeFileSync(`${out}.glb`, glb);
 console.log(
   JSON.stringify({
-    loaded, found: found - loaded, spoken: spoken - found, frames: clip.frameCount,
+    loaded, face: faceReady - loaded, spoken: spoken - faceReady, frames: clip.frameCount,
     frame: (moved - spoken) / clip.frameCount, exported: lap() - moved, notes: face.notes(),
     mouth: frames.map((frame) => Math.max(...frame)),
   }),

@@ -35,7 +35,7 @@ MOST_BYTES = 10_000_000
 
 
 def need(*tools: str) -> None:
-    """Ignores the test where none of these is there, but not where all tools have to be."""
+    """Skips the test if none of these tools is installed; fails it where `CI` is set."""
     if not any(map(shutil.which, tools)):
         if os.environ.get("CI"):
             pytest.fail(f"{tools[0]} is not installed")
@@ -66,7 +66,7 @@ def spoken(seconds: float) -> np.ndarray:
 
 
 def write_wav(path: Path, samples: np.ndarray) -> np.ndarray:
-    """Writes 16 bit; the samples that readers get."""
+    """Writes a 16-bit file; returns the samples that readers get."""
     whole = np.round(samples * 32767).astype("<i2")
     with wave.open(str(path), "wb") as file:
         file.setnchannels(1)
@@ -82,7 +82,7 @@ def test_a_clip_is_that_of_the_command(served, tmp_path):
     head, landmarks = HEAD / "head.obj", HEAD / "landmarks.json"
     words = ["node", ROOT / "tests/web/native.mjs", served / "anyface", head, landmarks]
     out = tmp_path / "moved.f32"
-    told = subprocess.run(
+    report = subprocess.run(
         [*words, tmp_path / "voice.f32", out], check=True, capture_output=True, text=True
     ).stdout
     motion, moved = tmp_path / "motion.npz", tmp_path / "moved.npz"
@@ -97,7 +97,7 @@ def test_a_clip_is_that_of_the_command(served, tmp_path):
     assert here.shape == native.shape
     assert np.abs(native).max() > 0.003
     apart = np.abs(here - native).max()
-    print(told, f"apart by {apart:.2e} m")
+    print(report, f"apart by {apart:.2e} m")
     assert apart < NEAR_M
     glb = (tmp_path / "moved.f32.glb").read_bytes()
     length = struct.unpack_from("<I", glb, 12)[0]
@@ -114,10 +114,10 @@ def test_a_face_talks_after_less_than_ten_megabytes(served):
 def test_the_package_packs_what_it_exports(served, tmp_path):
     need("npm")
     words = ["npm", "pack", "--json", "--pack-destination", str(tmp_path)]
-    told = subprocess.run(
+    listing = subprocess.run(
         words, cwd=served / "anyface", check=True, capture_output=True, text=True
     ).stdout
-    [package] = json.loads(told)
+    [package] = json.loads(listing)
     files = {file["path"] for file in package["files"]}
     assert {"anyface.js", "anyface.d.ts", "anyface_web.js", "anyface_web.d.ts"} <= files
     assert {"anyface_web_bg.wasm.gz", "README.md", "LICENSE-MIT", "LICENSE-APACHE"} <= files
@@ -126,7 +126,7 @@ def test_the_package_packs_what_it_exports(served, tmp_path):
 
 
 class Quiet(http.server.SimpleHTTPRequestHandler):
-    """Serves files without a word."""
+    """Serves files and writes no log."""
 
     def log_message(self, *_):
         """Says nothing."""
@@ -134,7 +134,7 @@ class Quiet(http.server.SimpleHTTPRequestHandler):
 
 @pytest.fixture(scope="module")
 def address(served):
-    """Of a server of files that has the page."""
+    """Address of a server that has the page."""
     need(*browser.BROWSERS)
     PICTURES.mkdir(exist_ok=True)
     handler = functools.partial(Quiet, directory=served)
@@ -309,8 +309,8 @@ def test_axe_finds_nothing(page):
         subprocess.run([*words, f"axe-core@{AXE_VERSION}"], check=True)
     source = (AXE / "node_modules/axe-core/axe.min.js").read_text()
     page.read(source + "; 0")
-    told = "r.violations.map((v) => v.id + ': ' + v.nodes.map((n) => n.html).join())"
-    run = f"axe.run().then((r) => {told})"
+    violations = "r.violations.map((v) => v.id + ': ' + v.nodes.map((n) => n.html).join())"
+    run = f"axe.run().then((r) => {violations})"
     for scheme in ("light", "dark"):
         page.prefer(scheme)
         assert page.read(run) == []

@@ -25,7 +25,7 @@ def wheel(tmp_path_factory):
 
 @pytest.fixture(scope="session")
 def anyface(wheel, tmp_path_factory):
-    """The package of the wheel; what it keeps of meshes goes to a folder of its own."""
+    """The package of the wheel; its cache of meshes is a separate folder."""
     os.environ["XDG_CACHE_HOME"] = str(tmp_path_factory.mktemp("cache"))
     site = tmp_path_factory.mktemp("site")
     zipfile.ZipFile(wheel).extractall(site)

@@ -82,15 +82,15 @@ def test_arrays_give_what_files_give(anyface, clip, mesh):
 
 def test_polygons_of_any_length_are_taken(anyface, mesh):
     engine = anyface.Engine()
-    given = importlib.import_module("anyface.arguments")
+    inputs = importlib.import_module("anyface.arguments")
     vertices = np.indices((2, 2, 2)).reshape(3, -1).T
     box = [[0, 1, 3, 2], [4, 6, 7, 5], [0, 4, 5, 1], [2, 3, 7, 6], [0, 2, 6, 4], [1, 5, 7, 3]]
-    positions, triangles = given.mesh_of((vertices, np.array(box)), engine)
+    positions, triangles = inputs.mesh_of((vertices, np.array(box)), engine)
     assert np.array_equal(positions, vertices) and triangles.shape == (12, 3)
     for number, corners in enumerate(box):
         assert set(triangles[2 * number : 2 * number + 2].ravel().tolist()) == set(corners)
     mixed = [[0, 1, 3], [0, 3, 2], *box[1:]]
-    _, triangles = given.mesh_of((vertices, mixed), engine)
+    _, triangles = inputs.mesh_of((vertices, mixed), engine)
     assert triangles.shape == (12, 3) and triangles[:2].tolist() == mixed[:2]
 
 
@@ -116,14 +116,14 @@ def test_emotion_controls_and_seed_change_the_motion(anyface, clip, voice):
 
 
 def test_landmarks_are_found_and_may_be_given_back(anyface, clip, voice):
-    found = anyface.find_landmarks(HEAD)
-    assert found.positions.shape == (68, 3) and found.confidence.min() > 0.0
-    assert found.mouth in ("open", "slit", "welded")
-    again = anyface.animate(HEAD, voice, fps=25, landmarks=found.vertices)
+    landmarks = anyface.find_landmarks(HEAD)
+    assert landmarks.positions.shape == (68, 3) and landmarks.confidence.min() > 0.0
+    assert landmarks.mouth in ("open", "slit", "welded")
+    again = anyface.animate(HEAD, voice, fps=25, landmarks=landmarks.vertices)
     assert np.linalg.norm(again.landmarks - clip.landmarks, axis=1).max() < 5e-3
-    nose = found.positions[30] + np.array([0.002, 0.0, 0.0], dtype=np.float32)
-    held = anyface.find_landmarks(HEAD, fixed={30: nose})
-    assert np.linalg.norm(held.positions[30] - nose) < 2e-3
+    nose = landmarks.positions[30] + np.array([0.002, 0.0, 0.0], dtype=np.float32)
+    pinned = anyface.find_landmarks(HEAD, fixed={30: nose})
+    assert np.linalg.norm(pinned.positions[30] - nose) < 2e-3
 
 
 def test_a_rig_has_all_shapes(anyface):
@@ -155,14 +155,14 @@ def test_a_take_is_written_for_avatars(anyface, voice, tmp_path):
 def test_progress_tells_stages_and_cancel_stops(anyface, mesh, voice):
     # A mesh that nobody kept anything of: its search takes a while.
     new = (mesh[0] * np.float32(1.013), mesh[1])
-    told = []
+    reports = []
     with pytest.raises(anyface.Cancelled) as caught:
-        anyface.animate(new, voice, progress=lambda *at: told.append(at), cancel=lambda: True)
+        anyface.animate(new, voice, progress=lambda *at: reports.append(at), cancel=lambda: True)
     assert caught.value.kind == "cancelled"
-    anyface.animate(new, voice, progress=lambda *at: told.append(at), cancel=lambda: False)
-    stages = {stage for stage, _ in told}
+    anyface.animate(new, voice, progress=lambda *at: reports.append(at), cancel=lambda: False)
+    stages = {stage for stage, _ in reports}
     assert stages & {"landmarks", "weights", "speech", "deform"}
-    assert all(0.0 <= share <= 1.0 for _, share in told)
+    assert all(0.0 <= share <= 1.0 for _, share in reports)
 
 
 def test_what_the_caller_raises_ends_the_work(anyface, mesh, voice):

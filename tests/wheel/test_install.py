@@ -25,8 +25,10 @@ def test_its_list_names_every_file_with_its_digest(wheel):
         if path == name:
             continue
         content = archive.read(path)
-        found = base64.urlsafe_b64encode(hashlib.sha256(content).digest()).rstrip(b"=").decode()
-        assert (digest, int(size)) == (f"sha256={found}", len(content)), path
+        actual_digest = (
+            base64.urlsafe_b64encode(hashlib.sha256(content).digest()).rstrip(b"=").decode()
+        )
+        assert (digest, int(size)) == (f"sha256={actual_digest}", len(content)), path
 
 
 def test_its_core_is_that_of_the_extension(wheel):

@@ -18,7 +18,9 @@ def main(arguments: list[str] | None = None) -> int:
     """Entry of the command; 1 where something is wrong."""
     parser = argparse.ArgumentParser(prog="python -m training.corpus", description=__doc__.splitlines()[0])
     commands = parser.add_subparsers(dest="command", required=True)
-    checked = commands.add_parser("check", help="what is there, what is odd, what it can train")
+    checked = commands.add_parser(
+        "check", help="report what a folder has, what is odd, and what it can train"
+    )
     checked.add_argument("folder", type=Path)
     converted = commands.add_parser("convert", help="make a corpus folder from a published corpus")
     converted.add_argument("kind", choices=list(READERS))

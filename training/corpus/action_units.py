@@ -1,8 +1,8 @@
 """Action units on ARKit's channels, and the events that fine control is trained with.
 
 The table is that of the Facial Action Coding System (Ekman & Friesen 1978) on ARKit's names. Algorithm 1 of
-Cafe-Talk (Chen et al. 2025, appendix C.2) finds the units that are active in a clip; since speech shows few
-of them, others are added to it at random, as an animator would ask for them.
+Cafe-Talk (Chen et al. 2025, appendix C.2) determines the units that are active in a clip. Speech shows few of
+them, so others are added at random, as an animator would ask for them.
 """
 
 from dataclasses import dataclass
@@ -79,7 +79,7 @@ def active_units(weights: Tensor, random: np.random.Generator) -> Tensor:
 
 
 def merged(active: Tensor, reach: int) -> Tensor:
-    """Runs with `2 reach` frames between them or fewer become one (a morphological closing), [T, 32]."""
+    """Joins runs with at most `2 reach` frames between them (a morphological closing), [T, 32]."""
     if reach == 0:
         return active
     width = 2 * reach + 1
@@ -89,17 +89,17 @@ def merged(active: Tensor, reach: int) -> Tensor:
 
 
 def sparse(active: Tensor, random: np.random.Generator) -> Tensor:
-    """What an animator would ask for: four of five runs are dropped, then units of the rest (§3.2)."""
-    kept = torch.zeros_like(active)
+    """Thins the units out as an animator would: drops four of five runs, then units of the rest (§3.2)."""
+    events = torch.zeros_like(active)
     for unit in range(active.shape[1]):
         for first, last in runs(active[:, unit]):
             if random.random() > DROPPED_EVENTS and random.random() > DROPPED_UNITS:
-                kept[first:last, unit] = 1.0
-    return kept
+                events[first:last, unit] = 1.0
+    return events
 
 
 def runs(active: Tensor) -> list[tuple[int, int]]:
-    """First and last frame (behind it) of every run of ones, [T]."""
+    """First frame of every run of ones in [T], and the frame after its last."""
     edges = torch.diff(active, prepend=torch.zeros(1), append=torch.zeros(1))
     starts, ends = (torch.nonzero(edges == sign).flatten().tolist() for sign in (1, -1))
     return list(zip(starts, ends, strict=True))
@@ -143,9 +143,9 @@ def _units(random: np.random.Generator) -> list[int]:
     return [side * len(UNITS) + int(u) for u in chosen for side in _sides(UNITS[u], sides)]
 
 
-def _sides(unit: str, wanted: tuple[int, ...]) -> tuple[int, ...]:
-    """A unit whose channel has no sides is on both."""
-    return (0, 1) if channels(unit, 0) == channels(unit, 1) else wanted
+def _sides(unit: str, sides: tuple[int, ...]) -> tuple[int, ...]:
+    """The sides of a unit; a unit whose channel has no sides is on both."""
+    return (0, 1) if channels(unit, 0) == channels(unit, 1) else sides
 
 
 def envelope(frames: int, random: np.random.Generator) -> Tensor:

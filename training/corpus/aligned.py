@@ -27,10 +27,10 @@ from training.flags import run_command
 LAST_PHONE_S = 0.02
 HELD_OUT_EVERY = 20
 UNSEEN_LANGUAGES = ("fi", "hu", "el")
-"""Languages that no training sees: they measure how far the encoder carries over."""
+"""Languages that training never sees. They measure how well the encoder generalises."""
 
 MEASURED_LANGUAGES = (*UNSEEN_LANGUAGES, "de", "es", "fr", "hi", "it", "pl", "cmn")
-"""Languages that the report speaks; those that training speaks too get sentences of another seed."""
+"""Languages in the report. Those that training speaks too get sentences from another seed."""
 
 MEASURED_SEED = 1_000_003
 
@@ -92,11 +92,12 @@ def kokoro_count(data: Path) -> list[int]:
 
 
 def read_timed(folder: Path, limit: int | None = None) -> list[Utterance]:
-    """Sounds of `phones.jsonl`, which has a line for each; clips whose phones overrun the sound are dropped.
+    """Sounds listed in `phones.jsonl`, one a line. Clips whose phones overrun the sound are dropped.
 
-    A line may have `source` and `held_out`; else the folder is the source, and every twentieth is held out.
+    A line may have `source` and `held_out`. Without them the folder is the source, and every twentieth clip
+    is held out.
     """
-    found = []
+    utterances = []
     for index, line in enumerate((folder / "phones.jsonl").read_text().splitlines()[:limit]):
         record = json.loads(line)
         phones = [Phone(p["start"], p["duration"], p["phone"]) for w in record["words"] for p in w["phones"]]
@@ -111,21 +112,21 @@ def read_timed(folder: Path, limit: int | None = None) -> list[Utterance]:
         words = [(p[0]["start"], p[-1]["start"] + p[-1]["duration"], word) for p, word in timed]
         held_out = record.get("held_out", index % HELD_OUT_EVERY == 0)
         source = record.get("source", folder.name)
-        found.append(Utterance(record["id"], source, held_out, samples, phones, words))
-    return found
+        utterances.append(Utterance(record["id"], source, held_out, samples, phones, words))
+    return utterances
 
 
 def read_librivox(data: Path) -> list[Utterance]:
     """Five English sentences with phone times; never trained on."""
-    found = []
+    utterances = []
     for path in sorted((data / "clips/librivox").glob("*.phone.json")):
         rows = json.loads(path.read_text())["w"]
         phones = [Phone(p["b"], p["d"], p["t"]) for w in rows for p in w.get("w", [])]
         words = [(w["b"], w["b"] + w["d"], w["t"].split("(")[0]) for w in rows if not w["t"].startswith("<")]
         name = path.name.removesuffix(".phone.json")
         samples = read_sound(path.with_name(f"{name}.wav"))
-        found.append(Utterance(name, "librivox_en", True, samples, phones, words))
-    return found
+        utterances.append(Utterance(name, "librivox_en", True, samples, phones, words))
+    return utterances
 
 
 def read_texts(folder: Path) -> dict[str, str]:
@@ -137,7 +138,7 @@ def read_texts(folder: Path) -> dict[str, str]:
 
 def read_kathleen(data: Path, limit: int | None = None, only_held_out: bool = False) -> list[Utterance]:
     """English of one woman, aligned."""
-    folder, aligner, found = data / "speech/kathleen_en", Aligner(), []
+    folder, aligner, utterances = data / "speech/kathleen_en", Aligner(), []
     for index, (name, text) in enumerate(sorted(read_texts(folder).items())[:limit]):
         held_out = index % HELD_OUT_EVERY == 0
         if only_held_out and not held_out:
@@ -145,20 +146,20 @@ def read_kathleen(data: Path, limit: int | None = None, only_held_out: bool = Fa
         samples = read_sound(folder / f"{name}.ogg")
         phones = aligner.align(samples, text)
         if phones:
-            found.append(Utterance(name, "kathleen_en", held_out, samples, phones))
-    return found
+            utterances.append(Utterance(name, "kathleen_en", held_out, samples, phones))
+    return utterances
 
 
 def read_grid_speech(data: Path, chosen: set[str] | None = None) -> list[Utterance]:
     """The words of grid_s1, aligned."""
-    folder, aligner, found, words = data / "motion/grid_s1", Aligner(), [], grid_words(data)
+    folder, aligner, utterances, words = data / "motion/grid_s1", Aligner(), [], grid_words(data)
     held_out = grid_held_out(list(words))
     for name in sorted(words if chosen is None else chosen & set(words)):
         samples = read_sound(folder / "audio" / f"{name}.ogg")
         phones = aligner.align(samples, " ".join(word for _, _, word in words[name]))
         if phones:
-            found.append(Utterance(name, "grid_s1", name in held_out, samples, phones))
-    return found
+            utterances.append(Utterance(name, "grid_s1", name in held_out, samples, phones))
+    return utterances
 
 
 def grid_words(data: Path) -> dict[str, list[tuple[float, float, str]]]:
@@ -211,17 +212,17 @@ class Aligner:
 
 
 def _words(text: str) -> list[str]:
-    kept = "".join(c if c.isalpha() or c == "'" else " " for c in text.lower())
-    return kept.split()
+    letters = "".join(c if c.isalpha() or c == "'" else " " for c in text.lower())
+    return letters.split()
 
 
 def speak(espeak: Espeak, language: str, minutes: float, seed: int, texts=()) -> list[Utterance]:
-    """Made speech: numbers in words, invented words of the language, and `texts` where given.
+    """Synthetic speech: numbers in words, invented words of the language, and `texts` if there are any.
 
     Voice, rate and pitch change with every sentence.
     """
     random = np.random.default_rng([seed, zlib.crc32(language.encode())])
-    found, seconds = [], 0.0
+    utterances, seconds = [], 0.0
     while seconds < 60.0 * minutes:
         phrase = texts[int(random.integers(len(texts)))] if len(texts) and random.random() < 0.5 else None
         text = phrase or _sentence(language, random)
@@ -231,11 +232,11 @@ def speak(espeak: Espeak, language: str, minutes: float, seed: int, texts=()) ->
         if len(samples) < 8000:
             continue
         samples = samples / max(np.abs(samples).max(), 1e-3) * 0.9
-        held_out = language in UNSEEN_LANGUAGES or len(found) % HELD_OUT_EVERY == 0
-        name = f"{language}_{len(found):04d}"
-        found.append(Utterance(name, f"espeak_{language}", held_out, samples, phones))
+        held_out = language in UNSEEN_LANGUAGES or len(utterances) % HELD_OUT_EVERY == 0
+        name = f"{language}_{len(utterances):04d}"
+        utterances.append(Utterance(name, f"espeak_{language}", held_out, samples, phones))
         seconds += len(samples) / 16000
-    return found
+    return utterances
 
 
 def _sentence(language: str, random: np.random.Generator) -> str:
@@ -270,7 +271,7 @@ def write(folder: Path, utterances: list[Utterance]) -> None:
 def main(
     data: Path = DATA,
     out: Path = Path("runs/aligned"),
-    minutes: Annotated[float, "of each language that espeak-ng speaks"] = 1.5,
+    minutes: Annotated[float, "minutes of each language that espeak-ng speaks"] = 1.5,
 ) -> None:
     """Command line."""
     espeak = Espeak()
@@ -283,9 +284,9 @@ def main(
         read_grid_speech(data, held_out),
     ]
     spoken = [speak(espeak, x, minutes, seed=MEASURED_SEED) for x in MEASURED_LANGUAGES]
-    for kept in [[u for u in utterances if u.held_out] for utterances in recorded] + spoken:
-        write(out / kept[0].source, kept)
-        print(out / kept[0].source, len(kept))
+    for part in [[u for u in utterances if u.held_out] for utterances in recorded] + spoken:
+        write(out / part[0].source, part)
+        print(out / part[0].source, len(part))
 
 
 if __name__ == "__main__":

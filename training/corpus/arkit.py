@@ -1,8 +1,8 @@
-"""Clips whose motion is ARKit weights [T, 51], from whatever was recorded.
+"""Clips whose motion is ARKit weights [T, 51], from any kind of recording.
 
-Captures of weights are taken as they are; landmarks become weights by bounded least squares on ICT's
-modes, so that the weights move ICT's landmarks as the recorded ones moved. An `Entry` then holds weights
-instead of landmarks, everything else alike.
+Captured weights stay as they are. Landmarks become weights by bounded least squares on ICT's modes, so that
+the weights move ICT's landmarks as the recorded ones moved. An `Entry` then holds weights instead of
+landmarks; everything else is the same.
 """
 
 from collections.abc import Sequence
@@ -33,7 +33,7 @@ EYES = [i for i, c in enumerate(CHANNELS) if c.startswith(("eyeBlink", "eyeLook"
 """Lids and gaze: no voice moves them, and a reader's look down."""
 LEAST_M = 1e-6
 SIDEWAYS = [CHANNELS.index(c) for c in ("mouthLeft", "mouthRight", "jawLeft", "jawRight")]
-"""A symmetric motion has none of these; in pairs they would cancel out."""
+"""Channels that a symmetric motion does not use; in pairs they would cancel out."""
 COSTS = {
     "mouthShrugUpper": 4.0,
     "mouthPress": 6.0,
@@ -47,9 +47,9 @@ COSTS = {
     "mouthPucker": 0.2,
     "mouthClose": 0.5,
 }
-"""How unlikely a channel is in speech, 1 for those that are not named."""
+"""How unlikely a channel is in speech; channels that are not listed count 1."""
 GAP_WEIGHT, WIDTH_WEIGHT = 3.0, 6.0
-"""Of the lip gap and the mouth's width, beside a landmark's."""
+"""Weights of the lip gap and the mouth's width, beside a landmark's."""
 
 
 @lru_cache(maxsize=1)
@@ -68,30 +68,32 @@ def mirrored() -> list[int]:
     return [CHANNELS.index(c) if c in CHANNELS else i for i, c in enumerate(other)]
 
 
-def weights_of(motion: Tensor, seen: Tensor) -> Tensor:
-    """Weights [T, 51] in 0 … 1 whose landmarks are nearest to `motion` [T, 204] metres, where `seen` [204].
+def weights_of(motion: Tensor, visible: Tensor) -> Tensor:
+    """Weights [T, 51] in 0 … 1 whose landmarks lie nearest to `motion` [T, 204] metres.
+
+    `visible` [204] is 1 in the columns that count.
 
     FISTA (Beck & Teboulle 2009) on squared distances in centimetres, landmarks weighted as in training,
     with a little ridge and sparsity, since several channels move the same landmarks.
     """
-    a = _measured(modes(), seen)
+    a = _measured(modes(), visible)
     a[[*EYES, *SIDEWAYS]] = 0.0
     cost = torch.tensor([_cost(c) for c in CHANNELS])
     gram = a @ a.T + RIDGE * len(CHANNELS) * cost.diag()
     step = 1.0 / torch.linalg.eigvalsh(gram)[-1]
     pulled = SPARSE * len(CHANNELS) * cost
     parts = motion.float().split(CHUNK)
-    weights = torch.cat([_fista(_measured(m, seen) @ a.T - pulled, gram, step) for m in parts])
+    weights = torch.cat([_fista(_measured(m, visible) @ a.T - pulled, gram, step) for m in parts])
     weights[:, [*EYES, *SIDEWAYS]] = 0.0
     return weights
 
 
-def _measured(motion: Tensor, seen: Tensor) -> Tensor:
+def _measured(motion: Tensor, visible: Tensor) -> Tensor:
     """What the fit compares of [..., 204] metres: landmarks in centimetres, lip gap and mouth width."""
     features = (
-        torch.stack([GAP_WEIGHT * lip_gap(motion), WIDTH_WEIGHT * mouth_width(motion)], dim=-1) * seen[186]
+        torch.stack([GAP_WEIGHT * lip_gap(motion), WIDTH_WEIGHT * mouth_width(motion)], dim=-1) * visible[186]
     )
-    return 100.0 * torch.cat([motion * (landmark_weights() * seen).sqrt(), features], dim=-1)
+    return 100.0 * torch.cat([motion * (landmark_weights() * visible).sqrt(), features], dim=-1)
 
 
 def _cost(channel: str) -> float:
@@ -120,8 +122,10 @@ def of_folders(folders: list[Path], voices: int, seed: int = 0) -> list[Entry]:
 
 
 def as_weights(entries: list[Entry], data: Path | None = None, folders: Sequence[Path] = ()) -> list[Entry]:
-    """The same clips with weights [T, 51] for motion, and for `weight` what of them was observed; `data` and
-    corpus `folders` have those that were captured as weights."""
+    """The same clips with ARKit weights [T, 51] as motion; `weight` says which of them were observed.
+
+    Captured weights come from `data` and the corpus `folders`.
+    """
     captured = facegood_weights(data) if data is not None else {}
     recorded = folder_weights(folders)
     return [
@@ -135,55 +139,56 @@ def as_weights(entries: list[Entry], data: Path | None = None, folders: Sequence
 
 
 def _solved(entry: Entry) -> Entry:
-    seen = entry.weight[0].float()
+    visible = entry.weight[0].float()
     if not entry.weight.any():
-        seen = torch.ones_like(seen)
+        visible = torch.ones_like(visible)
     motion = entry.motion.float()
-    weights = weights_of(motion, seen)
+    weights = weights_of(motion, visible)
     if entry.emotion == "neutral":
         weights = 0.5 * (weights + weights[:, mirrored()])
     frames = entry.weight.float().amax(dim=1, keepdim=True)
-    shown = (modes().abs() * seen).amax(dim=1) > LEAST_M
+    shown = (modes().abs() * visible).amax(dim=1) > LEAST_M
     shown[EYES] = False
     return replace(entry, motion=weights, weight=frames * shown.float())
 
 
 def _captured(entry: Entry, captured: dict[str, tuple[Tensor, Tensor]]) -> Entry:
     take, _, part = entry.name.partition("/")
-    weights, seen = captured[take]
+    weights, channel_mask = captured[take]
     count = len(entry.motion)
     rows = weights[:count] if part == "start" else weights[len(weights) - count :]
-    return replace(entry, motion=rows, weight=seen.expand(count, -1).clone())
+    return replace(entry, motion=rows, weight=channel_mask.expand(count, -1).clone())
 
 
-def _recorded(entry: Entry, track: Track, seen: Tensor) -> Entry:
+def _recorded(entry: Entry, track: Track, channel_mask: Tensor) -> Entry:
     """A clip of a corpus folder under its own weights, at 25 fps."""
     times, values = np.arange(len(entry.motion)) / FPS, dict(zip(track.names, track.values.T, strict=True))
     rows = [np.interp(times, track.seconds, values.get(c, np.zeros(len(track.seconds)))) for c in CHANNELS]
     weights = torch.from_numpy(np.stack(rows, 1)).float().clamp(0.0, HIGHEST)
     if entry.emotion == "neutral":
         weights = 0.5 * (weights + weights[:, mirrored()])
-    return replace(entry, motion=weights, weight=seen.expand(len(weights), -1).clone())
+    return replace(entry, motion=weights, weight=channel_mask.expand(len(weights), -1).clone())
 
 
 def folder_weights(folders: Sequence[Path]) -> dict[tuple[str, str], tuple[Track, Tensor]]:
-    """By folder's name and clip: weights of clips of which nothing else was captured, and which, [51]."""
-    found = {}
+    """Captured weights by folder name and clip, for clips without other motion, and a mask [51] of the
+    channels captured."""
+    tracks = {}
     for folder in map(CorpusFolder, folders):
         for row in folder.rows:
             track = blend_weights(folder, row)
             if track is not None:
-                seen = torch.tensor([float(c in track.names) for c in CHANNELS])
-                found[folder.name, row.clip] = track, seen
-    return found
+                channel_mask = torch.tensor([float(c in track.names) for c in CHANNELS])
+                tracks[folder.name, row.clip] = track, channel_mask
+    return tracks
 
 
 def facegood_weights(data: Path) -> dict[str, tuple[Tensor, Tensor]]:
-    """Of each take the weights [T, 51] at 25 fps and which channels were captured, [51]."""
-    found = {}
+    """For each take the weights [T, 51] at 25 fps and a mask [51] of the channels captured."""
+    takes = {}
     for name, columns in arkit_takes(data):
         rows = resample(channel_rows(columns), CAPTURE_FPS, FPS)
         weights = torch.from_numpy(rows).clamp(0.0, HIGHEST)
-        seen = [float(c in columns and c.startswith(("jaw", "mouth", "cheekPuff"))) for c in CHANNELS]
-        found[name] = 0.5 * (weights + weights[:, mirrored()]), torch.tensor(seen)
-    return found
+        channel_mask = [float(c in columns and c.startswith(("jaw", "mouth", "cheekPuff"))) for c in CHANNELS]
+        takes[name] = 0.5 * (weights + weights[:, mirrored()]), torch.tensor(channel_mask)
+    return takes

@@ -55,8 +55,8 @@ class Entry:
 def of_folders(folders: list[Path], voices: int, seed: int = 0, limit: int | None = None) -> list[Entry]:
     """Entries of the clips of corpus folders."""
     random = np.random.default_rng(seed)
-    found = clips_of_folders(folders, limit)
-    return [entry_in_voices(clip, None, voices, random) for clip in found]
+    clips = clips_of_folders(folders, limit)
+    return [entry_in_voices(clip, None, voices, random) for clip in clips]
 
 
 def clips_of_folders(folders: list[Path], limit: int | None = None) -> list[Clip]:

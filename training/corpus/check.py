@@ -1,8 +1,8 @@
-"""Says in words and numbers what a corpus folder holds, what is odd, and what it can train.
+"""Reports in words and numbers what a corpus folder holds, what is odd, and what it can train.
 
-Errors stop training; what is odd does not, but is worth a look. Speech opens the lips, so the opening
-of the inner lips follows the loudness of the sound: the lag of their best correlation tells a shift,
-and its change from the first third of a clip to the last a drift.
+Errors stop training. Odd things do not, but are worth a look. Speech opens the lips, so the opening of the
+inner lips follows the loudness of the sound. The lag of their best correlation reveals a shift; its change
+from the first third of a clip to the last reveals a drift.
 """
 
 from collections import Counter
@@ -24,7 +24,7 @@ SHIFT_S = 0.14
 DRIFT_S = 0.1
 DRIFT_FROM_S = 9.0
 SURE_R = 0.3
-"""Correlation of gap and loudness under which a lag says nothing."""
+"""Below this correlation of gap and loudness a lag says nothing."""
 FACE_WIDTH_M = (0.09, 0.2)
 """Distance of the landmarks 0 and 16 on people, children included."""
 LENGTH_S = 0.3
@@ -37,7 +37,7 @@ GREATEST_WEIGHT = 2.0
 
 @dataclass
 class Report:
-    """What was found. `errors` and `odd` are sentences; `seconds` by split; `kinds` count clips."""
+    """Result of a check. `errors` and `odd` are sentences; `seconds` is by split; `kinds` counts clips."""
 
     errors: list[str] = field(default_factory=list)
     odd: list[str] = field(default_factory=list)
@@ -66,16 +66,16 @@ def trains(report: Report) -> list[str]:
     """Which trainers can use the folder."""
     if report.errors or not report.seconds["train"]:
         return []
-    found = []
+    trainers = []
     if any(report.kinds[kind] for kind in ("landmarks", "weights", "vertices")):
-        found.append("systems.freetalk.train (sound to landmarks)")
+        trainers.append("systems.freetalk.train (sound to landmarks)")
     if report.kinds["vertices"] and not report.head_moves:
-        found.append("systems.freetalk.stm.train (landmarks to mesh)")
-    return found
+        trainers.append("systems.freetalk.stm.train (landmarks to mesh)")
+    return trainers
 
 
 def check(path: Path) -> Report:
-    """Reads everything; an error of one clip does not hide that of the next."""
+    """Reads everything. An error in one clip does not hide errors in the next."""
     report = Report()
     try:
         folder = CorpusFolder(path)
@@ -111,13 +111,13 @@ def _check_clip(folder: CorpusFolder, row: Row, report: Report) -> None:
             if kind == "weights":
                 odd += weight_oddities(track)
     track = observed(folder, row)
-    if track is not None and track.found.sum() > 2:
+    if track is not None and track.tracked_frames.sum() > 2:
         odd += _face_oddities(folder, row, track, samples, report)
     report.odd += [f"{row.clip}: {text}" for text in odd]
 
 
 def _face_oddities(folder: CorpusFolder, row: Row, track: Track, samples, report: Report) -> list[str]:
-    shape = track.values[track.found].mean(axis=0) if track.neutral is None else track.neutral
+    shape = track.values[track.tracked_frames].mean(axis=0) if track.neutral is None else track.neutral
     odd = shape_oddities(shape)
     gap = inner_gap(track.values, np.zeros((68, 3)))
     lags = [lag_of(gap, track, samples, span) for span in ((0.0, 1.0), (0.0, 0.34), (0.66, 1.0))]
@@ -135,7 +135,7 @@ def _face_oddities(folder: CorpusFolder, row: Row, track: Track, samples, report
 
 
 def label_oddities(row: Row) -> list[str]:
-    """An emotion without strength, or the other way round."""
+    """Labels with an emotion but no strength, or the other way round."""
     if row.emotion not in ("neutral", "unknown") and row.intensity == 0.0:
         return [f"emotion {row.emotion} with intensity 0 is trained as neutral"]
     return []
@@ -155,7 +155,7 @@ def time_oddities(track: Track, sound_s: float) -> list[str]:
     odd, length = [], track.seconds[-1] + step
     if abs(length - sound_s) > LENGTH_S:
         odd.append(f"lasts {length:.2f} s, the sound {sound_s:.2f} s")
-    lost = 1.0 - float(track.found.mean())
+    lost = 1.0 - float(track.tracked_frames.mean())
     if lost > LOST_SHARE:
         odd.append(f"{lost:.0%} of the frames are lost")
     gaps = np.flatnonzero(np.diff(track.seconds) > 1.8 * step)
@@ -179,7 +179,7 @@ def weight_oddities(track: Track) -> list[str]:
 
 
 def shape_oddities(shape: np.ndarray) -> list[str]:
-    """Wrong unit, and sides that are exchanged. `shape` [68, 3] metres."""
+    """A wrong unit, and left and right exchanged. `shape` [68, 3] metres."""
     width = float(np.linalg.norm(shape[16] - shape[0]))
     low, high = FACE_WIDTH_M
     if not low <= width <= high:
@@ -188,8 +188,8 @@ def shape_oddities(shape: np.ndarray) -> list[str]:
         return [f"face is {width:.3g} m wide, expected {low} to {high}: unit is {guess}?"]
     upright, mirrored = fit_error(shape), fit_error(shape * [-1.0, 1.0, 1.0])
     if mirrored < 0.7 * upright:
-        found = f"{1e3 * upright:.0f} mm off as it is, {1e3 * mirrored:.0f} in the mirror"
-        return [f"left and right are exchanged, in space or in the landmarks' numbers ({found})"]
+        distances = f"{1e3 * upright:.0f} mm off as it is, {1e3 * mirrored:.0f} in the mirror"
+        return [f"left and right are exchanged, in space or in the landmarks' numbers ({distances})"]
     return []
 
 
@@ -201,12 +201,12 @@ def fit_error(shape: np.ndarray) -> float:
 
 
 def lag_of(gap: np.ndarray, track: Track, samples: np.ndarray, span: tuple[float, float]) -> float | None:
-    """Seconds by which the lips follow the sound in a share of the clip; none where it is not clear."""
+    """Seconds by which the lips follow the sound in a share of the clip; None where it is not clear."""
     last = min(track.seconds[-1], len(samples) / SOUND_HZ)
     times = np.arange(span[0] * last, span[1] * last, 1.0 / LAG_HZ)
     if len(times) < 2 * LAG_HZ * LONGEST_LAG_S:
         return None
-    opening = np.interp(times, track.seconds[track.found], gap[track.found])
+    opening = np.interp(times, track.seconds[track.tracked_frames], gap[track.tracked_frames])
     level = np.maximum(loudness(samples, times), -60.0)
     reach = int(LONGEST_LAG_S * LAG_HZ)
     lags = np.arange(-reach, reach + 1)
@@ -224,22 +224,22 @@ def correlation(a: np.ndarray, b: np.ndarray) -> float:
 
 
 def turned_degrees(track: Track, shape: np.ndarray) -> float:
-    """How far the head turns in nineteen frames of twenty, degrees."""
-    _, turns = without_head(track.values[track.found], shape)
+    """Angle in degrees that the head's rotation stays within in 95 % of the frames."""
+    _, turns = without_head(track.values[track.tracked_frames], shape)
     cosine = (np.trace(turns, axis1=1, axis2=2) - 1.0) / 2.0
     return float(np.degrees(np.quantile(np.arccos(cosine.clip(-1.0, 1.0)), 0.95)))
 
 
 def longest_run(flags: np.ndarray) -> int:
-    """Length of the longest stretch of true."""
+    """Length of the longest run of True."""
     edges = np.flatnonzero(np.diff(np.r_[0, flags.astype(int), 0]))
     return int(np.max(edges[1::2] - edges[::2], initial=0))
 
 
 def _check_whole(folder: CorpusFolder, report: Report) -> None:
     if not any(row.split == "train" for row in folder.rows):
-        wanted = "one clip or more with split train"
-        report.errors.append(str(CorpusError(folder.path / "clips.tsv", None, wanted, "none")))
+        expected = "one clip or more with split train"
+        report.errors.append(str(CorpusError(folder.path / "clips.tsv", None, expected, "none")))
     elif not any(row.held_out for row in folder.rows):
         report.odd.append("no clip is held out (split val or test): nothing tells how well training went")
     known = {row.clip for row in folder.rows}
@@ -249,5 +249,5 @@ def _check_whole(folder: CorpusFolder, report: Report) -> None:
             if clip not in known and (kind != "audio" or path.suffix in SOUNDS):
                 report.odd.append(f"{kind}/{path.name} belongs to no row of clips.tsv")
     if not any(report.kinds[kind] for kind in ("landmarks", "weights", "vertices")) and not report.errors:
-        wanted = "landmarks, weights or vertices of one clip or more"
-        report.errors.append(str(CorpusError(folder.path, None, wanted, "sound alone")))
+        expected = "landmarks, weights or vertices of one clip or more"
+        report.errors.append(str(CorpusError(folder.path, None, expected, "sound alone")))

@@ -1,4 +1,4 @@
-"""Files of a corpus as they are read: what is not as expected becomes a `CorpusError`."""
+"""Reads the files of a corpus; whatever differs from what the layout asks for raises a `CorpusError`."""
 
 import json
 import math
@@ -8,23 +8,23 @@ import numpy as np
 
 
 class CorpusError(ValueError):
-    """A corpus that cannot be read: `file`, `row` (none for the whole file), `expected`, `found`."""
+    """A corpus that cannot be read: `file`, `row` (None for the whole file), `expected` and `actual`."""
 
-    def __init__(self, file: Path, row: int | str | None, expected: str, found: object):
-        self.file, self.row, self.expected, self.found = file, row, expected, found
+    def __init__(self, file: Path, row: int | str | None, expected: str, actual: object):
+        self.file, self.row, self.expected, self.actual = file, row, expected, actual
         place = str(file) if row is None else f"{file}, row {row}"
-        super().__init__(f"{place}: expected {expected}, found {found}")
+        super().__init__(f"{place}: expected {expected}, found {actual}")
 
 
 def read_json(path: Path) -> dict:
     """A json object."""
     try:
-        found = json.loads(read_text(path))
+        content = json.loads(read_text(path))
     except json.JSONDecodeError as error:
         raise CorpusError(path, error.lineno, "json", error.msg) from error
-    if not isinstance(found, dict):
-        raise CorpusError(path, 1, "a json object", type(found).__name__)
-    return found
+    if not isinstance(content, dict):
+        raise CorpusError(path, 1, "a json object", type(content).__name__)
+    return content
 
 
 def read_text(path: Path) -> str:
@@ -47,18 +47,18 @@ def read_npz(path: Path) -> dict[str, np.ndarray]:
 
 
 def need_shape(path: Path, values, shape: tuple[int | None, ...], what: str) -> np.ndarray:
-    """`values`, if they are numbers of the shape; `None` stands for any count above 1."""
-    wanted = str(["T" if n is None else n for n in shape]).replace("'", "")
+    """Returns `values` if they are numbers of this shape. `None` stands for any count above 1."""
+    expected = str(["T" if n is None else n for n in shape]).replace("'", "")
     if values is None or np.asarray(values).dtype.kind not in "fiu":
-        raise CorpusError(path, None, f"{what} {wanted}", "none")
-    found = values.shape
-    if len(found) != len(shape) or any(n != m if n else m < 2 for n, m in zip(shape, found, strict=True)):
-        raise CorpusError(path, None, f"{what} {wanted}", list(found))
+        raise CorpusError(path, None, f"{what} {expected}", "none")
+    actual = values.shape
+    if len(actual) != len(shape) or any(n != m if n else m < 2 for n, m in zip(shape, actual, strict=True)):
+        raise CorpusError(path, None, f"{what} {expected}", list(actual))
     return values
 
 
 def need_finite(path: Path, values: np.ndarray, frames: np.ndarray) -> None:
-    """Raises for the first frame of `values` [T, ...] with a number that is none."""
+    """Raises at the first frame of `values` [T, ...] that has a NaN or infinite number."""
     bad = ~np.isfinite(values.reshape(len(values), -1)).all(axis=1)
     if bad.any():
         frame = int(frames[np.flatnonzero(bad)[0]])

@@ -14,16 +14,16 @@ INNER_UPPER, INNER_LOWER = (61, 62, 63), (67, 66, 65)
 OUTER_UPPER, OUTER_LOWER = (49, 50, 51, 52, 53), (59, 58, 57, 56, 55)
 OUTER_SHARES = (0.4, 0.8, 1.0, 0.8, 0.4)
 UPPER_SHARE = 0.35
-"""Part of a closing motion that the upper lip makes."""
+"""Share of a closing motion that the upper lip makes."""
 MET_SHARE = 0.15
 SURE_FROM, SURE_AT = 0.2, 0.35
 PEAK_FRAMES, PEAK_SHARE = 2, 0.75
-"""Frames to either side among which a probability has to come near the highest, and how near."""
+"""A probability counts if it is this near to the highest within so many frames to either side."""
 TOUCHING_M = -0.5e-3
 """Opening over that of the neutral face at which lips touch in speech."""
 BEFORE_FRAMES = 2
 FASTEST_M_S, SPEED_UP_S = 0.28, 0.02
-"""How fast lips come together and part at most, and the time in which they come to that speed."""
+"""Greatest speed at which lips close and open, and the time they take to reach it."""
 HALF_TOUCH_S = 0.015
 EDGES_S = 0.13
 REACH_S = 0.02
@@ -39,7 +39,7 @@ def inner_gaps(motion: np.ndarray, neutral: np.ndarray) -> np.ndarray:
 
 
 def inner_depths(motion: np.ndarray) -> np.ndarray:
-    """How far the upper lip is before the lower one at the inner pairs, [T, 3] of the motion's unit."""
+    """How far the upper lip stands before the lower one at the inner pairs, [T, 3], unit of the motion."""
     return motion[:, list(INNER_UPPER), 2] - motion[:, list(INNER_LOWER), 2]
 
 
@@ -57,7 +57,7 @@ def narrowed(motion: np.ndarray, height: np.ndarray, depth: np.ndarray) -> np.nd
 
 @dataclass(frozen=True)
 class Contact:
-    """A time in which lips touch, seconds, and how far they go to touching, 0 to 1."""
+    """A time in which lips touch: start and end in seconds, and how far they close, 0 to 1."""
 
     start_s: float
     end_s: float
@@ -74,16 +74,16 @@ def contacts(probability: np.ndarray) -> list[Contact]:
     padded = np.pad(probability, PEAK_FRAMES)
     highest = sliding_window_view(padded, 2 * PEAK_FRAMES + 1).max(axis=1)
     near = np.where(probability >= PEAK_SHARE * highest, probability, 0.0)
-    found = []
+    lip_contacts = []
     for first, end in runs(torch.from_numpy(near > SURE_FROM).int()):
         share = np.clip((near[first:end].max() - SURE_FROM) / (SURE_AT - SURE_FROM), 0, 1)
         start_s, end_s = (max((frame - 0.5) / FPS, 0.0) for frame in (first, end))
-        found.append(Contact(start_s, end_s, float(share * share * (3 - 2 * share))))
-    return found
+        lip_contacts.append(Contact(start_s, end_s, float(share * share * (3 - 2 * share))))
+    return lip_contacts
 
 
 def approach(openings: np.ndarray, closures: list[Contact]) -> np.ndarray:
-    """How far lips that are `openings` [T] metres from touching go to it in each frame, [T], 0 to 1.
+    """How far lips close in each frame, [T], 0 to 1, when they are `openings` [T] metres from touching.
 
     Twin of `approach` in `rust-core/src/motion/contacts/approach.rs`, at 25 frames a second.
     """
@@ -119,9 +119,9 @@ def _touch(openings: np.ndarray, contact: Contact) -> tuple[float, float]:
 
 
 def lips_closed(motion: torch.Tensor, probability: torch.Tensor) -> torch.Tensor:
-    """Motion [T, 204] whose lips touch where `probability` [T] says p, b or m; no gap grows.
+    """Motion [T, 204] whose lips touch where `probability` [T] says p, b or m. No gap grows.
 
-    The lips of `close_lips` in `rust-core/src/motion/contacts/lips.rs`; the jaw stays.
+    Moves the lips as `close_lips` in `rust-core/src/motion/contacts/lips.rs` does; the jaw stays.
     """
     points = motion.unflatten(-1, (68, 3)).numpy()
     gaps = inner_gaps(points, np.zeros((68, 3), points.dtype))

@@ -1,8 +1,8 @@
-"""Phones of speech that nobody transcribed in time, read by a trained speech encoder.
+"""Phones of speech without transcribed times, read by a trained speech encoder.
 
-A first run of `training.speech.train` gives log-posteriors at 100 Hz. Where the
-text is known (kerstin_de), espeak-ng's phones for it are aligned to them; where it is not
-(picovoice_en, more than 50 speakers), the likeliest sequence is taken. Both are Viterbi (1967).
+A first run of `training.speech.train` gives log-posteriors at 100 Hz. Where the text is known (kerstin_de),
+espeak-ng's phones for it are aligned to them. Where it is not (picovoice_en, more than 50 speakers), the
+likeliest sequence counts. Both are Viterbi (1967).
 """
 
 from pathlib import Path
@@ -22,7 +22,7 @@ HZ = 100.0
 SWITCH_COST = 3.0
 SKIP_COST = 6.0
 LEAST_DECODED, LEAST_ALIGNED = -1.1, -2.2
-"""Mean log-posterior of a path; what lies below is not used."""
+"""Least mean log-posterior of a path. Recordings below it are not used."""
 
 
 class PhoneReader:
@@ -38,7 +38,7 @@ class PhoneReader:
 
     @torch.no_grad()
     def log_posteriors(self, samples: np.ndarray) -> np.ndarray:
-        """[S] → [T, segments] at 100 Hz: four passes, each a mel frame later."""
+        """Log-posteriors of samples [S] at 100 Hz, [T, segments]: four passes, each one mel frame later."""
         mel = normalise(log_mel(torch.from_numpy(samples)))
         frames = len(mel) // MEL_PER_FRAME
         passes = []
@@ -50,7 +50,7 @@ class PhoneReader:
 
 
 def decode(log_p: np.ndarray) -> tuple[list[Phone], float]:
-    """Likeliest segments under a price for every change, and their mean log-posterior."""
+    """The likeliest segments when every change has a price, and their mean log-posterior."""
     frames, classes = log_p.shape
     score, back = log_p[0].copy(), np.zeros((frames, classes), np.int32)
     for t in range(1, frames):
@@ -66,7 +66,7 @@ def decode(log_p: np.ndarray) -> tuple[list[Phone], float]:
 
 
 def align(log_p: np.ndarray, sequence: list[str]) -> tuple[list[Phone], float]:
-    """The segments of `sequence` in order, pauses optional between them; one may be skipped."""
+    """The segments of `sequence` in order, with optional pauses between them; one segment may be skipped."""
     states = [PAUSE]
     for segment in sequence:
         states += [segment, PAUSE] if segment != PAUSE else []
@@ -97,7 +97,7 @@ def _runs(path: np.ndarray, labels: list[str]) -> list[Phone]:
 def read_kerstin(data: Path, reader: PhoneReader, espeak: Espeak) -> list[Utterance]:
     """German of one woman: espeak-ng's phones for the text, in the recording's own time."""
     texts = read_texts(data / "speech/kerstin_de")
-    found = []
+    utterances = []
     for utterance in read_unlabelled(data, "kerstin_de"):
         if utterance.name not in texts:
             continue
@@ -106,15 +106,15 @@ def read_kerstin(data: Path, reader: PhoneReader, espeak: Espeak) -> list[Uttera
         phones, confidence = align(reader.log_posteriors(utterance.samples), sequence)
         if confidence > LEAST_ALIGNED:
             utterance.phones = phones
-            found.append(utterance)
-    return found
+            utterances.append(utterance)
+    return utterances
 
 
 def read_picovoice(data: Path, reader: PhoneReader) -> list[Utterance]:
     """English of many speakers without text: what the reader is sure of."""
-    found = []
+    utterances = []
     for utterance in read_unlabelled(data, "picovoice_en"):
         utterance.phones, confidence = decode(reader.log_posteriors(utterance.samples))
         if confidence > LEAST_DECODED:
-            found.append(utterance)
-    return found
+            utterances.append(utterance)
+    return utterances

@@ -33,10 +33,10 @@ from training.speech.compact import normalise
 
 LAYERS = (2, 4, 6)
 FRAMES_EACH = 2
-"""Features of Whisper to a frame of motion."""
+"""Features of Whisper per frame of motion."""
 LEVELS = 8
 VOICES, ROOMS = 3, 2
-"""Voices of a recorded clip, its own among them; so many more are re-voiced and in another room."""
+"""Voices of a recorded clip, its own included. The others are re-voiced and sound in another room."""
 VERSION = 2
 UNTIMED = ("kerstin_de", "picovoice_en")
 UNHEARD = ("librivox_en", *(f"espeak_{language}" for language in UNSEEN_LANGUAGES))
@@ -50,7 +50,8 @@ class EarClip(Entry):
     heard: Tensor
 
     def levels(self) -> Tensor:
-        """How loud eight broad bands of its own voice are, [2 T, 8], normalised; Whisper hardly tells it."""
+        """Loudness of eight broad bands of the clip's own voice, [2 T, 8], normalised. Whisper hardly tells
+        it."""
         mel = normalise(self.mels[0].float())
         return (
             mel.unflatten(0, (-1, MEL_PER_FRAME // FRAMES_EACH)).unflatten(2, (LEVELS, -1)).mean(dim=(1, 3))
@@ -58,7 +59,7 @@ class EarClip(Entry):
 
 
 class Ear:
-    """Whisper's encoder, in bfloat16 where a product is."""
+    """Whisper's encoder, with products in bfloat16."""
 
     def __init__(self, folder: Path):
         self.encoder = whisper.load(folder)
@@ -68,25 +69,25 @@ class Ear:
         """Whisper's log-mel [T, 80] → [layers, 2 `frames`, C] f16; the last row is repeated at the end."""
         with torch.autocast("cpu", torch.bfloat16):
             heard = self.encoder.hear(mel, list(LAYERS))
-        found, wanted = torch.stack([x.float() for x in heard]).half(), FRAMES_EACH * frames
-        return found[:, torch.arange(wanted).clamp_max(found.shape[1] - 1)]
+        layers, rows = torch.stack([x.float() for x in heard]).half(), FRAMES_EACH * frames
+        return layers[:, torch.arange(rows).clamp_max(layers.shape[1] - 1)]
 
 
 def load(data: Path, cache: Path, folder: Path, sources: list[str], minutes: float = 5.0) -> list[EarClip]:
-    """Clips of `sources` (`every_source` names them), each source from its file where it was heard before."""
-    found, ear, espeak = [], functools.cache(lambda: Ear(folder)), functools.cache(Espeak)
+    """Clips of `sources` (`every_source` names them), each read from its cache file if there is one."""
+    clips, ear, espeak = [], functools.cache(lambda: Ear(folder)), functools.cache(Espeak)
     for source in sources:
         kokoro = kokoro_count(data) if source == "kokoro" else []
         name = digest(VERSION, bank.VERSION, LAYERS, VOICES, ROOMS, minutes, *kokoro)
         path = cache / f"ear-{source}-{name}.pt"
-        found += cached(path, EarClip, functools.partial(_hear, data, source, ear, espeak, minutes))
-    return found
+        clips += cached(path, EarClip, functools.partial(_hear, data, source, ear, espeak, minutes))
+    return clips
 
 
 def every_source() -> list[str]:
-    """Recorded motion, recorded speech and the languages of espeak-ng, those of `UNHEARD` last."""
-    made = [f"espeak_{language}" for language in ALPHABETS if language not in UNSEEN_LANGUAGES]
-    return [*bank.READERS, *spoken.RECORDED, *UNTIMED, *made, *UNHEARD]
+    """Recorded motion, recorded speech and the languages of espeak-ng; those of `UNHEARD` come last."""
+    synthetic = [f"espeak_{language}" for language in ALPHABETS if language not in UNSEEN_LANGUAGES]
+    return [*bank.READERS, *spoken.RECORDED, *UNTIMED, *synthetic, *UNHEARD]
 
 
 def _hear(

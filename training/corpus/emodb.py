@@ -1,4 +1,4 @@
-"""Felt speech: emodb_de, ten actors saying the same ten sentences in seven emotions (Burkhardt et al. 2005).
+"""Acted speech: emodb_de, ten actors saying the same ten sentences in seven emotions (Burkhardt et al. 2005).
 
 Whole actors are held out, a woman and a man. Boredom is the project's `calm`.
 """
@@ -36,13 +36,13 @@ SAMPA = {
     "H": "ɦ", "j": "j", "l": "l", "L": "l", "r": "r", "R": "ʁ", "B": "β", "D": "ð", "G": "ɣ", "?": "ʔ",
     "nn": "n", "NN": "ŋ", "ss": "s", "vv": "v",
 }  # fmt: skip
-"""Their signs → IPA; long vowels have no sign of their own."""
+"""EmoDB's signs → IPA; it has no separate signs for long vowels."""
 ASPIRATED = "asp"
 MODIFIERS = ("+", "-", "(", "[", "hoe")
 
 
 @dataclass
-class Felt:
+class ActedSpeech:
     """A recording: `emotion` by the project's names, `share` of the listeners who named it, 0 to 1."""
 
     name: str
@@ -55,9 +55,9 @@ class Felt:
     phones: list[Phone]
 
 
-def read_felt(data: Path, limit: int | None = None) -> list[Felt]:
-    """All recordings; the first `limit` of each half of the actors where it is given."""
-    folder, found, taken = data / "speech" / SOURCE, [], {True: 0, False: 0}
+def read_acted(data: Path, limit: int | None = None) -> list[ActedSpeech]:
+    """All recordings, or the first `limit` of the training actors and of the held-out ones."""
+    folder, recordings, counts = data / "speech" / SOURCE, [], {True: 0, False: 0}
     labels = {}
     for line in (folder / "labels.jsonl").read_text().splitlines():
         record = json.loads(line)
@@ -66,35 +66,35 @@ def read_felt(data: Path, limit: int | None = None) -> list[Felt]:
         rows = list(csv.DictReader(file, delimiter="\t"))
     for row in rows:
         held_out = row["actor"] in HELD_OUT
-        if limit is not None and taken[held_out] >= limit:
+        if limit is not None and counts[held_out] >= limit:
             continue
-        taken[held_out] += 1
+        counts[held_out] += 1
         name = row["clip"]
         samples = read_sound(folder / f"{name}.ogg")
-        found.append(Felt(name, row["actor"], row["sentence"], NAMES[row["feeling"]],
+        recordings.append(ActedSpeech(name, row["actor"], row["sentence"], NAMES[row["feeling"]],
                           float(row["recognised_percent"]) / 100.0, held_out, samples,
                           phones_of(labels.get(name, []))))  # fmt: skip
-    return found
+    return recordings
 
 
 def phones_of(labels: list[dict]) -> list[Phone]:
-    """Phones of labels with start, duration and SAMPA; closure and burst of a plosive are one phone."""
-    found: list[Phone] = []
+    """Phones from labels with start, duration and SAMPA. Closure and burst of a plosive become one phone."""
+    phones: list[Phone] = []
     for label in labels:
         start, end, text = label["start"], label["start"] + label["duration"], label["label"]
         sign = _sign(text)
-        continues = bool(found) and start - found[-1].end_s < 1e-3
+        continues = bool(phones) and start - phones[-1].end_s < 1e-3
         if sign is None or (sign == PAUSE and not continues):
             continue
-        if continues and (sign == PAUSE or text[0] == "!" and found[-1].label == sign or ASPIRATED in text):
-            found[-1] = Phone(found[-1].start_s, end - found[-1].start_s, found[-1].label)
+        if continues and (sign == PAUSE or text[0] == "!" and phones[-1].label == sign or ASPIRATED in text):
+            phones[-1] = Phone(phones[-1].start_s, end - phones[-1].start_s, phones[-1].label)
         elif sign != PAUSE:
-            found.append(Phone(start, end - start, sign))
-    return found
+            phones.append(Phone(start, end - start, sign))
+    return phones
 
 
 def _sign(text: str) -> str | None:
-    """IPA of a label; a pause for what modifies the phone before, none for an end."""
+    """IPA of a label: a pause for a sign that modifies the phone before it, None for an end mark."""
     if text.startswith(MODIFIERS) or text in ("!", ""):
         return PAUSE
     plain = text.lstrip("_!").split("+")[0].split("-")[0].removesuffix(ASPIRATED)

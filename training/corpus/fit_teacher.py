@@ -2,13 +2,13 @@
 
     python -m training.corpus.fit_teacher --data ../shared/data
 
-Fits on the training clips of grid_s1 (phones by pocketsphinx) and writes
-`training/corpus/teacher.json`. Components of motion and measures of it are lip gap, mouth width, chin,
-upper and lower inner lip, corners and protrusion; all but the gap are compared after each clip's mean
-is taken away, as the recording keeps a pose of its own there. The loss is 1 − Lin's concordance, whose
-best answer has the recording's own amplitude. Frames of p, b and m are left out: there the teacher
-closes the lips by rule. What the articulatory features of all segments share is fitted beside what
-each has of its own, so segments that GRID lacks move with their kin.
+Fits on the training clips of grid_s1 (phones by pocketsphinx) and writes `training/corpus/teacher.json`.
+Components of motion, and their measures, are lip gap, mouth width, chin, upper and lower inner lip, corners
+and protrusion. All but the gap are compared after each clip's mean is removed, because the recording keeps a
+pose of its own there. The loss is 1 − Lin's concordance, whose optimum has the recording's own amplitude.
+Frames of p, b and m are left out: there the teacher closes the lips by rule. A segment's target is the sum of
+a part that depends on its articulatory features and an offset of its own, so segments that GRID lacks move
+like related ones.
 """
 
 import json
@@ -34,11 +34,12 @@ MEASURES = ("gap", *COMPONENTS)
 SHARES = (3.0, 1.0, 1.5, 0.7, 0.5, 0.7, 0.3)
 VELOCITY_SHARE = 1.0
 PRIOR = 2e-4
-SPREAD = {"strength": 0.7, "rate": 0.4, "own": 0.7, "kin": 2.0}
-"""Standard deviation of the prior: nepers; deviations of the component's own motion."""
+SPREAD = {"strength": 0.7, "rate": 0.4, "offset": 0.7, "kin": 2.0}
+"""Standard deviations of the prior. `strength` and `rate` are in nepers, the others in deviations of the
+component's own motion."""
 SLOWEST_HZ, FASTEST_HZ = 6.0, 60.0
 LEAST_SEEN = 20
-"""Segments heard less often than this have nothing of their own."""
+"""Segments heard less often than this have no offset of their own."""
 
 
 def measures(motion: np.ndarray) -> np.ndarray:
@@ -78,7 +79,7 @@ def measure_basis(clips: list[Clip]) -> np.ndarray:
 class Dominance(nn.Module):
     """The teacher of `corpus.teacher` with gradients, over a batch of utterances."""
 
-    def __init__(self, basis: np.ndarray, seen: np.ndarray):
+    def __init__(self, basis: np.ndarray, frequent: np.ndarray):
         super().__init__()
         table = feature_table()
         f = dict(zip(FEATURES, table.T, strict=True))
@@ -87,20 +88,20 @@ class Dominance(nn.Module):
         speech *= (1.0 - f["silence"])[:, None]
         self.basis = basis
         self.register_buffer("features", torch.tensor(speech, dtype=torch.float32))
-        self.register_buffer("seen", torch.from_numpy(seen[:, None].astype(np.float32)))
+        self.register_buffer("frequent", torch.from_numpy(frequent[:, None].astype(np.float32)))
         self.register_buffer("strengths0", torch.from_numpy(articulation.strengths()).log())
         self.register_buffer("rates0", torch.from_numpy(articulation.rates()).log())
         self.register_buffer("effect", torch.from_numpy(measures(basis)).float())
         n, k = len(SEGMENTS), len(COMPONENTS)
         self.kin = nn.Parameter(torch.zeros(speech.shape[1], k))
-        self.own = nn.Parameter(torch.zeros(n, k))
+        self.offset = nn.Parameter(torch.zeros(n, k))
         self.strength = nn.Parameter(torch.zeros(n, k))
         self.rate = nn.Parameter(torch.zeros(2, n, k))
         self.lead = nn.Parameter(torch.tensor(0.0))
 
     def targets(self) -> Tensor:
-        """[N, K]; the pause rests."""
-        return self.features @ self.kin + self.own * self.seen
+        """Targets [N, K]; the pause rests."""
+        return self.features @ self.kin + self.offset * self.frequent
 
     def shapes(self) -> tuple[Tensor, Tensor, Tensor]:
         """Strengths [N, K], rates [2, N, K], lead in seconds."""
@@ -135,7 +136,7 @@ def concordance(a: Tensor, b: Tensor, weight: Tensor) -> Tensor:
 
 
 def centred(x: Tensor, weight: Tensor) -> Tensor:
-    """All measures but the gap less their weighted mean over each clip."""
+    """All measures but the gap, less their weighted mean over each clip."""
     mean = (weight * x).sum(1, keepdim=True) / weight.sum(1, keepdim=True).clamp_min(1.0)
     return torch.cat([x[..., :1], (x - mean)[..., 1:]], dim=2)
 
@@ -178,30 +179,30 @@ def data_loss(out: Tensor, truth: Tensor, weight: Tensor) -> Tensor:
 
 
 def padded(clips: list[tuple[Clip, list[Phone]]]) -> tuple[Tensor, Tensor, Tensor]:
-    """Rows of all clips, [B, S] each; padding has index −1."""
+    """Rows of all clips, [B, S] each. Padding has index −1."""
     rows = [row_of(phones, len(clip.motion) / FPS) for clip, phones in clips]
     longest = max(len(row.index) for row in rows)
-    found = [np.zeros((len(rows), longest), np.float32) for _ in range(2)] + [
+    tables = [np.zeros((len(rows), longest), np.float32) for _ in range(2)] + [
         np.full((len(rows), longest), -1)
     ]
     for k, row in enumerate(rows):
-        for table, values in zip(found, (row.core_s, row.half_s, row.index), strict=True):
+        for table, values in zip(tables, (row.core_s, row.half_s, row.index), strict=True):
             table[k, : len(values)] = values
-    return tuple(torch.from_numpy(table) for table in found)
+    return tuple(torch.from_numpy(table) for table in tables)
 
 
 def spoken_open(clip: Clip, phones: list[Phone]) -> np.ndarray:
     """1 at frames away from p, b and m, [T]."""
-    seconds, kept = np.arange(len(clip.motion)) / FPS, np.ones(len(clip.motion), np.float32)
+    seconds, mask = np.arange(len(clip.motion)) / FPS, np.ones(len(clip.motion), np.float32)
     for start, end in bilabials(phones):
-        kept[(seconds > start - 0.06) & (seconds < end + 0.06)] = 0.0
-    return kept
+        mask[(seconds > start - 0.06) & (seconds < end + 0.06)] = 0.0
+    return mask
 
 
 def heard_often(clips: list[tuple[Clip, list[Phone]]]) -> np.ndarray:
-    """Which segments the clips hold at least `LEAST_SEEN` times, [N] bool; never the pause."""
-    found = [SEGMENTS.index(s) for _, phones in clips for phone in phones for _, _, s in split(phone)]
-    counts = np.bincount(found, minlength=len(SEGMENTS))
+    """Which segments the clips hold at least `LEAST_SEEN` times, [N] bool. The pause is never among them."""
+    indices = [SEGMENTS.index(s) for _, phones in clips for phone in phones for _, _, s in split(phone)]
+    counts = np.bincount(indices, minlength=len(SEGMENTS))
     counts[0] = 0
     return counts >= LEAST_SEEN
 

@@ -49,7 +49,7 @@ STRONGEST = 1.5
 
 @dataclass(frozen=True)
 class Row:
-    """One line of clips.tsv; `number` counts from 1, the heading."""
+    """One line of clips.tsv. `number` is its line number; the heading is line 1."""
 
     clip: str
     speaker: str
@@ -96,7 +96,7 @@ class CorpusFolder:
         return None
 
     def rate(self, kind: str, path: Path) -> float:
-        """Frames a second of a file that does not say so itself."""
+        """Frame rate for a file that does not state one."""
         if kind not in self.fps:
             raise CorpusError(path, None, f"a rate: fps.{kind} in corpus.json", "none")
         return float(self.fps[kind])
@@ -105,8 +105,8 @@ class CorpusFolder:
         """Mono samples [S] f32 at 16 kHz."""
         path = self.file("audio", row, SOUNDS)
         if path is None:
-            wanted = f"audio/{row.clip} with one of {', '.join(SOUNDS)}"
-            raise CorpusError(self.path / "clips.tsv", row.number, wanted, "no such file")
+            expected = f"audio/{row.clip} with one of {', '.join(SOUNDS)}"
+            raise CorpusError(self.path / "clips.tsv", row.number, expected, "no such file")
         return read_sound_any(path)
 
     def landmarks(self, row: Row) -> Track | None:
@@ -117,18 +117,18 @@ class CorpusFolder:
         arrays = read_npz(path)
         values = need_shape(path, arrays.get("landmarks"), (None, 68, 3), "landmarks")
         fps = float(arrays["fps"]) if "fps" in arrays else self.rate("landmarks", path)
-        found = np.asarray(arrays.get("found", np.ones(len(values))), bool)
-        if found.shape != (len(values),):
-            raise CorpusError(path, None, f"found of shape ({len(values)},)", found.shape)
-        need_finite(path, values[found], np.flatnonzero(found))
+        tracked_frames = np.asarray(arrays.get("found", np.ones(len(values))), bool)
+        if tracked_frames.shape != (len(values),):
+            raise CorpusError(path, None, f"found of shape ({len(values)},)", tracked_frames.shape)
+        need_finite(path, values[tracked_frames], np.flatnonzero(tracked_frames))
         neutral = arrays.get("neutral")
         if neutral is not None:
             neutral = self.unit_m * need_shape(path, neutral, (68, 3), "neutral")
-        seen = arrays.get("seen")
-        if seen is not None:
-            seen = need_shape(path, seen.astype(np.uint8), (68,), "seen").astype(bool)
-        filled = np.where(found[:, None, None], values, 0.0) * self.unit_m
-        return Track(filled, np.arange(len(values)) / fps, found, neutral, seen=seen)
+        visible = arrays.get("seen")
+        if visible is not None:
+            visible = need_shape(path, visible.astype(np.uint8), (68,), "seen").astype(bool)
+        filled = np.where(tracked_frames[:, None, None], values, 0.0) * self.unit_m
+        return Track(filled, np.arange(len(values)) / fps, tracked_frames, neutral, visible=visible)
 
     def weights(self, row: Row) -> Track | None:
         """`values` [T, K] of the ARKit channels `names`."""
@@ -152,8 +152,8 @@ class CorpusFolder:
     def topology(self, row: Row) -> Topology:
         """The neutral mesh of the clip's speaker, metres."""
         if not isinstance(self.topology_name, str):
-            wanted = "topology: the name of a folder in topologies"
-            raise CorpusError(self.path / "corpus.json", None, wanted, self.topology_name)
+            expected = "topology: the name of a folder in topologies"
+            raise CorpusError(self.path / "corpus.json", None, expected, self.topology_name)
         return topology_of(self.path / "topologies" / self.topology_name, row.speaker, self.unit_m)
 
     def mesh_file(self, row: Row) -> Path:
@@ -193,15 +193,15 @@ def read_rows(path: Path) -> list[Row]:
 
 def _row(path: Path, number: int, cells: dict[str, str]) -> Row:
     if not re.fullmatch(r"[^/\\\x00]+", cells["clip"]) or cells["clip"].startswith("."):
-        wanted = "clip: a name without / that does not begin with ."
-        raise CorpusError(path, number, wanted, repr(cells["clip"]))
+        expected = "clip: a name without / that does not begin with ."
+        raise CorpusError(path, number, expected, repr(cells["clip"]))
     if not cells["speaker"]:
         raise CorpusError(path, number, "speaker: a name", "nothing")
     if cells["split"] not in SPLITS:
         raise CorpusError(path, number, f"split: {', '.join(SPLITS)}", repr(cells["split"]))
     if cells["emotion"] not in (*EMOTIONS, UNKNOWN_EMOTION):
-        wanted = f"emotion: {', '.join(EMOTIONS)} or {UNKNOWN_EMOTION}"
-        raise CorpusError(path, number, wanted, repr(cells["emotion"]))
+        expected = f"emotion: {', '.join(EMOTIONS)} or {UNKNOWN_EMOTION}"
+        raise CorpusError(path, number, expected, repr(cells["emotion"]))
     intensity = number_of(path, number, "intensity", cells["intensity"])
     if not 0.0 <= intensity <= STRONGEST:
         raise CorpusError(path, number, f"intensity: 0 to {STRONGEST}", intensity)

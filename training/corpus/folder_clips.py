@@ -1,4 +1,4 @@
-"""Clips of a corpus folder as trainers take them: landmark motion in canonical metres at 25 fps."""
+"""Clips of a corpus folder in the form that trainers use: landmark motion in canonical metres at 25 fps."""
 
 import json
 from functools import lru_cache
@@ -24,18 +24,18 @@ FEWEST_FRAMES = 8
 
 
 def clips(folder: CorpusFolder) -> list[Clip]:
-    """All clips with motion of the face: landmarks, else those of vertices, else blend weights."""
+    """All clips with motion of the face: from landmarks, else from vertices, else from blend weights."""
     tracks = [(row, observed(folder, row)) for row in folder.rows]
     sounds = {row.clip: folder.sound(row) for row, track in tracks if track is not None}
     neutrals = speaker_neutrals([(row, track) for row, track in tracks if track], sounds)
-    found = []
+    face_clips = []
     for row, track in tracks:
         if track is None:
             continue
         neutral = neutrals[row.speaker] if track.neutral is None else track.neutral
         motion, weight = displacement(track, neutral, folder.head_moves and not track.names)
-        found.append(_clip(folder, row, sounds[row.clip], motion, weight, track.seconds, neutral))
-    return [clip for clip in found if len(clip.motion) >= FEWEST_FRAMES]
+        face_clips.append(_clip(folder, row, sounds[row.clip], motion, weight, track.seconds, neutral))
+    return [clip for clip in face_clips if len(clip.motion) >= FEWEST_FRAMES]
 
 
 def observed(folder: CorpusFolder, row: Row) -> Track | None:
@@ -52,7 +52,7 @@ def observed(folder: CorpusFolder, row: Row) -> Track | None:
 
 
 def blend_weights(folder: CorpusFolder, row: Row) -> Track | None:
-    """ARKit weights of a clip that `observed` takes from weights, since it has nothing else."""
+    """ARKit weights of a clip for which `observed` falls back on weights."""
     landmarks, vertices = (
         folder.file("landmarks", row, (".npz",)),
         folder.file("vertices", row, (".npy", ".npz", "")),
@@ -63,12 +63,12 @@ def blend_weights(folder: CorpusFolder, row: Row) -> Track | None:
 def _of_weights(track: Track) -> Track:
     modes, neutral = arkit_modes(), canonical_landmarks()
     moved = sum(w[:, None, None] * modes[n] for n, w in zip(track.names, track.values.T, strict=True))
-    return Track(neutral + moved, track.seconds, track.found, neutral, track.names)
+    return Track(neutral + moved, track.seconds, track.tracked_frames, neutral, track.names)
 
 
 def _of_vertices(track: Track, topology: Topology, unit_m: float) -> Track:
     places = unit_m * topology.landmarks(np.asarray(track.values, np.float32))
-    return Track(places, track.seconds, track.found, topology.landmarks(topology.vertices))
+    return Track(places, track.seconds, track.tracked_frames, topology.landmarks(topology.vertices))
 
 
 @lru_cache(maxsize=1)
@@ -85,13 +85,13 @@ def arkit_modes() -> dict[str, np.ndarray]:
 
 
 def speaker_neutrals(tracks: list[tuple[Row, Track]], sounds) -> dict[str, np.ndarray]:
-    """The neutral face [68, 3] m of every speaker whose tracks do not say it: lips together, in quiet."""
+    """Neutral face [68, 3] m of every speaker whose tracks do not state it: lips together, in quiet."""
     quiet: dict[str, list[np.ndarray]] = {}
     for row, track in tracks:
         if track.neutral is not None:
             continue
         level = loudness(sounds[row.clip], track.seconds)
-        chosen = (level <= np.quantile(level, QUIET_SHARE)) & track.found
+        chosen = (level <= np.quantile(level, QUIET_SHARE)) & track.tracked_frames
         quiet.setdefault(row.speaker, []).append(track.values[chosen])
     neutrals = {}
     for speaker, parts in quiet.items():
@@ -107,26 +107,26 @@ def displacement(track: Track, neutral: np.ndarray, head_moves: bool) -> tuple[n
     if head_moves:
         values, _ = without_head(values, neutral)
     motion = (values - neutral) @ to_canonical_axes(neutral)
-    weight = np.repeat(track.found[:, None], 68, axis=1).astype(np.float32)
-    if not track.found.all() and track.found.any():
-        good = track.found
+    weight = np.repeat(track.tracked_frames[:, None], 68, axis=1).astype(np.float32)
+    if not track.tracked_frames.all() and track.tracked_frames.any():
+        good = track.tracked_frames
         flat = motion.reshape(len(motion), -1)
         filled = [np.interp(track.seconds, track.seconds[good], column[good]) for column in flat.T]
         motion = np.stack(filled, axis=1).reshape(motion.shape)
     if track.names and not any(name.startswith(("brow", "eyeBlink")) for name in track.names):
         weight[:, [*range(17, 27), *range(36, 48)]] = 0.0
-    if track.seen is not None:
-        weight[:, ~track.seen] = 0.0
+    if track.visible is not None:
+        weight[:, ~track.visible] = 0.0
     return motion, weight
 
 
 def to_canonical_axes(landmarks: np.ndarray) -> np.ndarray:
-    """What turns rows beside a neutral face with these landmarks [68, 3] to canonical axes, [3, 3]."""
+    """Rotation [3, 3] from the axes of a neutral face with these landmarks [68, 3] to canonical axes."""
     return similarity(landmarks[INNER], canonical_landmarks()[INNER]).rotation.T
 
 
 def without_head(values: np.ndarray, neutral: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
-    """[T, 68, 3] with every frame laid on the neutral face by its steadiest landmarks.
+    """[T, 68, 3] with every frame aligned to the neutral face by its steadiest landmarks.
 
     Also returns the rotations [T, 3, 3] that did it.
     """
@@ -144,7 +144,7 @@ def loudness(samples: np.ndarray, seconds: np.ndarray) -> np.ndarray:
 
 
 def _clip(folder: CorpusFolder, row: Row, samples, motion, weight, seconds, neutral) -> Clip:
-    """At 25 fps, as long as both sound and motion are."""
+    """A clip at 25 fps, cut to the shorter of sound and motion."""
     length_s = min(seconds[-1], len(samples) / SOUND_HZ)
     times = np.arange(int(length_s * FPS + 1e-6) + 1) / FPS
     if len(seconds) < 2:

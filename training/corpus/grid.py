@@ -30,22 +30,22 @@ INNER = slice(27, 68)
 
 
 def read_grid(data: Path) -> list[Clip]:
-    """All clips; motion is turned so that the speaker's neutral fits ICT's, and keeps its size."""
+    """All clips. Motion is turned so that the speaker's neutral face fits ICT's, and keeps its size."""
     folder = data / "motion" / SOURCE
     with safe_open(folder / TRACK, "np") as file:
         landmarks = file.get_tensor("landmarks").astype(np.float32) / UNITS_PER_CM
-        seen = file.get_tensor("found").astype(bool)
+        tracked_frames = file.get_tensor("found").astype(bool)
         offsets = file.get_tensor("clip_offsets")
         names = json.loads(file.metadata()["clips"])
     spans = [slice(a, b) for a, b in pairwise(offsets)]
-    tracks = [_smooth(_fill(landmarks[span], ~seen[span])) for span in spans]
-    neutral = rest_template(tracks, [seen[span] for span in spans])
+    tracks = [_smooth(_fill(landmarks[span], ~tracked_frames[span])) for span in spans]
+    neutral = rest_template(tracks, [tracked_frames[span] for span in spans])
     turn = similarity(neutral[INNER], 100.0 * IctLandmarks(data).neutral[INNER]).rotation
     held_out = grid_held_out(names)
     clips = []
     for name, track, span in zip(names, tracks, spans, strict=True):
         motion = ((track - neutral) @ turn.T * 0.01).astype(np.float32)
-        weight = np.repeat(seen[span, None], 68, axis=1).astype(np.float32)
+        weight = np.repeat(tracked_frames[span, None], 68, axis=1).astype(np.float32)
         motion[:, EYES], weight[:, EYES] = 0.0, 0.0
         clips.append(
             Clip(
@@ -75,7 +75,7 @@ def _fill(track: np.ndarray, bad: np.ndarray) -> np.ndarray:
     return np.stack(columns, axis=1).reshape(track.shape)
 
 
-def rest_template(tracks: list[np.ndarray], seen: list[np.ndarray]) -> np.ndarray:
+def rest_template(tracks: list[np.ndarray], tracked_frames: list[np.ndarray]) -> np.ndarray:
     """Neutral face [68, 3]: the silent face with its lips together.
 
     The first and last quarter second of a GRID clip are silent; there the mouth is at rest, often
@@ -83,7 +83,7 @@ def rest_template(tracks: list[np.ndarray], seen: list[np.ndarray]) -> np.ndarra
     read at the 5 % quantile of gaps.
     """
     ends = [np.r_[:EDGE_FRAMES, len(t) - EDGE_FRAMES : len(t)] for t in tracks]
-    edges = np.concatenate([t[e][s[e]] for t, s, e in zip(tracks, seen, ends, strict=True)])
+    edges = np.concatenate([t[e][s[e]] for t, s, e in zip(tracks, tracked_frames, ends, strict=True)])
     return closed_shape(edges)
 
 

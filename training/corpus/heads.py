@@ -1,9 +1,9 @@
-"""Heads with all that lies about them: ICT identities, face, head and neck, with sockets, the neck capped.
+"""Whole heads and the space about them: ICT identities with face, head, neck and sockets.
 
-The skin with its sockets is one closed surface but for the neck's end, which a fan of triangles closes. All
-identities share its triangles, so a place on (or beside) the mean head has a partner on every other: places
-off the surface lie on normals. Places of the volume are drawn once about the mean head, where the winding
-number tells inside from outside, and are carried to other identities by the surface about them.
+The skin with its sockets is one closed surface except for the neck's end, which a fan of triangles closes.
+All identities share its triangles, so a place on (or beside) the mean head has a partner on every other one.
+Places off the surface lie on normals. Places of the volume are drawn once about the mean head, where the
+winding number tells inside from outside. The surface about them carries them to other identities.
 """
 
 from __future__ import annotations
@@ -23,15 +23,15 @@ from training.corpus.faces import CHANNELS, load_ict
 COEFFICIENTS = 100
 FACE_VERTICES = 9409
 BOX_M = 0.12
-"""How far about the head the far points lie."""
+"""Distance of the far points from the head."""
 SPREAD_M, FURTHEST_M = 2e-3, 6e-3
-"""Of the distance of places beside the surface: deviation and bound."""
+"""Distance of places beside the surface: its deviation and its bound."""
 UNTOUCHED_M = 1e-4
-"""How far another part of the surface may cut the distance of such a place short."""
+"""By how much another part of the surface may lie nearer to such a place than its own part."""
 ON_SURFACE = 0.4
 FACE_SHARE, FEATURE_SHARE, FEATURE_M, LIP_SHARE = 2.0, 8.0, 8e-3, 12.0
-"""How much more often than by area the face, what is near landmarks of brows, eyes, nose and mouth, and lips
-are drawn."""
+"""How much more often than by area triangles are drawn: of the face, near landmarks of brows, eyes, nose and
+mouth, and at the lips."""
 CHUNK = 100
 UNCLEAR = 0.3
 """Points whose winding number is nearer to 0.5 are left out: they lie on the surface."""
@@ -92,12 +92,12 @@ class IctHeads:
         self.steady = torch.from_numpy(stability()).float()
         self.opened = self.mean + self.modes[CHANNELS.index("jawOpen")] * open_jaw
         self.normals = vertex_normals(self.opened[None], self.triangles)[0]
-        kept = cache / f"ict_places_{VERSION}_{places}_{volume}_{open_jaw}.pt"
-        if not kept.exists():
+        path = cache / f"ict_places_{VERSION}_{places}_{volume}_{open_jaw}.pt"
+        if not path.exists():
             cache.mkdir(parents=True, exist_ok=True)
-            torch.save(self._drawn(places, volume), kept)
-        found = torch.load(kept)
-        self.places, self.volume = Places(**found["places"]), Volume(**found["volume"])
+            torch.save(self._drawn(places, volume), path)
+        tables = torch.load(path)
+        self.places, self.volume = Places(**tables["places"]), Volume(**tables["volume"])
 
     def _drawn(self, places: int, volume: int) -> dict[str, dict[str, Tensor]]:
         random = torch.Generator().manual_seed(5)
@@ -109,20 +109,20 @@ class IctHeads:
         surface = self.at(self.opened[None], self.normals[None], dense)[0]
         tree = cKDTree(surface.numpy())
         chance = area * self.attention()
-        found = drawn_places(chance, 3 * places, random)
-        step = SPREAD_M * torch.randn(len(found), generator=random).clamp(-3.0, 3.0)
-        step[torch.rand(len(found), generator=random) < ON_SURFACE] = 0.0
-        found.away = step.clamp(-FURTHEST_M, FURTHEST_M)
-        points = self.at(self.opened[None], self.normals[None], found)[0]
+        candidates = drawn_places(chance, 3 * places, random)
+        step = SPREAD_M * torch.randn(len(candidates), generator=random).clamp(-3.0, 3.0)
+        step[torch.rand(len(candidates), generator=random) < ON_SURFACE] = 0.0
+        candidates.away = step.clamp(-FURTHEST_M, FURTHEST_M)
+        points = self.at(self.opened[None], self.normals[None], candidates)[0]
         nearest = torch.from_numpy(tree.query(points.numpy())[0]).float()
-        clear = (nearest - found.away.abs()).abs() < UNTOUCHED_M + 0.02 * found.away.abs()
-        found = found[(clear | (found.away == 0.0)).nonzero()[:, 0][:places]]
+        clear = (nearest - candidates.away.abs()).abs() < UNTOUCHED_M + 0.02 * candidates.away.abs()
+        candidates = candidates[(clear | (candidates.away == 0.0)).nonzero()[:, 0][:places]]
         points, inside = volume_points(self.opened.numpy(), self.triangles.numpy(), volume)
         distance = torch.from_numpy(tree.query(points)[0]).float()
         far, carriers = (torch.from_numpy(x) for x in cKDTree(self.opened.numpy()).query(points, k=CARRIERS))
         share = torch.exp(-((far - far[:, :1]) / (CARRIER_M + 0.3 * far[:, :1])).square())
         return {
-            "places": vars(found),
+            "places": vars(candidates),
             "volume": {
                 "points": torch.from_numpy(points),
                 "distance": torch.where(torch.from_numpy(inside), -distance, distance),
@@ -132,7 +132,7 @@ class IctHeads:
         }
 
     def attention(self) -> Tensor:
-        """How often triangles are drawn beside their area, [F]."""
+        """How often each triangle is drawn relative to its area, [F]."""
         centre = self.opened[self.triangles].mean(1)
         face = (self.triangles < FACE_VERTICES).all(1).float()
         features = torch.cdist(centre, self.opened[self.landmarks[17:]]).amin(1)
@@ -145,7 +145,7 @@ class IctHeads:
         return self.on(vertices, places) + places.away[:, None] * self.normal(normals, places)
 
     def on(self, vertices: Tensor, places: Places) -> Tensor:
-        """The points of the surface below places, [B, P, 3]; of other fields [B, V, 3] their values there."""
+        """Points on the surface below places, [B, P, 3]. For other fields [B, V, 3]: their values there."""
         corners = self.triangles[places.triangle]
         return sum(places.share[:, i, None] * vertices[:, corners[:, i]] for i in range(3))
 
@@ -154,7 +154,7 @@ class IctHeads:
         return F.normalize(self.on(normals, places), dim=-1)
 
     def carried(self, moves: Tensor, rows: Tensor) -> Tensor:
-        """How far places `rows` [R] of the volume go with vertices that move by [B, V, 3], [B, R, 3]."""
+        """How far places `rows` [R] of the volume move when vertices move by [B, V, 3], [B, R, 3]."""
         carriers, share = self.volume.carriers[rows], self.volume.share[rows]
         return torch.einsum("brkc,rk->brc", moves[:, carriers], share)
 
@@ -196,7 +196,7 @@ def vertex_normals(vertices: Tensor, triangles: Tensor) -> Tensor:
 
 
 def neck_rim(triangles: np.ndarray) -> np.ndarray:
-    """Edges [E, 2] of one triangle alone, as that triangle runs through them."""
+    """Edges [E, 2] that belong to only one triangle, in that triangle's direction."""
     edges = np.concatenate([triangles[:, [0, 1]], triangles[:, [1, 2]], triangles[:, [2, 0]]])
     _, first, count = np.unique(np.sort(edges, 1), axis=0, return_index=True, return_counts=True)
     return edges[first[count == 1]]
@@ -216,15 +216,18 @@ def volume_points(vertices: np.ndarray, triangles: np.ndarray, count: int) -> tu
 
 
 def winding_number(points: np.ndarray, vertices: np.ndarray, triangles: np.ndarray) -> np.ndarray:
-    """How often a closed mesh goes round each point [P] (Jacobson et al. 2013), every triangle a dipole at
-    its centre (Barill et al. 2018): good to a few hundredths farther off than a triangle's size."""
+    """How often a closed mesh winds round each point [P] (Jacobson et al. 2013).
+
+    Every triangle is a dipole at its centre (Barill et al. 2018). That is good to a few hundredths for points
+    farther off than a triangle's size.
+    """
     corners = torch.from_numpy(vertices[triangles]).float()
     centre = corners.mean(1)
     area = 0.5 * torch.linalg.cross(corners[:, 1] - corners[:, 0], corners[:, 2] - corners[:, 0])
     offset = (area * centre).sum(1)
-    found = []
+    windings = []
     for chunk in torch.from_numpy(points).float().split(CHUNK):
         above = offset - chunk @ area.T
         below = torch.cdist(chunk, centre).clamp_min(1e-4)
-        found.append((above / (below * below * below)).sum(1) / (4.0 * np.pi))
-    return torch.cat(found).numpy()
+        windings.append((above / (below * below * below)).sum(1) / (4.0 * np.pi))
+    return torch.cat(windings).numpy()

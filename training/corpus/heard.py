@@ -29,7 +29,7 @@ from training.speech.compact import CompactEncoder, normalise
 from training.speech.log_mel import FLOOR, mel_filters, power_spectrum
 
 WARPS = (0.86, 1.0)
-"""Lengths of the vocal tract in which recordings of one voice are heard: a man's and its own."""
+"""Vocal tract lengths at which each recording is heard: a man's and the voice's own."""
 
 VERSION = 2
 EMODB_HELD_OUT = ("03", "08")
@@ -40,7 +40,7 @@ SAMPA = {
     "9": "œ", "2": "ø", "Q": "ʔ", "?": "ʔ", "C": "ç", "R": "ʁ", "r": "ʁ", "U": "ʊ", "Z": "ʒ", "g": "ɡ",
 }  # fmt: skip
 TEXT_EVERY = 2
-"""One of so many recordings with text: kathleen reads the same sentences more than once."""
+"""One of so many recordings with text is used: kathleen reads the same sentences more than once."""
 
 TEXTS = {"en-us": "kathleen_en", "de": "kerstin_de", "nl": "nathalie_nl"}
 
@@ -67,7 +67,7 @@ def hear(encoder: CompactEncoder, samples: np.ndarray, warps: tuple[float, ...])
 
 
 def load(data: Path, cache: Path, encoder: CompactEncoder, minutes: float) -> list[Heard]:
-    """All of it; from the cache where it was made before."""
+    """All utterances, from the cache if they were made before."""
     name = "-".join(map(str, [VERSION, f"{minutes:g}", *kokoro_count(data)]))
     path = cache / f"heard-{name}.pt"
     return cached(path, Heard, lambda: _every(data, encoder, minutes))
@@ -109,7 +109,7 @@ def _of(encoder: CompactEncoder, u: Utterance, warps) -> Heard:
 
 
 def _grid(data: Path, encoder: CompactEncoder):
-    """Every fourth clip of grid_s1: only ever measured on."""
+    """Every fourth clip of grid_s1, only to measure on."""
     folder, words = data / "motion/grid_s1", grid_words(data)
     for name in sorted(words)[::4]:
         features = hear(encoder, read_sound(folder / "audio" / f"{name}.ogg"), (1.0,))
@@ -119,7 +119,7 @@ def _grid(data: Path, encoder: CompactEncoder):
 
 def read_emodb(data: Path) -> list[Utterance]:
     """Ten German actors with hand-labelled segments."""
-    folder, found = data / "speech/emodb_de", []
+    folder, utterances = data / "speech/emodb_de", []
     for line in (folder / "labels.jsonl").read_text().splitlines():
         record, phones = json.loads(line), []
         for row in record["labels"]:
@@ -131,12 +131,12 @@ def read_emodb(data: Path) -> list[Utterance]:
         if phones:
             samples = samples[: int(16000 * (phones[-1].end_s + 0.3))]
             held_out = record["id"][:2] in EMODB_HELD_OUT
-            found.append(Utterance(record["id"], "emodb_de", held_out, samples, phones))
-    return found
+            utterances.append(Utterance(record["id"], "emodb_de", held_out, samples, phones))
+    return utterances
 
 
 def _ipa(label: str) -> str | None:
-    """A SAMPA label as IPA; none for what is no phone of its own."""
+    """A SAMPA label as IPA; None for a label that is no phone of its own."""
     if label[0] in "-+":
         return None
     if label == ".":

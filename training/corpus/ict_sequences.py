@@ -28,9 +28,9 @@ from training.flags import run_command
 FPS = 15.0
 STRETCH_S = 10.0
 HOLD_S = 0.6
-"""From one random expression of the upper face to the next."""
+"""Time from one random expression of the upper face to the next."""
 CHAIN_EVERY = 4
-"""One stretch in as many is a chain of random expressions instead of speech."""
+"""One stretch in so many is a chain of random expressions instead of speech."""
 
 
 @dataclass(frozen=True)
@@ -66,7 +66,7 @@ def read_takes(data: Path) -> list[Take]:
 
 
 def triangulate(rng: np.random.Generator, data: Path, triangles: int) -> Triangulation:
-    """The mean face and its modes on about so many triangles; ICT's own triangles where 0."""
+    """The mean face and its modes on about this many triangles; on ICT's own triangles for 0."""
     model = load_ict(data, "face")
     count = len(model.mean.modes)
     if triangles == 0:
@@ -97,11 +97,11 @@ def perform(rng: np.random.Generator, take: Take, number: int) -> tuple[np.ndarr
 
 def write_folder(data: Path, out: Path, seed: int, triangles: int, people: dict[str, int],
                  stretches: int) -> Path:  # fmt: skip
-    """One triangulation; `people` in each split, each with so many stretches."""
+    """Writes one triangulation: for each split so many `people`, and for each of them so many stretches."""
     rng = np.random.default_rng(seed)
     mesh, takes = triangulate(rng, data, triangles), read_takes(data)
-    seen = [take for take in takes if take.name != HELD_OUT_TAKE]
-    unseen = [take for take in takes if take.name == HELD_OUT_TAKE]
+    training_takes = [take for take in takes if take.name != HELD_OUT_TAKE]
+    test_takes = [take for take in takes if take.name == HELD_OUT_TAKE]
     writer = CorpusWriter(out, f"ict_{seed}", "m", topology=f"ict_{seed}", fps={"vertices": FPS})
     writer.mesh("neutral", mesh.face.vertices, mesh.face.triangles)
     table = {"vertices": mesh.face.landmarks.tolist()}
@@ -111,7 +111,7 @@ def write_folder(data: Path, out: Path, seed: int, triangles: int, people: dict[
             speaker, face = f"{split}{number:02d}", mesh.person(rng)
             writer.mesh(speaker, face.vertices, face.triangles)
             for stretch in range(stretches):
-                choice = unseen if split == "test" else seen
+                choice = test_takes if split == "test" else training_takes
                 acted = perform(rng, choice[int(rng.integers(len(choice)))], stretch)
                 _write_clip(writer, f"{speaker}_{stretch:02d}", speaker, split, face, acted)
     return writer.close()
@@ -128,9 +128,9 @@ def main(
     data: Path = DATA,
     out: Path = Path("runs/ict_sequences"),
     triangles: Annotated[list[int], "0: ICT's own"] = (1500, 1800, 2200),
-    people: Annotated[int, "who train, in each folder"] = 8,
-    held_out: Annotated[int, "who test, in each folder"] = 1,
-    stretches: Annotated[int, "of ten seconds, of each person"] = 6,
+    people: Annotated[int, "training speakers in each folder"] = 8,
+    held_out: Annotated[int, "test speakers in each folder"] = 1,
+    stretches: Annotated[int, "stretches of ten seconds for each speaker"] = 6,
     seed: int = 0,
 ) -> None:
     """Entry of the command."""

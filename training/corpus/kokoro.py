@@ -44,16 +44,17 @@ HELD_OUT_VOICES = (
     "pm_alex",
 )  # fmt: skip
 LEAST_TURNS = 3
-"""Turns of a language in a round; each of its voices has one at least."""
+"""Fewest turns of a language in a round; each of its voices has at least one."""
 
 RATE_HZ, SOUND_HZ = 24000, 16000
 UNIT_S = 0.025
 LAG_S = 0.06
-"""How far the durations run behind the sound: so the phones that the shipped read-out hears fit best."""
+"""Delay of the model's durations behind the sound, chosen so that the phones fit the shipped read-out best.
+"""
 SHORT_SPACE = 3
-"""Units up to which the letter before a space sounds on through it; a longer space is a pause."""
+"""Up to this many units of a space, the letter before sounds on through it. A longer space is a pause."""
 LAST_DB, LAST_S = 35.0, 0.06
-"""How far under the mean level the sound of a letter before a pause ends, and its least duration."""
+"""Level under the mean at which a letter before a pause ends, and its least duration."""
 HOP = 160
 DURATIONS = "/encoder/Clip_output_0"
 LONGEST = 508
@@ -130,7 +131,7 @@ class Kokoro:
         return cls(lambda inputs: session.run(None, inputs), vocabulary, styles)
 
     def speak(self, ipa: str, voice: str, speed: float) -> tuple[np.ndarray, list[Phone]]:
-        """What espeak-ng's IPA sounds like, [S] f32 at 16 kHz, and its phones."""
+        """Sound of espeak-ng's IPA, [S] f32 at 16 kHz, and its phones."""
         letters = [sign for sign in spelled(ipa) if sign in self.vocabulary][:LONGEST]
         tokens = np.array([[0, *(self.vocabulary[sign] for sign in letters), 0]], np.int64)
         inputs = {
@@ -152,30 +153,37 @@ def spelled(ipa: str) -> str:
 
 
 def phones(letters: list[str], durations: np.ndarray) -> list[Phone]:
-    """Phones of `letters` [L], of which `durations` [L + 2] knows silence before and after, in units."""
+    """Phones of `letters` [L]. `durations` [L + 2] also has the silence before and after, in units."""
     edges = np.maximum(np.concatenate([[0.0], np.cumsum(durations)]) * UNIT_S - LAG_S, 0.0)
-    found, start = [], None
+    timed_phones, start = [], None
     for number, sign in enumerate([PAUSE, *letters, PAUSE]):
         begin = edges[number] if start is None else start
         end = edges[number + 1]
         start = None
         if sign in BEFORE:
             start = begin
-        elif found and (sign in AFTER or sign == " " and durations[number] <= SHORT_SPACE):
-            found[-1] = Phone(found[-1].start_s, end - found[-1].start_s, found[-1].label + sign.strip())
+        elif timed_phones and (sign in AFTER or sign == " " and durations[number] <= SHORT_SPACE):
+            timed_phones[-1] = Phone(
+                timed_phones[-1].start_s,
+                end - timed_phones[-1].start_s,
+                timed_phones[-1].label + sign.strip(),
+            )
         else:
-            found.append(Phone(begin, end - begin, PAUSE if sign in NO_SOUND else SOUNDS.get(sign, sign)))
-    return [phone for phone in found if phone.duration_s > 0]
+            timed_phones.append(
+                Phone(begin, end - begin, PAUSE if sign in NO_SOUND else SOUNDS.get(sign, sign))
+            )
+    return [phone for phone in timed_phones if phone.duration_s > 0]
 
 
 def ended(said: list[Phone], samples: np.ndarray) -> list[Phone]:
-    """Phones that end where their sound does: the last letter before a pause lasts into the silence.
+    """Phones that end where their sound ends: the model lets the last letter before a pause last into the
+    silence.
 
-    `samples` [S] at 16 kHz. The pause begins as much earlier.
+    `samples` [S] at 16 kHz. The pause begins earlier by the same time.
     """
     power = np.square(samples[: len(samples) // HOP * HOP].reshape(-1, HOP)).mean(axis=1)
     loud = power > power.mean() * 10.0 ** (-LAST_DB / 10.0)
-    found = list(said)
+    shortened = list(said)
     for index, (phone, after) in enumerate(zip(said[:-1], said[1:], strict=True)):
         if phone.label == PAUSE or after.label != PAUSE:
             continue
@@ -183,19 +191,19 @@ def ended(said: list[Phone], samples: np.ndarray) -> list[Phone]:
         sounding = np.flatnonzero(loud[first:last])
         end_s = (first + sounding[-1] + 1) * HOP / SOUND_HZ if len(sounding) else phone.start_s
         end_s = min(max(end_s, phone.start_s + LAST_S), phone.end_s)
-        found[index] = Phone(phone.start_s, end_s - phone.start_s, phone.label)
-        found[index + 1] = Phone(end_s, after.end_s - end_s, PAUSE)
-    return found
+        shortened[index] = Phone(phone.start_s, end_s - phone.start_s, phone.label)
+        shortened[index + 1] = Phone(end_s, after.end_s - end_s, PAUSE)
+    return shortened
 
 
 def voices_in_turn(voices: list[str]) -> list[str]:
-    """A round: every voice once, those of languages with few voices more often."""
-    found = []
+    """One round of voices: every voice once, those of languages with few voices more often."""
+    turn_order = []
     for letter in LANGUAGES:
-        own = sorted(voice for voice in voices if voice[0] == letter)
-        turns = max(len(own), LEAST_TURNS) if own else 0
-        found += [own[turn % len(own)] for turn in range(turns)]
-    return found
+        of_language = sorted(voice for voice in voices if voice[0] == letter)
+        turns = max(len(of_language), LEAST_TURNS) if of_language else 0
+        turn_order += [of_language[turn % len(of_language)] for turn in range(turns)]
+    return turn_order
 
 
 def word_list(language: str) -> tuple[list[str], np.ndarray]:
@@ -227,7 +235,7 @@ class Speaker:
     seed: int = 0
 
     def say(self, number: int) -> tuple[dict, np.ndarray]:
-        """Record and samples [S] of one utterance; depends on its number and the seed alone."""
+        """Record and samples [S] of one utterance. They depend on its number and the seed alone."""
         circle = voices_in_turn(list(self.kokoro.styles))
         turns = np.random.default_rng([self.seed, number // len(circle)]).permutation(len(circle))
         voice = circle[turns[number % len(circle)]]

@@ -25,9 +25,10 @@ HISS_S = 60
 
 @dataclass
 class LessonBatch:
-    """`mel` [B, R, 64] raw; `heard` before it; metres [B, T, 204]:
+    """A batch of windows. `mel` [B, R, 64] is raw log-mel; `heard` is the state of the normaliser before it.
 
-    `captured` with its `weight` (0 where nothing was captured), `taught`; `scale` [B, 1, 1].
+    `captured` [B, T, 204] metres with its `weight` (0 where nothing was captured); `taught` [B, T, 204] is
+    the teacher's motion; `scale` [B, 1, 1].
     """
 
     mel: Tensor
@@ -39,7 +40,7 @@ class LessonBatch:
 
 
 class LessonSampler(WindowSampler):
-    """Draws windows from lessons; the sound reaches past the last frame by the look-ahead."""
+    """Draws windows from lessons. The sound extends past the last frame by the look-ahead."""
 
     def __init__(self, lessons: list[Lesson], shares: dict[str, float], seed: int, config,
                  scales: dict[str, float] = SCALE_M):  # fmt: skip
@@ -66,7 +67,7 @@ class LessonSampler(WindowSampler):
         )
 
     def _lesson(self, frames: int, rows: int):
-        """One window; its parts are clips one after the other."""
+        """One window, made of clips one after another."""
         longer = -(-rows // self.per_frame)
         mel, tracks, weight, _, _, index = self._window(longer)
         tracks = tracks.float()
@@ -100,11 +101,11 @@ class LessonSampler(WindowSampler):
             noise = self.random.uniform(-12.0, -3.0) + self._smooth(1.0)
             mel = torch.logaddexp(mel, noise + self._wobble(len(mel)))
         phones = torch.zeros(len(mel), dtype=torch.int16)
-        still, seen = torch.zeros(frames, 2 * DIMS), torch.ones(frames, DIMS)
-        return mel, still, seen, phones, neutral_affect(1, frames)[0]
+        still, weight = torch.zeros(frames, 2 * DIMS), torch.ones(frames, DIMS)
+        return mel, still, weight, phones, neutral_affect(1, frames)[0]
 
     def _wobble(self, rows: int) -> Tensor:
-        """How steady noise strays from its own level, [rows, 64]."""
+        """How steady noise varies about its own level, [rows, 64]."""
         start = int(self.random.integers(0, len(self.hiss) - rows))
         return self.hiss[start : start + rows]
 

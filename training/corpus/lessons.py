@@ -52,12 +52,12 @@ class FullModel:
         self.closes = denoiser.config.default_style in denoiser.config.closing_styles
 
     def digest(self) -> str:
-        """Changes with the weights and the sampling."""
-        found = hashlib.sha256(json.dumps(self.denoiser.config.to_json()).encode())
+        """A short name that changes with the weights and the sampling."""
+        hasher = hashlib.sha256(json.dumps(self.denoiser.config.to_json()).encode())
         for model in (self.encoder, self.denoiser):
             for value in model.state_dict().values():
-                found.update(value.numpy().tobytes())
-        return found.hexdigest()[:16]
+                hasher.update(value.numpy().tobytes())
+        return hasher.hexdigest()[:16]
 
     @torch.no_grad()
     def teach(self, entry: Entry) -> Lesson:
@@ -77,18 +77,19 @@ def load(
     speech: list[Path],
     limit: int | None,
 ) -> list[Lesson]:
-    """The lessons of a run, from `folder` where they were taught before with the same arguments.
+    """The lessons of a run. They are read from `folder` if they were made there before with the same
+    arguments.
 
     `entries`: the bank. `speech`: folders of sound without motion, at most `limit` files of each.
     """
     groups = {"captured": lambda: entries}
     groups |= {str(path): lambda path=path: speech_entries(path, limit) for path in speech}
     lessons = []
-    for name, found in groups.items():
+    for name, read_entries in groups.items():
         known = [[e.source, e.name, len(e.mels), len(e.motion)] for e in entries]
         voices = known if name == "captured" else limit
         path = folder / f"lessons-{digest(VERSION, bank.VERSION, name, voices, teacher.digest())}.pt"
-        lessons += cached(path, Lesson, lambda found=found: map(teacher.teach, found()))
+        lessons += cached(path, Lesson, lambda read_entries=read_entries: map(teacher.teach, read_entries()))
         print(f"{name}: lessons are in {path}", flush=True)
     return lessons
 

@@ -164,11 +164,11 @@ def segments(label: str) -> list[str]:
     if label.lower() in PAUSES:
         return [PAUSE]
     label = ARPABET.get(label.rstrip("012"), label)
-    found = []
+    plain_segments = []
     for sign in label:
         plain = sign if sign in CONSONANTS else unicodedata.normalize("NFD", sign)[0]
-        found += [s for s in SPELLINGS.get(plain, plain) if s in VOWELS or s in CONSONANTS]
-    return found
+        plain_segments += [s for s in SPELLINGS.get(plain, plain) if s in VOWELS or s in CONSONANTS]
+    return plain_segments
 
 
 def split(phone: Phone) -> list[tuple[float, float, str]]:

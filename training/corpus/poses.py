@@ -1,4 +1,4 @@
-"""Single frames of ARKit weights, [N, 51]: what faces do in recordings, and what anybody may ask for."""
+"""Single frames of ARKit weights, [N, 51]: what faces do in recordings, and what users may ask for."""
 
 import json
 from pathlib import Path
@@ -18,16 +18,19 @@ REST_SHARE, SINGLE_SHARE, SPARSE_SHARE, CAPTURED_SHARE = 0.12, 0.15, 0.28, 0.3
 FELT_SHARE = 0.25
 SPARSE_CHANNELS = 0.12
 BLINK_SHARE = 0.25
-"""Poses whose lids are shut besides, half of them wholly."""
+"""Share of poses whose lids are shut as well; half of them wholly."""
 UPPER_SHARE, UPPER_CHANNELS = 0.35, 0.4
-"""Poses whose brows, cheeks and nose move besides, and how many of these channels do: recordings of speech
-hardly have them, and a field that is taught a median leaves out what is rare."""
+"""Share of poses whose brows, cheeks and nose move as well, and share of these channels that do.
+
+Recordings of speech hardly have them, and a field that learns a median leaves out what is rare.
+"""
 UPPER = [i for i, name in enumerate(CHANNELS) if name.startswith(("brow", "cheekS", "eyeSq", "noseS"))]
 LIDS = [CHANNELS.index("eyeBlinkLeft"), CHANNELS.index("eyeBlinkRight")]
 
 
 def recorded(data: Path, held_out: bool) -> tuple[Tensor, Tensor]:
-    """Frames of facegood_zh and of grid_s1's tracker, [N, 51] and [M, 51], of training or the others."""
+    """Frames of facegood_zh [N, 51] and of grid_s1's tracker [M, 51], either the training or the held-out
+    ones."""
     spoken = []
     for weights, _ in facegood_weights(data).values():
         cut = facegood_first_held_out(len(weights))
@@ -35,17 +38,17 @@ def recorded(data: Path, held_out: bool) -> tuple[Tensor, Tensor]:
     with safe_open(data / "motion/grid_s1/face_track.safetensors", "np") as file:
         names = json.loads(file.metadata()["weight_names"])
         clips = json.loads(file.metadata()["clips"])
-        offsets, found = file.get_tensor("clip_offsets"), file.get_tensor("found").astype(bool)
+        offsets, tracked_frames = file.get_tensor("clip_offsets"), file.get_tensor("found").astype(bool)
         weights = file.get_tensor("weights")[:, [names.index(c) for c in CHANNELS]]
     left = grid_held_out(clips)
     chosen = np.concatenate([
         np.arange(offsets[i], offsets[i + 1]) for i, name in enumerate(clips) if (name in left) == held_out
     ])  # fmt: skip
-    chosen = chosen[found[chosen]]
+    chosen = chosen[tracked_frames[chosen]]
     return torch.cat(spoken).float(), torch.from_numpy(weights[chosen]).float() / 255.0
 
 
-def felt() -> Tensor:
+def emotion_prototypes() -> Tensor:
     """Each emotion's prototype as weights, clamped to 0 … 1, [E, 51]."""
     return torch.from_numpy(shape_weights()).float().clamp(0.0, 1.0)
 
@@ -55,13 +58,13 @@ class Poses:
 
     def __init__(self, data: Path, held_out: bool = False):
         self.captured, self.tracked = recorded(data, held_out)
-        self.felt = felt()
+        self.prototypes = emotion_prototypes()
 
     @classmethod
     def of(cls, recorded: Tensor) -> "Poses":
-        """The same with frames [N, 51] of one's own recordings in place of ours."""
+        """The same with frames [N, 51] of the user's recordings in place of ours."""
         poses = cls.__new__(cls)
-        poses.captured, poses.tracked, poses.felt = recorded, recorded, felt()
+        poses.captured, poses.tracked, poses.prototypes = recorded, recorded, emotion_prototypes()
         return poses
 
     def draw(self, count: int, random: torch.Generator) -> Tensor:
@@ -82,7 +85,7 @@ class Poses:
         kind = torch.bucketize(uniform(count), shares)
         weights = kinds[kind, torch.arange(count)]
         emotional = (uniform(count) < FELT_SHARE) & (kind >= 3)
-        added = uniform(count, 1) * pick(self.felt) * emotional[:, None]
+        added = uniform(count, 1) * pick(self.prototypes) * emotional[:, None]
         blinks = uniform(count, 1) < BLINK_SHARE
         upper = uniform(count, len(UPPER)) * (uniform(count, len(UPPER)) < UPPER_CHANNELS)
         upper = upper * (uniform(count, 1) < UPPER_SHARE)

@@ -68,7 +68,7 @@ class Corpus:
 
 @dataclass(frozen=True)
 class Counts:
-    """Meshes of each face, and between how many triangles each has."""
+    """Meshes of each face, and the range of triangle counts for each."""
 
     ict: int
     makehuman: int

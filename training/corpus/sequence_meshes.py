@@ -27,45 +27,45 @@ class SequenceMesh(PreparedMesh):
     turn: np.ndarray
 
     def displacements(self, sequence: int, frames: np.ndarray, vertices: Tensor | None = None) -> Tensor:
-        """Of some frames of a sequence and some vertices (all if none), [T, P, 3] decimetres."""
+        """Displacements in some frames of a sequence at some vertices (all if None), [T, P, 3] decimetres."""
         moved = np.asarray(self.sequences[sequence][frames], np.float64)
         chosen = slice(None) if vertices is None else vertices.numpy()
         return torch.from_numpy((moved[:, chosen] - self.neutral[chosen]) @ self.turn.T).float()
 
     def anywhere(self, rng: np.random.Generator, frames: int, vertices: Tensor) -> Tensor:
-        """Frames that do not follow each other, of one sequence, 0.7 to 1.4 times as strong."""
+        """Single frames of one sequence, in no order, 0.7 to 1.4 times as strong."""
         sequence = self.draw(rng)
         chosen = rng.integers(len(self.sequences[sequence]), size=frames)
         strength = torch.from_numpy(rng.uniform(0.7, 1.4, (frames, 1, 1))).float()
         return strength * self.displacements(sequence, chosen, vertices)
 
     def in_a_row(self, rng: np.random.Generator, frames: int) -> Tensor:
-        """Frames that follow each other, of all vertices."""
+        """Consecutive frames, all vertices."""
         sequence = self.draw(rng)
         first = rng.integers(max(len(self.sequences[sequence]) - frames, 0) + 1)
         last = len(self.sequences[sequence]) - 1
         return self.displacements(sequence, np.minimum(first + np.arange(frames), last))
 
     def draw(self, rng: np.random.Generator) -> int:
-        """A sequence, long ones more often."""
+        """Draws a sequence, long ones more often."""
         lengths = np.array([len(s) for s in self.sequences], float)
         return int(rng.choice(len(lengths), p=lengths / lengths.sum()))
 
 
 def sequence_meshes(folders: list[Path], held_out: bool) -> list[SequenceMesh]:
     """One mesh for each speaker and folder that has vertex sequences of the split."""
-    found = []
+    meshes = []
     for path in folders:
         folder = CorpusFolder(path)
         speakers: dict[str, list[Row]] = {}
         for row in folder.rows:
             if row.held_out == held_out:
                 speakers.setdefault(row.speaker, []).append(row)
-        found += [mesh for rows in speakers.values() if (mesh := _mesh(folder, rows)) is not None]
-    if not found and not held_out:
-        wanted = "vertices of one training clip or more"
-        raise CorpusError(Path(folders[0]), None, wanted, "none")
-    return found
+        meshes += [mesh for rows in speakers.values() if (mesh := _mesh(folder, rows)) is not None]
+    if not meshes and not held_out:
+        expected = "vertices of one training clip or more"
+        raise CorpusError(Path(folders[0]), None, expected, "none")
+    return meshes
 
 
 def _mesh(folder: CorpusFolder, rows: list[Row]) -> SequenceMesh | None:
@@ -73,8 +73,8 @@ def _mesh(folder: CorpusFolder, rows: list[Row]) -> SequenceMesh | None:
     if not tracks:
         return None
     if folder.head_moves:
-        wanted = "head: still, for vertex sequences with the head's motion taken out"
-        raise CorpusError(folder.path / "corpus.json", None, wanted, "moves")
+        expected = "head: still, for vertex sequences with the head's motion taken out"
+        raise CorpusError(folder.path / "corpus.json", None, expected, "moves")
     topology = folder.topology(rows[0])
     axes = np.repeat(np.eye(3)[:, None], len(topology.vertices), axis=1)
     name = f"{folder.name}_{rows[0].speaker}"

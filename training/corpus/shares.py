@@ -1,4 +1,4 @@
-"""What a training draws from: corpus folders or the project's own sources, and how often each."""
+"""What a training run draws from, corpus folders or the project's own sources, and how often each."""
 
 from training.corpus import bank
 from training.corpus.bank import Entry
@@ -13,7 +13,7 @@ def entries_of(arguments, voices: int, limit: int | None) -> list[Entry]:
 
 
 def lasting(entries: list[Entry]) -> dict[str, float]:
-    """Each source as often as its training clips last; sums to 1."""
+    """Draws each source as often as its training clips last; the shares sum to 1."""
     frames: dict[str, int] = {}
     for entry in entries:
         if not entry.held_out:
@@ -24,7 +24,7 @@ def lasting(entries: list[Entry]) -> dict[str, float]:
 
 
 def measured_scales(sources: list[str], entries: list[Entry]) -> dict[str, float]:
-    """Typical lip motion of each source, metres; measured where it is not one of ours."""
+    """Typical lip motion of each source, metres. It is measured for sources that are not ours."""
     scales = dict(SCALE_M)
     for source in set(sources) - set(SCALE_M):
         scales[source] = lip_scale([e.motion for e in entries if e.source == source and not e.held_out])
@@ -32,5 +32,5 @@ def measured_scales(sources: list[str], entries: list[Entry]) -> dict[str, float
 
 
 def with_phones(entries: list[Entry]) -> list[Entry]:
-    """Those whose phones somebody timed from end to end."""
+    """Entries whose phones have times from end to end."""
     return [e for e in entries if len(e.phones) > len(e.motion) and bool((e.phones >= 0).all())]

@@ -17,7 +17,7 @@ def grid_held_out(names: list[str]) -> set[str]:
 
 
 def leave_clips(entries, beginnings: list[str]) -> None:
-    """Holds out the entries whose names begin so, for training without a whole take."""
+    """Holds out the entries whose names begin with one of these, to train without a whole take."""
     for entry in entries:
         entry.held_out = entry.held_out or any(entry.name.startswith(b) for b in beginnings)
 

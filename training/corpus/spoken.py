@@ -1,7 +1,7 @@
 """Speech without a face: recordings with known phones, and seventeen languages by espeak-ng.
 
-It teaches the encoder what every voice does with its lips. Where a teacher is given, its motion
-stands in for the missing face (source `taught`); else the motion carries no weight.
+It teaches the encoder what every voice does with its lips. With a teacher, the teacher's motion replaces the
+missing face (source `taught`). Without one the motion carries no weight.
 """
 
 import hashlib
@@ -46,11 +46,11 @@ def load(
     teacher=None,
     reader: Path | None = None,
 ) -> list[Entry]:
-    """Entries of all speech with phones; from the cache where they were made before.
+    """Entries of all speech with phones, from the cache if they were made before.
 
-    `minutes` of each language by espeak-ng; `leave_out` names sources (`nathalie_nl`) that stay
-    untouched; `teacher` has `motion(phones, frames, fps, random)` [T, 68, 3] metres; `reader` is
-    a run that reads the phones of speech without times (see `decoded`).
+    `minutes` of each language by espeak-ng. `leave_out` names sources (`nathalie_nl`) to skip. `teacher` has
+    `motion(phones, frames, fps, random)` [T, 68, 3] metres. `reader` is a run that reads the phones of speech
+    without times (see `decoded`).
     """
     read = None if reader is None else hashlib.sha256(reader.read_bytes()).hexdigest()
     taught = None if teacher is None else hashlib.sha256(PARAMETERS.read_bytes()).hexdigest()
@@ -66,7 +66,7 @@ def load(
 
 
 def utterances(data: Path, minutes: float, leave_out: tuple[str, ...], reader: Path | None):
-    """Recorded and made speech of the training languages, held-out parts included."""
+    """Recorded and synthetic speech of the training languages, held-out parts included."""
     for source, read in RECORDED.items():
         if source not in leave_out:
             yield from read(data)
@@ -82,7 +82,7 @@ def utterances(data: Path, minutes: float, leave_out: tuple[str, ...], reader: P
 
 
 def texts_of(data: Path, language: str) -> list[str]:
-    """What espeak-ng says in a language beside its own sentences: the texts of recorded speech."""
+    """Texts for espeak-ng to say in a language beside its own sentences: those of recorded speech."""
     source = TEXTS.get(language)
     return list(read_texts(data / "speech" / source).values()) if source else []
 
@@ -90,19 +90,19 @@ def texts_of(data: Path, language: str) -> list[str]:
 def unseen(data: Path) -> list[Entry]:
     """Voices and languages that training never hears: LibriVox English, Finnish, Hungarian, Greek."""
     espeak, random = Espeak(), np.random.default_rng(0)
-    made = [u for language in UNSEEN_LANGUAGES for u in speak(espeak, language, 1.0, seed=1)]
-    return [entry(u, None, random) for u in [*read_librivox(data), *made]]
+    synthetic = [u for language in UNSEEN_LANGUAGES for u in speak(espeak, language, 1.0, seed=1)]
+    return [entry(u, None, random) for u in [*read_librivox(data), *synthetic]]
 
 
 def entry(utterance: Utterance, teacher, random: np.random.Generator) -> Entry:
-    """One utterance ready for training; its own source name is kept in front of its name."""
+    """One utterance ready for training. Its source stands in front of its name."""
     mel = log_mel(torch.from_numpy(utterance.samples))
     frames = max(len(utterance.samples) * int(FPS) // 16000, 1)
     phones = segment_track(utterance.phones, MEL_PER_FRAME * frames, MEL_HZ)
     motion, weight = torch.zeros(1, 204).expand(frames, 204), torch.zeros(1, 204)
     if teacher is not None:
-        made = teacher.motion(utterance.phones, frames, FPS, random)
-        motion, weight = torch.from_numpy(made).flatten(1).half(), torch.ones(1, 204)
+        rows = teacher.motion(utterance.phones, frames, FPS, random)
+        motion, weight = torch.from_numpy(rows).flatten(1).half(), torch.ones(1, 204)
     return Entry(
         f"{utterance.source}/{utterance.name}",
         SOURCE,

@@ -32,14 +32,14 @@ REACH_S = 1.0
 CLOSE_BEFORE_S, CLOSE_AFTER_S, EDGE_S = 0.05, 0.05, 0.01
 CLOSED_GAP_M = -0.2e-3
 LEAST_GAP_M = -0.5e-3
-"""Openings over that of the neutral face: where lips meet, and how far they are pressed at most."""
+"""Opening over that of the neutral face at which lips meet, and least opening of pressed lips."""
 CLARITY = {
     "chin": {"open": 0.9},
     "lower": {"open": -0.7},
     "width": {"round": -1.2, "front": 0.5},
     "protrusion": {"round": 1.3},
 }
-"""What a feature of a vowel adds to its components, in deviations of his motion; our own choice."""
+"""What a feature of a vowel adds to its components, in deviations of the speaker's motion. Our own choice."""
 MIDDLE = {"open": 0.5, "round": 0.0, "front": 0.0}
 LOWER_FACE = [*range(3, 14), *range(31, 36), *range(48, 68)]
 
@@ -57,7 +57,7 @@ class Row:
 
 
 def row_of(phones: list[Phone], duration_s: float) -> Row:
-    """Segments in order of time; what nobody speaks in 0 … `duration_s` is a pause."""
+    """Segments in order of time. Time in 0 … `duration_s` without a phone is a pause."""
     parts, at = [], 0.0
     spoken = sorted(part for phone in phones for part in split(phone))
     for start, end, segment in [*spoken, (max(duration_s, 0.0) + 1.0, 0.0, "")]:
@@ -91,7 +91,7 @@ class Teacher:
 
     @staticmethod
     def load(path: Path = PARAMETERS, clear: bool = True) -> "Teacher":
-        """The fitted teacher, as he speaks or `clear`."""
+        """The fitted teacher: as the recorded man speaks, or `clear`."""
         saved = json.loads(Path(path).read_text())
         if saved["segments"] != list(SEGMENTS) or saved["components"] != list(COMPONENTS):
             raise ValueError(f"{path}: expected today's segments and components, got others; fit again")
@@ -119,7 +119,7 @@ class Teacher:
         return met(moved, closure(phones, seconds))
 
     def _blend(self, row: Row, seconds: np.ndarray, sharpness: float) -> np.ndarray:
-        """Σ D T / Σ D at some neighbouring times, [t, K]."""
+        """Σ D T / Σ D at a few neighbouring times, [t, K]."""
         at = seconds + self.lead_s
         near = (row.core_s + row.half_s > at[0] - REACH_S) & (row.core_s - row.half_s < at[-1] + REACH_S)
         index = row.index[near]
@@ -153,10 +153,10 @@ def clearer(targets: np.ndarray) -> np.ndarray:
 def met(motion: np.ndarray, shut: np.ndarray) -> np.ndarray:
     """Motion [T, 68, 3] whose lips meet where `shut` [T] is 1 and are never pressed too far."""
     gaps = inner_gaps(motion, np.zeros((68, 3), motion.dtype))
-    wanted = gaps - shut[:, None] * np.maximum(gaps - CLOSED_GAP_M, 0.0)
-    wanted = np.maximum(wanted, LEAST_GAP_M)
+    target_gaps = gaps - shut[:, None] * np.maximum(gaps - CLOSED_GAP_M, 0.0)
+    target_gaps = np.maximum(target_gaps, LEAST_GAP_M)
     depths = shut[:, None] * inner_depths(motion)
-    return narrowed(motion, (gaps - wanted).astype(motion.dtype), depths.astype(motion.dtype))
+    return narrowed(motion, (gaps - target_gaps).astype(motion.dtype), depths.astype(motion.dtype))
 
 
 def closure(phones: list[Phone], seconds: np.ndarray) -> np.ndarray:

@@ -74,8 +74,8 @@ def read_landmark_table(path: Path, vertices: int, triangles: np.ndarray):
         return triangles[at], shares
     rows = table.get("vertices")
     if rows is None:
-        found = {mark["index"]: mark.get("vertex") for mark in table.get("landmarks", [])}
-        rows = [found.get(i) for i in range(68)]
+        vertex_of_landmark = {mark["index"]: mark.get("vertex") for mark in table.get("landmarks", [])}
+        rows = [vertex_of_landmark.get(i) for i in range(68)]
     at = np.array([-1 if row is None else row for row in rows])
     _need_numbers(path, at, vertices, "vertices")
     return np.repeat(at[:, None], 3, axis=1), np.tile([1.0, 0.0, 0.0], (68, 1))

@@ -1,10 +1,10 @@
 """Tracks the faces of videos with MediaPipe's Face Landmarker, as the truth of grid_s1 was made.
 
-Each frame by itself: the video mode smooths, which lags by 18 ms. A folder with `video/CLIP.mp4` (or .mov,
-.avi, .mkv, .mpg) gets landmarks (68, metres, one scale a clip, the head's motion in them), blend weights and
-`head/CLIP.csv` (rotation vector and place against the neutral pose); sounds are taken out by ffmpeg where
-`audio` has none, clips.tsv and corpus.json are written where there are none. The model file is the user's;
-`pip install mediapipe` brings the rest, which is imported only here.
+Every frame is tracked by itself, since the video mode smooths and so lags by 18 ms. The folder has
+`video/CLIP.mp4` (or .mov, .avi, .mkv, .mpg). It gets landmarks (68, metres, one scale a clip, the head's
+motion in them), blend weights, and `head/CLIP.csv` (rotation vector and place against the neutral pose).
+Where they are missing, ffmpeg extracts the sounds, and clips.tsv and corpus.json are written. The user
+supplies the model file. `pip install mediapipe` brings the rest, which is imported only here.
 """
 
 import shutil
@@ -37,14 +37,14 @@ PICTURE_TO_FACE = np.array([1.0, -1.0, -1.0])
 
 
 @dataclass
-class Seen:
+class DetectedFace:
     """One face in one picture: points [478, 3] in its widths, heights and widths; weights by name."""
 
     points: np.ndarray
     weights: dict[str, float]
 
 
-Detect = Callable[[np.ndarray], Seen | None]
+Detect = Callable[[np.ndarray], DetectedFace | None]
 """Takes an RGB picture [H, W, 3] u8."""
 
 
@@ -68,30 +68,30 @@ def track(folder: Path, model: Path) -> None:
 
 
 def track_clip(writer: CorpusWriter, clip: str, pictures: Iterable[np.ndarray], fps: float, detect: Detect):
-    """Writes landmarks, weights and head of one clip; frames without a face are not found."""
-    places, found, weights = [], [], []
+    """Writes landmarks, weights and head of one clip. Frames without a face are marked as not found."""
+    places, tracked_frames, weights = [], [], []
     for picture in pictures:
-        seen = detect(picture)
-        found.append(seen is not None)
-        if seen is not None:
+        face = detect(picture)
+        tracked_frames.append(face is not None)
+        if face is not None:
             size = np.array([picture.shape[1], picture.shape[0], picture.shape[1]])
-            places.append(seen.points[IBUG_OF_MESH] * size * PICTURE_TO_FACE)
-            weights.append(seen.weights)
+            places.append(face.points[IBUG_OF_MESH] * size * PICTURE_TO_FACE)
+            weights.append(face.weights)
     if len(places) < 2:
         raise CorpusError(writer.path / "video" / clip, None, "a face in two frames or more", len(places))
     metric = np.stack(places) * metres_per_pixel(np.stack(places))
-    seconds, found = np.arange(len(found)) / fps, np.array(found)
-    landmarks = np.zeros((len(found), 68, 3))
-    landmarks[found] = metric
-    writer.landmarks(clip, landmarks.astype(np.float32), fps, found=found)
+    seconds, tracked_frames = np.arange(len(tracked_frames)) / fps, np.array(tracked_frames)
+    landmarks = np.zeros((len(tracked_frames), 68, 3))
+    landmarks[tracked_frames] = metric
+    writer.landmarks(clip, landmarks.astype(np.float32), fps, found=tracked_frames)
     names = [name for name in weights[0] if name != "_neutral"]
     values = np.array([[frame[name] for name in names] for frame in weights])
-    writer.weights(clip, names, values, seconds[found])
-    write_head(writer, clip, metric, seconds[found])
+    writer.weights(clip, names, values, seconds[tracked_frames])
+    write_head(writer, clip, metric, seconds[tracked_frames])
 
 
 def metres_per_pixel(places: np.ndarray) -> float:
-    """One scale of a clip [T, 68, 3], by which its steady landmarks are as far apart as a human's."""
+    """Metres per unit of a clip [T, 68, 3]: one scale that gives its steady landmarks human distances."""
     weight = steady()[:, None]
 
     def spread(points: np.ndarray) -> np.ndarray:
@@ -118,23 +118,23 @@ def landmarker(model: Path) -> Detect:
         import mediapipe
         from mediapipe.tasks.python import BaseOptions, vision
     except ImportError as error:
-        wanted = "pip install mediapipe opencv-python"
-        raise ImportError(f"tracking needs MediaPipe ({wanted}): {error}") from error
+        packages = "pip install mediapipe opencv-python"
+        raise ImportError(f"tracking needs MediaPipe ({packages}): {error}") from error
     options = vision.FaceLandmarkerOptions(
         base_options=BaseOptions(model_asset_path=str(model)),
         running_mode=vision.RunningMode.IMAGE,
         output_face_blendshapes=True,
         num_faces=1,
     )
-    found = vision.FaceLandmarker.create_from_options(options)
+    detector = vision.FaceLandmarker.create_from_options(options)
 
-    def detect(picture: np.ndarray) -> Seen | None:
+    def detect(picture: np.ndarray) -> DetectedFace | None:
         image = mediapipe.Image(image_format=mediapipe.ImageFormat.SRGB, data=np.ascontiguousarray(picture))
-        result = found.detect(image)
+        result = detector.detect(image)
         if not result.face_landmarks:
             return None
         points = np.array([[p.x, p.y, p.z] for p in result.face_landmarks[0]])
-        return Seen(points, {c.category_name: c.score for c in result.face_blendshapes[0]})
+        return DetectedFace(points, {c.category_name: c.score for c in result.face_blendshapes[0]})
 
     return detect
 

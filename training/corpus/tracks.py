@@ -23,17 +23,18 @@ TURNS = {f"{part}{axis}" for part in ("head", "lefteye", "righteye") for axis in
 
 @dataclass
 class Track:
-    """Something over time: `values` [T, ...], `seconds` [T] ascending, `found` [T] bool.
+    """Values over time: `values` [T, ...] at `seconds` [T], which ascend.
 
-    `seen` [68] bool are the landmarks that the source observes; all where it is none.
+    `tracked_frames` [T] bool tells in which frames the tracker saw the face. `visible` [68] bool tells which
+    landmarks the source observes; None means all.
     """
 
     values: np.ndarray
     seconds: np.ndarray
-    found: np.ndarray
+    tracked_frames: np.ndarray
     neutral: np.ndarray | None = None
     names: list[str] = field(default_factory=list)
-    seen: np.ndarray | None = None
+    visible: np.ndarray | None = None
 
 
 def read_weights(path: Path, fps: float | None) -> Track:

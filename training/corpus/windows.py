@@ -17,10 +17,10 @@ BANDS = 64
 
 @dataclass
 class AugmentOptions:
-    """How far training input may stray from the recordings.
+    """How far training input may differ from the recordings.
 
-    `as_recorded_share` of the stretches are left alone: with none of them lip gaps of held-out clips
-    of grid_s1 stayed at r 0.93, which a small network on the bare recordings passes in three minutes.
+    `as_recorded_share` of the stretches stay unchanged. Without any of them the lip gap on held-out clips of
+    grid_s1 stayed at r 0.93, which a small network on the bare recordings passes in three minutes.
     """
 
     as_recorded_share: float = 0.5
@@ -73,8 +73,8 @@ class WindowSampler:
         self.random = np.random.default_rng(seed)
         self.augment = augment
         self.entries = {s: [e for e in entries if e.source == s and not e.held_out] for s in sources}
-        for source, found in self.entries.items():
-            if not found:
+        for source, clips in self.entries.items():
+            if not clips:
                 raise ValueError(f"{source}: expected training clips, got none")
         self.dimensions = next(iter(self.entries.values()))[0].motion.shape[1]
         self.colours = {
@@ -101,7 +101,7 @@ class WindowSampler:
         fine = self.per_frame * frames
         return mel[:fine], motion[:frames], weight[:frames], phones[:fine], affect[:frames], index
 
-    def _part(self, source: str, wanted: int):
+    def _part(self, source: str, longest: int):
         """One clip, or a stretch of a long one: normalised mel, motion, weight, phones, affect."""
         group = self.entries[source]
         lengths = np.array([len(e.motion) for e in group], dtype=float)
@@ -112,17 +112,17 @@ class WindowSampler:
         octaves = 0.0 if bare else self.augment.tempo_octaves
         tempo = 2.0 ** self.random.uniform(-octaves, octaves)
         available = int(len(entry.motion) / tempo)
-        taken = min(available, wanted) if available > 150 else available
-        start = self.random.uniform(0, max(len(entry.motion) - taken * tempo - 1, 0))
-        first, last = int(start), min(int(start + taken * tempo) + 2, len(entry.motion))
-        position = start - first + torch.arange(taken) * tempo
+        frames = min(available, longest) if available > 150 else available
+        start = self.random.uniform(0, max(len(entry.motion) - frames * tempo - 1, 0))
+        first, last = int(start), min(int(start + frames * tempo) + 2, len(entry.motion))
+        position = start - first + torch.arange(frames) * tempo
         moving = [interpolate(x[first:last].float(), position) for x in (entry.motion, entry.weight)]
         span = slice(self.per_frame * first, self.per_frame * last)
-        fine = self.per_frame * (start - first) + torch.arange(self.per_frame * taken) * tempo
+        fine = self.per_frame * (start - first) + torch.arange(self.per_frame * frames) * tempo
         mel = interpolate(entry.mels[voice, span].float(), fine)
         phones = entry.phones[span][fine.round().long().clamp_max(span.stop - span.start - 1)]
         heard = self._prepare(mel, self.colours[source, entry.name][voice], bare)
-        return heard, *moving, phones, entry.affect().expand(taken, -1)
+        return heard, *moving, phones, entry.affect().expand(frames, -1)
 
     def _prepare(self, mel: Tensor, colour: Tensor, bare: bool) -> Tensor:
         """Raw log-mel of a stretch → what the encoder sees."""
@@ -176,7 +176,7 @@ class WindowSampler:
         return out
 
     def _band_limited(self, mel: Tensor) -> Tensor:
-        """A telephone or a low-pass: what is outside carries only a little steady noise."""
+        """A telephone or a low-pass: outside the pass band only a little steady noise remains."""
         low = int(self.random.integers(0, 12)) if self.random.random() < 0.5 else 0
         high = int(self.random.integers(38, 58))
         noise = torch.from_numpy(self.random.standard_normal(mel.shape)).float() * 0.3
@@ -210,7 +210,7 @@ def interpolate(x: Tensor, position: Tensor) -> Tensor:
 
 
 def drop_masked(mel: Tensor, depth_nepers: float) -> Tensor:
-    """What lossy codecs do: bands far below the loudest of their frame vanish. [T, 64]."""
+    """Imitates lossy codecs: bands far below the loudest of their frame vanish. [T, 64]."""
     floor = mel.amax(dim=1, keepdim=True) - depth_nepers
     return torch.where(mel < floor, floor - 2.0, mel)
 

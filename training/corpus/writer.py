@@ -1,4 +1,4 @@
-"""Writes a corpus folder (see `folder`): what every reader of a foreign source ends in."""
+"""Writes a corpus folder (see `folder`); every reader of a foreign source ends here."""
 
 import json
 import shutil
@@ -34,7 +34,7 @@ class CorpusWriter:
         self.rows.append("\t".join(cells))
 
     def sound_file(self, clip: str, source: Path) -> None:
-        """Copies a sound, whose format must be one that is read."""
+        """Copies a sound. Its format must be one that `folder` reads."""
         shutil.copyfile(source, self.place("audio", f"{clip}{source.suffix.lower()}"))
 
     def sound(self, clip: str, samples: np.ndarray, rate_hz: int) -> None:
@@ -53,7 +53,7 @@ class CorpusWriter:
         self.place("weights", f"{clip}.csv").write_text("\n".join(lines) + "\n")
 
     def phones(self, clip: str, phones: list[Phone]) -> None:
-        """Phones with times, those that have a sound."""
+        """Phones with times. Phones with an unknown label are left out."""
         lines = ["start_s\tduration_s\tphone"]
         lines += [f"{p.start_s:.4f}\t{p.duration_s:.4f}\t{p.label}" for p in phones if segments(p.label)]
         self.place("phones", f"{clip}.tsv").write_text("\n".join(lines) + "\n", encoding="utf-8")
@@ -71,13 +71,13 @@ class CorpusWriter:
         shutil.copyfile(source, self.place(f"topologies/{self.topology}", "landmarks.json"))
 
     def place(self, kind: str, name: str) -> Path:
-        """Path of a file, its folder made."""
+        """Path of a file; makes its folder."""
         folder = self.path / kind
         folder.mkdir(parents=True, exist_ok=True)
         return folder / name
 
     def close(self) -> Path:
-        """Writes what describes the folder; returns its path."""
+        """Writes corpus.json and clips.tsv; returns the folder's path."""
         about = {"name": self.name, "unit": self.unit, "head": self.head, "fps": self.fps}
         if self.topology is not None:
             about["topology"] = self.topology

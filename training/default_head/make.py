@@ -42,12 +42,12 @@ def identity(ict: dict, seed: int) -> np.ndarray:
     return ict["neutral"] + np.tensordot(coefficients, ict["identity"].astype(np.float64), 1)
 
 
-def skin_part(made: skin.Skin, points: np.ndarray) -> Part:
+def skin_part(surface: skin.Skin, points: np.ndarray) -> Part:
     """The skin, with the lining of the mouth and the red of the lips as materials of their own."""
     faces = {
-        "skin": made.triangles[~made.mouth & ~made.lips],
-        "lips": made.triangles[made.lips],
-        "mouth": made.triangles[made.mouth],
+        "skin": surface.triangles[~surface.mouth & ~surface.lips],
+        "lips": surface.triangles[surface.lips],
+        "mouth": surface.triangles[surface.mouth],
     }
     return Part("skin", points, faces)
 
@@ -67,7 +67,7 @@ def write_obj(folder: Path, head: list[Part], header: str) -> None:
     (folder / "head.mtl").write_text("\n".join(materials))
 
 
-def write_landmarks(folder: Path, made: skin.Skin, points: np.ndarray) -> None:
+def write_landmarks(folder: Path, surface: skin.Skin, points: np.ndarray) -> None:
     """The stable landmark format; the skin comes first, so its vertex numbers are the file's."""
     entries = [
         {
@@ -76,7 +76,7 @@ def write_landmarks(folder: Path, made: skin.Skin, points: np.ndarray) -> None:
             "vertex": int(v),
             "confidence": 1.0,
         }
-        for i, v in enumerate(made.landmarks)
+        for i, v in enumerate(surface.landmarks)
     ]
     lines = ",\n  ".join(json.dumps(e) for e in entries)
     (folder / "landmarks.json").write_text(f'{{\n "version": 1,\n "landmarks": [\n  {lines}\n ]\n}}\n')
@@ -90,10 +90,10 @@ def main(data: Path = DATA, seed: int = 11, out: Path = HEAD) -> None:
     out.mkdir(parents=True, exist_ok=True)
     ict = load_file(data / "faces/ict_facekit.safetensors")
     neutral = ict["neutral"].astype(np.float64)
-    made = skin.build(neutral, ict["triangles"], ict["landmarks68"], seed=0)
+    surface = skin.build(neutral, ict["triangles"], ict["landmarks68"], seed=0)
     whole = identity(ict, seed)
-    points = made.weights @ whole
-    head = [skin_part(made, points)]
+    points = surface.weights @ whole
+    head = [skin_part(surface, points)]
     head += [parts.eye(n, whole[a : b + 1]) for n, (a, b) in EYEBALLS.items()]
     head += [parts.teeth(n, whole[a : b + 1], n == "teeth_upper") for n, (a, b) in TEETH.items()]
     first, last = TEETH["teeth_lower"]
@@ -104,7 +104,7 @@ def main(data: Path = DATA, seed: int = 11, out: Path = HEAD) -> None:
         "Technologies, MIT licence; triangulation, eyes, teeth and tongue are Anyface's own."
     )
     write_obj(out, head, header)
-    write_landmarks(out, made, points)
+    write_landmarks(out, surface, points)
     count = sum(len(p.points) for p in head)
     print(f"{out}: {count} vertices, {sum(len(f) for p in head for f in p.faces.values())} triangles")
 

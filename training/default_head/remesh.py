@@ -1,10 +1,10 @@
 """A new triangulation of a surface by geodesic Voronoi clustering.
 
-Points are spread over a finely subdivided copy of the surface by Lloyd's relaxation, distances
-measured along its edges in units of the wanted edge length; where three cells meet, a triangle is
-made (the dual of the Voronoi diagram; after Valette & Chassery 2004, "Approximated centroidal
-Voronoi diagrams for uniform polygonal mesh coarsening", with Dijkstra cells in place of their
-energy). Cells grow along the surface only, so lips that touch stay apart.
+Lloyd's relaxation spreads points over a finely subdivided copy of the surface. Distances run along its edges,
+in units of the local edge length. Where three cells meet there is a triangle (the dual of the Voronoi
+diagram; after Valette & Chassery 2004, "Approximated centroidal Voronoi diagrams for uniform polygonal mesh
+coarsening", with Dijkstra cells in place of their energy). Cells grow along the surface only, so lips that
+touch stay apart.
 """
 
 from dataclasses import dataclass
@@ -40,8 +40,8 @@ def subdivide(surface: Surface) -> Surface:
 def boundary_paths(triangles: np.ndarray) -> list[np.ndarray]:
     """Closed loops of boundary vertices, in order."""
     pairs = np.concatenate([triangles[:, [0, 1]], triangles[:, [1, 2]], triangles[:, [2, 0]]])
-    seen = {(a, b) for a, b in pairs.tolist()}
-    following = {a: b for a, b in seen if (b, a) not in seen}
+    edges = {(a, b) for a, b in pairs.tolist()}
+    following = {a: b for a, b in edges if (b, a) not in edges}
     loops = []
     while following:
         first, after = following.popitem()
@@ -54,7 +54,7 @@ def boundary_paths(triangles: np.ndarray) -> list[np.ndarray]:
 
 
 def sample_loop(points: np.ndarray, loop: np.ndarray, size: np.ndarray, fixed: set) -> np.ndarray:
-    """Vertices of a loop about one wanted edge length apart, `fixed` ones and corners included."""
+    """Vertices of a loop about one edge length apart, `fixed` ones and corners included."""
     stops = [i for i, v in enumerate(loop.tolist()) if v in fixed]
     if not stops:
         stops = [0]
@@ -64,8 +64,8 @@ def sample_loop(points: np.ndarray, loop: np.ndarray, size: np.ndarray, fixed: s
         step = np.linalg.norm(np.diff(points[piece], axis=0), axis=1)
         along = np.concatenate([[0], np.cumsum(step / size[piece[1:]])])
         count = max(1, round(along[-1]))
-        wanted = np.arange(count) * along[-1] / count
-        chosen.append(piece[np.abs(along[None] - wanted[:, None]).argmin(1)])
+        targets = np.arange(count) * along[-1] / count
+        chosen.append(piece[np.abs(along[None] - targets[:, None]).argmin(1)])
     return np.unique(np.concatenate(chosen))
 
 
@@ -87,7 +87,7 @@ class Cells:
         self.fixed = np.unique(np.concatenate([fixed, self.boundary_seeds]))
 
     def _mass(self) -> np.ndarray:
-        """Area per vertex in wanted edge lengths squared."""
+        """Area per vertex, in squares of the local edge length."""
         p, t = self.surface.points, self.surface.triangles
         area = 0.5 * np.linalg.norm(np.cross(p[t[:, 1]] - p[t[:, 0]], p[t[:, 2]] - p[t[:, 0]]), axis=1)
         return np.bincount(t.ravel(), np.repeat(area / 3, 3), len(p)) / self.size**2

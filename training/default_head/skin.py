@@ -45,7 +45,7 @@ class Skin:
 
 
 def edge_length(points: np.ndarray, landmarks: np.ndarray, outside: np.ndarray) -> np.ndarray:
-    """Wanted edge length at every point, centimetres: fine at lips and lids, coarse on the skull."""
+    """Edge length to aim at for every point, centimetres: fine at lips and lids, coarse on the skull."""
     size = np.full(len(points), COARSEST_CM)
     features = [(landmarks[list(which)], s, r) for which, s, r in DETAIL]
     features.append((np.array([EARS_CM]), EAR_SIZE_CM, EAR_REACH_CM))
@@ -67,7 +67,7 @@ def half_surface(neutral: np.ndarray, triangles: np.ndarray) -> Surface:
 
 
 def corners(surface: Surface) -> list[int]:
-    """Where the middle line meets the neck's rim: without a point there the rim gets a notch."""
+    """Where the middle line meets the neck's rim. Without a point there the rim gets a notch."""
     (loop,) = boundary_paths(surface.triangles)
     middle = np.abs(surface.points[loop, 0]) < 1e-3
     return loop[middle & ~(np.roll(middle, 1) & np.roll(middle, -1))].tolist()

@@ -1,16 +1,16 @@
-"""Creases: what the skin between the landmarks does, carried over from one face by correspondence.
+"""Creases: how the skin between the landmarks folds, carried over from one face by correspondence.
 
 Mirrors `rust-core/src/deform/creases.rs`.
 
     dV = ... + s(v) B(v) C dL
 
-68 landmarks cannot say how the skin folds between the brows, beside the nose and over the cheeks, and
-a network over them smooths it away. On a reference face the residual of every point is a linear
-function of the landmarks' motion; C are its K combinations and B its values at P points of that face's
-surface. For another face the points are carried over by interpolating the shift of the 68 landmarks
-with the radial basis |r|; a vertex takes what the nearest points say whose skin lies in its own plane,
-and less where they lie far from it. There is one reference for each kind of faces that the static
-weights know, and a face follows that of the kind it is nearest to: every artist folds skin elsewhere.
+68 landmarks cannot say how the skin folds between the brows, beside the nose and over the cheeks, and a
+network over them smooths it away. On a reference face the residual of every point is a linear function of the
+landmarks' motion. C are its K combinations and B its values at P points of that face's surface. For another
+face, the shift of the 68 landmarks is interpolated with the radial basis |r| and moves the points over. A
+vertex follows the nearest points whose skin lies in its own plane, and less so where they lie far from it.
+There is one reference for each kind of face that the static weights know. A face follows the reference of the
+kind it is nearest to, since every artist folds skin elsewhere.
 
 Lengths are decimetres in the canonical frame. Shapes: `V` vertices, `P` points, `N` = 68, `K` rank.
 """
@@ -23,9 +23,9 @@ from scipy.spatial import cKDTree
 
 NEIGHBOURS = 4
 SOFT_DM = 0.003
-"""Added to distances, so that a point that is hit exactly does not stand alone."""
+"""Added to distances, so that a point at distance 0 does not outweigh all others."""
 FULL_WITHIN_DM, GONE_AT_DM = 0.06, 0.12
-"""Distance of the nearest point up to which a vertex follows wholly, and from which not at all."""
+"""Up to the first distance of the nearest point a vertex follows fully; from the second on it does not."""
 
 
 @dataclass

@@ -104,7 +104,7 @@ def tongue_of(neutral: np.ndarray, lower: np.ndarray, teeth: np.ndarray) -> np.n
 
 
 def deformed(anyface: Path, head: Head, positions: np.ndarray, motion: np.ndarray) -> np.ndarray:
-    """What `anyface deform` makes of landmark motion [T, 68, 3]: [T, V, 3], centimetres."""
+    """Displacements [T, V, 3] centimetres from `anyface deform` for landmark motion [T, 68, 3]."""
     with tempfile.TemporaryDirectory() as folder:
         mesh = Path(folder) / "head.obj"
         write_obj(mesh, positions, head.triangles)
@@ -112,10 +112,7 @@ def deformed(anyface: Path, head: Head, positions: np.ndarray, motion: np.ndarra
 
 
 def errors(anyface: Path, head: Head, weights: np.ndarray, people: int) -> dict[str, list[float]]:
-    """Of each part: how far it truly moves and how far it is from there, mm, over `people` faces.
-
-    weights: [T, 51].
-    """
+    """For each part its true motion and its error, mm, over `people` faces. weights: [T, 51]."""
     rng = np.random.default_rng(11)
     truth = np.einsum("tm,mvx->tvx", weights, head.modes)
     wrong: dict[str, list[float]] = {name: [] for name in head.parts}

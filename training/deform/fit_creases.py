@@ -2,12 +2,12 @@
 
     python -m training.deform.fit_creases --data ../shared/data
 
-The references are ICT FaceKit's mean face and MakeHuman's, one for each kind that the static weights
-know. What these weights leave over of the 51 shapes is a linear function of the landmarks; it is regressed
-on them over speech, the upper face and whole expressions, under landmarks that lie `NOISE_DM` beside their
-places, so that other motion is not blown up. Lips, chin and jaw are left out: there another face moves in
-its own way. Points are drawn on the surface with their mirror images, and the residual is the mean of both
-sides. With `--score` errors on identities and warps it was not measured on.
+The references are ICT FaceKit's mean face and MakeHuman's, one for each kind that the static weights know.
+The part of the 51 shapes that these weights do not explain is a linear function of the landmarks. It is
+regressed on them over speech, the upper face and whole expressions. The landmarks get noise of `NOISE_DM`, so
+that other motion is not amplified. Lips, chin and jaw are left out, because every face moves in its own way
+there. Points are drawn on the surface with their mirror images, and the residual is the mean of both sides.
+`--score` prints errors on identities and warps that it was not measured on.
 """
 
 from dataclasses import dataclass
@@ -34,12 +34,13 @@ from training.nn.checkpoint import load_model, write_model
 NOISE_DM = 0.005
 RANK = 18
 POINTS = {"ict": 3500, "makehuman": 2000}
-"""On one side of each reference, in the order of the static weights' kinds; as many lie on the other."""
+"""Number of points on one side of each reference, in the order of the static weights' kinds. The other side
+has as many."""
 FRAMES = 1500
 LEAST_DM = 5e-4
 """A point whose residual never exceeds this says nothing."""
 FACE = range(17, 68)
-"""Landmarks that are listened to."""
+"""Landmarks that creases may depend on."""
 SIDE = np.array([-1.0, 1.0, 1.0])
 
 
@@ -53,7 +54,7 @@ def read_static(models: Path | None) -> StaticWeights:
 
 @torch.no_grad()
 def residual(model: StaticWeights, mesh: PreparedMesh) -> np.ndarray:
-    """What the static weights leave over of every shape, [M, V, 3] dm."""
+    """What the static weights leave unexplained of every shape, [M, V, 3] dm."""
     moved = deform(model, mesh.geometry, mesh.modes[:, mesh.landmarks], 1.0)
     return (mesh.modes - moved).numpy()
 
@@ -131,7 +132,7 @@ def beside(mesh: PreparedMesh, field: np.ndarray, places: np.ndarray) -> np.ndar
 
 
 def regress(motion: np.ndarray, left_over: np.ndarray) -> np.ndarray:
-    """Ridge regression, [T, N, 3] and [T, P, 3] → [3N, P * 3]; landmarks off `FACE` are not heard."""
+    """Ridge regression, [T, N, 3] and [T, P, 3] → [3N, P * 3]. Landmarks outside `FACE` are ignored."""
     heard = np.array([3 * n + axis for n in FACE for axis in range(3)])
     x, y = motion.reshape(len(motion), -1)[:, heard], left_over.reshape(len(motion), -1)
     gram = x.T @ x / len(x) + NOISE_DM**2 * np.eye(len(heard))
@@ -147,7 +148,7 @@ def mirrored_map(left: np.ndarray) -> np.ndarray:
 
 
 def compress(whole: np.ndarray, motion: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
-    """The best B [P, 3, K] and C [K, 3N] for motion as it comes, of a map [3N, P * 3]."""
+    """The best B [P, 3, K] and C [K, 3N] for motion as it occurs, from a map [3N, P * 3]."""
     x = motion.reshape(len(motion), -1)
     root = np.linalg.cholesky(x.T @ x / len(x) + NOISE_DM**2 * np.eye(x.shape[1]))
     u, size, values = np.linalg.svd(root.T @ whole, full_matrices=False)
@@ -201,7 +202,7 @@ def write_creases(folder: Path, faces: dict[str, Creases]) -> None:
 
 
 def unseen(rng: np.random.Generator, data: Path) -> list[tuple[str, Face]]:
-    """Faces that nothing was measured on, each with the reference of its kind."""
+    """Faces that no crease was measured on, each with the reference of its kind."""
     ict, makehuman = load_ict(data), load_makehuman(data)
     people = [("ict", ict.person(rng.standard_normal(100))) for _ in range(2)]
     warps = [remesh(rng, stylise(rng, makehuman, 0.5), 6000) for _ in range(2)]
@@ -209,13 +210,14 @@ def unseen(rng: np.random.Generator, data: Path) -> list[tuple[str, Face]]:
 
 
 def turned(face: PreparedMesh, moved: np.ndarray, truth: np.ndarray, where: np.ndarray) -> float:
-    """Least-squares slope of the change of normals over the true one, one frame, at `where` [V]."""
+    """Slope of the predicted change of normals over the true one, by least squares, in one frame at `where`
+    [V]."""
     rest = face.geometry.positions.numpy().astype(np.float64)
-    made, true = (
+    predicted, true = (
         vertex_normals(rest + d, face.triangles) - vertex_normals(rest, face.triangles)
         for d in (moved, truth)
     )
-    return float((made * true)[where].sum() / (true[where] ** 2).sum())
+    return float((predicted * true)[where].sum() / (true[where] ** 2).sum())
 
 
 def print_scores(rng: np.random.Generator, faces: dict[str, Creases], data: Path, models: Path) -> None:
@@ -256,7 +258,7 @@ def print_scores(rng: np.random.Generator, faces: dict[str, Creases], data: Path
 def main(
     data: Path = DATA,
     models: Annotated[Path | None, "folder of models; none: the embedded ones"] = None,
-    score: Annotated[bool, "measure on faces that it was not made from"] = False,
+    score: Annotated[bool, "measure on faces that the creases do not come from"] = False,
 ) -> None:
     """Entry of the command."""
     torch.set_num_threads(1)

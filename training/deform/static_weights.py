@@ -33,12 +33,14 @@ FADED_AT = 3.0
 """Remoteness at which the correction has faded to nothing; full up to one less."""
 
 KNOWN, UNKNOWN = 0.9, 1.3
-"""Distances of a face from those that were learned, within which it is fully familiar, and from
-which on only `floor` of the correction is left. Of unseen identities and warps 95 % lie under 0.75;
-a face of another kind at 1.45 and more."""
+"""Distance from the learned faces within which a face is fully familiar, and from which only `floor` of the
+correction is left.
+
+Of unseen identities and warps 95 % lie under 0.75. A face of another kind lies at 1.45 or more.
+"""
 
 SHAPE_NOISE_DM = 0.007
-"""How far a landmark may lie beside its place, standard deviation."""
+"""Standard deviation of a landmark's error."""
 
 
 @dataclass(frozen=True)
@@ -68,10 +70,10 @@ FLIP = torch.tensor([-1.0, 1.0, 1.0])
 
 @dataclass
 class VertexGeometry:
-    """What the network may know of vertices.
+    """What the network may know about vertices.
 
-    positions: [V, 3] dm. landmarks: [N, 3] dm, of the neutral mesh. base: [V, N], the training-free
-    weights. remoteness: [V], least ratio of surface distance to reach over the landmarks.
+    positions: [V, 3] dm. landmarks: [N, 3] dm, of the neutral mesh. base: [V, N], the training-free weights.
+    remoteness: [V], least ratio of surface distance to reach over the landmarks.
     """
 
     positions: Tensor
@@ -164,9 +166,9 @@ class StaticWeights(nn.Module):
 
     def forward(self, geometry: VertexGeometry, landmarks: Tensor) -> Tensor:
         """The correction, mean of both sides. landmarks: [T, N, 3]. Returns [T, V, 3]."""
-        seen = self.one_sided_correction(geometry, landmarks)
+        direct = self.one_sided_correction(geometry, landmarks)
         reflected = self.one_sided_correction(geometry.mirrored(), landmarks[:, MIRROR] * FLIP)
-        return 0.5 * (seen + reflected * FLIP)
+        return 0.5 * (direct + reflected * FLIP)
 
 
 def deform(model: StaticWeights, geometry: VertexGeometry, landmarks: Tensor, learned: float) -> Tensor:

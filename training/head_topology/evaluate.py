@@ -1,4 +1,4 @@
-"""How far the head of quads lies from ICT's heads of the same coefficients, which it was never fitted to.
+"""Distance of the head of quads from ICT's heads with the same coefficients, which it was never fitted to.
 
 python -m training.head_topology.evaluate --data ../shared/data
 """
@@ -27,15 +27,15 @@ def main(data: Path = DATA, heads: int = HEADS, seed: int = 1) -> None:
     samples, folder = Samples(target), shipped("head_topology")
     config = json.loads((folder / "config.json").read_text())
     state = {name: value.double().numpy() for name, value in read_arrays(folder).items()}
-    landmarks, seen = state["landmarks"].astype(int), seen_skin(state, config)
+    landmarks, visible = state["landmarks"].astype(int), seen_skin(state, config)
     random, surface, marks = np.random.default_rng(seed), [], []
     for _ in range(heads):
         coefficients = random.normal(size=100)
-        made = 1e3 * shape(state, config, coefficients, np.zeros(len(config["traits"])))
+        predicted = 1e3 * shape(state, config, coefficients, np.zeros(len(config["traits"])))
         whole = target.points + np.tensordot(coefficients, ict["identity"].astype(float), 1)
         true = 1e3 * from_ict(whole)
-        surface.append(cKDTree(samples.weights @ true).query(made[seen])[0])
-        marks.append(np.linalg.norm(made[landmarks] - true[target.landmarks], axis=1))
+        surface.append(cKDTree(samples.weights @ true).query(predicted[visible])[0])
+        marks.append(np.linalg.norm(predicted[landmarks] - true[target.landmarks], axis=1))
     far, marks = np.concatenate(surface), np.concatenate(marks)
     print(f"{heads} heads, mm: mean, nine of ten")
     for name, values in (("skin of the face", far), ("landmarks", marks)):

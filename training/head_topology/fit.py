@@ -24,8 +24,10 @@ STEPS = 24
 STIFFNESS = (30.0, 0.35)
 REACH_CM = (3.0, 0.8)
 LOOSE, MEAN_OF = 0.05, 24
-"""How strongly what has no partner keeps to the mean of so many vertices about it: ears to ICT's, what lies
-behind lips and lids to the skin over it."""
+"""How strongly vertices without a partner follow the mean of so many vertices around them.
+
+Ears follow ICT's vertices. What lies behind lips and lids follows the skin over it.
+"""
 AGREE = 0.55
 """Least product of normals of partners."""
 
@@ -47,9 +49,12 @@ class Target:
 
 @dataclass
 class Template:
-    """MakeHuman's head before the fit. `vertices` `[V]` are numbers of its body, `start` `[V, 3]` places
-    aligned to ICT, `mesh` its quads, which are `faces` of the body, `landmarks` `[68]`, `rims` loops of lips
-    and lids, `mouth` and `sockets` `[V]` what lies behind them, `onto` the way from the body to ICT."""
+    """MakeHuman's head before the fit.
+
+    `vertices` `[V]` are numbers in its body. `start` `[V, 3]` are places aligned to ICT. `mesh` are its
+    quads, which are `faces` of the body. `landmarks` `[68]`. `rims` are loops of lips and lids. `mouth` and
+    `sockets` `[V]` mark what lies behind them. `onto` maps the body to ICT.
+    """
 
     vertices: np.ndarray
     start: np.ndarray
@@ -64,12 +69,12 @@ class Template:
 
 def cut(body, head: dict, target: Target) -> Template:
     """Skin of the head down to the collar, aligned and bent by the landmarks."""
-    kept = np.zeros(len(body.points), bool)
-    kept[head["base_index"]] = True
-    faces = kept[body.quads].all(1)
+    selected = np.zeros(len(body.points), bool)
+    selected[head["base_index"]] = True
+    faces = selected[body.quads].all(1)
     for _ in range(COLLAR_RINGS):
-        kept[body.quads[faces].ravel()] = True
-        faces = kept[body.quads].any(1)
+        selected[body.quads[faces].ravel()] = True
+        faces = selected[body.quads].any(1)
     vertices, numbers = np.unique(body.quads[faces], return_inverse=True)
     mesh = Quads(numbers.reshape(-1, 4), len(vertices))
     landmarks = np.searchsorted(vertices, head["base_index"][head["landmarks68"]])
@@ -115,7 +120,7 @@ class Samples:
         self.tree = cKDTree(self.points)
 
     def partners(self, points: np.ndarray, along: np.ndarray, reach: float) -> tuple[np.ndarray, np.ndarray]:
-        """The nearest sample that looks the same way, and whether it lies within `reach`; both `[V]`."""
+        """The nearest sample that faces the same way, and whether it lies within `reach`; both `[V]`."""
         far, numbers = self.tree.query(points, k=12)
         agree = np.einsum("vkd,vd->vk", self.normals[numbers], along) > AGREE
         far = np.where(agree, far, np.inf)
@@ -125,8 +130,10 @@ class Samples:
 
 
 def rim_partners(template: Template, target: Target) -> tuple[np.ndarray, sparse.csr_matrix]:
-    """Vertices on the rims of lips and lids, and their places as weights of ICT's vertices: the same share of
-    the way from one landmark to the next."""
+    """Vertices on the rims of lips and lids, and their places as weights of ICT's vertices.
+
+    A vertex lies at the same share of the way from one landmark to the next on both heads.
+    """
     theirs = target.rims()
     vertices, entries, count = [], [], len(target.points)
     for numbers in map(list, RIMS):
@@ -159,8 +166,11 @@ def ears(points: np.ndarray) -> np.ndarray:
 
 @dataclass
 class Fit:
-    """`points` `[V, 3]`, and what holds them: `weights` `[V, 26719]` of ICT's vertices, how strongly each row
-    counts, `strength` `[V]`, and the skin over each vertex, `over` `[V, N]`."""
+    """`points` `[V, 3]` and how ICT's vertices move them.
+
+    `weights` `[V, 26719]` mix ICT's vertices; `strength` `[V]` says how much each row counts; `over` `[V, N]`
+    is the skin over each vertex.
+    """
 
     points: np.ndarray
     weights: sparse.csr_matrix
@@ -198,19 +208,21 @@ def fit(template: Template, target: Target) -> Fit:
             blocks[vertex] += 20 * np.eye(3)
             pulls[vertex] += 20 * (place - start[vertex])
         rows = np.arange(mesh.count + 1)
-        held = sparse.bsr_matrix((blocks, rows[:-1], rows), shape=stiff.shape).tocsr()
-        system = np.interp(share, [0, 1], STIFFNESS) * stiff + held + 1e-6 * sparse.eye(stiff.shape[0])
+        pull_matrix = sparse.bsr_matrix((blocks, rows[:-1], rows), shape=stiff.shape).tocsr()
+        system = np.interp(share, [0, 1], STIFFNESS) * stiff + pull_matrix + 1e-6 * sparse.eye(stiff.shape[0])
         points = start + splu(system.tocsc()).solve(pulls.ravel()).reshape(-1, 3)
     on_rim = sparse.csr_matrix((np.ones(len(rim)), (rim, np.arange(len(rim)))), (mesh.count, len(rim)))
     counts[rim] = 0
-    held = sparse.diags((counts > 0).astype(float)) @ samples.weights[partner] + on_rim @ rim_weights
+    partner_weights = (
+        sparse.diags((counts > 0).astype(float)) @ samples.weights[partner] + on_rim @ rim_weights
+    )
     counts[rim] = 20
     skin = np.flatnonzero(outside)
     within = skin[cKDTree(points[skin]).query(points, k=MEAN_OF)[1]]
     loose = (counts == 0) & outside
     return Fit(
         points,
-        (held + sparse.diags(loose.astype(float)) @ around(points, target)).tocsr(),
+        (partner_weights + sparse.diags(loose.astype(float)) @ around(points, target)).tocsr(),
         np.where(loose, LOOSE, counts),
         within,
     )
@@ -225,8 +237,10 @@ def around(points: np.ndarray, target: Target) -> sparse.csr_matrix:
 
 
 def carried(template: Template, fitted: Fit, moved: np.ndarray) -> np.ndarray:
-    """What moves ICT's vertices, `[K, 26719, 3]`, on the template's, `[K, V, 3]`: where they are held by
-    their partners, elsewhere as smooth as can be."""
+    """Carries motion of ICT's vertices, `[K, 26719, 3]`, over to the template's, `[K, V, 3]`.
+
+    Vertices follow their partners. The others move as smoothly as possible.
+    """
     laplacian = template.mesh.laplacian()
     inside = template.mouth | template.sockets
     smooth = laplacian.T @ laplacian

@@ -41,10 +41,10 @@ HELPERS = {
     "eye_left": "helper-l-eye",
     "eye_right": "helper-r-eye",
 }
-"""The groups of MakeHuman that its traits move as a part."""
+"""MakeHuman's groups that its traits move as one part."""
 UPPER_JAW, LOWER_JAW = [31, 33, 35, 50, 51, 52], [56, 57, 58]
 BONES = {"teeth_upper": UPPER_JAW, "teeth_lower": LOWER_JAW, "tongue": LOWER_JAW}
-"""Landmarks whose skin tells where traits bring a jaw: MakeHuman's own teeth leave the skin by 6 mm."""
+"""Landmarks whose skin says where traits move a jaw. MakeHuman's own teeth leave the skin by 6 mm."""
 DETAILS = (
     ("nose depth", 1.0, ["nose/nose-scale-depth"]),
     ("nose breadth", 1.0, ["nose/nose-scale-horiz"]),
@@ -60,16 +60,19 @@ MATERIALS = (
 )  # fmt: skip
 LIPS_REACH_CM = 2.5
 THICK_CM = 0.9
-"""How far the mouth's bag stays behind cheeks and chin."""
+"""How far behind cheeks and chin the mouth's bag stays."""
 SOCKET_OVER_BALL = 1.04
 EYE_CLEARANCE = 0.985
-"""How much of ICT's eyeball ours is: its lids have some thickness."""
+"""Size of our eyeball relative to ICT's: its lids have some thickness."""
 
 
 @dataclass
 class Follower:
-    """A part: it moves with skin (`corners` and `shares` `[P, 3]`), or as `moves` `[K, 4]` say: by three
-    numbers, and away from its middle by the fourth."""
+    """A part that follows the head.
+
+    It moves with the skin (`corners` and `shares` `[P, 3]`), or by `moves` `[K, 4]`: a shift of three numbers
+    and growth about its middle.
+    """
 
     part: Part
     corners: np.ndarray | None = None
@@ -78,7 +81,7 @@ class Follower:
 
 
 def traits(makehuman: MakeHuman) -> dict[str, tuple[np.ndarray, np.ndarray]]:
-    """What each slider does in full, to the right and to the left, `[V, 3]` centimetres of the body."""
+    """What each slider does at full value to the right and to the left, `[V, 3]` centimetres of the body."""
     target = makehuman.target
 
     def grown(sex: str, age: str, weight: str = "averageweight") -> np.ndarray:
@@ -92,7 +95,7 @@ def traits(makehuman: MakeHuman) -> dict[str, tuple[np.ndarray, np.ndarray]]:
     young = {name: [target(f"macrodetails/{name}-{sex}-young") for sex in SEXES] for name in ANCESTRIES}
     of_ancestry = {name: sum(both) / len(both) for name, both in young.items()}
     mean = sum(of_ancestry.values()) / len(ANCESTRIES)
-    found = {
+    sliders = {
         "age": (both("old") - adult, both("child") - adult),
         "sex": (man - adult, adult - man),
         "weight": tuple(
@@ -101,22 +104,22 @@ def traits(makehuman: MakeHuman) -> dict[str, tuple[np.ndarray, np.ndarray]]:
         ),
     }
     for name, place in of_ancestry.items():
-        found[name] = (place - mean, mean - place)
+        sliders[name] = (place - mean, mean - place)
 
     for name, share, targets in DETAILS:
         sides = ([target(f"{one}-{side}") for one in targets] for side in ("incr", "decr"))
-        found[name] = tuple(share * sum(side) for side in sides)
-    return found
+        sliders[name] = tuple(share * sum(side) for side in sides)
+    return sliders
 
 
 def straightened(moved: np.ndarray, body: np.ndarray, face: np.ndarray) -> np.ndarray:
-    """A displacement without what it does to the place, size and turn of `face`, vertices of the body."""
+    """A displacement without the shift, size and turn that it gives `face`, vertices of the body."""
     back = similarity((body + moved)[face], body[face])
     return back(body + moved) - body
 
 
 def lips_together(template: Template, points: np.ndarray, moved: np.ndarray) -> np.ndarray:
-    """Displacements `[K, V, 3]` under which the rims of the lips keep their distance: MakeHuman's ancestries
+    """Displacements `[K, V, 3]` that keep the distance between the rims of the lips; MakeHuman's ancestries
     part them."""
     rim = template.rims[0]
     turn = rim.index(int(template.landmarks[64]))
@@ -139,7 +142,7 @@ def lips_together(template: Template, points: np.ndarray, moved: np.ndarray) -> 
 
 
 def moves_of(points: np.ndarray, moved: np.ndarray) -> np.ndarray:
-    """What displacements `[K, N, 3]` do as a whole, `[K, 4]`: a shift, and growth about the middle."""
+    """Displacements `[K, N, 3]` as motion of the whole, `[K, 4]`: a shift, and growth about the middle."""
     away = points - points.mean(0)
     growth = np.einsum("knd,nd->k", moved, away) / (away**2).sum()
     return np.c_[moved.mean(1), growth]
@@ -152,8 +155,8 @@ def under_skin(template: Template, fitted: Fit) -> np.ndarray:
     over = fitted.over[:, :6]
     depth = np.einsum("vkd,vkd->vk", points[over] - points[:, None], outward[over]).min(1)
     from_rim = cKDTree(points[template.rims[0]]).query(points)[0]
-    wanted = np.clip(THICK_CM * (from_rim - 0.3) / 1.0, 0.0, THICK_CM)
-    push = np.where(inside, np.maximum(wanted - depth, 0.0), 0.0)
+    target_depth = np.clip(THICK_CM * (from_rim - 0.3) / 1.0, 0.0, THICK_CM)
+    push = np.where(inside, np.maximum(target_depth - depth, 0.0), 0.0)
     goal = points - push[:, None] * outward[over].mean(1)
     laplacian = template.mesh.laplacian()
     firm = np.where(inside, 0.3, 1e3)
@@ -162,7 +165,7 @@ def under_skin(template: Template, fitted: Fit) -> np.ndarray:
 
 
 def off_balls(points: np.ndarray, sockets: np.ndarray, balls: list[Part]) -> np.ndarray:
-    """Sockets pushed out of the eyes that they hold."""
+    """Pushes the sockets out of the eyes in them."""
     points = points.copy()
     for ball in balls:
         centre, radius = parts.fit_sphere(ball.points)
@@ -192,37 +195,37 @@ def face_materials(template: Template, points: np.ndarray) -> np.ndarray:
 
 def eye_parts(neutral: np.ndarray) -> list[Part]:
     """Both eyes."""
-    made = [parts.eye(name, neutral[a : b + 1]) for name, (a, b) in EYEBALLS.items()]
-    for ball in made:
+    balls = [parts.eye(name, neutral[a : b + 1]) for name, (a, b) in EYEBALLS.items()]
+    for ball in balls:
         middle, _ = parts.fit_sphere(ball.points)
         ball.points = middle + EYE_CLEARANCE * (ball.points - middle)
-    return made
+    return balls
 
 
 def rigid_parts(neutral: np.ndarray) -> list[tuple[Part, slice]]:
     """Eyes, teeth and tongue, and which of ICT's vertices each follows."""
     rows = {name: slice(a, b + 1) for name, (a, b) in {**EYEBALLS, **TEETH}.items()}
     upper, lower = (neutral[rows[name]] for name in TEETH)
-    made = [
+    upper_parts = [
         *eye_parts(neutral),
         teeth.row("teeth_upper", upper, True),
         teeth.row("teeth_lower", lower, False),
     ]
-    return [(part, rows[part.name]) for part in made] + [(parts.tongue(lower), rows["teeth_lower"])]
+    return [(part, rows[part.name]) for part in upper_parts] + [(parts.tongue(lower), rows["teeth_lower"])]
 
 
 def hairs(template: Template, points: np.ndarray, eyes: list[Part]) -> list[Follower]:
     """Lashes and brows."""
-    skin, marks, made = hair.Skin(points, template.mesh.triangles), template.landmarks, []
+    skin, marks, hair_parts = hair.Skin(points, template.mesh.triangles), template.landmarks, []
     rims = [("left", [42, 43, 44, 45, 46, 47]), ("right", [39, 38, 37, 36, 41, 40])]
     for (side, rim), eye in zip(rims, eyes, strict=True):
         centre, _ = parts.fit_sphere(eye.points)
         upper, lower = ([rim[n] for n in corners] for corners in ((0, 1, 2, 3), (0, 5, 4, 3)))
         lines = [way(template, marks[line], points) for line in (upper, lower)]
-        made.append(hair.lashes(f"lashes_{side}", *lines, centre))
+        hair_parts.append(hair.lashes(f"lashes_{side}", *lines, centre))
     for side, numbers in (("left", range(22, 27)), ("right", range(21, 16, -1))):
-        made.append(hair.brow(f"brow_{side}", skin, points[marks[list(numbers)]]))
-    return [Follower(part, *skin.under(part.points)) for part in made]
+        hair_parts.append(hair.brow(f"brow_{side}", skin, points[marks[list(numbers)]]))
+    return [Follower(part, *skin.under(part.points)) for part in hair_parts]
 
 
 def way(template: Template, vertices: np.ndarray, points: np.ndarray) -> np.ndarray:

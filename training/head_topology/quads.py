@@ -1,4 +1,4 @@
-"""Meshes of quads: edges, loops between vertices, what lies behind a loop, normals."""
+"""Meshes of quads: edges, loops between vertices, the part behind a loop, normals."""
 
 import heapq
 from collections import Counter, defaultdict
@@ -59,13 +59,13 @@ class Quads:
 
     def behind(self, loop: list[int], seed: int) -> np.ndarray:
         """`[V]`: vertices that can be reached from `seed` without crossing `loop`."""
-        seen, stack, wall = {seed}, [seed], set(loop)
+        visited, stack, wall = {seed}, [seed], set(loop)
         while stack:
-            for other in self._beside[stack.pop()] - wall - seen:
-                seen.add(other)
+            for other in self._beside[stack.pop()] - wall - visited:
+                visited.add(other)
                 stack.append(other)
         reached = np.zeros(self.count, bool)
-        reached[list(seen)] = True
+        reached[list(visited)] = True
         return reached
 
 

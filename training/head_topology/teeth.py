@@ -23,7 +23,7 @@ GUM_RING, GUM_INNER = 9, 4
 SQUARENESS = 0.55
 """The power that makes a circle a rounded square."""
 FULLNESS = [0.72, 0.9, 1.0, 0.98, 0.9, 0.8]
-"""Of a crown's outline at each level from its edge to the gum."""
+"""Size of a crown's outline at each level from its edge to the gum."""
 
 
 class Arch:
@@ -39,7 +39,7 @@ class Arch:
         self.length = float(self._far[-1])
 
     def at(self, far: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
-        """Places `[N, 2]` (x, z) so far along the left half, negative on the right, and their normals."""
+        """Places `[N, 2]` (x, z) and normals at distances along the left half; negative ones lie right."""
         side = np.where(far < 0, -1.0, 1.0)[:, None] * [1, 0] + [0, 1]
         inside = np.clip(np.abs(far), 0, self.length)
         place = np.stack([np.interp(inside, self._far, self._line[:, k]) for k in (0, 1)], 1)
@@ -103,8 +103,8 @@ def row(name: str, measured: np.ndarray, upper: bool) -> Part:
     ends = np.r_[-np.array(gum_far)[::-1], gum_far]
     rings = [min(int(np.abs(ends - place).argmin()), len(ends) - 2) for _, place in roots]
     inner = [len(teeth[0]) + ring * GUM_RING + GUM_INNER for ring in rings]
-    held = [[tooth, at, at + GUM_RING] for (tooth, _), at in zip(roots, inner, strict=True)]
-    in_gum = np.concatenate([gum_faces + len(teeth[0]), held])
+    anchors = [[tooth, at, at + GUM_RING] for (tooth, _), at in zip(roots, inner, strict=True)]
+    in_gum = np.concatenate([gum_faces + len(teeth[0]), anchors])
     return Part(name, np.concatenate([teeth[0], gum]), {"teeth": teeth[1], "gums": in_gum})
 
 

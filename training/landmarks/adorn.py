@@ -1,8 +1,9 @@
-"""What characters wear or carry in their faces: eyes stuck on, thick rims, brows, glasses, beards,
-hair over the brow, ears at the sides, muzzles, and features melted away.
+"""What characters wear or carry in their faces.
 
-Every function takes a head with true landmarks and gives one whose landmarks are still true: closed
-shapes are set where landmarks are, or landmarks move with the surface. Lengths are canonical metres.
+Eyes stuck on, thick rims, brows, glasses, beards, hair over the brow, ears at the sides, muzzles, and
+features melted away. Every function takes a head with true landmarks and returns one whose landmarks are
+still true: it sets closed shapes at landmarks, or moves landmarks with the surface. Lengths are canonical
+metres.
 """
 
 import numpy as np
@@ -97,7 +98,7 @@ def brows(rng: np.random.Generator, head: Head) -> Head:
     path = head.landmarks[17:27] + [0, 0, rng.uniform(-0.3, 0.8) * thick]
     if rng.random() < 0.1:
         return glued(head, [tube(path, (thick, thick), False, 5)])
-    return glued(head, [tube(path[own], (thick, thick), False, 5) for own in (slice(0, 5), slice(5, 10))])
+    return glued(head, [tube(path[side], (thick, thick), False, 5) for side in (slice(0, 5), slice(5, 10))])
 
 
 def glasses(rng: np.random.Generator, head: Head) -> Head:
@@ -176,18 +177,18 @@ def side_ears(rng: np.random.Generator, head: Head) -> Head:
 def muzzle(rng: np.random.Generator, head: Head) -> Head:
     """A snout stuck on over nose and mouth; landmarks under it come out to its surface."""
     marks = head.landmarks.copy()
-    own = np.r_[30:36, 48:68]
-    low, high = marks[own].min(0), marks[own].max(0)
+    region = np.r_[30:36, 48:68]
+    low, high = marks[region].min(0), marks[region].max(0)
     middle = 0.5 * (low + high)
     radii = 0.5 * (high - low) * rng.uniform([1.3, 1.15, 0], [2.0, 1.6, 0])
-    radii[2], middle[2] = rng.uniform(0.015, 0.06), marks[own, 2].mean() - 0.01
+    radii[2], middle[2] = rng.uniform(0.015, 0.06), marks[region, 2].mean() - 0.01
     power = rng.choice([2.0, 2.0, 4.0])
     points, triangles = ellipsoid([0, 0, 0], [1, 1, 1], 30)
     points /= (np.abs(points) ** power).sum(1, keepdims=True) ** (1 / power)
-    flat = np.abs((marks[own, :2] - middle[:2]) / radii[:2]) ** power
+    flat = np.abs((marks[region, :2] - middle[:2]) / radii[:2]) ** power
     depth = radii[2] * np.maximum(1 - flat.sum(1), 0.0) ** (1 / power)
-    out = middle[2] + depth > marks[own, 2]
-    marks[own, 2] = np.maximum(marks[own, 2], middle[2] + depth)
+    out = middle[2] + depth > marks[region, 2]
+    marks[region, 2] = np.maximum(marks[region, 2], middle[2] + depth)
     head = Head(head.points, head.triangles, marks)
     extra = [(points * radii + middle, triangles)]
     if out[6:].mean() > 0.5:

@@ -1,9 +1,8 @@
-"""Heads that were never human: balls, boxes and columns with eyes, brows, a nose and a mouth raised
-from them, dented into them or stuck on, and where their 68 landmarks are.
+"""Heads that were never human, with their 68 landmarks.
 
-A head is a superellipsoid whose front is raised and dented by heights over its own x and y; the
-landmarks are points over the same x and y, so that they lie where the features are drawn, whatever
-is piled on. Lengths are canonical metres.
+Balls, boxes and columns have eyes, brows, a nose and a mouth raised from them, dented into them or stuck on.
+A head is a superellipsoid whose front has heights over its own x and y. The landmarks are points over the
+same x and y, so they lie where the features are drawn, whatever is piled on. Lengths are canonical metres.
 """
 
 from dataclasses import dataclass, field
@@ -124,7 +123,7 @@ def mouth_outline(rng: np.random.Generator) -> np.ndarray:
 
 
 def jaw_outline(clay: Clay) -> np.ndarray:
-    """Seventeen points near the edge of the front, in the directions of a human jaw's."""
+    """Seventeen points near the edge of the front, in the directions of a human jaw line."""
     d = canonical_landmarks()[:17, :2] / [0.078, 0.108]
     reach = (np.abs(d) ** clay.power).sum(1, keepdims=True) ** (1 / clay.power)
     return 0.95 * d / reach * clay.radii[:2]
@@ -173,8 +172,10 @@ def add_eyes(rng: np.random.Generator, clay: Clay, flat: np.ndarray) -> None:
 def add_brows(rng: np.random.Generator, clay: Clay, flat: np.ndarray) -> None:
     """Ridges along the brows, or one shelf over both eyes."""
     out, wide = rng.uniform(0.001, 0.012), rng.uniform(0.002, 0.008)
-    for own in (slice(17, 22), slice(22, 27)):
-        clay.heights.append(lambda xy, own=own: out * np.exp(-((line_distance(xy, flat[own]) / wide) ** 2)))
+    for brow in (slice(17, 22), slice(22, 27)):
+        clay.heights.append(
+            lambda xy, brow=brow: out * np.exp(-((line_distance(xy, flat[brow]) / wide) ** 2))
+        )
 
 
 def add_nose(rng: np.random.Generator, clay: Clay, flat: np.ndarray) -> None:

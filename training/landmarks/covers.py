@@ -1,8 +1,8 @@
-"""What covers eyes: prisms and rounded blocks set on them, patches before one, visors before both.
+"""Covers for eyes: prisms and rounded blocks on them, patches before one eye, visors before both.
 
-An eye's landmarks lie on what is seen, not on the skin behind it: they come out to the cover, whose
-front is seen and dragged. Covers are rounded, many-sided or bent; boxes are left to the heads that
-measure (`stylise_unseen.py`). Lengths are canonical metres.
+An eye's landmarks lie on the visible surface, not on the skin behind it. So they move out to the cover, whose
+front users see and drag. Covers are rounded, many-sided or bent. Boxes appear only on the heads to measure on
+(`stylise_unseen.py`). Lengths are canonical metres.
 """
 
 import numpy as np
@@ -54,12 +54,13 @@ def turned(rng: np.random.Generator, points: np.ndarray, degrees: float) -> np.n
     return points @ about_x.T @ render.yaw(b).T
 
 
-def set_before(marks: np.ndarray, own: slice, shape, flat: bool) -> np.ndarray:
-    """Landmarks of one eye on a cover: on its surface, and where it does not reach, at its front's height."""
-    out = render.come_out(marks, own, [shape])
+def set_before(marks: np.ndarray, eye: slice, shape, flat: bool) -> np.ndarray:
+    """Landmarks of one eye on a cover: on its surface, or at the height of its front where the cover does not
+    reach."""
+    out = render.come_out(marks, eye, [shape])
     if flat:
-        out[own, 2] = np.maximum(out[own, 2], np.median(out[own, 2]))
-        out[own, 2] = np.maximum(out[own, 2], shape[0][:, 2].max() - 0.003)
+        out[eye, 2] = np.maximum(out[eye, 2], np.median(out[eye, 2]))
+        out[eye, 2] = np.maximum(out[eye, 2], shape[0][:, 2].max() - 0.003)
     return out
 
 

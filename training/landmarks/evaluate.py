@@ -25,7 +25,7 @@ from training.landmarks.stylise import limb
 
 
 def find(anyface: list, folder: Path, points: np.ndarray, triangles: np.ndarray) -> np.ndarray | None:
-    """`[68, 3]` as the command (with its first arguments) finds them, or nothing."""
+    """`[68, 3]` as the command (`anyface`, with its first arguments) finds them; None if it refuses."""
     write_obj(folder / "m.obj", points, triangles)
     run = subprocess.run(
         [*anyface, "landmarks", "--mesh", folder / "m.obj", "--out", folder / "l.json"],
@@ -37,8 +37,8 @@ def find(anyface: list, folder: Path, points: np.ndarray, triangles: np.ndarray)
         return None
     if run.returncode:
         raise RuntimeError(run.stderr)
-    found = json.loads((folder / "l.json").read_text())["landmarks"]
-    return np.array([e["position"] for e in found])
+    landmarks = json.loads((folder / "l.json").read_text())["landmarks"]
+    return np.array([e["position"] for e in landmarks])
 
 
 def placed(rng: np.random.Generator, head: samples.Head) -> tuple[samples.Head, float]:
@@ -117,7 +117,7 @@ def main(
 
 
 def command_of(anyface: Path, weights: Path | None) -> list:
-    """The command with the models that it is to take."""
+    """The command with the chosen models."""
     return [anyface, "--weights", weights] if weights else [anyface]
 
 
@@ -128,11 +128,11 @@ def measure(kind: str, anyface: list, folder: Path, faces, held_out: np.ndarray,
         for number in range(count if kind == "ict" else count // 2):
             rng = np.random.default_rng([77, number, plain])
             head, scale = placed(rng, head_of(kind, rng, faces, held_out, number, plain))
-            found = find(anyface, folder, head.points, head.triangles)
-            if found is None:
+            landmarks = find(anyface, folder, head.points, head.triangles)
+            if landmarks is None:
                 missed += 1
             else:
-                errors.append(np.linalg.norm(found - head.landmarks, axis=1) / scale * 1e3)
+                errors.append(np.linalg.norm(landmarks - head.landmarks, axis=1) / scale * 1e3)
         report(f"{kind}, {'remeshed' if plain else 'warped, torn, remeshed, dressed'}", errors, missed)
 
 
@@ -142,9 +142,9 @@ def refuse(anyface: list, folder: Path, faces, held_out: np.ndarray, count: int)
     for number in range(count):
         rng = np.random.default_rng([78, number])
         points, triangles = nothing(rng, faces, held_out, number)
-        found = find(anyface, folder, points @ pose_pool.any_rotation(rng).T, triangles)
-        refused += found is None
-        if found is not None:
+        landmarks = find(anyface, folder, points @ pose_pool.any_rotation(rng).T, triangles)
+        refused += landmarks is None
+        if landmarks is not None:
             print(f"number {number} is no face and was taken for one", flush=True)
     print(f"without a face: {refused} of {count} refused")
 

@@ -1,11 +1,10 @@
-"""Measures the finder as shipped on stylised heads of kinds it never trained on, and how it refuses things
-without a face.
+"""Measures the shipped finder on stylised heads of unseen kinds, and how it refuses things without a face.
 
-    cargo build --release && python -m training.landmarks.evaluate_unseen --data ../shared/data \
-        --anyface target/release/anyface
+    cargo build --release
+    python -m training.landmarks.evaluate_unseen --data ../shared/data --anyface target/release/anyface
 
-Everything is turned at random, scaled and moved. A region is found where its landmarks lie within 4 % of
-the face's height of the truth, on average; the height goes from the chin to the middle of the brows.
+Everything is turned at random, scaled and moved. A region counts as right if its landmarks lie on average
+within 4 % of the face's height from the truth. The height goes from the chin to the middle of the brows.
 """
 
 import tempfile
@@ -51,11 +50,11 @@ def heads(anyface: list, folder: Path, faces, held_out: np.ndarray, count: int) 
     for number in range(count):
         head = head_number(number, faces, held_out)
         head, _ = placed(np.random.default_rng([4244, number]), head)
-        found = find(anyface, folder, head.points, head.triangles)
-        if found is None:
+        landmarks = find(anyface, folder, head.points, head.triangles)
+        if landmarks is None:
             refused.append(number)
             continue
-        miss = np.linalg.norm(found - head.landmarks, axis=1) / face_height(head.landmarks)
+        miss = np.linalg.norm(landmarks - head.landmarks, axis=1) / face_height(head.landmarks)
         for name, region in ALL_REGIONS.items():
             off[name].append(miss[region].mean())
         good.append(all(miss[region].mean() <= WITHIN for region in REGIONS.values()))
@@ -73,16 +72,16 @@ def heads(anyface: list, folder: Path, faces, held_out: np.ndarray, count: int) 
 
 def things(anyface: list, folder: Path, faces, held_out: np.ndarray, count: int) -> None:
     """Prints how many things without a face are refused."""
-    taken = []
+    false_faces = []
     for number in range(count):
         points, triangles, name = thing_number(number, faces, held_out)
         turn = pose_pool.any_rotation(np.random.default_rng([4354, number]))
         if find(anyface, folder, points @ turn.T, triangles) is not None:
-            taken.append(number)
+            false_faces.append(number)
             print(f"number {number}, {name}, was taken for a face", flush=True)
         if number % 20 == 19:
-            print(f"{number + 1} things, {len(taken)} taken for faces", flush=True)
-    print(f"without a face: {count - len(taken)} of {count} refused")
+            print(f"{number + 1} things, {len(false_faces)} taken for faces", flush=True)
+    print(f"without a face: {count - len(false_faces)} of {count} refused")
 
 
 def main(

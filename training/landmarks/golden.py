@@ -46,19 +46,19 @@ def write(out: Path, _shared: Path) -> Path:
     model = LandmarkNetwork(DEBUG)
     unsettle(model)
     points, triangles = scene()
-    window, seen = picture()
+    window, pixels = picture()
     model.eval()
     with torch.no_grad():
-        before, _ = model(seen)
+        before, _ = model(pixels)
         model.fold()
-        heat, face = model(seen)
+        heat, face = model(pixels)
         assert (heat - before).abs().max() < 1e-4, "folding changed the network"
         places, confidence = decode(heat)
     tensors = {
         "points": torch.from_numpy(points),
         "triangles": torch.from_numpy(triangles),
         "window": torch.from_numpy(window),
-        "input": seen[0],
+        "input": pixels[0],
         "heat": heat[0, ::17],
         "face": face,
         "places": places[0],

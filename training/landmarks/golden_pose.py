@@ -17,16 +17,16 @@ def write(out: Path, _shared: Path) -> Path:
     torch.manual_seed(4)
     model = PoseNetwork(POSE_DEBUG)
     golden.unsettle(model)
-    _, seen = golden.picture()
+    _, pixels = golden.picture()
     model.eval()
     with torch.no_grad():
-        before = model(seen)
+        before = model(pixels)
         model.fold()
-        result = model(seen)
+        result = model(pixels)
         assert (result - before).abs().max() < 1e-4, "folding changed the network"
         _, place, _, turn = decode(result)
     tensors = {
-        "input": seen[0],
+        "input": pixels[0],
         "out": result[0].permute(1, 2, 0),
         "place": place[0],
         "rotation": turn[0],

@@ -1,5 +1,4 @@
-"""Random heads for training: human, warped, strongly stylised, in costume, or never human at all;
-torn, remeshed, dressed."""
+"""Random heads for training: human, warped, stylised, in costume, or never human; torn, remeshed, dressed."""
 
 import numpy as np
 
@@ -43,7 +42,7 @@ def random_head(
         head = stepped(rng, head)
     if rng.random() < COVERED[kind]:
         more = covered(rng, head)
-        head = more if seen(more) else head
+        head = more if face_is_visible(more) else head
     if rng.random() < (0.2 if styled else 0.4):
         head = samples.tear(rng, head)
     if not steps and rng.random() < 0.4:
@@ -52,7 +51,7 @@ def random_head(
         dressed = samples.dress(rng, head)
         if styled or rng.random() < 0.25:
             dressed = company(rng, dressed)
-        if seen(dressed):
+        if face_is_visible(dressed):
             return dressed
     return head
 
@@ -61,8 +60,8 @@ def bare_head(rng: np.random.Generator, faces: Faces, identities, makehuman_shar
     """A head of one of `KINDS`, whole and alone."""
     if kind == "character":
         return samples.warp(rng, character(rng), rng.choice([0.0, 0.5, 1.0]))
-    made = rng.random() < makehuman_share
-    if made:
+    is_makehuman = rng.random() < makehuman_share
+    if is_makehuman:
         head = faces.makehuman_head(rng)
     else:
         head = faces.ict_head(rng, identities[rng.integers(len(identities))])
@@ -72,13 +71,13 @@ def bare_head(rng: np.random.Generator, faces: Faces, identities, makehuman_shar
         head = smoothed(head, int(rng.integers(3, 15)))
     if kind == "costume":
         head = costumed(rng, head)
-    if made or kind == "stylised" or rng.random() < 0.75:
+    if is_makehuman or kind == "stylised" or rng.random() < 0.75:
         head = samples.warp(rng, head, rng.choice([0.5, 1.0, 2.0]))
     return head
 
 
 def costumed(rng: np.random.Generator, head: Head) -> Head:
-    """Up to two features melted away and some things stuck on, the face still to be seen."""
+    """The head with up to two features melted away and some things stuck on; the face stays visible."""
     marks = head.landmarks
     eye, brow = int(rng.integers(2)), int(rng.integers(2))
     for centre, sigma, chance in (
@@ -91,16 +90,16 @@ def costumed(rng: np.random.Generator, head: Head) -> Head:
     for add, chance in COSTUMES:
         if rng.random() < chance:
             more = add(rng, head)
-            head = more if seen(more) else head
+            head = more if face_is_visible(more) else head
     return head
 
 
 HIDDEN = {"mouth": (slice(48, 68), 0.2), "eyes": (slice(36, 48), 0.35), "inner": (slice(17, 68), 0.35)}
-"""How much of each part may be covered."""
+"""Share of each part that may be covered."""
 
 
-def seen(head: Head) -> bool:
-    """Whether what the head wears leaves its face free, as seen from the front."""
+def face_is_visible(head: Head) -> bool:
+    """Whether what the head wears leaves its face visible from the front."""
     marks, inner = head.landmarks, head.landmarks[17:]
     middle = inner.mean(0)
     half = 1.1 * np.abs(inner - middle)[:, :2].max()
@@ -108,11 +107,11 @@ def seen(head: Head) -> bool:
     buffer = render.depth_buffer(points, triangles, *middle[:2].astype(np.float32), np.float32(half), 64)
     column, row = np.clip((render.to_window(marks, middle, half).T * 64).astype(int), 0, 63)
     hidden = buffer[row, column] > marks[:, 2] + 0.015
-    return all(hidden[own].mean() < most for own, most in HIDDEN.values())
+    return all(hidden[region].mean() < most for region, most in HIDDEN.values())
 
 
 LEAST_TRIANGLES = {"stylised": 500, "costume": 900, "character": 900}
-"""Fewer leave nothing of the features; things stuck on need triangles of their own."""
+"""Least number of triangles. Fewer leave nothing of the features, and things stuck on need triangles too."""
 
 
 def low_poly(rng: np.random.Generator, head: Head, least: int) -> Head:

@@ -93,12 +93,12 @@ def main(data: Path = DATA, runs: Path = Path("runs/pose"), count: int = 36000, 
     for i in range(count):
         rng = np.random.default_rng([seed, 7, i])
         if i % HEADS_SHARE == 0:
-            empty, made = rng.random() < FACELESS, rng.random() < pool.MAKEHUMAN_SHARE
-            head = faceless(rng) if empty else heads.random_head(rng, faces, chosen, float(made))
+            empty, is_makehuman = rng.random() < FACELESS, rng.random() < pool.MAKEHUMAN_SHARE
+            head = faceless(rng) if empty else heads.random_head(rng, faces, chosen, float(is_makehuman))
             pose = (np.eye(3), np.zeros(3), 1.0) if empty else pose_of(head.landmarks)
         drawn, pose_here = picture(rng, head, pose)
         pictures[i] = np.clip(np.round(drawn * QUANTUM), -127, 127)
-        poses[i] = np.r_[pose_here, float(made)]
+        poses[i] = np.r_[pose_here, float(is_makehuman)]
         poses[i, 0] = 0.0 if empty else poses[i, 0]
         if i % 2000 == 1999:
             np.save(runs / "poses.npy", poses[: i + 1])

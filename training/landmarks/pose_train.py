@@ -58,14 +58,14 @@ def decode(out: torch.Tensor) -> tuple[torch.Tensor, ...]:
 
 
 def measured(out: torch.Tensor, poses: torch.Tensor) -> dict[str, float]:
-    """Errors where a face is, presence where one is and is not."""
+    """Errors where there is a face; presence where there is one and where there is none."""
     chance, place, size, turn = decode(out)
     yes, no = poses[:, 0] > 0, poses[:, 0] == 0
     true = orthonormal(poses[:, 4:10])
     cosine = ((turn * true).sum((1, 2)) - 1) / 2
     angle = torch.rad2deg(cosine.clamp(-1, 1).acos())[yes]
     shift = ((place - poses[:, 1:3]).norm(dim=1) / poses[:, 3].exp())[yes]
-    found = {
+    scores = {
         "degrees": angle.median(),
         "degrees 90 %": angle.quantile(0.9),
         "place": shift.median(),
@@ -73,7 +73,7 @@ def measured(out: torch.Tensor, poses: torch.Tensor) -> dict[str, float]:
         "seen": (chance[yes] > 0.5).float().mean(),
         "false": (chance[no] > 0.5).float().mean(),
     }
-    return {name: value.item() for name, value in found.items()}
+    return {name: value.item() for name, value in scores.items()}
 
 
 def batch(pool, chosen: np.ndarray, flip: np.ndarray) -> tuple[torch.Tensor, torch.Tensor]:

@@ -1,7 +1,7 @@
 """The shape prior of the 68 landmarks: how those of training's faces vary together.
 
-Every face is brought to the mean landmarks by a similarity (weights as in `mesh/canonical.rs`); the
-leading modes of what is left, each as long as its deviation, go into the model file.
+A similarity brings every face to the mean landmarks (weights as in `mesh/canonical.rs`). The leading modes of
+the rest, scaled to their deviation, go into the model file.
 """
 
 from pathlib import Path
@@ -25,11 +25,16 @@ def aligned(landmarks: np.ndarray) -> np.ndarray:
 
 def only_landmarks(faces: samples.Faces) -> samples.Faces:
     """Both models without any other vertex: the surface does not matter here."""
-    own, made = faces.landmarks, faces.mh_landmarks
-    faces.neutral = faces.neutral[own]
-    faces.identity = faces.identity.reshape(len(faces.identity), -1, 3)[:, own].reshape(-1, 204)
-    faces.expression = faces.expression.reshape(len(faces.expression), -1, 3)[:, own].reshape(-1, 204)
-    faces.mh_points, faces.mh_deltas = faces.mh_points[made], faces.mh_deltas[:, made]
+    ict_vertices, makehuman_vertices = faces.landmarks, faces.mh_landmarks
+    faces.neutral = faces.neutral[ict_vertices]
+    faces.identity = faces.identity.reshape(len(faces.identity), -1, 3)[:, ict_vertices].reshape(-1, 204)
+    faces.expression = faces.expression.reshape(len(faces.expression), -1, 3)[:, ict_vertices].reshape(
+        -1, 204
+    )
+    faces.mh_points, faces.mh_deltas = (
+        faces.mh_points[makehuman_vertices],
+        faces.mh_deltas[:, makehuman_vertices],
+    )
     faces.landmarks = faces.mh_landmarks = np.arange(68)
     faces.triangles = faces.mh_triangles = np.array([[0, 1, 2]], np.int32)
     return faces
@@ -42,8 +47,12 @@ def shapes(data: Path, count: int, seed: int) -> np.ndarray:
     out = np.empty((count, 204))
     for i in range(count):
         rng = np.random.default_rng([seed, 3, i])
-        made = rng.random() < pool.MAKEHUMAN_SHARE
-        head = faces.makehuman_head(rng) if made else faces.ict_head(rng, chosen[rng.integers(len(chosen))])
+        is_makehuman = rng.random() < pool.MAKEHUMAN_SHARE
+        head = (
+            faces.makehuman_head(rng)
+            if is_makehuman
+            else faces.ict_head(rng, chosen[rng.integers(len(chosen))])
+        )
         styled = rng.random()
         if styled < 0.3:
             head = stylise(rng, head)

@@ -148,18 +148,21 @@ def yaw(angle: float) -> np.ndarray:
 
 
 def come_out(
-    marks: np.ndarray, own: slice, shapes: list, room: float = 0.012, pixels: int = 192
+    marks: np.ndarray, region: slice, shapes: list, room: float = 0.012, pixels: int = 192
 ) -> np.ndarray:
-    """Landmarks `[68, 3]` with those of `own` moved along z onto what `shapes` (points, triangles; metres)
-    show from the front, where that lies before them: they lie on what is seen, not behind it."""
-    middle = marks[own, :2].mean(0)
-    half = float(np.abs(marks[own, :2] - middle).max() + room)
+    """Landmarks `[68, 3]` with those of `region` moved along z to the front of `shapes`, if that lies before
+    them.
+
+    Landmarks lie on the visible surface. `shapes` are (points, triangles) in metres.
+    """
+    middle = marks[region, :2].mean(0)
+    half = float(np.abs(marks[region, :2] - middle).max() + room)
     front = np.full((pixels, pixels), -np.inf, np.float32)
     for points, triangles in shapes:
         points, triangles = points.astype(np.float32), triangles.astype(np.int32)
         drawn = depth_buffer(points, triangles, *middle.astype(np.float32), np.float32(half), pixels)
         front = np.maximum(front, drawn)
-    column, row = np.clip((to_window(marks[own], middle, half).T * pixels).astype(int), 0, pixels - 1)
+    column, row = np.clip((to_window(marks[region], middle, half).T * pixels).astype(int), 0, pixels - 1)
     out = marks.copy()
-    out[own, 2] = np.maximum(marks[own, 2], front[row, column])
+    out[region, 2] = np.maximum(marks[region, 2], front[row, column])
     return out

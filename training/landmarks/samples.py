@@ -48,14 +48,17 @@ class Faces:
             names = json.loads(file.metadata()["expression_names"])
         self.neutral = canonical.from_ict(ict["neutral"]).astype(np.float32)
         self.identity = (ict["identity"].astype(np.float32) * 0.01).reshape(100, -1)
-        wanted = [names.index(n) for n in SUBTLE]
-        self.expression = (ict["expression"][wanted].astype(np.float32) * 0.01).reshape(len(wanted), -1)
+        indices = [names.index(n) for n in SUBTLE]
+        self.expression = (ict["expression"][indices].astype(np.float32) * 0.01).reshape(len(indices), -1)
         self.triangles = ict["triangles"].astype(np.int32)
         self.landmarks = ict["landmarks68"].astype(np.int64)
-        made = load_file(data / "faces/makehuman_head.safetensors")
-        self.mh_points, self.mh_triangles = made["neutral"] * 0.1, made["triangles"].astype(np.int32)
-        self.mh_landmarks = made["landmarks68"].astype(np.int64)
-        self.mh_deltas = made["deltas"].astype(np.float32) * 0.1
+        makehuman = load_file(data / "faces/makehuman_head.safetensors")
+        self.mh_points, self.mh_triangles = (
+            makehuman["neutral"] * 0.1,
+            makehuman["triangles"].astype(np.int32),
+        )
+        self.mh_landmarks = makehuman["landmarks68"].astype(np.int64)
+        self.mh_deltas = makehuman["deltas"].astype(np.float32) * 0.1
         self._centre_makehuman()
 
     def _centre_makehuman(self) -> None:

@@ -9,17 +9,17 @@ import numpy as np
 from training.landmarks.samples import Head
 
 FINE, COARSE = (0.0015, 0.003), (0.006, 0.0085)
-"""Lengths of steps."""
+"""Range of step lengths."""
 
 
 def step(rng: np.random.Generator, count: int) -> np.ndarray:
-    """Lengths of steps in `count` directions, each fine or coarse by itself."""
+    """Step lengths in `count` directions, each fine or coarse on its own."""
     low, high = np.where(rng.random((count, 1)) < 0.5, [FINE], [COARSE]).T
     return rng.uniform(low, high)
 
 
 def lattice(rng: np.random.Generator, head: Head) -> Head:
-    """Vertices moved to a lattice of other steps in each direction, turned by up to half a right angle."""
+    """Vertices moved to a lattice with other steps in each direction, turned by up to 45 degrees."""
     turn = np.eye(3)
     if rng.random() < 0.75:
         axis = rng.normal(size=3)
@@ -77,9 +77,9 @@ def spread(rng: np.random.Generator, head: Head, gap: float) -> np.ndarray:
     a, b, c = (head.points[head.triangles[:, k]] for k in range(3))
     area = 0.5 * np.linalg.norm(np.cross(b - a, c - a), axis=1)
     count = int(min(4 * area.sum() / gap**2, 300_000))
-    own = rng.choice(len(area), count, p=area / area.sum())
+    triangle = rng.choice(len(area), count, p=area / area.sum())
     u, v = np.sqrt(rng.random((count, 1))), rng.random((count, 1))
-    return (1 - u) * a[own] + u * (1 - v) * b[own] + u * v * c[own]
+    return (1 - u) * a[triangle] + u * (1 - v) * b[triangle] + u * v * c[triangle]
 
 
 def stepped(rng: np.random.Generator, head: Head) -> Head:

@@ -1,8 +1,8 @@
-"""Stylised heads of kinds that training never makes, to measure the finder on: swollen to balls, pressed
-into boxes, bent, twisted, pulled by a cage, seen through a lens, carved in steps or waves, exaggerated.
+"""Stylised heads of kinds that training never makes, to measure the finder on.
 
-Every warp is a map of space or moves vertices by millimetres, so that the landmarks of the face
-under it stay true. Lengths are canonical metres.
+They are swollen to balls, pressed into boxes, bent, twisted, pulled by a cage, seen through a lens, carved in
+steps or waves, or exaggerated. Every warp is a map of space or moves vertices by millimetres, so the
+landmarks of the face stay true. Lengths are canonical metres.
 """
 
 import numpy as np
@@ -39,9 +39,9 @@ def boxed(rng: np.random.Generator, head: Head) -> Head:
 
     def by(points: np.ndarray) -> np.ndarray:
         d = (points - CENTRE) / [0.08, 0.11, 0.09]
-        own = np.linalg.norm(d, axis=1, keepdims=True)
+        radius = np.linalg.norm(d, axis=1, keepdims=True)
         flat = (np.abs(d) ** power).sum(1, keepdims=True) ** (1 / power)
-        return CENTRE + (points - CENTRE) * (own / np.maximum(flat, 1e-6)) ** share
+        return CENTRE + (points - CENTRE) * (radius / np.maximum(flat, 1e-6)) ** share
 
     return moved(head, by)
 
@@ -172,10 +172,10 @@ def spikes(rng: np.random.Generator, head: Head) -> Head:
 
 def eye_patch(rng: np.random.Generator, head: Head) -> Head:
     """A flat patch over one eye, whose landmarks come out to it."""
-    own, marks = EYES[int(rng.integers(2))], head.landmarks.copy()
-    middle = marks[own].mean(0) + [0, 0, 0.008]
-    half = 0.62 * np.ptp(marks[own][:, 0])
-    marks[own, 2] = middle[2] + 0.0015
+    eye, marks = EYES[int(rng.integers(2))], head.landmarks.copy()
+    middle = marks[eye].mean(0) + [0, 0, 0.008]
+    half = 0.62 * np.ptp(marks[eye][:, 0])
+    marks[eye, 2] = middle[2] + 0.0015
     return glued(Head(head.points, head.triangles, marks), [box(middle, [half, 0.8 * half, 0.0015])])
 
 

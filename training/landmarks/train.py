@@ -74,8 +74,8 @@ def train(arguments) -> None:
         x = x.contiguous(memory_format=torch.channels_last)
         with torch.autocast("cpu", torch.bfloat16):
             value, heat = loss_of(model, x, places, face)
-        found, _ = decode(heat.detach().float())
-        off = (found - places).norm(dim=-1)[face > 0] * 64
+        predicted, _ = decode(heat.detach().float())
+        off = (predicted - places).norm(dim=-1)[face > 0] * 64
         return value, {"median heat-map pixels": off.median().item()}
 
     def judge(model: LandmarkNetwork) -> dict:
@@ -97,7 +97,7 @@ def parser() -> argparse.ArgumentParser:
     """Command line."""
     parser = argparse.ArgumentParser(description=__doc__.splitlines()[0])
     parser.add_argument("--runs", type=Path, dest="out", default=Path("runs/landmarks"))
-    parser.add_argument("--pool", type=Path, help="default: the runs folder")
+    parser.add_argument("--pool", type=Path, help="folder of the pool; default: the runs folder")
     parser.add_argument("--from", type=Path, dest="origin", help="network.pt, or the folder of a model")
     parser.add_argument("--steps", type=int, default=1800)
     parser.add_argument("--batch", type=int, default=24)

@@ -1,6 +1,7 @@
-"""Layer norm whose scale and shift come from a condition, and a gate (Peebles & Xie 2023, adaLN-Zero).
+"""Layer norm whose scale, shift and gate come from a condition (Peebles & Xie 2023, adaLN-Zero).
 
-One linear layer serves all blocks, which add a table of their own (Chen et al. 2024, PixArt-α, adaLN-single).
+One linear layer serves all blocks. Each block adds a table of its own (Chen et al. 2024, PixArt-α,
+adaLN-single).
 """
 
 import torch

@@ -1,7 +1,7 @@
 """Causal self-attention that prefers what is near, period by period (FaceFormer, Fan et al. 2022, eq. 5).
 
-Row i sees j ≤ i under −slope_h · ⌊(i − j) / p⌋; each head has a slope of its own, as ALiBi (Press et al.
-2022) chooses them. Keys and values of rows before can be kept, so that a new row costs no more than one.
+Row i sees j ≤ i under −slope_h · ⌊(i − j) / p⌋. Each head has its own slope, chosen as in ALiBi (Press et al.
+2022). Keys and values of earlier rows can be cached, so that a new row costs no more than one.
 """
 
 import torch
@@ -15,7 +15,7 @@ def slopes(heads: int) -> Tensor:
 
 
 def temporal_bias(rows: int, heads: int, period: int, look_back: int) -> Tensor:
-    """What is added to the scores, [heads, T, T]; −∞ for rows to come and those `look_back` behind."""
+    """Bias of the scores, [heads, T, T]: −∞ for later rows and for those `look_back` or more behind."""
     behind = torch.arange(rows)[:, None] - torch.arange(rows)[None, :]
     bias = -slopes(heads)[:, None, None] * torch.div(behind, period, rounding_mode="floor")
     return bias.masked_fill((behind < 0) | (behind >= look_back), -torch.inf)
@@ -42,13 +42,16 @@ class BiasedSelfAttention(nn.Module):
         mixed = F.scaled_dot_product_attention(q, k, v, attn_mask=bias.to(x))
         return self.out_proj(mixed.transpose(1, 2).flatten(2))
 
-    def step(self, x: Tensor, kept: list[tuple[Tensor, Tensor]]) -> Tensor:
-        """The next row [B, 1, d] → [B, 1, d]; `kept` has keys and values so far and gets this one's."""
+    def step(self, x: Tensor, cache: list[tuple[Tensor, Tensor]]) -> Tensor:
+        """The next row [B, 1, d] → [B, 1, d].
+
+        `cache` holds keys and values of the rows before. Those of this row are appended.
+        """
         q, k, v = self._projected(x)
-        kept.append((k, v))
-        del kept[: -self.look_back]
-        keys, values = (torch.cat(part, dim=2) for part in zip(*kept, strict=True))
-        behind = torch.arange(len(kept) - 1, -1, -1)
+        cache.append((k, v))
+        del cache[: -self.look_back]
+        keys, values = (torch.cat(part, dim=2) for part in zip(*cache, strict=True))
+        behind = torch.arange(len(cache) - 1, -1, -1)
         bias = -slopes(self.heads)[:, None, None] * torch.div(behind, self.period, rounding_mode="floor")
         mixed = F.scaled_dot_product_attention(q, keys, values, attn_mask=bias.to(x))
         return self.out_proj(mixed.transpose(1, 2).flatten(2))

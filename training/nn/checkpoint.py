@@ -24,25 +24,25 @@ EXACT = (
 )  # fmt: skip
 """What stays f32 in every model: statistics, and numbers of vertices."""
 SCALE = ".scale"
-"""What the name of 8-bit numbers has behind it where their scales are named."""
+"""Ending of the name under which the scales of an 8-bit matrix are stored."""
 HALF = ("compact_speech.", "facetalk_compact.identity.", "head_topology.", "stm_paper.")
-"""Beginnings of MODEL.ARRAY: what stays f16 in shipped models; docs/training.md says why."""
+"""Prefixes of MODEL.ARRAY that stay f16 in shipped models; docs/training.md says why."""
 SMALLEST, SHORTEST_ROW = 2048, 16
-"""Numbers of a matrix, and of a row of it, from which on it is shipped in eight bits."""
+"""From this size of a matrix, and of its row, on it ships in eight bits."""
 Network = TypeVar("Network", bound=nn.Module)
 
 
 def pack(plain: bytes) -> bytes:
-    """The bytes of a safetensors file for shipping: those at even places, then those at odd ones, in gzip.
+    """Packs the bytes of a safetensors file for shipping: even bytes first, then odd bytes, in gzip.
 
-    The high bytes of weights in f16 are much alike: beside each other they take a third less. `unpack` in
-    rust-core is the way back, too.
+    The high bytes of f16 weights are much alike: side by side they take a third less. `unpack` below and in
+    rust-core undo it.
     """
     return gzip.compress(plain[0::2] + plain[1::2], 9, mtime=0)
 
 
 def unpack(packed: bytes) -> bytes:
-    """The bytes that `pack` was called with."""
+    """Undoes `pack`."""
     planes = gzip.decompress(packed)
     plain, middle = bytearray(len(planes)), (len(planes) + 1) // 2
     plain[0::2], plain[1::2] = planes[:middle], planes[middle:]
@@ -62,7 +62,7 @@ def quantised(values: Tensor) -> tuple[Tensor, Tensor]:
 
 
 def is_large(value: Tensor) -> bool:
-    """Whether an array is a matrix or kernel in f16 that is worth scales."""
+    """Whether an array is an f16 matrix or kernel large enough for eight bits."""
     is_matrix = value.dtype == torch.float16 and value.ndim > 1
     return is_matrix and value.numel() >= SMALLEST and value[0].numel() >= SHORTEST_ROW
 

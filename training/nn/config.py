@@ -7,7 +7,7 @@ Sizes = TypeVar("Sizes", bound="Config")
 
 
 class Config:
-    """Base of the dataclasses that hold everything that inference has to know."""
+    """Base of the dataclasses that hold everything inference needs."""
 
     def to_json(self) -> dict:
         """As written to config.json."""

@@ -19,20 +19,20 @@ def spirals(vertices: np.ndarray, triangles: np.ndarray, kernel: int, dilation: 
     if alone:
         raise ValueError(f"spirals: expected a triangle at every vertex, got none at vertex {alone[0]}")
     normals = _normals(vertices, triangles)
-    wanted = 1 + (kernel - 1) * dilation
-    if wanted > len(vertices):
-        raise ValueError(f"spirals: expected at least {wanted} vertices, got {len(vertices)}")
-    return np.array([_spiral(v, vertices, normals[v], neighbours, wanted)[::dilation]
+    length = 1 + (kernel - 1) * dilation
+    if length > len(vertices):
+        raise ValueError(f"spirals: expected at least {length} vertices, got {len(vertices)}")
+    return np.array([_spiral(v, vertices, normals[v], neighbours, length)[::dilation]
                      for v in range(len(vertices))])  # fmt: skip
 
 
 def _neighbours(count: int, triangles: np.ndarray) -> list[set[int]]:
-    found: list[set[int]] = [set() for _ in range(count)]
+    neighbours: list[set[int]] = [set() for _ in range(count)]
     for a, b, c in triangles.tolist():
-        found[a] |= {b, c}
-        found[b] |= {a, c}
-        found[c] |= {a, b}
-    return found
+        neighbours[a] |= {b, c}
+        neighbours[b] |= {a, c}
+        neighbours[c] |= {a, b}
+    return neighbours
 
 
 def _normals(vertices: np.ndarray, triangles: np.ndarray) -> np.ndarray:
@@ -45,7 +45,7 @@ def _normals(vertices: np.ndarray, triangles: np.ndarray) -> np.ndarray:
 
 
 def _spiral(
-    v: int, vertices: np.ndarray, normal: np.ndarray, neighbours: list[set[int]], wanted: int
+    v: int, vertices: np.ndarray, normal: np.ndarray, neighbours: list[set[int]], length: int
 ) -> list:
     start = max(sorted(neighbours[v]), key=lambda n: (vertices[n, 1], vertices[n, 2], vertices[n, 0]))
     ahead = vertices[start] - vertices[v]
@@ -54,16 +54,16 @@ def _spiral(
         ahead = np.cross(normal, [1.0, 0.0, 0.0]) + np.cross(normal, [0.0, 0.0, 1.0])
     aside = np.cross(normal, ahead)
     order, ring, disk = [v], {v}, {v}
-    while len(order) < wanted:
+    while len(order) < length:
         ring = set().union(*(neighbours[n] for n in ring)) - disk
         if not ring:
             break
         disk |= ring
         order += sorted(ring, key=lambda n: _turn(vertices[n] - vertices[v], ahead, aside, n, start))
-    if len(order) < wanted:
+    if len(order) < length:
         distance = np.linalg.norm(vertices - vertices[v], axis=1)
         order += [n for n in np.argsort(distance, kind="stable").tolist() if n not in disk]
-    return order[:wanted]
+    return order[:length]
 
 
 def _turn(offset: np.ndarray, ahead: np.ndarray, aside: np.ndarray, n: int, start: int) -> tuple[float, int]:
@@ -104,5 +104,5 @@ class SpiralConv3D(nn.Module):
         for d in range(delta):
             behind = delta - 1 - d
             moved[:, behind:] += in_time[:, : frames - behind] @ self.weight[d].sum(dim=0)
-        seen = torch.arange(frames)[:, None] >= torch.arange(delta - 1, -1, -1)
-        return moved[:, :, None] + torch.einsum("td,dvo->tvo", seen.to(gathered), gathered) + self.bias
+        in_range = torch.arange(frames)[:, None] >= torch.arange(delta - 1, -1, -1)
+        return moved[:, :, None] + torch.einsum("td,dvo->tvo", in_range.to(gathered), gathered) + self.bias

@@ -64,7 +64,7 @@ def rows_of(table: Table) -> str:
 def main(
     corpus: Annotated[list[Path], "corpus folders"],
     anyface: Path = Path("target/release/anyface"),
-    options: Annotated[list[str], "of every call"] = (),
+    options: Annotated[list[str], "options of every call"] = (),
     ablations: Annotated[Path | None, "folder that training.paper.ablations wrote"] = None,
     clips: Annotated[int, "held-out clips of each folder"] = 20,
     out: Path = Path("docs/measured/paper.md"),
@@ -87,8 +87,8 @@ def main(
                     figures = draw(folder, engine, Path(place), out.parent / "images/paper")
     ablated = []
     if ablations:
-        found = json.loads((ablations / "scores.json").read_text())
-        ablated = [Table(**table) for table in found]
+        rows = json.loads((ablations / "scores.json").read_text())
+        ablated = [Table(**table) for table in rows]
     names = " ".join(path.name for path in corpus)
     command = f"python -m training.paper --corpus {names} --clips {clips}"
     out.write_text(page(tables, ablated, figures, out, command), encoding="utf-8")

@@ -36,7 +36,7 @@ ONE_FRAME_IN = 5
 
 
 class WithoutTime(AtsDenoiser):
-    """Does not know how noisy its input is."""
+    """A denoiser that does not know how noisy its input is."""
 
     def _conditions(self, timestep: Tensor, affect: Tensor, style: Tensor) -> Tensor:
         return super()._conditions(torch.zeros_like(timestep), affect, style)
@@ -50,7 +50,7 @@ class WithoutBand(AtsDenoiser):
 
 
 class WithoutIntensity(AtsDenoiser):
-    """Every emotion that is felt at all counts as wholly felt."""
+    """Gives every emotion above intensity 0 the intensity 1."""
 
     def _conditions(self, timestep: Tensor, affect: Tensor, style: Tensor) -> Tensor:
         whole = torch.cat([affect[..., :-1], (affect[..., -1:] > 0).to(affect.dtype)], dim=-1)
@@ -58,7 +58,7 @@ class WithoutIntensity(AtsDenoiser):
 
 
 class WithoutGraph(PaperDecoder):
-    """Landmarks do not hear their neighbours: the graph has no edge."""
+    """A decoder whose landmarks do not exchange features: the graph has no edge."""
 
     def __init__(self, config: PaperConfig):
         super().__init__(config)
@@ -76,7 +76,7 @@ class WithoutAttention(PaperDecoder):
 
 
 class WithoutGeometry(PaperDecoder):
-    """Vertices know nothing of their place and normal but through the surface's operators."""
+    """A decoder whose vertices know nothing of their place and normal beyond the surface's operators."""
 
     def encode(self, vertex_inputs: Tensor, ops) -> Tensor:
         return super().encode(torch.ones_like(vertex_inputs), ops)
@@ -99,8 +99,8 @@ STM = {
 def ats_table(arguments) -> Table:
     """Sound to landmarks, each variant trained for as many steps from the same seed."""
     entries = of_folders(arguments.corpus, 1, arguments.seed, arguments.limit)
-    felt = any(e.intensity > 0 for e in entries)
-    variants = {name: kind for name, kind in ATS.items() if felt or kind is not WithoutIntensity}
+    has_intensity = any(e.intensity > 0 for e in entries)
+    variants = {name: kind for name, kind in ATS.items() if has_intensity or kind is not WithoutIntensity}
     rows, clips = {}, 0
     for name, kind in variants.items():
         print(name, flush=True)
@@ -122,21 +122,21 @@ def ats_table(arguments) -> Table:
 
 def ats_scores(model: AtsDenoiser, speech: CompactSpeech, entries) -> list[dict[str, float]]:
     """Metrics of held-out clips in the default style, by the model's own sampling."""
-    style, found = model.config.styles.index(ANY_STYLE), []
+    style, scores = model.config.styles.index(ANY_STYLE), []
     for entry in entries:
-        made = train_ats.clip_motion(speech, model, entry, style, model.config.sampling)
-        seen = entry.weight.unflatten(1, (68, 3)).any(dim=2).any(dim=0).numpy()
-        pair = [x[:LONGEST_FRAMES].float().unflatten(1, (68, 3)).numpy() for x in (made, entry.motion)]
-        found.append(scores_of(*pair, LIPS[seen[LIPS]], UPPER[seen[UPPER]]))
-    return found
+        motion = train_ats.clip_motion(speech, model, entry, style, model.config.sampling)
+        visible = entry.weight.unflatten(1, (68, 3)).any(dim=2).any(dim=0).numpy()
+        pair = [x[:LONGEST_FRAMES].float().unflatten(1, (68, 3)).numpy() for x in (motion, entry.motion)]
+        scores.append(scores_of(*pair, LIPS[visible[LIPS]], UPPER[visible[UPPER]]))
+    return scores
 
 
 def stm_table(arguments) -> Table:
     """True landmark motion to the mesh, each variant trained for as many steps from the same seed."""
     known = sequence_meshes(arguments.vertices, held_out=False)
-    seen = {"corpus": [paper_mesh(mesh, STM_CONFIG) for mesh in known]}
-    unseen = sequence_meshes(arguments.vertices, held_out=True)
-    prepared = {mesh.name: paper_mesh(mesh, STM_CONFIG) for mesh in unseen}
+    training_meshes = {"corpus": [paper_mesh(mesh, STM_CONFIG) for mesh in known]}
+    test_meshes = sequence_meshes(arguments.vertices, held_out=True)
+    prepared = {mesh.name: paper_mesh(mesh, STM_CONFIG) for mesh in test_meshes}
     rows: dict[str, list[dict[str, float]]] = {}
     seeds = range(arguments.seed, arguments.seed + arguments.stm_seeds)
     for (name, kind), seed in itertools.product(STM.items(), seeds):
@@ -144,10 +144,12 @@ def stm_table(arguments) -> Table:
         print(row, flush=True)
         steps, out = arguments.stm_steps, arguments.out / f"{kind.__name__}_{seed}"
         machine = Machine(arguments.device, arguments.precision)
-        model = train_paper(STM_CONFIG, None, steps, seed, seen, out, machine=machine, decoder=kind)
-        rows[row] = [stm_scores(mesh, partial(predict, model, prepared[mesh.name])) for mesh in unseen]
+        model = train_paper(
+            STM_CONFIG, None, steps, seed, training_meshes, out, machine=machine, decoder=kind
+        )
+        rows[row] = [stm_scores(mesh, partial(predict, model, prepared[mesh.name])) for mesh in test_meshes]
     what = f"true landmarks to mesh, {arguments.stm_steps} steps of width {STM_CONFIG.width}"
-    return Table("Ablations", what, means(rows), len(unseen), len(unseen[0].lips))
+    return Table("Ablations", what, means(rows), len(test_meshes), len(test_meshes[0].lips))
 
 
 @torch.no_grad()
@@ -155,9 +157,9 @@ def stm_scores(mesh: SequenceMesh, method: Callable[[Tensor], Tensor]) -> dict[s
     """Metrics over frames of the mesh's held-out sequences, mm."""
     truth = torch.cat([mesh.displacements(i, np.arange(0, len(s), ONE_FRAME_IN))
                        for i, s in enumerate(mesh.sequences)])[:LONGEST_FRAMES]  # fmt: skip
-    made = torch.cat([method(part) for part in truth[:, mesh.landmarks].split(5)])
+    predicted = torch.cat([method(part) for part in truth[:, mesh.landmarks].split(5)])
     lips = mesh.lips.nonzero()[:, 0].numpy()
-    return scores_of(0.1 * made.numpy(), 0.1 * truth.numpy(), lips, mesh.landmarks[UPPER].numpy())
+    return scores_of(0.1 * predicted.numpy(), 0.1 * truth.numpy(), lips, mesh.landmarks[UPPER].numpy())
 
 
 def main() -> None:
@@ -178,8 +180,8 @@ def main() -> None:
     torch.set_num_threads(1)
     arguments.out.mkdir(parents=True, exist_ok=True)
     tables = []
-    for wanted, make in ((arguments.vertices, stm_table), (arguments.corpus, ats_table)):
-        if wanted:
+    for folders, make in ((arguments.vertices, stm_table), (arguments.corpus, ats_table)):
+        if folders:
             tables.append(asdict(make(arguments)))
             (arguments.out / "scores.json").write_text(json.dumps(tables, indent=1) + "\n")
 

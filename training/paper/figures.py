@@ -1,4 +1,4 @@
-"""Figures 6 and 7 of the FreeTalk paper: errors of decoders on the surface, where a landmark is attended."""
+"""Figures 6 and 7 of the FreeTalk paper: decoder errors on the surface, and attention to a landmark."""
 
 from pathlib import Path
 
@@ -29,8 +29,8 @@ def draw(folder: CorpusFolder, engine: Engine, place: Path, images: Path) -> lis
     frame = slice(widest, widest + 1)
     errors = {}
     for name, more in DECODERS.items():
-        made = engine.spread(motion[frame], neutral, clip.mesh, clip.marks, *more)
-        errors[name] = MM * np.linalg.norm(clip.unit_m * made[0] - clip.truth[widest], axis=-1)
+        predicted = engine.spread(motion[frame], neutral, clip.mesh, clip.marks, *more)
+        errors[name] = MM * np.linalg.norm(clip.unit_m * predicted[0] - clip.truth[widest], axis=-1)
     shape = clip.neutral + clip.truth[widest]
     first = images / "decoder_errors.png"
     _faces(first, shape, triangles, errors, "distance from the truth, mm", 3.0)

@@ -90,12 +90,12 @@ def temporal_misalignment(p: np.ndarray, g: np.ndarray) -> np.ndarray:
     p, g = smooth_opening(p), smooth_opening(g)
     steps = [np.diff(x, prepend=x[0]) for x in (g, p)]
     path = best_path(path_costs(np.abs(steps[0][:, None] - steps[1]), np.add))
-    true, made = extrema(g), extrema(p)
+    true, predicted = extrema(g), extrema(p)
     order = [0, *sorted(true), len(g) - 1]
     place = {frame: k for k, frame in enumerate(order[1:-1], 1)}
     off = []
     for i, j in path:
-        if i in true and made.get(j) == true[i] and order[place[i] - 1] <= j <= order[place[i] + 1]:
+        if i in true and predicted.get(j) == true[i] and order[place[i] - 1] <= j <= order[place[i] + 1]:
             off.append(abs(i - j))
     return np.array(off, np.float64)
 

@@ -1,8 +1,8 @@
-"""What the FreeTalk paper prints, to stand beside what is measured here.
+"""What the FreeTalk paper prints, to compare with what we measure.
 
-Tables 2, 3 and 5 of Nocentini et al. 2026, arXiv 2603.15512v1. Its tables state no units, and its text calls
-MVE a maximum where the code of its predecessors takes the mean, so of the first two only δCd, which has no
-unit, may be read across; table 5 is read as shares of the whole model's LVE.
+Tables 2, 3 and 5 of Nocentini et al. 2026, arXiv 2603.15512v1. The tables state no units. The text calls MVE
+a maximum, while the code of its predecessors takes the mean. So of tables 2 and 3 only δCd, which has no
+unit, can be compared. Table 5 is read as shares of the whole model's LVE.
 """
 
 from statistics import mean
@@ -25,7 +25,7 @@ OURS = {
     "CA + Concat.": "without the landmark graph",
     "GCN + CA + Concat.": WHOLE,
 }
-"""Which of our variants is which row of table 5; attention without what is joined is not among ours."""
+"""Row of table 5 for each of our variants. We have none with attention that joins nothing."""
 
 
 def printed() -> str:
@@ -43,7 +43,7 @@ def printed() -> str:
 
 
 SEED = ", seed "
-"""Stands in the name of a row between the variant and the number of its training."""
+"""Separates the variant from the number of its training in the name of a row."""
 
 
 def by_seed(rows: dict[str, dict[str, float]], name: str) -> list[float]:

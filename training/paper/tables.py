@@ -25,7 +25,7 @@ LIPS = np.arange(48, 68)
 UPPER = np.r_[17:27, 36:48]
 LIPS_WITHIN_M, UPPER_WITHIN_M = 0.01, 0.015
 LONGEST_FRAMES = 250
-"""Of a longer clip the beginning is measured: the path of DTW and DFD costs its square."""
+"""Longer clips are measured up to here, because DTW and DFD cost the square of the length."""
 MM = 1000.0
 
 Scores = dict[str, float]
@@ -33,7 +33,7 @@ Scores = dict[str, float]
 
 @dataclass
 class Table:
-    """Metrics of each row, means over clips; `clips` and `points` are what they were taken on."""
+    """Metrics of each row, means over clips. `clips` and `points` say how many were measured."""
 
     corpus: str
     what: str
@@ -43,7 +43,7 @@ class Table:
 
 
 def emotion_of(clip: Clip | Row) -> str:
-    """What the command is asked for: the clip's label, or speech alone where it says nothing."""
+    """Emotion to ask the command for: the clip's label, or off where the clip has none."""
     return f"{clip.emotion}:{clip.intensity:g}" if clip.intensity > 0 else "off"
 
 
@@ -55,15 +55,15 @@ def landmark_table(folder: CorpusFolder, engine: Engine, count: int) -> Table | 
     rows: dict[str, list[Scores]] = {}
     for clip in chosen:
         frames = min(len(clip.motion), LONGEST_FRAMES)
-        truth, seen = clip.motion[:frames], clip.weight[:frames].any(axis=0)
+        truth, visible = clip.motion[:frames], clip.weight[:frames].any(axis=0)
         labelled = emotion_of(clip) != "off"
-        made = {"nothing moves": np.zeros_like(truth)}
-        made["Anyface"] = engine.motion(clip.samples, emotion_of(clip))
+        predictions = {"nothing moves": np.zeros_like(truth)}
+        predictions["Anyface"] = engine.motion(clip.samples, emotion_of(clip))
         if labelled:
-            made["Anyface, intensity 1"] = engine.motion(clip.samples, f"{clip.emotion}:1")
-            made["Anyface, without the label"] = engine.motion(clip.samples, "neutral:0")
-        for name, motion in made.items():
-            lips, upper = LIPS[seen[LIPS]], UPPER[seen[UPPER]]
+            predictions["Anyface, intensity 1"] = engine.motion(clip.samples, f"{clip.emotion}:1")
+            predictions["Anyface, without the label"] = engine.motion(clip.samples, "neutral:0")
+        for name, motion in predictions.items():
+            lips, upper = LIPS[visible[LIPS]], UPPER[visible[UPPER]]
             rows.setdefault(name, []).append(scores_of(motion, truth, lips, upper))
     return Table(folder.name, "landmarks", means(rows), len(chosen), 68)
 
@@ -112,8 +112,11 @@ def mesh_tables(folder: CorpusFolder, engine: Engine, count: int) -> list[Table]
             lips = np.flatnonzero(near[:, LIPS].min(1) < LIPS_WITHIN_M)
             upper = np.flatnonzero(near[:, UPPER].min(1) < UPPER_WITHIN_M)
             points, clips = len(clip.neutral), clips + 1
-            for rows, made in ((whole, _spoken_rows(clip, engine)), (alone, _spread_rows(clip, engine))):
-                for name, motion in made:
+            for rows, predictions in (
+                (whole, _spoken_rows(clip, engine)),
+                (alone, _spread_rows(clip, engine)),
+            ):
+                for name, motion in predictions:
                     rows.setdefault(name, []).append(scores_of(motion, clip.truth, lips, upper))
     tables = [("sound to mesh", whole), ("true landmarks to mesh", alone)]
     return [Table(folder.name, what, means(rows), clips, points) for what, rows in tables if rows]

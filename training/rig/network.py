@@ -1,12 +1,12 @@
-"""What landmarks cannot say of a shape: a pointwise network over the skin.
+"""What landmarks cannot say about a shape: a pointwise network over the skin.
 
 Mirrors `rust-core/src/rig/network.rs`, attribute name for layer name.
 
     shape_s(v) = sum_n W_vn dL_sn + fade(v) R_s(features of v)
 
-W are the training-free weights, dL_s the landmark motion of shape s on a mean face, R the network.
-It sees the head and its mirror image, and the mean of both is taken, so a symmetric head gets
-symmetric shapes and left and right shapes are each other's mirror image.
+W are the training-free weights, dL_s the landmark motion of shape s on a mean face, R the network. It sees
+the head and its mirror image and returns the mean of both. So a symmetric head gets symmetric shapes, and
+left and right shapes are each other's mirror image.
 
 Lengths are decimetres in the canonical frame. Shapes: `V` vertices, `N` = 68, `S` = 51 shapes.
 """
@@ -26,7 +26,8 @@ FEATURES = 3 + 3 * LANDMARKS + LANDMARKS + LANDMARKS
 OUTPUT_SCALE = 0.1
 """Outputs of the network are multiplied by this, so that training starts near zero."""
 FADE_DM = (0.6, 1.0)
-"""Distance from the nearest landmark up to which the network speaks, and from which it is silent."""
+"""Up to the first distance from the nearest landmark the network has full effect; from the second on it has
+none."""
 
 
 @dataclass(frozen=True)

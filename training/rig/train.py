@@ -23,7 +23,7 @@ from training.run import downhill
 
 FACES = {"both": ("ict", "makehuman"), "ict": ("ict",), "makehuman": ("makehuman",)}
 STILL_WEIGHT = 0.3
-"""Of a vertex at rest in a shape, beside one that moves."""
+"""Weight of a vertex at rest in a shape, beside one that moves."""
 MOVING_DM = 0.005
 """A vertex that truly moves more than this (0.5 mm) counts as moving."""
 

@@ -16,7 +16,7 @@ from training.rig.shapes import mirrored_name
 
 SIDEWAYS = ("jawLeft", "jawRight", "mouthLeft", "mouthRight")
 RIDGE = 0.02
-"""Of the mean energy of a shape."""
+"""Ridge, as a share of the mean energy of a shape."""
 LEAST = 0.02
 """Smaller weights are left out."""
 MOVING_MM = 0.5

@@ -37,13 +37,13 @@ def print_errors(anyface: Path, data: Path, count: int = 3, seed: int = 77) -> N
     more than 0.5 mm, and the motion there."""
     head, rng = load_head(data), np.random.default_rng(seed)
     people = [head.neutral + np.tensordot(rng.standard_normal(100), head.identity, 1) for _ in range(count)]
-    made = [made_by(anyface, head, person) for person in people]
+    predictions = [made_by(anyface, head, person) for person in people]
     for part, regions in PARTS.items():
         rows = np.concatenate([head.regions[name] for name in regions])
         truth = head.modes[:, rows]
         length = np.linalg.norm(truth, axis=-1)
         moving = length > MOVING_CM
-        error = np.mean([np.linalg.norm(m[:, rows] - truth, axis=-1) for m in made], axis=0)
+        error = np.mean([np.linalg.norm(m[:, rows] - truth, axis=-1) for m in predictions], axis=0)
         by_shape = [10.0 * e[m].mean() for e, m in zip(error, moving, strict=True) if m.any()]
         motion = [10.0 * e[m].mean() for e, m in zip(length, moving, strict=True) if m.any()]
         print(

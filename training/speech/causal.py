@@ -73,11 +73,11 @@ class StreamConfig(Config):
     perform: list[Block] = field(default_factory=lambda: _blocks((1, 0), (2, 0), (4, 0)))
     normaliser: Normaliser = field(default_factory=Normaliser)
     sooner: list[int] = field(default_factory=list)
-    """Further heads, each with the frames by which it speaks sooner: it foretells the frame so many after the
-    one that the look-ahead is for."""
+    """Further heads, each with its lead in frames: a head predicts the frame that many frames after the one
+    the look-ahead is for."""
 
     def mel_ahead(self) -> int:
-        """Mel frames after 4 t that frame t depends on."""
+        """Number of mel frames after 4 t that frame t depends on."""
         fine = STEM_AHEAD + 2 * sum(block.ahead * block.dilation for block in self.fine)
         coarse = sum(block.ahead * block.dilation for block in self.listen)
         return fine + 2 * DOWN_AHEAD + MEL_PER_FRAME * coarse
@@ -113,7 +113,7 @@ def debug_config() -> StreamConfig:
 
 @dataclass
 class Heard:
-    """What the running normalisation knows of each voice: [B, 64], [B] and [B]."""
+    """State of the running normalisation for each voice: [B, 64], [B] and [B]."""
 
     colour: Tensor
     peak: Tensor
@@ -143,7 +143,7 @@ def normalise_running(mel: Tensor, config: Normaliser, heard: Heard | None = Non
 
 
 def _hear(heard: Heard, row: Tensor, level: Tensor, config: Normaliser) -> Tensor:
-    """Takes one mel frame of each voice in; what to subtract from it, [B, 64]."""
+    """Takes in one mel frame of each voice. Returns what to subtract from it, [B, 64]."""
     fresh = (1.0 - heard.frames / config.start_frames).clamp_min(0.0)
     step = config.step + (config.start_step - config.step) * fresh
     heard.peak = heard.peak + step * torch.where(level > heard.peak, QUANTILE, QUANTILE - 1.0)
@@ -173,7 +173,7 @@ class CausalBlock(nn.Module):
 
 
 class SoonerHead(nn.Module):
-    """What comes some frames later, foretold from what was heard."""
+    """A head that predicts a later frame from what was heard."""
 
     def __init__(self, channels: int, outputs: int):
         super().__init__()
@@ -212,7 +212,7 @@ class StreamNet(nn.Module):
         return self.say(self.hear(mel))
 
     def hear(self, mel: Tensor) -> Tensor:
-        """What all heads speak from, [B, T, C]; `mel` as in `forward`."""
+        """Features [B, T, C] that all heads read; `mel` as in `forward`."""
         first = self.config.mel_rows(1)
         if mel.shape[1] < first or (mel.shape[1] - first) % MEL_PER_FRAME:
             raise ValueError(f"mel frames: expected {first} + {MEL_PER_FRAME} k, got {mel.shape[1]}")
@@ -258,7 +258,7 @@ def _say(model: StreamNet, mel: Tensor, frames: int, head: int | None) -> Tensor
 
 
 def with_sooner(folder: Path, sooner: list[int]) -> StreamNet:
-    """A finished student that learns further heads; all else of it stays as it is."""
+    """A finished student that learns further heads. Everything else in it stays unchanged."""
     config, state = read_model(folder)
     model = StreamNet(StreamConfig.from_json(config | {"sooner": sooner}))
     model.load_state_dict(state, strict=False)
@@ -271,7 +271,7 @@ def with_sooner(folder: Path, sooner: list[int]) -> StreamNet:
 def speak(model: StreamNet, samples: Tensor, frames: int, head: int | None = None) -> Tensor:
     """Samples [S] at 16 kHz → the first `frames` frames, [T, D].
 
-    A further head hears silence first, for as long as it speaks sooner; none looks back from a frame.
+    A further head hears silence first, for as long as its lead. No head looks back from a frame.
     """
     config = model.config
     sooner = 0 if head is None else MEL_PER_FRAME * HOP * config.sooner[head]

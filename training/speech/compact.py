@@ -24,7 +24,7 @@ DEEPEST = -12.0
 SCALE = 4.0
 SHIPPED_ENCODER = shipped("compact_speech")
 UNTRAINED_CLOSURE = -20.0
-"""Bias of the closure read-out before `training.speech.train_closure`: lips are never together."""
+"""Bias of the closure read-out before `training.speech.train_closure` runs: lips never close."""
 
 
 @dataclass
@@ -57,7 +57,7 @@ def normalise(mel: Tensor) -> Tensor:
 
 
 def clip_colour(mel: Tensor) -> Tensor:
-    """What `normalise` subtracts from a clip's raw log-mel [T, 64]; [64]."""
+    """What `normalise` subtracts from a clip's raw log-mel [T, 64], [64]."""
     level = mel.mean(dim=1)
     active = level >= torch.quantile(level, ACTIVE_QUANTILE) - ACTIVE_RANGE
     colour = mel[active].mean(dim=0)

@@ -24,14 +24,15 @@ from training.systems.emoface import emotion_encoder
 
 LAYERS = [3, 4, 5]
 FELT_DIRECTIONS, FELT_SHARE = 40, 2.0
-"""And how much more their error counts."""
+"""Number of directions in which acted clips differ from neutral ones, and how much more their error counts.
+"""
 SPEED_OCTAVES = 0.22
 SHORTEST, LONGEST, UNIT = 80, 200, 20
 """Frames of 10 ms."""
 LARGEST = 6.0
 BATCH = 32
 JITTER = 0.03
-"""Of the colour of a window, in units of the network."""
+"""Deviation of the colour of a window, in units of the network."""
 LEAST_DEVIATION = 1e-4
 
 
@@ -50,7 +51,7 @@ def batch_power(x: Tensor, fft: int) -> Tensor:
 
 
 class Hearing:
-    """Both sides of a batch of sounds [B, S], of which every one has the same peak."""
+    """Network input and Whisper target for a batch of sounds [B, S], all with the same peak."""
 
     def __init__(self, folder: Path, device: str):
         self.whisper = whisper.load(folder).to(device)
@@ -74,7 +75,7 @@ class Hearing:
 
     @torch.no_grad()
     def student(self, x: Tensor) -> tuple[Tensor, Tensor]:
-        """What the network hears of it: `inputs_of`."""
+        """Network input: `inputs_of` the sounds."""
         power = batch_power(x, FFT)
         mel = (power @ self.mel).clamp_min(FLOOR).log()
         low = power[..., emotion_encoder.LOW_BIN : emotion_encoder.HIGH_BIN]
@@ -120,37 +121,37 @@ def moved(x: Tensor, random: torch.Generator) -> Tensor:
 
 
 def cut(sounds: Tensor, lengths: Tensor, random: torch.Generator) -> dict[int, tuple[Tensor, Tensor]]:
-    """Of each sound [N, S] of `lengths` [N] a part, whole ones as often as shorter ones.
+    """A part of each sound [N, S] of `lengths` [N]; whole sounds as often as shorter parts.
 
-    By the number of their frames, a multiple of 20: numbers of sounds and the parts.
+    The key is the number of frames, a multiple of 20. The value has the numbers of the sounds and the parts.
     """
     draw = lambda: torch.rand(len(sounds), generator=random, device=sounds.device)  # noqa: E731
     least, most = SHORTEST, (lengths // HOP).clamp_max(LONGEST)
-    wanted = torch.where(draw() < 0.5, most, least + (draw() * (most - least)).long()) // UNIT * UNIT
-    start = (draw() * (lengths - wanted * HOP + 1)).long()
-    found = {}
-    for frames in wanted.unique().tolist():
-        which = (wanted == frames).nonzero()[:, 0]
+    sizes = torch.where(draw() < 0.5, most, least + (draw() * (most - least)).long()) // UNIT * UNIT
+    start = (draw() * (lengths - sizes * HOP + 1)).long()
+    parts = {}
+    for frames in sizes.unique().tolist():
+        which = (sizes == frames).nonzero()[:, 0]
         at = start[which, None] + torch.arange(frames * HOP, device=sounds.device)[None]
-        found[frames] = which, sounds[which].gather(1, at)
-    return found
+        parts[frames] = which, sounds[which].gather(1, at)
+    return parts
 
 
 @torch.no_grad()
 def bank(
     sounds: Tensor, lengths: Tensor, hearing: Hearing, variants: int, random: torch.Generator
 ) -> list[dict]:
-    """Parts of all sounds, each `variants` times, with both sides of what is heard of them."""
-    found = []
+    """Parts of all sounds, each `variants` times, with network input and Whisper target."""
+    batches = []
     for variant in range(variants):
         for frames, (which, parts) in cut(sounds, lengths, random).items():
             for first in range(0, len(which), 32):
                 x = moved(parts[first : first + 32], random)
                 heard, weight = hearing.student(x)
-                found.append({"which": which[first : first + 32], "heard": heard.half(), "weight": weight,
+                batches.append({"which": which[first : first + 32], "heard": heard.half(), "weight": weight,
                               "rows": hearing.teacher(x).half(), "frames": frames})  # fmt: skip
         print("variant", variant + 1, "of", variants, flush=True)
-    return found
+    return batches
 
 
 def leading(rows: Tensor, count: int) -> Tensor:
@@ -158,21 +159,21 @@ def leading(rows: Tensor, count: int) -> Tensor:
     return torch.svd_lowrank(rows, q=count + 20, niter=4)[2][:, :count]
 
 
-def directions(rows: Tensor, felt: Tensor, told: int) -> tuple[Tensor, Tensor, Tensor]:
-    """`mean`, `scale` [C] and `basis` [C, told] of what is told of pooled layers [N, C].
+def directions(rows: Tensor, emotion_offsets: Tensor, count: int) -> tuple[Tensor, Tensor, Tensor]:
+    """`mean`, `scale` [C] and `basis` [C, count] of the targets in pooled layers [N, C].
 
-    `felt` [M, C]: by how much felt clips differ from the neutral voice of their actor.
+    `emotion_offsets` [M, C]: acted clips less the neutral voice of their actor.
     """
     mean, scale = rows.mean(0), rows.std(0) + LEAST_DEVIATION
-    first = leading(felt / scale, FELT_DIRECTIONS)
+    first = leading(emotion_offsets / scale, FELT_DIRECTIONS)
     z = ((rows - mean) / scale).clamp(-LARGEST, LARGEST)
     z = z - (z @ first) @ first.T
-    second = leading(z, told - FELT_DIRECTIONS)
+    second = leading(z, count - FELT_DIRECTIONS)
     return mean, scale, torch.cat([first, second], dim=1)
 
 
 def made_bank(arguments, sounds: Tensor, lengths: Tensor) -> list[dict]:
-    """From `--bank`, or written there."""
+    """The bank from the file `--bank`, which is written if it is missing."""
     if not arguments.bank.exists():
         random = torch.Generator().manual_seed(arguments.seed)
         hearing = Hearing(arguments.whisper, "cpu")
@@ -213,13 +214,18 @@ def train(net: EmotionEarNet, batches: list[tuple[Tensor, Tensor, Tensor, Tensor
 def main() -> None:
     """Command line."""
     parser = argparse.ArgumentParser(description=__doc__.splitlines()[0])
-    parser.add_argument("--windows", type=Path, required=True, help="of training.speech.emotion_windows")
+    parser.add_argument(
+        "--windows", type=Path, required=True, help="windows.pt of training.speech.emotion_windows"
+    )
     parser.add_argument("--whisper", type=Path, required=True, help="folder of training.speech.whisper")
     parser.add_argument(
-        "--bank", type=Path, required=True, help="what is heard of them; written where it is not there"
+        "--bank",
+        type=Path,
+        required=True,
+        help="file of the network's inputs and targets; written if it is missing",
     )
     parser.add_argument("--out", type=Path, required=True)
-    parser.add_argument("--leave", nargs="*", default=HELD_OUT, help="actors of emodb_de who are not heard")
+    parser.add_argument("--leave", nargs="*", default=HELD_OUT, help="actors of emodb_de to leave out")
     parser.add_argument("--variants", type=int, default=3)
     parser.add_argument("--go-on", type=Path, help="an earlier --out to start from")
     parser.add_argument("--minutes", type=float, default=12.0)
@@ -236,15 +242,17 @@ def main() -> None:
     chance = torch.where(is_felt, 1.0 / is_felt.sum(), 1.2 / (~is_felt).sum()) * ~is_left
     which = torch.cat([b["which"] for b in batches])
     rows = torch.cat([b["rows"] for b in batches]).float()
-    felt = torch.zeros_like(rows)
+    emotion_offsets = torch.zeros_like(rows)
     for actor in {a["speaker"] for a in about if a["source"] == SOURCE}:
-        own = torch.tensor([about[k]["speaker"] == actor for k in which.tolist()])
-        neutral = own & torch.tensor([about[k]["emotion"] == "neutral" for k in which.tolist()])
-        felt[own] = rows[own] - rows[neutral].mean(0)
+        of_actor = torch.tensor([about[k]["speaker"] == actor for k in which.tolist()])
+        neutral = of_actor & torch.tensor([about[k]["emotion"] == "neutral" for k in which.tolist()])
+        emotion_offsets[of_actor] = rows[of_actor] - rows[neutral].mean(0)
     config = EmotionEarConfig()
-    kept = ~is_left[which]
-    mean, scale, basis = directions(rows[kept], felt[kept & is_felt[which]], config.told)
-    spread = (((rows[kept] - mean) / scale).clamp(-LARGEST, LARGEST) @ basis).std(0)
+    is_training = ~is_left[which]
+    mean, scale, basis = directions(
+        rows[is_training], emotion_offsets[is_training & is_felt[which]], config.told
+    )
+    spread = (((rows[is_training] - mean) / scale).clamp(-LARGEST, LARGEST) @ basis).std(0)
     # Directions of large spread count more, but less than their variance.
     unit = spread.sqrt() * spread.max().sqrt()
     sized = {}

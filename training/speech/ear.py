@@ -33,7 +33,7 @@ from training.speech.targets import PhoneHead
 MOTION = 204
 """Columns of motion in a track; the features of a lesson follow them."""
 LARGEST = 6.0
-"""Deviations: Whisper's inner layers have a few channels of enormous size."""
+"""Whisper's inner layers have a few channels of enormous size, so features are cut at so many deviations."""
 
 
 @dataclass
@@ -92,7 +92,7 @@ class EarToMotion(nn.Module):
 
 
 class EarTeacher:
-    """A finished run, which gives speech a face in the manner of its first source."""
+    """A finished run. It gives speech a face in the manner of the run's first source."""
 
     def __init__(self, run: Path, layer: int | None = None):
         saved = torch.load(run)
@@ -103,10 +103,10 @@ class EarTeacher:
 
     @torch.no_grad()
     def target(self, clip: EarClip, features: Tensor | None = None) -> Tensor:
-        """What the compact encoder shall tell of a clip, [T, C'] f16.
+        """Features of a clip that the compact encoder has to predict, [T, C'] f16.
 
-        A layer of Whisper in deviations, around each frame of motion; with `layer` none the teacher's own
-        `features`, which are computed where they are not at hand.
+        With `layer` these are a layer of Whisper in deviations, averaged around each frame of motion. Without
+        it they are the teacher's own `features`, computed here if they are not at hand.
         """
         if self.layer is None:
             return (self.model.of(clip) if features is None else features).half()
@@ -118,38 +118,38 @@ class EarTeacher:
 
     @torch.no_grad()
     def log_posteriors(self, clip: EarClip) -> np.ndarray:
-        """Phones of a clip, [4 T, segments] at 100 Hz: two passes, a feature apart."""
+        """Phones of a clip, [4 T, segments] at 100 Hz, from two passes that lie one feature apart."""
         heard, levels = clip.heard[0], clip.levels()
         late = (torch.cat([heard[:, 1:], heard[:, -1:]], dim=1), torch.cat([levels[1:], levels[-1:]]))
-        found = [self.model(x[None], y[None])[0] for x, y in ((heard, levels), late)]
-        passes = [self.model.phones.readout(features) for features in found]
+        both = [self.model(x[None], y[None])[0] for x, y in ((heard, levels), late)]
+        passes = [self.model.phones.readout(features) for features in both]
         rows = torch.stack(passes, dim=1).flatten(0, 1).log_softmax(dim=-1)
         return rows.repeat_interleave(MEL_PER_FRAME // FRAMES_EACH, dim=0).numpy()
 
     @torch.no_grad()
     def lesson(self, clip: EarClip, said: list[str] | None) -> Entry:
-        """A clip without a face: its motion, with lips that meet at p, b and m, its phones, its features.
+        """A lesson from a clip without a face: motion with lips that meet at p, b and m, phones and features.
 
-        Phones that nobody timed are read: those of `said` where a text tells them.
+        Phones without times are decoded, or aligned to the segments of `said` if a text gives them.
         """
         features, phones = self.model.of(clip), clip.phones
         if (phones < 0).any():
             rows = self.log_posteriors(clip)
-            found, sure = decode(rows) if said is None else align(rows, said)
+            timed_phones, sure = decode(rows) if said is None else align(rows, said)
             if sure > (LEAST_DECODED if said is None else LEAST_ALIGNED):
-                phones = torch.from_numpy(segment_track(found, len(phones), HZ))
+                phones = torch.from_numpy(segment_track(timed_phones, len(phones), HZ))
         motion = (self.model.readouts[0](features) * self.scale_m).unflatten(1, (68, 3)).numpy()
         if (phones >= 0).all():
             motion = met(motion, closure(timed(phones), np.arange(len(motion)) / FPS))
         weight = torch.ones(1, MOTION).expand(len(motion), MOTION)
         moved = torch.from_numpy(motion).flatten(1).half()
-        made = replace(entry_of(clip), source=spoken.SOURCE, motion=moved, weight=weight, phones=phones)
-        made.name = f"{clip.source}/{clip.name.split('/')[-1]}"
-        return with_target(made, self.target(clip, features))
+        entry = replace(entry_of(clip), source=spoken.SOURCE, motion=moved, weight=weight, phones=phones)
+        entry.name = f"{clip.source}/{clip.name.split('/')[-1]}"
+        return with_target(entry, self.target(clip, features))
 
 
 def entry_of(clip: EarClip) -> Entry:
-    """The clip without what Whisper hears of it."""
+    """The clip without Whisper's features."""
     return Entry(**{key: value for key, value in vars(clip).items() if key != "heard"})
 
 
@@ -161,9 +161,9 @@ def timed(phones: Tensor) -> list[Phone]:
 
 
 def with_target(entry: Entry, target: Tensor) -> Entry:
-    """Motion and features side by side as one track, as windows re-time `motion` with the sound.
+    """Motion and features side by side as one track, because windows re-time `motion` with the sound.
 
-    One more column of `weight` tells that the features are known.
+    The last column of `weight` says whether the features are known.
     """
     motion = torch.cat([entry.motion.half(), target], dim=1)
     known = torch.ones(1, 1).expand(len(motion), 1)
@@ -175,9 +175,9 @@ class TargetWindows(WindowSampler):
 
     def _silence(self, frames: int):
         mel, still, _, phones, affect = super()._silence(frames)
-        seen = torch.ones(frames, MOTION + 1)
-        seen[:, -1] = 0.0
-        return mel, still, seen, phones, affect
+        weight = torch.ones(frames, MOTION + 1)
+        weight[:, -1] = 0.0
+        return mel, still, weight, phones, affect
 
 
 def lessons(arguments) -> tuple[list[Entry], dict[tuple[str, str], Tensor]]:
@@ -191,7 +191,7 @@ def lessons(arguments) -> tuple[list[Entry], dict[tuple[str, str], Tensor]]:
     kokoro = kokoro_count(arguments.data) if "kokoro" in names else []
     run = digest(ear.VERSION, weights, arguments.layer, names, arguments.minutes, *kokoro)
 
-    def made() -> Iterator[Entry]:
+    def make_lessons() -> Iterator[Entry]:
         sequences = read_sequences(arguments.data)
         for source in names:
             for clip in ear.load(
@@ -202,13 +202,13 @@ def lessons(arguments) -> tuple[list[Entry], dict[tuple[str, str], Tensor]]:
                 else:
                     yield teacher.lesson(clip, sequences.get(clip.name.split("/")[-1]))
 
-    found = cached(arguments.cache / f"lessons-ear-{run}.pt", Entry, made)
-    recorded = {(e.source, e.name): e.motion[:, MOTION:] for e in found if e.source in SCALE_M}
-    return [e for e in found if e.source == spoken.SOURCE], recorded
+    all_lessons = cached(arguments.cache / f"lessons-ear-{run}.pt", Entry, make_lessons)
+    recorded = {(e.source, e.name): e.motion[:, MOTION:] for e in all_lessons if e.source in SCALE_M}
+    return [e for e in all_lessons if e.source == spoken.SOURCE], recorded
 
 
 def speech_without_a_face(arguments) -> list[Entry]:
-    """All of it with phones, moved by the teacher of `--ear`, else by the co-articulation rules."""
+    """Speech without a face, with phones. The teacher of `--ear` or the co-articulation rules move it."""
     if arguments.ear is None:
         left, reader = tuple(arguments.leave_speech), arguments.reader
         return spoken.load(arguments.data, arguments.cache, arguments.minutes, left, Teacher.load(), reader)
@@ -221,18 +221,21 @@ def without_target(entry: Entry) -> Entry:
 
 
 def add_arguments(parser: argparse.ArgumentParser) -> None:
-    """Who teaches speech without a face, for `lessons` and `speech_without_a_face`."""
-    parser.add_argument("--ear", type=Path, help="ear.pt of training.speech.train_ear, which then teaches")
+    """Adds the flags that choose the teacher, for `lessons` and `speech_without_a_face`."""
+    parser.add_argument("--ear", type=Path, help="ear.pt of training.speech.train_ear, the teacher")
     parser.add_argument(
-        "--layer", type=int, choices=ear.LAYERS, help="of Whisper, in place of ear.pt's features"
+        "--layer",
+        type=int,
+        choices=ear.LAYERS,
+        help="layer of Whisper to learn, instead of ear.pt's features",
     )
     parser.add_argument("--whisper", type=Path, help="folder of training.speech.whisper, for --ear")
 
 
 def read_sequences(data: Path) -> dict[str, list[str]]:
     """Segments of the texts of kerstin_de as espeak-ng speaks them, by name."""
-    espeak, found = Espeak(), {}
+    espeak, sequences = Espeak(), {}
     for name, text in read_texts(data / "speech/kerstin_de").items():
         _, phones = espeak.speak(text, "de")
-        found[name] = [part for phone in phones for _, _, part in split(phone)]
-    return found
+        sequences[name] = [part for phone in phones for _, _, part in split(phone)]
+    return sequences

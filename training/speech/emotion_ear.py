@@ -1,8 +1,8 @@
-"""The ear for emotion: which emotion is heard in two seconds of a voice, and how sure that is.
+"""The ear for emotion: which emotion two seconds of a voice express, and how sure that is.
 
-A small network over log-mels and pitch tells what Whisper's middle layers say of the two seconds; beside it
-stand the 118 numbers of `training.systems.emoface.emotion_encoder`. A linear layer makes of both the logits
-of the emotions. `training.speech.train_emotion_ear` trains it. Instants and their windows are those of the
+A small network over log-mels and pitch predicts Whisper's middle layers for the two seconds. The 118 numbers
+of `training.systems.emoface.emotion_encoder` stand beside its outputs. A linear layer turns both into logits
+of the emotions. `training.speech.train_emotion_ear` trains it. Instants and windows are those of the 118
 numbers.
 """
 
@@ -34,24 +34,25 @@ INPUTS = BANDS + 2
 DEEPEST, SCALE = -12.0, 4.0
 MIDDLE_OCTAVE = 7.5
 LEAST_WEIGHT = 0.01
-"""Of a frame that is not active."""
+"""Value for a frame that is not active."""
 LEAST_SPREAD = 1e-5
 STRIDE = 4
 LARGEST = 6.0
-"""Deviations of a number that are still counted."""
+"""Numbers are cut at so many deviations."""
 EVERY = 2
-"""Of the instants every second one is heard over time: 320 ms."""
+"""Over time every second instant is heard: 320 ms."""
 LEAST_VOICED, FULLY_VOICED = 0.1, 0.3
-"""Shares of a window that has a pitch from which it counts, and counts in full."""
+"""A window begins to count at the first share of pitched frames and counts in full at the second."""
 QUIET, SILENT_NEPERS = 2.0, 3.5
-"""Nepers of power under the loudest window from which one counts less, and no longer."""
+"""Nepers of power under the loudest window: from the first on a window counts less, from the second on not at
+all."""
 HALF_BELIEVED = 12.0
-"""Windows with a voice of which a speaker's own neutral voice is believed by half."""
+"""With so many windows of voice a speaker's own neutral voice gets half of the weight."""
 
 
 @dataclass
 class EmotionEarConfig(Config):
-    """Everything that inference has to know; saved as config.json."""
+    """Everything that inference needs; saved as config.json. `told` is the number of outputs."""
 
     model: str = "emotion_ear"
     channels: int = 120
@@ -63,7 +64,7 @@ class EmotionEarConfig(Config):
 
 
 def inputs_of(mel: Tensor, octave: Tensor, periodic: Tensor) -> tuple[Tensor, Tensor]:
-    """What the network hears of windows: [B, T, 64], [B, T], [B, T] → [B, T, 66] and weights [B, T]."""
+    """Network input of windows: [B, T, 64], [B, T], [B, T] → [B, T, 66] and weights [B, T]."""
     level = mel.mean(dim=-1)
     loud = torch.quantile(level, LOUD_SHARE, dim=-1, keepdim=True)
     active = level > loud - ACTIVE_NEPERS
@@ -74,7 +75,7 @@ def inputs_of(mel: Tensor, octave: Tensor, periodic: Tensor) -> tuple[Tensor, Te
 
 
 class EmotionEarNet(nn.Module):
-    """Windows of 10 ms frames → what Whisper would tell of them, [B, told]."""
+    """Windows of 10 ms frames → what Whisper's layers would say of them, [B, told]."""
 
     def __init__(self, config: EmotionEarConfig):
         super().__init__()
@@ -119,7 +120,7 @@ class EmotionLayer:
         return {name: getattr(self, name) for name in ARRAYS}
 
     def logits(self, rows: np.ndarray) -> np.ndarray:
-        """Of rows [I, R], [I, 7]."""
+        """Logits of rows, [I, R] → [I, 7]."""
         return ((rows - self.mean) / self.scale).clip(-LARGEST, LARGEST) @ self.weight + self.bias
 
 
@@ -136,21 +137,24 @@ class EmotionEar(EmotionLayer):
 
 
 def neutral_offset(rows: np.ndarray, weight: np.ndarray, readers: np.ndarray) -> np.ndarray:
-    """What the rows of a speaker get added, [told + 118], of rows [I, told + 118] and weights [I] of his
-    neutral voice: the way from their mean to that of readers, less of it where there is little of a voice."""
+    """Offset that a speaker's rows get, [told + 118]: from the mean of his neutral voice to that of readers.
+
+    `rows` [I, told + 118] and `weights` [I] are of his neutral voice. The less of it there is, the smaller
+    the offset.
+    """
     total = weight.sum()
     return (readers - weight @ rows / total) * (total / (total + HALF_BELIEVED))
 
 
 def neutral_voice(net: EmotionEarNet, voice: Voice) -> tuple[np.ndarray, np.ndarray]:
-    """Rows [I, told + 118] and weights [I] of a recording, at the instants that are heard over time."""
+    """Rows [I, told + 118] and weights [I] of a recording, at every instant used over time."""
     ends = instants(len(voice.mel))[::EVERY]
     rows = [row_of(net, voice, max(end - WINDOW, 0), end) for end in ends]
     return np.array(rows).reshape(-1, net.outer.out_features + NUMBERS), window_weights(voice)
 
 
 def window_weights(voice: Voice) -> np.ndarray:
-    """How much of a voice is in the windows that are heard over time, [I], 0 to 1."""
+    """How much voice each window has that is used over time, [I], 0 to 1."""
     loud, share = [], []
     for end in instants(len(voice.mel))[::EVERY]:
         part = slice(max(end - WINDOW, 0), end)

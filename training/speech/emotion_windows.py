@@ -28,15 +28,17 @@ from training.flags import run_command
 from training.speech.log_mel import SAMPLE_RATE_HZ
 
 SAMPLES, LEAST = 2 * SAMPLE_RATE_HZ, 12800
-"""Of a window, and the shortest that is heard."""
+"""Length of a window, and of the shortest sound that is used."""
 PEAK = 0.9
 READERS = {"kathleen_en": 400, "kerstin_de": 300, "nathalie_nl": 200, "picovoice_en": 619}
-"""Recordings that are taken of each, evenly drawn; every second one is held out. Of the others some also give
-their beginning and their end, where nobody speaks yet or any more."""
+"""How many recordings each source gives, evenly drawn; every second one is held out.
+
+Some of the others also give their beginning and their end, where nobody speaks.
+"""
 UNHEARD = ("nathalie_nl", "librivox")
 """Sources that are wholly held out."""
 TAUGHT_LANGUAGES = ("en", "es", "fr", "hi", "it", "pt", "de", "nl")
-"""Of espeak-ng; the others are held out."""
+"""Languages of espeak-ng in training; the others are held out."""
 VOICES = (("", 50), ("+f2", 55), ("+m3", 40), ("+f4", 60))
 """Variants and pitches of espeak-ng."""
 KOKORO_LANGUAGES = {
@@ -150,7 +152,7 @@ class Window:
 def windows_of(data: Path, model: Path | None) -> Iterator[Window]:
     """All of them."""
     random = np.random.default_rng(0)
-    for clip in emodb.read_felt(data):
+    for clip in emodb.read_acted(data):
         yield window(clip.samples, emodb.SOURCE, clip.actor, clip.held_out, clip.emotion)
     for source, count in READERS.items():
         paths = sorted((data / "speech" / source).glob("*.ogg"))
@@ -225,15 +227,15 @@ def main(
     kokoro: Annotated[Path | None, "folder of training.corpus.kokoro; none: without its voices"] = None,
 ) -> None:
     """Command line."""
-    found = [w for w in windows_of(data, kokoro) if len(w.samples) >= LEAST]
-    sounds = torch.zeros(len(found), SAMPLES, dtype=torch.int16)
-    for row, w in zip(sounds, found, strict=True):
+    windows = [w for w in windows_of(data, kokoro) if len(w.samples) >= LEAST]
+    sounds = torch.zeros(len(windows), SAMPLES, dtype=torch.int16)
+    for row, w in zip(sounds, windows, strict=True):
         row[: len(w.samples)] = torch.from_numpy(w.samples)
     about = [{"source": w.source, "speaker": w.speaker, "emotion": w.emotion, "held_out": w.held_out,
-              "samples": len(w.samples)} for w in found]  # fmt: skip
+              "samples": len(w.samples)} for w in windows]  # fmt: skip
     out.parent.mkdir(parents=True, exist_ok=True)
     torch.save({"sounds": sounds, "about": about}, out)
-    print(f"{len(found)} windows in {out}")
+    print(f"{len(windows)} windows in {out}")
 
 
 if __name__ == "__main__":

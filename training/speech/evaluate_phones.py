@@ -41,12 +41,12 @@ def frame_scores(model: PhoneReadout, heard: list[Heard]) -> dict[str, float]:
     coarse = torch.tensor([next(i for i, c in enumerate(COARSE) if s in c) for s in CLASSES])
     right, right_coarse = [], []
     for h in heard:
-        wanted = rows_of(class_of_segment()[h.phones.long()])
+        true_classes = rows_of(class_of_segment()[h.phones.long()])
         log_p = model(h.features[-1].float()[None])[0]
-        said = wanted != 0
-        right.append((log_p.argmax(dim=1) == wanted)[said])
+        said = true_classes != 0
+        right.append((log_p.argmax(dim=1) == true_classes)[said])
         merged = torch.zeros(len(log_p), len(COARSE)).index_add(1, coarse, log_p.exp())
-        right_coarse.append((merged.argmax(dim=1) == coarse[wanted])[said])
+        right_coarse.append((merged.argmax(dim=1) == coarse[true_classes])[said])
     return {"classes": _mean(right), "coarse": _mean(right_coarse)}
 
 
@@ -71,10 +71,10 @@ def spread_evenly(heard: Heard) -> dict[int, tuple[float, float]]:
     return {i: (edges[i], edges[i + 1]) for i in range(len(lengths))}
 
 
-def word_scores(found: list[dict], heard: list[Heard]) -> dict[str, float]:
+def word_scores(predicted_times: list[dict], heard: list[Heard]) -> dict[str, float]:
     """Median error of the boundaries of words in ms, and the share within 50 and 100 ms."""
     errors = []
-    for times, h in zip(found, heard, strict=True):
+    for times, h in zip(predicted_times, heard, strict=True):
         for index, (start, end, _) in enumerate(h.words):
             if index in times:
                 errors += [times[index][0] - start, times[index][1] - end]

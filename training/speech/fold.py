@@ -26,22 +26,22 @@ VOICES = 2
 
 @torch.no_grad()
 def feature_map(old: CompactEncoder, new: CompactEncoder, mels: list[Tensor]) -> tuple[Tensor, Tensor, float]:
-    """`matrix` [C, C'] and `shift` [C] with old ≈ matrix · new + shift, and the share of variance they meet.
+    """`matrix` [C, C'] and `shift` [C] with old ≈ matrix · new + shift, and the share of variance explained.
 
     `mels` are normalised, [4 T, 64] each.
     """
-    rows, wanted = (torch.cat([x(mel[None])[0] for mel in mels]).double() for x in (new, old))
-    means = rows.mean(0), wanted.mean(0)
-    rows, wanted = rows - means[0], wanted - means[1]
+    rows, targets = (torch.cat([x(mel[None])[0] for mel in mels]).double() for x in (new, old))
+    means = rows.mean(0), targets.mean(0)
+    rows, targets = rows - means[0], targets - means[1]
     square = rows.T @ rows / len(rows) + RIDGE * torch.eye(rows.shape[1], dtype=torch.float64)
-    found = torch.linalg.solve(square, rows.T @ wanted / len(rows))
-    met = 1.0 - (wanted - rows @ found).square().sum() / wanted.square().sum()
-    return found.T.float(), (means[1] - means[0] @ found).float(), float(met)
+    matrix = torch.linalg.solve(square, rows.T @ targets / len(rows))
+    met = 1.0 - (targets - rows @ matrix).square().sum() / targets.square().sum()
+    return matrix.T.float(), (means[1] - means[0] @ matrix).float(), float(met)
 
 
 @torch.no_grad()
 def folded(layer: nn.Linear, matrix: Tensor, shift: Tensor) -> nn.Linear:
-    """A layer that makes of the new features what `layer` makes of the old ones."""
+    """A layer that does with the new features what `layer` does with the old ones."""
     out = nn.Linear(matrix.shape[1], layer.out_features)
     out.weight.copy_(layer.weight @ matrix)
     out.bias.copy_(layer.bias + layer.weight @ shift)

@@ -17,17 +17,17 @@ from training.speech import whisper
 
 SAMPLE_HZ = 16000
 FPS = 25.0
-"""Motion frames a second of clips that are trained on, unless a trainer says otherwise."""
+"""Frame rate of clips in training, unless a trainer sets another."""
 MODELS = ("hubert", "wav2vec2")
 WHISPER = "whisper"
 
 
 class HubertFeatures:
-    """The output of the encoder, brought to the motion's frames.
+    """The output of the encoder, resampled to the motion's frame rate `fps`.
 
-    With `transformer_fps` what the convolutions hear is brought to that rate instead, before projection and
-    transformer, as FaceFormer does (Fan et al. 2022, section 3.2); not so Whisper, whose places are those of
-    its own rate. Motion has `fps` frames a second.
+    With `transformer_fps` the output of the convolutions is resampled to that rate instead, before projection
+    and transformer, as in FaceFormer (Fan et al. 2022, section 3.2). Whisper ignores it, since its positions
+    have its own rate.
     """
 
     def __init__(self, folder: Path | None, transformer_fps: float | None = None, fps: float = FPS):
@@ -38,8 +38,8 @@ class HubertFeatures:
         self.config = json.loads((folder / "config.json").read_text())
         self.kind = self.config.get("model_type")
         if self.kind not in (*MODELS, WHISPER):
-            wanted = f"{', '.join(MODELS)} or {WHISPER}"
-            raise ValueError(f"{folder}/config.json: model_type: expected {wanted}, got {self.kind}")
+            expected = f"{', '.join(MODELS)} or {WHISPER}"
+            raise ValueError(f"{folder}/config.json: model_type: expected {expected}, got {self.kind}")
         self.fps = fps
         if self.kind == WHISPER:
             self.model, self.transformer_fps = whisper.load_hugging_face(folder), None
@@ -58,7 +58,7 @@ class HubertFeatures:
         return self.hear(samples, frames)
 
     def hear(self, samples: Tensor, frames: int) -> Tensor:
-        """The same with gradients, of which Whisper has none."""
+        """The same with gradients. Whisper has none."""
         if self.kind == WHISPER:
             (heard,) = self.model.hear(whisper.whisper_mel(samples), [self.model.config.layers])
             return at_motion_frames(heard, whisper.RATE_HZ, 0.0, frames, self.fps)
@@ -81,9 +81,9 @@ def encode(
 
 
 def run_encoder(model: nn.Module, config: dict, samples: Tensor, frames: int | None, fps: float) -> Tensor:
-    """What a model of a config.json makes of `samples` [S] as they are, [T, C] at its own rate.
+    """Output [T, C] of a model of a config.json for `samples` [S] as they are, at the model's own rate.
 
-    With `frames` what the convolutions hear is brought to so many at `fps` first.
+    With `frames` the output of the convolutions is first resampled to that many frames at `fps`.
     """
     heard = model.feature_extractor(samples[None])[0].T
     if frames is not None:
@@ -121,9 +121,9 @@ def read_checkpoint(folder: Path, kind: str) -> dict[str, Tensor]:
 
 
 def instants(config: dict) -> tuple[float, float]:
-    """Features a second, and the second at which the first stands: the middle of what it hears.
+    """Features per second, and the time in seconds of the first one, which is the middle of what it hears.
 
-    With HuBERT's strides (a feature every 320 samples, each of 400) 50 Hz and 12.5 ms.
+    HuBERT's strides (a feature every 320 samples, each over 400) give 50 Hz and 12.5 ms.
     """
     hop, field = 1, 1
     for kernel, stride in zip(config["conv_kernel"], config["conv_stride"], strict=True):

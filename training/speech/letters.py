@@ -1,9 +1,9 @@
 """When the words of a text are said: letters, the phones that each may stand for, and the best path.
 
-Twin of `rust-core/src/speech/alignment.rs`. There is no dictionary: a text becomes units, a letter or
-one of the groups below, and `table` [U, K] says with which probability a unit sounds as each class of
-phones. A unit may be silent, a pause may stand before, between and after words; the most probable path
-(Viterbi 1967) through the frames says where each unit is.
+Twin of `rust-core/src/speech/alignment.rs`. There is no dictionary. A text becomes units, each a letter or
+one of the groups below, and `table` [U, K] has the probability that a unit sounds as each class of phones. A
+unit may be silent; a pause may stand before, between and after words. The most probable path (Viterbi 1967)
+through the frames says where each unit is.
 """
 
 import unicodedata
@@ -20,12 +20,12 @@ GROUPS = (
 """Letters that are one sound together, the longest first."""
 
 ANY = "*"
-"""A letter of which nobody knows how it sounds."""
+"""A letter of unknown sound."""
 
 UNITS = (*"abcdefghijklmnopqrstuvwxyz", *GROUPS, ANY)
 VOWEL_UNITS = {u for u in UNITS if u[0] in "aeiouy"}
 MAY_BE_WORDS = [index for index, unit in enumerate(UNITS) if len(unit) > 1 or unit[0] in "aeiouy*"]
-"""All other letters that stand alone are called by their names, which have a vowel before or behind."""
+"""Single letters except these are spoken by their names, which have a vowel before or after."""
 
 SPECIAL = {
     "ß": "ss", "ä": "e", "ö": "oe", "ø": "oe", "œ": "oe", "æ": "e", "ł": "w", "ı": "i", "ð": "th", "þ": "th",
@@ -44,24 +44,24 @@ RULES = {
 """Classes that a unit may stand for, in the languages of Europe together."""
 
 LEAST_ROWS = 3
-"""Rows of posteriors that a letter lasts where it is heard: so many states in a row."""
+"""States in a row of a letter that is heard: it lasts at least that many rows."""
 
 LONGEST_SKIP = 2 * LEAST_ROWS + 1
-"""States in a row that a path may leave out: two letters and a pause."""
+"""Most states in a row that a path may skip: two letters and a pause."""
 
 NEVER = 1e9
-"""Nepers of leaving out what must be heard."""
+"""Cost in nepers of skipping what must be heard."""
 
 SILENT_COST = 5.0
-"""Nepers that a silent letter costs."""
+"""Cost in nepers of a silent letter."""
 
 NAME_COST = 1.0
-"""Nepers of a vowel that the name of a letter does not have."""
+"""Cost in nepers of a missing vowel in the name of a letter."""
 
 
 @dataclass
 class States:
-    """What a path goes through. `unit` −1 is a pause; `word` the word's index, −1 for a pause."""
+    """States that a path passes. `unit` −1 is a pause; `word` is the word's index, −1 for a pause."""
 
     unit: np.ndarray
     word: np.ndarray
@@ -69,45 +69,45 @@ class States:
 
 
 def romanised(word: str) -> str:
-    """Small letters a to z, and `*` for signs that are no Latin letters; marks and the rest go."""
-    found = []
+    """Small letters a to z, and `*` for letters of other scripts. Diacritics and other signs are dropped."""
+    letters = []
     for sign in word.lower():
         plain = SPECIAL.get(sign) or unicodedata.normalize("NFD", sign)[0]
         if plain[0] in "abcdefghijklmnopqrstuvwxyz":
-            found.append(plain)
+            letters.append(plain)
         elif sign.isalnum():
-            found.append(ANY)
-    return "".join(found)
+            letters.append(ANY)
+    return "".join(letters)
 
 
 def units(word: str) -> list[int]:
-    """Units of a word; of a doubled consonant one is left."""
-    letters, found, at = romanised(word), [], 0
+    """Units of a word. A doubled consonant counts once."""
+    letters, indices, at = romanised(word), [], 0
     while at < len(letters):
         unit = next((g for g in GROUPS if letters.startswith(g, at)), letters[at])
         at += len(unit)
         index = UNITS.index(unit)
-        doubled = unit != ANY and unit not in VOWEL_UNITS and found and found[-1] == index
+        doubled = unit != ANY and unit not in VOWEL_UNITS and indices and indices[-1] == index
         if not doubled:
-            found.append(index)
-    return found
+            indices.append(index)
+    return indices
 
 
 def states_of(words: list[str], silent_cost: float = SILENT_COST) -> States:
-    """A pause, the units of a word, a pause, …; words without a letter have no state."""
+    """States of a pause, a word's units, a pause, and so on. Words without a letter have no state."""
     unit, word, skip = [-1], [-1], [0.0]
     for index, text in enumerate(words):
-        own = units(text)
-        if not own:
+        spelling = units(text)
+        if not spelling:
             continue
-        spelled = len(own) == 1 and own[0] not in MAY_BE_WORDS
+        spelled = len(spelling) == 1 and spelling[0] not in MAY_BE_WORDS
         if spelled:
-            own = [UNITS.index(ANY), own[0], UNITS.index(ANY)]
-        for place, u in enumerate(own):
+            spelling = [UNITS.index(ANY), spelling[0], UNITS.index(ANY)]
+        for place, u in enumerate(spelling):
             unit += [u] * LEAST_ROWS
             word += [index] * LEAST_ROWS
             # One of two letters is always heard, so that no word vanishes between two pauses.
-            must = place == 1 if spelled else len(own) == 1 or len(own) == 2 and place == 0
+            must = place == 1 if spelled else len(spelling) == 1 or len(spelling) == 2 and place == 0
             cost = NEVER if must else NAME_COST if spelled else silent_cost
             skip += [cost / LEAST_ROWS] * LEAST_ROWS
         unit.append(-1)
@@ -137,7 +137,7 @@ def emissions(log_likelihood: np.ndarray, table: np.ndarray, states: States) -> 
 def best_path(emission: np.ndarray, skip: np.ndarray) -> np.ndarray:
     """State of each frame [T] on the most probable path; `emission` [T, N], `skip` [N] costs.
 
-    From a state the path stays, goes on, or leaves out up to `LONGEST_SKIP` states at their cost.
+    A path stays in a state, goes on, or skips up to `LONGEST_SKIP` states at their cost.
     """
     frames, count = emission.shape
     before = np.concatenate([[0.0], np.cumsum(skip)])
@@ -168,12 +168,12 @@ def best_path(emission: np.ndarray, skip: np.ndarray) -> np.ndarray:
 def word_times(
     path: np.ndarray, states: States, rate_hz: float, first_s: float
 ) -> dict[int, tuple[float, float]]:
-    """Start and end in seconds of each word on a path; a row lasts half of one to either side."""
-    found = {}
+    """Start and end in seconds of each word on a path. A row lasts half a row to either side of its time."""
+    times = {}
     for word in np.unique(states.word[states.word >= 0]):
         rows = np.flatnonzero(states.word[path] == word)
         if len(rows):
-            found[int(word)] = tuple(
+            times[int(word)] = tuple(
                 first_s + (row + shift) / rate_hz for row, shift in ((rows[0], -0.5), (rows[-1], 0.5))
             )
-    return found
+    return times

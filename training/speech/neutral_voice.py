@@ -1,13 +1,13 @@
-"""Whether the ear for emotion gains by a recording in which the same person speaks neutrally.
+"""Whether the ear for emotion gains from a recording in which the same person speaks neutrally.
 
     python -m training.speech.neutral_voice --data ../shared/data --windows runs/ear/windows.pt
 
-Recordings of emodb_de are judged with as many seconds of other neutral recordings of their actor as are
-asked for: by layers that never heard the actor, and the two held-out actors by the shipped one. Then readers
-whom nobody taught an emotion, also played slower, which makes a low voice of theirs. Shown is an intensity
-over 0.1 at any moment.
+Each recording of emodb_de is judged with so many seconds of other neutral recordings of its actor. Layers
+that never heard the actor judge it; the shipped layer judges the two held-out actors. Then come readers whom
+nobody taught an emotion, also played slower, which makes a low voice of theirs. An emotion counts as shown if
+its intensity exceeds 0.1 at any moment.
 
-`--write` measures nothing: it puts the mean neutral voice of `windows` into the shipped model as `readers`
+`--write` measures nothing. It puts the mean neutral voice of `windows` into the shipped model as `readers`
 and leaves all other arrays as they are.
 """
 
@@ -25,7 +25,7 @@ from scipy.signal import resample_poly
 
 from training import shipped
 from training.corpus.clip import read_sound
-from training.corpus.emodb import HELD_OUT, read_felt
+from training.corpus.emodb import HELD_OUT, read_acted
 from training.flags import run_command
 from training.nn.checkpoint import PACKED, pack, read_bytes, read_model
 from training.speech.emotion_ear import (
@@ -44,16 +44,16 @@ from training.speech.train_emotion_ear import Rows, fitted, heard_row
 from training.systems.emoface.emotion_encoder import HEARD_EMOTIONS, WINDOW, voice_of
 
 SECONDS = (0.0, 2.0, 10.0, 20.0)
-"""Of a neutral voice; 0 is none."""
+"""Seconds of a neutral voice; 0 is none."""
 DRAWS = 4
-"""Times that neutral recordings are drawn for each that is judged."""
+"""How many times neutral recordings are drawn for each judged one."""
 BEFORE, BEFORE_NEUTRAL = 0.3, 3.0
 AROUND, WHOLE_SHARE = 3, 0.5
 FLOOR, FULL = 0.7, 0.95
 SHOWN = 0.1
 """As in `rust-core/src/speech/emotion_ear.rs` and `shown_emotion.rs`."""
 READERS = {"grid_s1": ("motion/grid_s1/audio", 22), "nathalie_nl": ("speech/nathalie_nl", 28)}
-"""Folders, and that every so many recordings are taken."""
+"""Folders, and the step at which their recordings are used."""
 SLOWER = {"as they are": (1, 1), "a major third lower": (5, 4), "a fourth lower": (4, 3)}
 LONGEST_S = 5
 JOY, ANGER = HEARD_EMOTIONS.index("happy"), HEARD_EMOTIONS.index("angry")
@@ -81,21 +81,22 @@ def heard_of(net: EmotionEarNet, samples: np.ndarray, emotion: int = 0) -> Heard
 
 
 def offset_of(others: list[Heard], seconds: float, readers: np.ndarray, random) -> np.ndarray | float:
-    """What so many seconds of neutral recordings add to rows, [told + 118]; whole recordings are taken."""
-    taken, got = [], 0.0
+    """Offset [told + 118] that so many seconds of neutral recordings add to rows. Only whole recordings are
+    used."""
+    recordings, got = [], 0.0
     for k in random.permutation(len(others)):
         if got >= seconds:
             break
-        taken.append(others[k])
+        recordings.append(others[k])
         got += others[k].seconds
-    weight = np.concatenate([other.weight for other in taken] or [np.zeros(0)])
+    weight = np.concatenate([other.weight for other in recordings] or [np.zeros(0)])
     if weight.sum() == 0.0:
         return 0.0
-    return neutral_offset(np.concatenate([other.rows for other in taken]), weight, readers)
+    return neutral_offset(np.concatenate([other.rows for other in recordings]), weight, readers)
 
 
 def probabilities(ear: EmotionLayer, rows: np.ndarray, weight: np.ndarray) -> np.ndarray:
-    """Of the emotions over time, [I, 7]: the moment and the whole together."""
+    """Probabilities of the emotions over time, [I, 7]: the moment and the whole together."""
     logits = ear.logits(rows)
     before = BEFORE_NEUTRAL * (np.arange(logits.shape[1]) == 0)
 
@@ -112,9 +113,9 @@ def shown(shares: np.ndarray) -> tuple[float, int]:
     """The largest intensity of any moment of [I, 7], and the emotion that shows most."""
     above = ((1.0 - shares[:, 0] - FLOOR) / (FULL - FLOOR)).clip(0.0, 1.0)
     intensity = above * above * (3.0 - 2.0 * above)
-    felt = shares[:, 1:] ** 2
-    felt = felt / felt.sum(axis=1, keepdims=True)
-    return float(intensity.max(initial=0.0)), 1 + int((felt * intensity[:, None]).sum(axis=0).argmax())
+    power = shares[:, 1:] ** 2
+    power = power / power.sum(axis=1, keepdims=True)
+    return float(intensity.max(initial=0.0)), 1 + int((power * intensity[:, None]).sum(axis=0).argmax())
 
 
 class Count:
@@ -134,7 +135,8 @@ class Count:
 def judge(
     actors: dict[str, list[Heard]], ear_of: Callable[[str], EmotionLayer], seconds: float
 ) -> dict[str, Count]:
-    """Recordings of actors: seven classes and joy against anger in the first two seconds; what is shown."""
+    """Results on recordings of actors: seven classes, joy against anger in the first two seconds, and what is
+    shown."""
     counts: dict[str, Count] = defaultdict(Count)
     for draw in range(DRAWS if seconds else 1):
         random = np.random.default_rng(draw)
@@ -163,15 +165,15 @@ def strangers(net: EmotionEarNet, ear: EmotionEar, data: Path) -> Iterable[str]:
         for how, (up, down) in SLOWER.items():
             cut = [resample_poly(sound[: SAMPLE_RATE_HZ * LONGEST_S], up, down) for sound in sounds]
             clips = [heard_of(net, sound) for sound in cut]
-            told = []
+            counts = []
             for seconds in SECONDS:
                 random, count = np.random.default_rng(0), Count()
                 for clip in (clip for clip in clips if len(clip.rows)):
                     others = [other for other in clips if other is not clip]
                     rows = clip.rows + offset_of(others, seconds, ear.readers, random)
                     count.add(shown(probabilities(ear, rows, clip.weight))[0] > SHOWN)
-                told.append(f"{seconds:.0f} s {count.right}")
-            yield f"  {source}, {how}: of {count.all} are shown with " + ", ".join(told)
+                counts.append(f"{seconds:.0f} s {count.right}")
+            yield f"  {source}, {how}: of {count.all} are shown with " + ", ".join(counts)
 
 
 def write_readers(folder: Path, readers: np.ndarray) -> None:
@@ -182,7 +184,7 @@ def write_readers(folder: Path, readers: np.ndarray) -> None:
 
 def main(
     data: Path,
-    windows: Annotated[Path, "of training.speech.emotion_windows"],
+    windows: Annotated[Path, "windows.pt of training.speech.emotion_windows"],
     write: Annotated[bool, "put `readers` into the shipped model instead of measuring"] = False,
 ) -> None:
     """Command line."""
@@ -196,18 +198,18 @@ def main(
         return
     ear = EmotionEar(*(state[name].double().numpy() for name in ARRAYS), net.config, net)
     actors: dict[str, list[Heard]] = defaultdict(list)
-    for clip in read_felt(data):
+    for clip in read_acted(data):
         actors[clip.actor].append(heard_of(net, clip.samples, HEARD_EMOTIONS.index(clip.emotion)))
-    speaker = rows.speaker[rows.felt]
-    ears = {actor: fitted(rows, rows.felt[speaker != actor]) for actor in actors}
+    speaker = rows.speaker[rows.actor_rows]
+    ears = {actor: fitted(rows, rows.actor_rows[speaker != actor]) for actor in actors}
     held_out = {actor: actors[actor] for actor in HELD_OUT}
     for name, judged, ear_of in (
         ("an actor left out", actors, ears.__getitem__),
         ("actors held out", held_out, lambda _: ear),
     ):
         for seconds in SECONDS:
-            told = judge(judged, ear_of, seconds).items()
-            print(f"{name}, {seconds:.0f} s:", ", ".join(f"{what} {count}" for what, count in told))
+            results = judge(judged, ear_of, seconds).items()
+            print(f"{name}, {seconds:.0f} s:", ", ".join(f"{what} {count}" for what, count in results))
     for text in strangers(net, ear, data):
         print(text, flush=True)
 

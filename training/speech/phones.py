@@ -71,8 +71,8 @@ COARSE = (
 
 def class_of_segment() -> Tensor:
     """Class of every index into `SEGMENTS`, [len(SEGMENTS)]."""
-    found = {segment: index for index, kinds in enumerate(CLASSES.values()) for segment in kinds}
-    return torch.tensor([found[segment] for segment in SEGMENTS])
+    class_of = {segment: index for index, kinds in enumerate(CLASSES.values()) for segment in kinds}
+    return torch.tensor([class_of[segment] for segment in SEGMENTS])
 
 
 @dataclass

@@ -43,7 +43,7 @@ class CompactSpeech:
         self.encoder.to(device)
 
     def saved(self) -> dict:
-        """What a checkpoint keeps of the encoder."""
+        """State of the encoder for a checkpoint."""
         state = {k: v.cpu() for k, v in self.encoder.state_dict().items()}
         return {"encoder": state, "encoder_config": self.encoder.config.to_json()}
 
@@ -75,5 +75,5 @@ class HubertSpeech:
         """Nothing to move."""
 
     def saved(self) -> dict:
-        """Nothing: the checkpoint is the user's."""
+        """Nothing, since the checkpoint belongs to the user."""
         return {"encoder": None, "encoder_config": None}

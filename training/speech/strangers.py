@@ -1,4 +1,4 @@
-"""How well motion follows a voice: whole clips, within speech, beyond what loudness tells, and closures.
+"""How well motion follows a voice: whole clips, within speech, beyond loudness, and closures.
 
     python -m training.speech.strangers --anyface target/release/anyface --speech ../shared/data/speech/kokoro
 
@@ -29,11 +29,12 @@ from training.speech.compact import ACTIVE_QUANTILE, ACTIVE_RANGE
 LEAST_FRAMES = 10
 ROUNDING = 1e-4
 CLOSED_M = 0.5e-3
-"""Opening over that of the neutral face up to which lips count as closed."""
+"""Up to this opening over that of the neutral face lips count as closed."""
 AROUND_S, FAR_S, EDGE_S = 0.04, 0.12, 0.1
-"""How far from p, b, m a closure may be, how far a false one is at least, and how far it is from a pause."""
+"""Greatest distance of a closure from p, b or m; least distance of a false one from them, and from a pause.
+"""
 NARROW = "pbmɸβʙ"
-"""Where a closure is not false: lips come near in the last three too."""
+"""Phones at which a closure is not false. Lips also come near in the last three."""
 
 
 def loudness(mel: Tensor) -> Tensor:
@@ -47,7 +48,7 @@ def spoken_frames(level: Tensor) -> Tensor:
 
 
 def without_line(x: Tensor, line: Tensor) -> Tensor:
-    """What of `x` [T] no straight line through `line` [T] tells; 0 where that is rounding alone."""
+    """The part of `x` [T] that no straight line through `line` [T] explains; 0 if only rounding remains."""
     x, line = x - x.mean(), line - line.mean()
     rest = x - line * (x @ line) / line.square().sum().clamp_min(1e-9)
     return rest if rest.norm() > ROUNDING * x.norm() else torch.zeros_like(x)
@@ -65,13 +66,13 @@ def feature_scores(clips: list[tuple[Tensor, Tensor, Tensor]]) -> dict[str, floa
     pause; `beyond` r after the line through loudness is taken out of both.
     """
     rows, product, square = {"r": [], "speech": [], "beyond": []}, 0.0, 0.0
-    for made, true, level in clips:
+    for predicted, true, level in clips:
         said = spoken_frames(level)
-        rows["r"].append(correlation(made, true))
+        rows["r"].append(correlation(predicted, true))
         if said.sum() >= LEAST_FRAMES:
-            rows["speech"].append(correlation(made[said], true[said]))
-        rows["beyond"].append(correlation(without_line(made, level), without_line(true, level)))
-        product += float((made - made.mean()) @ (true - true.mean()))
+            rows["speech"].append(correlation(predicted[said], true[said]))
+        rows["beyond"].append(correlation(without_line(predicted, level), without_line(true, level)))
+        product += float((predicted - predicted.mean()) @ (true - true.mean()))
         square += float((true - true.mean()).square().sum())
     means = {key: float(torch.stack(values).mean()) if values else nan for key, values in rows.items()}
     return means | {"slope": product / max(square, 1e-12)}
@@ -88,7 +89,8 @@ def scores(pairs: list[tuple[Tensor, Entry]]) -> dict[str, float]:
 
 @dataclass
 class ClosureCounts:
-    """p, b, m that are said, those at which lips meet, closures far from all of them, seconds of speech."""
+    """Counts of p, b and m said, of those at which lips meet, and of closures far from all of them; seconds
+    of speech."""
 
     said: int = 0
     met: int = 0
@@ -107,7 +109,7 @@ class ClosureCounts:
 
 
 def count_closures(motion: np.ndarray, fps: float, phones: list[Phone]) -> ClosureCounts:
-    """Closures of displacements [T, 68, 3] m, as the widest of the three inner lip pairs tells them."""
+    """Closures in displacements [T, 68, 3] m, by the widest of the three inner lip pairs."""
     closed = inner_gaps(motion, np.zeros((68, 3))).max(axis=1) <= CLOSED_M
     times = np.arange(len(closed)) / fps
     parts = [part for phone in phones for part in split(phone)]
@@ -123,31 +125,31 @@ def count_closures(motion: np.ndarray, fps: float, phones: list[Phone]) -> Closu
 
 
 def _within(times: np.ndarray, spans: list[tuple[float, float]], around: float) -> np.ndarray:
-    found = np.zeros(len(times), bool)
+    mask = np.zeros(len(times), bool)
     for start, end in spans:
-        found |= (times >= start - around) & (times <= end + around)
-    return found
+        mask |= (times >= start - around) & (times <= end + around)
+    return mask
 
 
 def main(
-    anyface: Annotated[Path, "the engine's program"],
+    anyface: Annotated[Path, "the anyface command"],
     speech: Annotated[list[Path], "folders of sounds with phones.jsonl"],
-    clips: Annotated[int, "of each source at most, the first"] = 20,
+    clips: Annotated[int, "most clips of each source, from the first on"] = 20,
     fps: int = 60,
     held_out: Annotated[bool, "only what no training hears"] = False,
-    weights: Annotated[Path | None, "models in place of those of the program"] = None,
+    weights: Annotated[Path | None, "folder of models instead of the built-in ones"] = None,
 ) -> None:
     """Command line."""
     options = ["--threads", "1"] + (["--weights", str(weights)] if weights else [])
-    engine, found, numbers = Engine(anyface, options), {}, {}
+    engine, counts, numbers = Engine(anyface, options), {}, {}
     for utterance in (u for folder in speech for u in read_timed(folder)):
         source = utterance.source
         if numbers.get(source, 0) < clips and (utterance.held_out or not held_out):
             motion = engine.motion(utterance.samples, "neutral", fps)
             counted = count_closures(motion, fps, utterance.phones)
-            found[source] = found.get(source, ClosureCounts()) + counted
+            counts[source] = counts.get(source, ClosureCounts()) + counted
             numbers[source] = numbers.get(source, 0) + 1
-    for source, counted in sorted(found.items()):
+    for source, counted in sorted(counts.items()):
         print(f"{source}, {numbers[source]} clips: {counted}")
 
 

@@ -1,4 +1,4 @@
-"""What the speech encoder is asked beside motion: which phone every frame holds."""
+"""What the speech encoder has to predict beside motion: the phone of every frame."""
 
 import torch
 import torch.nn.functional as F
@@ -9,7 +9,7 @@ from training.corpus.phones import SEGMENTS
 
 
 class PhoneHead(nn.Module):
-    """A linear read-out of the encoder's features and its loss; nothing of it is shipped."""
+    """A linear read-out of the encoder's features and its loss. It is not shipped."""
 
     def __init__(self, channels: int):
         super().__init__()
@@ -22,8 +22,8 @@ class PhoneHead(nn.Module):
             return features.sum() * 0.0
         logits = self.readout(features[known]).float()
         around = windows_of(phones[known].long())
-        wanted = F.one_hot(around, len(SEGMENTS)).float().mean(dim=2)
-        return -(wanted * logits.log_softmax(dim=-1)).sum(dim=-1).mean()
+        targets = F.one_hot(around, len(SEGMENTS)).float().mean(dim=2)
+        return -(targets * logits.log_softmax(dim=-1)).sum(dim=-1).mean()
 
 
 def windows_of(phones: Tensor) -> Tensor:

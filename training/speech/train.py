@@ -2,12 +2,12 @@
 
     python -m training.speech.train --data ../shared/data --out runs/speech
 
-Each source of motion has its own linear read-out, so that two people do not average into one.
-Speech without a face (many voices, eighteen languages) joins through its phones. With `--ear ear.pt` of
-`training.speech.train_ear` that teacher gives this speech its motion, instead of the co-articulation rules,
-and the encoder learns to tell the teacher's features (or a `--layer` of Whisper) as well. With `--corpus DIR
-[DIR ...]` it hears corpus folders alone, and their phones where they say them. Only the encoder is kept.
-Seeded; resumes from `--out/last.pt` with the same bits.
+Each source of motion has its own linear read-out, so that two people do not average into one. Speech without
+a face (many voices, eighteen languages) joins through its phones. With `--ear ear.pt` of
+`training.speech.train_ear`, that teacher gives this speech its motion instead of the co-articulation rules,
+and the encoder also learns the teacher's features (or a `--layer` of Whisper). With `--corpus DIR [DIR ...]`
+it hears only corpus folders, and their phones if they have any. Only the encoder is kept. Seeded; resumes
+from `--out/last.pt` with the same bits.
 """
 
 import argparse
@@ -72,28 +72,29 @@ def loss_of(model: SpeechToMotion, batch: Batch, scale: torch.Tensor, weight: to
 
     Columns of motion after the first 204 are features that the encoder shall tell (`with_target`).
     """
-    motion, wanted = batch.motion[..., :MOTION], batch.motion[..., MOTION:]
-    seen_weight, known = batch.weight[..., :MOTION], batch.weight[..., MOTION:]
+    motion, target_features = batch.motion[..., :MOTION], batch.motion[..., MOTION:]
+    motion_weight, known = batch.weight[..., :MOTION], batch.weight[..., MOTION:]
     with machine.autocast():
         features = model.dropout(model.encoder(batch.mel))
         prediction = model.read_out(features, batch.source).float()
         said = model.phones.loss(features, batch.phones)
-        told = None if model.target is None else model.target(features).float()
+        predicted_features = None if model.target is None else model.target(features).float()
     truth = motion / scale
-    moved = motion_loss(prediction - truth, seen_weight * weight)
-    seen = seen_weight.amax(dim=(1, 2)) > 0
-    agreement, parts = feature_concordance(prediction[seen], truth[seen])
+    moved = motion_loss(prediction - truth, motion_weight * weight)
+    has_motion = motion_weight.amax(dim=(1, 2)) > 0
+    agreement, parts = feature_concordance(prediction[has_motion], truth[has_motion])
     loss = moved + CONCORDANCE * agreement + ARTICULATION * said
     parts |= {"motion": moved.item(), "said": said.item()}
-    if told is not None:
-        told = weighted_mean(told - wanted, known.expand_as(told))
-        parts, loss = parts | {"told": told.item()}, loss + DISTILLATION * told
+    if predicted_features is not None:
+        error = predicted_features - target_features
+        distillation = weighted_mean(error, known.expand_as(error))
+        parts, loss = parts | {"told": distillation.item()}, loss + DISTILLATION * distillation
     return loss, parts
 
 
 @torch.no_grad()
 def motion_scores(model: SpeechToMotion, entries, source: int, scale_m: float) -> dict[str, float]:
-    """`scores` of every feature, of one read-out whose unit is `scale_m` metres."""
+    """`scores` of every feature for one read-out, whose unit is `scale_m` metres."""
     model.eval()
     pairs = []
     for entry in entries:
@@ -114,11 +115,12 @@ def closure_scores(model: SpeechToMotion, entries, source: int) -> dict[str, flo
         label = entry.name.split("/")[0]
         met.setdefault(label, []).extend(closures_met(gap - gap.quantile(0.02), entry.phones))
     model.train()
-    return {f"{label} closed": float(np.mean(found)) for label, found in sorted(met.items())}
+    return {f"{label} closed": float(np.mean(flags)) for label, flags in sorted(met.items())}
 
 
 def validate(model, entries, heard: list[bank.Entry], sources: list[str], scales) -> dict[str, float]:
-    """Held-out clips of trained sources, all of a source left out (each read-out), closures of `heard`."""
+    """Scores of held-out clips of trained sources, of left-out sources (each read-out), and closures of
+    `heard`."""
     judge = sources.index(spoken.SOURCE if spoken.SOURCE in sources else sources[0])
     report = {k: round(v, 3) for k, v in closure_scores(model, heard, judge).items()}
     for name in sorted({e.source for e in entries} - {spoken.SOURCE}):
@@ -135,7 +137,7 @@ def validate(model, entries, heard: list[bank.Entry], sources: list[str], scales
 
 @dataclass
 class Speech:
-    """What a training hears: its entries, those it is judged by, and how often each source is drawn."""
+    """Speech of a training: its entries, those it is judged on, and how often each source is drawn."""
 
     entries: list[bank.Entry]
     judged: list[bank.Entry]
@@ -158,14 +160,14 @@ def speech_of(arguments) -> Speech:
         teacher = Teacher.load() if arguments.teacher else None
         speech = (arguments.minutes, left, teacher, arguments.reader)
         entries += spoken.load(arguments.data, arguments.cache, *speech)
-    found = {e.source for e in entries} - {*arguments.leave_out}
+    sources = {e.source for e in entries} - {*arguments.leave_out}
     judged = entries + ([] if debug else spoken.unseen(arguments.data))
     heard = [e for e in judged if e.source == spoken.SOURCE and e.held_out][::HEARD_EVERY]
-    return Speech(entries, judged, heard, {s: share for s, share in SHARES.items() if s in found})
+    return Speech(entries, judged, heard, {s: share for s, share in SHARES.items() if s in sources})
 
 
 def taught_by_ear(arguments, recorded: list[bank.Entry]) -> Speech:
-    """Recorded clips, and all other speech as the teacher on Whisper hears it; its features with both."""
+    """Recorded clips, and all other speech as the teacher on Whisper hears it, both with its features."""
     taught, targets = lessons(arguments)
     entries = taught + [with_target(e, targets[e.source, e.name]) for e in recorded]
     judged = recorded + taught + spoken.unseen(arguments.data)
@@ -207,7 +209,7 @@ def train(arguments) -> Path:
 def start(
     arguments, model: nn.Module, generators: dict, average: float, machine: Machine | None = None
 ) -> Run:
-    """A run of the encoder or of a student as it was where it stopped; `debug` takes 20 steps."""
+    """The run of an encoder or a student, resumed if it was interrupted. `debug` takes 20 steps."""
     steps = min(arguments.steps, 20) if arguments.config == "debug" else arguments.steps
     warm = max(steps // 20, 1) / steps
     return begin(
@@ -222,10 +224,12 @@ def parser() -> argparse.ArgumentParser:
     parser.add_argument("--leave-out", nargs="*", default=[], choices=[*SHARES], help="sources of motion")
     parser.add_argument("--leave-speech", nargs="*", default=[], help="speech to leave out (nathalie_nl, …)")
     parser.add_argument("--teacher", action=argparse.BooleanOptionalAction, default=True)
-    parser.add_argument("--reader", type=Path, help="an earlier speech.pt that reads untimed speech")
+    parser.add_argument(
+        "--reader", type=Path, help="an earlier speech.pt to read the phones of untimed speech"
+    )
     add_arguments(parser)
     parser.add_argument("--channels", type=int, default=192, help="width of the encoder")
-    parser.add_argument("--minutes", type=float, default=5.0, help="of each language by espeak-ng")
+    parser.add_argument("--minutes", type=float, default=5.0, help="minutes of each language by espeak-ng")
     parser.add_argument("--voices", type=int, default=7)
     parser.add_argument("--init", type=Path, help="start from this speech.pt, or encoder (a folder)")
     parser.add_argument("--batch", type=int, default=24)

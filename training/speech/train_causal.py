@@ -19,7 +19,7 @@ from torch import Tensor
 from training.corpus.bank import Entry, entry_without_motion
 from training.corpus.clip import FPS, MEL_PER_FRAME, fit_frames
 from training.corpus.emodb import SOURCE as EMODB
-from training.corpus.emodb import read_felt
+from training.corpus.emodb import read_acted
 from training.corpus.lesson_windows import DIMS, LessonBatch, LessonSampler
 from training.corpus.lessons import Lesson, speech_entries
 from training.corpus.shares import entries_of
@@ -33,33 +33,33 @@ from training.systems.freetalk.train_stream import prior_of
 
 SPEECH = ("picovoice_en", "kerstin_de", "kathleen_en", "nathalie_nl")
 EDGE = 12
-"""Frames at either end of a window that the whole encoder hears too little around."""
+"""Frames at either end of a window for which the whole encoder lacks context."""
 CLOSURE = 0.1
 
 
 def as_lesson(entry: Entry) -> Lesson:
-    """An entry with no motion of its own: the encoder judges every window as it is drawn."""
+    """An entry without motion. The encoder judges every window as it is drawn."""
     still = torch.zeros(len(entry.motion), DIMS)
     return Lesson(**(vars(entry) | {"motion": still, "weight": still}), taught=still.half())
 
 
-def felt_entries(data: Path, limit: int | None) -> list[Entry]:
+def acted_entries(data: Path, limit: int | None) -> list[Entry]:
     """emodb_de: shouted, whispered and sobbed speech, two actors held out."""
-    found = []
-    for clip in read_felt(data, limit):
+    entries = []
+    for clip in read_acted(data, limit):
         frames = max(int(len(clip.samples) * FPS / SAMPLE_RATE_HZ), 2)
         mel = fit_frames(log_mel(torch.from_numpy(clip.samples)), MEL_PER_FRAME * frames)
-        found.append(entry_without_motion(clip.name, EMODB, clip.held_out, mel[None]))
-    return found
+        entries.append(entry_without_motion(clip.name, EMODB, clip.held_out, mel[None]))
+    return entries
 
 
 def prepare(arguments) -> list[Lesson]:
-    """All that is heard."""
+    """All speech of the training."""
     debug = arguments.config == "debug"
     limit = 4 if debug else None
     entries = entries_of(arguments, 2 if debug else arguments.voices, limit)
     if not arguments.corpus:
-        entries += felt_entries(arguments.data, limit)
+        entries += acted_entries(arguments.data, limit)
         for name in SPEECH:
             entries += speech_entries(
                 arguments.data / "speech" / name, 4 if debug else arguments.speech_limit
@@ -69,61 +69,63 @@ def prepare(arguments) -> list[Lesson]:
 
 @torch.no_grad()
 def whole(encoder: CompactEncoder, mel: Tensor, frames: int) -> Tensor:
-    """What the encoder hears of raw log-mel [B, R, 64] if it hears all of it, [B, frames, C]."""
+    """Features [B, frames, C] of the encoder for raw log-mel [B, R, 64] when it hears all of it."""
     heard = torch.stack([normalise(row) for row in mel])
     return encoder(heard)[:, :frames]
 
 
 def loss_of(model: StreamNet, encoder: CompactEncoder, batch: LessonBatch, frames: int):
-    """Distance of features in their own deviations, and of what they say of closed lips."""
+    """Distance between features in units of their deviation, and between what they say of closed lips."""
     taught = whole(encoder, batch.mel, frames)
     mel = normalise_running(batch.mel, model.config.normaliser, batch.heard)
     with torch.autocast("cpu", torch.bfloat16):
-        made = model(mel).float()
+        predicted = model(mel).float()
     inner = slice(EDGE, frames)
-    apart = F.smooth_l1_loss(made[:, inner] / model.std, taught[:, inner] / model.std)
+    apart = F.smooth_l1_loss(predicted[:, inner] / model.std, taught[:, inner] / model.std)
     closed = F.binary_cross_entropy(
-        encoder.closed(made[:, inner]).clamp(1e-4, 1 - 1e-4), encoder.closed(taught[:, inner])
+        encoder.closed(predicted[:, inner]).clamp(1e-4, 1 - 1e-4), encoder.closed(taught[:, inner])
     )
     return apart + CLOSURE * closed, {"features": apart.item(), "closed": closed.item()}
 
 
 @torch.no_grad()
-def validate(model: StreamNet, encoder: CompactEncoder, found: list[Lesson], count: int) -> dict[str, float]:
-    """Share of the variance of features that is met on held-out clips, by source, from a cold start."""
+def validate(
+    model: StreamNet, encoder: CompactEncoder, lessons: list[Lesson], count: int
+) -> dict[str, float]:
+    """Explained share of the features' variance on held-out clips, by source, from a cold start."""
     model.eval()
     report = {}
-    for source in sorted({x.source for x in found if x.held_out}):
+    for source in sorted({x.source for x in lessons if x.held_out}):
         rest, spread = 0.0, 0.0
-        for clip in [x for x in found if x.held_out and x.source == source][:count]:
+        for clip in [x for x in lessons if x.held_out and x.source == source][:count]:
             mel, frames = clip.mels[0].float(), len(clip.motion)
             taught = whole(encoder, pad_mel(mel, MEL_PER_FRAME * frames)[None], frames)[0]
-            made = perform(model, mel, frames)
-            rest += (made - taught).square().sum().item()
+            predicted = perform(model, mel, frames)
+            rest += (predicted - taught).square().sum().item()
             spread += (taught - taught.mean(dim=0)).square().sum().item()
         report[f"{source} met"] = 1.0 - rest / spread
     model.train()
     return report
 
 
-def new_model(arguments, encoder: CompactEncoder, found: list[Lesson]) -> StreamNet:
+def new_model(arguments, encoder: CompactEncoder, lessons: list[Lesson]) -> StreamNet:
     """A student that starts at the mean and deviation of the features."""
     config = debug_config() if arguments.config == "debug" else StreamConfig(channels=arguments.channels)
     config.system, config.model = "emoface", "causal_speech"
     config.outputs = encoder.config.channels
-    prior_of(config, found)
+    prior_of(config, lessons)
     model = StreamNet(config)
-    clips = [x.mels[0].float() for x in found if not x.held_out][::5]
+    clips = [x.mels[0].float() for x in lessons if not x.held_out][::5]
     heard = torch.cat([whole(encoder, mel[None], len(mel) // MEL_PER_FRAME)[0] for mel in clips])
     model.mean.copy_(heard.mean(dim=0))
     model.std.copy_(heard.std(dim=0).clamp_min(1e-3))
     return model
 
 
-def shares_of(found: list[Lesson]) -> dict[str, float]:
-    """How often each source is drawn: as the root of its seconds."""
+def shares_of(lessons: list[Lesson]) -> dict[str, float]:
+    """How often each source is drawn: the root of its seconds."""
     seconds: dict[str, float] = {}
-    for lesson in found:
+    for lesson in lessons:
         seconds[lesson.source] = seconds.get(lesson.source, 0.0) + len(lesson.motion) / FPS
     return {source: s**0.5 for source, s in seconds.items()}
 
@@ -133,16 +135,16 @@ def train(arguments) -> Path:
     seeded(arguments)
     debug = arguments.config == "debug"
     encoder = load_encoder(SHIPPED_ENCODER).eval().requires_grad_(False)
-    found = prepare(arguments)
+    lessons = prepare(arguments)
     arguments.out.mkdir(parents=True, exist_ok=True)
-    model = new_model(arguments, encoder, found)
-    sampler = LessonSampler(found, shares_of(found), arguments.seed, model.config)
+    model = new_model(arguments, encoder, lessons)
+    sampler = LessonSampler(lessons, shares_of(lessons), arguments.seed, model.config)
     run = start(arguments, model, {"windows": sampler.random}, 0.99)
     count, frames = (4, 32) if debug else (arguments.batch, arguments.frames)
 
     def judge(averaged: StreamNet) -> dict[str, float]:
         save(run.out / "stream.pt", averaged)
-        return validate(averaged, encoder, found, 4 if debug else 30)
+        return validate(averaged, encoder, lessons, 4 if debug else 30)
 
     descend(arguments, run, lambda _: loss_of(model, encoder, sampler.batch(count, frames), frames), judge)
     return run.out / "stream.pt"

@@ -2,10 +2,10 @@
 
     python -m training.speech.train_closure --data ../shared/data --run runs/ats/ats.pt
 
-A closure lasts a frame or two of video, smoothing lifts it and every squared error blurs it, so p,
-b and m are read from the sound itself: a logistic read-out of the encoder's features, trained on all
-speech with phones: that of the project, or with `--corpus DIR [DIR ...]` the clips of corpus folders that
-have `phones/CLIP.tsv`. The run file is written again with it.
+A closure lasts a frame or two of video. Smoothing lifts it and every squared error blurs it, so p, b and m
+are read from the sound itself, by a logistic read-out of the encoder's features. It trains on all speech with
+phones: the project's, or with `--corpus DIR [DIR ...]` the clips of corpus folders that have
+`phones/CLIP.tsv`. The run's file is rewritten with the read-out.
 """
 
 import argparse
@@ -79,7 +79,7 @@ def main(line: list[str] | None = None) -> None:
     parser.add_argument("--data", type=Path, default=Path("../shared/data"))
     parser.add_argument("--run", type=Path, required=True, help="ats.pt of training.systems.freetalk.train")
     parser.add_argument("--cache", type=Path, default=Path("runs/cache"))
-    parser.add_argument("--reader", type=Path, help="as given to training.systems.freetalk.train")
+    parser.add_argument("--reader", type=Path, help="the --reader of training.systems.freetalk.train")
     add_arguments(parser)
     parser.add_argument("--leave-speech", nargs="*", default=[])
     parser.add_argument("--minutes", type=float, default=5.0)

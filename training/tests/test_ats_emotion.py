@@ -30,7 +30,7 @@ def test_the_upper_face_follows_label_and_intensity(tmp_path):
         motion = train.clip_motion(speech, model, entry, style, config.sampling)
         return 1000.0 * motion[:, [3 * 21 + 1, 3 * 22 + 1]].mean().item()
 
-    seen = {(entry.emotion, entry.intensity): brows(entry) for entry in entries}
-    assert seen["happy", 1.0] > seen["happy", 0.5] > 0.0 > seen["angry", 0.5] > seen["angry", 1.0]
+    heights = {(entry.emotion, entry.intensity): brows(entry) for entry in entries}
+    assert heights["happy", 1.0] > heights["happy", 0.5] > 0.0 > heights["angry", 0.5] > heights["angry", 1.0]
     for emotion in FELT:
-        assert 0.25 < seen[emotion, 0.5] / seen[emotion, 1.0] < 0.75
+        assert 0.25 < heights[emotion, 0.5] / heights[emotion, 1.0] < 0.75

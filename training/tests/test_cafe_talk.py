@@ -18,8 +18,8 @@ from training.corpus.action_units import (
     unit_matrix,
 )
 from training.corpus.conditions import EMOTIONS, SIDES, UNITS
+from training.corpus.emotion_weights import with_emotion
 from training.corpus.faces import CHANNELS
-from training.corpus.felt import with_emotion
 from training.export import export
 from training.systems.cafe_talk import stored
 from training.systems.cafe_talk import train as train_cafe_talk
@@ -85,20 +85,20 @@ def inputs(model: Denoiser, frames: int = 12) -> dict:
 def test_sizes_are_those_of_the_paper(name, base, adapter):
     model = Denoiser(CONFIGS[name]())
     count = lambda parameters: sum(p.numel() for p in parameters) / 1e6  # noqa: E731
-    found = count(model.base_parameters()), count(model.adapter.parameters())
+    sizes = count(model.base_parameters()), count(model.adapter.parameters())
     if name == "paper":
-        assert found == (pytest.approx(base, rel=0.03), pytest.approx(adapter, rel=0.03))
-    assert found[0] + found[1] == pytest.approx(count(model.parameters()))
+        assert sizes == (pytest.approx(base, rel=0.03), pytest.approx(adapter, rel=0.03))
+    assert sizes[0] + sizes[1] == pytest.approx(count(model.parameters()))
 
 
 def test_an_adapter_of_zeros_changes_no_bit():
     model = Denoiser(CONFIGS["debug"]()).eval()
-    given = inputs(model)
+    arguments = inputs(model)
     events = torch.ones(1, 12, SIDES * len(UNITS))
     with torch.no_grad():
-        assert torch.equal(model(*given.values(), events), model(*given.values()))
+        assert torch.equal(model(*arguments.values(), events), model(*arguments.values()))
         torch.nn.init.ones_(model.adapter.blocks[0].zero.weight)
-        assert not torch.equal(model(*given.values(), events), model(*given.values()))
+        assert not torch.equal(model(*arguments.values(), events), model(*arguments.values()))
 
 
 def test_the_second_stage_trains_the_adapter_alone(tmp_path):
@@ -137,8 +137,8 @@ def test_a_folder_or_base_that_does_not_fit_is_told(tmp_path):
         stored.load(tmp_path / "nowhere.pt")
     with pytest.raises(FileNotFoundError, match="expected config.json, it is missing"):
         stored.load(tmp_path)
-    made = run(tmp_path, "--out", tmp_path / "a", "--steps", 1)
-    folder = export("cafe_talk", tmp_path / "models", run=made)[-1]
+    trained = run(tmp_path, "--out", tmp_path / "a", "--steps", 1)
+    folder = export("cafe_talk", tmp_path / "models", run=trained)[-1]
     with pytest.raises(ValueError, match="expected a base with coarse film, got ada_ln"):
         run(tmp_path, "--out", tmp_path / "b", "--steps", 1, "--base", folder, "--coarse", "film")
     written = (folder / "config.json").read_text()
@@ -158,8 +158,8 @@ def test_a_run_that_was_stopped_goes_on_with_the_same_bits(tmp_path):
 def test_what_is_exported_is_what_the_config_says(tmp_path):
     from safetensors.torch import load_file
 
-    made = run(tmp_path, "--out", tmp_path / "run", "--steps", 2)
-    folder = export("cafe_talk", tmp_path / "models", run=made)[-1]
+    trained = run(tmp_path, "--out", tmp_path / "run", "--steps", 2)
+    folder = export("cafe_talk", tmp_path / "models", run=trained)[-1]
     weights = load_file(folder / "model.safetensors")
     assert weights["emotions"].shape == (len(EMOTIONS), 64)
     assert weights["mean"].dtype == torch.float32 and weights["head.weight"].dtype == torch.float16
@@ -189,8 +189,8 @@ def test_active_units_are_sparse_and_where_the_weights_are():
     active = active_units(weights, random)
     jaw = UNITS.index("26")
     assert active[55:75, jaw].all() and not active[:30].any() and not active[:, UNITS.index("12")].any()
-    kept = sum(bool(sparse(active, random).any()) for _ in range(200))
-    assert 10 < kept < 90
+    count = sum(bool(sparse(active, random).any()) for _ in range(200))
+    assert 10 < count < 90
 
 
 def test_lower_events_give_way_where_lips_meet():
@@ -200,9 +200,9 @@ def test_lower_events_give_way_where_lips_meet():
         i for i, c in enumerate(CHANNELS) if c.startswith(("jaw", "mouth")) and not c.startswith("mouthSmile")
     ]
     random = np.random.default_rng(1)
-    made = [random_events(100, closed, random) for _ in range(200)]
-    assert max(float(m.weights.max()) for m in made) > 0.9
-    lower = [m for m in made if m.weights[:, mouth].any()]
+    events = [random_events(100, closed, random) for _ in range(200)]
+    assert max(float(m.weights.max()) for m in events) > 0.9
+    lower = [m for m in events if m.weights[:, mouth].any()]
     assert lower and all(not m.weights[40:60][:, mouth].any() for m in lower)
 
 
@@ -252,5 +252,5 @@ def test_the_recipe_of_the_paper_is_what_its_appendix_says(tmp_path):
 
 
 def test_the_shipped_model_is_loaded_with_the_shipped_encoder():
-    found = stored.load(shipped("cafe_talk_compact"))
-    assert found.encoder is not None and found.config.speech.encoder == "compact_speech"
+    loaded = stored.load(shipped("cafe_talk_compact"))
+    assert loaded.encoder is not None and loaded.config.speech.encoder == "compact_speech"

@@ -26,11 +26,11 @@ def encoder() -> CompactEncoder:
 @pytest.fixture(scope="module")
 def lessons():
     generator = torch.Generator().manual_seed(4)
-    found = []
+    entries = []
     for index in range(6):
         mels = torch.randn((2, 4 * 90, 64), generator=generator).half()
         nothing = torch.zeros(90, 204)
-        found.append(
+        entries.append(
             Entry(
                 f"c{index}",
                 "speech",
@@ -41,7 +41,7 @@ def lessons():
                 torch.full((mels.shape[1],), -1, dtype=torch.int16),
             )
         )
-    return [as_lesson(entry) for entry in found]
+    return [as_lesson(entry) for entry in entries]
 
 
 def test_the_student_comes_nearer_to_what_the_whole_encoder_hears(encoder, lessons):
@@ -94,8 +94,8 @@ def test_further_heads_learn_on_a_finished_student_and_shut_lips_as_often(encode
     torch.manual_seed(6)
     first = train_live_closures.new_model(argparse.Namespace(config="debug", sooner=[]), lessons)
     write_model(tmp_path, first.state_dict(), first.config.to_json(), exact=("",))
-    asked = argparse.Namespace(config="debug", sooner=[3, 5], finished=tmp_path)
-    model = train_live_closures.new_model(asked, lessons)
+    arguments = argparse.Namespace(config="debug", sooner=[3, 5], finished=tmp_path)
+    model = train_live_closures.new_model(arguments, lessons)
     sampler = LessonSampler(lessons, {"speech": 1.0}, 0, model.config)
     optimiser = torch.optim.Adam([p for p in model.parameters() if p.requires_grad], 3e-3)
     batch, losses = sampler.batch(4, 32), []
@@ -113,10 +113,10 @@ def test_further_heads_learn_on_a_finished_student_and_shut_lips_as_often(encode
     for head in range(2):
         shut = [perform(model, x.mels[0].float(), len(x.motion), head)[:, 0].sigmoid() for x in clips]
         main = [perform(model, x.mels[0].float(), len(x.motion))[:, 0].sigmoid() for x in clips]
-        share, wanted = (
+        share, main_share = (
             (torch.cat(rows) > train_live_closures.CLOSED).float().mean() for rows in (shut, main)
         )
-        assert abs(float(share - wanted)) < 0.02
+        assert abs(float(share - main_share)) < 0.02
 
 
 def test_stretches_of_closed_lips_are_found_at_both_ends():

@@ -5,7 +5,7 @@ import pytest
 import torch
 
 from training.align import similarity
-from training.corpus.emodb import NAMES, read_felt
+from training.corpus.emodb import NAMES, read_acted
 from training.corpus.facegood import resample
 from training.corpus.mirror import mirror, permutation, symmetrise
 from training.corpus.split import facegood_first_held_out, grid_held_out
@@ -31,10 +31,10 @@ def test_a_similarity_recovers_a_known_motion():
     points = random.standard_normal((68, 3))
     turn, _ = np.linalg.qr(random.standard_normal((3, 3)))
     turn *= np.sign(np.linalg.det(turn))
-    found = similarity(points, points @ turn.T + 2.0)
-    np.testing.assert_allclose(found.rotation, turn, atol=1e-9)
-    np.testing.assert_allclose(found.scale, 1.0, atol=1e-9)
-    np.testing.assert_allclose(found(points), points @ turn.T + 2.0, atol=1e-9)
+    fitted = similarity(points, points @ turn.T + 2.0)
+    np.testing.assert_allclose(fitted.rotation, turn, atol=1e-9)
+    np.testing.assert_allclose(fitted.scale, 1.0, atol=1e-9)
+    np.testing.assert_allclose(fitted(points), points @ turn.T + 2.0, atol=1e-9)
 
 
 def test_resampling_keeps_a_slow_wave():
@@ -72,6 +72,6 @@ def test_debug_config_trains_and_exports(tmp_path):
 
 @needs_shared
 def test_acted_recordings_are_read_with_their_emotions():
-    clips = read_felt(SHARED / "data", limit=3)
+    clips = read_acted(SHARED / "data", limit=3)
     assert len(clips) == 6 and {clip.held_out for clip in clips} == {True, False}
     assert {clip.emotion for clip in clips} <= set(NAMES.values())

@@ -1,4 +1,4 @@
-"""Corpus folders: a sound one, and many kinds of bad ones, each told by file, row, expected and found."""
+"""Corpus folders: a sound one, and many bad ones; each error names file, row, expected and actual value."""
 
 import json
 import shutil
@@ -266,11 +266,11 @@ def test_an_error_of_one_clip_does_not_hide_another(copy):
 
 
 def test_clips_carry_motion_emotion_and_split(folders):
-    found = clips(CorpusFolder(folders["landmarks"]))
-    assert [c.name for c in found] == ["ann_0", "ann_1", "ben_0", "ben_1", "cem_0", "cem_1"]
-    assert (found[0].emotion, found[0].intensity, found[5].held_out) == ("happy", 1.0, True)
+    read = clips(CorpusFolder(folders["landmarks"]))
+    assert [c.name for c in read] == ["ann_0", "ann_1", "ben_0", "ben_1", "cem_0", "cem_1"]
+    assert (read[0].emotion, read[0].intensity, read[5].held_out) == ("happy", 1.0, True)
     truth = talking(SECONDS, 0) - canonical_landmarks()
-    np.testing.assert_allclose(found[0].motion, truth[: len(found[0].motion)], atol=2e-5)
+    np.testing.assert_allclose(read[0].motion, truth[: len(read[0].motion)], atol=2e-5)
 
 
 def test_weights_at_any_rate_move_arkit_modes(folders):
@@ -289,16 +289,16 @@ def test_a_moving_head_and_another_unit_give_the_same_motion(folders, copy):
         array(file, lambda a: turned(a) | {"neutral": a["neutral"]})
         array(file, lambda a: a | {k: 1000.0 * a[k] @ SPIN for k in ("landmarks", "neutral")})
     assert not any("exchanged" in odd or "wide" in odd for odd in check(path).odd)
-    truth, found = (clips(CorpusFolder(p))[0].motion for p in (folders["landmarks"], path))
-    assert np.abs(found - truth).max() < 1.5e-3 < 0.1 * np.abs(truth).max()
+    truth, motion = (clips(CorpusFolder(p))[0].motion for p in (folders["landmarks"], path))
+    assert np.abs(motion - truth).max() < 1.5e-3 < 0.1 * np.abs(truth).max()
 
 
 def test_a_neutral_face_is_found_in_the_quiet(folders, copy):
     path = copy("landmarks")
     for file in (path / "landmarks").glob("*.npz"):
         array(file, lambda a: {"landmarks": a["landmarks"], "fps": a["fps"]})
-    found = clips(CorpusFolder(path))[2]
-    shut, rest = (inner_gap(x[None], np.zeros((68, 3)))[0] for x in (found.neutral, canonical_landmarks()))
+    clip = clips(CorpusFolder(path))[2]
+    shut, rest = (inner_gap(x[None], np.zeros((68, 3)))[0] for x in (clip.neutral, canonical_landmarks()))
     assert abs(shut - rest) < 5e-4
 
 
@@ -318,15 +318,15 @@ def test_barycentric_landmarks_and_meshes_of_frames(folders, copy):
 def test_errors_carry_their_parts(tmp_path):
     with pytest.raises(CorpusError) as caught:
         CorpusFolder(tmp_path)
-    assert (caught.value.row, caught.value.expected, caught.value.found) == (None, "a file", "none")
+    assert (caught.value.row, caught.value.expected, caught.value.actual) == (None, "a file", "none")
 
 
 def test_landmarks_that_a_source_does_not_see_carry_no_weight(copy):
     path = copy("landmarks")
     eyes = np.arange(68) // 12 != 3
     array(path / LAND, lambda a: a | {"seen": eyes})
-    found = clips(CorpusFolder(path))[0]
-    assert (found.weight[:, eyes] == 1.0).all() and (found.weight[:, ~eyes] == 0.0).all()
+    clip = clips(CorpusFolder(path))[0]
+    assert (clip.weight[:, eyes] == 1.0).all() and (clip.weight[:, ~eyes] == 0.0).all()
     array(path / LAND, lambda a: a | {"seen": eyes[:60]})
     with pytest.raises(CorpusError, match=r"expected seen \[68\], found \[60\]"):
         clips(CorpusFolder(path))

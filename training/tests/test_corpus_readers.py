@@ -165,9 +165,9 @@ def beat(source: Path) -> None:
         name = f"1_wayne_0_{number}_{number}"
         shown = [{"weights": [float(o), 0.0, 0.1], "time": float(t), "rotation": []}
                  for o, t in zip(open_, times, strict=True)]  # fmt: skip
-        found = {"names": ["jawOpen", "tongueOut", "mouthSmileLeft"], "frames": shown}
+        content = {"names": ["jawOpen", "tongueOut", "mouthSmileLeft"], "frames": shown}
         (source / "1").mkdir(exist_ok=True)
-        (source / f"1/{name}.json").write_text(json.dumps(found))
+        (source / f"1/{name}.json").write_text(json.dumps(content))
         (source / f"1/{name}.txt").write_text("hello\tworld")
         sound(source / f"1/{name}.wav")
 
@@ -189,8 +189,8 @@ def openface(source: Path) -> None:
     lines = [",".join(["frame", " timestamp", " confidence", " success", *axes])]
     camera = 1000.0 * talking(SECONDS, 1, 30.0) * [1.0, -1.0, -1.0] + [20.0, -30.0, 600.0]
     for number, places in enumerate(camera):
-        seen = number not in (3, 4)
-        head = [str(number + 1), f"{number / 30.0:.4f}", "0.98" if seen else "0.1", str(int(seen))]
+        tracked = number not in (3, 4)
+        head = [str(number + 1), f"{number / 30.0:.4f}", "0.98" if tracked else "0.1", str(int(tracked))]
         lines.append(",".join([*head, *(f"{x:.2f}" for x in places.T.flatten())]))
     for name in ("one", "two"):
         sound(source / f"eve/{name}.wav")
@@ -264,7 +264,7 @@ def test_repeated_timecodes_are_dropped_and_minutes_carried(tmp_path):
 def test_openface_turns_the_camera_and_marks_lost_frames(tmp_path):
     folder = converted(tmp_path, "openface")
     track = folder.landmarks(folder.rows[0])
-    assert list(np.flatnonzero(~track.found)) == [3, 4]
+    assert list(np.flatnonzero(~track.tracked_frames)) == [3, 4]
     shape = track.values[0] - track.values[0, 30]
     truth = talking(SECONDS, 1, 30.0)[0]
     np.testing.assert_allclose(shape, truth - truth[30], atol=2e-5)

@@ -49,13 +49,13 @@ def test_windows_of_features_fit_those_of_motion():
     assert batch.heard.shape == (6, len(LAYERS), 80, WIDTH) and batch.phones.shape == (6, 160)
     assert batch.levels.shape == (6, 80, 8)
     opening = 10e-3 + 2e-3 * batch.heard[:, 0, ::2, 0].float()
-    own = (lip_gap(batch.motion) - opening).abs().amax(dim=1) < 1e-4
-    assert own.any() and not own.all(), "re-voiced copies have features of their own"
+    is_own = (lip_gap(batch.motion) - opening).abs().amax(dim=1) < 1e-4
+    assert is_own.any() and not is_own.all(), "re-voiced copies have features of their own"
 
 
 def test_lips_meet_where_p_is_known_and_its_features_lie_beside(tmp_path):
-    made = clip("de_0", "espeak_de", 50, 3)
-    lesson = teacher(tmp_path).lesson(made, None)
+    speech = clip("de_0", "espeak_de", 50, 3)
+    lesson = teacher(tmp_path).lesson(speech, None)
     assert (lesson.source, lesson.name) == ("taught", "espeak_de/de_0")
     gap = lip_gap(lesson.motion[:, :MOTION].float())
     assert gap[26] < 0.3e-3 and gap[10] > SCALE_M["grid_s1"]
@@ -63,18 +63,18 @@ def test_lips_meet_where_p_is_known_and_its_features_lie_beside(tmp_path):
 
 
 def test_unread_speech_is_taught_without_contacts(tmp_path):
-    made = clip("x", "picovoice_en", 50, 3)
-    made.phones.fill_(-1)
-    lesson = teacher(tmp_path).lesson(made, None)
+    speech = clip("x", "picovoice_en", 50, 3)
+    speech.phones.fill_(-1)
+    lesson = teacher(tmp_path).lesson(speech, None)
     assert (lesson.phones == -1).all(), "an untrained teacher is sure of nothing"
     assert lip_gap(lesson.motion[:, :MOTION].float()).min() > SCALE_M["grid_s1"]
 
 
 def test_target_of_a_layer_stands_on_the_frames_of_motion(tmp_path):
-    made = clip("x", "grid_s1", 40, 4)
+    speech = clip("x", "grid_s1", 40, 4)
     ramp = torch.arange(80.0)[:, None].expand(80, WIDTH) / 20.0
-    made.heard[0, LAYERS.index(4)] = ramp.half()
-    target = teacher(tmp_path, layer=4).target(made).float()
+    speech.heard[0, LAYERS.index(4)] = ramp.half()
+    target = teacher(tmp_path, layer=4).target(speech).float()
     expected = torch.arange(40.0)[:, None].expand(40, WIDTH) / 10.0
     torch.testing.assert_close(target[1:-1], expected[1:-1], atol=5e-3, rtol=0)
 
@@ -89,13 +89,13 @@ def test_silence_tells_nothing_of_features():
 
 
 def test_a_track_of_segments_comes_back_as_phones():
-    found = timed(torch.tensor([0] * 10 + [5] * 20 + [3] * 7))
-    assert [(round(p.start_s, 2), round(p.duration_s, 2)) for p in found] == [
+    phones = timed(torch.tensor([0] * 10 + [5] * 20 + [3] * 7))
+    assert [(round(p.start_s, 2), round(p.duration_s, 2)) for p in phones] == [
         (0, 0.1),
         (0.1, 0.2),
         (0.3, 0.07),
     ]
-    assert [p.label for p in found] == [SEGMENTS[0], SEGMENTS[5], SEGMENTS[3]]
+    assert [p.label for p in phones] == [SEGMENTS[0], SEGMENTS[5], SEGMENTS[3]]
 
 
 def test_phones_are_judged_outside_pauses():

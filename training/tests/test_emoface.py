@@ -41,10 +41,10 @@ def test_a_border_fills_its_spiral_with_the_next_ring_and_then_the_nearest():
 def test_a_tetrahedron_has_one_spiral_whatever_the_order_of_its_triangles():
     points = np.array([[0.0, 1, 0], [1, -1, 0], [-1, -1, 0], [0, 0, 1]])
     triangles = np.array([[0, 3, 1], [0, 2, 3], [3, 2, 1], [0, 1, 2]])
-    found = spirals(points, triangles, 4, 1)
-    assert found[3].tolist()[:2] == [3, 0]
+    rows = spirals(points, triangles, 4, 1)
+    assert rows[3].tolist()[:2] == [3, 0]
     turned = np.roll(triangles[[2, 0, 3, 1]], 1, axis=1)
-    assert np.array_equal(found, spirals(points, turned, 4, 1))
+    assert np.array_equal(rows, spirals(points, turned, 4, 1))
 
 
 def test_a_vertex_without_triangles_is_named():
@@ -88,11 +88,11 @@ def test_positions_come_again_after_a_period():
 def test_kept_keys_equal_recomputing_everything():
     torch.manual_seed(1)
     attention = BiasedSelfAttention(16, 4, period=5, look_back=12).eval()
-    x, kept = torch.randn(1, 60, 16), []
+    x, cache = torch.randn(1, 60, 16), []
     with torch.no_grad():
-        rows = torch.cat([attention.step(x[:, t : t + 1], kept) for t in range(60)], dim=1)
+        rows = torch.cat([attention.step(x[:, t : t + 1], cache) for t in range(60)], dim=1)
         assert torch.allclose(rows, attention(x), atol=1e-6)
-    assert len(kept) == 12
+    assert len(cache) == 12
 
 
 def model() -> EmoFace:
@@ -100,15 +100,15 @@ def model() -> EmoFace:
     points, triangles = grid(10, 9)
     torch.manual_seed(2)
     config = debug_config(len(points))
-    made = EmoFace(config, spirals(points, triangles, config.kernel, config.dilation)).eval()
-    for branch in (made.content, made.emotion):
+    face = EmoFace(config, spirals(points, triangles, config.kernel, config.dilation)).eval()
+    for branch in (face.content, face.emotion):
         torch.nn.init.normal_(branch.motion_out.weight, std=0.05)
-    return made
+    return face
 
 
-def inputs(made: EmoFace, frames: int) -> Inputs:
+def inputs(face: EmoFace, frames: int) -> Inputs:
     """Random features of one row."""
-    config = made.config
+    config = face.config
     return Inputs(
         torch.randn(1, frames, config.speech.channels),
         torch.randn(1, frames, config.emotion_channels),
@@ -120,28 +120,28 @@ def inputs(made: EmoFace, frames: int) -> Inputs:
 def test_a_new_model_leaves_the_template_at_rest():
     points, triangles = grid(10, 9)
     config = debug_config(len(points))
-    made = EmoFace(config, spirals(points, triangles, config.kernel, config.dilation))
-    assert not made.perform(inputs(made, 5)).motion.any()
+    face = EmoFace(config, spirals(points, triangles, config.kernel, config.dilation))
+    assert not face.perform(inputs(face, 5)).motion.any()
 
 
 def test_performing_equals_the_parallel_pass_on_what_was_performed():
-    made = model()
-    asked = inputs(made, 20)
-    performed = made.perform(asked)
+    face = model()
+    request = inputs(face, 20)
+    performed = face.perform(request)
     before = torch.cat([torch.zeros_like(performed.motion[:, :1]), performed.motion[:, :-1]], dim=1)
     with torch.no_grad():
-        again = made(before, asked)
+        again = face(before, request)
     for part in ("motion", "content", "emotion", "mask"):
         assert torch.allclose(getattr(again, part), getattr(performed, part), atol=1e-5)
 
 
 def test_emotion_reaches_the_emotion_branch_and_the_mask_alone():
-    made = model()
-    asked = inputs(made, 8)
-    other = Inputs(asked.content, torch.randn_like(asked.emotion), asked.style, asked.level)
-    before = torch.randn(1, 8, 3 * made.config.vertices)
+    face = model()
+    request = inputs(face, 8)
+    other = Inputs(request.content, torch.randn_like(request.emotion), request.style, request.level)
+    before = torch.randn(1, 8, 3 * face.config.vertices)
     with torch.no_grad():
-        one, two = made(before, asked), made(before, other)
+        one, two = face(before, request), face(before, other)
     assert torch.equal(one.content, two.content)
     assert not torch.allclose(one.emotion, two.emotion)
     assert not torch.allclose(one.mask, two.mask)

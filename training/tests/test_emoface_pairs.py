@@ -56,12 +56,12 @@ def gap(motion: torch.Tensor) -> np.ndarray:
 def test_swapping_the_emotion_swaps_the_motion(folder, tmp_path, capsys, recipe, steps):
     flags = ("--out", tmp_path, "--steps", steps, "--recipe", recipe, "--rate", "1e-3")
     run = train.train(flags_of(folder, *flags))
-    asked = ["--corpus", str(folder), "--run", str(run)]
-    still, own, crossed = folder_scores.lines(run, evaluate.parser().parse_args(asked))
-    assert own.clips == crossed.clips == 4
+    line = ["--corpus", str(folder), "--run", str(run)]
+    still, plain, crossed = folder_scores.lines(run, evaluate.parser().parse_args(line))
+    assert plain.clips == crossed.clips == 4
     assert crossed.nearer >= 0.75
     # Without pairs the brows' error was 15 times that of the own emotion: the voice of the content won.
-    assert crossed.eve_mm2 < 3.0 * own.eve_mm2 < 0.3 * still.eve_mm2
+    assert crossed.eve_mm2 < 3.0 * plain.eve_mm2 < 0.3 * still.eve_mm2
     assert crossed.lve_mm2 < 0.5 * still.lve_mm2
     assert "crossed: 8 of 8 training clips" in capsys.readouterr().out
 
@@ -71,11 +71,11 @@ def test_the_crossed_row_has_the_motion_of_the_partner_at_the_own_times(folder):
     for step in range(len(rows.training)):
         batch = rows.whole(step)
         assert batch.crossed.tolist() == [False, True]
-        own, other = batch.weights
+        plain, other = batch.weights
         assert torch.equal(*batch.inputs.content)
         assert not torch.equal(*batch.inputs.emotion)
-        assert (brows(own).mean() > 0.0) != (brows(other).mean() > 0.0)
-        assert np.corrcoef(gap(own), gap(other))[0, 1] > 0.95
+        assert (brows(plain).mean() > 0.0) != (brows(other).mean() > 0.0)
+        assert np.corrcoef(gap(plain), gap(other))[0, 1] > 0.95
         assert torch.equal(batch.before[:, 1:], batch.weights[:, :-1])
         assert torch.equal(batch.before[:, 0], batch.weights[:, 0])
     assert {len(c) for c in rows.training} == {60, 78}
@@ -101,9 +101,9 @@ def test_a_path_by_hand():
 
 
 def uniform(places: list[float]) -> np.ndarray:
-    """Mean over five, the ends held."""
-    held = [places[0]] * 2 + places + [places[-1]] * 2
-    return np.array([np.mean(held[k : k + 5]) for k in range(len(places))], np.float32)
+    """Mean over five; the end values repeat."""
+    padded = [places[0]] * 2 + places + [places[-1]] * 2
+    return np.array([np.mean(padded[k : k + 5]) for k in range(len(places))], np.float32)
 
 
 def test_only_the_same_words_of_one_speaker_in_another_emotion_are_a_pair():
@@ -126,8 +126,8 @@ def test_the_papers_loss_is_eq_11(folder):
     batch = trainer.draw(0)
     scale = trainer.config.scale_m
     total, _ = trainer.loss(batch, 0)
-    made = trainer.model(batch.before / scale, batch.inputs)
-    parts = [scale * getattr(made, name) for name in ("emotion", "content", "motion")]
+    predicted = trainer.model(batch.before / scale, batch.inputs)
+    parts = [scale * getattr(predicted, name) for name in ("emotion", "content", "motion")]
     kinds = [sum((part[k] - batch.weights[k]).abs().mean() for part in parts) for k in (0, 1)]
     velocity = sum((parts[2][k].diff(dim=0) - batch.weights[k].diff(dim=0)).abs().mean() for k in (0, 1))
     shares = batch.logits.softmax(dim=1).log()
@@ -146,8 +146,8 @@ def test_the_emotion_encoder_as_a_network_hears_what_it_heard(folder):
     shipped = flags_of(folder).emotion_encoder
     for fps in (25.0, 30.0):
         network = EmotionNumbers(shipped, fps)
-        found = network(network.prepare(samples, 60), 60).detach().numpy()
-        assert np.allclose(found, load_emotion(shipped).track(samples.numpy(), 60, fps), atol=1e-3)
+        heard = network(network.prepare(samples, 60), 60).detach().numpy()
+        assert np.allclose(heard, load_emotion(shipped).track(samples.numpy(), 60, fps), atol=1e-3)
 
 
 def test_the_rate_of_a_size_is_that_of_its_motion(folder):
@@ -187,10 +187,12 @@ def test_encoders_that_learn_go_on_with_the_same_bits_and_are_written(folder, tm
     ]
     assert {path.name for path in models.iterdir()} == names
     model, saved = folder_scores.face_of(run)
-    asked = evaluate.parser().parse_args(["--corpus", str(folder), "--run", str(run)])
-    tuned = folder_scores.read_held_out(run, model.config, saved, asked)[0]
-    asked = evaluate.parser().parse_args(["--corpus", str(folder), "--run", str(run), *map(str, flags[3:])])
-    before = folder_scores.read_held_out(run, model.config, saved | {"tuned": False}, asked)[0]
+    arguments = evaluate.parser().parse_args(["--corpus", str(folder), "--run", str(run)])
+    tuned = folder_scores.read_held_out(run, model.config, saved, arguments)[0]
+    arguments = evaluate.parser().parse_args(
+        ["--corpus", str(folder), "--run", str(run), *map(str, flags[3:])]
+    )
+    before = folder_scores.read_held_out(run, model.config, saved | {"tuned": False}, arguments)[0]
     assert not torch.equal(tuned.content[0], before.content[0])
     assert not torch.equal(tuned.emotion, before.emotion)
     if kind == "checkpoints":
@@ -208,8 +210,8 @@ def test_classes_are_learned(folder):
     optimiser = torch.optim.Adam(encoders.parameters(), 1e-2)
     losses = []
     for _ in range(20):
-        told = [(encoders.feel(c)[1], encoders.label(c)) for c in trainer.rows.training]
-        logits, labels = torch.stack([x for x, _ in told]), torch.tensor([label for _, label in told])
+        pairs = [(encoders.feel(c)[1], encoders.label(c)) for c in trainer.rows.training]
+        logits, labels = torch.stack([x for x, _ in pairs]), torch.tensor([label for _, label in pairs])
         losses.append(F.cross_entropy(logits, labels))
         optimiser.zero_grad()
         losses[-1].backward()

@@ -1,4 +1,4 @@
-"""The ear for emotion: what it hears, how it is taught, and that whose recording it is says nothing."""
+"""The ear for emotion: what it hears, how it learns, and that the recording's source says nothing."""
 
 import numpy as np
 import torch
@@ -52,9 +52,9 @@ def test_sounds_that_are_moved_keep_their_peak_and_their_parts_their_length():
 def test_the_first_directions_are_those_of_emotions():
     random = torch.Generator().manual_seed(0)
     rows = torch.randn(400, 300, generator=random)
-    felt = torch.zeros(100, 300)
-    felt[:, 7] = torch.randn(100, generator=random)
-    mean, scale, basis = directions(rows, felt, 60)
+    emotion_offsets = torch.zeros(100, 300)
+    emotion_offsets[:, 7] = torch.randn(100, generator=random)
+    mean, scale, basis = directions(rows, emotion_offsets, 60)
     assert basis.shape == (300, 60) and basis[7, 0].abs() > 0.99
     assert pooled([torch.ones(2, 5, 3)]).shape == (2, 9)
 
@@ -64,24 +64,24 @@ def rows_of_strangers(random: np.random.Generator) -> Rows:
     rows = object.__new__(Rows)
     size, count = SMALL.told + NUMBERS, 140
     label = np.arange(count) % len(HEARD_EMOTIONS)
-    felt = 0.5 * random.standard_normal((count, size))
-    felt[np.arange(count), label] += 4.0
-    felt[:, 9] += 6.0
+    actors = 0.5 * random.standard_normal((count, size))
+    actors[np.arange(count), label] += 4.0
+    actors[:, 9] += 6.0
     readers = 0.5 * random.standard_normal((60, size))
     readers[:, 0] += 4.0
-    rows.x = np.concatenate([felt, readers])
+    rows.x = np.concatenate([actors, readers])
     rows.label = np.concatenate([label, np.zeros(60, int)])
     rows.source = np.array([SOURCE] * count + ["picovoice_en"] * 60)
     rows.speaker = np.array([f"{k % 4}" for k in range(count)] + ["reader"] * 60)
     rows.held_out = np.zeros(len(rows.x), bool)
-    rows.felt, rows.readers = np.arange(count), np.arange(count, count + 60)
+    rows.actor_rows, rows.readers = np.arange(count), np.arange(count, count + 60)
     return rows
 
 
 def test_an_emotion_is_known_in_another_kind_of_recording():
     random = np.random.default_rng(0)
     rows = rows_of_strangers(random)
-    ear = fitted(rows, rows.felt)
+    ear = fitted(rows, rows.actor_rows)
     stranger = 0.5 * random.standard_normal((70, rows.x.shape[1]))
     label = np.arange(70) % len(HEARD_EMOTIONS)
     stranger[np.arange(70), label] += 4.0
@@ -104,5 +104,5 @@ def test_a_neutral_voice_is_moved_to_that_of_readers_the_more_of_it_there_is():
 
 def test_an_ear_keeps_the_mean_voice_of_readers():
     rows = rows_of_strangers(np.random.default_rng(0))
-    ear = fitted(rows, rows.felt)
+    ear = fitted(rows, rows.actor_rows)
     assert np.allclose(ear.readers, rows.neutral_voices().mean(axis=0)) and "readers" in ear.arrays()

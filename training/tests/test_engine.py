@@ -80,18 +80,18 @@ def moves(displacements: np.ndarray, built_in: np.ndarray) -> None:
 @pytest.mark.parametrize("features", ["compact", *HEARD])
 @pytest.mark.parametrize("name", list(CONFIGS))
 def test_ats_of_every_size_and_encoder_moves_a_mesh(faces, built_in, tmp_path, name, features):
-    out, models, flags, told = tmp_path / "run", tmp_path / "models", [], []
+    out, models, flags, options = tmp_path / "run", tmp_path / "models", [], []
     if features != "compact":
         write_checkpoint(features, tmp_path / "checkpoint")
         flags = ["--hubert", str(tmp_path / "checkpoint")]
-        told = ["--speech", str(tmp_path / "checkpoint")]
+        options = ["--speech", str(tmp_path / "checkpoint")]
     elif name == "paper":
         flags = ["--speech", str(train_ats.SHIPPED_ENCODER)]
     flags += ["--corpus", str(faces), "--out", str(out), "--config", name, "--tokens", "96"]
     flags += ["--voices", "1", "--validation-clips", "0", "--steps", "6" if name == "paper" else "20"]
     trained = train_ats.train(train_ats.parser().parse_args(flags))
     export("ats", models, run=trained, steps=4)
-    moves(animate(faces, tmp_path, "--weights", models, *told), built_in)
+    moves(animate(faces, tmp_path, "--weights", models, *options), built_in)
 
 
 HEARS = [(name, "compact") for name in CAFE_TALK] + [("compact", features) for features in HEARD]
@@ -99,7 +99,7 @@ HEARS = [(name, "compact") for name in CAFE_TALK] + [("compact", features) for f
 
 @pytest.mark.parametrize("name,features", [*HEARS, ("paper", "stable")])
 def test_cafe_talk_of_every_size_and_encoder_moves_a_mesh(faces, built_in, tmp_path, name, features):
-    flags, told = (
+    flags, options = (
         ["--corpus", str(faces), "--config", name, "--text", str(little_space(tmp_path)), "--voices", "1"],
         [],
     )
@@ -107,12 +107,12 @@ def test_cafe_talk_of_every_size_and_encoder_moves_a_mesh(faces, built_in, tmp_p
     if features != "compact":
         write_checkpoint(features, tmp_path / "checkpoint")
         flags += ["--hubert", str(tmp_path / "checkpoint")]
-        told = ["--speech", str(tmp_path / "checkpoint")]
+        options = ["--speech", str(tmp_path / "checkpoint")]
     run = lambda *more: train_cafe_talk.train(train_cafe_talk.parser().parse_args([*flags, *map(str, more)]))  # noqa: E731
     fine = run("--base", run("--out", tmp_path / "base"), "--out", tmp_path / "fine")
     export("cafe_talk", tmp_path / "models", run=fine)
-    told += ["--weights", str(tmp_path / "models"), "--system", "cafe-talk"]
-    moves(animate(faces, tmp_path, *told, "--event", "0.5-1.0:12,45L"), built_in)
+    options += ["--weights", str(tmp_path / "models"), "--system", "cafe-talk"]
+    moves(animate(faces, tmp_path, *options, "--event", "0.5-1.0:12,45L"), built_in)
 
 
 @pytest.mark.parametrize(
@@ -125,7 +125,7 @@ def test_cafe_talk_of_every_size_and_encoder_moves_a_mesh(faces, built_in, tmp_p
     ],
 )
 def test_emoface_of_every_size_and_encoder_moves_a_mesh(faces, built_in, tmp_path, name, features):
-    flags, told = ["--corpus", str(faces), "--config", name, "--out", str(tmp_path / "run")], []
+    flags, options = ["--corpus", str(faces), "--config", name, "--out", str(tmp_path / "run")], []
     flags += ["--tokens", "96", "--validation-clips", "1", "--steps", "20", "--log-every", "20"]
     models = tmp_path / "models"
     if features == "tuned":
@@ -133,7 +133,7 @@ def test_emoface_of_every_size_and_encoder_moves_a_mesh(faces, built_in, tmp_pat
     elif features != "compact":
         written(CHECKPOINTS[features], tmp_path / "checkpoint")
         flags += ["--hubert", str(tmp_path / "checkpoint")]
-        told = ["--speech", str(tmp_path / "checkpoint")]
+        options = ["--speech", str(tmp_path / "checkpoint")]
     if features == "wav2vec2":
         # The paper's two encoders; the second stands beside the model.
         models.mkdir()
@@ -142,8 +142,8 @@ def test_emoface_of_every_size_and_encoder_moves_a_mesh(faces, built_in, tmp_pat
         flags += ["--emotion-hubert", str(second)]
     trained = train_emoface.train(train_emoface.parser().parse_args(flags))
     export("emoface", models, run=trained)
-    told += ["--weights", str(models), "--system", "emoface"]
-    moves(animate(faces, tmp_path, *told), built_in)
+    options += ["--weights", str(models), "--system", "emoface"]
+    moves(animate(faces, tmp_path, *options), built_in)
 
 
 DECODERS = [("static", "static"), ("static", "debug"), *(("paper", name) for name in PAPER)]

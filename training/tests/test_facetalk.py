@@ -44,10 +44,10 @@ def test_a_mirrored_code_moves_the_mirrored_point_the_mirrored_way():
     identity = head.identity
     identity.mirror.copy_(torch.tensor([1.0, -1.0, 1.0, -1.0, -1.0, 1.0]))
     z = torch.randn(1, config.identity_code)
-    own, local = identity.codes(z)
+    global_code, local = identity.codes(z)
     swap = [n ^ 1 for n in range(2 * len(config.pairs))]
     swap += list(range(2 * len(config.pairs), config.anchors + 1))
-    other = torch.cat([own * identity.mirror, local[:, swap].flatten(1)], 1)
+    other = torch.cat([global_code * identity.mirror, local[:, swap].flatten(1)], 1)
     places = torch.randn(1, config.anchors, 3)
     places[:, 2 * len(config.pairs) :] = torch.tensor([0.0, 9.0, 0.0])
     flip = torch.tensor([-1.0, 1.0, 1.0])
@@ -144,10 +144,10 @@ def test_a_head_of_the_model_is_found_again_from_points_and_landmarks():
         landmarks = head.identity.places(z)[0] * head.config.scale_m
         x = points(4000)
         on = x[0, head.identity(x, z)[0].abs().argsort()[:100]] * head.config.scale_m
-        found = fit_identity(head, on, landmarks, iterations=2)
-        made = head.identity.places(head.identity_code(found)[None])[0] * head.config.scale_m
+        fitted = fit_identity(head, on, landmarks, iterations=2)
+        refound = head.identity.places(head.identity_code(fitted)[None])[0] * head.config.scale_m
         mean = head.identity.places(head.identity_code.bias[None])[0] * head.config.scale_m
-    assert (made - landmarks).norm(dim=1).mean() < 0.3 * (mean - landmarks).norm(dim=1).mean()
+    assert (refound - landmarks).norm(dim=1).mean() < 0.3 * (mean - landmarks).norm(dim=1).mean()
 
 
 def test_groups_of_a_sequence_share_their_frames():
@@ -182,10 +182,10 @@ def test_an_exported_folder_comes_back(tmp_path):
 
 
 def test_places_lie_in_their_triangles_and_more_often_in_likely_ones():
-    found = drawn_places(torch.tensor([1.0, 9.0]), 2000, torch.Generator().manual_seed(2))
-    assert (found.share >= 0.0).all() and 0.85 < (found.triangle == 1).float().mean() < 0.95
-    torch.testing.assert_close(found.share.sum(1), torch.ones(2000))
-    assert isinstance(found[torch.arange(3)], Places) and len(found[torch.arange(3)]) == 3
+    places = drawn_places(torch.tensor([1.0, 9.0]), 2000, torch.Generator().manual_seed(2))
+    assert (places.share >= 0.0).all() and 0.85 < (places.triangle == 1).float().mean() < 0.95
+    torch.testing.assert_close(places.share.sum(1), torch.ones(2000))
+    assert isinstance(places[torch.arange(3)], Places) and len(places[torch.arange(3)]) == 3
 
 
 def test_normals_of_a_square_stand_on_it():
@@ -209,5 +209,5 @@ def test_winding_number_of_a_box_and_the_rim_of_an_open_one():
             faces.append((triangles if end > 0 else triangles[:, ::-1]) + len(sides) * len(a))
             sides.append(corners)
     box, faces = np.concatenate(sides), np.concatenate(faces)
-    asked = np.array([[0.0, 0.0, 0.0], [0.5, -0.5, 0.2], [1.6, 0.0, 0.0], [0.0, -3.0, 0.0]])
-    np.testing.assert_allclose(winding_number(asked, box, faces), [1.0, 1.0, 0.0, 0.0], atol=0.03)
+    places = np.array([[0.0, 0.0, 0.0], [0.5, -0.5, 0.2], [1.6, 0.0, 0.0], [0.0, -3.0, 0.0]])
+    np.testing.assert_allclose(winding_number(places, box, faces), [1.0, 1.0, 0.0, 0.0], atol=0.03)

@@ -51,9 +51,9 @@ def test_what_a_corpus_shows_is_what_a_model_learns(tmp_path, kind):
     model = load_motion(tmp_path / "first/motion.pt")
     codes = train_motion.Codes(train_motion.head_of(shipped("facetalk_compact")))
     entries = [e for e in arkit.of_folders([corpus], 1) if not e.held_out]
-    seen = torch.cat([e.motion for e in entries])
-    assert codes.weights(model.mean)[JAW] == pytest.approx(seen[:, JAW].mean().item(), abs=0.1)
-    assert seen[:, JAW].std() > 0.1
+    weights = torch.cat([e.motion for e in entries])
+    assert codes.weights(model.mean)[JAW] == pytest.approx(weights[:, JAW].mean().item(), abs=0.1)
+    assert weights[:, JAW].std() > 0.1
 
 
 @pytest.mark.slow
@@ -100,8 +100,8 @@ def test_held_out_clips_of_a_corpus_are_measured(tmp_path, capsys):
 
 def test_a_corpus_without_held_out_clips_is_told_so(tmp_path):
     corpus = recorded(tmp_path / "mine", {"ann": "train"})
-    wanted = r"--corpus .*mine: expected held-out clips \(split val or test in clips.tsv\), got none"
-    with pytest.raises(ValueError, match=wanted):
+    message = r"--corpus .*mine: expected held-out clips \(split val or test in clips.tsv\), got none"
+    with pytest.raises(ValueError, match=message):
         evaluate_motion.main(["--corpus", str(corpus)])
 
 

@@ -24,10 +24,10 @@ def cache(tmp_path_factory) -> Path:
 
 @pytest.fixture(autouse=True)
 def few_places(monkeypatch):
-    """Places about the heads in such numbers that they are found in seconds, and codes as they fall."""
+    """Few places about the heads, so that they are drawn in seconds, and codes that are not fitted."""
     monkeypatch.setattr(train_head, "set_codes", lambda *_: {})
     monkeypatch.setattr(train_head, "set_directions", lambda *_: None)
-    monkeypatch.setattr(train_head, "IctHeads", lambda data, kept, jaw: IctHeads(data, kept, jaw, 3000, 800))
+    monkeypatch.setattr(train_head, "IctHeads", lambda *places: IctHeads(*places, 3000, 800))
 
 
 def trained(cache: Path, part: str, out: Path, *more: str | Path) -> dict[str, torch.Tensor]:
@@ -65,9 +65,9 @@ def test_a_run_that_was_stopped_goes_on_with_the_same_bits(cache, tmp_path, part
 @needs_faces
 def test_deformations_learn_the_poses_of_a_corpus(cache, tmp_path):
     corpus = made_up(tmp_path / "corpus", 2.0, "weights")
-    own = trained(cache, "expression", tmp_path / "own", "--corpus", corpus)
-    assert same(own, trained(cache, "expression", tmp_path / "again", "--corpus", corpus))
-    assert not same(own, trained(cache, "expression", tmp_path / "ours"))
+    of_corpus = trained(cache, "expression", tmp_path / "own", "--corpus", corpus)
+    assert same(of_corpus, trained(cache, "expression", tmp_path / "again", "--corpus", corpus))
+    assert not same(of_corpus, trained(cache, "expression", tmp_path / "ours"))
 
 
 @needs_faces
@@ -80,7 +80,7 @@ def test_networks_in_bfloat16_are_near_those_in_float32(cache, tmp_path):
 
 @pytest.mark.parametrize("part", ["template", "identity"])
 def test_a_part_that_knows_no_poses_refuses_a_corpus(tmp_path, part):
-    wanted = f"--corpus: expected the part expression, which alone learns from recordings, got {part}"
+    message = f"--corpus: expected the part expression, which alone learns from recordings, got {part}"
     line = [part, "--corpus", str(tmp_path), "--out", str(tmp_path / "out")]
-    with pytest.raises(ValueError, match=wanted):
+    with pytest.raises(ValueError, match=message):
         train_head.train(train_head.parser().parse_args(line))

@@ -12,7 +12,7 @@ from training.systems.facetalk.motion import Denoiser, MotionConfig, debug_confi
 from training.systems.facetalk.train_motion import Codes
 
 
-def made() -> Denoiser:
+def random_denoiser() -> Denoiser:
     torch.manual_seed(2)
     model = Denoiser(debug_config()).eval()
     with torch.no_grad():
@@ -21,13 +21,13 @@ def made() -> Denoiser:
     return model
 
 
-def one_pass(model: Denoiser, noisy, speech, given=True, r=1.0, t=300) -> torch.Tensor:
+def one_pass(model: Denoiser, noisy, speech, has_speech=True, r=1.0, t=300) -> torch.Tensor:
     with torch.no_grad():
-        return model(noisy, torch.tensor([t]), speech, torch.tensor([given]), torch.tensor([r]))
+        return model(noisy, torch.tensor([t]), speech, torch.tensor([has_speech]), torch.tensor([r]))
 
 
 def test_a_row_sees_itself_and_what_lies_behind_but_not_beyond_the_look_back():
-    model, config = made(), debug_config()
+    model, config = random_denoiser(), debug_config()
     noisy, speech = torch.randn(1, 20, config.codes), torch.randn(1, 20, config.speech.channels)
     before = one_pass(model, noisy, speech)
     other = noisy.clone()
@@ -39,7 +39,7 @@ def test_a_row_sees_itself_and_what_lies_behind_but_not_beyond_the_look_back():
 
 
 def test_speech_is_heard_in_its_own_frame_alone_and_not_at_all_when_dropped():
-    model, config = made(), replace(debug_config(), look_back_frames=1)
+    model, config = random_denoiser(), replace(debug_config(), look_back_frames=1)
     model.config = config
     noisy, speech = torch.randn(1, 12, config.codes), torch.randn(1, 12, config.speech.channels)
     other = speech.clone()
@@ -50,7 +50,7 @@ def test_speech_is_heard_in_its_own_frame_alone_and_not_at_all_when_dropped():
 
 
 def test_vividness_and_timestep_are_told():
-    model, config = made(), debug_config()
+    model, config = random_denoiser(), debug_config()
     noisy, speech = torch.randn(1, 12, config.codes), torch.randn(1, 12, config.speech.channels)
     usual = one_pass(model, noisy, speech)
     assert (one_pass(model, noisy, speech, r=1.3) - usual).abs().max() > 1e-4
@@ -58,7 +58,7 @@ def test_vividness_and_timestep_are_told():
 
 
 def test_guidance_goes_on_beyond_what_speech_adds():
-    model, config = made(), debug_config()
+    model, config = random_denoiser(), debug_config()
     speech, noise = torch.randn(15, config.speech.channels), torch.randn(15, config.codes)
     one = replace(config.sampling, steps=1)
     deaf, heard, strong = (
@@ -69,13 +69,13 @@ def test_guidance_goes_on_beyond_what_speech_adds():
 
 
 def test_a_seed_gives_the_same_codes_and_another_gives_others():
-    model, speech = made(), torch.randn(15, debug_config().speech.channels)
+    model, speech = random_denoiser(), torch.randn(15, debug_config().speech.channels)
     torch.testing.assert_close(sample(model, speech, 3), sample(model, speech, 3))
     assert (sample(model, speech, 3) - sample(model, speech, 4)).abs().max() > 1e-3
 
 
 def test_speech_of_another_length_is_told():
-    model, config = made(), debug_config()
+    model, config = random_denoiser(), debug_config()
     with pytest.raises(ValueError, match="expected 12, got 13"):
         one_pass(model, torch.randn(1, 12, config.codes), torch.randn(1, 13, config.speech.channels))
 

@@ -11,7 +11,7 @@ from training.corpus.phones import BILABIALS
 from training.export import export
 from training.systems.cafe_talk import evaluate as evaluate_cafe_talk
 from training.systems.cafe_talk.fine_control import metrics, units
-from training.systems.cafe_talk.fine_control.trial import Actor, Asked, Take
+from training.systems.cafe_talk.fine_control.trial import Actor, Take, TakeControl
 from training.tests.test_cafe_talk import run
 
 
@@ -38,19 +38,19 @@ def test_control_rate_is_the_peak_over_ten_neighbours():
 
 
 def test_leak_is_what_goes_beyond_as_a_share():
-    told, without = torch.zeros(25), torch.zeros(25)
-    told[10:15], told[15], told[20] = 0.8, 0.8, 9.0
-    assert metrics.leak(told, without, (10, 15)) == pytest.approx(0.1)
-    assert math.isnan(metrics.leak(told, told, (10, 15)))
+    controlled, without = torch.zeros(25), torch.zeros(25)
+    controlled[10:15], controlled[15], controlled[20] = 0.8, 0.8, 9.0
+    assert metrics.leak(controlled, without, (10, 15)) == pytest.approx(0.1)
+    assert math.isnan(metrics.leak(controlled, controlled, (10, 15)))
 
 
 def test_far_change_looks_ten_frames_away_alone():
-    told = weights()
-    told[20:45, 3] = 0.7
-    assert metrics.far_change(told, weights(), (30, 35)) == 0.0
-    told[19, 7] = -0.2
-    assert metrics.far_change(told, weights(), (30, 35)) == pytest.approx(0.2)
-    assert math.isnan(metrics.far_change(told, weights(), (0, 60)))
+    controlled = weights()
+    controlled[20:45, 3] = 0.7
+    assert metrics.far_change(controlled, weights(), (30, 35)) == 0.0
+    controlled[19, 7] = -0.2
+    assert metrics.far_change(controlled, weights(), (30, 35)) == pytest.approx(0.2)
+    assert math.isnan(metrics.far_change(controlled, weights(), (0, 60)))
 
 
 def test_a_unit_is_the_mean_of_its_channels_on_both_sides():
@@ -80,18 +80,18 @@ def test_lip_gap_r_and_amplitude_hear_the_jaw_alone():
 def test_scores_and_summary_of_a_unit_put_on_by_addition():
     jaw = torch.sin(torch.arange(60) * 0.9).abs()[:, None] * weights(jawOpen=0.4)
     take = Take("a", "s", torch.zeros(60, 4), jaw, torch.full((240,), -1))
-    made = {}
+    controlled = {}
     for beta in units.BETAS:
-        told = jaw.clone()
-        told[20:40] += 0.4 * beta * weights(20, mouthSmileLeft=1.0, mouthSmileRight=1.0)
-        made[beta] = [told]
-    found = units.score("12", [take], [jaw], made)
-    assert found.grows and found.control_rate["1.0"] == pytest.approx(0.4)
-    assert (found.none, found.leak, found.far, found.closures) == (0.0, 0.0, 0.0, 0)
-    row = units.summary([found])
+        added = jaw.clone()
+        added[20:40] += 0.4 * beta * weights(20, mouthSmileLeft=1.0, mouthSmileRight=1.0)
+        controlled[beta] = [added]
+    scores = units.score("12", [take], [jaw], controlled)
+    assert scores.grows and scores.control_rate["1.0"] == pytest.approx(0.4)
+    assert (scores.none, scores.leak, scores.far, scores.closures) == (0.0, 0.0, 0.0, 0)
+    row = units.summary([scores])
     assert row["control rate"] == pytest.approx(0.4) and math.isnan(row["r lost upper"])
-    falling = {beta: made[max(units.BETAS) + min(units.BETAS) - beta] for beta in units.BETAS}
-    assert not units.score("12", [take], [jaw], falling | {1.0: made[1.5]}).grows
+    falling = {beta: controlled[max(units.BETAS) + min(units.BETAS) - beta] for beta in units.BETAS}
+    assert not units.score("12", [take], [jaw], falling | {1.0: controlled[1.5]}).grows
 
 
 @pytest.mark.slow
@@ -100,22 +100,22 @@ def test_the_report_of_a_tiny_run_has_every_table(tmp_path):
     flags = ["--run", base, "--corpus", tmp_path / "corpus/made_up", "--out", tmp_path / "report"]
     flags += ["--units", "12", "45", "--clips", 1, "--few", 1, "--judge-steps", 2]
     evaluate_cafe_talk.main([str(f) for f in [*flags, "--ablation", f"the same={base}"]])
-    found = json.loads((tmp_path / "report/report.json").read_text())
-    assert set(found) == set(evaluate_cafe_talk.TITLES)
-    assert [row["unit"] for row in found["units"]] == ["12", "45"]
-    assert all(row["control_rate"]["1.0"] == pytest.approx(row["none"]) for row in found["units"])
-    assert found["ablations"][0].keys() == found["ablations"][2].keys()
+    report = json.loads((tmp_path / "report/report.json").read_text())
+    assert set(report) == set(evaluate_cafe_talk.TITLES)
+    assert [row["unit"] for row in report["units"]] == ["12", "45"]
+    assert all(row["control_rate"]["1.0"] == pytest.approx(row["none"]) for row in report["units"])
+    assert report["ablations"][0].keys() == report["ablations"][2].keys()
     page = (tmp_path / "report/report.md").read_text()
     assert all(title in page for title in evaluate_cafe_talk.TITLES.values())
 
 
 def test_an_exported_folder_performs_as_its_run(tmp_path):
-    made = run(tmp_path, "--out", tmp_path / "base", "--steps", 2)
-    written, read = Actor(made), Actor(export("cafe_talk", tmp_path / "models", run=made)[-1])
+    trained = run(tmp_path, "--out", tmp_path / "base", "--steps", 2)
+    written, read = Actor(trained), Actor(export("cafe_talk", tmp_path / "models", run=trained)[-1])
     take = Take("a", "s", torch.randn(60, written.config.speech.channels), weights(), torch.full((240,), -1))
-    asked = Asked("12", 1.0, "happy", 1.0)
-    close, other = read.perform(take, asked), read.perform(take, Asked("12", 1.0, "sad", 1.0))
-    assert torch.allclose(written.perform(take, asked), close, atol=5e-3)
+    control = TakeControl("12", 1.0, "happy", 1.0)
+    close, other = read.perform(take, control), read.perform(take, TakeControl("12", 1.0, "sad", 1.0))
+    assert torch.allclose(written.perform(take, control), close, atol=5e-3)
     assert not torch.allclose(other, close, atol=1e-4)
 
 
@@ -127,10 +127,10 @@ def test_events_guide_the_slot_and_nothing_is_told_where_the_label_is_masked(tmp
     torch.nn.init.normal_(actor.model.coarse.null, std=1.0)
     take = Take("a", "s", torch.randn(60, actor.config.speech.channels), weights(), torch.full((240,), -1))
     plain = actor.perform(take)
-    told = actor.perform(take, Asked("12", 1.0))
-    assert not torch.equal(told, plain)
-    assert not torch.equal(actor.perform(take, Asked("12", 1.0, unmasked=True)), told)
-    assert not torch.equal(actor.perform(take, Asked("12", 1.0, printed=True)), told)
+    controlled = actor.perform(take, TakeControl("12", 1.0))
+    assert not torch.equal(controlled, plain)
+    assert not torch.equal(actor.perform(take, TakeControl("12", 1.0, unmasked=True)), controlled)
+    assert not torch.equal(actor.perform(take, TakeControl("12", 1.0, printed=True)), controlled)
     masked = {"intensity": 1.0, "labelled": False}
-    happy, sad = (actor.perform(take, Asked(emotion=e, **masked)) for e in ("happy", "sad"))
+    happy, sad = (actor.perform(take, TakeControl(emotion=e, **masked)) for e in ("happy", "sad"))
     assert torch.equal(happy, sad) and not torch.equal(happy, plain)

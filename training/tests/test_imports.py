@@ -1,4 +1,4 @@
-"""What modules of the package take from each other is there, also where a library is not installed."""
+"""Names that modules of the package import from each other exist, even if a library is missing."""
 
 import ast
 from graphlib import TopologicalSorter
@@ -47,8 +47,8 @@ def test_no_module_imports_itself_through_others():
         imports = [
             n for n in ast.walk(ast.parse(path.read_text())) if isinstance(n, ast.ImportFrom) and n.module
         ]
-        found = {f"{n.module}.{alias.name}" for n in imports for alias in n.names} | {
+        imported = {f"{n.module}.{alias.name}" for n in imports for alias in n.names} | {
             n.module for n in imports
         }
-        graph[name] = found & names.keys()
+        graph[name] = imported & names.keys()
     TopologicalSorter(graph).prepare()

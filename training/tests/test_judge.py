@@ -25,12 +25,12 @@ def clip(seed: int, frames: int = 80) -> Entry:
 def test_it_finds_emotions_of_clips_that_it_has_not_seen():
     judge = judging.taught([clip(seed) for seed in range(6)], 200)
     other = clip(99).motion
-    found = judging.judged(judge, lambda _, emotion: judging.felt(other, emotion, 1.0), 1)
-    assert found.features.shape == (len(EMOTIONS), judging.WIDTH)
-    assert [int(found.found[e]) for e in CLEAR] == CLEAR
-    assert found.scores()["Acc"] > 0.6
+    verdicts = judging.judged(judge, lambda _, emotion: judging.under_emotion(other, emotion, 1.0), 1)
+    assert verdicts.features.shape == (len(EMOTIONS), judging.WIDTH)
+    assert [int(verdicts.read_emotions[e]) for e in CLEAR] == CLEAR
+    assert verdicts.scores()["Acc"] > 0.6
     reads = [
-        judging.judged(judge, lambda _, e, i=i: judging.felt(other, e, i), 1).scores()["read"]
+        judging.judged(judge, lambda _, e, i=i: judging.under_emotion(other, e, i), 1).scores()["read"]
         for i in (0.0, 0.5, 1.0, 1.5)
     ]
     assert all(less + 0.1 < more for less, more in zip(reads, reads[1:], strict=False)), reads
@@ -44,8 +44,8 @@ def test_short_clips_teach_nothing():
 
 
 def test_accuracy_counts_against_the_label_or_against_one_emotion():
-    asked, found = torch.tensor([0, 1, 2, 3]).numpy(), torch.tensor([0, 0, 2, 0]).numpy()
-    verdicts = judging.Verdicts(asked, found, torch.eye(4), np.ones(4))
+    true_emotions, read_emotions = torch.tensor([0, 1, 2, 3]).numpy(), torch.tensor([0, 0, 2, 0]).numpy()
+    verdicts = judging.Verdicts(true_emotions, read_emotions, torch.eye(4), np.ones(4))
     assert verdicts.scores()["Acc"] == 0.5
-    assert verdicts.scores(asked != 0)["Acc"] == pytest.approx(1 / 3)
-    assert verdicts.scores(asked != 0, 0)["Acc"] == pytest.approx(2 / 3)
+    assert verdicts.scores(true_emotions != 0)["Acc"] == pytest.approx(1 / 3)
+    assert verdicts.scores(true_emotions != 0, 0)["Acc"] == pytest.approx(2 / 3)

@@ -1,4 +1,4 @@
-"""Facts about made speech with phone times, with a stand-in for the model: a tone for each letter."""
+"""Facts about synthetic speech with phone times; a stand-in for the model sounds a tone for each letter."""
 
 import json
 
@@ -45,16 +45,16 @@ def speaker() -> kokoro.Speaker:
 
 def test_phones_stand_where_they_sound():
     letters = ["ˈ", "b", "I", "ː", " ", "m", ",", " ", "a"]
-    found = phones(letters, np.array([10, 1, 2, 4, 1, 2, 3, 4, 5, 6, 4], float))
-    assert [p.label for p in found] == ["_", "b", "aɪː", "m", "_", "_", "a", "_"]
-    first, b, vowel, m = found[:4]
+    timed = phones(letters, np.array([10, 1, 2, 4, 1, 2, 3, 4, 5, 6, 4], float))
+    assert [p.label for p in timed] == ["_", "b", "aɪː", "m", "_", "_", "a", "_"]
+    first, b, vowel, m = timed[:4]
     assert first == Phone(0.0, 10 * UNIT_S - LAG_S, "_")
     assert b.start_s == pytest.approx(10 * UNIT_S - LAG_S) and b.duration_s == pytest.approx(3 * UNIT_S)
     assert vowel.duration_s == pytest.approx(7 * UNIT_S), (
         "it sounds through its length sign and a short space"
     )
     assert m.start_s == pytest.approx(vowel.end_s)
-    assert found[-1].end_s == pytest.approx(42 * UNIT_S - LAG_S)
+    assert timed[-1].end_s == pytest.approx(42 * UNIT_S - LAG_S)
 
 
 def test_a_letter_before_a_pause_ends_with_its_sound():
@@ -62,10 +62,10 @@ def test_a_letter_before_a_pause_ends_with_its_sound():
     samples[1600:8000] = np.sin(np.arange(6400) * 0.3)
     said = [Phone(0.0, 0.1, "_"), Phone(0.1, 0.2, "a"), Phone(0.3, 0.5, "n"), Phone(0.8, 0.1, "_"),
             Phone(0.9, 0.05, "_"), Phone(0.95, 0.05, "t")]  # fmt: skip
-    found = kokoro.ended(said, samples)
-    assert [p.label for p in found] == [p.label for p in said] and found[:2] == said[:2]
-    assert found[2].end_s == pytest.approx(0.5) and found[3].start_s == pytest.approx(0.5)
-    assert found[3].end_s == pytest.approx(0.9) and found[4:] == said[4:]
+    shortened = kokoro.ended(said, samples)
+    assert [p.label for p in shortened] == [p.label for p in said] and shortened[:2] == said[:2]
+    assert shortened[2].end_s == pytest.approx(0.5) and shortened[3].start_s == pytest.approx(0.5)
+    assert shortened[3].end_s == pytest.approx(0.9) and shortened[4:] == said[4:]
     silent = kokoro.ended(said, np.concatenate([samples[:4800], samples[8000:]]))
     assert silent[2].duration_s == pytest.approx(kokoro.LAST_S)
 
@@ -97,17 +97,17 @@ def test_lessons_read_the_folder(tmp_path):
     assert read_kokoro(tmp_path) == [] and kokoro_count(tmp_path) == []
     folder = tmp_path / "speech/kokoro"
     kokoro.write(folder, speaker().say, 60 / 3600)
-    found = read_kokoro(tmp_path)
+    utterances = read_kokoro(tmp_path)
     lines = [json.loads(line) for line in (folder / "phones.jsonl").read_text().splitlines()]
-    assert [u.name for u in found] == [line["id"] for line in lines], "no phone overruns its sound"
-    assert {u.source for u in found} <= {"kokoro_en-us", "kokoro_fr"}
-    assert all(u.held_out == u.name.startswith(("af_bella", "ff_siwis")) for u in found)
-    assert len(found[0].samples) / 16000 == pytest.approx(lines[0]["seconds"], abs=0.01)
-    assert read_timed(folder, 2)[1].phones == found[1].phones
-    write(tmp_path / "copy", found)
+    assert [u.name for u in utterances] == [line["id"] for line in lines], "no phone overruns its sound"
+    assert {u.source for u in utterances} <= {"kokoro_en-us", "kokoro_fr"}
+    assert all(u.held_out == u.name.startswith(("af_bella", "ff_siwis")) for u in utterances)
+    assert len(utterances[0].samples) / 16000 == pytest.approx(lines[0]["seconds"], abs=0.01)
+    assert read_timed(folder, 2)[1].phones == utterances[1].phones
+    write(tmp_path / "copy", utterances)
     copied = read_timed(tmp_path / "copy")
     assert [(u.source, u.held_out, u.phones) for u in copied] == [
-        (u.source, u.held_out, u.phones) for u in found
+        (u.source, u.held_out, u.phones) for u in utterances
     ]
 
 

@@ -52,7 +52,7 @@ def test_what_is_stuck_on_leaves_the_face_to_be_seen(add):
         head = clay(number)
         more = add(np.random.default_rng(number), head)
         assert len(more.points) > len(head.points) and more.triangles.max() < len(more.points)
-        free += heads.seen(more)
+        free += heads.face_is_visible(more)
     # Lenses may cover the eyes; such glasses are left out of training.
     assert free >= 3
 
@@ -65,10 +65,10 @@ def test_melting_takes_the_nose_away_and_its_landmarks_along():
 
 
 def test_unseen_kinds_are_made_by_no_code_of_training():
-    own = {f.__name__ for f in (*stylise_unseen.WARPS, *stylise_unseen.THINGS, *faceless_unseen.KINDS)}
+    unseen = {f.__name__ for f in (*stylise_unseen.WARPS, *stylise_unseen.THINGS, *faceless_unseen.KINDS)}
     modules = (stylise, adorn, heads)
     trained = {name for m in modules for name, _ in inspect.getmembers(m, inspect.isfunction)}
-    assert len(own) == 25 and not own & trained
+    assert len(unseen) == 25 and not unseen & trained
 
 
 @pytest.mark.parametrize("warp", stylise_unseen.WARPS, ids=lambda warp: warp.__name__)

@@ -78,7 +78,7 @@ def test_two_processes_train_as_one_and_go_on_with_the_same_bits(corpus, tmp_pat
 
 
 def equation_15(error: torch.Tensor, velocity: float, acceleration: float) -> float:
-    """As printed, term by term; `error` [T, K, 3] is Ŷ − Y."""
+    """The printed loss, term by term; `error` [T, K, 3] is Ŷ − Y."""
     frames, points = error.shape[:2]
     v = [error[t + 1] - error[t] for t in range(frames - 1)]
     a = [error[t + 2] - 2 * error[t + 1] + error[t] for t in range(frames - 2)]
@@ -89,11 +89,11 @@ def equation_15(error: torch.Tensor, velocity: float, acceleration: float) -> fl
 def test_losses_of_the_paper_are_those_printed():
     error = torch.randn(7, 68, 3, dtype=torch.float64)
     stm, ats = recipes.STM["paper"], recipes.ATS["paper"]
-    found = motion_loss(error, stm)
-    assert float(found) == pytest.approx(100.0 * equation_15(error, 0.5, 0.2))
+    loss = motion_loss(error, stm)
+    assert float(loss) == pytest.approx(100.0 * equation_15(error, 0.5, 0.2))
     flat, shares = error.flatten(1)[None], (ats.velocity, ats.acceleration)
-    found = 3.0 * landmark_loss(flat, torch.ones_like(flat), *shares)
-    assert float(found) == pytest.approx(equation_15(error, 0.3, 0.1))
+    loss = 3.0 * landmark_loss(flat, torch.ones_like(flat), *shares)
+    assert float(loss) == pytest.approx(equation_15(error, 0.3, 0.1))
 
 
 def test_the_recipe_of_the_paper_reaches_the_optimiser(corpus, tmp_path):

@@ -15,10 +15,10 @@ from training.tests.test_parity import SHARED, needs_shared
 FRAMES_APART = 1
 
 
-def alike(found, expected, atol_m: float) -> None:
+def alike(actual, expected, atol_m: float) -> None:
     """Asserts the same motion, side and sound of clips of the same names."""
-    assert [c.name for c in found] == [c.name.replace("/", "_") for c in expected]
-    for a, b in zip(found, expected, strict=True):
+    assert [c.name for c in actual] == [c.name.replace("/", "_") for c in expected]
+    for a, b in zip(actual, expected, strict=True):
         frames = min(len(a.motion), len(b.motion))
         assert abs(len(a.motion) - len(b.motion)) <= FRAMES_APART and a.held_out == b.held_out
         np.testing.assert_allclose(a.motion[:frames], b.motion[:frames], atol=atol_m)
@@ -39,9 +39,9 @@ def test_grid_as_a_folder_is_what_its_reader_gives(tmp_path, monkeypatch):
     names = {clip.name for clip in few}
     monkeypatch.setattr(project.grid, "read_grid", lambda data: few)
     monkeypatch.setattr(project, "read_grid_speech", lambda data: read_grid_speech(data, names))
-    found = clips(CorpusFolder(project.grid_s1(SHARED / "data", tmp_path / "grid_s1", None)))
-    alike(found, few, 1e-6)
-    for a, b in zip(found, few, strict=True):
+    converted = clips(CorpusFolder(project.grid_s1(SHARED / "data", tmp_path / "grid_s1", None)))
+    alike(converted, few, 1e-6)
+    for a, b in zip(converted, few, strict=True):
         assert np.array_equal(a.weight, b.weight) and len(a.phones) > 8
 
 

@@ -35,16 +35,16 @@ REFERENCE = {
 
 def test_metrics_are_those_of_other_libraries():
     arrays = load_file(REPOSITORY / "tests/goldens/metrics.safetensors")
-    found = measure(*(arrays[name] for name in ("prediction", "truth", "lips", "upper")))
-    assert found.keys() == set(NAMES)
+    scores = measure(*(arrays[name] for name in ("prediction", "truth", "lips", "upper")))
+    assert scores.keys() == set(NAMES)
     for name, value in REFERENCE.items():
-        assert found[name] == pytest.approx(value, rel=1e-9), name
+        assert scores[name] == pytest.approx(value, rel=1e-9), name
 
 
 def test_the_truth_itself_is_faultless():
     truth = np.random.default_rng(0).standard_normal((9, 68, 3))
-    found = measure(truth, truth, np.arange(48, 68), np.arange(17, 27))
-    assert all(abs(value) < 1e-9 for value in found.values()), found
+    scores = measure(truth, truth, np.arange(48, 68), np.arange(17, 27))
+    assert all(abs(value) < 1e-9 for value in scores.values()), scores
 
 
 @needs_binary

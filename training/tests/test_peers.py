@@ -92,8 +92,8 @@ def test_within_speech_pauses_do_not_count():
 def test_a_line_over_loudness_tells_nothing_beyond_loudness():
     level = torch.sin(torch.arange(200) / 7.0)
     true = level + 0.5 * torch.sin(torch.arange(200) / 2.0)
-    found = feature_scores([(3.0 * level - 1.0, true, level)])
-    assert found["r"] > 0.8 and found["beyond"] == 0.0
+    scores = feature_scores([(3.0 * level - 1.0, true, level)])
+    assert scores["r"] > 0.8 and scores["beyond"] == 0.0
     assert feature_scores([(torch.ones(200), true, level)])["r"] == 0.0
 
 

@@ -70,10 +70,10 @@ def test_words_are_found_where_they_are_said():
     # Each state once, pauses five times.
     path = np.repeat(np.arange(len(states.unit)), np.where(states.word < 0, 5, 1))
     emission = np.where(np.arange(len(states.unit))[None] == path[:, None], 0.0, -20.0)
-    found = word_times(best_path(emission, states.skip), states, 100.0, 0.0)
+    spans = word_times(best_path(emission, states.skip), states, 100.0, 0.0)
     rows = {word: np.flatnonzero(states.word[path] == word) for word in (0, 1)}
-    assert {word: times[0] for word, times in found.items()} == {
-        word: pytest.approx((own[0] - 0.5) / 100.0) for word, own in rows.items()
+    assert {word: times[0] for word, times in spans.items()} == {
+        word: pytest.approx((frames[0] - 0.5) / 100.0) for word, frames in rows.items()
     }
     assert len(rows[0]) == LEAST_ROWS * 2 and len(rows[1]) == LEAST_ROWS * 3
 

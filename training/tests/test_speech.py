@@ -123,8 +123,8 @@ def written(name: str, folder, pickled: bool = False):
 def test_transformer_encoders_match_hugging_face(name, tmp_path):
     tensors = written(name, tmp_path / "model", pickled=name == "hubert_tiny")
     features = HubertFeatures(tmp_path / "model")
-    found = encode(features.model, features.config, tensors["input"][0])
-    assert (found - tensors["output"][0]).abs().max() < 1e-4
+    output = encode(features.model, features.config, tensors["input"][0])
+    assert (output - tensors["output"][0]).abs().max() < 1e-4
 
 
 @pytest.mark.parametrize("name", ["hubert_tiny", "wav2vec2_tiny", "wav2vec2_stable_tiny"])
@@ -132,8 +132,8 @@ def test_the_rate_may_be_changed_before_the_transformer(name, tmp_path):
     tensors = written(name, tmp_path / "model")
     expected = load_file(GOLDENS / "resampled_speech.safetensors")[name]
     features = HubertFeatures(tmp_path / "model", transformer_fps=30.0)
-    found = encode(features.model, features.config, tensors["input"][0], len(expected), 30.0)
-    torch.testing.assert_close(found, expected, atol=1e-4, rtol=1e-4)
+    output = encode(features.model, features.config, tensors["input"][0], len(expected), 30.0)
+    torch.testing.assert_close(output, expected, atol=1e-4, rtol=1e-4)
     # The motion's frames are cut out of that.
     features.transformer_fps = 25.0
     assert features(tensors["input"][0], 25).shape == (25, features.channels)
@@ -144,11 +144,11 @@ def test_features_of_hubert_stand_in_the_middle_of_what_they_hear():
     rate_hz, first_s = instants(config)
     assert (rate_hz, first_s) == (50.0, 0.0125)
     ramp = torch.arange(60.0)[:, None]
-    found = at_motion_frames(ramp, rate_hz, first_s, 25, 25.0)[:, 0]
-    assert torch.allclose(found[1:], 2.0 * torch.arange(1, 25) - 0.625)
+    output = at_motion_frames(ramp, rate_hz, first_s, 25, 25.0)[:, 0]
+    assert torch.allclose(output[1:], 2.0 * torch.arange(1, 25) - 0.625)
 
 
 def test_instants_golden_is_that_of_this_code(tmp_path):
     stored = load_file(GOLDENS / "instants.safetensors")
-    made = load_file(golden_instants.write(tmp_path, tmp_path))
-    assert all(torch.equal(stored[name], made[name]) for name in made)
+    rewritten = load_file(golden_instants.write(tmp_path, tmp_path))
+    assert all(torch.equal(stored[name], rewritten[name]) for name in rewritten)

@@ -108,8 +108,8 @@ def lessons() -> list[Lesson]:
     denoiser = AtsDenoiser(debug_ats())
     denoiser.std.fill_(1e-3)
     teacher = FullModel(CompactEncoder(debug_encoder()), denoiser)
-    found = [entry("grid_s1", 1.0), entry("grid_s1", 1.0), entry("voices", 0.0)]
-    return [teacher.teach(each) for each in found]
+    entries = [entry("grid_s1", 1.0), entry("grid_s1", 1.0), entry("voices", 0.0)]
+    return [teacher.teach(each) for each in entries]
 
 
 def entry(source: str, weight: float) -> Entry:

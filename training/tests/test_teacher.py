@@ -80,12 +80,12 @@ def test_silence_is_the_neutral_face(teacher):
 
 
 def test_open_vowels_open_more_and_u_is_narrower_than_i(teacher):
-    def held(vowel):
+    def measure(vowel):
         motion = teacher.motion([Phone(0.4, 0.6, vowel)], 40)[18]
         return gap(motion[None])[0], (motion[54, 0] - motion[48, 0]) * 1e3
 
-    assert held("ɑ")[0] > held("i")[0] + 2.0 and held("ɛ")[0] > held("i")[0]
-    assert held("i")[1] - held("u")[1] > 5.0
+    assert measure("ɑ")[0] > measure("i")[0] + 2.0 and measure("ɛ")[0] > measure("i")[0]
+    assert measure("i")[1] - measure("u")[1] > 5.0
 
 
 def test_long_speech_gives_what_its_parts_give(teacher):
@@ -116,9 +116,9 @@ def test_fitted_model_with_gradients_is_the_teacher():
     class Silent:
         motion = np.zeros((80, 68, 3), np.float32)
 
-    made = model(*padded([(Silent(), phones)]), 80)[0].detach().numpy()
-    open_lips = made[:, 0] > 0.0
+    predicted = model(*padded([(Silent(), phones)]), 80)[0].detach().numpy()
+    open_lips = predicted[:, 0] > 0.0
     taught = measures(guess.motion(phones, 80))
-    np.testing.assert_allclose(made[open_lips], taught[open_lips], atol=0.05)
+    np.testing.assert_allclose(predicted[open_lips], taught[open_lips], atol=0.05)
     assert open_lips.sum() > 20
     assert torch.isfinite(model.prior())

@@ -80,9 +80,9 @@ def test_what_is_shown_together():
 
 
 def test_targets_hold_side_and_strength():
-    wanted = targets([Shown.read("12L 45:0.3")])[0]
-    assert wanted[0].sum() == 2 and wanted[1].sum() == 1
-    assert wanted[2, UNITS.index("45")] == pytest.approx(0.2)
+    target = targets([Shown.read("12L 45:0.3")])[0]
+    assert target[0].sum() == 2 and target[1].sum() == 1
+    assert target[2, UNITS.index("45")] == pytest.approx(0.2)
 
 
 def test_counts():

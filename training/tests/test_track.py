@@ -13,7 +13,7 @@ from training.corpus.check import check
 from training.corpus.checked import CorpusError
 from training.corpus.folder import CorpusFolder
 from training.corpus.folder_clips import clips
-from training.corpus.track import IBUG_OF_MESH, PICTURE_TO_FACE, Seen
+from training.corpus.track import IBUG_OF_MESH, PICTURE_TO_FACE, DetectedFace
 from training.corpus.writer import CorpusWriter
 from training.tests.made_up import RATE_HZ, spoken, talking
 
@@ -33,14 +33,14 @@ def detector(faces: np.ndarray):
     """Sees the faces one after the other, 3000 pixels a metre."""
     left = iter(enumerate(faces))
 
-    def detect(picture: np.ndarray) -> Seen | None:
+    def detect(picture: np.ndarray) -> DetectedFace | None:
         number, face = next(left)
         if number in LOST:
             return None
         points = np.zeros((478, 3))
         pixels = 3000.0 * face * PICTURE_TO_FACE + [320.0, 180.0, 0.0]
         points[IBUG_OF_MESH] = pixels / [WIDTH, HEIGHT, WIDTH]
-        return Seen(points, {"_neutral": 0.9, "jawOpen": 0.1 + 0.001 * number, "browInnerUp": 0.0})
+        return DetectedFace(points, {"_neutral": 0.9, "jawOpen": 0.1 + 0.001 * number, "browInnerUp": 0.0})
 
     return detect
 
@@ -61,9 +61,9 @@ def test_a_tracked_clip_is_a_corpus_in_metres(tracked):
     report = check(tracked.path)
     assert report.errors == [] and report.kinds == {"landmarks": 1, "weights": 1}
     assert not any("wide" in odd or "exchanged" in odd for odd in report.odd)
-    found = tracked.landmarks(tracked.rows[0])
-    assert tuple(np.flatnonzero(~found.found)) == LOST
-    eyes = np.linalg.norm(found.values[0, 36] - found.values[0, 45])
+    landmarks = tracked.landmarks(tracked.rows[0])
+    assert tuple(np.flatnonzero(~landmarks.tracked_frames)) == LOST
+    eyes = np.linalg.norm(landmarks.values[0, 36] - landmarks.values[0, 45])
     canonical = canonical_landmarks()
     assert abs(eyes / np.linalg.norm(canonical[36] - canonical[45]) - 1.0) < 0.02
 
@@ -71,8 +71,8 @@ def test_a_tracked_clip_is_a_corpus_in_metres(tracked):
 def test_head_is_told_and_taken_out(tracked):
     rows = np.loadtxt(tracked.path / "head/one.csv", delimiter=",", skiprows=1)
     _, vectors = truth()
-    kept = np.delete(np.arange(len(vectors)), LOST)
-    assert np.abs(rows[:, 1:4] - vectors[kept]).max() < 0.03
+    frames = np.delete(np.arange(len(vectors)), LOST)
+    assert np.abs(rows[:, 1:4] - vectors[frames]).max() < 0.03
     motion = clips(tracked)[0].motion
     expected = talking(SECONDS, 1) - canonical_landmarks()
     drop = (motion - motion[0])[:, 8, 1], (expected - expected[0])[:, 8, 1]
@@ -80,9 +80,9 @@ def test_head_is_told_and_taken_out(tracked):
 
 
 def test_weights_leave_the_lost_frames_out(tracked):
-    found = tracked.weights(tracked.rows[0])
-    assert found.names == ["jawOpen", "browInnerUp"]
-    assert len(found.seconds) == int(SECONDS * 25) - len(LOST)
+    weights = tracked.weights(tracked.rows[0])
+    assert weights.names == ["jawOpen", "browInnerUp"]
+    assert len(weights.seconds) == int(SECONDS * 25) - len(LOST)
 
 
 def test_a_clip_without_a_face_is_told(tmp_path):

@@ -12,16 +12,16 @@ DOCUMENT = REPOSITORY / "docs/training.md"
 
 def module(**has: object) -> ModuleType:
     """A trainer made up here."""
-    made = ModuleType("training.made_up", "Trains nothing.")
-    vars(made).update(has)
-    return made
+    trainer = ModuleType("training.made_up", "Trains nothing.")
+    vars(trainer).update(has)
+    return trainer
 
 
 def test_the_table_of_the_document_is_that_of_the_arguments():
     written = trainers.parts(DOCUMENT)[1]
-    wanted = trainers.table()
+    expected = trainers.table()
     rewrite = "run: python -m training.trainers --write docs/training.md"
-    assert written == wanted, f"{DOCUMENT.name}: the table of trainers is not what they take; {rewrite}"
+    assert written == expected, f"{DOCUMENT.name}: the table of trainers is not what they take; {rewrite}"
 
 
 def test_every_system_has_a_trainer_in_it():
@@ -47,8 +47,8 @@ def test_a_file_called_corpus_is_no_corpus_folder_and_a_checkpoint_is_told():
     parser.add_argument("--corpus", help="a file")
     parser.add_argument("--save-every", type=int, default=50)
     parser.add_argument("--precision", choices=["float32", "bfloat16"], default="bfloat16")
-    found = trainers.row(module(parser=lambda: parser))
-    assert found == ["`made_up`", "–", "–", "–", "`bfloat16`", "yes"]
+    row = trainers.row(module(parser=lambda: parser))
+    assert row == ["`made_up`", "–", "–", "–", "`bfloat16`", "yes"]
 
 
 def test_a_document_without_marks_is_told(tmp_path):

@@ -132,15 +132,15 @@ def test_attention_of_the_papers_decoder_starts_near_each_vertex(sequences):
     mesh = paper_mesh(sequence_meshes([sequences], held_out=True)[0], PAPER["compact"])
     torch.manual_seed(0)
     model = PaperDecoder(PAPER["compact"])
-    seen = lambda: effective_landmarks(model, mesh.inputs, mesh.operators, torch.zeros(1, 68, 3))  # noqa: E731
-    assert seen().median() > 60
+    attended = lambda: effective_landmarks(model, mesh.inputs, mesh.operators, torch.zeros(1, 68, 3))  # noqa: E731
+    assert attended().median() > 60
     prepare_weights(model, [mesh])
-    assert seen().median() < 20
+    assert attended().median() < 20
 
 
 def test_displacements_of_a_sequence_are_those_of_the_file(sequences):
     mesh = sequence_meshes([sequences], held_out=True)[0]
     values, neutral = np.load(sequences / "vertices/cem_0.npy"), mesh.neutral
-    found = mesh.displacements(0, np.arange(10)).norm(dim=-1).numpy()
+    lengths = mesh.displacements(0, np.arange(10)).norm(dim=-1).numpy()
     true = np.linalg.norm(values[:10] - neutral, axis=-1)
-    np.testing.assert_allclose(found / np.linalg.norm(mesh.turn, 2), true, atol=1e-4)
+    np.testing.assert_allclose(lengths / np.linalg.norm(mesh.turn, 2), true, atol=1e-4)

@@ -19,8 +19,8 @@ REAL = Path(os.environ.get("ANYFACE_WHISPER", "runs/whisper-base"))
 @pytest.fixture
 def folder(tmp_path: Path) -> Path:
     """Two layers of width 128 with random weights, as CTranslate2 writes them."""
-    made = whisper.WhisperEncoder(whisper.WhisperConfig(layers=2, width=128, places=1500, heads=2))
-    random, state, tensors = np.random.default_rng(0), made.state_dict(), {}
+    encoder = whisper.WhisperEncoder(whisper.WhisperConfig(layers=2, width=128, places=1500, heads=2))
+    random, state, tensors = np.random.default_rng(0), encoder.state_dict(), {}
     for ours, theirs in whisper.names(2).items():
         tensors[theirs] = (random.standard_normal(state[ours].shape) * 0.1).astype(np.float16)
     whisper.write_tensors(tmp_path / "model.bin", tensors)
@@ -88,10 +88,10 @@ def test_the_encoder_is_that_of_transformers():
     mel = whisper.whisper_mel(noise(2.0))
     with torch.no_grad():
         expected = theirs.encoder(mel.T[None], output_hidden_states=True)
-    found = ours(mel[None], [0, 1, 2])
-    for state, known in zip(found[:2], expected.hidden_states[:2], strict=True):
+    layers = ours(mel[None], [0, 1, 2])
+    for state, known in zip(layers[:2], expected.hidden_states[:2], strict=True):
         torch.testing.assert_close(state, known, atol=1e-5, rtol=0)
-    torch.testing.assert_close(found[2], expected.last_hidden_state, atol=1e-5, rtol=0)
+    torch.testing.assert_close(layers[2], expected.last_hidden_state, atol=1e-5, rtol=0)
 
 
 def test_the_spectrogram_is_that_of_transformers():

@@ -17,7 +17,7 @@ from training.corpus.conditions import UNITS
 from training.text.sentences import Clause
 
 AT_ONCE = 256
-"""Texts that are encoded together."""
+"""Number of texts encoded together."""
 
 
 class OnClip:
@@ -41,14 +41,14 @@ class OnClip:
 
     @torch.no_grad()
     def places(self, texts: list[str]) -> dict[str, Tensor]:
-        """Of each text; those that were asked for before are remembered."""
+        """Features of each text; texts already encoded are remembered."""
         new = sorted(set(texts) - self.known.keys())
         for first in range(0, len(new), AT_ONCE):
             some = new[first : first + AT_ONCE]
-            given = self.tokens(
+            inputs = self.tokens(
                 some, padding=True, truncation=True, max_length=self.most, return_tensors="pt"
             )
-            self.known.update(zip(some, F.normalize(self.model(**given).text_embeds, dim=-1), strict=True))
+            self.known.update(zip(some, F.normalize(self.model(**inputs).text_embeds, dim=-1), strict=True))
         return self.known
 
 

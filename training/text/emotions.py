@@ -1,4 +1,4 @@
-"""Words for the fifteen emotions: what the coarse condition is told in training (Cafe-Talk §3.1.1)."""
+"""Words for the fifteen emotions that training gives the coarse condition (Cafe-Talk §3.1.1)."""
 
 SYNONYMS = {
     "neutral": ["neutral", "indifferent", "expressionless", "impassive"],
@@ -17,4 +17,4 @@ SYNONYMS = {
     "ill": ["ill", "sick", "unwell", "ailing"],
     "drunk": ["drunk", "intoxicated", "tipsy", "inebriated"],
 }
-"""The first word is the emotion's own; "shocked" and "relieved" are left out, to try unseen words on."""
+"""The first word is the emotion's own. "shocked" and "relieved" are left out, as unseen words to test on."""

@@ -69,9 +69,9 @@ def write(out: Path, shared: Path) -> Path:
     tensors |= {f"model.{key}": value for key, value in arrays(tower, words).items()}
     with torch.no_grad():
         for n, text in enumerate(TEXTS):
-            given = tokens([text], truncation=True, return_tensors="pt")
-            numbers.append(given["input_ids"][0].tolist())
-            tensors[f"places.{n}"] = torch.nn.functional.normalize(model(**given).text_embeds[0], dim=-1)
+            inputs = tokens([text], truncation=True, return_tensors="pt")
+            numbers.append(inputs["input_ids"][0].tolist())
+            tensors[f"places.{n}"] = torch.nn.functional.normalize(model(**inputs).text_embeds[0], dim=-1)
             tensors[f"logits.{n}"] = tower(hearing.hear(clauses(text)))
     metadata = {"texts": json.dumps(TEXTS), "tokens": json.dumps(numbers)}
     for key, file in (("config", "config.json"), ("vocab", "vocab.json"), ("merges", "merges.txt")):

@@ -20,27 +20,27 @@ Pair = tuple[str, Shown]
 
 @dataclass
 class Counts:
-    """Units that were found, found wrongly, missed."""
+    """Counts of units: found, found wrongly, and missed."""
 
     right: int = 0
     wrong: int = 0
     missed: int = 0
 
-    def add(self, found: set[int], true: set[int]) -> None:
-        """One text."""
-        self.right += len(found & true)
-        self.wrong += len(found - true)
-        self.missed += len(true - found)
+    def add(self, predicted: set[int], true: set[int]) -> None:
+        """Counts one text."""
+        self.right += len(predicted & true)
+        self.wrong += len(predicted - true)
+        self.missed += len(true - predicted)
 
     @property
     def f1(self) -> float:
-        """Over all units together."""
+        """F1 over all units together."""
         return 2 * self.right / max(2 * self.right + self.wrong + self.missed, 1)
 
 
 @torch.no_grad()
 def understood(tower: TextTower | ClipTower, hearing: OnWords | OnClip, text: str) -> set[int]:
-    """Numbers of the units that any clause shows; one without a word that means something shows none."""
+    """Numbers of the units that any clause shows. A clause without a meaningful word shows none."""
     said = [clause for clause in clauses(text) if clause.words or clause.denied]
     if not said:
         return set()
@@ -49,7 +49,7 @@ def understood(tower: TextTower | ClipTower, hearing: OnWords | OnClip, text: st
 
 
 class Nearest:
-    """The floor: the units of the training text that is nearest by the mean of its words, denials unheard."""
+    """The floor: units of the training text that is nearest by the mean of its words. Denials are ignored."""
 
     def __init__(self, known: list[Pair], words: Words):
         self.known, self.words = known, words
@@ -62,7 +62,7 @@ class Nearest:
         return np.mean(said, axis=0) if said else np.zeros(self.words.vectors.shape[1], np.float32)
 
     def units(self, text: str) -> set[int]:
-        """Of the nearest text."""
+        """Units of the nearest text."""
         return set(self.known[int(np.argmax(self.places @ self.place(text)))][1].units)
 
 
@@ -78,13 +78,13 @@ class Synonyms:
                 self.meanings.setdefault(word, []).append(synset.words)
 
     def units(self, text: str) -> set[int]:
-        """Of the first such word; none where there is none."""
+        """Units of the first such word; empty if there is none."""
         for word in (w for c in clauses(text) for w in c.words + c.denied):
             meanings = self.meanings.get(known_form(word, self.meanings), [])
             alike = [other for words in meanings for other in words]
-            found = next((self.shown[w] for w in (word, *alike) if w in self.shown), None)
-            if found:
-                return found
+            units = next((self.shown[w] for w in (word, *alike) if w in self.shown), None)
+            if units:
+                return units
         return set()
 
 
@@ -96,7 +96,8 @@ def measured(
     held_out: list[Pair],
     place: Path | None = None,
 ) -> dict:
-    """F1 of the tower and of the floors, texts that are right in every unit, and what table 13 gives.
+    """F1 of the tower and of the floors, the number of texts with every unit right, and the result on table
+    13.
 
     `words`: the space of the nearest text. `place`: WordNet's folder, for the floor of synonyms.
     """
@@ -104,12 +105,12 @@ def measured(
     ours, floors = Counts(), {name: Counts() for name in beside}
     whole, silent = 0, []
     for text, shown in held_out:
-        true, found = set(shown.units), understood(tower, hearing, text)
-        ours.add(found, true)
+        true, predicted = set(shown.units), understood(tower, hearing, text)
+        ours.add(predicted, true)
         for name, floor in beside.items():
             floors[name].add(floor.units(text), true)
-        whole += found == true
-        silent += [not found] if not true else []
+        whole += predicted == true
+        silent += [not predicted] if not true else []
     table = [understood(tower, hearing, t) == set(Shown.read(u).units) for t, u in TABLE_13.items()]
     return (
         {"f1": round(ours.f1, 3)}

@@ -182,7 +182,7 @@ EXPRESSIONS = {
 OPPOSITES = {"6 12": "4 15", "6:0.4 12:0.5": "4 15", "1 4 15": "12:0.5", "4 15": "12:0.5",
              "1 4 15:0.5": "12:0.5", "4 5 7": "12:0.3",
              "1 2": "45:0.5", "12:0.3 45:0.3": "4 7", "45:0.5": "5:0.5"}  # fmt: skip
-"""What "not …" shows, by the units of the emotion that is denied; nothing for all others."""
+"""Units that "not …" shows, by the units of the emotion that is denied; none for all others."""
 
 NOTHING = (
     "neutral, the blue car, blue paint, blue, expressionless, impassive, indifferent, blank, poker, "
@@ -199,12 +199,12 @@ NOTHING = (
     "こんにちは, asdf qwer, lorem ipsum dolor, xyzzy, hmm, the, camera light, "
     "the man reads a book, an old coat"
 )
-"""Texts that ask nothing of a face."""
+"""Texts that ask for nothing in a face."""
 
 TEMPLATES = ("a {} person", "a person looks {}", "a person seems {}", "a man acts like {}",
              "a woman acts like {}", "a person is {}", "a person behaves {}", "a person is talking with {}",
              "{}", "she {}", "he is {}", "with a {} face", "looking {}")  # fmt: skip
-"""The eight of Cafe-Talk's table 12, then plain forms; none of their own words means anything."""
+"""The eight templates of Cafe-Talk's table 12, then plain ones. None of their own words means anything."""
 
 MENU = (
     "smile, laugh, smirk, sarcastic laugh, cry, frown, sneer, wink, blink, surprised blink, yawn, "
@@ -212,4 +212,4 @@ MENU = (
     "contempt, suspicious, ashamed, sleepy, raised eyebrows, furrowed brow, closed eyes, open mouth, "
     "wrinkled nose, pressed lips"
 )
-"""What is offered where nothing was understood: the nearest of these."""
+"""Suggestions where no word was understood: the nearest of these."""

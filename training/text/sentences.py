@@ -1,4 +1,4 @@
-"""A sentence taken apart: clauses, and in each the words that mean something, denied or not, side and amount.
+"""Takes a sentence apart: clauses, and in each the meaningful words, denied or not, with side and amount.
 
 The lists of `RULES` go into the model's `config.json`, where `rust-core/src/text` reads them.
 """
@@ -48,7 +48,7 @@ STRENGTH = (0.1, 2.0)
 
 @dataclass
 class Clause:
-    """Words that mean something, those after a denial apart; which side is named; a factor of strength.
+    """Meaningful words, with those after a denial apart; the side it names; a factor of strength.
 
     `said`: the clause without sides and amounts, a space between its words.
     """
@@ -65,17 +65,17 @@ AMOUNTS = {word: float(factor) for factor, words in RULES["amounts"].items() for
 
 
 def tokens(text: str) -> list[str]:
-    """Words in small letters and marks that part clauses; `n't` is a word, `not`."""
+    """Words in small letters, and marks that separate clauses. `n't` becomes the word `not`."""
     plain = text.lower().replace("\u2019", "'").replace("n't", " not").replace("'", " ")
-    found, word = [], ""
+    pieces, word = [], ""
     for letter in plain + " ":
         if is_letter(letter):
             word += letter
             continue
-        found += [word] if word else []
-        found += [letter] if letter in ",;.:!?" else []
+        pieces += [word] if word else []
+        pieces += [letter] if letter in ",;.:!?" else []
         word = ""
-    return found
+    return pieces
 
 
 def is_letter(c: str) -> bool:
@@ -86,21 +86,21 @@ def is_letter(c: str) -> bool:
 def clauses(text: str) -> list[Clause]:
     """The clauses of a text; at least one, which may be empty.
 
-    What is denied of a part of the face is a movement that there is not ("no raised eyebrows"), and asks for
-    no other.
+    A denied word about a part of the face means the absence of a movement ("no raised eyebrows"). It asks for
+    no other movement.
     """
-    found, denies = [Clause()], False
+    parsed, denies = [Clause()], False
     for token in tokens(text):
         if token in LISTED["breaks"] or not is_letter(token[0]):
-            found.append(Clause())
+            parsed.append(Clause())
             denies = False
         else:
             denies |= token in LISTED["denials"]
-            _hear(found[-1], token, denies)
-    for clause in found:
+            _hear(parsed[-1], token, denies)
+    for clause in parsed:
         if LISTED["parts"] & set(clause.denied):
             clause.denied.clear()
-    return found
+    return parsed
 
 
 def _hear(clause: Clause, token: str, denies: bool) -> None:

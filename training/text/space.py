@@ -62,7 +62,7 @@ class TextSpace:
 
 
 def build(folder: Path, seed: int = 0) -> TextSpace:
-    """The whole way from WordNet's files; a minute."""
+    """Builds the space from WordNet's files; takes a minute."""
     synsets = wordnet.read(folder)
     frequency = word_frequency(wordnet.counts(folder))
     names, matrix = graph(synsets, frequency)
@@ -72,11 +72,11 @@ def build(folder: Path, seed: int = 0) -> TextSpace:
     vectors = walked(matrix[part][:, part], seed)
     chosen = np.searchsorted(part, chosen)
     names = [names[i] for i in part]
-    kept = isotropic(vectors[chosen])
+    places = isotropic(vectors[chosen])
     words = [names[i] for i in chosen]
     order = np.argsort(words)
-    words, kept = [words[i] for i in order], kept[order]
-    return TextSpace(words, kept, ngram_vectors(words, kept))
+    words, places = [words[i] for i in order], places[order]
+    return TextSpace(words, places, ngram_vectors(words, places))
 
 
 def word_frequency(counts: dict[tuple[str, str], int]) -> dict[str, int]:
@@ -125,11 +125,11 @@ def _relate(tie, at, synsets, key, synset, pointer) -> None:
     tie(at[key], at[pointer.target], weight)
 
 
-def explaining(gloss: str, known: dict[str, int], own: list[str]) -> set[str]:
-    """Words of an explanation without its examples."""
+def explaining(gloss: str, known: dict[str, int], excluded: list[str]) -> set[str]:
+    """Words of a definition without its examples."""
     said = re.sub(r'"[^"]*"', "", gloss).lower()
-    found = {known_form(w, known) for w in re.findall(r"[a-z]+", said) if w not in STOP}
-    return {w for w in found if w and w not in own}
+    forms = {known_form(w, known) for w in re.findall(r"[a-z]+", said) if w not in STOP}
+    return {w for w in forms if w and w not in excluded}
 
 
 def known_form(word: str, known) -> str | None:
@@ -162,18 +162,18 @@ def walked(matrix: csr_matrix, seed: int) -> np.ndarray:
 
 
 def choose(names: list[str], rank: np.ndarray, frequency: dict[str, int]) -> np.ndarray:
-    """Numbers of the words that are kept: near the seeds, and the frequent ones."""
+    """Numbers of the words to keep: near the seeds, and the frequent ones."""
     words = np.array([i for i, n in enumerate(names) if n.isalpha() and not n[-1].isdigit()])
     near = rank[words]
     often = np.array([frequency.get(names[i], 0) for i in words])
     frequent = words[np.argsort(-often, kind="stable")][: int(FREQUENT_SHARE * WORDS)]
     by_seed = words[np.argsort(-near * (1.0 + 0.3 * np.log1p(often)), kind="stable")]
-    kept = dict.fromkeys(frequent)
+    chosen = dict.fromkeys(frequent)
     for word in by_seed:
-        if len(kept) == WORDS:
+        if len(chosen) == WORDS:
             break
-        kept.setdefault(word)
-    return np.array(list(kept))
+        chosen.setdefault(word)
+    return np.array(list(chosen))
 
 
 def nearness(names: list[str], matrix: csr_matrix) -> np.ndarray:
@@ -195,9 +195,9 @@ def isotropic(vectors: np.ndarray) -> np.ndarray:
     unit = vectors / np.maximum(np.linalg.norm(vectors, axis=1, keepdims=True), 1e-9)
     centred = unit - unit.mean(axis=0)
     u, s, _ = np.linalg.svd(centred, full_matrices=False)
-    kept = u[:, :WIDTH] * np.sqrt(s[:WIDTH])
-    kept *= np.sign(kept[np.abs(kept).argmax(axis=0), np.arange(WIDTH)])
-    return (kept / np.linalg.norm(kept, axis=1, keepdims=True)).astype(np.float32)
+    components = u[:, :WIDTH] * np.sqrt(s[:WIDTH])
+    components *= np.sign(components[np.abs(components).argmax(axis=0), np.arange(WIDTH)])
+    return (components / np.linalg.norm(components, axis=1, keepdims=True)).astype(np.float32)
 
 
 def ngram_buckets(word: str) -> list[int]:

@@ -21,15 +21,15 @@ from training.text.sentences import Clause
 from training.text.words import Words
 
 NO_WORD = 0.1
-"""Weight of the origin in a clause's mean: words that are no words leave the features near 0."""
+"""Weight of the origin in a clause's mean, so that unknown words leave the features near 0."""
 
 FULL = 1.5
-"""Strength that a logit far above 0 stands for."""
+"""Strength at a logit far above 0."""
 
 
 @dataclass
 class Heard:
-    """Places of the words [N, L, D] and of the denied ones [N, M, D]; what is beyond a clause's end is 0."""
+    """Places of the words [N, L, D] and of the denied ones [N, M, D]; 0 beyond a clause's end."""
 
     words: Tensor
     denied: Tensor
@@ -71,11 +71,11 @@ class OnWords:
 
 def _places(rows: list[list[str]], words: Words) -> Tensor:
     width = words.vectors.shape[1]
-    found = np.zeros((len(rows), max([1, *map(len, rows)]), width), np.float32)
+    places = np.zeros((len(rows), max([1, *map(len, rows)]), width), np.float32)
     for row, texts in enumerate(rows):
         for column, word in enumerate(texts):
-            found[row, column] = words.of(word)
-    return torch.from_numpy(found)
+            places[row, column] = words.of(word)
+    return torch.from_numpy(places)
 
 
 class TextTower(nn.Module):

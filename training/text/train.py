@@ -33,7 +33,7 @@ from training.text.words import Words
 
 LETTERS = list("aeiouaeiouenrstldnrstbcdfghjklmnpqrstvwxyzäöüéñøß")
 FAR = 0.4
-"""Cosine below which a word says nothing to a face."""
+"""Below this cosine a word says nothing about a face."""
 TEMPERATURE = 0.1
 NAMES = ("raises the inner brows", "raises the outer brows", "lowers the brows", "raises the upper lids",
          "raises the cheeks", "tightens the lids", "wrinkles the nose", "raises the upper lip",
@@ -57,7 +57,7 @@ class Pairs:
 
     @staticmethod
     def all() -> Pairs:
-        """All that is written down in `training.text.pairs`."""
+        """All pairs of `training.text.pairs`."""
         opposites = [
             (text, Shown.read(OPPOSITES.get(units, "")))
             for table in (EMOTIONS, EXPRESSIONS)
@@ -68,15 +68,16 @@ class Pairs:
         return Pairs(listed(EMOTIONS) + listed(EXPRESSIONS), opposites, nothing)
 
     def without(self, fold: int, folds: int, seed: int) -> tuple[Pairs, list[tuple[str, Shown]]]:
-        """Those of all folds but one, and that one's."""
+        """The pairs of all folds but one, and those of that one."""
         of = np.random.default_rng(seed).integers(0, folds, len(self.shown))
-        kept = [i for i in range(len(of)) if of[i] != fold]
-        left = [self.shown[i] for i in range(len(of)) if of[i] == fold]
-        return Pairs([self.shown[i] for i in kept], [self.denied[i] for i in kept], self.nothing), left
+        training = [i for i in range(len(of)) if of[i] != fold]
+        test = [self.shown[i] for i in range(len(of)) if of[i] == fold]
+        rest = Pairs([self.shown[i] for i in training], [self.denied[i] for i in training], self.nothing)
+        return rest, test
 
 
 class Batches:
-    """Draws one text or two, a denied one, some with a word that says nothing, or nothing at all."""
+    """Draws one text or two, a denied one, some with a meaningless word, or nothing at all."""
 
     def __init__(self, pairs: Pairs, words: Words, arguments: argparse.Namespace):
         self.pairs, self.arguments = pairs, arguments
@@ -107,7 +108,7 @@ class Batches:
         return self._within(said), shown
 
     def _within(self, clause: Clause) -> Clause:
-        """The clause in a template, whose own words mean nothing."""
+        """The clause in a template. The template's own words mean nothing."""
         clause.said = TEMPLATES[self.templates.integers(len(TEMPLATES))].format(clause.said)
         return clause
 
@@ -130,7 +131,7 @@ class Batches:
 
 
 def spoken(words: list[str]) -> Clause:
-    """A clause of nothing but these."""
+    """A clause of only these words."""
     return Clause(words, said=" ".join(words))
 
 
@@ -141,7 +142,7 @@ def beside(one: Clause, other: Clause) -> Clause:
 
 @cache
 def heard_words(text: str) -> list[str]:
-    """Words of a text's first clause that mean something; those of the templates never do."""
+    """Meaningful words of a text's first clause. Those of templates never are."""
     return clauses(text)[0].words
 
 
@@ -153,7 +154,7 @@ def shares(pairs: list[tuple[str, Shown]]) -> np.ndarray:
 
 
 def far_words(pairs: Pairs, words: Words) -> np.ndarray:
-    """Known words that lie near no word of the pairs: they say nothing. None that is held out."""
+    """Known words far from every word of the pairs: they say nothing. Held-out words are not among them."""
     used = sorted({w for text, _ in pairs.shown for c in clauses(text) for w in c.words})
     nearest = (words.vectors @ np.stack([words.of(w) for w in used]).T).max(axis=1)
     kept_back = {known_form(w, words.rows) for text, _ in listed(HELD_OUT) for w in tokens(text)}
@@ -163,24 +164,25 @@ def far_words(pairs: Pairs, words: Words) -> np.ndarray:
 
 def targets(shown: list[Shown]) -> torch.Tensor:
     """[N, 3, 16] as the tower's logits: shows, on one side, strength of 1.5."""
-    wanted = torch.zeros(len(shown), 3, len(UNITS))
+    target = torch.zeros(len(shown), 3, len(UNITS))
     for row, what in enumerate(shown):
         for unit, strength in what.units.items():
-            wanted[row, 0, unit] = 1.0
-            wanted[row, 1, unit] = float(unit in what.one_sided)
-            wanted[row, 2, unit] = strength / FULL
-    return wanted
+            target[row, 0, unit] = 1.0
+            target[row, 1, unit] = float(unit in what.one_sided)
+            target[row, 2, unit] = strength / FULL
+    return target
 
 
 def loss_of(
     tower: Tower, hearing: Hearing, said: list[Clause], shown: list[Shown], arguments: argparse.Namespace
 ) -> torch.Tensor:
-    """Cross-entropy of the units, of side and strength where they show, and InfoNCE with the units' names."""
-    wanted = targets(shown)
+    """Cross-entropy of the units, of side and strength for units that show, and InfoNCE with the units'
+    names."""
+    target = targets(shown)
     features = tower.adapted(hearing.hear(said, arguments.noise))
     logits = tower.head(features).unflatten(-1, (3, len(UNITS)))
-    every = F.binary_cross_entropy_with_logits(logits, wanted, reduction="none")
-    active = wanted[:, 0]
+    every = F.binary_cross_entropy_with_logits(logits, target, reduction="none")
+    active = target[:, 0]
     loss = every[:, 0].mean() + 0.3 * (every[:, 1:] * active[:, None]).sum() / (2 * active.sum())
     weight = arguments.info_nce
     return loss + weight * aligned(tower, hearing, features, active) if weight else loss
@@ -215,14 +217,18 @@ def train(pairs: Pairs, words: Words, hearing: Hearing, arguments: argparse.Name
 def main() -> None:
     """Entry of the command."""
     parser = argparse.ArgumentParser(description=__doc__.splitlines()[0])
-    parser.add_argument("--text", type=Path, default=Path("runs/text"), help="the space, and for results")
-    parser.add_argument("--wordnet", type=Path, help="WordNet's folder, to measure its synonyms beside")
-    parser.add_argument("--clip", type=Path, help="Hugging Face folder of CLIP to hear by")
+    parser.add_argument(
+        "--text", type=Path, default=Path("runs/text"), help="folder of the text space; results go there too"
+    )
+    parser.add_argument("--wordnet", type=Path, help="WordNet's folder, to compare with its synonyms")
+    parser.add_argument("--clip", type=Path, help="Hugging Face folder of CLIP, instead of the text space")
     parser.add_argument("--steps", type=int, default=3000)
     parser.add_argument("--batch", type=int, default=128)
     parser.add_argument("--hidden", type=int, default=128)
     parser.add_argument("--rate", type=float, default=1e-2)
-    parser.add_argument("--noise", type=float, default=0.06, help="mean deviation of the numbers of a place")
+    parser.add_argument(
+        "--noise", type=float, default=0.06, help="mean deviation of the noise on word places"
+    )
     parser.add_argument("--info-nce", type=float, default=0.1)
     parser.add_argument("--folds", type=int, default=0)
     parser.add_argument("--seed", type=int, default=0)
@@ -231,10 +237,10 @@ def main() -> None:
     words, pairs, started = Words.load(arguments.text), Pairs.all(), time.monotonic()
     hearing = OnClip(arguments.clip) if arguments.clip else OnWords(words)
     for fold in range(arguments.folds):
-        kept, left = pairs.without(fold, arguments.folds, arguments.seed)
+        training, test = pairs.without(fold, arguments.folds, arguments.seed)
         print(
             f"fold {fold}:",
-            measured(train(kept, words, hearing, arguments), hearing, words, kept.shown, left),
+            measured(train(training, words, hearing, arguments), hearing, words, training.shown, test),
         )
     if arguments.folds:
         return

@@ -16,7 +16,7 @@ HEAD_COLUMNS = 4
 
 @dataclass
 class Synset:
-    """One meaning: its words, in WordNet's order, and how it is explained."""
+    """One meaning: its words, in WordNet's order, and its definition."""
 
     words: list[str]
     gloss: str
@@ -41,11 +41,11 @@ def read(folder: Path = PLACE) -> dict[str, Synset]:
     missing = [name for name in FILES.values() if not (folder / name).is_file()]
     if missing:
         raise FileNotFoundError(f"{folder}: expected WordNet's {missing[0]} (Debian: wordnet-base)")
-    found = {}
+    synsets = {}
     for part, name in FILES.items():
         with open(folder / name, encoding="utf-8") as file:
-            found |= dict(_synset(part, line) for line in file if not line.startswith("  "))
-    return found
+            synsets |= dict(_synset(part, line) for line in file if not line.startswith("  "))
+    return synsets
 
 
 def _synset(part: str, line: str) -> tuple[str, Synset]:
@@ -69,12 +69,12 @@ def plain(word: str) -> str:
 
 def counts(folder: Path = PLACE) -> dict[tuple[str, str], int]:
     """How often each word stands for each meaning in WordNet's tagged texts: by `(word, part)`, summed."""
-    found: dict[tuple[str, str], int] = {}
+    totals: dict[tuple[str, str], int] = {}
     parts = {"1": "n", "2": "v", "3": "a", "4": "r", "5": "a"}
     with open(folder / "cntlist.rev", encoding="utf-8") as file:
         for line in file:
             key, _, times = line.split()
             word, _, sense = key.partition("%")
             at = word.lower(), parts[sense[0]]
-            found[at] = found.get(at, 0) + int(times)
-    return found
+            totals[at] = totals.get(at, 0) + int(times)
+    return totals

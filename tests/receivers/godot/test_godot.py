@@ -28,7 +28,7 @@ pytestmark = pytest.mark.skipif(not GODOT, reason="ignored, needs ANYFACE_GODOT"
 
 @pytest.fixture
 def project(tmp_path):
-    """A folder that Godot takes for a project."""
+    """A folder that is a project to Godot."""
     (tmp_path / "project.godot").write_text("config_version=5\n")
     for script in Path(__file__).parent.glob("*.gd"):
         shutil.copy(script, tmp_path)
@@ -57,7 +57,7 @@ class Lines(threading.Thread):
         self.all.extend(json.loads(line) for line in self._pipe if line.startswith("{"))
 
     def wait(self, count, seconds=60.0):
-        """Until there are so many."""
+        """Waits until there are so many objects."""
         end = time.monotonic() + seconds
         while len(self.all) < count:
             assert time.monotonic() < end, f"{len(self.all)} of {count} lines came"

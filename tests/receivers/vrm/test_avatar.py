@@ -28,7 +28,7 @@ FOLDER = ROOT / "target/vrm"
 
 
 class Quiet(http.server.SimpleHTTPRequestHandler):
-    """Serves files without a word."""
+    """Serves files and writes no log."""
 
     def log_message(self, *_):
         """Says nothing."""
@@ -62,21 +62,21 @@ def test_an_avatar_speaks_blinks_and_shuts_its_mouth(place):
     threading.Thread(target=speak, args=(live.stdin, is_over), daemon=True).start()
     try:
         browser.wait(lambda: (page.read("window.anyface?.frames") or 0) > 5)
-        seen = {}
-        wanted = {
+        matches = {}
+        conditions = {
             "a": lambda w: w["aa"] > 0.4,
             "u": lambda w: w["ou"] + w["oh"] > 0.3 and w["aa"] < 0.3,
             "m": lambda w: sum(w[name] for name in ("aa", "ih", "ou", "ee", "oh")) < 0.05,
             "blink": lambda w: w["blinkLeft"] > 0.7 and w["blinkRight"] > 0.7,
         }
         end = time.monotonic() + 40.0
-        while len(seen) < len(wanted) and time.monotonic() < end:
+        while len(matches) < len(conditions) and time.monotonic() < end:
             weights = page.read("window.anyface.weights")
-            for name, is_so in wanted.items():
-                if name not in seen and is_so(weights):
+            for name, is_so in conditions.items():
+                if name not in matches and is_so(weights):
                     page.photograph(FOLDER / f"{name}.png")
-                    seen[name] = weights
-        assert seen.keys() == wanted.keys(), seen
+                    matches[name] = weights
+        assert matches.keys() == conditions.keys(), matches
     finally:
         is_over.set()
         page.close()

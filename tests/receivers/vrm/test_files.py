@@ -182,8 +182,8 @@ def test_a_take_moves_the_avatar_as_the_arrays_do(spoken, expected, head):
     talk = animate(spoken, "talk.vrma")
     read = node(PLAY, head, talk, spoken / "vrma.bin", str(FPS), packages=PACKAGES)
     moved = np.fromfile(spoken / "vrma.bin", "<f4").reshape(expected.skin.shape)
-    wanted = expected.displacements()
-    left, whole = np.square(moved - wanted).sum(), np.square(wanted).sum()
+    expected_motion = expected.displacements()
+    left, whole = np.square(moved - expected_motion).sum(), np.square(expected_motion).sum()
     assert np.sqrt(left / whole) < 0.3
     turns = expected.arrays["head"]
     angles = np.linalg.norm(turns, axis=1, keepdims=True)
@@ -218,9 +218,9 @@ def test_shapes_of_arkit_play_in_three(spoken, expected):
     names = node(THREE, glb, spoken / "arkit.bin", str(FPS), packages=PACKAGES)
     known = [name for name in expected.shapes if not name.startswith("viseme_")]
     assert names == known
-    wanted = expected.displacements()
-    moved = np.fromfile(spoken / "arkit.bin", "<f4").reshape(wanted.shape)
-    left, whole = np.square(moved - wanted).sum(), np.square(wanted).sum()
+    expected_motion = expected.displacements()
+    moved = np.fromfile(spoken / "arkit.bin", "<f4").reshape(expected_motion.shape)
+    left, whole = np.square(moved - expected_motion).sum(), np.square(expected_motion).sum()
     assert np.sqrt(left / whole) < 0.3
 
 

@@ -1,1 +1,1 @@
-"""Lip-sync tools that packages carry, on the recordings of faces that we are measured on."""
+"""Lip-sync tools from public packages, measured on the face recordings that we measure ourselves on."""

@@ -62,23 +62,24 @@ def mel_context(r: Recording) -> np.ndarray:
 
 
 def ours(binary: Path, data: Path, recordings: list[Recording]) -> tuple[dict, float]:
-    """Mouths by row and recording, and the gap of the face at rest that they move, mm."""
+    """Mouths by row and recording, and the gap at rest, mm, of the face that they move."""
     neutral = IctLandmarks(data).neutral
     uses = {"Anyface": ("neutral", ()), "Anyface, without variety": ("off", WITHOUT_VARIETY)}
-    found = {}
+    mouths = {}
     for row, (emotion, options) in uses.items():
         engine = Engine(binary.resolve(), ["--system", "freetalk", *options])
-        found[row] = {
+        mouths[row] = {
             r.name: mouth_features(engine.motion(r.samples, emotion)[: len(r.truth)], neutral)
             for r in recordings
         }
-    return found, float(inner_gap(np.zeros((1, 68, 3)), neutral)[0] * MM)
+    return mouths, float(inner_gap(np.zeros((1, 68, 3)), neutral)[0] * MM)
 
 
 def left_out(name: str, path: Path = REPOSITORY / "docs/measured/left-out.json") -> list[Row]:
-    """Scores of a model on whole takes that it never saw, from `docs/measured/left-out.md`; none without."""
+    """Scores from `docs/measured/left-out.md` of a model on whole takes that it never saw; empty if it has
+    none."""
     sources = {source["source"]: source["predictors"] for source in json.loads(path.read_text())["sources"]}
-    found = []
+    left_out_rows = []
     for predictor in sources.get("facegood_zh_whole", []):
         if predictor["name"] == name:
             measures = {"r": "r_by_clip", "slope": "slope"}
@@ -87,48 +88,48 @@ def left_out(name: str, path: Path = REPOSITORY / "docs/measured/left-out.json")
                 for f in FEATURES
                 for ours, theirs in measures.items()
             }
-            found.append(Row(f"{LEFT_OUT}{name}", scores))
-    return found
+            left_out_rows.append(Row(f"{LEFT_OUT}{name}", scores))
+    return left_out_rows
 
 
 def rows(source: Source, predictions: Predictions) -> list[Row]:
-    """The recording itself, then floors and tools, then ours."""
+    """The rows of a source: the recording itself, then floors and tools, then ours."""
     judged = [r for _, chosen in source.turns for r in chosen]
     rest_mm = {r.name: r.rest_mm for r in judged}
-    found = [Row("the recording", measure({r.name: r.truth for r in judged}, rest_mm, judged))]
+    result_rows = [Row("the recording", measure({r.name: r.truth for r in judged}, rest_mm, judged))]
     needed = {r.name for learned, chosen in source.turns for r in [*learned, *chosen]}
     for name, outputs in predictions.outputs.items():
         if needed <= outputs.keys():
             fitted = best_fit(outputs, source.turns, lambda mouths: gap_correlation(mouths, judged))
             scores = measure(fitted.mouths, rest_mm, judged)
-            found.append(Row(name, scores, fitted.lag * MS / FPS, fitted.sigma * MS / FPS))
+            result_rows.append(Row(name, scores, fitted.lag * MS / FPS, fitted.sigma * MS / FPS))
             print(source.title, name, {k: round(v, 3) for k, v in scores.items()}, flush=True)
     for name, mouths in predictions.mouths.items() if source.note else ():
         chosen = {r.name: mouths[r.name] for r in judged}
         scores = measure(chosen, dict.fromkeys(rest_mm, predictions.rest_mm), judged)
-        found.append(Row(name, scores | {"best lag": best_lag(chosen, judged)}))
-    return found
+        result_rows.append(Row(name, scores | {"best lag": best_lag(chosen, judged)}))
+    return result_rows
 
 
 def sources(data: Path) -> tuple[list[Source], list[Recording], list[Recording]]:
-    """What is measured, all recordings, and those that ours has to speak."""
+    """The sources that are measured, all recordings, and those for which our model has to speak."""
     learned, held_out = grid(data)
     takes, first = facegood(data)
     turns = [([other for other in takes if other is not take], [take]) for take in takes]
     ends = [(others, [take.cut(first[take.name])]) for others, (take,) in turns]
-    found = [
+    source_list = [
         Source("grid_s1", "grid_s1: English, held-out clips", OTHERS, [(learned, held_out)]),
         Source("ends", "facegood_zh: Mandarin, the last 15 % of each take", BEGINNINGS, ends),
         Source("takes", "facegood_zh: Mandarin, whole takes", MOST, turns),
         Source("strange", "facegood_zh: whole takes, nothing fitted to the speaker", "", [(learned, takes)]),
     ]
-    return found, [*learned, *held_out, *takes], [*held_out, *takes]
+    return source_list, [*learned, *held_out, *takes], [*held_out, *takes]
 
 
 def main(
     data: Path = DATA,
     anyface: Annotated[Path, "the command"] = Path("target/release/anyface"),
-    work: Annotated[Path, "folder for the tools and what they put out, 1 GB"] = Path("runs/peers"),
+    work: Annotated[Path, "folder for the tools and their outputs, 1 GB"] = Path("runs/peers"),
     out: Path = Path("docs/measured/peers.md"),
 ) -> None:
     """Command line."""

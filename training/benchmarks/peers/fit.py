@@ -1,4 +1,4 @@
-"""The best linear map from what a tool puts out to the mouth, at its best delay and smoothing."""
+"""The best linear map from a tool's outputs to the mouth, with its best delay and smoothing."""
 
 from collections.abc import Callable
 from dataclasses import dataclass
@@ -15,7 +15,7 @@ LAGS = range(-8, 9)
 SMOOTHINGS = (0.0, 1.0, 2.0)
 FINE = 8
 LEAST_SCALE = 0.05
-"""Outputs that hardly move where the map is fitted count as if they moved by this share of the liveliest."""
+"""Outputs that hardly move count as if they moved by this share of the liveliest output."""
 
 
 def at_frames(times_s: np.ndarray, values: np.ndarray, frames: int) -> np.ndarray:
@@ -32,7 +32,7 @@ def smoothed(x: np.ndarray, sigma: float) -> np.ndarray:
 
 
 def shifted(x: np.ndarray, lag: int) -> np.ndarray:
-    """[T, K] moved `lag` frames earlier; the ends stay."""
+    """[T, K] moved `lag` frames earlier; the end values repeat."""
     return x[np.clip(np.arange(len(x)) + lag, 0, len(x) - 1)]
 
 
@@ -107,11 +107,11 @@ def ridge(clips: list[Moments]) -> LinearMap:
     centre, offset = whole.x / whole.count, whole.y / whole.count
     errors = np.zeros(len(PENALTIES))
     for fold in range(min(FOLDS, len(clips))):
-        kept = [clip for k, clip in enumerate(clips) if k % FOLDS != fold]
-        left = clips[fold::FOLDS]
-        inside = sum(kept[1:], kept[0])
+        training_clips = [clip for k, clip in enumerate(clips) if k % FOLDS != fold]
+        test_clips = clips[fold::FOLDS]
+        inside = sum(training_clips[1:], training_clips[0])
         xx, xy, _ = inside.standard(centre, scale, offset, size)
-        out_xx, out_xy, out_yy = sum(left[1:], left[0]).standard(centre, scale, offset, size)
+        out_xx, out_xy, out_yy = sum(test_clips[1:], test_clips[0]).standard(centre, scale, offset, size)
         for k, penalty in enumerate(PENALTIES):
             w = solve(xx, xy, penalty * inside.count)
             errors[k] += out_yy - 2.0 * (w * out_xy).sum() + (w * (out_xx @ w)).sum()
@@ -127,7 +127,7 @@ def solve(xx: np.ndarray, xy: np.ndarray, penalty: float) -> np.ndarray:
 
 @dataclass
 class Fitted:
-    """Mouths [T, D] by recording, and the delay, frames, and smoothing, frames, that were taken."""
+    """Mouths [T, D] by recording, and the delay and smoothing used, both in frames."""
 
     mouths: dict[str, np.ndarray]
     lag: int
@@ -141,8 +141,8 @@ def best_fit(
 ) -> Fitted:
     """Mouths of the judged recordings from a tool's `outputs` [T, K] at 25 fps.
 
-    `turns` are pairs of recordings that a map is fitted to and recordings that are judged under it. The delay
-    and the smoothing are those of which `score` is highest, on what is judged: that is generous.
+    `turns` are pairs: recordings that a map is fitted to, and recordings that are judged under it. Delay and
+    smoothing are those with the highest `score` on the judged recordings. That favours the tools.
     """
     learned = {r.name: r for chosen, _ in turns for r in chosen}
     needed = learned.keys() | {r.name for _, judged in turns for r in judged}

@@ -38,16 +38,16 @@ def main(sounds: Path, out: Path) -> None:
     for path in sorted(sounds.glob("*.wav")):
         samples, rate_hz = soundfile.read(path, dtype="float32")
         seconds = len(samples) / rate_hz
-        found = {"openfacefx": track_values(generate_from_energy(str(path)), seconds)}
+        outputs = {"openfacefx": track_values(generate_from_energy(str(path)), seconds)}
         if phones.get(path.stem):
             segments = from_phone_timestamps(phones[path.stem], alphabet="arpabet", timing="start_dur")
-            found["openfacefx_text"] = track_values(generate_from_alignment(segments), seconds)
+            outputs["openfacefx_text"] = track_values(generate_from_alignment(segments), seconds)
         steps = analyzer.extract_phoneme_segments(samples, rate_hz, return_seconds=True)
-        found["pylipsync"] = (
+        outputs["pylipsync"] = (
             np.array([0.5 * (step.start + step.end) for step in steps]),
             np.array([[phoneme.target for phoneme in step.phonemes] for step in steps]),
         )
-        for tool, (times_s, values) in found.items():
+        for tool, (times_s, values) in outputs.items():
             (out / tool).mkdir(parents=True, exist_ok=True)
             np.savez(out / tool / f"{path.stem}.npz", times_s=times_s, values=values)
 

@@ -1,4 +1,4 @@
-"""The page: what was measured and how, a table for each source, and what it says."""
+"""The page: what is measured and how, a table for each source, and what the tables say."""
 
 from math import isnan
 from pathlib import Path
@@ -48,11 +48,11 @@ def cells(row: Row) -> list[str]:
     s = row.scores
     pairs = [f"{number(s[f'{f} r'])} / {number(s[f'{f} slope'])}" for f in ("gap", "width", "protrusion")]
     mtm, joined = number(s.get("MTM"), 0), number(s.get("joined"), 0)
-    taken = "–" if isnan(row.lag_ms) else f"{number(row.lag_ms, 0)}, {number(row.sigma_ms, 0)}"
+    delay = "–" if isnan(row.lag_ms) else f"{number(row.lag_ms, 0)}, {number(row.sigma_ms, 0)}"
     if "best lag" in s:
-        taken = f"none (best: {number(s['best lag'], 0)})"
+        delay = f"none (best: {number(s['best lag'], 0)})"
     return [*pairs, number(s.get("gap speech")), number(s.get("gap beyond")), number(s.get("closed"), 0),
-            "–" if mtm == "–" else f"{mtm} ({joined})", number(s.get("SLCC")), taken]  # fmt: skip
+            "–" if mtm == "–" else f"{mtm} ({joined})", number(s.get("SLCC")), delay]  # fmt: skip
 
 
 def number(value: float | None, digits: int = 2) -> str:
@@ -70,11 +70,11 @@ def reading(sources: list[Source]) -> str:
         tools = [t.row for t in TOOLS if t.row in rows]
         if tools:
             ours = [name for name in rows if name == "Anyface" or name.startswith(LEFT_OUT)]
-            told = [
+            sentences = [
                 above(rows, tools),
                 *(place(rows, ["loudness", "log-mel", *tools], name) for name in ours),
             ]
-            lines.append(f"- **{source.title}**: {' '.join(told)} {source.note}".rstrip())
+            lines.append(f"- **{source.title}**: {' '.join(sentences)} {source.note}".rstrip())
     return "\n".join(lines) + "\n"
 
 
@@ -89,23 +89,23 @@ def above(rows: dict[str, dict[str, float]], tools: list[str]) -> str:
 
 
 def place(rows: dict[str, dict[str, float]], others: list[str], name: str) -> str:
-    """In what one of ours lies before all others and in what behind one."""
+    """Where one of our models leads all others and where at least one of them leads it."""
     before, behind = [], []
     for key, label in READ.items():
         if key in rows[name]:
             best = max(others, key=lambda other: rows[other][key])
-            told = f"{label} ({number(rows[name][key])}; {best}: {number(rows[best][key])})"
-            (before if rows[name][key] > rows[best][key] else behind).append(told)
+            phrase = f"{label} ({number(rows[name][key])}; {best}: {number(rows[best][key])})"
+            (before if rows[name][key] > rows[best][key] else behind).append(phrase)
     parts = [
-        f"{where} {', '.join(found)}"
-        for where, found in (("ahead in", before), ("behind in", behind))
-        if found
+        f"{where} {', '.join(phrases)}"
+        for where, phrases in (("ahead in", before), ("behind in", behind))
+        if phrases
     ]
     return f"*{name}* is {' and '.join(parts)}."
 
 
 def packages(errors: dict[str, str]) -> str:
-    """Versions, licences and outputs, and what could not be run."""
+    """Versions, licences and outputs of the tools, and which tools could not run."""
     lines = ["## The tools\n", "| row | package | licence | what its map sees |", "| --- | --- | --- | --- |"]
     lines += [f"| {t.row} | {t.package} | {t.licence} | {t.outputs} |" for t in TOOLS]
     lines += ["", "The command fetches them by name; nothing of them is part of this repository."]

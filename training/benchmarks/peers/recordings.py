@@ -71,8 +71,8 @@ def recording(clip: Clip, name: str, text: str, phones: list[Phone]) -> Recordin
     frames = len(clip.motion)
     room = frames * SAMPLES_PER_FRAME
     samples = np.pad(clip.samples[:room], (0, max(room - len(clip.samples), 0)))
-    seen = torch.from_numpy(clip.weight.max(axis=1) > 0).int()
-    first, end = max(runs(seen), key=lambda span: span[1] - span[0])
+    tracked_frames = torch.from_numpy(clip.weight.max(axis=1) > 0).int()
+    first, end = max(runs(tracked_frames), key=lambda span: span[1] - span[0])
     return Recording(
         name=name,
         samples=samples,
@@ -121,14 +121,14 @@ def closure_windows(phones: list[Phone]) -> list[tuple[float, float]]:
     From half of the phone or pause before, 40 to 120 ms, to the phone's end. Twin of `windows` in
     `tests/eval/src/quality/closures.rs`.
     """
-    found, before = [], None
+    windows, before = [], None
     for phone in phones:
         if phone.label in ("P", "B", "M"):
             gap_s = phone.start_s - before.end_s if before else 0.0
             lead_s = gap_s if gap_s > 1e-3 else before.duration_s if before else 0.0
-            found.append((phone.start_s - float(np.clip(0.5 * lead_s, *LEAD_S)), phone.end_s))
+            windows.append((phone.start_s - float(np.clip(0.5 * lead_s, *LEAD_S)), phone.end_s))
         before = phone
-    return found
+    return windows
 
 
 def smallest_gaps(gap: np.ndarray, windows: list[tuple[float, float]]) -> list[float]:

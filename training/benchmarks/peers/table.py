@@ -31,7 +31,8 @@ PER_CENT, MS = 100.0, 1000.0
 
 @dataclass
 class Row:
-    """A predictor's numbers by name; `lag_ms` and `sigma_ms` are what was taken out and put on."""
+    """A predictor's numbers by name. `lag_ms` is the delay that was removed, `sigma_ms` the smoothing that
+    was added."""
 
     name: str
     scores: dict[str, float]
@@ -55,15 +56,17 @@ class Source:
 
 def gap_correlation(mouths: dict[str, np.ndarray], judged: list[Recording]) -> float:
     """Mean over recordings of r of the gap, the first column of the mouths [T, 3]."""
-    made = [torch.from_numpy(mouths[r.name][r.judged, 0]) for r in judged]
+    predicted = [torch.from_numpy(mouths[r.name][r.judged, 0]) for r in judged]
     true = [torch.from_numpy(r.truth[r.judged, 0].astype(np.float64)) for r in judged]
-    return float(torch.stack([correlation(a, b) for a, b in zip(made, true, strict=True)]).mean())
+    return float(torch.stack([correlation(a, b) for a, b in zip(predicted, true, strict=True)]).mean())
 
 
 def best_lag(mouths: dict[str, np.ndarray], judged: list[Recording]) -> float:
     """The delay at which the gap's r is highest, ms in whole frames."""
-    found = {lag: gap_correlation({n: shifted(m, lag) for n, m in mouths.items()}, judged) for lag in LAGS}
-    return max(found, key=found.get) * MS / FPS
+    correlations = {
+        lag: gap_correlation({n: shifted(m, lag) for n, m in mouths.items()}, judged) for lag in LAGS
+    }
+    return max(correlations, key=correlations.get) * MS / FPS
 
 
 def measure(

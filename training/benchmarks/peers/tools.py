@@ -24,7 +24,7 @@ BROWSER_LIMIT_S = 3600.0
 
 @dataclass(frozen=True)
 class Tool:
-    """A peer in one use: its folder of outputs, its row, its package and what of it the map sees."""
+    """A peer in one use: its folder of outputs, its row, its package, and which outputs the map sees."""
 
     key: str
     row: str
@@ -57,7 +57,7 @@ NPM = sorted({t.package.split(" ")[0] for t in TOOLS if "(npm)" in t.package})
 
 
 def hear(work: Path, recordings: list[Recording]) -> dict[str, str]:
-    """Lets all tools hear the recordings that they have not heard; returns errors by way of running."""
+    """Runs all tools on the recordings that they have not heard. Returns errors by way of running."""
     write_sounds(recordings, work / "sounds")
     ways = {"Python": run_python, "Chromium": run_browser, "Rhubarb": run_rhubarb}
     errors = {}
@@ -96,7 +96,7 @@ def run_python(work: Path, recordings: list[Recording]) -> None:
 
 
 def environment(work: Path) -> Path:
-    """The Python that has the packages; made where it lacks."""
+    """The Python that has the packages; creates its environment if it is missing."""
     place = work / "python"
     python = place / ("Scripts" if sys.platform == "win32" else "bin") / "python"
     if not python.exists():
@@ -139,7 +139,7 @@ def profile_of_pylipsync(python: Path) -> dict:
 
 
 def run_rhubarb(work: Path, recordings: list[Recording]) -> None:
-    """Rhubarb in Node, on what has a text."""
+    """Runs Rhubarb in Node on recordings with a text."""
     packages, english = install_npm(work), [r for r in recordings if r.text]
     if lacks(work, "rhubarb", english):
         line = ["node", HERE / "rhubarb.mjs", packages, work / "sounds", work / "cues"]
@@ -162,11 +162,11 @@ def shapes(cues: list[dict], seconds: float) -> tuple[np.ndarray, np.ndarray]:
 
 
 def read_outputs(work: Path, tool: str, recordings: list[Recording]) -> dict[str, np.ndarray]:
-    """What a tool made of the recordings that it heard, at 25 fps, [T, K] by name."""
-    found = {}
+    """Outputs of a tool for the recordings that it heard, at 25 fps, [T, K] by name."""
+    outputs = {}
     for r in recordings:
         path = work / "outputs" / tool / f"{r.name}.npz"
         if path.exists():
             with np.load(path) as file:
-                found[r.name] = at_frames(file["times_s"], file["values"], len(r.truth))
-    return found
+                outputs[r.name] = at_frames(file["times_s"], file["values"], len(r.truth))
+    return outputs

@@ -19,4 +19,4 @@ READERS = {
     "grid_s1": grid_s1,
     "facegood_zh": facegood_zh,
 }
-"""Name of a corpus → what takes its folder, the folder to write, and the landmarks of its topology."""
+"""Corpus name → its reader, which gets the corpus, the folder to write, and the landmarks of its topology."""

@@ -60,8 +60,8 @@ def emovoca(source: Path, folder: Path, landmarks: Path | None) -> Path:
         if spoken is None:
             raise CorpusError(path, None, "a name like SPEAKER_sentence01_happy_2", path.stem)
         writer.clip(path.stem, spoken[1], vocaset_split(spoken[1]), *label_of(path.stem[spoken.end() :]))
-        own = any((source / "audio").glob(f"{path.stem}.*"))
-        writer.sound_file(path.stem, sound_of(source / "audio", path.stem if own else spoken[0]))
+        has_sound = any((source / "audio").glob(f"{path.stem}.*"))
+        writer.sound_file(path.stem, sound_of(source / "audio", path.stem if has_sound else spoken[0]))
         values = np.load(path, mmap_mode="r")
         writer.vertices(path.stem, values.reshape(len(values), -1, 3))
     return writer.close()
@@ -111,7 +111,7 @@ def ravdess(source: Path, folder: Path, landmarks: Path | None) -> Path:
 
 @dataclass
 class Clip:
-    """What a name says of a clip."""
+    """What a clip's name says about it."""
 
     speaker: str
     split: str
@@ -176,14 +176,14 @@ class Flame:
 
     def vertices(self, shape: np.ndarray, expression: np.ndarray, jaw: np.ndarray) -> np.ndarray:
         """shape [S], expression [T, E], jaw [T, 3] rotation vectors → [T, V, 3] m."""
-        own = self.neutral + self.directions[..., : len(shape)] @ shape
+        identity = self.neutral + self.directions[..., : len(shape)] @ shape
         last = EXPRESSION + expression.shape[1]
-        rest = own + np.einsum("vxe,te->tvx", self.directions[..., EXPRESSION:last], expression)
+        rest = identity + np.einsum("vxe,te->tvx", self.directions[..., EXPRESSION:last], expression)
         turn = Rotation.from_rotvec(jaw).as_matrix()
         first = 9 * (JAW - 1)
         bent = (turn - np.eye(3)).reshape(len(turn), 9)
         rest = rest + np.einsum("vxk,tk->tvx", self.pose[..., first : first + 9], bent)
-        joint = self.regressor[JAW] @ own
+        joint = self.regressor[JAW] @ identity
         turned = np.einsum("tij,tvj->tvi", turn, rest - joint) + joint
         share = self.skinning[:, JAW][:, None]
         return (1.0 - share) * rest + share * turned
@@ -191,12 +191,12 @@ class Flame:
 
 def read_flame(path: Path) -> Flame:
     """FLAME's own pickle."""
-    found = read_pickle(path)
+    model = read_pickle(path)
     names = ("v_template", "f", "shapedirs", "posedirs", "J_regressor", "weights")
-    missing = [name for name in names if name not in found]
+    missing = [name for name in names if name not in model]
     if missing:
         raise CorpusError(path, None, f"FLAME with {', '.join(names)}", f"no {', '.join(missing)}")
-    regressor = found["J_regressor"]
+    regressor = model["J_regressor"]
     dense = regressor.toarray() if hasattr(regressor, "toarray") else numbers(regressor)
-    template, triangles, shape, pose = (numbers(found[name]) for name in names[:4])
-    return Flame(template.astype(float), triangles.astype(int), shape, pose, dense, numbers(found["weights"]))
+    template, triangles, shape, pose = (numbers(model[name]) for name in names[:4])
+    return Flame(template.astype(float), triangles.astype(int), shape, pose, dense, numbers(model["weights"]))

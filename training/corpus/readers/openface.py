@@ -10,7 +10,7 @@ from training.corpus.readers.weights import split_of
 from training.corpus.writer import CorpusWriter
 
 SURE = 0.8
-"""Confidence from which on a frame counts as found."""
+"""From this confidence on a frame counts as tracked."""
 CAMERA_TO_FACE = np.array([1.0, -1.0, -1.0])
 """OpenFace: +x to the right of the picture (the subject's left), +y down, +z away from the camera."""
 
@@ -22,16 +22,16 @@ def openface(source: Path, folder: Path, landmarks: Path | None) -> Path:
     """
     writer = CorpusWriter(folder, "openface", "mm", head="moves")
     for number, path in enumerate(found_files(source, "*.csv")):
-        places, found, fps = read_openface(path)
+        places, tracked_frames, fps = read_openface(path)
         speaker = path.parent.name if path.parent != source else "speaker"
         writer.clip(path.stem, speaker, split_of(number))
         writer.sound_file(path.stem, sound_of(path.parent, path.stem))
-        writer.landmarks(path.stem, places, fps, found=found)
+        writer.landmarks(path.stem, places, fps, found=tracked_frames)
     return writer.close()
 
 
 def read_openface(path: Path) -> tuple[np.ndarray, np.ndarray, float]:
-    """Landmarks [T, 68, 3] mm in the face's axes, which were found [T], frames a second."""
+    """Landmarks [T, 68, 3] mm in the face's axes, which frames were tracked [T], and frames a second."""
     axes = [f"{axis}_{i}" for axis in "XYZ" for i in range(68)]
     columns = read_numbers(path, ["timestamp", "confidence", "success", *axes])
     seconds = columns["timestamp"]
@@ -39,5 +39,9 @@ def read_openface(path: Path) -> tuple[np.ndarray, np.ndarray, float]:
         at = int(np.argmax(np.r_[np.diff(seconds) <= 0, True])) + 3
         raise CorpusError(path, at, "two frames or more with times that rise", f"{len(seconds)} frames")
     places = np.stack([[columns[f"{axis}_{i}"] for i in range(68)] for axis in "XYZ"], axis=-1)
-    found = (columns["success"] > 0) & (columns["confidence"] >= SURE)
-    return places.transpose(1, 0, 2) * CAMERA_TO_FACE, found, float(1.0 / np.median(np.diff(seconds)))
+    tracked_frames = (columns["success"] > 0) & (columns["confidence"] >= SURE)
+    return (
+        places.transpose(1, 0, 2) * CAMERA_TO_FACE,
+        tracked_frames,
+        float(1.0 / np.median(np.diff(seconds))),
+    )

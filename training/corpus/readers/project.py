@@ -14,9 +14,9 @@ from training.corpus.writer import CorpusWriter
 
 
 def grid_s1(source: Path, folder: Path, _: Path | None) -> Path:
-    """grid_s1: landmarks at 25 fps, head still, eyes not seen; phones aligned to the words.
+    """grid_s1: landmarks at 25 fps, head still, eyes not observed, phones aligned to the words.
 
-    Needs pocketsphinx; its alignment is kept in `phones/` and done once.
+    Needs pocketsphinx. The alignment is written to `phones/`, so it runs once.
     """
     needed(source / "motion" / grid.SOURCE / grid.TRACK)
     writer = CorpusWriter(folder, grid.SOURCE, "m")
@@ -24,9 +24,9 @@ def grid_s1(source: Path, folder: Path, _: Path | None) -> Path:
     for clip in grid.read_grid(source):
         writer.clip(clip.name, "s1", "test" if clip.held_out else "train")
         writer.sound_file(clip.name, source / "motion" / grid.SOURCE / "audio" / f"{clip.name}.ogg")
-        seen, found = clip.weight.any(axis=0), clip.weight.any(axis=1)
+        visible, tracked_frames = clip.weight.any(axis=0), clip.weight.any(axis=1)
         places = clip.motion + clip.neutral
-        writer.landmarks(clip.name, places, FPS, neutral=clip.neutral, seen=seen, found=found)
+        writer.landmarks(clip.name, places, FPS, neutral=clip.neutral, seen=visible, found=tracked_frames)
         if clip.name in spoken:
             writer.phones(clip.name, spoken[clip.name].phones)
     return writer.close()
@@ -53,7 +53,7 @@ def facegood_zh(source: Path, folder: Path, _: Path | None) -> Path:
 
 
 def needed(path: Path) -> None:
-    """Raises `CorpusError` where a file of the source is not there."""
+    """Raises `CorpusError` if a file of the source is missing."""
     if not path.exists():
         raise CorpusError(path, None, "a file or folder of the data that training.md names", "none")
 

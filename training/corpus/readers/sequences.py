@@ -23,7 +23,7 @@ VOCASET_SPLITS = {
 }
 """Speakers that VOCA (Cudeiro et al. 2019) holds out; the other eight train."""
 BIWI_FIRST_VAL, BIWI_FIRST_TEST = 33, 37
-"""Sentences of BIWI from which on they validate and test, as FaceFormer (Fan et al. 2022) splits them."""
+"""First validation and test sentence of BIWI, as FaceFormer (Fan et al. 2022) splits it."""
 MULTIFACE_TEST_EVERY = 10
 
 
@@ -123,7 +123,7 @@ def _flat(source: Path, folder: Path, landmarks: Path | None, name: str, topolog
 
 
 def metres_of(templates: np.ndarray, width_m: float = 0.15) -> float:
-    """What brings faces [S, V, 3] of no stated unit to about human width (ear to ear, along x)."""
+    """Factor that brings faces [S, V, 3] of unknown unit to about human width (ear to ear, along x)."""
     width = float(np.median(np.ptp(templates[..., 0], axis=1)))
     return width_m / width
 

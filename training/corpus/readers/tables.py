@@ -17,7 +17,7 @@ PLY_TYPES = {"float": "f4", "float32": "f4", "double": "f8", "uchar": "u1", "uin
 
 
 class NumbersAlone(pickle.Unpickler):
-    """Reads pickles of arrays; anything else in them is refused, since a pickle can run programs."""
+    """Reads pickles of arrays and refuses everything else in them, since a pickle can run programs."""
 
     def find_class(self, module: str, name: str):
         """numpy's constructors, and `Ch` of chumpy as a plain holder of its array."""
@@ -48,7 +48,7 @@ def read_pickle(path: Path):
 
 
 def numbers(value) -> np.ndarray:
-    """An array, taken out of chumpy where it is in it."""
+    """An array, unwrapped if chumpy holds it."""
     return np.asarray(value.__dict__["x"] if isinstance(value, Held) else value)
 
 
@@ -112,39 +112,41 @@ def sound_of(folder: Path, stem: str) -> Path:
     for ending in SOUNDS:
         if (folder / f"{stem}{ending}").exists():
             return folder / f"{stem}{ending}"
-    wanted = f"a sound, {stem} with one of {', '.join(SOUNDS)}"
+    expected = f"a sound, {stem} with one of {', '.join(SOUNDS)}"
     others = sorted(path.name for path in folder.glob(f"{stem}.*")) or "none"
-    raise CorpusError(folder, None, wanted + " (ffmpeg -i CLIP.mov -ar 16000 CLIP.wav takes it out)", others)
+    raise CorpusError(
+        folder, None, expected + " (ffmpeg -i CLIP.mov -ar 16000 CLIP.wav takes it out)", others
+    )
 
 
 def found_files(source: Path, pattern: str) -> list[Path]:
-    """Files of a pattern, one at least."""
+    """Files that match a pattern; raises if there is none."""
     files = sorted(source.rglob(pattern))
     if not files:
         raise CorpusError(source, None, f"files {pattern}", "none")
     return files
 
 
-def read_numbers(path: Path, wanted: list[str]) -> dict[str, np.ndarray]:
+def read_numbers(path: Path, names: list[str]) -> dict[str, np.ndarray]:
     """Columns of a csv by name, each [T]; spaces around names do not count."""
     with open(path, newline="", encoding="utf-8-sig") as file:
         rows = [row for row in csv.reader(file) if row]
     heads = [name.strip() for name in rows[0]] if rows else []
-    missing = [name for name in wanted if name not in heads]
+    missing = [name for name in names if name not in heads]
     if missing:
-        raise CorpusError(path, 1, f"columns {', '.join(wanted[:4])}, …", f"no {', '.join(missing[:4])}")
-    columns = {name: np.zeros(len(rows) - 1) for name in wanted}
+        raise CorpusError(path, 1, f"columns {', '.join(names[:4])}, …", f"no {', '.join(missing[:4])}")
+    columns = {name: np.zeros(len(rows) - 1) for name in names}
     for number, row in enumerate(rows[1:], 2):
         if len(row) != len(heads):
             raise CorpusError(path, number, f"{len(heads)} cells", len(row))
-        for name in wanted:
+        for name in names:
             columns[name][number - 2] = number_of(path, number, name, row[heads.index(name)])
     return columns
 
 
 def need_table(landmarks: Path | None, topology: str) -> Path:
-    """The table of landmarks that the user has to bring."""
+    """The table of landmarks, which the user has to supply."""
     if landmarks is None:
-        wanted = f"--landmarks FILE: the 68 landmarks of {topology} (`anyface landmarks --mesh` finds them)"
-        raise CorpusError(Path(topology), None, wanted, "nothing")
+        expected = f"--landmarks FILE: the 68 landmarks of {topology} (`anyface landmarks --mesh` finds them)"
+        raise CorpusError(Path(topology), None, expected, "nothing")
     return landmarks

@@ -41,17 +41,17 @@ def beat(source: Path, folder: Path, landmarks: Path | None) -> Path:
 
 def read_beat(path: Path) -> tuple[list[str], np.ndarray, np.ndarray]:
     """ARKit names [K], weights [T, K] and seconds [T]."""
-    found = read_json(path)
-    names, frames = found.get("names"), found.get("frames")
+    content = read_json(path)
+    names, frames = content.get("names"), content.get("frames")
     if not isinstance(names, list) or not isinstance(frames, list) or len(frames) < 2:
-        raise CorpusError(path, None, "names, and two frames or more", list(found))
+        raise CorpusError(path, None, "names, and two frames or more", list(content))
     known = [j for j, name in enumerate(names) if str(name).lower() in NAMED]
     if not known:
         raise CorpusError(path, None, "ARKit names", names[:4])
     for number, frame in enumerate(frames):
         if len(frame.get("weights", [])) != len(names) or "time" not in frame:
-            wanted = f"a time and {len(names)} weights"
-            raise CorpusError(path, number, wanted, f"{len(frame.get('weights', []))} weights")
+            expected = f"a time and {len(names)} weights"
+            raise CorpusError(path, number, expected, f"{len(frame.get('weights', []))} weights")
     values = np.array([frame["weights"] for frame in frames], float)[:, known]
     seconds = np.array([frame["time"] for frame in frames], float)
     return [NAMED[str(names[j]).lower()] for j in known], values, seconds
@@ -84,8 +84,8 @@ def _without_repeats(path: Path, writer: CorpusWriter) -> Path:
     at = [name.lower() for name in head].index("timecode") if "timecode" in map(str.lower, head) else None
     if at is None:
         raise CorpusError(path, 1, "a column Timecode", head[:3])
-    kept = [rows[i] for i in range(len(rows)) if i == 0 or rows[i][at] != rows[i - 1][at]]
+    new_rows = [rows[i] for i in range(len(rows)) if i == 0 or rows[i][at] != rows[i - 1][at]]
     copy = writer.place("weights", "partial.csv.tmp")
     with open(copy, "w", newline="") as file:
-        csv.writer(file).writerows([head, *kept])
+        csv.writer(file).writerows([head, *new_rows])
     return copy

@@ -39,7 +39,7 @@ class Sampling:
 
 @dataclass
 class CafeTalkConfig(Config):
-    """Everything that inference has to know; saved as config.json.
+    """Everything that inference needs; saved as config.json.
 
     `coarse` is how the coarse condition enters: `ada_ln`, or `film` as in the paper's table 2.
     """
@@ -117,14 +117,14 @@ CONFIGS = {"compact": compact_config, "paper": paper_config, "debug": debug_conf
 class Coarse:
     """The coarse condition C of a batch.
 
-    `style` [B] int. `emotion` [B, T, E]: place in the text space. `intensity` [B, T].
-    `given` [B] bool: where false, the learned null stands for all of it.
+    `style` [B] int. `emotion` [B, T, E]: place in the text space. `intensity` [B, T]. `has_label` [B] bool:
+    where it is false, the learned null replaces all of it.
     """
 
     style: Tensor
     emotion: Tensor
     intensity: Tensor
-    given: Tensor
+    has_label: Tensor
 
 
 class CoarseCondition(nn.Module):
@@ -141,9 +141,9 @@ class CoarseCondition(nn.Module):
         """→ C_f [B, T, d]."""
         frames = coarse.emotion.shape[1]
         style = self.style(coarse.style)[:, None].expand(-1, frames, -1)
-        felt = coarse.intensity[..., None] * self.intensity
-        mapped = self.linear(torch.cat([style, coarse.emotion, felt], dim=-1))
-        return torch.where(coarse.given[:, None, None], mapped, self.null)
+        intensity = coarse.intensity[..., None] * self.intensity
+        mapped = self.linear(torch.cat([style, coarse.emotion, intensity], dim=-1))
+        return torch.where(coarse.has_label[:, None, None], mapped, self.null)
 
 
 class Block(nn.Module):
@@ -211,14 +211,14 @@ class Adapter(nn.Module):
 
     def condition(self, events: Tensor) -> Tensor:
         """Active units [B, T, 2·16] (left, then right) → [B, T, d]; 0 two frames away from any event."""
-        seen = events.any(dim=-1, keepdim=True).to(events.dtype)
-        heard = nn.functional.silu(self.events(events)) * seen
-        near = nn.functional.max_pool1d(seen.transpose(1, 2), EVENT_KERNEL, 1, EVENT_KERNEL // 2)
+        active = events.any(dim=-1, keepdim=True).to(events.dtype)
+        heard = nn.functional.silu(self.events(events)) * active
+        near = nn.functional.max_pool1d(active.transpose(1, 2), EVENT_KERNEL, 1, EVENT_KERNEL // 2)
         return self.spread(heard.transpose(1, 2)).transpose(1, 2) * near.transpose(1, 2)
 
 
 class Denoiser(nn.Module):
-    """`M̂₀ = G(M_τ; τ, A, C, F)`, eq. 3; without events the base model alone."""
+    """`M̂₀ = G(M_τ; τ, A, C, F)`, eq. 3; without events only the base model."""
 
     def __init__(self, config: CafeTalkConfig):
         super().__init__()

@@ -42,24 +42,24 @@ def report(arguments) -> dict[str, list[dict]]:
         raise ValueError("expected held-out clips, got none")
     actor = Actor(arguments.run)
     takes = [actor.take(entry) for entry in held_out]
-    found = {"speech": [choices.speech(actor, takes)]}
+    tables = {"speech": [choices.speech(actor, takes)]}
     only = arguments.only
     if "units" in only:
         scores = units.measure(actor, takes, arguments.units)
-        found["units"] = units.to_json(scores)
+        tables["units"] = units.to_json(scores)
     judge = None
     if {"emotions", "ablations"} & set(only):
         judge = judging.taught(lessons, arguments.judge_steps, arguments.seed)
     few = by_source(takes, arguments.few)
     if "ablations" in only:
-        found["ablations"] = ablations(arguments, actor, takes, held_out, judge)
+        tables["ablations"] = ablations(arguments, actor, takes, held_out, judge)
     if "emotions" in only:
-        found["labels"] = named(emotions.by_label(judge, actor, few))
-        found["intensities"] = named(emotions.by_intensity(judge, actor, few))
+        tables["labels"] = named(emotions.by_label(judge, actor, few))
+        tables["intensities"] = named(emotions.by_intensity(judge, actor, few))
     for name in ("steps", "alphas", "formulas"):
         if name in only:
-            found[name] = getattr(choices, name)(actor, few)
-    return found
+            tables[name] = getattr(choices, name)(actor, few)
+    return tables
 
 
 def ablations(arguments, actor: Actor, takes: list[Take], held_out: list, judge: judging.Judge) -> list[dict]:
@@ -79,11 +79,11 @@ def ablations(arguments, actor: Actor, takes: list[Take], held_out: list, judge:
     return rows
 
 
-def whole(name: str, actor: Actor, takes: list[Take], few: list[Take], judge, asked: list[str]) -> dict:
+def whole(name: str, actor: Actor, takes: list[Take], few: list[Take], judge, unit_names: list[str]) -> dict:
     """Speech, events and emotions of one model."""
-    events = units.summary(units.measure(actor, takes, asked, (units.USUAL,)))
-    felt = emotions.accuracy(judge, actor, few)
-    return {"model": name} | choices.speech(actor, takes) | events | felt
+    events = units.summary(units.measure(actor, takes, unit_names, (units.USUAL,)))
+    accuracy = emotions.accuracy(judge, actor, few)
+    return {"model": name} | choices.speech(actor, takes) | events | accuracy
 
 
 def by_source(takes: list[Take], count: int) -> list[Take]:
@@ -97,9 +97,9 @@ def named(rows: dict[str, dict[str, float]]) -> list[dict]:
     return [{"": name} | row for name, row in rows.items()]
 
 
-def page(found: dict[str, list[dict]]) -> str:
+def page(tables: dict[str, list[dict]]) -> str:
     """All tables in Markdown."""
-    parts = [f"## {TITLES[name]}\n\n{table(rows)}" for name, rows in found.items()]
+    parts = [f"## {TITLES[name]}\n\n{table(rows)}" for name, rows in tables.items()]
     return "\n".join(["# Cafe-Talk, measured\n", *parts])
 
 
@@ -142,12 +142,16 @@ def parser() -> argparse.ArgumentParser:
     parser.add_argument("--corpus", type=Path, nargs="*", default=[], help="corpus folders")
     parser.add_argument("--data", type=Path, default=Path("../shared/data"))
     parser.add_argument("--cache", type=Path, default=Path("runs/cache"))
-    parser.add_argument("--voices", type=int, default=7, help="as in training, whose bank is then found")
+    parser.add_argument(
+        "--voices", type=int, default=7, help="voices as in training, so that its bank is reused"
+    )
     parser.add_argument("--only", nargs="*", choices=PARTS, default=list(PARTS))
     parser.add_argument("--units", nargs="*", choices=UNITS, default=list(UNITS))
     parser.add_argument("--clips", type=int, default=8, help="held-out clips of each source")
-    parser.add_argument("--few", type=int, default=3, help="of them for emotions and settings")
-    parser.add_argument("--seconds", type=float, default=6.0, help="of each clip at most")
+    parser.add_argument(
+        "--few", type=int, default=3, help="held-out clips of each source for emotions and settings"
+    )
+    parser.add_argument("--seconds", type=float, default=6.0, help="most seconds of each clip")
     parser.add_argument("--judge-steps", type=int, default=800)
     parser.add_argument("--seed", type=int, default=0)
     parser.add_argument("--threads", type=int, default=1)
@@ -157,10 +161,10 @@ def parser() -> argparse.ArgumentParser:
 def main(line: list[str] | None = None) -> None:
     """Entry of the command."""
     arguments = parser().parse_args(line)
-    found = report(arguments)
+    tables = report(arguments)
     arguments.out.mkdir(parents=True, exist_ok=True)
-    (arguments.out / "report.json").write_text(json.dumps(plain(found), indent=1, ensure_ascii=False) + "\n")
-    (arguments.out / "report.md").write_text(page(found), encoding="utf-8")
+    (arguments.out / "report.json").write_text(json.dumps(plain(tables), indent=1, ensure_ascii=False) + "\n")
+    (arguments.out / "report.md").write_text(page(tables), encoding="utf-8")
     print(arguments.out / "report.md")
 
 

@@ -52,8 +52,8 @@ def _one_pass(model: Denoiser) -> dict[str, Tensor]:
         "clean_base": model(noisy, timestep, speech, coarse, yes),
         "clean_null": model(noisy, timestep, speech, nothing, no),
     }
-    given = {"noisy": noisy[0], "timestep": timestep, "style": torch.tensor([1])}
-    return inputs | given | {name: value[0] for name, value in results.items()}
+    arguments = {"noisy": noisy[0], "timestep": timestep, "style": torch.tensor([1])}
+    return inputs | arguments | {name: value[0] for name, value in results.items()}
 
 
 def _runs(model: Denoiser) -> dict[str, Tensor]:
@@ -62,7 +62,7 @@ def _runs(model: Denoiser) -> dict[str, Tensor]:
     noise = torch.randn(frames, len(config.channels))
     slots = inputs["events"].any(dim=1, keepdim=True).float()
     strength = slots * torch.linspace(0.0, 1.4, len(config.channels))
-    kept = {f"long.{name}": value for name, value in inputs.items()} | {
+    tensors = {f"long.{name}": value for name, value in inputs.items()} | {
         "long.noise": noise,
         "long.strength": strength,
     }
@@ -74,9 +74,11 @@ def _runs(model: Denoiser) -> dict[str, Tensor]:
         "printed": {"printed": True},
     }
     for name, way in ways.items():
-        asked = replace(request, strength=torch.zeros_like(noise) if name == "weights" else strength, **way)
-        kept[f"long.{name}"] = sample_from(model, noise, inputs["speech"], asked)
-    return kept
+        controlled = replace(
+            request, strength=torch.zeros_like(noise) if name == "weights" else strength, **way
+        )
+        tensors[f"long.{name}"] = sample_from(model, noise, inputs["speech"], controlled)
+    return tensors
 
 
 def _inputs(config, frames: int) -> dict[str, Tensor]:

@@ -1,9 +1,9 @@
 """A judge of emotions: which of the fifteen do weights [T, 51] show? (Cafe-Talk, appendix D.2.)
 
 An MLP, a `cls` token, positions, one layer of a transformer with 8 heads, and two heads on the token: which
-emotion, and how strong. It learns from recorded speech under added emotions; what it is asked about are other
-clips. `Acc` is the share of clips whose emotion it finds, `Div` the deviation of its features over clips,
-`read` the mean strength that it reads.
+emotion, and how strong. It learns from recorded speech under added emotions and judges other clips. `Acc` is
+the share of clips whose emotion it reads correctly, `Div` the deviation of its features over clips, `read`
+the mean strength that it reads.
 """
 
 from collections.abc import Callable
@@ -15,8 +15,8 @@ from torch import Tensor, nn
 
 from training.corpus.bank import Entry
 from training.corpus.conditions import EMOTIONS
+from training.corpus.emotion_weights import with_emotion
 from training.corpus.faces import CHANNELS
-from training.corpus.felt import with_emotion
 from training.nn.embedding import timestep_embedding
 from training.run import downhill
 from training.systems.cafe_talk.train import lips_met
@@ -25,11 +25,11 @@ WIDTH, HEADS = 64, 8
 WINDOW_FRAMES = 50
 BATCH, RATE = 64, 2e-3
 INTENSITIES = (0.0, 1.5)
-"""Of the emotions that the judge learns from."""
+"""Intensities of the emotions that the judge learns from."""
 TOO_WEAK = 0.25
-"""Below this a window teaches how strong it is, and not which emotion it shows."""
+"""Below this intensity a window teaches only its strength, not which emotion it shows."""
 STRENGTH_SHARE = 1.0
-"""How much an error of the strength counts beside the cross-entropy of the emotion."""
+"""Weight of the strength's error beside the cross-entropy of the emotion."""
 
 
 class Judge(nn.Module):
@@ -44,7 +44,7 @@ class Judge(nn.Module):
         self.strength = nn.Linear(WIDTH, 1)
 
     def features(self, weights: Tensor) -> Tensor:
-        """What the token knows of [B, T, 51], [B, d]."""
+        """Features of the token for weights [B, T, 51], [B, d]."""
         x = self.mlp(weights)
         x = torch.cat([self.cls.expand(len(x), 1, -1), x], dim=1)
         return self.layer(x + timestep_embedding(torch.arange(x.shape[1]), WIDTH))[:, 0]
@@ -60,12 +60,12 @@ class Judge(nn.Module):
         count = max(len(weights) // WINDOW_FRAMES, 1)
         windows = weights[: count * WINDOW_FRAMES].unflatten(0, (count, -1))
         scores, strength = self(windows)
-        found = int(scores.mean(dim=0).argmax())
-        return found, self.features(windows).mean(dim=0), float(strength.mean())
+        emotion = int(scores.mean(dim=0).argmax())
+        return emotion, self.features(windows).mean(dim=0), float(strength.mean())
 
 
-def felt(weights: Tensor, emotion: int, intensity: float) -> Tensor:
-    """Recorded speech [T, 51] under an emotion, as the model's targets are made."""
+def under_emotion(weights: Tensor, emotion: int, intensity: float) -> Tensor:
+    """Recorded speech [T, 51] under an emotion, computed as the model's targets are."""
     rows = torch.zeros(len(weights), len(EMOTIONS))
     rows[:, emotion] = 1.0
     return with_emotion(weights, rows, torch.full((len(weights),), intensity), lips_met(weights))
@@ -102,33 +102,38 @@ def _batch(usable: list[Tensor], random: np.random.Generator) -> tuple[Tensor, T
         clip = usable[random.integers(len(usable))]
         first = int(random.integers(0, len(clip) - WINDOW_FRAMES + 1))
         window = clip[first : first + WINDOW_FRAMES]
-        rows.append(felt(window, int(label), float(strength)))
+        rows.append(under_emotion(window, int(label), float(strength)))
     return torch.stack(rows), torch.from_numpy(labels), torch.from_numpy(strengths).float()
 
 
 @dataclass
 class Verdicts:
-    """Of takes: numbers of the emotions asked for and found, [N] each, features [N, d] and strength [N]."""
+    """The judge's answers on takes: numbers of the true and of the read emotions, [N] each, features [N, d]
+    and strength [N]."""
 
-    asked: np.ndarray
-    found: np.ndarray
+    true_emotions: np.ndarray
+    read_emotions: np.ndarray
     features: Tensor
     strength: np.ndarray
 
     def scores(self, rows: np.ndarray | None = None, truth: int | None = None) -> dict[str, float]:
-        """Acc and Div of some of them; against one emotion for all where `truth` is given."""
-        rows = np.ones(len(self.asked), bool) if rows is None else rows
-        wanted = self.asked if truth is None else np.full(len(self.asked), truth)
+        """Acc and Div over `rows` (all if None). With `truth` every take counts against that one emotion."""
+        rows = np.ones(len(self.true_emotions), bool) if rows is None else rows
+        targets = self.true_emotions if truth is None else np.full(len(self.true_emotions), truth)
         spread = self.features[torch.from_numpy(rows)].std(dim=0).mean()
-        felt_at_all = rows & (self.asked != EMOTIONS.index("neutral"))
-        read = float(self.strength[felt_at_all].mean()) if felt_at_all.any() else 0.0
-        return {"Acc": float((self.found == wanted)[rows].mean()), "Div": float(spread), "read": read}
+        emotional = rows & (self.true_emotions != EMOTIONS.index("neutral"))
+        read = float(self.strength[emotional].mean()) if emotional.any() else 0.0
+        return {
+            "Acc": float((self.read_emotions == targets)[rows].mean()),
+            "Div": float(spread),
+            "read": read,
+        }
 
 
 def judged(judge: Judge, makes: Callable[[int, int], Tensor], count: int) -> Verdicts:
-    """The judge on `makes(clip, emotion)` [T, 51], over `count` clips and all emotions."""
-    asked = [(clip, emotion) for clip in range(count) for emotion in range(len(EMOTIONS))]
-    each = [judge.verdict(makes(clip, emotion)) for clip, emotion in asked]
-    found, features, strength = zip(*each, strict=True)
-    asked = np.array([emotion for _, emotion in asked])
-    return Verdicts(asked, np.array(found), torch.stack(features), np.array(strength))
+    """Verdicts on `makes(clip, emotion)` [T, 51], over `count` clips and all emotions."""
+    true_emotions = [(clip, emotion) for clip in range(count) for emotion in range(len(EMOTIONS))]
+    each = [judge.verdict(makes(clip, emotion)) for clip, emotion in true_emotions]
+    read_emotions, features, strength = zip(*each, strict=True)
+    true_emotions = np.array([emotion for _, emotion in true_emotions])
+    return Verdicts(true_emotions, np.array(read_emotions), torch.stack(features), np.array(strength))

@@ -18,12 +18,12 @@ from training.systems.freetalk.sampling import _ramp, window_starts
 
 @dataclass
 class Request:
-    """What is asked of a clip.
+    """A request for a clip.
 
-    `style` by number; `emotion` [T, E] in the text space, `intensity` [T]; `events` [T, 32] of 0 and 1;
-    `strength` [T, 51] is Z of eq. 6, that of the events at each frame and channel, 0 outside
-    them. `printed` takes eq. 6 as printed, with G_∅ in its third term. `over_speech` lets jaw and chin hide
-    what is said (`priority`), as eq. 6 as printed does.
+    `style` by number; `emotion` [T, E] in the text space; `intensity` [T]; `events` [T, 32] of 0 and 1.
+    `strength` [T, 51] is Z of eq. 6: the strength of the events at each frame and channel, 0 outside them.
+    `printed` takes eq. 6 as printed, with G_∅ in its third term. `over_speech` lets jaw and chin hide the
+    speech (`priority`), as eq. 6 does.
     """
 
     style: int
@@ -101,7 +101,7 @@ def _window(model: Denoiser, noise: Tensor, speech: Tensor, request: Request, sa
         heard = model(x, step, speech[None], coarse, yes)
         unheard = heard
         if sampling.alpha != 1.0 or (controlled and request.printed):
-            unheard = model(x, step, speech[None], replace(coarse, given=no), no)
+            unheard = model(x, step, speech[None], replace(coarse, has_label=no), no)
         base = guided(unheard, heard, sampling.alpha)
         if not controlled:
             return base

@@ -20,8 +20,8 @@ from torch import nn
 from training.corpus import arkit, spoken
 from training.corpus.action_units import active_units, random_events, sparse, unit_matrix
 from training.corpus.bank import Entry
+from training.corpus.emotion_weights import with_emotion
 from training.corpus.faces import CHANNELS
-from training.corpus.felt import with_emotion
 from training.corpus.shares import lasting
 from training.diffusion.schedule import add_noise, noise_levels
 from training.losses import feature_concordance, feature_scores, lip_gap, motion_loss
@@ -42,7 +42,7 @@ from training.text.words import Words
 
 TOKENS = 2000
 MASKED_SHARE = 0.2
-"""Rows without speech, and independently rows without the coarse condition (§3.1.2)."""
+"""Share of rows without speech and, independently, of rows without the coarse condition (§3.1.2)."""
 CONCORDANCE = 0.3
 PURE_NOISE_SHARE = 0.3
 UNSEEN_WEIGHT = 0.1
@@ -52,22 +52,23 @@ LEAST_DEVIATION = 0.05
 MOUTH_WEIGHT = 2.0
 EVENT_SHARE, SWAPPED_SHARE = 0.5, 0.5
 EVENT_WEIGHT = 4.0
-"""Of an event's own channels, beside what was recorded."""
+"""Weight of an event's own channels, beside what was recorded."""
 TOLD_INTENSITY = (0.3, 1.2)
-"""Of the emotion that a row with a swapped label is told."""
+"""Intensities of the emotion given to a row with a swapped label."""
 CONTACT_FRAMES, SPOKEN_M = 6, 2.5e-3
-"""Lips that meet in speech part so far within so many frames."""
+"""In speech, lips that meet open this far within so many frames."""
 MET_M, PARTED_M = -0.3e-3, 1.0e-3
-"""Openings over that of the neutral face between which lips count as less and less closed."""
+"""Between these openings over that of the neutral face, lips count as less and less closed."""
 
 
 @dataclass
 class Step:
-    """One batch; `weights`, `seen` [B, T, 51]; `events` [B, T, 32]; the rest as the denoiser takes it."""
+    """One batch. `weights` and `visibility` [B, T, 51]; `events` [B, T, 32]; the rest as the denoiser takes
+    it."""
 
     mel: torch.Tensor
     weights: torch.Tensor
-    seen: torch.Tensor
+    visibility: torch.Tensor
     coarse: Coarse
     events: torch.Tensor
     swapped: torch.Tensor
@@ -106,18 +107,18 @@ class CafeTalkTrainer:
         self.speech.to(self.machine.device)
 
     def parameters(self) -> list[nn.Parameter]:
-        """Those of the stage."""
+        """Parameters that the stage trains."""
         if self.joint:
             return list(self.model.parameters())
         return list(self.model.adapter.parameters()) if self.fine else self.model.base_parameters()
 
     def _begin_at(self, path: Path) -> None:
-        """Takes a finished base; its adapter, where it has one, is left and begins anew."""
+        """Loads a finished base. An adapter in it is ignored and begins anew."""
         stored = load_stored(path)
         for part in ("blocks", "width", "coarse", "styles"):
-            wanted, found = getattr(self.config, part), getattr(stored.config, part)
-            if wanted != found:
-                raise ValueError(f"{path}: expected a base with {part} {wanted}, got {found}")
+            expected, actual = getattr(self.config, part), getattr(stored.config, part)
+            if expected != actual:
+                raise ValueError(f"{path}: expected a base with {part} {expected}, got {actual}")
         adapter = {k: v for k, v in self.model.state_dict().items() if k.startswith(ADAPTER)}
         self.model.load_state_dict(stored.base | adapter)
 
@@ -132,19 +133,22 @@ class CafeTalkTrainer:
         label = torch.where(withheld, self.config.styles.index(ANY_STYLE), label)
         swapped = torch.rand(count, generator=self.random) < self.swapped_share
         swapped &= events.any(dim=-1).any(dim=-1)
-        given = (torch.rand(count, generator=self.random) >= MASKED_SHARE) | swapped
-        felt = self._label_places(emotion, swapped)
-        seen = torch.maximum(
+        has_label = (torch.rand(count, generator=self.random) >= MASKED_SHARE) | swapped
+        label_places = self._label_places(emotion, swapped)
+        visibility = torch.maximum(
             batch.weight.float().clamp_min(UNSEEN_WEIGHT), (intensity[..., None] > 0).float()
         )
         if self.fine:
-            seen = torch.maximum(seen, EVENT_WEIGHT * self._controlled(events))
+            visibility = torch.maximum(visibility, EVENT_WEIGHT * self._controlled(events))
             label_intensity = torch.from_numpy(self.generator.uniform(*TOLD_INTENSITY, (count, 1))).float()
             intensity = torch.where(swapped[:, None], label_intensity, intensity)
         device = self.machine.device
-        coarse = Coarse(*(t.to(device) for t in (label, felt, intensity, given)))
+        coarse = Coarse(*(t.to(device) for t in (label, label_places, intensity, has_label)))
         return Step(
-            *(t.to(device) for t in (batch.mel, weights, seen)), coarse, events.to(device), swapped.to(device)
+            *(t.to(device) for t in (batch.mel, weights, visibility)),
+            coarse,
+            events.to(device),
+            swapped.to(device),
         )
 
     def _controlled(self, events: torch.Tensor) -> torch.Tensor:
@@ -182,7 +186,8 @@ class CafeTalkTrainer:
         return emotion, (1 - share) * levels[0] + share * levels[1]
 
     def _label_places(self, emotion: torch.Tensor, swapped: torch.Tensor) -> torch.Tensor:
-        """Places in the text space [B, T, E] of words for what is felt, or something else where swapped."""
+        """Places in the text space [B, T, E] of words for the emotion, or for another one where labels are
+        swapped."""
         out = []
         for row, other in zip(emotion, swapped, strict=True):
             names = [self.generator.choice(SYNONYMS[e]) for e in self.config.emotions]
@@ -199,30 +204,32 @@ class CafeTalkTrainer:
         t, noise = noise_levels(step.weights.shape, len(self.alphas), pure_noise, self.random)
         clean = self.model.standardise(step.weights)
         noisy = add_noise(clean, noise.to(device), self.alphas[t][:, None, None].to(device))
-        speech_given = (torch.rand(count, generator=self.random) >= MASKED_SHARE).to(device)
+        has_speech = (torch.rand(count, generator=self.random) >= MASKED_SHARE).to(device)
         with self.machine.autocast():
             speech = self.speech.windows(step.mel)
             events = step.events if self.fine else None
-            found = self.model(noisy, t.to(device), speech, step.coarse, speech_given, events).float()
-        plain = torch.ones_like(step.seen) if self.recipe.plain else step.seen
-        seen = torch.where(step.swapped[:, None, None], self._controlled(step.events), plain)
+            predicted = self.model(noisy, t.to(device), speech, step.coarse, has_speech, events).float()
+        plain = torch.ones_like(step.visibility) if self.recipe.plain else step.visibility
+        visibility = torch.where(step.swapped[:, None, None], self._controlled(step.events), plain)
         if not self.recipe.plain:
-            seen = seen * self.channel_weight.to(device)
-        error, shares = found - clean, (self.recipe.velocity, self.recipe.acceleration)
+            visibility = visibility * self.channel_weight.to(device)
+        error, shares = predicted - clean, (self.recipe.velocity, self.recipe.acceleration)
         if self.fine:
-            rows = zip(error.split(1), seen.split(1), strict=True)
+            rows = zip(error.split(1), visibility.split(1), strict=True)
             simple = torch.stack([motion_loss(*row, *shares) for row in rows]).mean()
         else:
-            simple = motion_loss(error, seen, *shares)
+            simple = motion_loss(error, visibility, *shares)
         if self.recipe.plain:
             return simple, {"simple": simple.item()}
-        as_it_is = speech_given & step.coarse.given & ~step.swapped
-        shown = [arkit.landmarks_of(x[as_it_is]) * 1e3 for x in (self.model.to_weights(found), step.weights)]
+        as_it_is = has_speech & step.coarse.has_label & ~step.swapped
+        shown = [
+            arkit.landmarks_of(x[as_it_is]) * 1e3 for x in (self.model.to_weights(predicted), step.weights)
+        ]
         agreement, parts = feature_concordance(*shown)
         return simple + CONCORDANCE * agreement, {"simple": simple.item()} | parts
 
     def _measure_scale(self) -> None:
-        """Mean and deviation of the training weights, emotions included, into the model."""
+        """Sets the model's mean and deviation to those of the training weights, emotions included."""
         rows = [self.draw(16, min(self.config.window_frames, 96)).weights for _ in range(12)]
         weights = torch.cat(rows).flatten(0, 1)
         self.model.mean.copy_(weights.mean(dim=0))
@@ -236,7 +243,7 @@ def lips_met(weights: torch.Tensor) -> torch.Tensor:
 
 
 def lips_touch(weights: torch.Tensor) -> torch.Tensor:
-    """As `lips_met`, but 0 for lips that rest: those that do not part within a quarter of a second, [T]."""
+    """As `lips_met`, but 0 for lips at rest, which do not part within a quarter of a second, [T]."""
     gap = lip_gap(arkit.landmarks_of(weights))
     around = nn.functional.max_pool1d(gap[None, None], 2 * CONTACT_FRAMES + 1, 1, CONTACT_FRAMES)[0, 0]
     return lips_met(weights) * (around > SPOKEN_M).float()
@@ -259,8 +266,8 @@ def validate(trainer: CafeTalkTrainer, model: Denoiser, clips: int) -> dict[str,
         pairs = []
         for entry in chosen:
             request = Request.neutral(trainer.config, trainer.words.emotions(), len(entry.motion))
-            made = sample_weights(model, trainer.speech.clip(entry), request).cpu()
-            pairs.append((arkit.landmarks_of(made), arkit.landmarks_of(entry.motion.float())))
+            generated = sample_weights(model, trainer.speech.clip(entry), request).cpu()
+            pairs.append((arkit.landmarks_of(generated), arkit.landmarks_of(entry.motion.float())))
         if pairs:
             report |= {f"{source} {k}": v for k, v in feature_scores(pairs).items()}
     model.train()
@@ -323,21 +330,21 @@ def weights_source(arguments, config: CafeTalkConfig) -> CompactSpeech | HubertS
 
 
 def solved(entries: list[Entry], arguments) -> list[Entry]:
-    """`arkit.as_weights`, from the cache where it was done before by the same code on the same clips."""
+    """`arkit.as_weights`, from the cache if the same code did it before on the same clips."""
     code = Path(arkit.__file__).read_bytes() + repr([(e.name, len(e.motion)) for e in entries]).encode()
     path = arguments.cache / f"arkit-{hashlib.sha256(code).hexdigest()[:12]}.pt"
     if path.exists():
-        found = torch.load(path)
-        return [replace(e, motion=m, weight=w) for e, (m, w) in zip(entries, found, strict=True)]
-    found = arkit.as_weights(entries, arguments.data)
+        results = torch.load(path)
+        return [replace(e, motion=m, weight=w) for e, (m, w) in zip(entries, results, strict=True)]
+    results = arkit.as_weights(entries, arguments.data)
     partial = path.with_suffix(".partial")
-    torch.save([(e.motion.half(), _constant_once(e.weight)) for e in found], partial)
+    torch.save([(e.motion.half(), _constant_once(e.weight)) for e in results], partial)
     partial.rename(path)
-    return found
+    return results
 
 
 def _constant_once(weight: torch.Tensor) -> torch.Tensor:
-    """[T, 51]; rows that are all alike take the room of one."""
+    """[T, 51]; if all rows are equal, one row that stands for all."""
     return weight[:1].expand(len(weight), -1) if weight.var(0).max() == 0 else weight
 
 
@@ -352,8 +359,13 @@ def parser() -> argparse.ArgumentParser:
     parser.add_argument("--one-stage", action="store_true", help="base and adapter learn together (table 3)")
     parser.add_argument("--config", choices=list(CONFIGS), default="compact")
     add_speech_flags(parser, validation_clips=12)
-    parser.add_argument("--coarse", choices=["ada_ln", "film"], default="ada_ln", help="table 2 of the paper")
-    parser.add_argument("--swapped-share", type=float, default=SWAPPED_SHARE, help="rows with eq. 5")
+    parser.add_argument(
+        "--coarse",
+        choices=["ada_ln", "film"],
+        default="ada_ln",
+        help="how the coarse condition enters (table 2)",
+    )
+    parser.add_argument("--swapped-share", type=float, default=SWAPPED_SHARE, help="share of rows with eq. 5")
     parser.add_argument("--tokens", type=int, help=f"frames in a batch: {TOKENS}, or the batch of the recipe")
     return parser
 

@@ -1,1 +1,1 @@
-"""EmoFace (Lin et al. 2025): what is said and how it is felt, apart."""
+"""EmoFace (Lin et al. 2025): separate branches for what somebody says and how he feels."""

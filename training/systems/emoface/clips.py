@@ -12,7 +12,7 @@ from training.corpus.cache import cached
 from training.corpus.clip import FPS, MEL_PER_FRAME, fit_frames
 from training.corpus.conditions import EMOTIONS
 from training.corpus.emodb import SOURCE as EMODB
-from training.corpus.emodb import read_felt
+from training.corpus.emodb import read_acted
 from training.corpus.facegood import read_facegood
 from training.corpus.faces import load_ict
 from training.corpus.folder import CorpusFolder
@@ -35,7 +35,7 @@ from training.systems.emoface.rows import NEUTRAL, Spoken
 from training.systems.emoface.template import ict_template
 
 TEMPLATE = EmoFaceConfig.template
-"""That of the project's own clips."""
+"""Frame rate of the project's own clips."""
 
 
 def template_of(data: Path, vertices: int) -> tuple[Template, np.ndarray]:
@@ -52,7 +52,7 @@ def load_emotion(folder: Path) -> EmotionEncoder:
 
 
 def load_clips(arguments, config: EmoFaceConfig) -> list[Spoken]:
-    """The project's own clips; from the cache where they were heard before by the same encoders."""
+    """The project's own clips, from the cache if the same encoders heard them before."""
     for_folders = {
         "--hubert": arguments.hubert, "--emotion-hubert": arguments.emotion_hubert,
         "--tune-encoders": arguments.tune_encoders, "--recipe paper": arguments.recipe == "paper",
@@ -73,7 +73,7 @@ def load_clips(arguments, config: EmoFaceConfig) -> list[Spoken]:
     weights = read_bytes(arguments.emotion_encoder)
     key = hashlib.sha256(weights + repr((arguments.voices, arguments.limit)).encode()).hexdigest()[:12]
     path = arguments.cache / f"emoface-{key}.pt"
-    clips = cached(path, Spoken, lambda: [*recorded(arguments), *felt(arguments)])
+    clips = cached(path, Spoken, lambda: [*recorded(arguments), *acted(arguments)])
     config.emotion_ear = True
     config.speech.channels, config.emotion_channels = (
         x.shape[1] for x in (clips[0].content[0], clips[0].emotion)
@@ -82,7 +82,7 @@ def load_clips(arguments, config: EmoFaceConfig) -> list[Spoken]:
 
 
 def of_corpus(arguments, config: EmoFaceConfig) -> tuple[list[Spoken], Encoders]:
-    """Clips of a corpus folder and what hears them; tells `config` both, and its speakers and emotions."""
+    """Clips of a corpus folder and their encoders. Sets both, and the speakers and emotions, in `config`."""
     folder = CorpusFolder(arguments.corpus)
     present = {row.emotion for row in folder.rows if not row.held_out}
     config.emotions = [f for f in EMOTIONS if f == NEUTRAL or f in present]
@@ -95,8 +95,11 @@ def of_corpus(arguments, config: EmoFaceConfig) -> tuple[list[Spoken], Encoders]
 
 
 def encoders_of(arguments, config: EmoFaceConfig, before_transformer: bool) -> Encoders:
-    """Those of the command line at the frame rate of a model; where its size asks for it (or it was trained
-    so) a checkpoint's steps have FaceFormer's order."""
+    """The encoders of the command line at the frame rate of a model.
+
+    If the model's size asks for it (or the model was trained so), a checkpoint resamples before its
+    transformer, as FaceFormer does.
+    """
     if arguments.hubert is not None:
         speech = Checkpoint(arguments.hubert, config.fps, before_transformer)
     else:
@@ -110,7 +113,7 @@ def encoders_of(arguments, config: EmoFaceConfig, before_transformer: bool) -> E
 
 
 def _said(encoder, samples: np.ndarray, frames: int) -> Tensor:
-    """What the compact encoder hears, [frames, C]."""
+    """Features of the compact encoder, [frames, C]."""
     mel = fit_frames(log_mel(torch.from_numpy(samples)), MEL_PER_FRAME * frames)
     return encoder(normalise(mel)[None])[0]
 
@@ -122,30 +125,30 @@ def recorded(arguments) -> list[Spoken]:
     entries = bank.load(arguments.data, arguments.cache, arguments.voices, limit=arguments.limit)
     entries = arkit.as_weights(entries, arguments.data)
     samples = {c.name: c.samples for c in [*read_grid(arguments.data), *read_facegood(arguments.data)]}
-    found = []
+    clips = []
     for entry in entries:
         content = [encoder(normalise(mel.float())[None])[0].half() for mel in entry.mels]
         heard = _emotion_of(emotion, samples[entry.name], len(entry.motion))
-        found.append(Spoken(entry.name, entry.source, entry.held_out, content, heard, entry.motion.float()))
-    return found
+        clips.append(Spoken(entry.name, entry.source, entry.held_out, content, heard, entry.motion.float()))
+    return clips
 
 
 @torch.no_grad()
-def felt(arguments) -> list[Spoken]:
-    """emodb_de: faces made from its phones by the teacher; the emotion is added when rows are drawn."""
+def acted(arguments) -> list[Spoken]:
+    """emodb_de: the teacher makes faces from its phones. The emotion is added when rows are drawn."""
     encoder, emotion = load_encoder(SHIPPED_ENCODER).eval(), load_emotion(arguments.emotion_encoder)
-    teacher, found = Teacher.load(), []
-    for clip in read_felt(arguments.data, arguments.limit):
+    teacher, clips = Teacher.load(), []
+    for clip in read_acted(arguments.data, arguments.limit):
         frames = max(int(len(clip.samples) * FPS / 16000), 2)
         motion = torch.from_numpy(teacher.motion(clip.phones, frames)).flatten(1)
         weights = arkit.weights_of(motion, torch.ones(204))
         content = [_said(encoder, clip.samples, frames).half()]
         heard = _emotion_of(emotion, clip.samples, frames)
         label = (clip.emotion, clip.share)
-        found.append(Spoken(clip.name, EMODB, clip.held_out, content, heard, weights.float(), *label))
-    return found
+        clips.append(Spoken(clip.name, EMODB, clip.held_out, content, heard, weights.float(), *label))
+    return clips
 
 
 def _emotion_of(emotion: EmotionEncoder, samples: np.ndarray, frames: int) -> Tensor:
-    """What the emotion encoder hears, [T, E]."""
+    """Features of the emotion encoder, [T, E]."""
     return torch.from_numpy(emotion.track(samples, frames)).float()

@@ -1,12 +1,12 @@
 """The emotion encoder E_e: how somebody feels, heard in how he speaks over two seconds (EmoFace §3.3.2).
 
-From the last two seconds before each instant 118 numbers are taken: pitch, voicing, loudness, tilt, cepstra
-and how they move. A linear discriminant (Fisher 1936) with equal priors and a shrunken covariance makes of
-them six coordinates in which the taught emotions lie apart, and the probability of each; both are F_e.
-Differs from the paper's wav2vec 2.0: with 25 minutes of felt speech from ten actors a convolutional network
-told 50 % of an unheard actor's emotions apart, these numbers 69 %.
+For each instant, 118 numbers describe the last two seconds: pitch, voicing, loudness, tilt, cepstra and their
+changes. A linear discriminant (Fisher 1936) with equal priors and a shrunken covariance turns them into six
+coordinates that separate the taught emotions, and into the probability of each. Both are F_e. Differs from
+the paper's wav2vec 2.0: with 25 minutes of acted speech from ten actors, a convolutional network recognised
+50 % of an unheard actor's emotions, these numbers 69 %.
 
-Frames of 10 ms are those of `log_mel`; instants stand 160 ms apart.
+Frames of 10 ms are those of `log_mel`. Instants stand 160 ms apart.
 """
 
 from dataclasses import dataclass, field
@@ -18,12 +18,12 @@ from training.nn.config import Config
 from training.speech.log_mel import BANDS, FFT, FRAME, SAMPLE_RATE_HZ, log_mel, power_spectrum
 
 HEARD_EMOTIONS = ["neutral", "angry", "happy", "afraid", "sad", "disgusted", "calm"]
-"""What was taught, by the project's names; `calm` is emodb_de's boredom."""
+"""Classes that the encoder learned, by the project's names; `calm` is emodb_de's boredom."""
 WINDOW, LEAST, STEP = 200, 80, 16
-"""Frames that are remembered, that must have been heard at least, and from one instant to the next."""
+"""Frames of the window, fewest frames that it must have, and frames from one instant to the next."""
 PEAK, SILENT = 0.9, 1e-4
 ACTIVE_NEPERS = 4.0
-"""Frames within so much of the loud level of the window are active."""
+"""Frames within this range of the window's loud level are active."""
 LOUD_SHARE = 0.95
 LAGS = np.arange(SAMPLE_RATE_HZ // 400, SAMPLE_RATE_HZ // 65)
 LOW_BIN, HIGH_BIN = 3, 48
@@ -33,7 +33,7 @@ LEAST_OVERLAP = 0.15
 LEAST_VOICED = 6
 NO_PITCH = 7.0
 LARGEST_STEP = 0.2
-"""Octaves from frame to frame; more is another voice or an error."""
+"""Greatest change in octaves from frame to frame; more is another voice or an error."""
 CEPSTRA = 20
 NUMBERS = 118
 
@@ -58,7 +58,7 @@ class Voice:
 
 
 def voice_of(samples: np.ndarray) -> Voice:
-    """Of samples [S] at 16 kHz, whatever their level."""
+    """The voice of samples [S] at 16 kHz, whatever their level."""
     peak = np.abs(samples).max(initial=0.0)
     scaled = torch.from_numpy(samples * (PEAK / peak if peak > SILENT else 1.0)).float()
     power = power_spectrum(scaled).numpy().astype(np.float64)
@@ -74,14 +74,14 @@ def voice_of(samples: np.ndarray) -> Voice:
 
 
 def overlap() -> np.ndarray:
-    """Autocorrelation of the Hann window at the lags, of that at 0."""
+    """Autocorrelation of the Hann window at the lags, relative to lag 0."""
     window = 0.5 - 0.5 * np.cos(2.0 * np.pi * np.arange(FRAME) / FRAME)
     whole = (window**2).sum()
     return np.array([(window[lag:] * window[: FRAME - lag]).sum() / whole for lag in LAGS])
 
 
 def instants(frames: int) -> np.ndarray:
-    """Ends of the windows of a voice of so many frames; none for one that is too short."""
+    """Ends of the windows in a voice of this many frames; none if it is too short."""
     return np.arange(LEAST, frames + 1, STEP) if frames >= LEAST else np.array([], int)
 
 
@@ -94,7 +94,7 @@ def cepstral_basis() -> np.ndarray:
 
 
 def numbers(voice: Voice) -> np.ndarray:
-    """What is measured at each instant, [I, 118]."""
+    """The numbers measured at each instant, [I, 118]."""
     cepstra = voice.mel @ cepstral_basis()
     rows = [of_window(voice, cepstra, max(end - WINDOW, 0), end) for end in instants(len(voice.mel))]
     return np.array(rows).reshape(-1, NUMBERS)
@@ -163,9 +163,10 @@ class EmotionEncoder:
         return np.concatenate([x @ self.coordinates, shares / shares.sum(axis=1, keepdims=True)], axis=1)
 
     def track(self, samples: np.ndarray, frames: int, fps: float = 25.0) -> np.ndarray:
-        """F_e at motion frames, [T, 13]; a frame hears what came before it, the first ones the first 0.8 s.
+        """F_e at motion frames, [T, 13]. Each frame hears what came before it, the first frames the first 0.8
+        s.
 
-        A sound shorter than that feels nothing: coordinates 0 and the probabilities of the taught mean.
+        A shorter sound has no emotion: coordinates 0, and the probabilities of the training's mean.
         """
         measured = numbers(voice_of(samples))
         if len(measured) == 0:

@@ -1,8 +1,8 @@
 """Both encoders of EmoFace as networks: E_c hears what is said and E_e how, frozen or trained (§3.3.2).
 
-Each makes of a sound what it starts from (`prepare`), which a clip keeps where the encoder learns; and of
-that what is heard at motion frames, [T, C]. E_e also tells classes for eq. 10. `write` leaves a folder as the
-engine reads it.
+`prepare` turns a sound into the encoder's input, which a clip stores if the encoder learns. The encoder turns
+that into features at motion frames, [T, C]. E_e also gives class logits for eq. 10. `write` leaves a folder
+as the engine reads it.
 """
 
 import json
@@ -25,11 +25,11 @@ from training.systems.emoface.rows import Spoken
 
 MEL_HZ = MEL_PER_FRAME * FPS
 UNTAUGHT = -1
-"""Number of a label that is no class of an encoder."""
+"""Label number of an emotion that an encoder has no class for."""
 
 
 class CompactSpeech(nn.Module):
-    """E_c: the compact speech encoder of a model folder; starts from normalised log-mel."""
+    """E_c: the compact speech encoder of a model folder. Its input is normalised log-mel."""
 
     name = "compact_speech"
 
@@ -54,14 +54,14 @@ class CompactSpeech(nn.Module):
 
 
 class Checkpoint(nn.Module):
-    """A user's HuBERT or wav2vec2; starts from samples. `role` is a prefix of its folder's name."""
+    """A user's HuBERT or wav2vec2. Its input is samples. `role` is a prefix of its folder's name."""
 
     def __init__(self, folder: Path, fps: float, before_transformer: bool, role: str = ""):
         super().__init__()
         self.features = HubertFeatures(folder, fps if before_transformer else None, fps)
         if self.features.kind not in MODELS:
-            wanted, got = " or ".join(MODELS), self.features.kind
-            raise ValueError(f"{folder}/config.json: model_type: expected {wanted} for EmoFace, got {got}")
+            expected, got = " or ".join(MODELS), self.features.kind
+            raise ValueError(f"{folder}/config.json: model_type: expected {expected} for EmoFace, got {got}")
         self.model = self.features.model
         self.name = role + self.features.kind
         self.about = SpeechInput(self.features.kind, self.features.channels, self.features.transformer_fps)
@@ -82,7 +82,7 @@ class Checkpoint(nn.Module):
 
 
 class CheckpointEmotion(Checkpoint):
-    """E_e as in the paper; a linear layer upon the mean over the recording tells `classes`."""
+    """E_e as in the paper. A linear layer on the mean over the recording gives the `classes`."""
 
     def __init__(self, folder: Path, fps: float, before_transformer: bool, classes: list[str]):
         super().__init__(folder, fps, before_transformer, "emotion_")
@@ -96,7 +96,7 @@ class CheckpointEmotion(Checkpoint):
 
 
 class EmotionNumbers(nn.Module):
-    """E_e: the shipped `EmotionEncoder`; starts from the 118 numbers of each instant, [I, 118]."""
+    """E_e: the shipped `EmotionEncoder`. Its input is the 118 numbers of each instant, [I, 118]."""
 
     name, about = "emotion_encoder", None
 
@@ -113,7 +113,7 @@ class EmotionNumbers(nn.Module):
         )
 
     def prepare(self, samples: Tensor, frames: int) -> Tensor:
-        """Samples [S] at 16 kHz → [I, 118]; the taught mean where the sound is too short for an instant."""
+        """Samples [S] at 16 kHz → [I, 118]; the training's mean if the sound is too short for an instant."""
         measured = torch.from_numpy(numbers(voice_of(samples.numpy()))).float()
         return measured if len(measured) else self.mean[None].clone()
 
@@ -135,7 +135,7 @@ class EmotionNumbers(nn.Module):
 
 
 class Encoders(nn.Module):
-    """E_c and E_e of one model; `learn` says whether they are trained with it."""
+    """E_c and E_e of one model. `learn` says whether they are trained with it."""
 
     def __init__(self, speech: CompactSpeech | Checkpoint, emotion: EmotionNumbers | CheckpointEmotion,
                  learn: bool = False):  # fmt: skip
@@ -144,7 +144,7 @@ class Encoders(nn.Module):
 
     @property
     def emotion_channels(self) -> int:
-        """Of F_e."""
+        """Number of channels of F_e."""
         return self.emotion.about.channels if self.emotion.about else self.emotion.channels
 
     def content(self, clip: Spoken) -> Tensor:
@@ -152,7 +152,7 @@ class Encoders(nn.Module):
         return self.speech(clip.sound, len(clip)) if self.learn else clip.content[0].float()
 
     def feel(self, clip: Spoken) -> tuple[Tensor, Tensor | None]:
-        """F_e of a clip, [T, E], and the logits of its class where the encoders learn."""
+        """F_e of a clip, [T, E], and the logits of its class if the encoders learn."""
         return self.emotion.classify(clip.voice, len(clip)) if self.learn else (clip.emotion, None)
 
     def label(self, clip: Spoken) -> int:
@@ -162,12 +162,12 @@ class Encoders(nn.Module):
 
     @torch.no_grad()
     def hear(self, clips: list[Spoken]) -> list[Spoken]:
-        """The clips as these encoders hear them now."""
+        """The clips as these encoders hear them at this moment."""
         if not self.learn:
             return clips
         return [replace(c, content=[self.content(c)], emotion=self.feel(c)[0]) for c in clips]
 
     def write(self, folder: Path) -> None:
-        """Both as folders in a folder of models."""
+        """Writes both as folders into a folder of models."""
         for part in (self.speech, self.emotion):
             part.write(folder)

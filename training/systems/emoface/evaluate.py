@@ -2,16 +2,16 @@
 
     python -m training.systems.emoface.evaluate --data ../shared/data --run runs/emoface/emoface.pt
 
-Every sentence of the actors of emodb_de that were never heard is spoken from rest with the emotion of its
-own voice; truth is the teacher's face under the label (faces of these recordings do not exist). Then the same
-sentence is felt through another recording. Errors are on the template: √LVE over the vertices about the lips,
-√EVE over those above the middle of the nose, mm (metrics as in `docs/measuring.md`). There is nothing random
-in it. `--run` may be given several times, so that runs stand beside one another.
+Every sentence of the held-out actors of emodb_de is spoken from rest with the emotion of its own voice. The
+truth is the teacher's face under the label, since no faces of these recordings exist. Then the same sentence
+gets the emotion of another recording. Errors are on the template: √LVE over the vertices about the lips, √EVE
+over those above the middle of the nose, mm (metrics as in `docs/measuring.md`). Nothing is random. `--run`
+may be repeated to compare runs.
 
     python -m training.systems.emoface.evaluate --corpus DIR --run runs/emoface/emoface.pt
 
 scores held-out clips of a corpus folder instead, against their own vertices (`folder_scores`). Encoders are
-those of the command line as in training, or where they learned those that the run left in `models`.
+those of the command line as in training, or if they learned, those that the run left in `models`.
 """
 
 import argparse
@@ -23,27 +23,27 @@ import torch
 from torch import Tensor
 
 from training.corpus.emodb import SOURCE as EMODB
-from training.corpus.felt import with_emotion
+from training.corpus.emotion_weights import with_emotion
 from training.losses import lip_gap
 from training.systems.cafe_talk.train import lips_met
 from training.systems.emoface import folder_scores
 from training.systems.emoface.clips import load_clips, template_of
 from training.systems.emoface.emotion_encoder import HEARD_EMOTIONS
 from training.systems.emoface.folder_scores import face_of, regions
-from training.systems.emoface.model import CONFIGS, EmoFace, Made
+from training.systems.emoface.model import CONFIGS, EmoFace, FaceMotion
 from training.systems.emoface.rows import Spoken, mixture
 from training.systems.emoface.train import parser as training_parser
 from training.systems.emoface.train import performed, together
 
 TAUGHT = 8
-"""Sentences on which taught emotions are told."""
+"""Sentences on which taught emotions are measured."""
 CROSSED = 3
-"""Recordings of other emotions through which every sentence is felt."""
+"""Recordings of other emotions that each sentence is combined with."""
 
 
 @dataclass
 class Judged:
-    """A model with all that is needed to score it: `modes` [51, D] metres; `lips`, `upper` vertices."""
+    """A model with what is needed to score it: `modes` [51, D] metres; `lips` and `upper` vertices."""
 
     model: EmoFace
     modes: Tensor
@@ -51,7 +51,7 @@ class Judged:
     upper: np.ndarray
 
     def truth(self, clip: Spoken, emotion: Spoken | None = None) -> Tensor:
-        """[T, V, 3] metres: the clip's speech under its own label, or under that of another."""
+        """[T, V, 3] metres: the clip's speech under its own label, or under that of another clip."""
         one = emotion or clip
         frames = len(clip)
         emotion, share = mixture(one).expand(frames, -1), torch.full((frames,), one.share)
@@ -72,9 +72,9 @@ def opened(run: Path, data: Path) -> Judged:
     )
 
 
-def largest_mm(found: Tensor, truth: Tensor, among: np.ndarray) -> float:
+def largest_mm(predicted: Tensor, truth: Tensor, among: np.ndarray) -> float:
     """Mean over frames of the largest squared error among some vertices, mm²."""
-    apart = ((found - truth)[:, among] * 1e3).pow(2).sum(dim=-1)
+    apart = ((predicted - truth)[:, among] * 1e3).pow(2).sum(dim=-1)
     return float(apart.max(dim=1).values.mean())
 
 
@@ -82,7 +82,7 @@ def branches(judged: Judged, clips: list[Spoken]) -> dict[str, tuple[float, floa
     """√LVE and √EVE of the whole, of each branch, of their sum and of no motion."""
     sums: dict[str, list[tuple[float, float]]] = {}
     for clip in clips:
-        truth, made = judged.truth(clip), performed(judged.model, clip)
+        truth, whole = judged.truth(clip), performed(judged.model, clip)
         alone = {
             layer: getattr(performed(judged.model, clip, layer), layer) for layer in ("content", "emotion")
         }
@@ -90,17 +90,17 @@ def branches(judged: Judged, clips: list[Spoken]) -> dict[str, tuple[float, floa
             "no motion": torch.zeros_like(truth),
             "content branch": judged.metres(alone["content"]),
             "emotion branch": judged.metres(alone["emotion"]),
-            "their sum": judged.metres(made.content + made.emotion),
-            "under the mask": judged.metres(made.motion),
+            "their sum": judged.metres(whole.content + whole.emotion),
+            "under the mask": judged.metres(whole.motion),
         }
-        for name, found in rows.items():
-            errors = largest_mm(found, truth, judged.lips), largest_mm(found, truth, judged.upper)
+        for name, values in rows.items():
+            errors = largest_mm(values, truth, judged.lips), largest_mm(values, truth, judged.upper)
             sums.setdefault(name, []).append(errors)
-    return {name: tuple(np.sqrt(np.mean(found, axis=0))) for name, found in sums.items()}
+    return {name: tuple(np.sqrt(np.mean(values, axis=0))) for name, values in sums.items()}
 
 
 @torch.no_grad()
-def emotion_of(judged: Judged, clip: Spoken, other: Spoken) -> Made:
+def emotion_of(judged: Judged, clip: Spoken, other: Spoken) -> FaceMotion:
     """A sentence with the emotion of another recording, stretched to its length."""
     inputs = together([clip], judged.model.config, len(clip))
     at = np.linspace(0.2 * (len(other) - 1), len(other) - 1, len(clip)).round().astype(int)
@@ -109,29 +109,30 @@ def emotion_of(judged: Judged, clip: Spoken, other: Spoken) -> Made:
 
 
 def crossed(judged: Judged, clips: list[Spoken]) -> dict[str, float]:
-    """How often a face wears the emotion that the other recording was meant to have; lip gap with its take.
+    """How often a face shows the emotion that the other recording was meant to have, and r of its lip gap
+    with its own take.
 
-    The class of a face is that of the seven under which the teacher's face of this sentence lies nearest in
-    the mean over vertices and frames. It is a measure by our own tables, not by people.
+    A face belongs to the class, of seven, whose teacher's face of this sentence lies nearest in the mean over
+    vertices and frames. Our own tables measure this, not people.
     """
     right, heard, agreement = [], [], []
     for n, clip in enumerate(clips):
-        own = performed(judged.model, clip)
+        own_take = performed(judged.model, clip)
         others = [c for c in clips if c.name[:2] == clip.name[:2] and c.label != clip.label]
         for other in others[n % 7 :: max(1, len(others) // CROSSED)][:CROSSED]:
-            made = emotion_of(judged, clip, other)
-            found = judged.metres(made.motion)
+            mixed_take = emotion_of(judged, clip, other)
+            motion = judged.metres(mixed_take.motion)
             label = {
                 f: Spoken("", "", True, [], clip.emotion, clip.weights, f, other.share)
                 for f in HEARD_EMOTIONS
             }
             apart = {
-                f: float((found - judged.truth(clip, one)).norm(dim=-1).mean()) for f, one in label.items()
+                f: float((motion - judged.truth(clip, one)).norm(dim=-1).mean()) for f, one in label.items()
             }
             right.append(min(apart, key=apart.get) == other.label)
             shares = other.emotion[len(other) // 2 :, -len(HEARD_EMOTIONS) :].float().mean(dim=0)
             heard.append(HEARD_EMOTIONS[int(shares.argmax())] == other.label)
-            agreement.append(_gap_r(judged, own, made))
+            agreement.append(_gap_r(judged, own_take, mixed_take))
     return {
         "felt as the other recording": float(np.mean(right)),
         "of those whose emotion was heard right": float(np.mean(np.array(right)[np.array(heard)])),
@@ -140,34 +141,34 @@ def crossed(judged: Judged, clips: list[Spoken]) -> dict[str, float]:
     }
 
 
-def _gap_r(judged: Judged, one: Made, two: Made) -> float:
+def _gap_r(judged: Judged, one: FaceMotion, two: FaceMotion) -> float:
     at = judged.model.config.landmarks
     gaps = [lip_gap(judged.metres(x.motion)[:, at].flatten(1)).numpy() for x in (one, two)]
     return float(np.corrcoef(*gaps)[0, 1])
 
 
 def taught(judged: Judged, clips: list[Spoken]) -> dict[str, tuple[float, float]]:
-    """How far each taught emotion goes where it is told by its mean features.
+    """How far each taught emotion goes when its mean features are the input.
 
-    The least-squares slope of what it adds to the neutral face over what the teacher's adds, mean over the
-    frames of a clip, and the cosine.
+    The slope, by least squares, of what it adds to the neutral face over what the teacher's adds, mean over
+    the frames of a clip; and the cosine.
     """
     out = {}
     neutral = [_under_label(judged, clip, HEARD_EMOTIONS[0]) for clip in clips]
     for emotion in HEARD_EMOTIONS[1:]:
         pairs = []
-        for clip, (found, truth) in zip(clips, neutral, strict=True):
-            made, meant = _under_label(judged, clip, emotion)
-            pairs.append((made - found, meant - truth))
-        made, meant = (torch.cat([pair[k].flatten() for pair in pairs]) for k in (0, 1))
-        along = made @ meant
-        out[emotion] = float(along / (meant @ meant)), float(along / (made.norm() * meant.norm()))
+        for clip, (neutral_motion, truth) in zip(clips, neutral, strict=True):
+            predicted, meant = _under_label(judged, clip, emotion)
+            pairs.append((predicted - neutral_motion, meant - truth))
+        predicted, meant = (torch.cat([pair[k].flatten() for pair in pairs]) for k in (0, 1))
+        along = predicted @ meant
+        out[emotion] = float(along / (meant @ meant)), float(along / (predicted.norm() * meant.norm()))
     return out
 
 
 @torch.no_grad()
 def _under_label(judged: Judged, clip: Spoken, emotion: str) -> tuple[Tensor, Tensor]:
-    """Mean faces [V, 3] metres, made and true, of a sentence under an emotion that is told."""
+    """Mean faces [V, 3] metres, predicted and true, of a sentence under an emotion that is the label."""
     inputs = together([clip], judged.model.config, len(clip))
     inputs.emotion = judged.model.prototypes[HEARD_EMOTIONS.index(emotion)].expand(1, len(clip), -1)
     label = Spoken("", "", True, [], clip.emotion, clip.weights, emotion)
@@ -182,8 +183,8 @@ def recorded(judged: Judged, clips: list[Spoken]) -> dict[str, float]:
     for source in sorted({c.source for c in clips}):
         errors = []
         for clip in (c for c in clips if c.source == source):
-            found = judged.metres(performed(judged.model, clip).motion)
-            errors.append(largest_mm(found, judged.truth(clip), judged.lips))
+            predicted = judged.metres(performed(judged.model, clip).motion)
+            errors.append(largest_mm(predicted, judged.truth(clip), judged.lips))
         out[source] = float(np.sqrt(np.mean(errors)))
     return out
 
@@ -192,8 +193,8 @@ def masks(judged: Judged, clips: list[Spoken]) -> dict[str, float]:
     """w, mean over frames, at the mouth, the jaw and the eyes: the paper's figure 4 in three numbers."""
     at = judged.model.config.landmarks
     regions = {"mouth": at[48:], "jaw": at[4:13], "eyes and brows": at[17:27] + at[36:48]}
-    found = torch.stack([performed(judged.model, clip).mask[0].mean(dim=0) for clip in clips]).mean(dim=0)
-    return {name: float(found[places].mean()) for name, places in regions.items()}
+    mask = torch.stack([performed(judged.model, clip).mask[0].mean(dim=0) for clip in clips]).mean(dim=0)
+    return {name: float(mask[places].mean()) for name, places in regions.items()}
 
 
 def parser() -> argparse.ArgumentParser:
@@ -203,7 +204,9 @@ def parser() -> argparse.ArgumentParser:
     parser.add_argument(
         "--run", type=Path, action="append", required=True, help="emoface.pt; may be repeated"
     )
-    parser.add_argument("--clips", type=int, default=1000, help="felt clips at most, evenly drawn")
+    parser.add_argument(
+        "--clips", type=int, default=1000, help="most emotional clips to measure, evenly drawn"
+    )
     return parser
 
 
@@ -218,17 +221,17 @@ def main() -> None:
                 print(f"  {line}")
         return
     held_out = [c for c in load_clips(arguments, CONFIGS[arguments.config]()) if c.held_out]
-    felt = [c for c in held_out if c.source == EMODB]
-    felt = felt[:: max(1, len(felt) // arguments.clips)][: arguments.clips]
+    emotional = [c for c in held_out if c.source == EMODB]
+    emotional = emotional[:: max(1, len(emotional) // arguments.clips)][: arguments.clips]
     spoken = [c for s in ("grid_s1", "facegood_zh") for c in [c for c in held_out if c.source == s][:24]]
     for run in arguments.run:
         judged = opened(run, arguments.data)
-        print(run, f"{len(felt)} felt clips")
-        for name, (lips, upper) in branches(judged, felt).items():
+        print(run, f"{len(emotional)} felt clips")
+        for name, (lips, upper) in branches(judged, emotional).items():
             print(f"  {name:16s} √LVE {lips:.2f} mm, √EVE {upper:.2f} mm")
-        for name, (slope, cosine) in taught(judged, felt[:: max(1, len(felt) // TAUGHT)]).items():
+        for name, (slope, cosine) in taught(judged, emotional[:: max(1, len(emotional) // TAUGHT)]).items():
             print(f"  {name:16s} slope {slope:.2f}, cosine {cosine:.2f}")
-        for numbers in (recorded(judged, spoken), masks(judged, felt), crossed(judged, felt)):
+        for numbers in (recorded(judged, spoken), masks(judged, emotional), crossed(judged, emotional)):
             print("  " + ", ".join(f"{name} {value:.3f}" for name, value in numbers.items()))
 
 

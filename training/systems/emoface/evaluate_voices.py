@@ -1,13 +1,12 @@
-"""What EmoFace shows of voices that are chosen for their emotion, and of people who read calmly.
+"""What EmoFace shows for voices chosen for their emotion, and for people who read calmly.
 
     python -m training.systems.emoface.evaluate_voices --data ../shared/data --anyface target/release/anyface
 
-Two people whom nobody taught an emotion (a man of grid_s1, a woman of nathalie_nl) say a line under the
-recordings of the two actors of emodb_de who are held out (`--emotion-of`). Motion is told against the same
-line without an emotion, in mm on a human head: brows up, corners up, r of the lips' gap. The class of a
-face is that of the emotion whose face, asked for by name, has the most similar direction in the mean over
-frames. A neutral reading shows an emotion where a brow or a lid is more than 1.5 mm from the same reading
-without an emotion.
+Two people whom nobody taught an emotion (a man of grid_s1, a woman of nathalie_nl) say a line under
+recordings of the two held-out actors of emodb_de (`--emotion-of`). Motion is compared with the same line
+without an emotion, in mm on a human head: brows up, corners up, r of the lips' gap. A face belongs to the
+emotion whose face under `--emotion` has the most similar direction in the mean over frames. A neutral reading
+shows an emotion where a brow or a lid is more than 1.5 mm from the same reading without an emotion.
 """
 
 import tempfile
@@ -19,7 +18,7 @@ import numpy as np
 import soundfile
 
 from training.corpus.clip import read_sound
-from training.corpus.emodb import SOURCE, read_felt
+from training.corpus.emodb import SOURCE, read_acted
 from training.corpus.tracks import SOUND_HZ
 from training.engine import Engine
 from training.flags import run_command
@@ -43,17 +42,17 @@ SHOWN = ("angry", "sad", "happy", "afraid", "disgusted")
 BROWS, CORNERS, UPPER = [19, 20, 21, 22, 23, 24], [48, 54], [*range(17, 27), *range(36, 48)]
 SEEN_MM = 1.5
 GRID_STEP, GRID_COUNT = 20, 40
-"""Every twentieth clip of grid_s1 is among those that are held out."""
+"""Every twentieth clip of grid_s1; all of these are held out."""
 
 
 def motion(engine: Engine, sound: Path, *more) -> np.ndarray:
     """Landmarks of a sound, [T, 68, 3] mm."""
-    found = engine.run("motion", "--audio", sound, *STILL, *more)
-    return found["landmark_displacements"].astype(float) * 1e3
+    arrays = engine.run("motion", "--audio", sound, *STILL, *more)
+    return arrays["landmark_displacements"].astype(float) * 1e3
 
 
 def gap(moved: np.ndarray) -> np.ndarray:
-    """[T], of the lips."""
+    """Lip gap, [T]."""
     return moved[:, 62, 1] - moved[:, 66, 1]
 
 
@@ -62,12 +61,12 @@ def borrowed(engine: Engine, data: Path, line: Path, limit: int) -> Iterator[str
     plain = motion(engine, line, "--emotion-from", "off")
     faces = {name: (motion(engine, line, "--emotion", f"{name}:1") - plain).mean(axis=0) for name in SHOWN}
     rows, right = defaultdict(list), []
-    for clip in read_felt(data):
+    for clip in read_acted(data):
         if not clip.held_out or clip.emotion not in SHOWN or len(rows[clip.emotion]) == limit:
             continue
-        made = motion(engine, line, "--emotion-of", data / "speech" / SOURCE / f"{clip.name}.ogg")
-        face = (made - plain).mean(axis=0)
-        r = np.corrcoef(gap(made), gap(plain))[0, 1]
+        moved = motion(engine, line, "--emotion-of", data / "speech" / SOURCE / f"{clip.name}.ogg")
+        face = (moved - plain).mean(axis=0)
+        r = np.corrcoef(gap(moved), gap(plain))[0, 1]
         rows[clip.emotion].append((face[BROWS, 1].mean(), face[CORNERS, 1].mean(), r))
         nearest = min(faces, key=lambda name: angle(face, faces[name]))
         right.append(nearest == clip.emotion)
@@ -81,26 +80,27 @@ def borrowed(engine: Engine, data: Path, line: Path, limit: int) -> Iterator[str
 
 
 def angle(a: np.ndarray, b: np.ndarray) -> float:
-    """Between two faces, whatever their strength."""
+    """Angle between two faces, whatever their strength."""
     return -float((a * b).sum() / (np.linalg.norm(a) * np.linalg.norm(b) + 1e-9))
 
 
 def neutral(engine: Engine, name: str, sounds: list[Path]) -> str:
-    """How much of calm readings shows an emotion, and how far from rest the face is in silence after them."""
-    seen, shown, ends = [], 0, []
+    """The share of calm readings that shows an emotion, and how far from rest the face is in the silence
+    after them."""
+    emotional, shown, ends = [], 0, []
     for sound in sounds:
-        made = motion(engine, sound)
+        moved = motion(engine, sound)
         with tempfile.TemporaryDirectory() as folder:
             longer = Path(folder) / "longer.wav"
             samples = read_sound(sound)
             soundfile.write(longer, np.concatenate([samples, np.zeros(SOUND_HZ, samples.dtype)]), SOUND_HZ)
             ends.append(np.linalg.norm(motion(engine, longer)[-1], axis=1).max())
-        apart = np.linalg.norm(made - motion(engine, sound, "--emotion-from", "off"), axis=2)[:, UPPER].max(
+        apart = np.linalg.norm(moved - motion(engine, sound, "--emotion-from", "off"), axis=2)[:, UPPER].max(
             axis=1
         )
-        seen += list(apart > SEEN_MM)
+        emotional += list(apart > SEEN_MM)
         shown += bool((apart > SEEN_MM).any())
-    return (f"  {name:12s} {len(sounds)} readings: an emotion in {100 * np.mean(seen):.1f} % of frames, "
+    return (f"  {name:12s} {len(sounds)} readings: an emotion in {100 * np.mean(emotional):.1f} % of frames, "
             f"in {shown} readings; a second after it {np.median(ends):.1f} mm from rest in the median, "
             f"{max(ends):.1f} at most")  # fmt: skip
 

@@ -38,7 +38,7 @@ def spoken(folder: CorpusFolder, encoders: Encoders, fps: float) -> list[Spoken]
     """Every clip with vertices, `weights` [T, 3 V] metres, as both encoders hear it."""
     if folder.head_moves:
         raise ValueError(f"{folder.path}: head: expected still vertices for EmoFace, got moves")
-    found = []
+    clips = []
     for row in folder.rows:
         motion = _motion(folder, row, folder.topology(row), fps)
         if motion is None:
@@ -54,10 +54,10 @@ def spoken(folder: CorpusFolder, encoders: Encoders, fps: float) -> list[Spoken]
         )  # fmt: skip
         if encoders.learn:
             clip.sound, clip.voice = sound, voice
-        found.append(clip)
-    if not found:
+        clips.append(clip)
+    if not clips:
         raise ValueError(f"{folder.path}: expected clips with vertices, got none")
-    return found
+    return clips
 
 
 def _motion(folder: CorpusFolder, row: Row, topology: Topology, fps: float) -> Tensor | None:

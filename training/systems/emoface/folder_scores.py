@@ -1,10 +1,10 @@
-"""What a model is worth on held-out clips of a corpus folder, against vertices that were recorded.
+"""What a model is worth on held-out clips of a corpus folder, against recorded vertices.
 
 LVE and EVE are those of `training.paper.metrics`, mm²: over vertices within 8 mm of the lips' landmarks, and
 over those above the middle of the nose; means over clips. Clips start from rest, or after the paper's recipe
 from their own first frame. Recordings with a partner are also crossed: the content of one under the emotion
-of the other, against the other's motion at its times; `nearer` says how often that lies nearer, in the mean
-over vertices and frames, than the motion of the emotion that was taken away.
+of the other, compared with the other's motion at its times. `nearer` is how often the crossed motion lies
+nearer to that than to the motion of the replaced emotion, in the mean over vertices and frames.
 """
 
 from argparse import Namespace
@@ -32,7 +32,7 @@ LIP_REACH_M = 8e-3
 
 @dataclass
 class Scores:
-    """Of one kind of performance; `nearer` where the emotion was another's."""
+    """Scores of one kind of performance; `nearer` only if the emotion was another recording's."""
 
     name: str
     clips: int
@@ -61,7 +61,7 @@ def regions(points: np.ndarray, landmarks: np.ndarray) -> tuple[np.ndarray, np.n
 
 
 def lines(run: Path, arguments) -> Iterator[Scores]:
-    """Scores of no motion, of own emotions, and of crossed ones where the folder has pairs."""
+    """Scores of no motion, of own emotions, and of crossed ones if the folder has pairs."""
     model, saved = face_of(run)
     clips = read_held_out(run, model.config, saved, arguments)
     about = regions(saved["vertices"].numpy(), np.array(model.config.landmarks))
@@ -71,11 +71,13 @@ def lines(run: Path, arguments) -> Iterator[Scores]:
     pairs = Pairs(clips)
     crossed = [(c, pairs.cross(c, other)) for c in clips for other in pairs.of(c)]
     if crossed:
-        made = [perform_clip(model, felt, starts) for _, felt in crossed]
-        found = score("crossed", [(c.weights, x) for (_, c), x in zip(crossed, made, strict=True)], about)
-        apart = [[_mean_apart(x, c.weights) for c in pair] for pair, x in zip(crossed, made, strict=True)]
-        found.nearer = float(np.mean([there < here for here, there in apart]))
-        yield found
+        motions = [perform_clip(model, mixed, starts) for _, mixed in crossed]
+        crossed_score = score(
+            "crossed", [(c.weights, x) for (_, c), x in zip(crossed, motions, strict=True)], about
+        )
+        apart = [[_mean_apart(x, c.weights) for c in pair] for pair, x in zip(crossed, motions, strict=True)]
+        crossed_score.nearer = float(np.mean([there < here for here, there in apart]))
+        yield crossed_score
 
 
 def read_held_out(run: Path, config: EmoFaceConfig, saved: dict, arguments) -> list[Spoken]:
@@ -96,7 +98,8 @@ def read_held_out(run: Path, config: EmoFaceConfig, saved: dict, arguments) -> l
 
 
 def encoders_of_run(run: Path, config: EmoFaceConfig, saved: dict, arguments) -> Encoders:
-    """Of the command line, or those that learned with the run; of the kinds that it was trained with."""
+    """The encoders of the command line, or those trained with the run; they must be of the kinds used in
+    training."""
     arguments = Namespace(**vars(arguments))
     if saved.get("tuned"):
         models, hears, feels = run.parent / MODELS, config.speech.encoder, config.emotion
@@ -110,12 +113,12 @@ def encoders_of_run(run: Path, config: EmoFaceConfig, saved: dict, arguments) ->
     inputs = [x.transformer_fps for x in (config.speech, config.emotion) if x is not None]
     arguments.tune_encoders = False
     encoders = encoders_of(arguments, config, any(x is not None for x in inputs))
-    for flag, wanted, got in (
+    for flag, expected, got in (
         ("--speech or --hubert", config.speech, encoders.speech.about),
         ("--emotion-encoder or --emotion-hubert", config.emotion, encoders.emotion.about),
     ):
         one, two = (
-            f"{x.encoder} of {x.channels} channels" if x else "emotion_encoder" for x in (wanted, got)
+            f"{x.encoder} of {x.channels} channels" if x else "emotion_encoder" for x in (expected, got)
         )
         if one != two:
             raise ValueError(f"{flag}: expected {one} as in training, got {two}; name that encoder")
@@ -129,10 +132,10 @@ def perform_clip(model: EmoFace, clip: Spoken, starts: bool) -> Tensor:
 
 
 def score(name: str, pairs: list[tuple[Tensor, Tensor]], about: tuple[np.ndarray, np.ndarray]) -> Scores:
-    """Of truths and motions [T, 3 V] metres."""
+    """Scores of truths and motions [T, 3 V] metres."""
     errors = []
-    for truth, found in pairs:
-        g, p = (1e3 * x.unflatten(1, (-1, 3)).double().numpy() for x in (truth, found))
+    for truth, predicted in pairs:
+        g, p = (1e3 * x.unflatten(1, (-1, 3)).double().numpy() for x in (truth, predicted))
         errors.append([worst_point(p[:, among], g[:, among]) for among in about])
     return Scores(name, len(pairs), *np.mean(errors, axis=0).tolist())
 

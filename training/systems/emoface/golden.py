@@ -40,7 +40,7 @@ def write(out: Path, shared: Path) -> Path:
         torch.linspace(0.0, 1.5, FRAMES)[None],
     )
     first = torch.randn(1, 3 * config.vertices)
-    made = model.perform(inputs, first)
+    performance = model.perform(inputs, first)
     shares = torch.softmax(torch.randn(len(config.emotions)), dim=0)
     tensors = {
         "weights.spirals": torch.from_numpy(around).float(),
@@ -48,10 +48,10 @@ def write(out: Path, shared: Path) -> Path:
         "emotion": inputs.emotion[0],
         "level": inputs.level[0],
         "first": (first * config.scale_m).unflatten(1, (-1, 3))[0],
-        "motion": made.motion[0] * config.scale_m,
-        "content_motion": made.content[0] * config.scale_m,
-        "emotion_motion": made.emotion[0] * config.scale_m,
-        "mask": made.mask[0],
+        "motion": performance.motion[0] * config.scale_m,
+        "content_motion": performance.content[0] * config.scale_m,
+        "emotion_motion": performance.emotion[0] * config.scale_m,
+        "mask": performance.mask[0],
         "shares": shares,
         "prototype": shares @ model.prototypes,
     }

@@ -47,7 +47,7 @@ class EmoFaceConfig(Config):
     speech: SpeechInput = field(default_factory=SpeechInput)
     emotion: SpeechInput | None = None
     emotion_ear: bool = False
-    """Whether the emotion branch gets the mean features of the emotion that the ear hears in a voice."""
+    """Whether the emotion branch gets the mean features of the emotion that the ear hears in the voice."""
     emotion_channels: int = 13
     emotions: list[str] = field(default_factory=lambda: list(HEARD_EMOTIONS))
     styles: list[str] = field(default_factory=lambda: ["grid_s1", "facegood_zh", "emodb_de", ANY_STYLE])
@@ -81,14 +81,15 @@ class Branch(nn.Module):
         nn.init.zeros_(self.motion_out.bias)
 
     def forward(self, before: Tensor, heard: Tensor, condition: Tensor) -> Tensor:
-        """`before` [B, T, D] the frame before each, `heard` [B, T, C], `condition` [B, T, d] → [B, T, D]."""
+        """`before` [B, T, D] holds the frame before each; `heard` [B, T, C], `condition` [B, T, d] → [B, T,
+        D]."""
         x = self._entered(before, condition, 0)
         return self._left(self.norm1(x + self.self_attn(x)), heard)
 
-    def step(self, before: Tensor, heard: Tensor, condition: Tensor, frame: int, kept: list) -> Tensor:
+    def step(self, before: Tensor, heard: Tensor, condition: Tensor, frame: int, cache: list) -> Tensor:
         """As `forward` for frame number `frame` alone, [B, 1, …]."""
         x = self._entered(before, condition, frame)
-        return self._left(self.norm1(x + self.self_attn.step(x, kept)), heard)
+        return self._left(self.norm1(x + self.self_attn.step(x, cache)), heard)
 
     def _entered(self, before: Tensor, condition: Tensor, frame: int) -> Tensor:
         x = self.motion_in(before) + condition
@@ -101,7 +102,7 @@ class Branch(nn.Module):
 
 
 class MeshAttention(nn.Module):
-    """For every vertex and frame how far the emotion branch is believed, 0 to 1 (§3.2)."""
+    """Share of the emotion branch for every vertex and frame, 0 to 1 (§3.2)."""
 
     def __init__(self, config: EmoFaceConfig, spirals: np.ndarray):
         super().__init__()
@@ -126,8 +127,10 @@ class MeshAttention(nn.Module):
 
 @dataclass
 class Inputs:
-    """What a stretch is made from: `content` [B, T, speech channels], `emotion` [B, T, emotion channels],
-    `style` [B], `level` [B, T] of emotion from 0 to 1.5.
+    """Inputs of a stretch.
+
+    `content` [B, T, speech channels], `emotion` [B, T, emotion channels], `style` [B], `level` [B, T] of
+    emotion from 0 to 1.5.
     """
 
     content: Tensor
@@ -137,7 +140,7 @@ class Inputs:
 
 
 @dataclass
-class Made:
+class FaceMotion:
     """`motion`, `content`, `emotion` [B, T, D] in units of `scale_m`; `mask` [B, T, V] is w."""
 
     motion: Tensor
@@ -160,11 +163,11 @@ class EmoFace(nn.Module):
         self.mesh_attention = MeshAttention(config, spirals)
         self.register_buffer("prototypes", torch.zeros(len(config.emotions), config.emotion_channels))
 
-    def forward(self, before: Tensor, inputs: Inputs) -> Made:
+    def forward(self, before: Tensor, inputs: Inputs) -> FaceMotion:
         """`before` [B, T, D] is the frame before each frame, in units of `scale_m`."""
         content, emotion = self.content_in(inputs.content), self.emotion_in(inputs.emotion)
-        plain, felt = self._conditions(inputs)
-        parts = self.content(before, content, plain), self.emotion(before, emotion, felt)
+        plain, emotional = self._conditions(inputs)
+        parts = self.content(before, content, plain), self.emotion(before, emotion, emotional)
         return self.fused(*parts, self.mesh_attention(content, emotion))
 
     def _conditions(self, inputs: Inputs) -> tuple[Tensor, Tensor]:
@@ -174,32 +177,34 @@ class EmoFace(nn.Module):
             0
         ] + level * self.level[1]
 
-    def fused(self, content: Tensor, emotion: Tensor, mask: Tensor) -> Made:
+    def fused(self, content: Tensor, emotion: Tensor, mask: Tensor) -> FaceMotion:
         """Both branches [B, T, D] under the mask [B, T, V]."""
         if self.config.fusion == "sum":
-            return Made(content + emotion, content, emotion, mask)
+            return FaceMotion(content + emotion, content, emotion, mask)
         w = mask.repeat_interleave(3, dim=-1)
-        return Made(w * emotion + (1.0 - w) * content, content, emotion, mask)
+        return FaceMotion(w * emotion + (1.0 - w) * content, content, emotion, mask)
 
     @torch.no_grad()
-    def perform(self, inputs: Inputs, first: Tensor | None = None, layer: str = "motion") -> Made:
-        """Frame after frame from a first pose [B, D] (the template if none); as `layer` `content` and
-        `emotion` go on from themselves alone."""
+    def perform(self, inputs: Inputs, first: Tensor | None = None, layer: str = "motion") -> FaceMotion:
+        """Predicts frame after frame from a first pose [B, D] (the template if None).
+
+        With `layer` `content` or `emotion` the next frame follows from that branch alone.
+        """
         content, emotion = self.content_in(inputs.content), self.emotion_in(inputs.emotion)
-        plain, felt = self._conditions(inputs)
+        plain, emotional = self._conditions(inputs)
         mask = self.mesh_attention(content, emotion)
         rows, size = inputs.style.shape[0], 3 * self.config.vertices
         before = (torch.zeros(rows, size) if first is None else first)[:, None]
-        kept, frames = ([], []), []
+        caches, frames = ([], []), []
         for t in range(content.shape[1]):
             now = slice(t, t + 1)
-            made = self.fused(self.content.step(before, content[:, now], plain[:, now], t, kept[0]),
-                              self.emotion.step(before, emotion[:, now], felt[:, now], t, kept[1]),
+            frame = self.fused(self.content.step(before, content[:, now], plain[:, now], t, caches[0]),
+                              self.emotion.step(before, emotion[:, now], emotional[:, now], t, caches[1]),
                               mask[:, now])  # fmt: skip
-            frames.append(made)
-            before = getattr(made, layer)
+            frames.append(frame)
+            before = getattr(frame, layer)
         parts = ("motion", "content", "emotion", "mask")
-        return Made(*(torch.cat([getattr(f, part) for f in frames], dim=1) for part in parts))
+        return FaceMotion(*(torch.cat([getattr(f, part) for f in frames], dim=1) for part in parts))
 
 
 def compact_config(vertices: int = 2000) -> EmoFaceConfig:

@@ -1,7 +1,7 @@
 """Pairs of a corpus folder: one speaker says one sentence in two emotions (EmoFace §3.3.2).
 
-The two recordings differ in tempo. What one shows at a time of the other is found by dynamic time warping on
-what the speech encoder hears in both, so that content of one and emotion of the other have a true motion.
+The two recordings differ in tempo. Dynamic time warping on the speech encoder's features of both maps the
+times of one to the other, so that content of one with emotion of the other has a true motion.
 """
 
 import re
@@ -18,11 +18,11 @@ from training.paper.metrics import best_path, path_costs
 from training.systems.emoface.rows import Spoken
 
 SMOOTH_FRAMES = 5
-"""Steps of a path are whole frames; their mean over so many makes its pace even."""
+"""A path has steps of whole frames; a mean over so many frames evens its pace."""
 
 
 def sentence(text: str) -> str:
-    """Words of a text without case and punctuation; two recordings with the same say the same."""
+    """Words of a text without case and punctuation. Recordings with the same words say the same."""
     return " ".join(re.findall(r"\w+", text.casefold()))
 
 
@@ -45,14 +45,14 @@ class Pairs:
         return self.partners[clip.name]
 
     def path(self, clip: Spoken, other: Spoken) -> Tensor:
-        """For every frame of a clip the place in the other, in its frames, [T]."""
+        """Place in the other clip for every frame of a clip, in the other's frames, [T]."""
         key = clip.name, other.name
         if key not in self.paths:
             self.paths[key] = torch.from_numpy(align(*map(_standard, (clip, other))))
         return self.paths[key]
 
     def cross(self, clip: Spoken, other: Spoken) -> Spoken:
-        """A clip with the emotion of the other, whose motion at the clip's times is the truth."""
+        """A clip with the emotion of the other. The other's motion at the clip's times is the truth."""
         at = self.path(clip, other)
         emotion, weights = (interpolate(x, at) for x in (other.emotion, other.weights))
         label = {"label": other.label, "share": other.share}
@@ -61,13 +61,13 @@ class Pairs:
 
 def align(x: np.ndarray, y: np.ndarray) -> np.ndarray:
     """Rows of `x` [T, C] → places among rows of `y` [S, C] that sound alike, never backwards, [T] f32."""
-    found = np.array(best_path(path_costs(cdist(x, y), np.add)))
-    sums = np.bincount(found[:, 0], weights=found[:, 1], minlength=len(x))
-    places = sums / np.bincount(found[:, 0], minlength=len(x))
+    path = np.array(best_path(path_costs(cdist(x, y), np.add)))
+    sums = np.bincount(path[:, 0], weights=path[:, 1], minlength=len(x))
+    places = sums / np.bincount(path[:, 0], minlength=len(x))
     return uniform_filter1d(places, SMOOTH_FRAMES, mode="nearest").astype(np.float32)
 
 
 def _standard(clip: Spoken) -> np.ndarray:
-    """F_c, every channel at mean 0 and deviation 1: what lasts, such as a voice's colour, is gone."""
+    """F_c with every channel at mean 0 and deviation 1. That removes the voice's lasting colour."""
     x = clip.content[0].double().numpy()
     return (x - x.mean(axis=0)) / np.maximum(x.std(axis=0), 1e-6)

@@ -14,30 +14,32 @@ from training.systems.freetalk.recipes import Recipe
 
 @dataclass(frozen=True, kw_only=True)
 class EmoFaceRecipe(Recipe):
-    """A recipe whose lengths are metres and whose `velocity` is λ3 of eq. 11. It is `plain` where L_self and
-    L_cross are summed as printed; otherwise all rows have one mean."""
+    """A recipe whose lengths are metres and whose `velocity` is λ3 of eq. 11.
+
+    If it is `plain`, L_self and L_cross are summed as printed. Otherwise all rows have one mean.
+    """
 
     average: float | None = None
-    """Decay of the averaged weights that are kept; none keeps the last ones."""
+    """Decay of the averaged weights that are saved; None saves the last weights."""
     velocity: float = 500.0
     acceleration: float = 0.0
     length: int | None = None
-    """In steps; none: of `epochs`."""
+    """Length in steps; None: `epochs` counts."""
     clip: float
-    """Longest gradient."""
+    """Greatest norm of the gradient."""
     concordance: float
-    """Weight of what a viewer sees of the mouth; ours."""
+    """Weight of the features that a viewer sees of the mouth; ours."""
     classification: float
     """λ4 of eq. 11."""
     whole: bool
     """Whether a batch is one recording from end to end and one of its pairs; otherwise stretches of many."""
     encoder_share: float
-    """Rate of encoders that learn too, over that of the model."""
+    """Rate of trained encoders relative to the model's."""
     reconstruction: float = 1000.0
     """λ1 = λ2 of eq. 11."""
 
     def steps(self, windows: int) -> int:
-        """How many it takes with so many training clips."""
+        """Number of steps for this many training clips."""
         return self.length or super().steps(windows)
 
 

@@ -12,8 +12,11 @@ from training.systems.emoface.rows import Batch, Rows, Spoken
 
 
 class RecordedRows(Rows):
-    """Draws batches. A recording with a partner gives two rows: its content with its own emotion and its own
-    motion, and its content with the partner's emotion and the partner's motion at its own times."""
+    """Draws batches.
+
+    A recording with a partner gives two rows. One has its content with its own emotion and motion. The other
+    has its content with the partner's emotion, and the partner's motion at its own times.
+    """
 
     def __init__(self, clips: list[Spoken], config: EmoFaceConfig, encoders: Encoders, seed: int,
                  worn_share: float = 0.0):  # fmt: skip
@@ -29,7 +32,7 @@ class RecordedRows(Rows):
         return sum(bool(self.pairs.of(c)) for c in self.training)
 
     def batch(self, count: int, frames: int) -> Batch:
-        """`count` rows of `frames` frames, or one more where the last is of a pair."""
+        """`count` rows of `frames` frames, or one more if the last belongs to a pair."""
         rows, recordings = [], []
         while len(rows) < count:
             source = self.sources[int(self.random.choice(len(self.sources), p=self.shares))]
@@ -39,7 +42,7 @@ class RecordedRows(Rows):
         return _batch(rows, recordings)
 
     def whole(self, step: int) -> Batch:
-        """One recording from end to end, each once in as many steps; its first frame stands before itself."""
+        """One recording from end to end, each once in an epoch. Its first frame precedes itself."""
         epoch, place = divmod(step, len(self.training))
         order = np.random.default_rng([self.seed, epoch]).permutation(len(self.training))
         clip = self.training[order[place]]

@@ -7,15 +7,15 @@ import torch
 from torch import Tensor
 
 from training.corpus.conditions import EMOTIONS
-from training.corpus.felt import with_emotion
+from training.corpus.emotion_weights import with_emotion
 from training.corpus.windows import interpolate
 from training.systems.emoface.model import ANY_STYLE, EmoFaceConfig, Inputs
 
 NEUTRAL = "neutral"
 NEUTRAL_SHARE = 0.45
-"""Rows of recorded neutral speech that stay neutral; the others take the emotion of another recording."""
+"""Share of recorded neutral speech that stays neutral; the rest takes the emotion of another recording."""
 OWN_SHARE = 0.5
-"""Rows of felt speech with their own emotion: eq. 7; the others are the paper's crossed pairs, eq. 8."""
+"""Share of acted speech with its own emotion (eq. 7); the rest are the paper's crossed pairs (eq. 8)."""
 CHANGING_SHARE = 0.25
 LEVEL_ONE_SHARE, HIGHEST_LEVEL = 0.4, 1.5
 UNNAMED_STYLE_SHARE = 0.5
@@ -26,10 +26,12 @@ TEMPO_OCTAVES = 0.25
 @dataclass
 class Spoken:
     """A clip: `content` [voices][T, C], `emotion` [T, E] as its encoder hears it, `weights` [T, 51] of
-    neutral speech. `label` is how it was felt, `share` how far listeners agreed, 0 to 1. Where the felt face
-    itself `is_recorded`, `weights` [T, 3 V] are its displacements in metres and `share` is its intensity.
-    `text` is what it says, empty where that or how it was felt is unknown; `sound` and `voice` are what
-    encoders that learn start from.
+    neutral speech.
+
+    `label` is its emotion, `share` how far listeners agreed, 0 to 1. If the emotional face itself
+    `is_recorded`, `weights` [T, 3 V] are its displacements in metres and `share` is its intensity. `text` is
+    what it says, empty if the text or the emotion is unknown. `sound` and `voice` are the inputs of encoders
+    that learn.
     """
 
     name: str
@@ -51,11 +53,12 @@ class Spoken:
 
 @dataclass
 class Batch:
-    """`inputs` as the model takes them; `weights` [B, T, 51] felt, `before` [B, T, 51] the frame before each.
+    """A batch. `inputs` as the model takes them; `weights` [B, T, 51] with the emotion; `before` [B, T, 51]
+    the frame before each.
 
-    Of recorded faces both are [B, T, 3 V]; `crossed` [B] says which rows have the emotion of another
-    recording. `logits` [N, K] are what encoders that learn tell of the recordings in the batch, `labels` [N]
-    their classes.
+    Of recorded faces both are [B, T, 3 V], and `crossed` [B] says which rows have the emotion of another
+    recording. With encoders that learn, `logits` [N, K] are their class logits for the recordings of the
+    batch, `labels` [N] the true classes.
     """
 
     inputs: Inputs
@@ -78,18 +81,21 @@ class Rows:
         met,
         worn_share: float = 0.0,
     ):
-        """`met` tells where lips meet in weights; in `worn_share` of the rows the frames before wear another
-        emotion than the one that is heard, so that it is learned from the voice and not from them."""
+        """`met` tells where lips meet in weights.
+
+        In `worn_share` of the rows the frames before show another emotion than the voice, so that the model
+        learns the emotion from the voice and not from the frames before.
+        """
         self.config, self.met, self.worn_share = config, met, worn_share
         self.random = np.random.default_rng(seed)
         self.clips = {s: [c for c in clips if c.source == s and not c.held_out] for s in shares}
-        empty = [s for s, found in self.clips.items() if not found]
+        empty = [s for s, group in self.clips.items() if not group]
         if empty:
             raise ValueError(f"{empty[0]}: expected training clips, got none")
         self.sources = list(shares)
         self.shares = np.array(list(shares.values())) / sum(shares.values())
-        felt = [c for group in self.clips.values() for c in group]
-        self.felt = {f: [c for c in felt if c.label == f] for f in config.emotions}
+        all_clips = [c for group in self.clips.values() for c in group]
+        self.by_emotion = {f: [c for c in all_clips if c.label == f] for f in config.emotions}
 
     def batch(self, count: int, frames: int) -> Batch:
         """`count` rows of `frames` frames."""
@@ -109,12 +115,12 @@ class Rows:
         level = float(self.random.uniform(0.0, HIGHEST_LEVEL))
         level = 1.0 if self.random.random() < LEVEL_ONE_SHARE else level
         met = self.met(spoken)
-        felt = with_emotion(spoken, emotion, level * share, met)
-        worn = self._worn(spoken, met) if self.random.random() < self.worn_share else felt.clone()
+        acted = with_emotion(spoken, emotion, level * share, met)
+        worn = self._worn(spoken, met) if self.random.random() < self.worn_share else acted.clone()
         if start == 0.0:
             worn[0] = 0.0
         named = self._style(clip)
-        return content, heard, torch.tensor(named), torch.full((frames,), level), felt[1:], worn[:-1]
+        return content, heard, torch.tensor(named), torch.full((frames,), level), acted[1:], worn[:-1]
 
     def _style(self, clip: Spoken) -> int:
         unnamed = self.random.random() < UNNAMED_STYLE_SHARE
@@ -130,7 +136,8 @@ class Rows:
         return start, start + torch.arange(-1, frames) * tempo
 
     def _worn(self, spoken: Tensor, met: Tensor) -> Tensor:
-        """The face of another emotion, or of none, from which this one's has to be reached."""
+        """The face of the frames before under another emotion, or none; the model has to leave it for this
+        row's."""
         other = self.config.emotions[int(self.random.integers(len(self.config.emotions)))]
         row = torch.zeros(len(spoken), len(EMOTIONS))
         row[:, EMOTIONS.index(other)] = 1.0
@@ -138,22 +145,23 @@ class Rows:
         return with_emotion(spoken, row, torch.full((len(spoken),), level), met)
 
     def _emotion(self, clip: Spoken, at: Tensor, frames: int) -> tuple[Tensor, Tensor, Tensor]:
-        """What the emotion branch hears [T, E], and what is felt [T + 1, 15] how strongly [T + 1]."""
-        own = self.random.random() < (NEUTRAL_SHARE if clip.label == NEUTRAL else OWN_SHARE)
-        one = (interpolate(clip.emotion, at[1:]), clip) if own else self._of_another(frames)
+        """Features for the emotion branch [T, E], the mixture of emotions [T + 1, 15] and its intensity [T +
+        1]."""
+        is_own = self.random.random() < (NEUTRAL_SHARE if clip.label == NEUTRAL else OWN_SHARE)
+        one = (interpolate(clip.emotion, at[1:]), clip) if is_own else self._of_another(frames)
         if self.random.random() >= CHANGING_SHARE:
             return one[0], mixture(one[1]).expand(frames + 1, -1), torch.full((frames + 1,), one[1].share)
         two = self._of_another(frames)
         middle = int(self.random.integers(0, frames))
         heard = torch.cat([one[0][:middle], two[0][middle:]])
         share = ((torch.arange(-1, frames) - middle) / CHANGE_FRAMES).clamp(0.0, 1.0)[:, None]
-        felt = (1.0 - share) * mixture(one[1]) + share * mixture(two[1])
-        return heard, felt, ((1.0 - share) * one[1].share + share * two[1].share)[:, 0]
+        shares = (1.0 - share) * mixture(one[1]) + share * mixture(two[1])
+        return heard, shares, ((1.0 - share) * one[1].share + share * two[1].share)[:, 0]
 
     def _of_another(self, frames: int) -> tuple[Tensor, Spoken]:
-        """A recording of any emotion, stretched from its second half second on to this length."""
+        """A recording of any emotion, stretched to this length from a random start in its first 40 %."""
         label = self.config.emotions[int(self.random.integers(len(self.config.emotions)))]
-        group = self.felt[label] or self.felt[NEUTRAL]
+        group = self.by_emotion[label] or self.by_emotion[NEUTRAL]
         clip = group[int(self.random.integers(len(group)))]
         first = self.random.uniform(0.0, 0.4) * (len(clip) - 1)
         at = torch.linspace(first, len(clip) - 1, frames)
@@ -166,14 +174,14 @@ class Rows:
 
 
 def mixture(clip: Spoken) -> Tensor:
-    """[15]."""
+    """Mixture of the emotions for a clip's label, [15]."""
     row = torch.zeros(len(EMOTIONS))
     row[EMOTIONS.index(clip.label)] = 1.0
     return row
 
 
 def prototypes(clips: list[Spoken], config: EmoFaceConfig) -> Tensor:
-    """What the emotion encoder hears of each emotion in the last half of its training clips, mean [7, E]."""
+    """Mean features of each emotion in the last half of its training clips, [7, E]."""
     out = torch.zeros(len(config.emotions), config.emotion_channels)
     for row, label in enumerate(config.emotions):
         heard = [c.emotion[len(c) // 2 :] for c in clips if c.label == label and not c.held_out]

@@ -1,9 +1,9 @@
 """The template whose vertices EmoFace moves: a part of ICT FaceKit's vertices, dense at lips and lids.
 
-Vertices are the landmarks and then, one after another, whichever lies farthest from all chosen ones along
-the surface (Eldar et al. 1997), where edges about lips and lids count as longer, and shorter where nothing
-moves; triangles join vertices whose cells of nearest points meet (the dual of a geodesic Voronoi diagram).
-Paths never cross the slit between the lips, so neither do triangles.
+The landmarks come first. Each further vertex is the one farthest from all chosen ones along the surface
+(Eldar et al. 1997). Edges about lips and lids count as longer, edges where nothing moves as shorter.
+Triangles join vertices whose cells of nearest points meet (the dual of a geodesic Voronoi diagram). Paths
+never cross the slit between the lips, so neither do triangles.
 """
 
 from pathlib import Path
@@ -16,9 +16,9 @@ from training.corpus.faces import Face, load_ict
 from training.systems.emoface.model import Template
 
 FINE = {"lips": (range(48, 68), 9e-3, 3.0), "lids": (range(36, 48), 6e-3, 2.0)}
-"""Landmarks, how far about them in metres, and how much longer an edge counts there."""
+"""Landmarks, a distance around them in metres, and how much longer edges count there."""
 STILL_M, STILL = 5e-4, 0.5
-"""What no channel moves as far as that counts as so much shorter."""
+"""Where no channel moves a vertex this far, edges count this much shorter."""
 
 
 def ict_template(data: Path, vertices: int) -> tuple[Template, np.ndarray]:
@@ -27,7 +27,7 @@ def ict_template(data: Path, vertices: int) -> tuple[Template, np.ndarray]:
 
 
 def chosen(face: Face, vertices: int) -> tuple[Template, np.ndarray]:
-    """A template of so many of a face's own vertices; fewer where some have no triangle."""
+    """A template of this many of a face's own vertices; fewer if some have no triangle."""
     graph = _graph(face)
     seeds = list(dict.fromkeys(face.landmarks.tolist()))
     near = np.full(len(face.vertices), np.inf)

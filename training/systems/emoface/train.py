@@ -2,13 +2,13 @@
 
     python -m training.systems.emoface.train --data ../shared/data --out runs/emoface
 
-Reads the recorded motion of grid_s1 and facegood_zh and the felt speech of emodb_de, whose faces are made
-from its phones and labels; `--corpus` reads vertex sequences of a corpus folder instead, as the paper does.
-There a speaker's recordings of one sentence in two emotions are crossed (`pairs`), at the frame rate of
+Reads the recorded motion of grid_s1 and facegood_zh and the acted speech of emodb_de, whose faces are made
+from its phones and labels. `--corpus` reads vertex sequences of a corpus folder instead, as the paper does.
+There, recordings of one speaker and sentence in two emotions are crossed (`pairs`), at the frame rate of
 `--config`. The emotion encoder is that of `training.systems.emoface.train_emotion_encoder`, or with
-`--emotion-hubert` a second checkpoint, as in the paper; both encoders stay as they are unless
-`--tune-encoders` trains them too, under eq. 10. `--recipe paper` is eq. 11 as printed.
-Seeded; resumes from `--out/last.pt` with the same bits.
+`--emotion-hubert` a second checkpoint, as in the paper. Both encoders are frozen unless `--tune-encoders`
+trains them too, under eq. 10. `--recipe paper` is eq. 11 as printed. Seeded; resumes from `--out/last.pt`
+with the same bits.
 """
 
 import argparse
@@ -30,7 +30,7 @@ from training.systems.cafe_talk.train import lips_met
 from training.systems.emoface import folder_clips
 from training.systems.emoface.clips import load_clips, of_corpus, template_of
 from training.systems.emoface.encoders import UNTAUGHT, Encoders
-from training.systems.emoface.model import CONFIGS, EmoFace, EmoFaceConfig, Inputs, Made
+from training.systems.emoface.model import CONFIGS, EmoFace, EmoFaceConfig, FaceMotion, Inputs
 from training.systems.emoface.recipes import EMOFACE, EmoFaceRecipe
 from training.systems.emoface.recorded_rows import RecordedRows
 from training.systems.emoface.rows import Batch, Rows, Spoken, prototypes
@@ -41,13 +41,13 @@ GUIDED_SHARE = 0.2
 """θ of eq. 6 over N."""
 LENGTHS = (36, 48, 60)
 PROTOTYPE_CLIPS = 8
-"""Of each emotion, heard again by encoders that learn."""
+"""Clips of each emotion that encoders in training hear again for the prototypes."""
 MODELS = "models"
-"""Folder of a run with encoders that learn."""
+"""Folder in a run for encoders that were trained."""
 
 
 class Learner(nn.Module):
-    """All that a training changes: the model, and encoders where they learn."""
+    """Everything that a training changes: the model, and encoders that learn."""
 
     def __init__(self, face: EmoFace, encoders: Encoders | None):
         super().__init__()
@@ -56,11 +56,11 @@ class Learner(nn.Module):
 
     def groups(self, recipe: EmoFaceRecipe) -> list[dict]:
         """Parameters with their rates."""
-        found = [{"params": list(self.face.parameters()), "lr": recipe.rate}]
+        groups = [{"params": list(self.face.parameters()), "lr": recipe.rate}]
         if self.encoders is not None:
             rate = recipe.encoder_share * recipe.rate
-            found.append({"params": list(self.encoders.parameters()), "lr": rate})
-        return found
+            groups.append({"params": list(self.encoders.parameters()), "lr": rate})
+        return groups
 
 
 class EmoFaceTrainer:
@@ -108,21 +108,23 @@ class EmoFaceTrainer:
         return moved / self.config.scale_m
 
     def loss(self, batch: Batch, step: int) -> tuple[Tensor, dict[str, float]]:
-        """Eq. 7 to 10 on the second pass of the self-growing scheme: eq. 11, or in our recipe one mean of all
-        rows with the concordance of the mouth."""
+        """Eq. 7 to 10 on the second pass of the self-growing scheme.
+
+        The sum is eq. 11, or in our recipe one mean over all rows plus the concordance of the mouth.
+        """
         truth = self.motion(batch.weights)
         before = self.motion(batch.before)
-        own = self.own_share(step)
-        if own > 0.0:
+        own_share = self.own_share(step)
+        if own_share > 0.0:
             with torch.no_grad():
-                found = self.model(before, batch.inputs).motion
-            taken = torch.rand(before.shape[:2], generator=self.random) < own
-            taken[:, 0] = False
-            before = torch.where(taken[..., None], found.roll(1, dims=1), before)
-        made = self.model(before, batch.inputs)
+                own_motion = self.model(before, batch.inputs).motion
+            from_model = torch.rand(before.shape[:2], generator=self.random) < own_share
+            from_model[:, 0] = False
+            before = torch.where(from_model[..., None], own_motion.roll(1, dims=1), before)
+        predicted = self.model(before, batch.inputs)
         metres = self.config.scale_m
-        errors = {name: (getattr(made, name) - truth).abs() for name in ("motion", "content", "emotion")}
-        quickness = (made.motion.diff(dim=1) - truth.diff(dim=1)).abs()
+        errors = {name: (getattr(predicted, name) - truth).abs() for name in ("motion", "content", "emotion")}
+        quickness = (predicted.motion.diff(dim=1) - truth.diff(dim=1)).abs()
         recipe, report = self.recipe, {}
         if recipe.plain:
             rows = [x for x in (~batch.crossed, batch.crossed) if x.any()]
@@ -132,23 +134,23 @@ class EmoFaceTrainer:
         else:
             apart = sum(error.mean() * metres for error in errors.values())
             velocity = quickness.mean() * metres
-            shown, true = (self.landmarks(x) * metres * 1e3 for x in (made.motion, truth))
+            shown, true = (self.landmarks(x) * metres * 1e3 for x in (predicted.motion, truth))
             agreement, features = feature_concordance(shown, true)
             total = (
                 recipe.reconstruction * apart + recipe.velocity * velocity + recipe.concordance * agreement
             )
             report |= features
         if batch.logits is not None:
-            told = {"reduction": "sum", "ignore_index": UNTAUGHT}
-            total = total + recipe.classification * F.cross_entropy(batch.logits, batch.labels, **told)
+            options = {"reduction": "sum", "ignore_index": UNTAUGHT}
+            total = total + recipe.classification * F.cross_entropy(batch.logits, batch.labels, **options)
             report["class right"] = (batch.logits.argmax(dim=1) == batch.labels).float().mean().item()
         if batch.crossed is not None and batch.crossed.any():
             report["crossed"] = 1e3 * metres * errors["motion"][batch.crossed].mean().item()
         sizes = {name: 1e3 * metres * error.mean().item() for name, error in errors.items()}
-        return total, sizes | report | {"mask": made.mask.mean().item()}
+        return total, sizes | report | {"mask": predicted.mask.mean().item()}
 
     def own_share(self, step: int) -> float:
-        """How many of the frames before are the model's own, eq. 6: 0 until θ, 1 from (N + θ)/2 on."""
+        """Share of the frames before that come from the model, eq. 6: 0 until θ, 1 from (N + θ)/2 on."""
         if not self.grows:
             return 0.0
         first = GUIDED_SHARE * self.steps
@@ -162,7 +164,7 @@ class EmoFaceTrainer:
 
 
 def _template(arguments, config: EmoFaceConfig):
-    """The template, and what moves it at weight 1 of each channel; none where clips hold its vertices."""
+    """The template and its displacement at weight 1 of each channel; None where clips hold its vertices."""
     if not arguments.corpus:
         return template_of(arguments.data, config.vertices)
     return folder_clips.template_of(CorpusFolder(arguments.corpus)), None
@@ -176,8 +178,8 @@ def validate(trainer: EmoFaceTrainer, model: EmoFace, clips: list[Spoken]) -> di
         chosen = [c for c in clips if c.source == source]
         frames = max(len(c) for c in chosen)
         inputs = together(chosen, trainer.config, frames)
-        made = model.perform(inputs)
-        shown = trainer.landmarks(made.motion) * trainer.config.scale_m
+        predicted = model.perform(inputs)
+        shown = trainer.landmarks(predicted.motion) * trainer.config.scale_m
         true = [trainer.landmarks(trainer.motion(c.weights)) * trainer.config.scale_m for c in chosen]
         pairs = [(x[: len(c)], y) for x, y, c in zip(shown, true, chosen, strict=True)]
         report |= {f"{source} {k}": v for k, v in feature_scores(pairs).items()}
@@ -186,7 +188,7 @@ def validate(trainer: EmoFaceTrainer, model: EmoFace, clips: list[Spoken]) -> di
 
 
 def together(clips: list[Spoken], config: EmoFaceConfig, frames: int) -> Inputs:
-    """Clips in one batch, the last frame held to the end."""
+    """Clips in one batch. Shorter ones repeat their last frame."""
 
     def padded(x: Tensor) -> Tensor:
         return torch.cat([x.float(), x[-1:].float().expand(frames - len(x), -1)])
@@ -232,7 +234,7 @@ def train(arguments) -> Path:
         return trainer.loss(trainer.draw(step), step)
 
     template = trainer.template
-    kept = {"vertices": torch.from_numpy(template.vertices).float(),
+    extra = {"vertices": torch.from_numpy(template.vertices).float(),
             "triangles": torch.from_numpy(template.triangles), "recipe": recipe.record(),
             "tuned": learner.encoders is not None}  # fmt: skip
 
@@ -243,7 +245,7 @@ def train(arguments) -> Path:
             face.prototypes.copy_(prototypes(averaged.encoders.hear(few_of_each(clips)), config))
             averaged.encoders.write(run.out / MODELS)
         scores = validate(trainer, face, heard)
-        save(run.out / "emoface.pt", face, **kept, spirals=face.mesh_attention.conv.spirals)
+        save(run.out / "emoface.pt", face, **extra, spirals=face.mesh_attention.conv.spirals)
         return scores
 
     descend(arguments, run, loss, judge, clip=recipe.clip)
@@ -251,13 +253,13 @@ def train(arguments) -> Path:
 
 
 def few_of_each(clips: list[Spoken]) -> list[Spoken]:
-    """Training clips, so many of each emotion that prototypes may be told from them."""
+    """Training clips, enough of each emotion to compute prototypes from."""
     labels = sorted({c.label for c in clips})
     groups = ([c for c in clips if c.label == label and not c.held_out] for label in labels)
     return [c for group in groups for c in group[:: max(1, len(group) // PROTOTYPE_CLIPS)][:PROTOTYPE_CLIPS]]
 
 
-def performed(model: EmoFace, clip: Spoken, layer: str = "motion", first: Tensor | None = None) -> Made:
+def performed(model: EmoFace, clip: Spoken, layer: str = "motion", first: Tensor | None = None) -> FaceMotion:
     """A held-out clip with its own emotion, from rest or a first pose."""
     return model.perform(together([clip], model.config, len(clip)), first, layer)
 
@@ -273,26 +275,30 @@ def parser() -> argparse.ArgumentParser:
     parser.add_argument("--speech", type=Path, default=SHIPPED_ENCODER, help="compact speech encoder")
     parser.add_argument("--hubert", type=Path, help="folder of a HuBERT or wav2vec2 checkpoint")
     parser.add_argument(
-        "--emotion-hubert", type=Path, help="the same for the emotion, of a model on a corpus folder"
+        "--emotion-hubert", type=Path, help="such a checkpoint for the emotion, with --corpus"
     )
     parser.add_argument(
         "--emotion-encoder", type=Path, default=shipped("emotion_encoder"), help="emotion encoder"
     )
     parser.add_argument("--config", choices=list(CONFIGS), default="compact")
-    parser.add_argument("--vertices", type=int, help="of the template")
+    parser.add_argument("--vertices", type=int, help="vertices of the template")
     parser.add_argument("--kernel", type=int, help="vertices of a spiral")
-    parser.add_argument("--dilation", type=int, help="every so many of them")
+    parser.add_argument("--dilation", type=int, help="step along the spiral")
     parser.add_argument("--delta", type=int, help="frames that the convolution sees")
     parser.add_argument("--fusion", choices=["mesh_attention", "sum"], default="mesh_attention")
     parser.add_argument(
-        "--guided", action="store_true", help="true frames before to the end: no self-growing"
+        "--guided", action="store_true", help="true frames before until the end, no self-growing"
     )
-    parser.add_argument("--worn", type=float, default=0.0, help="rows whose past wears another emotion")
+    parser.add_argument(
+        "--worn", type=float, default=0.0, help="share of rows whose frames before show another emotion"
+    )
     parser.add_argument("--base", type=Path, help="emoface.pt to go on from")
     parser.add_argument("--voices", type=int, default=4)
     parser.add_argument("--limit", type=int, help="clips of each source, for a quick look")
     parser.add_argument("--tokens", type=int, default=600, help="frames in a batch")
-    parser.add_argument("--validation-clips", type=int, default=24, help="of each source, at every log")
+    parser.add_argument(
+        "--validation-clips", type=int, default=24, help="held-out clips of each source to judge at every log"
+    )
     return parser
 
 

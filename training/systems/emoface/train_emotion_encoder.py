@@ -3,8 +3,8 @@
     python -m training.systems.emoface.train_emotion_encoder --data ../shared/data
     python -m training.systems.emoface.train_emotion_encoder --data ../shared/data --leave-one-out
 
-The second fits once without each of the ten actors and prints how often the others' emotions are told from
-the first two seconds of a clip. There is nothing random in it.
+The second command fits once without each of the ten actors and prints how often the left-out actor's emotion
+is recognised from the first two seconds of a clip. Nothing is random.
 """
 
 import argparse
@@ -16,14 +16,14 @@ import torch
 
 from training import shipped
 from training.corpus.clip import read_sound
-from training.corpus.emodb import read_felt
+from training.corpus.emodb import read_acted
 from training.nn.checkpoint import write_model
 from training.systems.emoface.emotion_encoder import HEARD_EMOTIONS, EmotionEncoder, fitted, numbers, voice_of
 
 READERS = ("kathleen_en", "kerstin_de", "nathalie_nl", "picovoice_en")
 SHRINKAGE = 0.1
 TRAINING_INSTANTS = 2
-"""Of each clip: its last instants, so that shorter windows are known too."""
+"""Instants of each clip in training: its last ones, so that shorter windows are known too."""
 
 
 @dataclass
@@ -36,30 +36,32 @@ class Measured:
     held_out: bool = False
 
 
-def felt_clips(data: Path, limit: int | None = None) -> list[Measured]:
+def acted_clips(data: Path, limit: int | None = None) -> list[Measured]:
     """emodb_de."""
-    found = []
-    for clip in read_felt(data, limit):
+    clips = []
+    for clip in read_acted(data, limit):
         rows = numbers(voice_of(clip.samples))
         if len(rows):
-            found.append(Measured(clip.actor, HEARD_EMOTIONS.index(clip.emotion), rows, clip.held_out))
-    return found
+            clips.append(Measured(clip.actor, HEARD_EMOTIONS.index(clip.emotion), rows, clip.held_out))
+    return clips
 
 
 def readers(data: Path, count: int = 60) -> list[Measured]:
-    """Neutral by their nature: `count` recordings of each source, evenly drawn; every other one held out."""
-    found = []
+    """Readings, which are neutral: `count` of each source, evenly drawn; every other one is held out."""
+    recordings = []
     for source in READERS:
         paths = sorted((data / "speech" / source).glob("*.ogg"))
         for k, path in enumerate(paths[:: max(1, len(paths) // count)][:count]):
             rows = numbers(voice_of(read_sound(path)))
             if len(rows):
-                found.append(Measured(source, 0, rows[:: max(1, len(rows) // TRAINING_INSTANTS)], k % 2 == 1))
-    return found
+                recordings.append(
+                    Measured(source, 0, rows[:: max(1, len(rows) // TRAINING_INSTANTS)], k % 2 == 1)
+                )
+    return recordings
 
 
 def fit(clips: list[Measured]) -> EmotionEncoder:
-    """From clips that are not left out."""
+    """Fits the encoder to these clips."""
     rows = [(c.rows[-TRAINING_INSTANTS:], c.label) for c in clips]
     x = np.concatenate([r for r, _ in rows])
     labels = np.concatenate([np.full(len(r), label) for r, label in rows])
@@ -67,7 +69,7 @@ def fit(clips: list[Measured]) -> EmotionEncoder:
 
 
 def logits_of(model: EmotionEncoder, clips: list[Measured]) -> np.ndarray:
-    """At the end of each clip, [N, 7]."""
+    """Logits at the end of each clip, [N, 7]."""
     x = (np.stack([c.rows[-1] for c in clips]) - model.mean) / model.scale
     return x @ model.weight + model.bias
 
@@ -87,7 +89,7 @@ def scores(logits: np.ndarray, labels: np.ndarray) -> dict[str, float]:
 
 
 def without_neutral(clips: list[Measured]) -> list[Measured]:
-    """Clips with their speaker's mean neutral numbers taken away."""
+    """Clips less their speaker's mean neutral numbers."""
     out = []
     for clip in clips:
         group = [c.rows[-1] for c in clips if c.speaker == clip.speaker and c.label == 0]
@@ -114,7 +116,7 @@ def main() -> None:
     parser.add_argument("--leave-one-out", action="store_true", help="measure instead of writing the model")
     parser.add_argument("--limit", type=int, help="recordings of each half of the actors, for a quick look")
     arguments = parser.parse_args()
-    clips, neutral = felt_clips(arguments.data, arguments.limit), readers(arguments.data)
+    clips, neutral = acted_clips(arguments.data, arguments.limit), readers(arguments.data)
     taught, unheard = ([c for c in neutral if c.held_out == held_out] for held_out in (False, True))
     if arguments.leave_one_out:
         print("readers taught", leave_one_out(clips, taught))
@@ -126,9 +128,11 @@ def main() -> None:
              for name in ("mean", "scale", "coordinates", "weight", "bias")}  # fmt: skip
     folder = arguments.models / "emotion_encoder" if arguments.models else shipped("emotion_encoder")
     print(write_model(folder, state, model.config.to_json(), exact=("",)))
-    kept = [c for c in clips if c.held_out]
-    if kept:
-        print("actors held out", scores(logits_of(model, kept), np.array([c.label for c in kept])))
+    test_clips = [c for c in clips if c.held_out]
+    if test_clips:
+        print(
+            "actors held out", scores(logits_of(model, test_clips), np.array([c.label for c in test_clips]))
+        )
     for source in READERS:
         group = [c for c in unheard if c.speaker == source]
         if group:

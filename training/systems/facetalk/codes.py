@@ -1,9 +1,9 @@
 """Codes of identities, in closed form: principal components of ICT's heads, of the whole and of each region.
 
-The global part are the coefficients' directions that move the surface furthest; the code of a region are
-the furthest-moving directions of what these leave, seen by the blend weights of its anchor. ICT's modes are
-symmetric or antisymmetric, so directions are too, and the left region's code is the right one's of the
-mirrored head.
+The global part are the directions of the coefficients that move the surface furthest. A region's code are the
+furthest-moving directions of the rest, weighted by the blend weights of its anchor. ICT's modes are symmetric
+or antisymmetric, so the directions are too, and the left region's code is the right one's of the mirrored
+head.
 """
 
 from dataclasses import dataclass
@@ -17,7 +17,7 @@ from training.systems.facetalk.identity import numbers
 
 SAMPLES = 600
 ELSEWHERE = 0.2
-"""What a vertex off the face counts."""
+"""Weight of a vertex off the face."""
 MARGIN_M = 0.01
 
 
@@ -52,9 +52,12 @@ def linear_modes(heads: IctHeads) -> Modes:
 
 
 def directions(modes: Modes, weight: Tensor, left: Tensor, count: int, split: bool) -> tuple[Tensor, Tensor]:
-    """The `count` unit directions [count, 100] within what the projector `left` [100, 100] leaves that move
-    vertices furthest, weighted by [V], and the mean squared movement along each; `split` keeps symmetric and
-    antisymmetric ones apart."""
+    """The `count` unit directions [count, 100] that move vertices furthest, and the mean squared movement
+    along each.
+
+    They lie within the projector `left` [100, 100]; vertices are weighted by [V]. `split` separates symmetric
+    from antisymmetric ones.
+    """
     flat = (modes.modes * weight.sqrt()[:, None]).flatten(1)
     gram = (left @ (flat @ flat.T) @ left).double()
     if split:
@@ -66,8 +69,10 @@ def directions(modes: Modes, weight: Tensor, left: Tensor, count: int, split: bo
 
 @torch.no_grad()
 def set_codes(head: Head, heads: IctHeads) -> dict[str, float]:
-    """Fills the maps to codes, landmarks, mirror signs and principal directions; how much of the movement
-    each region's codes leave over."""
+    """Fills the maps to codes, landmarks, mirror signs and principal directions.
+
+    Returns how much of the movement each region's codes leave unexplained.
+    """
     config, modes = head.config, linear_modes(heads)
     whole = directions(modes, modes.area, torch.eye(COEFFICIENTS), config.global_code, True)[0]
     whole = whole * whole.gather(1, whole.abs().argmax(1, keepdim=True)).sign()
@@ -90,9 +95,9 @@ def set_codes(head: Head, heads: IctHeads) -> dict[str, float]:
             rows.append(rows[-1] * modes.sign)
             continue
         weight = modes.area * blend[:, number]
-        found, _ = directions(modes, weight, left, config.local_code, False)
-        rows.append(found)
-        span = torch.cat([whole, found])
+        local_rows, _ = directions(modes, weight, left, config.local_code, False)
+        rows.append(local_rows)
+        span = torch.cat([whole, local_rows])
         flat = (modes.modes * weight.sqrt()[:, None]).flatten(1) / weight.sum().sqrt()
         over = flat - span.T @ (span @ flat)
         report[f"anchor {number} mm"] = 1e3 * over.square().sum().sqrt().item()
@@ -104,7 +109,7 @@ def set_codes(head: Head, heads: IctHeads) -> dict[str, float]:
 
 @torch.no_grad()
 def set_directions(head: Head, heads: IctHeads) -> None:
-    """The sliders: directions that move the surface furthest, each the way in which its name grows."""
+    """The sliders: directions that move the surface furthest, each signed so that its named measure grows."""
     modes = linear_modes(heads)
     rows, reach = directions(modes, modes.area, torch.eye(COEFFICIENTS), DIRECTIONS, True)
     names = named(modes, heads, rows)
@@ -117,7 +122,7 @@ def set_directions(head: Head, heads: IctHeads) -> None:
 
 
 def set_bounds(head: Head, heads: IctHeads) -> None:
-    """The box of many random heads and a little more."""
+    """The box of many random heads, with a margin."""
     random = torch.Generator().manual_seed(12)
     vertices = heads.canonical(torch.randn(SAMPLES, COEFFICIENTS, generator=random))[0]
     low, high = vertices.amin((0, 1)) - MARGIN_M, vertices.amax((0, 1)) + MARGIN_M
@@ -155,8 +160,11 @@ def measures(vertices: Tensor, landmarks: Tensor) -> dict[str, Tensor]:
 
 
 def named(modes: Modes, heads: IctHeads, rows: Tensor) -> list[tuple[str, float]]:
-    """For each direction [N, 100] what changes most along it, beside how much it varies between heads, and
-    the sign that makes it grow; a name goes to one direction only."""
+    """Names each direction [N, 100] after the measure that changes most along it, relative to its variation
+    between heads.
+
+    The sign makes the measure grow. A name goes to one direction only.
+    """
     random = torch.Generator().manual_seed(13)
 
     def people(coefficients: Tensor) -> dict[str, Tensor]:
@@ -166,10 +174,10 @@ def named(modes: Modes, heads: IctHeads, rows: Tensor) -> list[tuple[str, float]
     varies = {
         name: value.std() for name, value in people(torch.randn(200, COEFFICIENTS, generator=random)).items()
     }
-    found: list[tuple[str, float]] = []
+    names: list[tuple[str, float]] = []
     for row in rows:
         change = {n: ((v[0] - v[1]) / varies[n]).item() for n, v in people(torch.stack([row, -row])).items()}
-        taken = {name for name, _ in found}
-        name = max((n for n in change if n not in taken), key=lambda n: abs(change[n]))
-        found.append((name, 1.0 if change[name] >= 0.0 else -1.0))
-    return found
+        used = {name for name, _ in names}
+        name = max((n for n in change if n not in used), key=lambda n: abs(change[n]))
+        names.append((name, 1.0 if change[name] >= 0.0 else -1.0))
+    return names

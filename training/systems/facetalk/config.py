@@ -48,7 +48,7 @@ class HeadConfig(Config):
 
     @property
     def anchors(self) -> int:
-        """How many there are."""
+        """Number of anchors."""
         return 2 * len(self.pairs) + len(self.middle)
 
     @property
@@ -58,7 +58,7 @@ class HeadConfig(Config):
 
     @classmethod
     def from_json(cls, data: dict) -> HeadConfig:
-        """Reads what `to_json` wrote, in a folder with the models that move the head too."""
+        """Reads what `to_json` wrote, also from a folder that holds the models that move the head."""
         data = {key: value for key, value in data.items() if not key.endswith("motion")}
         return super().from_json(data | {"pairs": [tuple(pair) for pair in data["pairs"]]})
 

@@ -24,7 +24,7 @@ from training.systems.facetalk.head import Head
 from training.systems.facetalk.stored import load_folder, load_head
 
 UNSEEN_SEED = 9_000_000
-"""Training's own generators are seeded by small numbers."""
+"""Offset for the seeds of evaluation; the generators of training have small seeds."""
 LIPS_M = 8e-3
 FITTED_POINTS = 5000
 POSES_OF_EACH = 20
@@ -67,7 +67,7 @@ def identity(head: Head, heads: IctHeads, _data: Path, count: int) -> None:
     """Codes from known coefficients, fitted ones, and the mean head."""
     coefficients = unseen(count)
     vertices = heads.canonical(coefficients)[0]
-    found: dict[str, list[tuple[Tensor, Tensor]]] = {"known code": [], "fitted": [], "mean head": []}
+    distances: dict[str, list[tuple[Tensor, Tensor]]] = {"known code": [], "fitted": [], "mean head": []}
     for number in range(count):
         points, normals = face_points(heads, vertices[number], FITTED_POINTS, UNSEEN_SEED + number)
         landmarks = vertices[number, heads.landmarks]
@@ -75,15 +75,15 @@ def identity(head: Head, heads: IctHeads, _data: Path, count: int) -> None:
         fresh = face_points(heads, vertices[number], FITTED_POINTS, UNSEEN_SEED + 100 + number)
         for name, c in (("known code", coefficients[number]), ("fitted", fitted),
                         ("mean head", torch.zeros(COEFFICIENTS))):  # fmt: skip
-            found[name].append(to_surface(head, *fresh, head.identity_code(c).detach()))
-    for name, rows in found.items():
+            distances[name].append(to_surface(head, *fresh, head.identity_code(c).detach()))
+    for name, rows in distances.items():
         show(f"ICT, {count} unseen, {name}", rows)
     moved = coefficients @ head.principal.directions.T
     print("spread of the principal directions' coefficients", moved.std().item())
 
 
 def makehuman(head: Head, _heads: IctHeads, data: Path, _count: int) -> None:
-    """A face whose kind training never saw, jaw opened by its own mode."""
+    """A face of a kind that training never saw, jaw opened by its own mode."""
     face = load_makehuman(data)
     opened = torch.from_numpy(
         face.vertices + head.config.open_jaw * face.modes[CHANNELS.index("jawOpen")]
@@ -159,13 +159,13 @@ def expression(head: Head, heads: IctHeads, data: Path, count: int) -> None:
             code = head.expression(part)
             anchors = head.identity.anchors(one)
             place = head.place(skin[None] / size, one[:1])
-            made = skin + size * head.forward_field.move(place, one, anchors, code)
+            predicted = skin + size * head.forward_field.move(place, one, anchors, code)
             rows["no motion"].append((at_rest - truth).norm(dim=-1))
-            rows["forward"].append((made - truth).norm(dim=-1))
+            rows["forward"].append((predicted - truth).norm(dim=-1))
             few = torch.arange(0, FACE_VERTICES, 7)
             back = size * head.canonical(truth[:4, few] / size, one[:4], code[:4])
             rows["backward"].append((back - skin[few]).norm(dim=-1))
-            again = size * head.canonical(made[:4, few] / size, one[:4], code[:4])
+            again = size * head.canonical(predicted[:4, few] / size, one[:4], code[:4])
             rows["there and back"].append((again - skin[few]).norm(dim=-1))
         for kind, errors in rows.items():
             error = 1e3 * torch.cat(errors)
@@ -175,27 +175,33 @@ def expression(head: Head, heads: IctHeads, data: Path, count: int) -> None:
 
 @torch.no_grad()
 def shapes(head: Head, heads: IctHeads, _data: Path, count: int) -> None:
-    """Each of ARKit's shapes at weight 1, from rest: by which share the field goes its way, and how far
-    vertices are off that it moves by more than half a millimetre."""
+    """Each ARKit shape at weight 1, from rest.
+
+    Prints the share of the true way that the field goes, and the error of vertices that the shape moves by
+    more than half a millimetre.
+    """
     canonical, scales = heads.canonical(unseen(count))
     z, size = head.identity_code(unseen(count)), head.config.scale_m
     skin = canonical[:, :FACE_VERTICES] / size
     rest = head.posed(skin, z, head.expression(torch.zeros(count, len(CHANNELS))))
     for number, name in enumerate(CHANNELS):
         code = head.expression(torch.eye(len(CHANNELS))[number].expand(count, -1))
-        made = 1e3 * size * (head.posed(skin, z, code) - rest)
+        predicted = 1e3 * size * (head.posed(skin, z, code) - rest)
         truth = 1e3 * scales[:, None, None] * heads.modes[number, :FACE_VERTICES]
         moved = truth.norm(dim=-1) > MOVED_MM
-        share = (made * truth).sum() / truth.square().sum()
-        off, way = (x.norm(dim=-1)[moved].mean() for x in (made - truth, truth))
+        share = (predicted * truth).sum() / truth.square().sum()
+        off, way = (x.norm(dim=-1)[moved].mean() for x in (predicted - truth, truth))
         print(f"{name}: {share:.2f} of its way, off by {off:.2f} mm of {way:.2f}")
 
 
 @torch.no_grad()
 def closure(head: Head, heads: IctHeads, _data: Path, count: int) -> None:
-    """How far lips that meet at rest, and lids that meet when shut, are apart, or have crossed, after the way
-    through the canonical pose: pairs of vertices, the part along the true surface's normal beside that of the
-    mesh itself."""
+    """Gap of lips that meet at rest, and of lids that meet when shut, after the way through the canonical
+    pose.
+
+    Measured on pairs of vertices along the true surface's normal, beside the gap of the mesh itself. A
+    negative gap means that they have crossed.
+    """
     rest, shut = torch.zeros(len(CHANNELS)), torch.zeros(len(CHANNELS))
     shut[LIDS] = 1.0
     canonical, scales = heads.canonical(unseen(count))
@@ -210,8 +216,8 @@ def closure(head: Head, heads: IctHeads, _data: Path, count: int) -> None:
         upper, lower = pairs.T
         code = head.expression(weights.expand(count, -1))
         both = torch.cat([upper, lower])
-        made = size * head.posed(canonical[:, both] / size, z, code)
-        a, b = made.split(len(upper), 1)
+        predicted = size * head.posed(canonical[:, both] / size, z, code)
+        a, b = predicted.split(len(upper), 1)
         along = F.normalize(normals[:, lower] - normals[:, upper], dim=-1)
         gap = 1e3 * ((a - b) * along).sum(-1)
         mesh_gap = 1e3 * ((truth[:, upper] - truth[:, lower]) * along).sum(-1)
@@ -223,14 +229,14 @@ def closure(head: Head, heads: IctHeads, _data: Path, count: int) -> None:
 
 
 def sequences(head: Head, heads: IctHeads, data: Path, count: int) -> None:
-    """Clouds with noise of stretches of held-out takes, fitted by eq. 16 and frame by frame, from rest."""
+    """Noisy clouds from stretches of held-out takes, fitted by eq. 16, frame by frame, and from rest."""
     poses = Poses(data, held_out=True)
     random = torch.Generator().manual_seed(UNSEEN_SEED + 2)
     coefficients = unseen(count)
     canonical, scales = heads.canonical(coefficients)
     fit = SequenceFit()
     alone = replace(fit, group=1, shared=0)
-    found: dict[str, list[Tensor]] = {}
+    errors: dict[str, list[Tensor]] = {}
     for number in range(count):
         first = int(torch.randint(0, len(poses.captured) - fit.group, (1,), generator=random))
         weights = poses.captured[first : first + fit.group]
@@ -252,14 +258,16 @@ def sequences(head: Head, heads: IctHeads, data: Path, count: int) -> None:
             with torch.no_grad():
                 x = torch.stack([p for p, _ in points]) / head.config.scale_m
                 s = head(x, z.expand(len(x), -1), codes).abs() * head.config.scale_m
-                made = head.config.scale_m * head.posed(
+                predicted = head.config.scale_m * head.posed(
                     (skin / head.config.scale_m).expand(len(codes), -1, -1), z.expand(len(codes), -1), codes
                 )
-            found.setdefault(f"{name}: surface mm", []).append(1e3 * s.mean())
-            found.setdefault(f"{name}: jerk mm", []).append(1e3 * made.diff(n=3, dim=0).norm(dim=-1).mean())
-            apart = (made - posed[:, :FACE_VERTICES]).norm(dim=-1).mean()
-            found.setdefault(f"{name}: vertices mm", []).append(1e3 * apart)
-    for name, values in found.items():
+            errors.setdefault(f"{name}: surface mm", []).append(1e3 * s.mean())
+            errors.setdefault(f"{name}: jerk mm", []).append(
+                1e3 * predicted.diff(n=3, dim=0).norm(dim=-1).mean()
+            )
+            apart = (predicted - posed[:, :FACE_VERTICES]).norm(dim=-1).mean()
+            errors.setdefault(f"{name}: vertices mm", []).append(1e3 * apart)
+    for name, values in errors.items():
         print(f"sequences, {name} {torch.stack(values).mean():.3f}")
 
 

@@ -22,7 +22,7 @@ from training.corpus.arkit import landmarks_of, of_folders
 from training.corpus.bank import Entry
 from training.corpus.clip import MEL_PER_FRAME
 from training.corpus.faces import CHANNELS, load_ict
-from training.corpus.poses import felt
+from training.corpus.poses import emotion_prototypes
 from training.losses import feature_scores, lip_gap
 from training.speech.compact import normalise
 from training.systems.facetalk.motion import CM, Denoiser, Sampling, sample
@@ -64,41 +64,43 @@ def correlation(a: Tensor, b: Tensor) -> float:
 
 
 def by_source(entries: list[Entry], count: int, skipped: int = 0) -> dict[str, list[Entry]]:
-    """Held-out clips, the first `skipped` left out; no source that has no more."""
+    """Held-out clips by source, without the first `skipped`; sources that have no more are left out."""
     sources = sorted({e.source for e in entries})
-    kept = {s: [e for e in entries if e.source == s and e.held_out][skipped:][:count] for s in sources}
-    return {source: group for source, group in kept.items() if group}
+    groups = {s: [e for e in entries if e.source == s and e.held_out][skipped:][:count] for s in sources}
+    return {source: group for source, group in groups.items() if group}
 
 
 def agreement(speaker: Speaker, clips: dict[str, list[Entry]], sampling: Sampling | None = None) -> dict:
     """r and slope of the lip gap, amplitude, and r of jawOpen, by source."""
     report = {}
     for source, group in clips.items():
-        made = [speaker.says(speaker.heard(e), 0, sampling) for e in group]
-        shown = [(landmarks_of(m), landmarks_of(e.motion.float())) for m, e in zip(made, group, strict=True)]
+        spoken = [speaker.says(speaker.heard(e), 0, sampling) for e in group]
+        shown = [
+            (landmarks_of(m), landmarks_of(e.motion.float())) for m, e in zip(spoken, group, strict=True)
+        ]
         scores = feature_scores(shown)
         report[f"{source} gap r"], report[f"{source} slope"] = scores["gap r"], scores["gap slope"]
         report[f"{source} gap mm"] = 1e3 * float(torch.cat([lip_gap(m) for m, _ in shown]).std())
-        pairs = [correlation(m[:, JAW], e.motion[:, JAW].float()) for m, e in zip(made, group, strict=True)]
+        pairs = [correlation(m[:, JAW], e.motion[:, JAW].float()) for m, e in zip(spoken, group, strict=True)]
         report[f"{source} jawOpen r"] = float(torch.tensor(pairs).nanmean())
     return report
 
 
 def freetalk(models: Path, clips: dict[str, list[Entry]]) -> dict[str, float]:
-    """The same of the shipped FreeTalk, on landmarks; r of its chin against jawOpen."""
+    """The same for the shipped FreeTalk, on landmarks; r of its chin with jawOpen."""
     encoder, model = load_models(models)
     style = model.config.styles.index(model.config.default_style)
     report = {}
     for source, group in clips.items():
-        made = []
+        spoken = []
         for e in group:
             with torch.no_grad():
                 speech = encoder(normalise(e.mels[0].float())[None])[0]
-            made.append(sample_motion(model, speech, neutral_affect(1, len(speech))[0], style))
+            spoken.append(sample_motion(model, speech, neutral_affect(1, len(speech))[0], style))
         truth = [landmarks_of(e.motion.float()) for e in group]
-        scores = feature_scores(list(zip(made, truth, strict=True)))
+        scores = feature_scores(list(zip(spoken, truth, strict=True)))
         report[f"{source} gap r"], report[f"{source} slope"] = scores["gap r"], scores["gap slope"]
-        chins = [correlation(-m[:, 25], e.motion[:, JAW].float()) for m, e in zip(made, group, strict=True)]
+        chins = [correlation(-m[:, 25], e.motion[:, JAW].float()) for m, e in zip(spoken, group, strict=True)]
         report[f"{source} chin against jawOpen r"] = float(torch.tensor(chins).nanmean())
     return report
 
@@ -118,7 +120,7 @@ def loudness(clips: dict[str, list[Entry]]) -> dict[str, float]:
 
 
 def seeds(speaker: Speaker, clips: list[Entry], sampling: Sampling | None = None) -> dict[str, float]:
-    """How far five seeds lie apart: deviation between them in mm, and r of their lip gaps."""
+    """How much five seeds differ: deviation between them in mm, and r of their lip gaps."""
     upper, mouth, agreed = [], [], []
     for e in clips:
         speech = speaker.heard(e)
@@ -137,7 +139,8 @@ def seeds(speaker: Speaker, clips: list[Entry], sampling: Sampling | None = None
 
 
 def at_once(speaker: Speaker, clips: list[Entry]) -> dict[str, float]:
-    """A minute in one go beside windows of two seconds: r of the lip gap, and where the mean drifts."""
+    """A minute sampled at once, compared with windows of two seconds: r of the lip gap, and drift of the
+    mean."""
     speech = torch.cat([speaker.heard(e) for e in clips])[:LONG_FRAMES]
     truth = lip_gap(landmarks_of(torch.cat([e.motion.float() for e in clips])[:LONG_FRAMES]))
     whole = lip_gap(landmarks_of(speaker.says(speech)))
@@ -153,39 +156,43 @@ def at_once(speaker: Speaker, clips: list[Entry]) -> dict[str, float]:
 
 def still(speaker: Speaker, clips: list[Entry]) -> float:
     """RMS speed of landmarks that speech should not move, mm a second."""
-    found = []
+    speeds = []
     for e in clips:
         shown = landmarks_of(speaker.says(speaker.heard(e))).unflatten(-1, (68, 3))[:, STILL]
-        found.append(shown.diff(dim=0).norm(dim=-1).flatten())
-    return 1e3 * speaker.model.config.fps * float(torch.cat(found).square().mean().sqrt())
+        speeds.append(shown.diff(dim=0).norm(dim=-1).flatten())
+    return 1e3 * speaker.model.config.fps * float(torch.cat(speeds).square().mean().sqrt())
 
 
 def tell(name: str, row: dict[str, float]) -> None:
-    """One line."""
+    """Prints one line."""
     print(f"{name}: " + ", ".join(f"{key} {value:.3f}" for key, value in row.items()), flush=True)
 
 
 def from_landmarks(model: Denoiser, codes: Codes, clips, data: Path) -> dict[str, dict[str, float]]:
-    """How far vertices of ICT's face lie from those that the true weights move, mean mm, where the model is
-    told the motion of landmarks alone, which are off by so many mm: of recordings, and with an emotion on
-    them. Beside it least squares."""
+    """Error of the model that hears only the motion of landmarks, as mean mm over vertices of ICT's face.
+
+    The landmarks of recordings, plain and with an emotion, are disturbed by so many mm. Least squares stands
+    beside it.
+    """
     modes = torch.from_numpy(load_ict(data, "face").mean.modes).float().flatten(1)
     random = torch.Generator().manual_seed(3)
     by_least_squares = torch.linalg.pinv(landmarks_of(torch.eye(len(modes))))
-    found = {name: {off: [] for off in OFF_MM} for name in ("by landmarks", "least squares", "no motion")}
-    felt_too = felt()
+    distances = {name: {off: [] for off in OFF_MM} for name in ("by landmarks", "least squares", "no motion")}
+    emotions = emotion_prototypes()
     for number, clip in enumerate([clip for group in clips.values() for clip in group]):
         for emotion, off in itertools.product((0.0, 1.0), OFF_MM):
-            truth = (clip.motion.float() + emotion * felt_too[number % len(felt_too)]).clamp(0.0, 1.0)
+            truth = (clip.motion.float() + emotion * emotions[number % len(emotions)]).clamp(0.0, 1.0)
             moved = landmarks_of(truth)
             moved = moved + 1e-3 * off * torch.randn(moved.shape, generator=random)
-            made = codes.weights(sample(model, CM * moved))
-            for name, weights in zip(found, (made, moved @ by_least_squares, 0.0 * truth), strict=True):
+            predicted = codes.weights(sample(model, CM * moved))
+            for name, weights in zip(
+                distances, (predicted, moved @ by_least_squares, 0.0 * truth), strict=True
+            ):
                 apart = ((weights - truth) @ modes).unflatten(-1, (-1, 3)).norm(dim=-1)
-                found[name][off].append(1e3 * apart.mean().item())
+                distances[name][off].append(1e3 * apart.mean().item())
     return {
         name: {f"vertices mm, landmarks off by {off}": mean(each) for off, each in rows.items()}
-        for name, rows in found.items()
+        for name, rows in distances.items()
     }
 
 
@@ -207,16 +214,24 @@ def main(line: list[str] | None = None) -> None:
     parser.add_argument("--model", type=Path, default=shipped("facetalk_compact"))
     parser.add_argument("--head", type=Path, help="head.pt that --motion was trained with")
     parser.add_argument("--motion", type=Path, help="motion.pt instead of the folder's model")
-    parser.add_argument("--landmark-motion", type=Path, help="motion.pt of `--memory landmarks`, the same")
-    parser.add_argument("--runs", nargs="*", default=[], metavar="NAME=MOTION.PT", help="table 2")
+    parser.add_argument(
+        "--landmark-motion", type=Path, help="motion.pt of `--memory landmarks` instead of the folder's model"
+    )
+    parser.add_argument(
+        "--runs", nargs="*", default=[], metavar="NAME=MOTION.PT", help="more runs to measure (table 2)"
+    )
     parser.add_argument("--models", type=Path, help="folder of models; none: the embedded ones")
     parser.add_argument("--data", type=Path, default=Path("../shared/data"))
     parser.add_argument("--cache", type=Path, default=Path("runs/cache"))
-    parser.add_argument("--corpus", type=Path, nargs="*", default=[], help="corpus folders, not --data")
-    parser.add_argument("--voices", type=int, default=4, help="as in training, whose bank is then found")
+    parser.add_argument(
+        "--corpus", type=Path, nargs="*", default=[], help="corpus folders, instead of --data"
+    )
+    parser.add_argument(
+        "--voices", type=int, default=4, help="voices as in training, so that its bank is reused"
+    )
     parser.add_argument("--clips", type=int, default=30, help="held-out clips of each source")
-    parser.add_argument("--skip", type=int, default=0, help="of these, the first ones")
-    parser.add_argument("--temperature", type=float, help="of every model, for its own")
+    parser.add_argument("--skip", type=int, default=0, help="held-out clips of each source to skip first")
+    parser.add_argument("--temperature", type=float, help="temperature of every model, instead of its own")
     parser.add_argument("--steps", type=int, nargs="*", default=[1, 2, 4, 10, 25])
     arguments = parser.parse_args(line)
     torch.set_num_threads(1)
@@ -234,8 +249,8 @@ def main(line: list[str] | None = None) -> None:
     clips = held_out(arguments)
     first = next(clips[source] for source in ("grid_s1", *clips) if source in clips)
     if by_landmarks is not None and (arguments.landmark_motion or not arguments.corpus):
-        for name, found in from_landmarks(by_landmarks, speaker.codes, clips, arguments.data).items():
-            tell(name, found)
+        for name, scores in from_landmarks(by_landmarks, speaker.codes, clips, arguments.data).items():
+            tell(name, scores)
     tell("loudness", loudness(clips))
     tell("FreeTalk", freetalk(arguments.models, clips))
     usual = model.config.sampling
@@ -253,8 +268,8 @@ def main(line: list[str] | None = None) -> None:
     tell("a minute", at_once(speaker, first))
     for name, run in others.items():
         other = Speaker(run, speaker.codes, encoder)
-        found = agreement(other, clips) | seeds(other, few) | {"still mm/s": still(other, few)}
-        tell(name, found)
+        scores = agreement(other, clips) | seeds(other, few) | {"still mm/s": still(other, few)}
+        tell(name, scores)
 
 
 if __name__ == "__main__":

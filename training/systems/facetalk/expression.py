@@ -1,6 +1,6 @@
 """How heads move: E takes posed points to the canonical pose, its forward twin canonical points to a pose.
 
-Both see where the point lies on the mean head, the expression's code and a few numbers pressed from the
+Both get the point's place on the mean head, the expression's code, and a few numbers compressed from the
 identity's code and anchors (NPHM §3.3).
 """
 

@@ -1,4 +1,4 @@
-"""What trains the deformations: exact pairs of canonical and posed places, and lips and lids that meet."""
+"""The loss of the deformations: exact pairs of canonical and posed places, and lips and lids that meet."""
 
 from dataclasses import dataclass
 
@@ -11,7 +11,7 @@ from training.systems.facetalk.head import Head
 
 CODES = 5e-5
 STEEP_M = 1e-3
-"""Errors beyond this count as their squares: under plain lengths a rare pose was not learned at all."""
+"""Errors beyond this count squared: with plain lengths a rare pose was not learned at all."""
 GAPS = 4.0
 TOGETHER_M, APART_M = 1.5e-3, 3e-3
 MOST_PAIRS = 200
@@ -44,7 +44,7 @@ def lid_pairs(heads: IctHeads) -> Tensor:
 
 
 def meeting(heads: IctHeads, shut: Tensor, landmarks: Tensor) -> Tensor:
-    """Pairs, the upper one first, of vertices near landmarks that are together in the pose `shut` [V, 3]."""
+    """Pairs (upper, lower) of vertices near landmarks that coincide in the pose `shut` [V, 3]."""
     near = torch.cdist(heads.mean[:FACE_VERTICES], heads.mean[landmarks]).amin(1) < ABOUT_M
     rows = near.nonzero()[:, 0]
     together = torch.cdist(shut[rows], shut[rows])
@@ -60,7 +60,7 @@ def steep(length: Tensor, scale: float) -> Tensor:
 
 
 class ExpressionLoss:
-    """Holds poses, the pairs of lips and lids, and says the loss of one batch."""
+    """Holds poses and the pairs of lips and lids; computes the loss of one batch."""
 
     def __init__(self, heads: IctHeads, poses: Poses):
         self.heads, self.poses = heads, poses
@@ -68,8 +68,10 @@ class ExpressionLoss:
         print(f"pairs of vertices: {len(self.lips)} of lips, {len(self.lids)} of lids")
 
     def __call__(self, head: Head, pool, count: int, points: int, exact: bool, cycle: bool, random):
-        """`exact`: places on the mean head are those of the triangles, not those the identity field finds;
-        `cycle`: the backward field starts from where the forward field brings points."""
+        """`exact`: places on the mean head come from the triangles, not from the identity field.
+
+        `cycle`: the backward field starts from where the forward field brings points.
+        """
         heads, scale = self.heads, head.config.scale_m
         device = head.identity_code.weight.device
         chosen = pool.draw(count)
@@ -103,12 +105,12 @@ class ExpressionLoss:
         upper, lower = error[:, points:].chunk(2, 1)
         length = error.norm(dim=-1)
         forward, gap = steep(length, scale), (upper - lower).norm(dim=-1).mean()
-        kept = int(BACKWARD_POINTS * points)
-        close = (places.away.abs() <= BACKWARD_AWAY_M).nonzero()[:, 0][:kept].to(device)
+        most = int(BACKWARD_POINTS * points)
+        close = (places.away.abs() <= BACKWARD_AWAY_M).nonzero()[:, 0][:most].to(device)
         start = (here + moved[:, : place.shape[1]]).detach()[:, close] if cycle else there[:, close]
         with torch.no_grad():
-            found = head.place(start, z)
-        back = start + head.backward_field.move(found, z, anchors, code) - here[:, close]
+            start_places = head.place(start, z)
+        back = start + head.backward_field.move(start_places, z, anchors, code) - here[:, close]
         backward = back.norm(dim=-1)
         total = (
             forward

@@ -1,8 +1,8 @@
-"""Codes of a head that is given as points: z_id of a scan, and z_ex of a sequence of clouds (eq. 16 to 18).
+"""Codes of a head from points: z_id of a scan, and z_ex of a sequence of clouds (eq. 16 to 18).
 
 z_id is sought among coefficients, z = W c + b with c from N(0, 1), by Gauss-Newton steps on distances and
-landmarks under that prior; slopes come from differences, so that the same can be done without automatic
-differentiation. `free` then lets z leave what coefficients reach.
+landmarks under that prior. Slopes come from differences, so that it also works without automatic
+differentiation. `free` then lets z leave the range of the coefficients.
 """
 
 from dataclasses import dataclass
@@ -16,8 +16,10 @@ from training.systems.facetalk.head import COEFFICIENTS, Head
 SDF, TEMPORAL, EXPRESSION = 10.0, 0.1, 0.0025
 """Weights of eq. 16."""
 DISTANCE_M, LANDMARK_M = 4e-4, 3e-3
-"""How far points and landmarks may well lie from a head of the model; points are not independent, so
-`POINT_SHARE` of their number counts."""
+"""Deviation of points and of landmarks from a head of the model.
+
+Points are not independent, so only `POINT_SHARE` of their number counts.
+"""
 POINT_SHARE = 0.05
 ROBUST_M = 3e-3
 """Points farther off than this count less and less (Cauchy)."""
@@ -38,7 +40,8 @@ def fit_identity(
 ) -> Tensor:  # fmt: skip
     """Coefficients [100] whose head passes through points [P, 3] (metres, canonical frame and pose).
 
-    `landmarks` [68, 3] metres start it and keep weight; `which` of them are given, all where it is none.
+    `landmarks` [68, 3] metres start the fit and keep weight. `which` says which of them exist; None means
+    all.
     """
     random = torch.Generator().manual_seed(seed)
     chosen = list(range(68)) if which is None else which
@@ -105,22 +108,26 @@ def fit_sequence(
         last = min(first + fit.group, frames)
         if first > 0:
             codes[first + fit.shared : last] = codes[first + fit.shared - 1]
-        own = codes[first:last].clone().requires_grad_()
-        optimiser = torch.optim.Adam([own], fit.rate)
+        window = codes[first:last].clone().requires_grad_()
+        optimiser = torch.optim.Adam([window], fit.rate)
         identity = z.expand(last - first, -1)
         for number in range(fit.iterations):
             if number == fit.late_from:
                 optimiser.param_groups[0]["lr"] = fit.late_rate
             drawn = [c[torch.randint(0, len(c), (fit.points,), generator=random)] for c in clouds[first:last]]
-            s = head(torch.stack(drawn) / scale, identity, own)
-            change = torch.nn.functional.huber_loss(own[1:], own[:-1], reduction="sum")
-            loss = SDF * s.abs().mean() + TEMPORAL * change / own.numel() + EXPRESSION * own.square().mean()
+            s = head(torch.stack(drawn) / scale, identity, window)
+            change = torch.nn.functional.huber_loss(window[1:], window[:-1], reduction="sum")
+            loss = (
+                SDF * s.abs().mean()
+                + TEMPORAL * change / window.numel()
+                + EXPRESSION * window.square().mean()
+            )
             optimiser.zero_grad()
             loss.backward()
             if first > 0:
-                own.grad[: fit.shared] = 0.0
+                window.grad[: fit.shared] = 0.0
             optimiser.step()
-        codes[first:last] = own.detach()
+        codes[first:last] = window.detach()
         if last == frames:
             return codes
         first = last - fit.shared

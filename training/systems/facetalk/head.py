@@ -48,7 +48,7 @@ class Head(nn.Module):
         return self.expression_code(weights - rest)
 
     def place(self, x: Tensor, z: Tensor) -> Tensor:
-        """Where points [B, P, 3] lie on the mean head."""
+        """Places of points [B, P, 3] on the mean head."""
         return x + self.identity.to_mean(x, z)
 
     def posed(self, x: Tensor, z: Tensor, expression: Tensor) -> Tensor:

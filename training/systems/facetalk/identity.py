@@ -62,18 +62,18 @@ class Identity(nn.Module):
     def to_mean(self, x: Tensor, z: Tensor) -> Tensor:
         """D(x; z): from points [B, P, 3] to the same points of the mean head, [B, P, 3].
 
-        A network is asked where any head of the batch asks it.
+        A network computes the points where its weight is positive for any head of the batch.
         """
         config = self.config
-        own, local = self.codes(z)
+        global_code, local = self.codes(z)
         anchors = self.anchors(z)
         weight = self.blend(x, anchors)
-        asked = (weight.detach() > 0.0).any(0)
+        active = (weight.detach() > 0.0).any(0)
         total = torch.zeros_like(x)
         pairs = len(config.pairs)
         flip = torch.tensor([-1.0, 1.0, 1.0], device=x.device)
         for number in range(config.anchors + 1):
-            rows = asked[:, number].nonzero()[:, 0]
+            rows = active[:, number].nonzero()[:, 0]
             if len(rows) == 0:
                 continue
             mirrored = number < 2 * pairs and number % 2 == 1
@@ -82,11 +82,11 @@ class Identity(nn.Module):
                 frame = at / math.sqrt(config.background)
             else:
                 frame = (at - anchors[:, number : number + 1]) / config.sigma
-            code = torch.cat([own * self.mirror if mirrored else own, local[:, number]], 1)
+            code = torch.cat([global_code * self.mirror if mirrored else global_code, local[:, number]], 1)
             network = self.locals[number // 2 if number < 2 * pairs else number - pairs]
-            made = network(frame * flip if mirrored else frame, code)
-            made = made * flip if mirrored else made
-            total = total.index_add(1, rows, weight[:, rows, number : number + 1] * made)
+            offset = network(frame * flip if mirrored else frame, code)
+            offset = offset * flip if mirrored else offset
+            total = total.index_add(1, rows, weight[:, rows, number : number + 1] * offset)
         return total
 
     def forward(self, x: Tensor, z: Tensor) -> Tensor:

@@ -1,8 +1,9 @@
 """Speech to expression codes: a transformer decoder that predicts clean codes (§4, fig. 2; eq. 2 to 10).
 
-Departures: the norm stands before each sublayer and what it adds is modulated (`nn.film`); positions are
-rotary; a row sees itself and `look_back_frames` − 1 rows behind it, so that a sound of any length is sampled
-at once as windows were trained; the model is told the augmentation r of eq. 8, which then is a control.
+Departures from the paper: the norm stands before each sublayer, whose output is modulated (`nn.film`).
+Positions are rotary. A row sees itself and the `look_back_frames` − 1 rows before it, so a sound of any
+length is sampled at once, just as windows were trained. The augmentation r of eq. 8 is an input of the model
+and so becomes a control.
 """
 
 from dataclasses import dataclass, field
@@ -21,7 +22,7 @@ from training.nn.rotary import RotaryAttention
 
 PLACES = 3
 LANDMARKS = "landmarks"
-"""The memory of a model that goes by landmarks instead of speech: their motion, [T, 204] centimetres."""
+"""Memory of a model that follows landmarks instead of speech: their motion, [T, 204] centimetres."""
 CM = 100.0
 
 
@@ -57,9 +58,11 @@ class MotionConfig(Config):
 
 
 def landmark_config(codes: int) -> MotionConfig:
-    """The model whose memory is the motion of 68 landmarks (the paper's conclusion). That says nearly all, so
-    it is small, starts from no noise and is not guided; a layer that begins as the best linear one adds the
-    memory to what comes out."""
+    """The model whose memory is the motion of 68 landmarks (the paper's conclusion).
+
+    That motion says nearly everything, so the model is small, starts from no noise and is not guided. A layer
+    that begins as the best linear map adds the memory to the output.
+    """
     return MotionConfig(
         codes=codes, width=32, inner=32, blocks=2, heads=4, feedforward=32, look_back_frames=12,
         direct=True, speech=SpeechInput(LANDMARKS, 204),
@@ -136,8 +139,10 @@ class Denoiser(nn.Module):
         self.register_buffer("mean", torch.zeros(config.codes))
         self.register_buffer("std", torch.ones(config.codes))
 
-    def forward(self, noisy: Tensor, timestep: Tensor, speech: Tensor, given: Tensor, r: Tensor) -> Tensor:
-        """`noisy` [B, T, X], `timestep` [B], `speech` [B, T, C], `given` [B] bool, `r` [B] → x̂₀."""
+    def forward(
+        self, noisy: Tensor, timestep: Tensor, speech: Tensor, has_speech: Tensor, r: Tensor
+    ) -> Tensor:
+        """`noisy` [B, T, X], `timestep` [B], `speech` [B, T, C], `has_speech` [B] bool, `r` [B] → x̂₀."""
         frames = noisy.shape[1]
         if speech.shape[1] != frames:
             raise ValueError(f"speech frames: expected {frames}, got {speech.shape[1]}")
@@ -145,7 +150,7 @@ class Denoiser(nn.Module):
             r[:, None] - 1.0
         )
         films = self.film(condition if self.config.film else torch.zeros_like(condition))
-        memory = torch.where(given[:, None, None], self.mem_proj(speech), self.null_speech)
+        memory = torch.where(has_speech[:, None, None], self.mem_proj(speech), self.null_speech)
         rows = torch.arange(frames, device=noisy.device)
         back = rows[:, None] - rows
         behind = (back >= 0) & (back < self.config.look_back_frames)
@@ -158,16 +163,18 @@ class Denoiser(nn.Module):
         clean = self.head(self.norm(x))
         if self.direct is None:
             return clean
-        return clean + torch.where(given[:, None, None], self.direct(speech), 0.0)
+        return clean + torch.where(has_speech[:, None, None], self.direct(speech), 0.0)
 
     @torch.no_grad()
     def begin_direct(self, memory: Tensor, codes: Tensor) -> None:
-        """What is added at first: the linear map of memory [N, C] that comes nearest to codes [N, X]; the
-        blocks say nothing yet."""
-        seen = torch.cat([memory, torch.ones(len(memory), 1)], 1)
-        found = torch.linalg.lstsq(seen, self.standardise(codes)).solution
-        self.direct.weight.copy_(found[:-1].T)
-        self.direct.bias.copy_(found[-1])
+        """Sets the direct layer to the linear map from memory [N, C] that comes nearest to codes [N, X].
+
+        The blocks add nothing yet.
+        """
+        inputs = torch.cat([memory, torch.ones(len(memory), 1)], 1)
+        solution = torch.linalg.lstsq(inputs, self.standardise(codes)).solution
+        self.direct.weight.copy_(solution[:-1].T)
+        self.direct.bias.copy_(solution[-1])
         nn.init.zeros_(self.head.weight)
         nn.init.zeros_(self.head.bias)
 

@@ -1,6 +1,6 @@
 """Layers that a point enters twice and a code up to three times: as rows to add and in the last matrix.
 
-What a code contributes is the same for all points of a head (or a frame), so it is computed once for each.
+A code contributes the same to all points of a head (or a frame), so its part is computed once for each.
 """
 
 import math
@@ -25,7 +25,8 @@ def encoded(octaves: int) -> int:
 
 
 def widened(state: dict[str, Tensor], octaves: int) -> dict[str, Tensor]:
-    """A head's tensors with deformations that see `octaves`, finer ones weighted 0: what they give stays."""
+    """A head's tensors for deformations with `octaves`. The added finer ones have weight 0, so outputs stay
+    the same."""
     wider = dict(state)
     for name, weight in state.items():
         if name.split(".")[0] in ("backward_field", "forward_field") and name.split(".")[1:2] == ["point"]:
@@ -80,9 +81,9 @@ class Network(nn.Module):
 
     def read_out(self, h: Tensor, code: Tensor) -> Tensor:
         """The last layer, whose matrix each code makes."""
-        made = self.out_code(code).unflatten(-1, (self.outputs, self.width + 1))
-        weight = self.out.weight + made[..., :-1]
-        bias = self.out.bias + made[..., -1]
+        matrix = self.out_code(code).unflatten(-1, (self.outputs, self.width + 1))
+        weight = self.out.weight + matrix[..., :-1]
+        bias = self.out.bias + matrix[..., -1]
         return h @ weight.transpose(1, 2) + bias[:, None]
 
 

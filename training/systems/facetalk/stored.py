@@ -12,25 +12,25 @@ from training.systems.facetalk.motion import Denoiser, MotionConfig
 from training.systems.facetalk.network import widened
 
 MOTIONS = ("motion", "landmark_motion")
-"""By speech, and by the motion of landmarks."""
+"""The models that move a head: by speech, and by the motion of landmarks."""
 EXACT = ("identity_code.", "expression_code.", "identity.landmarks.", "identity.mirror", "principal.",
          "motion.mean", "motion.std", "landmark_motion.mean", "landmark_motion.std")  # fmt: skip
 
 
 def load_head(path: Path, octaves: int | None = None) -> Head:
-    """A head.pt; deformations then see as many `octaves` of places, if said."""
-    kept = torch.load(path, map_location="cpu", weights_only=True)
-    config = HeadConfig.from_json(kept["config"])
+    """Loads a head.pt; its deformations then see `octaves` of places, if given."""
+    saved = torch.load(path, map_location="cpu", weights_only=True)
+    config = HeadConfig.from_json(saved["config"])
     config.expression_octaves = octaves or config.expression_octaves
     head = Head(config)
-    head.load_state_dict(widened(kept["state"], config.expression_octaves))
+    head.load_state_dict(widened(saved["state"], config.expression_octaves))
     return head
 
 
 def load_motion(path: Path) -> Denoiser:
-    """A motion.pt."""
-    kept = torch.load(path, map_location="cpu", weights_only=True)
-    return restored(Denoiser(MotionConfig.from_json(kept["config"])), kept["state"])
+    """Loads a motion.pt."""
+    saved = torch.load(path, map_location="cpu", weights_only=True)
+    return restored(Denoiser(MotionConfig.from_json(saved["config"])), saved["state"])
 
 
 def joined(head: Head, motions: dict[str, Denoiser]) -> tuple[dict[str, Tensor], dict]:
@@ -43,7 +43,7 @@ def joined(head: Head, motions: dict[str, Denoiser]) -> tuple[dict[str, Tensor],
 
 
 def load_folder(folder: Path) -> tuple[Head, dict[str, Denoiser]]:
-    """What was exported, in f32."""
+    """Loads an exported folder, in f32."""
     config, state = read_model(folder)
 
     def of(name: str) -> dict[str, Tensor]:

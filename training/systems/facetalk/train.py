@@ -34,16 +34,16 @@ FAR_SHARE = 0.3
 FAR_WEIGHT = 0.15
 NORMAL_WEIGHT = 4.0
 EVEN_M = 1e-4
-"""Errors below this count less than in proportion."""
+"""Errors below this count less than proportionally."""
 EIKONAL, EIKONAL_EVERY = 0.02, 8
 REFRESHED = 1
 OUT_RATE = 0.05
-"""Of the rate, for the layers that displacements come out of."""
+"""Share of the rate for the layers that output displacements."""
 RATES = {"template": 3e-3, "identity": 3e-3, "expression": 3e-3}
 
 
 class Pool:
-    """Heads at hand: coefficients [N, 100], vertices and normals [N, V, 3] in metres, scales [N]."""
+    """Heads in memory: coefficients [N, 100], vertices and normals [N, V, 3] in metres, scales [N]."""
 
     def __init__(self, heads: IctHeads, count: int, random: torch.Generator):
         self.heads, self.random = heads, random
@@ -56,12 +56,12 @@ class Pool:
         return vertices, vertex_normals(vertices, self.heads.triangles), scales
 
     def state_dict(self) -> dict[str, Tensor]:
-        """For the checkpoint: all else follows from coefficients."""
+        """State for the checkpoint; everything else follows from coefficients."""
         return {"coefficients": self.coefficients}
 
     def load_state_dict(self, state: dict[str, Tensor]) -> None:
-        """The heads that were at hand; those that gave way are made one by one, as they were: sums over
-        several at once differ in their last bits."""
+        """Restores the heads. Replaced heads are rebuilt one by one, as before: sums over several at once
+        differ in their last bits."""
         for number in (state["coefficients"] != self.coefficients).any(1).nonzero()[:, 0]:
             self._replace(number[None], state["coefficients"][number][None])
 
@@ -83,7 +83,7 @@ def drawn(count: int, among: int, random: torch.Generator) -> Tensor:
 
 
 def template_loss(head: Head, heads: IctHeads, points: int, step: int, random: torch.Generator):
-    """Distances beside the surface and about it; sometimes that the gradient is 1 long."""
+    """Loss of distances beside the surface and about it; in some steps also of the gradient's length."""
     scale, device = head.config.scale_m, head.identity_code.weight.device
     places = heads.places[drawn(points, len(heads.places), random)]
     near = (heads.at(heads.opened[None], heads.normals[None], places)[0] / scale).to(device)
@@ -101,14 +101,14 @@ def template_loss(head: Head, heads: IctHeads, points: int, step: int, random: t
 
 
 def uneven(error: Tensor, normals: Tensor, scale: float) -> Tensor:
-    """Lengths of errors [B, P, 3], that along normals weighted more, [B, P]."""
+    """Lengths of errors [B, P, 3] with more weight along normals, [B, P]."""
     along = (error * normals).sum(-1)
     floor = EVEN_M / scale
     return (error.square().sum(-1) + NORMAL_WEIGHT * along.square() + floor**2).sqrt() - floor
 
 
 def identity_loss(head: Head, heads: IctHeads, pool: Pool, count: int, points: int, random: torch.Generator):
-    """The way to the mean head of places on, beside and about the surface."""
+    """Loss of the way to the mean head, for places on, beside and about the surface."""
     scale, device = head.config.scale_m, head.identity_code.weight.device
     chosen = pool.draw(count)
     vertices, normals = pool.vertices[chosen], pool.normals[chosen]
@@ -123,8 +123,8 @@ def identity_loss(head: Head, heads: IctHeads, pool: Pool, count: int, points: i
     moves = vertices[:, corners] - heads.opened[corners]
     far = far_goal + (heads.volume.share[rows][..., None] * moves).sum(2) / scale
     x, goal, far_goal, on = (t.to(device) for t in (torch.cat([here, far], 1), goal, far_goal, on))
-    made = x + head.identity.to_mean(x, z)
-    error, off = made[:, :points] - goal, made[:, points:] - far_goal
+    predicted = x + head.identity.to_mean(x, z)
+    error, off = predicted[:, :points] - goal, predicted[:, points:] - far_goal
     near = uneven(error, on, scale).mean()
     calm = (1.0 / (1.0 + heads.volume.distance[rows].abs() / 0.01)).to(device)
     total = near + FAR_WEIGHT * (off.norm(dim=-1) * calm).mean()
@@ -137,8 +137,11 @@ def identity_loss(head: Head, heads: IctHeads, pool: Pool, count: int, points: i
 
 
 def by_rate(head: Head, learned: list[Tensor], rate: float) -> list[dict]:
-    """Groups for the optimiser: what makes displacements learns more slowly, since these are small, and what
-    sees many numbers of a code, since all of them change its sum at once."""
+    """Groups for the optimiser.
+
+    Layers that output displacements learn more slowly, because displacements are small. So do layers with
+    many numbers of a code as input, because all of them change its sum at once.
+    """
     chosen = {id(p) for p in learned}
     slow = (".out", ".press.", ".code.", "expression_code")
     last = {id(p) for name, p in head.named_parameters() if any(part in name for part in slow)}
@@ -149,7 +152,7 @@ def by_rate(head: Head, learned: list[Tensor], rate: float) -> list[dict]:
 
 
 def compute_on(machine: Machine, head: Head) -> None:
-    """Moves a head, whose networks multiply in the machine's precision from here on."""
+    """Moves a head to the machine. From here on its networks multiply in the machine's precision."""
     head.to(machine.device)
     if machine.dtype is None:
         return
@@ -213,7 +216,7 @@ def train(arguments) -> Path:
     groups = by_rate(head, learned, rate)
     run = begin(
         arguments, head, {"random": random}, groups=groups, decay=0.0, warm=0.05, average=None, name="head",
-        machine=machine, kept={} if pool is None else {"pool": pool}, final_div_factor=100.0,
+        machine=machine, extra={} if pool is None else {"pool": pool}, final_div_factor=100.0,
     )  # fmt: skip
 
     def loss(step: int) -> tuple[Tensor, dict[str, float]]:
@@ -236,19 +239,21 @@ def parser() -> argparse.ArgumentParser:
     """Command line."""
     parser = trainer_parser(__doc__, "runs/facetalk", 3000, None, log_every=100, save_every=500, corpus=False)
     parser.add_argument("part", choices=list(RATES))
-    parser.add_argument("--corpus", type=Path, nargs="*", default=[], help="corpus folders, expression alone")
+    parser.add_argument(
+        "--corpus", type=Path, nargs="*", default=[], help="corpus folders, for the part expression only"
+    )
     add_arguments(parser, "float32")
     parser.add_argument("--stop-at", type=int, help="stop after this step; the same command goes on")
     parser.add_argument("--start", type=Path, help="head.pt of the part before, or of this one to go on")
     parser.add_argument("--config", choices=list(CONFIGS), default="compact")
-    parser.add_argument("--heads", type=int, default=24, help="in a batch")
+    parser.add_argument("--heads", type=int, default=24, help="heads in a batch")
     parser.add_argument("--pool", type=int, default=400, help="heads held in memory")
-    parser.add_argument("--points", type=int, default=512, help="of each head")
+    parser.add_argument("--points", type=int, default=512, help="points of each head")
     parser.add_argument("--exact", type=float, default=0.6,
                         help="share of steps before places come from the identity field")  # fmt: skip
-    parser.add_argument("--keep-codes", action="store_true", help="leave the map of expressions as it is")
+    parser.add_argument("--keep-codes", action="store_true", help="do not train the map of expressions")
     parser.add_argument("--octaves", type=int,
-                        help="of the places that deformations see; fewer at first, then more")  # fmt: skip
+                        help="octaves of places for deformations; few at first, later more")  # fmt: skip
     parser.add_argument("--rate", type=float)
     return parser
 

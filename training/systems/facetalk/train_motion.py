@@ -3,13 +3,13 @@
     python -m training.systems.facetalk.train_motion --corpus DIR [DIR ...] --out runs/facetalk_motion
     python -m training.systems.facetalk.train_motion --head runs/facetalk/head.pt --data ../shared/data
 
-`--corpus` trains on corpus folders (`training/corpus/folder.py`) and nothing else. Codes are those that the
-head's map gives to ARKit weights: captured ones as they are, landmarks and those of vertices by the weights
-that move ICT's landmarks alike. Each window is scaled about the face at rest by r ~ U(low, high) (eq. 8),
-which the model is told. `--without` leaves a part out, for table 2. `--memory landmarks` trains the small
-model that goes by the motion of landmarks instead, whatever moves them. `--recipe paper` has the paper's loss
-and rate. Seeded; resumes from `--out/last.pt` with the same bits; `--device` and `--precision` say where it
-computes (`training/machine.py`).
+`--corpus` trains on corpus folders (`training/corpus/folder.py`) and nothing else. The head's map turns ARKit
+weights into codes. Captured weights are used as they are. Landmarks, and those of vertices, first become the
+weights that move ICT's landmarks alike. Each window is scaled about the face at rest by r ~ U(low, high) (eq.
+8), and r is an input of the model. `--without` leaves a part out, for table 2. `--memory landmarks` trains
+the small model that follows the motion of landmarks instead, whatever moves them. `--recipe paper` has the
+paper's loss and rate. Seeded; resumes from `--out/last.pt` with the same bits; `--device` and `--precision`
+say where it computes (`training/machine.py`).
 """
 
 import argparse
@@ -22,7 +22,7 @@ from torch import Tensor
 from training import shipped
 from training.corpus import bank
 from training.corpus.arkit import as_weights, landmarks_of, of_folders
-from training.corpus.poses import LIDS, UPPER, felt
+from training.corpus.poses import LIDS, UPPER, emotion_prototypes
 from training.corpus.shares import lasting
 from training.diffusion.schedule import add_noise
 from training.losses import feature_concordance, feature_scores, motion_loss
@@ -60,13 +60,14 @@ PARTS = ["augmentation", "film", "alignment", "diffusion"]
 WIDE_BAND = 1000
 CONFIGS = {"compact": MotionConfig, "debug": debug_config}
 BESIDE_SHARE, BESIDE_FRAMES = 0.7, (6, 40)
-"""Rows of landmark motion with an emotion, shut lids and moving brows besides, and how long these last."""
+"""Share of rows of landmark motion with an added emotion, shut lids and moving brows, and how long these
+last."""
 UNEVEN_MM = 1.5
-"""What tracked landmarks are off by at most, deviation."""
+"""Greatest error of tracked landmarks, as a deviation."""
 
 
 class Codes:
-    """Between ARKit weights and z_ex of a head: the map, and the way back that is shortest."""
+    """Map from ARKit weights to z_ex of a head, and the shortest way back."""
 
     def __init__(self, head):
         with torch.no_grad():
@@ -83,7 +84,7 @@ class Codes:
         return (codes - self.at_rest) @ self.back.T
 
     def to(self, device: torch.device) -> None:
-        """Moves all of it."""
+        """Moves the maps to a device."""
         self.matrix, self.at_rest, self.back = (x.to(device) for x in (self.matrix, self.at_rest, self.back))
 
 
@@ -109,7 +110,7 @@ class Trainer:
         config = replace(CONFIGS[arguments.config](), codes=codes, speech=heard)
         if self.by_landmarks:
             config = landmark_config(codes)
-        self.felt = felt()
+        self.prototypes = emotion_prototypes()
         config.film = "film" not in self.without
         if "alignment" in self.without:
             config.band = WIDE_BAND
@@ -133,7 +134,7 @@ class Trainer:
         self.codes.to(self.machine.device)
 
     def loss(self, count: int, frames: int) -> tuple[Tensor, dict[str, float]]:
-        """Eq. 4, and in our recipe the same on the landmarks that codes move."""
+        """Eq. 4; in our recipe also the same loss on the landmarks that the codes move."""
         device = self.machine.device
         batch = self.sampler.batch(count, frames)
         r = self.low + (self.high - self.low) * torch.rand(count, generator=self.random)
@@ -141,25 +142,25 @@ class Trainer:
         if self.by_landmarks:
             weights = self.beside(weights)
         t, noise = self._noise(count, frames)
-        given = torch.rand(count, generator=self.random) >= DROPPED_SHARE
+        has_speech = torch.rand(count, generator=self.random) >= DROPPED_SHARE
         with torch.no_grad(), self.machine.autocast():
             memory = self.memory(batch, weights)
-        weights, given = weights.to(device), given.to(device)
+        weights, has_speech = weights.to(device), has_speech.to(device)
         clean = self.model.standardise(self.codes.of(weights))
         noisy = add_noise(clean, noise.to(device), self.alphas[t][:, None, None].to(device))
         if "diffusion" in self.without:
             noisy = torch.zeros_like(noisy)
         with self.machine.autocast():
-            found = self.model(noisy, t.to(device), memory, given, r.to(device)).float()
+            predicted = self.model(noisy, t.to(device), memory, has_speech, r.to(device)).float()
         shares = (self.recipe.velocity, self.recipe.acceleration)
-        simple = motion_loss(found - clean, torch.ones_like(clean), *shares)
+        simple = motion_loss(predicted - clean, torch.ones_like(clean), *shares)
         if self.recipe.plain:
             return simple, {"simple": simple.item()}
         shown, truth = (
-            1e3 * landmarks_of(w) for w in (self.codes.weights(self.model.to_codes(found)), weights)
+            1e3 * landmarks_of(w) for w in (self.codes.weights(self.model.to_codes(predicted)), weights)
         )
         near = motion_loss((shown - truth) / LANDMARK_SCALE_MM, torch.ones_like(shown))
-        agreement, parts = feature_concordance(shown[given], truth[given])
+        agreement, parts = feature_concordance(shown[has_speech], truth[has_speech])
         total = simple + LANDMARK_WEIGHT * near + CONCORDANCE * agreement
         return total, {"simple": simple.item(), "landmarks": near.item()} | parts
 
@@ -175,7 +176,7 @@ class Trainer:
         return t, torch.zeros_like(noise) if "diffusion" in self.without else noise
 
     def memory(self, batch, weights: Tensor) -> Tensor:
-        """What the model goes by, [B, T, C]: what is heard, or the landmarks that `weights` move."""
+        """Memory of the model, [B, T, C]: speech features, or the landmarks that `weights` move."""
         if not self.by_landmarks:
             return self.speech.windows(batch.mel.to(self.machine.device))
         moved = landmarks_of(weights)
@@ -184,28 +185,28 @@ class Trainer:
         return (CM * moved).to(self.model.mean.device)
 
     def beside(self, weights: Tensor) -> Tensor:
-        """Weights [B, T, 51] with what recordings of speech lack: emotions, brows, and lids that shut."""
+        """Weights [B, T, 51] plus what recordings of speech lack: emotions, brows, and lids that shut."""
         count, frames = weights.shape[:2]
 
         def uniform(*shape: int) -> Tensor:
             return torch.rand(*shape, generator=self.random)
 
-        held = self.felt[torch.randint(0, len(self.felt), (count,), generator=self.random)] * uniform(
-            count, 1
-        )
-        held[:, UPPER] += uniform(count, len(UPPER)) * (uniform(count, len(UPPER)) < 0.2)
-        held = held * (uniform(count, 1) < BESIDE_SHARE)
+        added = self.prototypes[
+            torch.randint(0, len(self.prototypes), (count,), generator=self.random)
+        ] * uniform(count, 1)
+        added[:, UPPER] += uniform(count, len(UPPER)) * (uniform(count, len(UPPER)) < 0.2)
+        added = added * (uniform(count, 1) < BESIDE_SHARE)
         low, high = BESIDE_FRAMES
         at = torch.arange(frames) - frames * uniform(count, 1)
         length = low + (high - low) * uniform(count, 1)
-        out = weights + held[:, None] * (1.0 - (at / length).square()).clamp_min(0.0)[..., None]
+        out = weights + added[:, None] * (1.0 - (at / length).square()).clamp_min(0.0)[..., None]
         shut = (1.0 - ((torch.arange(frames) - frames * uniform(count, 1)) / 4.0).square()).clamp_min(0.0)
         out[..., LIDS] = torch.maximum(out[..., LIDS], (shut * (uniform(count, 1) < 0.5))[..., None])
         return out.clamp(0.0, 1.3)
 
 
 def speech_of(arguments) -> tuple[CompactSpeech | HubertSpeech, SpeechInput]:
-    """What is heard, and by which encoder; wav2vec2 as the paper has it (section 4)."""
+    """The speech features and their encoder; wav2vec2 as the paper has it (section 4)."""
     if arguments.hubert is None:
         encoder = load_encoder(arguments.speech or SHIPPED_ENCODER)
         heard = SpeechInput("compact_speech", encoder.config.channels)
@@ -230,8 +231,8 @@ def validate(trainer: Trainer, model: Denoiser, clips: int) -> dict[str, float]:
         for entry in [e for e in entries if e.source == source and e.held_out][:clips]:
             truth = landmarks_of(entry.motion.float())
             memory = CM * truth if trainer.by_landmarks else trainer.speech.clip(entry)
-            made = trainer.codes.weights(sample(model, memory)).cpu()
-            pairs.append((landmarks_of(made), truth))
+            predicted = trainer.codes.weights(sample(model, memory)).cpu()
+            pairs.append((landmarks_of(predicted), truth))
         if pairs:
             report |= {f"{source} {k}": v for k, v in feature_scores(pairs).items()}
     model.train()
@@ -270,7 +271,9 @@ def parser() -> argparse.ArgumentParser:
     parser.add_argument("--head", type=Path, default=shipped("facetalk_compact"))
     parser.add_argument("--speech", type=Path, help="speech.pt of training.speech.train, or a model folder")
     parser.add_argument("--hubert", type=Path, help="folder of a wav2vec2 or HuBERT checkpoint instead")
-    parser.add_argument("--memory", choices=["speech", LANDMARKS], default="speech", help="what it goes by")
+    parser.add_argument(
+        "--memory", choices=["speech", LANDMARKS], default="speech", help="input of the model"
+    )
     parser.add_argument("--config", choices=list(CONFIGS), default="compact")
     recipes.add_arguments(parser)
     add_arguments(parser, "float32")
@@ -278,10 +281,12 @@ def parser() -> argparse.ArgumentParser:
     parser.add_argument("--voices", type=int, default=4)
     clips = "held-out clips of each source, at every log"
     parser.add_argument("--validation-clips", type=int, default=12, help=clips)
-    parser.add_argument("--without", nargs="*", choices=PARTS, default=[], help="table 2")
+    parser.add_argument(
+        "--without", nargs="*", choices=PARTS, default=[], help="parts to leave out (table 2)"
+    )
     parser.add_argument("--augment", type=float, nargs=2, default=[0.7, 1.3], metavar=("LOW", "HIGH"))
-    parser.add_argument("--windows", type=int, default=24, help="in a batch")
-    parser.add_argument("--frames", type=int, default=48, help="of a window")
+    parser.add_argument("--windows", type=int, default=24, help="windows in a batch")
+    parser.add_argument("--frames", type=int, default=48, help="frames of a window")
     return parser
 
 

@@ -22,7 +22,7 @@ from training.nn.transformer import TransformerDecoderLayer
 LANDMARKS = 68
 OWN_FRAME_SCALE = 1.6
 ANY_STYLE = "any"
-"""The style of training windows whose label was withheld: the model goes by the sound alone."""
+"""Style of training windows whose label was withheld. The model then follows the sound alone."""
 
 
 @dataclass
@@ -45,11 +45,11 @@ class Sampling:
 
 @dataclass
 class AtsConfig(Config):
-    """Everything that inference has to know; saved as config.json.
+    """Everything that inference needs; saved as config.json.
 
     In `closing_styles` lips meet where the speech encoder says so; the other styles are as recorded.
-    `emotion` is "learned" where the network was trained on emotional motion, "added" where it speaks
-    neutrally and the expression is added to what it gives.
+    `emotion` is "learned" if the network was trained on emotional motion, "added" if it speaks neutrally and
+    the expression is added to its output.
     """
 
     system: str = "freetalk"
@@ -163,9 +163,9 @@ class AtsDenoiser(nn.Module):
         tokens = self.x_proj(noisy) + self.pos_tgt[span]
         tokens = tokens + self._conditions(timestep, affect, style)
         band = band_mask(frames, frames, self.config.radius, noisy.device)
-        seen = None if valid is None else valid[:, None, None, :]
+        valid_mask = None if valid is None else valid[:, None, None, :]
         for layer in self.layers:
-            tokens = layer(tokens, memory, seen, band)
+            tokens = layer(tokens, memory, valid_mask, band)
         if self.norm is not None:
             tokens = self.norm(tokens)
         return self.head(tokens)
@@ -185,7 +185,7 @@ class AtsDenoiser(nn.Module):
 
 
 def initial_positions(frames: int, width: int) -> Tensor:
-    """Where the learned positions start, [T, d]: sinusoids with periods of 4 to 126 frames.
+    """Start of the learned positions, [T, d]: sinusoids with periods of 4 to 126 frames.
 
     Tokens and memory start from the same ones, so that equal frames are alike.
     """
@@ -196,10 +196,10 @@ def initial_positions(frames: int, width: int) -> Tensor:
 
 @torch.no_grad()
 def look_at_own_frame(attention: MultiheadAttention) -> None:
-    """Starts queries and keys from one matrix: frame i of the motion attends to frame i of speech.
+    """Starts queries and keys from one matrix, so that frame i of the motion attends to frame i of speech.
 
-    From independent ones the alignment itself has to be learned first: 300 steps of training then
-    reached a lip-gap correlation of 0.75 on held-out grid_s1 clips, and 0.87 from this start.
+    From independent matrices the alignment itself has to be learned first: after 300 steps the lip-gap
+    correlation on held-out grid_s1 clips was then 0.75, and 0.87 from this start.
     """
     width = attention.in_proj_weight.shape[1]
     shared = OWN_FRAME_SCALE * attention.in_proj_weight[:width]

@@ -78,10 +78,10 @@ def main(
     data: Path = DATA,
     out: Path = Path("runs/baselines"),
     cache: Path = Path("runs/cache"),
-    run: Annotated[Path | None, "ats.pt of a model that was trained without something"] = None,
-    name: Annotated[str, "of that model, as the report shows it"] = "without",
-    takes: Annotated[list[str], "of facegood_zh that it never heard"] = (),
-    grid: Annotated[bool, "it never heard grid_s1"] = False,
+    run: Annotated[Path | None, "ats.pt of a model that was trained without these takes"] = None,
+    name: Annotated[str, "name of that model in the report"] = "without",
+    takes: Annotated[list[str], "takes of facegood_zh that it never heard"] = (),
+    grid: Annotated[bool, "measure grid_s1 too, which it never heard"] = False,
 ) -> None:
     """Command line."""
     if run is not None:

@@ -17,21 +17,21 @@ class Recipe:
     rate: float
     weight_decay: float
     annealed: bool
-    """Whether the rate rises at first and falls to zero at the end; otherwise it stays."""
+    """Whether the rate rises at first and falls to zero at the end. Otherwise it is constant."""
     velocity: float
     """λ_v of eq. 15."""
     acceleration: float
     """λ_a of eq. 15."""
     plain: bool
-    """Whether the loss is eq. 15 alone, every point alike; otherwise what the trainer adds is in it."""
+    """Whether the loss is eq. 15 alone with every point alike. Otherwise the trainer adds its own terms."""
     dropout: float = 0.0
     average: float = 0.0
-    """Decay of the averaged weights that are kept; 0 keeps the last ones."""
+    """Decay of the averaged weights that are saved; 0 saves the last weights."""
     epochs: int | None = None
     batch: int | None = None
 
     def steps(self, windows: int) -> int:
-        """Steps of its epochs over so many windows."""
+        """Number of steps that its epochs take over this many windows."""
         return max(1, self.epochs * windows // (self.batch or 1))
 
     def record(self) -> dict:
@@ -52,7 +52,7 @@ STM = {
 def add_arguments(parser: argparse.ArgumentParser) -> None:
     """`--recipe`, and the rate that overrides its own."""
     parser.add_argument("--recipe", choices=["ours", "paper"], default="ours")
-    parser.add_argument("--rate", type=float, help="of learning, in place of the recipe's")
+    parser.add_argument("--rate", type=float, help="learning rate, instead of the recipe's")
 
 
 def chosen(recipes: dict[str, Recipe], arguments: argparse.Namespace) -> Recipe:

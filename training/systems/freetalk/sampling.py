@@ -45,9 +45,9 @@ def sample_from(
 ) -> Tensor:
     """The same from given unit noise [T, 3N].
 
-    The noise belongs to the frame, not to the window, so that overlapping windows start from the
-    same noise, scaled by the temperature; where windows overlap their results are averaged with
-    the weights of a linear ramp. It computes where the model is.
+    The noise belongs to the frame, not to the window, so overlapping windows start from the same noise,
+    scaled by the temperature. Their results are averaged with the weights of a linear ramp. It computes on
+    the model's device.
     """
     config = model.config
     frames = speech.shape[0]

@@ -60,7 +60,7 @@ CONCORDANCE = 0.3
 PURE_NOISE_SHARE = 0.3
 UNSEEN_WEIGHT = 0.1
 NEUTRAL_GAP_M = 0.8e-3
-"""Opening of the inner lips in ICT's neutral face, which the motion starts from."""
+"""Opening of the inner lips in ICT's neutral face, where the motion starts."""
 UNLABELLED_SHARE = 0.6
 
 
@@ -105,7 +105,7 @@ class AtsTrainer:
         self.parts = nn.ModuleDict({"denoiser": self.model, "encoder": speech.encoder})
 
     def parameters(self, rate: float, encoder_rate: float) -> list[dict]:
-        """Parameter groups; the encoder stays as it was trained at rate 0."""
+        """Parameter groups. At rate 0 the encoder stays unchanged."""
         groups = [{"params": list(self.model.parameters()), "lr": rate}]
         if encoder_rate > 0.0:
             self.speech.encoder.requires_grad_(True)
@@ -137,14 +137,14 @@ class AtsTrainer:
         offset = int(torch.randint(0, room + 1, (1,), generator=self.random))
         with self.machine.autocast():
             speech = self.speech.windows(step.mel)
-            found = self.model(noisy, t.to(device), speech, step.affect, step.source, offset).float()
-        error = (found - clean) * self.model.std
+            predicted = self.model(noisy, t.to(device), speech, step.affect, step.source, offset).float()
+        error = (predicted - clean) * self.model.std
         shares = (self.recipe.velocity, self.recipe.acceleration)
         if self.recipe.plain:
             motion = 3e6 * motion_loss(error, step.weight, *shares)
             return motion, {"motion": motion.item()}
         motion = motion_loss(error, step.weight, *shares) * step.weight.mean() / self.landmark_weight.mean()
-        agreement, parts = feature_concordance(self.model.to_metres(found) * 1e3, step.motion * 1e3)
+        agreement, parts = feature_concordance(self.model.to_metres(predicted) * 1e3, step.motion * 1e3)
         return motion + CONCORDANCE * agreement, {"motion": motion.item()} | parts
 
     def _noise(self, shape: torch.Size) -> tuple[torch.Tensor, torch.Tensor]:
@@ -155,7 +155,7 @@ class AtsTrainer:
         return t, torch.randn(shape, generator=self.random)
 
     def _measure_scale(self) -> None:
-        """Mean and deviation of the training motion into the model."""
+        """Sets the model's mean and deviation to those of the training motion."""
         frames = min(self.config.window_frames, 96)
         motion = torch.cat([self.sampler.batch(16, frames).motion for _ in range(12)]).flatten(0, 1)
         self.model.mean.copy_(motion.mean(dim=0))
@@ -163,16 +163,16 @@ class AtsTrainer:
 
 
 def source_shares(arguments, entries: list[Entry]) -> dict[str, float]:
-    """How often each source is drawn: of corpus folders as long as they last, of ours as they were set."""
+    """How often each source is drawn: corpus folders in proportion to their length, ours by fixed shares."""
     if arguments.corpus:
         return lasting(entries)
-    found = {e.source for e in entries if not e.held_out}
+    sources = {e.source for e in entries if not e.held_out}
     shares = dict(zip(SHARES, arguments.shares, strict=True))
-    return {s: shares[s] for s in SHARES if s in found and s not in arguments.leave_out}
+    return {s: shares[s] for s in SHARES if s in sources and s not in arguments.leave_out}
 
 
 def judged_by_phones(arguments, entries: list[Entry]) -> list[Entry]:
-    """Held-out speech with phones, by which closures are counted."""
+    """Held-out speech with phones, on which closures are counted."""
     if arguments.corpus:
         return with_phones([e for e in entries if e.held_out])
     if arguments.config != "compact":
@@ -210,7 +210,7 @@ def closure_report(trainer: AtsTrainer, model, speech, sampling: Sampling) -> di
         gap = lip_gap(clip_motion(speech, model, entry, style, sampling))
         label = entry.name.split("/")[0]
         met.setdefault(label, []).extend(closures_met(gap + NEUTRAL_GAP_M, entry.phones))
-    return {f"{label} closed": sum(found) / len(found) for label, found in sorted(met.items())}
+    return {f"{label} closed": sum(flags) / len(flags) for label, flags in sorted(met.items())}
 
 
 @torch.no_grad()
@@ -223,7 +223,7 @@ def clip_motion(speech, model, entry, style: int, sampling: Sampling, seed: int 
 def train(arguments, denoiser: type[AtsDenoiser] = AtsDenoiser) -> Path:
     """Runs the training; writes `ats.pt` with the averaged weights and returns its path.
 
-    Another `denoiser` is one that lacks a part, for comparison; the engine knows the whole one alone.
+    Another `denoiser` class lacks a part, for comparison. The engine knows only the whole one.
     """
     seeded(arguments)
     config = CONFIGS[arguments.config]()
@@ -253,7 +253,8 @@ def train(arguments, denoiser: type[AtsDenoiser] = AtsDenoiser) -> Path:
 
 
 def steps_of(arguments, trainer: AtsTrainer) -> int:
-    """As asked for, else the recipe's epochs over the training clips, else 1500; `debug` takes 20 at most."""
+    """Number of steps: `--steps`, else the recipe's epochs over the training clips, else 1500; `debug` takes
+    20 at most."""
     clips = sum(not e.held_out for e in trainer.speech.entries)
     usual = trainer.recipe.steps(clips) if trainer.recipe.epochs else STEPS
     steps = arguments.steps or usual
@@ -289,11 +290,11 @@ def start_from(trainer: AtsTrainer, path: Path) -> None:
 
 
 def fit_to_corpora(config: AtsConfig, entries: list[Entry]) -> None:
-    """Styles are the names of the corpora; emotions are learned where a label in training says one."""
+    """Sets the styles to the names of the corpora. Emotions are learned if a label in training has one."""
     config.styles = [*sorted({e.source for e in entries}), ANY_STYLE]
     config.closing_styles = [ANY_STYLE]
-    felt = any(e.emotion != "neutral" and e.intensity > 0 and not e.held_out for e in entries)
-    config.emotion = "learned" if felt else "added"
+    has_emotion = any(e.emotion != "neutral" and e.intensity > 0 and not e.held_out for e in entries)
+    config.emotion = "learned" if has_emotion else "added"
 
 
 def speech_source(arguments, config: AtsConfig) -> CompactSpeech | HubertSpeech:
@@ -313,12 +314,12 @@ def speech_source(arguments, config: AtsConfig) -> CompactSpeech | HubertSpeech:
 
 
 def hears_hubert(arguments, config: AtsConfig) -> bool:
-    """Whether features are those of `--hubert`; any size takes them, `paper` unless `--speech` is given."""
+    """Whether features come from `--hubert`: of any size if it is set, of `paper` unless `--speech` is."""
     return arguments.hubert is not None or (config.speech.encoder == "hubert" and arguments.speech is None)
 
 
 def own_clips(arguments) -> list[Clip]:
-    """Of the corpus folders, else of the project's own sources, before anything is heard."""
+    """Clips of the corpus folders, else of the project's own sources, before an encoder hears them."""
     if arguments.corpus:
         return bank.clips_of_folders(arguments.corpus, arguments.limit)
     sources = [bank.few(read(arguments.data), arguments.limit) for read in bank.READERS.values()]
@@ -326,17 +327,19 @@ def own_clips(arguments) -> list[Clip]:
 
 
 def add_speech_flags(parser: argparse.ArgumentParser, validation_clips: int) -> None:
-    """What a model hears, where it computes and what the log says, for `speech_source` and `descend`."""
+    """Adds the flags for the encoder, the machine and the log, which `speech_source` and `descend` read."""
     parser.add_argument("--speech", type=Path, help="speech.pt of training.speech.train, or a model folder")
     parser.add_argument("--hubert", type=Path, help="folder of a HuBERT or wav2vec2 checkpoint, such as XLSR")
     parser.add_argument("--leave-speech", nargs="*", default=[], help="speech to leave out (nathalie_nl, …)")
-    parser.add_argument("--reader", type=Path, help="an earlier speech.pt that reads untimed speech")
-    parser.add_argument("--minutes", type=float, default=5.0, help="of each language by espeak-ng")
+    parser.add_argument(
+        "--reader", type=Path, help="an earlier speech.pt to read the phones of untimed speech"
+    )
+    parser.add_argument("--minutes", type=float, default=5.0, help="minutes of each language by espeak-ng")
     ear.add_arguments(parser)
     parser.add_argument("--voices", type=int, default=7)
     parser.add_argument("--limit", type=int, help="clips of each source, for a quick look")
     add_arguments(parser, "bfloat16")
-    parser.add_argument("--tensorboard", action="store_true", help="logs for TensorBoard too, into --out")
+    parser.add_argument("--tensorboard", action="store_true", help="also log for TensorBoard, into --out")
     parser.add_argument("--stop-at", type=int, help="stop after this step; the same command goes on")
     clips = "held-out clips of each source, at every log"
     parser.add_argument("--validation-clips", type=int, default=validation_clips, help=clips)
@@ -348,14 +351,14 @@ def parser() -> argparse.ArgumentParser:
     parser.add_argument("--config", choices=list(CONFIGS), default="compact")
     add_speech_flags(parser, validation_clips=40)
     parser.add_argument("--leave-out", nargs="*", default=[], choices=[*SHARES], help="sources of motion")
-    parser.add_argument("--leave-clips", nargs="*", default=[], help="begins of names of clips to hold out")
+    parser.add_argument("--leave-clips", nargs="*", default=[], help="hold out clips whose names begin so")
     default = list(SHARES.values())
     parser.add_argument("--shares", type=float, nargs=3, default=default, help=f"of {[*SHARES]}")
     parser.add_argument("--init", type=Path, help="start from this ats.pt, its encoder included")
     parser.add_argument("--tokens", type=int, help=f"frames in a batch: {TOKENS}, or the batch of the recipe")
     recipes.add_arguments(parser)
-    parser.add_argument("--encoder-rate", type=float, default=0.0, help="tunes the encoder as well")
-    parser.add_argument("--dropout", type=float, help="in place of the recipe's")
+    parser.add_argument("--encoder-rate", type=float, default=0.0, help="train the encoder too")
+    parser.add_argument("--dropout", type=float, help="dropout, instead of the recipe's")
     return parser
 
 

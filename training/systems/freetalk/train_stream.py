@@ -2,11 +2,11 @@
 
     python -m training.systems.freetalk.train_stream --data ../shared/data --out runs/stream
 
-The teacher is the encoder and denoiser in `--models`, or with `--ats` those of a finished run. It
-performs every clip once; that is kept under `--out`. `--speech DIR ...` adds
-folders of speech without motion, which the teacher alone judges: more voices than were captured;
-`--minutes` adds recorded and synthetic speech of many languages (`training/corpus/spoken.py`), `--corpus
-DIR [DIR ...]` takes corpus folders in place of the project's own. Seeded; resumes from `--out/last.pt` with
+The teacher is the encoder and denoiser in `--models`, or with `--ats` those of a finished run. It performs
+every clip once; the results are stored under `--out`. `--speech DIR ...` adds folders of speech without
+motion, so that the student hears more voices than were captured; only the teacher's motion counts there.
+`--minutes` adds recorded and synthetic speech of many languages (`training/corpus/spoken.py`). `--corpus DIR
+[DIR ...]` trains on corpus folders in place of the project's own. Seeded; resumes from `--out/last.pt` with
 the same bits; `--device` and `--precision` say where it computes (`training/machine.py`); `--config debug`
 takes a minute.
 """
@@ -45,13 +45,13 @@ HELD_OUT_CLIPS = 60
 
 def load_teacher(arguments) -> FullModel:
     """The full model of `--ats`, or of `--models`."""
-    found = load_models(arguments.models) if arguments.ats is None else load_run(arguments.ats)
-    return FullModel(*found)
+    models = load_models(arguments.models) if arguments.ats is None else load_run(arguments.ats)
+    return FullModel(*models)
 
 
-def prior_of(config: StreamConfig, found: list[Lesson]) -> StreamConfig:
+def prior_of(config: StreamConfig, clips: list[Lesson]) -> StreamConfig:
     """The configuration with the mean colour and peak of the training voices as the prior."""
-    mels = [x.mels[0].float() for x in found if not x.held_out]
+    mels = [x.mels[0].float() for x in clips if not x.held_out]
     colour = torch.stack([clip_colour(mel) for mel in mels]).mean(dim=0)
     peaks = [torch.quantile(mel.mean(dim=1), ACTIVE_QUANTILE) for mel in mels]
     config.normaliser.prior_colour = [round(x, 3) for x in colour.tolist()]
@@ -59,19 +59,19 @@ def prior_of(config: StreamConfig, found: list[Lesson]) -> StreamConfig:
     return config
 
 
-def captured_shares(arguments, found: list[Lesson]) -> dict[str, float]:
+def captured_shares(arguments, clips: list[Lesson]) -> dict[str, float]:
     """Share of each source with captured motion among them."""
     if not arguments.corpus:
         return SHARES
-    return lasting([x for x in found if bool((x.weight > 0).any())])
+    return lasting([x for x in clips if bool((x.weight > 0).any())])
 
 
-def shares_of(found: list[Lesson], speech_share: float, among: dict[str, float]) -> dict[str, float]:
+def shares_of(clips: list[Lesson], speech_share: float, among: dict[str, float]) -> dict[str, float]:
     """How often each source is drawn: speech without motion, if any, gets `speech_share`."""
-    others = sorted({x.source for x in found} - {*among})
+    others = sorted({x.source for x in clips} - {*among})
     captured = 1.0 - speech_share if others else 1.0
     shares = {source: captured * share for source, share in among.items()}
-    seconds = {source: sum(len(x.motion) for x in found if x.source == source) for source in others}
+    seconds = {source: sum(len(x.motion) for x in clips if x.source == source) for source in others}
     total = sum(seconds.values())
     return shares | {source: speech_share * s / total for source, s in seconds.items()}
 
@@ -80,19 +80,19 @@ def loss_of(model: StreamNet, batch: LessonBatch, weight: torch.Tensor, machine:
     """Motion loss against the captured and the taught motion, and concordance of what a viewer sees."""
     mel = normalise_running(batch.mel, model.config.normaliser, batch.heard)
     of_batch = (batch.weight * weight, batch.captured, batch.taught, batch.scale)
-    seen, true, taught, scale = (x.to(machine.device) for x in of_batch)
+    mask, true, taught, scale = (x.to(machine.device) for x in of_batch)
     mel = mel.to(machine.device)
     if not model.sooner:
         with machine.autocast():
             prediction = model(mel).float()
-        return _loss(prediction, (seen, true, taught, scale), weight)
+        return _loss(prediction, (mask, true, taught, scale), weight)
     with machine.autocast(), torch.no_grad():
         heard = model.hear(mel)
     total, report = 0.0, {}
     for number, sooner in enumerate(model.config.sooner):
         with machine.autocast():
             prediction = model.say(heard, number).float()[:, :-sooner]
-        later = (seen[:, sooner:], true[:, sooner:], taught[:, sooner:], scale)
+        later = (mask[:, sooner:], true[:, sooner:], taught[:, sooner:], scale)
         loss, parts = _loss(prediction, later, weight)
         total = total + loss
         report |= {f"{sooner} sooner {key}": value for key, value in parts.items()}
@@ -100,9 +100,9 @@ def loss_of(model: StreamNet, batch: LessonBatch, weight: torch.Tensor, machine:
 
 
 def _loss(prediction: torch.Tensor, targets: tuple[torch.Tensor, ...], weight: torch.Tensor):
-    seen, true, taught, scale = targets
+    mask, true, taught, scale = targets
     everywhere = weight.to(taught.device).expand_as(taught)
-    by_capture = motion_loss((prediction - true) / scale, seen)
+    by_capture = motion_loss((prediction - true) / scale, mask)
     by_teacher = motion_loss((prediction - taught) / scale, everywhere)
     motion = CAPTURED_SHARE * by_capture + (1.0 - CAPTURED_SHARE) * by_teacher
     agreement, parts = feature_concordance(prediction * 1e3, true * 1e3)
@@ -111,16 +111,16 @@ def _loss(prediction: torch.Tensor, targets: tuple[torch.Tensor, ...], weight: t
 
 
 @torch.no_grad()
-def validate(model: StreamNet, found: list[Lesson], captured: dict[str, float]) -> dict[str, float]:
+def validate(model: StreamNet, clips: list[Lesson], captured: dict[str, float]) -> dict[str, float]:
     """r and slope of every feature on unseen clips: with the capture where there is one, else the teacher."""
     report, device = {}, model.mean.device
     model.eval().cpu()
-    for source in sorted({x.source for x in found if x.held_out}):
-        chosen = [x for x in found if x.held_out and x.source == source][:HELD_OUT_CLIPS]
+    for source in sorted({x.source for x in clips if x.held_out}):
+        chosen = [x for x in clips if x.held_out and x.source == source][:HELD_OUT_CLIPS]
         true = [x.motion if source in captured else x.taught.float() for x in chosen]
         for head in (None, *range(len(model.sooner))):
-            made = [perform(model, x.mels[0].float(), len(x.motion), head) for x in chosen]
-            scores = feature_scores(list(zip(made, true, strict=True)))
+            predicted = [perform(model, x.mels[0].float(), len(x.motion), head) for x in chosen]
+            scores = feature_scores(list(zip(predicted, true, strict=True)))
             name = source if head is None else f"{source} {model.config.sooner[head]} sooner"
             report |= {f"{name} {key}": value for key, value in scores.items()}
     model.train().to(device)
@@ -128,7 +128,7 @@ def validate(model: StreamNet, found: list[Lesson], captured: dict[str, float]) 
 
 
 def prepare(arguments) -> list[Lesson]:
-    """Bank and teacher to lessons."""
+    """The lessons of a run, from bank and teacher."""
     debug = arguments.config == "debug"
     voices, limit = (2, 4) if debug else (arguments.voices, None)
     entries = entries_of(arguments, voices, limit)
@@ -140,13 +140,13 @@ def prepare(arguments) -> list[Lesson]:
     return lessons.load(entries, teacher, arguments.out, arguments.speech, count)
 
 
-def new_model(arguments, found: list[Lesson]) -> StreamNet:
+def new_model(arguments, clips: list[Lesson]) -> StreamNet:
     """A student that starts at the mean and deviation of the taught motion, or a finished one."""
     if arguments.sooner:
         return with_sooner(arguments.finished, arguments.sooner)
     config = debug_config() if arguments.config == "debug" else StreamConfig()
-    model = StreamNet(prior_of(config, found))
-    taught = torch.cat([x.taught.float() for x in found])
+    model = StreamNet(prior_of(config, clips))
+    taught = torch.cat([x.taught.float() for x in clips])
     model.mean.copy_(taught.mean(dim=0))
     model.std.copy_(taught.std(dim=0).clamp_min(2e-4))
     assert model.std.shape == (DIMS,)
@@ -157,13 +157,13 @@ def train(arguments) -> Path:
     """Runs the training; writes `stream.pt` with the averaged weights and returns its path."""
     seeded(arguments)
     debug = arguments.config == "debug"
-    found = prepare(arguments)
-    model = new_model(arguments, found)
-    captured = captured_shares(arguments, found)
-    shares = shares_of(found, SPEECH_SHARE, captured)
-    scales = measured_scales([*captured], found)
+    clips = prepare(arguments)
+    model = new_model(arguments, clips)
+    captured = captured_shares(arguments, clips)
+    shares = shares_of(clips, SPEECH_SHARE, captured)
+    scales = measured_scales([*captured], clips)
     machine = Machine(arguments.device, arguments.precision)
-    sampler = LessonSampler(found, shares, machine.seed(arguments.seed), model.config, scales)
+    sampler = LessonSampler(clips, shares, machine.seed(arguments.seed), model.config, scales)
     machine.place(model, arguments.seed)
     run, weight = start(arguments, model, {"windows": sampler.random}, 0.99, machine), landmark_weights()
     count, frames = (4, 32) if debug else (arguments.batch, arguments.frames)
@@ -173,7 +173,7 @@ def train(arguments) -> Path:
 
     def judge(averaged: StreamNet) -> dict[str, float]:
         save(run.out / "stream.pt", averaged)
-        return validate(averaged, found, captured)
+        return validate(averaged, clips, captured)
 
     descend(arguments, run, loss, judge)
     return run.out / "stream.pt"
@@ -184,13 +184,15 @@ def parser() -> argparse.ArgumentParser:
     parser = trainer_parser(__doc__, "runs/stream", 1500, 2e-3)
     add_arguments(parser, "bfloat16")
     parser.add_argument("--models", type=Path, help="folder of models; none: the embedded ones")
-    parser.add_argument("--ats", type=Path, help="ats.pt of training.systems.freetalk.train, not --models")
+    parser.add_argument(
+        "--ats", type=Path, help="ats.pt of training.systems.freetalk.train, instead of --models"
+    )
     parser.add_argument("--sooner", type=int, nargs="*", default=[],
-                        help="frames: train a further head for each on --finished, which stays")  # fmt: skip
+                        help="leads in frames: train a head for each on a frozen --finished")  # fmt: skip
     parser.add_argument("--finished", type=Path, default=WEIGHTS / "freetalk/stream")
     parser.add_argument("--speech", type=Path, nargs="*", default=[], help="folders of sound")
     parser.add_argument("--speech-limit", type=int, help="sounds of each folder")
-    parser.add_argument("--minutes", type=float, default=0.0, help="of each language by espeak-ng")
+    parser.add_argument("--minutes", type=float, default=0.0, help="minutes of each language by espeak-ng")
     parser.add_argument("--config", choices=["stream", "debug"], default="stream")
     parser.add_argument("--voices", type=int, default=7)
     parser.add_argument("--batch", type=int, default=16)

@@ -46,14 +46,14 @@ class Handler(SimpleHTTPRequestHandler):
 
     def do_POST(self) -> None:
         """`/outputs/<tool>/<name>`, or `/end`."""
-        found = json.loads(self.rfile.read(int(self.headers["Content-Length"])))
+        message = json.loads(self.rfile.read(int(self.headers["Content-Length"])))
         if self.path == "/end":
-            self.errors += [found["error"]] if "error" in found else []
+            self.errors += [message["error"]] if "error" in message else []
             self.ended.set()
         else:
             out = self.work / f"{self.path.lstrip('/')}.npz"
             out.parent.mkdir(parents=True, exist_ok=True)
-            np.savez(out, times_s=np.array(found["times"]), values=np.array(found["values"]))
+            np.savez(out, times_s=np.array(message["times"]), values=np.array(message["values"]))
         self.answer(b"{}")
 
     def answer(self, body: bytes) -> None:
@@ -78,7 +78,7 @@ def run_browser(work: Path, names: list[str], profile: dict, limit_s: float) -> 
 
     Raises `RuntimeError` where no Chromium is found, the page fails, or it takes longer than `limit_s`.
     """
-    command = next((found for name in BROWSERS if (found := shutil.which(name))), None)
+    command = next((path for name in BROWSERS if (path := shutil.which(name))), None)
     if command is None:
         raise RuntimeError("expected Chromium (`apt install chromium`), got none")
     ended, errors = threading.Event(), []

@@ -62,9 +62,9 @@ async function wlipsync(bytes, profile) {
   const { context, source } = await contextWith(bytes);
   const node = await createWLipSyncNode(context, profile);
   const times = [], values = [];
-  const own = node.port.onmessage;
+  const handler = node.port.onmessage;
   node.port.onmessage = (event) => {
-    own(event);
+    handler(event);
     const weights = Object.values(node.weights);
     times.push(event.data.timestamp);
     values.push([...weights, ...weights.map((w) => w * node.volume), node.volume]);
@@ -116,9 +116,9 @@ async function main() {
   for (const name of names.slice(0, SOUNDS_A_PAGE)) {
     const bytes = await (await fetch(`/sounds/${name}.wav`)).arrayBuffer();
     for (const [tool, hear] of Object.entries(tools)) {
-      const found = await hear(bytes);
-      if (!found.events) throw new Error(`${tool}: nothing heard in ${name}`);
-      await post(`/outputs/${tool}/${name}`, found);
+      const output = await hear(bytes);
+      if (!output.events) throw new Error(`${tool}: nothing heard in ${name}`);
+      await post(`/outputs/${tool}/${name}`, output);
     }
   }
   return names.length > SOUNDS_A_PAGE;

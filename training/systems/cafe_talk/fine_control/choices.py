@@ -4,16 +4,16 @@ from dataclasses import replace
 
 from training.systems.cafe_talk.denoiser import Sampling
 from training.systems.cafe_talk.fine_control import metrics, units
-from training.systems.cafe_talk.fine_control.trial import Actor, Asked, Take
+from training.systems.cafe_talk.fine_control.trial import Actor, Take, TakeControl
 
 STEPS = (1, 2, 4, 8, 16)
 ALPHAS = (1.0, 1.5, 2.0)
 SAMPLE = ("1", "4", "12", "15", "26", "45")
-"""Units that stand for the sixteen where every unit would take too long."""
+"""Units that represent all sixteen where trying each would take too long."""
 UPPER, LOWER = ("1", "4", "45"), ("12", "20", "26")
-"""Units whose events should leave lips as they are, and some that move them."""
+"""Units whose events should not move the lips, and some whose events do."""
 GUIDANCES = (1.0, 2.0, 3.0)
-"""Of α, beside which the two forms of eq. 6 are set."""
+"""Values of α at which the two forms of eq. 6 are compared."""
 Row = dict[str, float | str]
 
 
@@ -22,9 +22,11 @@ def speech(actor: Actor, takes: list[Take], sampling: Sampling | None = None) ->
     report: dict[str, float] = {}
     for source in sorted({t.source for t in takes}):
         some = [t for t in takes if t.source == source]
-        made = [actor.perform(t, sampling=sampling) for t in some]
-        report[f"{source} r"] = units.mean(metrics.gap_r(w, t.truth) for w, t in zip(made, some, strict=True))
-        slopes = (metrics.gap_slope(w, t.truth) for w, t in zip(made, some, strict=True))
+        generated = [actor.perform(t, sampling=sampling) for t in some]
+        report[f"{source} r"] = units.mean(
+            metrics.gap_r(w, t.truth) for w, t in zip(generated, some, strict=True)
+        )
+        slopes = (metrics.gap_slope(w, t.truth) for w, t in zip(generated, some, strict=True))
         report[f"{source} slope"] = units.mean(slopes)
     return report
 
@@ -41,49 +43,52 @@ def alphas(actor: Actor, takes: list[Take]) -> list[Row]:
 
 
 def _row(actor: Actor, takes: list[Take], sampling: Sampling, name: Row) -> Row:
-    found = units.measure(actor, takes, SAMPLE, (units.USUAL,), sampling)
-    return name | speech(actor, takes, sampling) | units.summary(found)
+    scores = units.measure(actor, takes, SAMPLE, (units.USUAL,), sampling)
+    return name | speech(actor, takes, sampling) | units.summary(scores)
 
 
 def formulas(actor: Actor, takes: list[Take]) -> list[Row]:
     """Eq. 6 as printed and with `G_AC` in its third term: what a slot does to the lips, by α, at β 1.
 
-    The amplitude of the lip gap is that with the event over that without, within the slot and outside it.
-    With a mask over frames alone an event guides every shape of its slot, with one over shapes its own.
+    The amplitude of the lip gap with the event is divided by that without, inside the slot and outside it.
+    With a mask over frames alone an event guides every shape in its slot. With a mask over shapes it guides
+    its own.
     """
     return [
         {"α": alpha, "units": name} | row
         for alpha in GUIDANCES
-        for name, asked in (("upper", UPPER), ("lower", LOWER))
-        for row in _forms(actor, takes, replace(actor.config.sampling, alpha=alpha), asked)
+        for name, unit_names in (("upper", UPPER), ("lower", LOWER))
+        for row in _forms(actor, takes, replace(actor.config.sampling, alpha=alpha), unit_names)
     ]
 
 
-def _forms(actor: Actor, takes: list[Take], sampling: Sampling, asked: tuple[str, ...]) -> list[Row]:
+def _forms(actor: Actor, takes: list[Take], sampling: Sampling, unit_names: tuple[str, ...]) -> list[Row]:
     """A row for each third term and each mask."""
     plain = [actor.perform(take, sampling=sampling) for take in takes]
     rows = []
     for printed in (False, True):
         for every in (False, True):
             way = {"printed": printed, "every_shape": every}
-            made = {u: [actor.perform(t, Asked(u, 1.0, **way), sampling) for t in takes] for u in asked}
+            generated = {
+                u: [actor.perform(t, TakeControl(u, 1.0, **way), sampling) for t in takes] for u in unit_names
+            }
             rates = (
                 metrics.control_rate(metrics.unit_values(w, unit), t.slot)
-                for unit, row in made.items()
+                for unit, row in generated.items()
                 for w, t in zip(row, takes, strict=True)
             )
             row = {"third term": "G_ACF − G_∅" if printed else "G_ACF − G_AC"}
             row |= {"mask": "frames" if every else "shapes", "control rate": units.mean(rates)}
-            rows.append(row | _amplitudes(takes, plain, made))
+            rows.append(row | _amplitudes(takes, plain, generated))
     return rows
 
 
-def _amplitudes(takes: list[Take], plain: list, made: dict[str, list]) -> Row:
+def _amplitudes(takes: list[Take], plain: list, generated: dict[str, list]) -> Row:
     out: Row = {}
     for name, inside in (("inside", True), ("outside", False)):
         shares = (
             metrics.amplitude_mm(w, t.slot, inside) / max(metrics.amplitude_mm(p, t.slot, inside), 1e-6)
-            for row in made.values()
+            for row in generated.values()
             for w, p, t in zip(row, plain, takes, strict=True)
         )
         out[f"lip amplitude {name}"] = units.mean(shares)

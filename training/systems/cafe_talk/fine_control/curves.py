@@ -41,7 +41,7 @@ def weight(arrays: dict[str, np.ndarray], shape: str) -> np.ndarray:
 
 
 def opening(arrays: dict[str, np.ndarray]) -> np.ndarray:
-    """How far the lips part more than at rest, [T] mm."""
+    """How much farther than at rest the lips are apart, [T] mm."""
     moved = arrays["landmark_displacements"]
     return MM * (moved[:, UPPER_LIP, 1] - moved[:, LOWER_LIP, 1])
 
@@ -53,8 +53,8 @@ def draw(audio: Path, out: Path, anyface: Path = Path("target/release/anyface"))
     time = np.arange(len(plain["weights"])) / plain["fps"]
     above.plot(time, weight(plain, SHAPE), color="0.3", label="no event")
     for factor, colour in zip(FACTORS, pyplot.get_cmap("viridis")(np.linspace(0.8, 0.1, 4)), strict=True):
-        made = motion(anyface, audio, "--event", f"{at}:{UNIT}", "--event-strength", f"{factor}")
-        above.plot(time, weight(made, SHAPE), color=colour, label=f"β times {factor:g}")
+        controlled = motion(anyface, audio, "--event", f"{at}:{UNIT}", "--event-strength", f"{factor}")
+        above.plot(time, weight(controlled, SHAPE), color=colour, label=f"β times {factor:g}")
     above.set(ylabel=f"{SHAPE} under unit {UNIT}")
     below.plot(time, opening(plain), color="0.3", label="no event")
     for name, units in LOWER.items():

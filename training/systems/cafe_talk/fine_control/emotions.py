@@ -1,4 +1,4 @@
-"""Whether the coarse condition is obeyed: Acc and Div of generated takes (tables 2, 8 and 9 of Cafe-Talk)."""
+"""Whether takes obey the coarse condition: Acc and Div (tables 2, 8 and 9 of Cafe-Talk)."""
 
 from collections.abc import Callable
 
@@ -6,25 +6,25 @@ from torch import Tensor
 
 from training.corpus.conditions import EMOTIONS
 from training.systems.cafe_talk import judge as judging
-from training.systems.cafe_talk.fine_control.trial import Actor, Asked, Take
+from training.systems.cafe_talk.fine_control.trial import Actor, Take, TakeControl
 
 INTENSITIES = (0.0, 0.25, 0.5, 0.75, 1.0, 1.25, 1.5)
 NEUTRAL = EMOTIONS.index("neutral")
 Scores = dict[str, float]
 
 
-def performed(actor: Actor, takes: list[Take], **asked) -> Callable[[int, int], Tensor]:
-    """Takes by the number of the clip and of the emotion."""
+def performed(actor: Actor, takes: list[Take], **controls) -> Callable[[int, int], Tensor]:
+    """A function that generates the take of a clip number and an emotion number."""
 
     def make(clip: int, emotion: int) -> Tensor:
-        return actor.perform(takes[clip], Asked(emotion=EMOTIONS[emotion], **asked))
+        return actor.perform(takes[clip], TakeControl(emotion=EMOTIONS[emotion], **controls))
 
     return make
 
 
 def recorded(takes: list[Take], intensity: float) -> Callable[[int, int], Tensor]:
-    """The recordings themselves under each emotion: what the judge could find at best."""
-    return lambda clip, emotion: judging.felt(takes[clip].truth, emotion, intensity)
+    """A function that puts the recordings under each emotion: the best that the judge could read."""
+    return lambda clip, emotion: judging.under_emotion(takes[clip].truth, emotion, intensity)
 
 
 def accuracy(judge: judging.Judge, actor: Actor, takes: list[Take], intensity: float = 1.0) -> Scores:
@@ -33,16 +33,16 @@ def accuracy(judge: judging.Judge, actor: Actor, takes: list[Take], intensity: f
 
 
 def by_label(judge: judging.Judge, actor: Actor, takes: list[Take]) -> dict[str, Scores]:
-    """Table 8: the label told, masked, and at odds with the voice.
+    """Table 8: the label present, masked, and at odds with the voice.
 
-    The recorded voices are neutral, so that every other label is one that the voice does not have. With the
-    label masked a take is the same whatever was asked, and 1 in 15 is right.
+    The recorded voices are neutral, so every other label is one that the voice does not have. With the label
+    masked a take is the same for every emotion, and 1 in 15 is right.
     """
     count = len(takes)
     verdicts = judging.judged(judge, performed(actor, takes, intensity=1.0), count)
-    masked = [actor.perform(take, Asked(labelled=False)) for take in takes]
+    masked = [actor.perform(take, TakeControl(labelled=False)) for take in takes]
     untold = judging.judged(judge, lambda clip, _: masked[clip], count)
-    odds = verdicts.asked != NEUTRAL
+    odds = verdicts.true_emotions != NEUTRAL
     return {
         "recordings under the emotion": judging.judged(judge, recorded(takes, 1.0), count).scores(),
         "label told": verdicts.scores(),
@@ -60,13 +60,13 @@ def by_intensity(judge: judging.Judge, actor: Actor, takes: list[Take]) -> dict[
     plain = [actor.perform(take) for take in takes]
     rows = {}
     for intensity in INTENSITIES:
-        made, sizes = performed(actor, takes, intensity=intensity), []
+        perform, sizes = performed(actor, takes, intensity=intensity), []
 
-        def kept(clip: int, emotion: int, made=made, sizes=sizes) -> Tensor:
-            weights = made(clip, emotion)
+        def measure_change(clip: int, emotion: int, perform=perform, sizes=sizes) -> Tensor:
+            weights = perform(clip, emotion)
             sizes.append(float((weights - plain[clip]).abs().mean()))
             return weights
 
-        scores = judging.judged(judge, kept, len(takes)).scores()
+        scores = judging.judged(judge, measure_change, len(takes)).scores()
         rows[f"intensity {intensity}"] = scores | {"change": sum(sizes) / len(sizes)}
     return rows

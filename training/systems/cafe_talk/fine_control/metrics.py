@@ -1,7 +1,7 @@
-"""Whether the face does what events ask, where they ask it, and what that costs the speech.
+"""Whether the face does what events ask for, where they ask for it, and what that costs the speech.
 
 Twins of the Rust crate's `metrics::control_rate` and `tests/eval`'s section on events. A slot is its first
-frame and the one behind its last; what cannot be measured is NaN.
+frame and the frame after its last. What cannot be measured is NaN.
 """
 
 import math
@@ -26,8 +26,8 @@ Slot = tuple[int, int]
 
 def unit_values(weights: Tensor, unit: str) -> Tensor:
     """`B_k` of eq. 7: mean of a unit's channels on both sides, weights [T, 51] → [T]."""
-    own = sorted({c for side in range(SIDES) for c in channels(unit, side)})
-    return weights[:, own].mean(dim=1)
+    indices = sorted({c for side in range(SIDES) for c in channels(unit, side)})
+    return weights[:, indices].mean(dim=1)
 
 
 def control_rate(values: Tensor, slot: Slot) -> float:
@@ -56,14 +56,14 @@ def gap_mm(weights: Tensor) -> Tensor:
     return 1e3 * lip_gap(arkit.landmarks_of(weights))
 
 
-def gap_r(made: Tensor, true: Tensor) -> float:
+def gap_r(predicted: Tensor, true: Tensor) -> float:
     """Pearson r of the lip gap of two takes [T, 51]."""
-    return float(torch.corrcoef(torch.stack([gap_mm(made), gap_mm(true)]))[0, 1])
+    return float(torch.corrcoef(torch.stack([gap_mm(predicted), gap_mm(true)]))[0, 1])
 
 
-def gap_slope(made: Tensor, true: Tensor) -> float:
-    """Slope of the made lip gap over the true one, both [T, 51]."""
-    p, t = (x - x.mean() for x in (gap_mm(made), gap_mm(true)))
+def gap_slope(predicted: Tensor, true: Tensor) -> float:
+    """Slope of the predicted lip gap over the true one, both [T, 51]."""
+    p, t = (x - x.mean() for x in (gap_mm(predicted), gap_mm(true)))
     return float((p * t).mean() / t.square().mean())
 
 

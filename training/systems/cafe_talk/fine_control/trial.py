@@ -1,4 +1,4 @@
-"""A finished run under trial: held-out clips through it, with events and emotions as asked."""
+"""A finished run on held-out clips, with any events and emotions."""
 
 from dataclasses import dataclass, replace
 from pathlib import Path
@@ -40,7 +40,7 @@ class Take:
 
 
 @dataclass
-class Asked:
+class TakeControl:
     """Control of a take: `unit` on both sides within the slot, times `beta`; `emotion` at `intensity`.
 
     `printed` takes eq. 6 as printed; `unmasked` lets the event guide every frame, as Ho & Salimans (2021) do,
@@ -60,16 +60,16 @@ class Asked:
 
 
 class Unlabelled:
-    """A denoiser that is never told the coarse condition (table 8: the label masked)."""
+    """A denoiser that never gets the coarse condition (table 8: the label masked)."""
 
     def __init__(self, model: Denoiser):
         self.model, self.config, self.mean = model, model.config, model.mean
         self.to_weights = model.to_weights
 
     def __call__(self, noisy: Tensor, timestep: Tensor, speech: Tensor, coarse, *more) -> Tensor:
-        """As the denoiser, under its learned null."""
-        withheld = torch.zeros_like(coarse.given)
-        return self.model(noisy, timestep, speech, replace(coarse, given=withheld), *more)
+        """The denoiser's pass, under its learned null."""
+        withheld = torch.zeros_like(coarse.has_label)
+        return self.model(noisy, timestep, speech, replace(coarse, has_label=withheld), *more)
 
 
 class Actor:
@@ -91,54 +91,56 @@ class Actor:
         features = CompactSpeech(self.encoder, []).clip(entry)
         return Take(entry.name, entry.source, features, entry.motion.float(), entry.phones)
 
-    def perform(self, take: Take, asked: Asked | None = None, sampling: Sampling | None = None) -> Tensor:
+    def perform(
+        self, take: Take, control: TakeControl | None = None, sampling: Sampling | None = None
+    ) -> Tensor:
         """Weights [T, 51] of a take."""
-        asked = asked or Asked()
-        model: nn.Module | Unlabelled = self.model if asked.labelled else Unlabelled(self.model)
-        return sample_weights(model, take.features, self._request(take, asked), sampling=sampling)
+        control = control or TakeControl()
+        model: nn.Module | Unlabelled = self.model if control.labelled else Unlabelled(self.model)
+        return sample_weights(model, take.features, self._request(take, control), sampling=sampling)
 
-    def _request(self, take: Take, asked: Asked) -> Request:
+    def _request(self, take: Take, control: TakeControl) -> Request:
         frames = len(take.truth)
         events = torch.zeros(frames, SIDES * len(UNITS))
         strength = torch.zeros(frames, len(self.config.channels))
-        if asked.unit is not None:
-            number, within = UNITS.index(asked.unit), slice(*take.slot)
+        if control.unit is not None:
+            number, within = UNITS.index(control.unit), slice(*take.slot)
             events[within, [number, len(UNITS) + number]] = 1.0
-            own = unit_matrix()[[number, len(UNITS) + number]].amax(dim=0)
-            strength[within] = asked.beta * own
-            if asked.every_shape:
-                strength[within] = asked.beta
-            if asked.unmasked:
-                strength[:] = asked.beta
-        felt = self.emotions[EMOTIONS.index(asked.emotion)].expand(frames, -1)
+            shapes = unit_matrix()[[number, len(UNITS) + number]].amax(dim=0)
+            strength[within] = control.beta * shapes
+            if control.every_shape:
+                strength[within] = control.beta
+            if control.unmasked:
+                strength[:] = control.beta
+        emotion = self.emotions[EMOTIONS.index(control.emotion)].expand(frames, -1)
         style = self.config.styles.index(self.config.default_style)
-        intensity = torch.full((frames,), asked.intensity)
-        return Request(style, felt, intensity, events, strength, asked.printed, asked.over_speech)
+        intensity = torch.full((frames,), control.intensity)
+        return Request(style, emotion, intensity, events, strength, control.printed, control.over_speech)
 
 
 def clips(arguments) -> tuple[list[Entry], list[Entry]]:
-    """Clips to teach the judge, and held-out ones to judge and measure; weights [T, 51] for motion.
+    """Clips to teach the judge, and held-out clips to judge and measure; motion is weights [T, 51].
 
-    `arguments`: `corpus` folders, or the `data` folder with `cache` and `voices` as in training, whose bank
-    is then found; `clips` of each source, at most `seconds` of each.
+    `arguments` has `corpus` folders, or the `data` folder with `cache` and `voices` as in training, so that
+    its bank is reused; `clips` of each source, at most `seconds` of each.
     """
     if arguments.corpus:
         entries = bank.of_folders(arguments.corpus, 1)
     else:
         entries = bank.load(arguments.data, arguments.cache, arguments.voices)
-    taken = first_of_each(entries, LESSONS, arguments.clips)
-    solved = arkit.as_weights(taken, None if arguments.corpus else arguments.data)
+    chosen = first_of_each(entries, LESSONS, arguments.clips)
+    solved = arkit.as_weights(chosen, None if arguments.corpus else arguments.data)
     cut = [shortened(entry, int(arguments.seconds * FPS)) for entry in solved]
     return [e for e in cut if not e.held_out], [e for e in cut if e.held_out]
 
 
 def first_of_each(entries: list[Entry], training: int, held_out: int) -> list[Entry]:
     """The first clips of each source, so many for training and so many held out."""
-    taken: list[Entry] = []
+    chosen: list[Entry] = []
     for source in sorted({e.source for e in entries}):
-        for kept, count in ((False, training), (True, held_out)):
-            taken += [e for e in entries if e.source == source and e.held_out is kept][:count]
-    return taken
+        for is_held_out, count in ((False, training), (True, held_out)):
+            chosen += [e for e in entries if e.source == source and e.held_out is is_held_out][:count]
+    return chosen
 
 
 def shortened(entry: Entry, frames: int) -> Entry:

@@ -1,4 +1,4 @@
-"""Every action unit on held-out takes: how it is obeyed, and what it costs (tables 3 and 4 of Cafe-Talk)."""
+"""Every action unit on held-out takes: how well it acts, and its cost (tables 3 and 4 of Cafe-Talk)."""
 
 import math
 from dataclasses import asdict, dataclass
@@ -9,7 +9,7 @@ from torch import Tensor
 from training.corpus.action_units import LOWER
 from training.corpus.conditions import UNITS
 from training.systems.cafe_talk.fine_control import metrics
-from training.systems.cafe_talk.fine_control.trial import Actor, Asked, Take
+from training.systems.cafe_talk.fine_control.trial import Actor, Take, TakeControl
 
 BETAS = (0.5, 1.0, 1.5, 2.0)
 USUAL = 1.0
@@ -48,34 +48,36 @@ def measure(
     units: tuple[str, ...] | list[str] = tuple(UNITS),
     betas: tuple[float, ...] = BETAS,
     sampling=None,
-    **asked,
+    **controls,
 ) -> list[UnitScores]:
-    """Each unit on each take at every β; `asked` goes to `Asked` (`printed`, `unmasked`)."""
+    """Each unit on each take at every β; `controls` go to `TakeControl` (`printed`, `unmasked`)."""
     plain = [actor.perform(take, sampling=sampling) for take in takes]
     scores = []
     for unit in units:
-        made = {
-            beta: [actor.perform(t, Asked(unit, beta, **asked), sampling) for t in takes]
+        generated = {
+            beta: [actor.perform(t, TakeControl(unit, beta, **controls), sampling) for t in takes]
             for beta in sorted({*betas, USUAL})
         }
-        scores.append(score(unit, takes, plain, made))
+        scores.append(score(unit, takes, plain, generated))
     return scores
 
 
-def score(unit: str, takes: list[Take], plain: list[Tensor], made: dict[float, list[Tensor]]) -> UnitScores:
+def score(
+    unit: str, takes: list[Take], plain: list[Tensor], generated: dict[float, list[Tensor]]
+) -> UnitScores:
     """One unit from weights [T, 51] without an event, and with one by β."""
-    usual = list(zip(takes, plain, made[USUAL], strict=True))
+    usual = list(zip(takes, plain, generated[USUAL], strict=True))
     strengths = lambda weights: metrics.unit_values(weights, unit)  # noqa: E731
 
     def rate(rows: list[Tensor]) -> float:
         return mean(metrics.control_rate(strengths(w), t.slot) for w, t in zip(rows, takes, strict=True))
 
     lost = (metrics.gap_r(p, t.truth) - metrics.gap_r(w, t.truth) for t, p, w in usual)
-    count, closed = closed_share(takes, made[USUAL])
+    count, closed = closed_share(takes, generated[USUAL])
     return UnitScores(
         unit=unit,
         is_lower=unit in LOWER,
-        control_rate={str(beta): rate(rows) for beta, rows in made.items()},
+        control_rate={str(beta): rate(rows) for beta, rows in generated.items()},
         none=rate(plain),
         leak=mean(metrics.leak(strengths(w), strengths(p), t.slot) for t, p, w in usual),
         far=max((metrics.far_change(w, p, t.slot) for t, p, w in usual), default=math.nan),
@@ -86,15 +88,15 @@ def score(unit: str, takes: list[Take], plain: list[Tensor], made: dict[float, l
     )
 
 
-def closed_share(takes: list[Take], made: list[Tensor]) -> tuple[int, float]:
+def closed_share(takes: list[Take], generated: list[Tensor]) -> tuple[int, float]:
     """How many p, b and m the slots of takes hold, and the share at which lips meet."""
-    found = [metrics.closures(w, t.phones, t.slot) for t, w in zip(takes, made, strict=True)]
-    count, met = (sum(column) for column in zip(*found, strict=True))
+    counts = [metrics.closures(w, t.phones, t.slot) for t, w in zip(takes, generated, strict=True)]
+    count, met = (sum(column) for column in zip(*counts, strict=True))
     return count, met / count if count else math.nan
 
 
 def mean(values) -> float:
-    """Mean of what could be measured."""
+    """Mean of the values that could be measured."""
     known = [v for v in values if not math.isnan(v)]
     return float(np.mean(known)) if known else math.nan
 

@@ -58,13 +58,13 @@ def errors(
 def lid_error(method: Method, meshes: list[PreparedMesh]) -> float:
     """Mean error in mm within `LIDS_WITHIN_DM` of an eye landmark, both eyes fully closed."""
     closed = [CHANNELS.index("eyeBlinkLeft"), CHANNELS.index("eyeBlinkRight")]
-    found = []
+    mesh_errors = []
     for mesh in meshes:
         truth = mesh.modes[closed].sum(0)[None]
         error = 100.0 * (method(mesh, truth[:, mesh.landmarks]) - truth).norm(dim=-1)[0]
         distance = torch.cdist(mesh.geometry.positions, mesh.geometry.landmarks[36:48])
-        found.append(error[distance.min(1).values < LIDS_WITHIN_DM].mean().item())
-    return float(np.mean(found))
+        mesh_errors.append(error[distance.min(1).values < LIDS_WITHIN_DM].mean().item())
+    return float(np.mean(mesh_errors))
 
 
 def no_motion(mesh: PreparedMesh, landmarks: torch.Tensor) -> torch.Tensor:
@@ -73,7 +73,7 @@ def no_motion(mesh: PreparedMesh, landmarks: torch.Tensor) -> torch.Tensor:
 
 
 def static(path: Path, familiarity: float | None) -> Method:
-    """The static decoder with the weights of `path`, told how familiar each face is or not."""
+    """The static decoder with the weights of `path`, with or without the familiarity of each face."""
     saved = torch.load(path)
     model = restored(StaticWeights(StaticConfig(**saved["config"])), saved["state"])
 
@@ -93,12 +93,12 @@ def training_free(mesh: PreparedMesh, landmarks: torch.Tensor) -> torch.Tensor:
 def paper(path: Path) -> Method:
     """The paper's decoder with the weights of `path`; operators are computed once per mesh."""
     model = paper_decoder(path)
-    seen: dict[int, PaperMesh] = {}
+    prepared: dict[int, PaperMesh] = {}
 
     def method(mesh: PreparedMesh, landmarks: torch.Tensor) -> torch.Tensor:
-        if id(mesh) not in seen:
-            seen[id(mesh)] = paper_mesh(mesh, model.config)
-        parts = [predict(model, seen[id(mesh)], part) for part in landmarks.split(5)]
+        if id(mesh) not in prepared:
+            prepared[id(mesh)] = paper_mesh(mesh, model.config)
+        parts = [predict(model, prepared[id(mesh)], part) for part in landmarks.split(5)]
         return torch.cat(parts)
 
     return method
@@ -113,11 +113,13 @@ def paper_decoder(path: Path) -> PaperDecoder:
 def attention_line(path: Path, meshes: list[PreparedMesh], landmarks: Callable) -> str:
     """How many landmarks the paper's decoder attends to; `landmarks` of a mesh: motion [T, N, 3] dm."""
     model = paper_decoder(path)
-    found = []
+    landmark_counts = []
     for mesh in meshes:
-        seen = paper_mesh(mesh, model.config)
-        found.append(effective_landmarks(model, seen.inputs, seen.operators, landmarks(mesh)).flatten())
-    counts = torch.cat(found).quantile(torch.tensor([0.1, 0.5, 0.9]))
+        prepared = paper_mesh(mesh, model.config)
+        landmark_counts.append(
+            effective_landmarks(model, prepared.inputs, prepared.operators, landmarks(mesh)).flatten()
+        )
+    counts = torch.cat(landmark_counts).quantile(torch.tensor([0.1, 0.5, 0.9]))
     return "landmarks that a vertex attends to, of 68 (deciles 1, 5, 9): " + ", ".join(
         f"{c:.1f}" for c in counts
     )
@@ -201,7 +203,7 @@ def main() -> None:
     parser.add_argument("--data", type=Path, default=Path("../shared/data"))
     parser.add_argument("--runs", type=Path, default=Path("runs/stm"))
     parser.add_argument("--corpus", type=Path, nargs="*", default=[], help="corpus folders")
-    parser.add_argument("--frames", type=int, default=50, help="of each clip of corpus folders")
+    parser.add_argument("--frames", type=int, default=50, help="frames of each clip of corpus folders")
     args = parser.parse_args()
     torch.set_num_threads(1)
     if args.corpus:

@@ -41,8 +41,8 @@ def write(out: Path, shared: Path) -> Path:
         landmarks = 0.3 * torch.randn(3, 68, 3)
         features = model.encode(vertex_inputs, ops)
         output = model.decode(features, landmarks, ops)
-    kept = [k for k in parity if k.startswith("grad") or k in ("mass", "evals", "evecs")]
-    tensors = {k: parity[k] for k in kept}
+    operator_names = [k for k in parity if k.startswith("grad") or k in ("mass", "evals", "evecs")]
+    tensors = {k: parity[k] for k in operator_names}
     tensors |= {"vertex_inputs": vertex_inputs, "landmarks": landmarks}
     tensors |= {"features": features, "output": output}
     about = {"source": f"random weights, seed 7, mesh of {SOURCE}", "tolerance": "1e-4 absolute"}

@@ -17,7 +17,7 @@ from training.systems.freetalk.stm.paper import PaperDecoder
 PLACE = 4
 """Channels of a place: its coordinates and one more."""
 SIGMAS_DM = (0.15, 0.4)
-"""σ of the first and of the last head."""
+"""σ of the first and of the last attention head."""
 ONE_VERTEX_IN = 5
 
 

@@ -117,7 +117,7 @@ class LandmarkGraphNet(nn.Module):
 
 
 class LandmarkToVertexAttention(nn.Module):
-    """Every vertex asks the landmarks; eqs. 13 and 14 with several heads."""
+    """Every vertex attends to the landmarks; eqs. 13 and 14 with several heads."""
 
     def __init__(self, width: int, heads: int):
         super().__init__()
@@ -133,7 +133,7 @@ class LandmarkToVertexAttention(nn.Module):
         return (self.shares(vertices, landmarks) @ value).transpose(1, 2).reshape(frames, -1, width)
 
     def shares(self, vertices: Tensor, landmarks: Tensor) -> Tensor:
-        """Of the landmarks in what each vertex attends to; eq. 13. Returns [T, heads, V, N]."""
+        """Attention of each vertex to the landmarks, eq. 13. Returns [T, heads, V, N]."""
         query = self.query(vertices).unflatten(-1, (self.heads, -1)).transpose(0, 1)
         key = self._of_heads(self.key(landmarks))
         return torch.softmax(query @ key.transpose(-1, -2) / math.sqrt(query.shape[-1]), dim=-1)

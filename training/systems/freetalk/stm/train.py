@@ -50,17 +50,17 @@ from training.systems.freetalk.stm.train_paper import (
 )
 
 STEPS = 5000
-"""Of the static decoder."""
+"""Steps of the static decoder."""
 PAPER_STEPS = 36_000
-"""Of the paper's decoder, of which each costs 0.17 s of one core."""
+"""Steps of the paper's decoder; each takes 0.17 s of one core."""
 SAVE_EVERY = 500
 JUDGED_FRAMES = 10
-"""Of each held-out clip, at every log."""
+"""Frames of each held-out clip that every log line is judged on."""
 COARSE = Counts(60, 40, (1600, 3600))
-"""Meshes for the paper's decoder, whose step costs as much as its vertices."""
+"""Meshes for the paper's decoder, whose steps cost in proportion to the vertices."""
 MOST_VERTICES = 2200
 SHAPES = 1500
-"""Neutral faces of each kind by which a familiar one is told."""
+"""Neutral faces of each kind that define a familiar face."""
 
 FACES = {"both": ("ict", "makehuman"), "ict": ("ict",), "makehuman": ("makehuman",)}
 
@@ -90,10 +90,10 @@ def sample(rng: np.random.Generator, mesh: PreparedMesh, speech: np.ndarray, fra
 
 
 def restyle(motion: torch.Tensor, positions: torch.Tensor, strength: float) -> torch.Tensor:
-    """Multiplies motion by a smooth random field of matrices near one, another one each frame.
+    """Multiplies motion by a smooth random field of matrices near one, a new field in each frame.
 
-    Real faces differ in how they move, the corpus does not: this keeps the network from taking
-    one face's habits for a law. motion: [T, P, 3]; positions: [P, 3] dm.
+    Real faces differ in how they move; the corpus does not. The field keeps the network from taking one
+    face's habits for a law. motion: [T, P, 3]; positions: [P, 3] dm.
     """
     bumps = 6
     centres = positions[torch.randint(len(positions), (bumps,))] + 0.1 * torch.randn(bumps, 3)
@@ -154,7 +154,7 @@ def learn_shapes(model: StaticWeights, faces: tuple[str, ...], data: Path, seed:
 
 
 def train_on_data(args) -> None:
-    """On both faces of the project and on each alone."""
+    """Trains on both faces of the project and on each alone."""
     counts, cache = (COUNTS, "corpus.pkl") if args.model == "static" else (COARSE, "coarse.pkl")
     corpus = load_or_build(args.data, args.runs / cache, counts)
     speech = load_speech(args.data).train
@@ -169,14 +169,14 @@ def train_on_data(args) -> None:
         else:
             config = PAPER[args.config or "compact"]
             coarse = {f: [m for m in corpus.train[f] if len(m.lips) <= MOST_VERTICES] for f in faces}
-            seen = {f: [paper_mesh(m, config) for m in coarse[f]] for f in coarse}
+            prepared = {f: [paper_mesh(m, config) for m in coarse[f]] for f in coarse}
             steps, log = args.steps or PAPER_STEPS, {"log_every": args.log_every}
-            model = train_paper(config, speech, steps, args.seed, seen, out, *how(args), **log)
+            model = train_paper(config, speech, steps, args.seed, prepared, out, *how(args), **log)
         save(args.runs / f"{args.model}_{name}.pt", model)
 
 
 def machine_of(args) -> Machine:
-    """Where it trains."""
+    """The machine that it trains on."""
     return Machine(args.device, args.precision)
 
 
@@ -189,11 +189,11 @@ def judge_on(args, config: PaperConfig) -> Callable[[PaperDecoder], dict[str, fl
     """Errors of a decoder on held-out clips of the folders, in mm, where it computes."""
     device = machine_of(args).device
     meshes = sequence_meshes(args.corpus, held_out=True)
-    seen = {mesh.name: moved(paper_mesh(mesh, config), device) for mesh in meshes}
+    prepared = {mesh.name: moved(paper_mesh(mesh, config), device) for mesh in meshes}
 
     def judge(model: PaperDecoder) -> dict[str, float]:
         def method(mesh: SequenceMesh, landmarks: torch.Tensor) -> torch.Tensor:
-            return predict(model, seen[mesh.name], landmarks.to(device)).cpu()
+            return predict(model, prepared[mesh.name], landmarks.to(device)).cpu()
 
         return dict(zip(("mean mm", "lips mm"), held_out_errors(method, meshes, JUDGED_FRAMES), strict=True))
 
@@ -201,7 +201,7 @@ def judge_on(args, config: PaperConfig) -> Callable[[PaperDecoder], dict[str, fl
 
 
 def paper_steps(args, meshes: list[SequenceMesh]) -> int:
-    """How long it trains on corpora: `--steps`, else the recipe's epochs, else as long as ours."""
+    """Number of steps on corpora: `--steps`, else the recipe's epochs, else as many as ours."""
     recipe = recipes.STM[args.recipe]
     if args.steps is not None or recipe.epochs is None:
         return args.steps or PAPER_STEPS
@@ -209,7 +209,7 @@ def paper_steps(args, meshes: list[SequenceMesh]) -> int:
 
 
 def train_on_corpora(args) -> Path:
-    """On vertex sequences of corpus folders; prints the errors on held-out clips."""
+    """Trains on vertex sequences of corpus folders; prints the errors on held-out clips."""
     meshes = sequence_meshes(args.corpus, held_out=False)
     out, path = args.runs / f"{args.model}_corpus", args.runs / f"{args.model}_corpus.pt"
     if args.model == "static":
@@ -223,10 +223,10 @@ def train_on_corpora(args) -> Path:
         method = lambda mesh, landmarks: deform(model, mesh.geometry, landmarks, 1.0)  # noqa: E731
     else:
         config = PAPER[args.config or "compact"]
-        seen = {"corpus": [paper_mesh(mesh, config) for mesh in meshes]}
+        prepared = {"corpus": [paper_mesh(mesh, config) for mesh in meshes]}
         steps = paper_steps(args, meshes)
         log = {"log_every": args.log_every, "judge": judge_on(args, config)}
-        model = train_paper(config, None, steps, args.seed, seen, out, *how(args), **log)
+        model = train_paper(config, None, steps, args.seed, prepared, out, *how(args), **log)
         method = lambda mesh, landmarks: predict(model, paper_mesh(mesh, config), landmarks)  # noqa: E731
     save(path, model)
     held_out = sequence_meshes(args.corpus, held_out=True)
@@ -247,8 +247,10 @@ def parser() -> argparse.ArgumentParser:
     parser.add_argument("--faces", nargs="*", choices=list(FACES), default=list(FACES))
     parser.add_argument("--config", choices=sorted({*CONFIGS, *PAPER}), help="size: see the model's CONFIGS")
     parser.add_argument("--steps", type=int, help=f"{STEPS} for static, {PAPER_STEPS} for paper")
-    parser.add_argument("--shapes", type=int, default=SHAPES, help="neutral faces by which one is told")
-    logs = f"of the paper's decoder, steps between rows of log.csv: {LOG_EVERY}"
+    parser.add_argument(
+        "--shapes", type=int, default=SHAPES, help="neutral faces of each kind that define a familiar face"
+    )
+    logs = f"steps between rows of log.csv, paper's decoder only: {LOG_EVERY}"
     parser.add_argument("--log-every", type=int, default=LOG_EVERY, help=logs)
     recipes.add_arguments(parser)
     add_arguments(parser, "float32")

@@ -31,9 +31,9 @@ SAVE_EVERY = 200
 LOG_EVERY = 2000
 LANDMARK_GAIN = 20.0
 ATTENTION_RATE = 0.1
-"""Of the learning rate, for what decides where a vertex looks."""
+"""Share of the learning rate for the parameters that decide where a vertex looks."""
 START_MESHES = 8
-"""Meshes of each face by which attention starts."""
+"""Meshes of each face that the start of the attention is fitted to."""
 
 
 @dataclass
@@ -53,19 +53,19 @@ def paper_mesh(mesh: PreparedMesh, config: PaperConfig) -> PaperMesh:
     return PaperMesh(mesh, torch.cat([mesh.geometry.positions, normals], dim=1), operators)
 
 
-def mirrored(seen: PaperMesh) -> PaperMesh:
-    """The same seen in a mirror; the second tangent turns round, so that frames stay right-handed."""
-    flip = FLIP.to(seen.inputs.device)
-    operators = replace(seen.operators, grad_y=-1.0 * seen.operators.grad_y)
-    mesh = replace(seen.mesh, geometry=seen.mesh.geometry.mirrored())
-    return PaperMesh(mesh, seen.inputs * flip.repeat(2), operators)
+def mirrored(face: PaperMesh) -> PaperMesh:
+    """The mesh in the mirror. The second tangent turns round, so that frames stay right-handed."""
+    flip = FLIP.to(face.inputs.device)
+    operators = replace(face.operators, grad_y=-1.0 * face.operators.grad_y)
+    mesh = replace(face.mesh, geometry=face.mesh.geometry.mirrored())
+    return PaperMesh(mesh, face.inputs * flip.repeat(2), operators)
 
 
-def moved(seen: PaperMesh, device: torch.device) -> PaperMesh:
+def moved(face: PaperMesh, device: torch.device) -> PaperMesh:
     """The same on another device."""
-    operators = {name: value.to(device) for name, value in vars(seen.operators).items()}
-    mesh = replace(seen.mesh, geometry=seen.mesh.geometry.to(device))
-    return PaperMesh(mesh, seen.inputs.to(device), SurfaceOperators(**operators))
+    operators = {name: value.to(device) for name, value in vars(face.operators).items()}
+    mesh = replace(face.mesh, geometry=face.mesh.geometry.to(device))
+    return PaperMesh(mesh, face.inputs.to(device), SurfaceOperators(**operators))
 
 
 def sequence(rng: np.random.Generator, speech: np.ndarray) -> np.ndarray:
@@ -88,9 +88,9 @@ def motion_of(rng: np.random.Generator, mesh: PreparedMesh, speech: np.ndarray |
     return torch.einsum("tm,mvx->tvx", weights, mesh.modes)
 
 
-def predict(model: PaperDecoder, seen: PaperMesh, landmarks: Tensor) -> Tensor:
+def predict(model: PaperDecoder, face: PaperMesh, landmarks: Tensor) -> Tensor:
     """Displacements of all vertices, dm. landmarks: [T, N, 3] dm. Returns [T, V, 3]."""
-    return model(seen.inputs, landmarks, seen.operators)
+    return model(face.inputs, landmarks, face.operators)
 
 
 @torch.no_grad()
@@ -106,7 +106,7 @@ def prepare_weights(model: PaperDecoder, faces: list[PaperMesh]) -> None:
 
 
 def parameter_groups(model: PaperDecoder, recipe: Recipe) -> list[dict]:
-    """Parameters for the optimiser in two groups: what decides where a vertex looks is slower in ours."""
+    """Parameters in two groups. In our recipe those that decide where a vertex looks learn more slowly."""
     deciding = [model.attention.query, model.attention.key, model.landmark_projection]
     slow = [parameter for layer in deciding for parameter in layer.parameters()]
     rest = [p for p in model.parameters() if all(p is not other for other in slow)]
@@ -148,7 +148,7 @@ def train_paper(
     torch.manual_seed(seed)
     model = decoder(config)
     if not recipe.plain:
-        prepare_weights(model, [seen for meshes in prepared.values() for seen in meshes[:START_MESHES]])
+        prepare_weights(model, [face for meshes in prepared.values() for face in meshes[:START_MESHES]])
     machine.place(model, seed)
     draw = Draw(np.random.default_rng(machine.seed(seed)), prepared, speech, machine.device, recipe.plain)
     groups = parameter_groups(model, recipe)
@@ -160,9 +160,9 @@ def train_paper(
     for step in range(run.first, steps):
         for group in optimiser.param_groups:
             group["lr"] = group["share"] * recipe.rate * (warm(step, steps) if recipe.annealed else 1.0)
-        seen, landmarks, motion = draw.next(step)
+        face, landmarks, motion = draw.next(step)
         with machine.autocast():
-            predicted = predict(model, seen, landmarks)
+            predicted = predict(model, face, landmarks)
         loss = motion_loss(predicted.float() - motion, recipe)
         machine.step(loss, model, optimiser, 1.0)
         losses.append(loss.item())
@@ -186,22 +186,22 @@ class Draw:
     def __init__(self, random: np.random.Generator, prepared: dict[str, list[PaperMesh]],
                  speech: np.ndarray | None, device: torch.device, plain: bool):  # fmt: skip
         self.random, self.speech, self.device, self.plain = random, speech, device, plain
-        self.faces = [[moved(seen, device) for seen in meshes] for meshes in prepared.values()]
+        self.faces = [[moved(face, device) for face in meshes] for meshes in prepared.values()]
         self.images: dict[int, PaperMesh] = {}
 
     def next(self, step: int) -> tuple[PaperMesh, Tensor, Tensor]:
         """The mesh, landmark displacements [T, N, 3] and those of all vertices [T, V, 3], dm."""
         meshes = self.faces[step % len(self.faces)]
-        seen = meshes[self.random.integers(len(meshes))]
-        motion = motion_of(self.random, seen.mesh, self.speech)
-        landmarks = motion[:, seen.mesh.landmarks]
+        face = meshes[self.random.integers(len(meshes))]
+        motion = motion_of(self.random, face.mesh, self.speech)
+        landmarks = motion[:, face.mesh.landmarks]
         if not self.plain and self.random.random() < 0.5:
-            seen, motion = self.image(seen), motion * FLIP
+            face, motion = self.image(face), motion * FLIP
             landmarks = landmarks[:, MIRROR] * FLIP
-        return seen, landmarks.to(self.device), motion.to(self.device)
+        return face, landmarks.to(self.device), motion.to(self.device)
 
-    def image(self, seen: PaperMesh) -> PaperMesh:
+    def image(self, face: PaperMesh) -> PaperMesh:
         """The mesh in the mirror, made once."""
-        if id(seen) not in self.images:
-            self.images[id(seen)] = mirrored(seen)
-        return self.images[id(seen)]
+        if id(face) not in self.images:
+            self.images[id(face)] = mirrored(face)
+        return self.images[id(face)]

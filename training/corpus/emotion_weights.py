@@ -1,4 +1,4 @@
-"""Emotions on ARKit weights: the tables that FreeTalk's landmarks are moved by, as weights of channels."""
+"""Emotions as ARKit weights: the tables that move FreeTalk's landmarks, expressed in channels."""
 
 from functools import lru_cache
 
@@ -17,7 +17,7 @@ ROUND = [i for i, c in enumerate(CHANNELS) if c.startswith(("mouthPucker", "mout
 
 @lru_cache(maxsize=1)
 def table() -> tuple[Tensor, Tensor]:
-    """Weights of each emotion at intensity 1, [15, 51] each: what lasts, and what yields where lips close."""
+    """Weights of each emotion at intensity 1, [15, 51] twice: what lasts, and what yields to closures."""
     parts = torch.zeros(2, len(EMOTIONS), len(CHANNELS))
     for row, emotion in enumerate(EMOTIONS):
         for unit, strength in PROTOTYPES[emotion].items():
