@@ -43,6 +43,7 @@ def farm(tmp_path):
         reports=None,
         workers=2,
         scheduler=None,
+        export=None,
         blender=str(worker),
         retries=0,
         timeout=20.0,
