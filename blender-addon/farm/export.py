@@ -19,8 +19,8 @@ from ..core.errors import AnyfaceError
 from . import jobs, ledger
 from .paths import PathMap
 
-# What a bake of one shot of 4 s takes with the sample head in Blender 5.0 is 1.0 GB; heads of films
-# have ten times its vertices.
+# Blender 5.0 starts with 0.26 GB, and animating 4 s of the default head (8,510 vertices) takes
+# 0.13 GB. Scenes of films are far larger.
 DEFAULT_MEMORY_MB = 4096
 DEFAULT_CORES = 2
 # Of a shot of which nothing is known yet.

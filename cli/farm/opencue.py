@@ -42,7 +42,7 @@ def layer(name, frames, chunk, *words):
     """A layer whose frames run the command with more words."""
     # Cuebot replaces its tokens in the whole text, and the host gives that to a shell.
     text = [word if word[0] == "#" else shlex.quote(word) for word in (*COMMAND, *words)]
-    made = Shell(
+    shell = Shell(
         name,
         command=text,
         range=frames,
@@ -51,8 +51,8 @@ def layer(name, frames, chunk, *words):
         memory="{{memory_mb}}m",
         threadable={{cores}} > 1,
     )
-    made.set_env("RAYON_NUM_THREADS", "{{cores}}")
-    return made
+    shell.set_env("RAYON_NUM_THREADS", "{{cores}}")
+    return shell
 
 
 if __name__ == "__main__":
