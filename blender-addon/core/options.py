@@ -166,6 +166,18 @@ def add_batch(task: argparse.ArgumentParser) -> None:
     )
     task.add_argument("--dry-run", action="store_true", help="say what is left, do nothing")
     task.add_argument("--sum", action="store_true", help="only write the page of all reports")
+    _add_export(task)
+
+
+def _add_export(task: argparse.ArgumentParser) -> None:
+    """Options of a batch that the engine of a farm runs, --chunk of its rows a task."""
+    export = task.add_argument_group("export", "what a farm's engine runs, instead of running it")
+    export.add_argument("--export", choices=("flamenco", "openjd", "slurm", "opencue"))
+    export.add_argument("--out", metavar="FOLDER", help="where; default: beside the jobs file")
+    export.add_argument(
+        "--memory", type=real, metavar="GB", help="of a task; default: by earlier reports"
+    )
+    export.add_argument("--cores", type=int, metavar="N", help="of a task")
 
 
 # What may be done with one open file: help, what adds the options, whether it must be saved.

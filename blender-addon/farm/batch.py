@@ -9,7 +9,7 @@ from dataclasses import asdict
 from pathlib import Path
 
 from ..core.errors import EXIT_CODES, AnyfaceError, plain, say
-from . import cluster, jobs, ledger, local, results
+from . import cluster, export, jobs, ledger, local, results
 from .paths import PathMap
 
 _GO_ON = "what is finished stays, run the batch again to go on"
@@ -42,6 +42,9 @@ def _run(options, blender: str) -> bool:
     default = path.with_suffix(".reports")
     folder = Path(paths.here(options.reports) if options.reports else default).resolve()
     listed = jobs.read(path, folder, paths, options.rows)
+    if options.export:
+        node = _node(options, paths.here(blender), path, folder)
+        return _export(options, node, paths, listed, folder)
     if options.sum:
         return _sum(path, folder, listed)
     if options.dry_run:
@@ -78,6 +81,35 @@ def _work(options, words: list[str], where: tuple[Path, Path], listed: jobs.List
     return well == total
 
 
+def _export(options, node: export.NodeCommand, paths, listed, folder: Path) -> bool:
+    """Writes what the engine of a farm runs, and tells what to type next."""
+    for row in listed.broken:
+        say(f"anyface: {row.outcome['message']}", sys.stderr)
+    saves = export.saves(Path(node.jobs), paths, listed)
+    say(f"anyface: {export.run(options, node, saves, folder)}", sys.stdout)
+    return True
+
+
+def _node(options, blender: str, path: Path, folder: Path) -> export.NodeCommand:
+    """What a node of a farm runs for some rows, with the options of this run."""
+    program, *before = command(blender)
+    if blender and options.export == "flamenco":
+        # Its workers know where their Blender is.
+        program = "{blender}"
+    words = ["--reports", str(folder)] if options.reports else []
+    for word, value, default in (
+        ("--workers", options.workers, 1),
+        ("--chunk", options.chunk, 20),
+        ("--retries", options.retries, 1),
+        ("--timeout", options.timeout, None),
+    ):
+        if value != default:
+            words += [word, f"{value:g}"]
+    for folders in options.map:
+        words += ["--map", folders]
+    return export.NodeCommand(program, (*before[:-1], "batch"), str(path.resolve()), tuple(words))
+
+
 def _start(options, words: list[str], shots: list[dict]):
     if not shots:
         return (nothing for nothing in ())
@@ -100,7 +132,8 @@ def _sum(path: Path, folder: Path, listed: jobs.Listed) -> bool:
     missing = f", {total - len(reports)} have no report yet" if total > len(reports) else ""
     say(f"anyface: {well} of {total} shots are finished{missing}", sys.stdout)
     say(f"anyface: {folder / 'results.html'} shows them", sys.stdout)
-    return well == total
+    # Rows that have no report yet are at work elsewhere.
+    return all(report["ok"] for report in reports)
 
 
 def _tell_plan(options, listed: jobs.Listed) -> bool:

@@ -9,6 +9,9 @@ from ..core.errors import AnyfaceError
 from ..core.json_file import read as read_json
 from ..core.json_file import write as write_json
 
+# The file beside the reports with a line for each end of a shot.
+HISTORY = "history.jsonl"
+
 
 def read(report: str) -> dict | None:
     """A report, or None where there is none or it is not one of ours."""
@@ -53,7 +56,7 @@ def close(shot: dict, outcome: dict) -> dict:
     try:
         write_json(shot["report"], report)
         line = json.dumps({"at": round(time.time(), 3), **brief(report)})
-        history = os.path.join(os.path.dirname(shot["report"]), "history.jsonl")
+        history = os.path.join(os.path.dirname(shot["report"]), HISTORY)
         with open(history, "a", encoding="utf-8") as file:
             file.write(line + "\n")
     except (AnyfaceError, OSError, ValueError) as error:

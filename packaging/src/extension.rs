@@ -112,6 +112,11 @@ pub fn build_zip(steps: &mut Steps, library: &Path, zip: &Path) -> Result<()> {
         fs::remove_dir_all(&stage)?;
     }
     copy_folder(&machine::root().join("blender-addon"), &stage)?;
+    // The command has the same templates; `farm/export.py` looks for them here.
+    copy_folder(
+        &machine::root().join("cli/farm"),
+        &stage.join("farm/engines"),
+    )?;
     fs::copy(machine::root().join("docs/blender.md"), stage.join(HELP))?;
     let platform = Platform::of_library(library)?;
     name_platform(&stage.join("blender_manifest.toml"), platform)?;

@@ -28,6 +28,7 @@ impl Prepare {
         python::blender(&mut steps, self.blender.as_deref())?;
         chroot::BLENDER.executable(&mut steps)?;
         chroot::GODOT.executable(&mut steps)?;
+        Venv::Farm.ensure(&mut steps)?;
         Venv::Training.ensure(&mut steps)?;
         steps.finish()
     }

@@ -30,6 +30,8 @@ pub enum Venv {
     Training,
     /// A linker for older systems.
     Packaging,
+    /// Dask, and what reads the jobs that are exported to engines of farms.
+    Farm,
 }
 
 impl Venv {
@@ -38,6 +40,7 @@ impl Venv {
             Venv::Blender => "bpy",
             Venv::Training => "training",
             Venv::Packaging => "packaging",
+            Venv::Farm => "farm",
         }
     }
 
@@ -47,6 +50,7 @@ impl Venv {
             Venv::Blender => root().join("tests/addon/requirements.txt"),
             Venv::Training => root().join("training/requirements.txt"),
             Venv::Packaging => root().join("packaging/requirements.txt"),
+            Venv::Farm => root().join("tests/farm/requirements.txt"),
         }
     }
 

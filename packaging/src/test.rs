@@ -14,7 +14,8 @@ use crate::{
     web, wheel,
 };
 
-/// Debian packages that the tests call: C hosts, a memory checker, voices, film, a sound system, C#.
+/// Debian packages that the tests call: C hosts, a memory checker, voices, film, a sound system, C#, an engine of farms
+/// and the networks of its hosts.
 const TOOLS: &[&str] = &[
     "gcc",
     "g++",
@@ -29,6 +30,9 @@ const TOOLS: &[&str] = &[
     "pulseaudio-utils",
     "mono-mcs",
     "mono-runtime",
+    "slurm-wlm",
+    "munge",
+    "iproute2",
 ];
 
 /// Debian packages that the page's tests call, and under which names systems have what is in them.
@@ -154,6 +158,9 @@ fn python_parts(steps: &mut Steps, version: Option<&str>) -> Result<()> {
             page.env("ANYFACE_COMMAND", command),
         )?;
     }
+    let engines = Venv::Farm.ensure(steps)?;
+    let mut farm = python::pytest(&engines, "tests/farm");
+    steps.check("engines of farms", farm.env("ANYFACE_EXTENSION", &zip))?;
     let mut site = python::pytest(&Venv::Blender.python(), "tests/site");
     if let Some(blender) = executable {
         site.env("ANYFACE_BLENDER", blender);
