@@ -46,15 +46,15 @@ def _run(options, blender: str) -> bool:
         node = _node(options, paths.here(blender), path, folder)
         return _export(options, node, paths, listed, folder)
     if options.sum:
-        return _sum(path, folder, listed)
+        return _sum(folder, listed)
     if options.dry_run:
         return _tell_plan(options, listed)
-    return _work(options, command(paths.here(blender)), (path, folder), listed)
+    return _work(options, command(paths.here(blender)), folder, listed)
 
 
-def _work(options, words: list[str], where: tuple[Path, Path], listed: jobs.Listed) -> bool:
+def _work(options, words: list[str], folder: Path, listed: jobs.Listed) -> bool:
+    """Does the rows that are left and says what came of each."""
     began = time.monotonic()
-    path, folder = where
     shots = [asdict(shot) for shot in listed.shots]
     total = len(shots) + len(listed.broken)
     if options.again:
@@ -76,7 +76,7 @@ def _work(options, words: list[str], where: tuple[Path, Path], listed: jobs.List
     say(f"anyface: {well} of {total} shots are finished, reports in {folder}", sys.stdout)
     if options.rows is None:
         # Of some rows others know more.
-        results.write(folder, path.name, reports, round(time.monotonic() - began, 3))
+        results.write(folder, reports, round(time.monotonic() - began, 3))
         say(f"anyface: {folder / 'results.html'} shows them", sys.stdout)
     return well == total
 
@@ -120,7 +120,7 @@ def _start(options, words: list[str], shots: list[dict]):
     return local.run(words, shots, options.workers, options.chunk, **limits)
 
 
-def _sum(path: Path, folder: Path, listed: jobs.Listed) -> bool:
+def _sum(folder: Path, listed: jobs.Listed) -> bool:
     """Writes what came of all rows, by their reports."""
     rows = [asdict(shot) for shot in listed.shots]
     reports = [report for shot in rows if (report := ledger.read(shot["report"])) is not None]
@@ -128,7 +128,7 @@ def _sum(path: Path, folder: Path, listed: jobs.Listed) -> bool:
         shot = asdict(row.shot)
         reports.append(ledger.read(shot["report"]) or ledger.close(shot, row.outcome))
     total = len(rows) + len(listed.broken)
-    well = results.write(folder, path.name, reports, None)["ok"]
+    well = results.write(folder, reports, None)["ok"]
     missing = f", {total - len(reports)} have no report yet" if total > len(reports) else ""
     say(f"anyface: {well} of {total} shots are finished{missing}", sys.stdout)
     say(f"anyface: {folder / 'results.html'} shows them", sys.stdout)

@@ -108,7 +108,7 @@ def run(options, command: NodeCommand, saves: list[str], reports: Path) -> str:
     needs = measure(reports, options)
     values = _values(engine, command, saves, options.chunk, needs)
     for template, name in ENGINES[engine].files.items():
-        text = (_templates() / template).read_text("utf-8")
+        text = (templates() / template).read_text("utf-8")
         json_file.write_text(folder / name, fill(text, values))
     typed = ENGINES[engine].hint.replace("{folder}", shlex.quote(str(folder)))
     return (
@@ -205,7 +205,7 @@ def _json(value) -> str:
     return json.dumps(value, ensure_ascii=False)
 
 
-def _templates() -> Path:
+def templates() -> Path:
     """The folder of templates: beside this file in the extension, `cli/farm` in the repository."""
     here = Path(__file__).resolve().parent
     packed = here / "engines"

@@ -1,19 +1,17 @@
 """What came of a batch: `batch.json`, and a page for a browser with what needs an eye on top."""
 
-import html
 import json
 from pathlib import Path
 
 from ..core import json_file
 from ..core.errors import AnyfaceError
-from . import jobs, ledger
+from . import export, jobs, ledger
 
-_PAGE = Path(__file__).resolve().parent / "engines" / "results.html"
 # So many rows have pictures and curves, those that need an eye most: a page stays small.
 _SHOWN = 100
 
 
-def write(folder: Path, title: str, reports: list[dict], seconds: float | None) -> dict:
+def write(folder: Path, reports: list[dict], seconds: float | None) -> dict:
     """Writes both into `folder` and returns the sum; raises `AnyfaceError("file")`."""
     rows = sorted(reports, key=lambda report: report["name"])
     summary = {
@@ -24,11 +22,10 @@ def write(folder: Path, title: str, reports: list[dict], seconds: float | None) 
     }
     json_file.write(folder / f"{jobs.SUMMARY}.json", summary)
     try:
-        page = _PAGE.read_text(encoding="utf-8")
-        text = page.replace("{{TITLE}}", html.escape(title))
+        page = (export.templates() / "results.html").read_text(encoding="utf-8")
         # Nothing in a string may end the script.
-        text = text.replace("{{ROWS}}", json.dumps(_ranked(rows)).replace("</", "<\\/"))
-        json_file.write_text(folder / "results.html", text)
+        data = json.dumps(_ranked(rows)).replace("</", "<\\/")
+        json_file.write_text(folder / "results.html", page.replace("{{ROWS}}", data))
     except OSError as error:
         raise AnyfaceError("file", f"{error.filename}: {error.strerror}") from error
     return summary

@@ -97,8 +97,8 @@ class Floor:
 
 def rows_of(page: str) -> list[dict]:
     """The rows that the page of a batch holds."""
-    (line,) = re.findall(r"const ROWS = (\[.*\]);", page)
-    return json.loads(line)
+    (text,) = re.findall(r'<script id="data"[^>]*>(.*?)</script>', page, re.DOTALL)
+    return json.loads(text)
 
 
 def wait_gone(process_id: int):

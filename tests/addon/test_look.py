@@ -40,7 +40,7 @@ def test_lips_that_rest_in_speech_gape_in_pauses_or_jump_are_doubted(addon, look
     (gapes,) = look.doubts(np.where(times < 2.0, talks, 6.0), FPS, sound)
     assert "open by 6.0 mm in pauses" in gapes
     pops = talks.copy()
-    pops[20:] += 18.0 * (times[20:] < 2.0)
+    pops[20:50] = np.linspace(30.0, 0.0, 30)
     assert any("jump at 0.80 s" in text for text in look.doubts(pops, FPS, sound))
     assert look.doubts(talks[:1], FPS, sound) == []
 
