@@ -126,25 +126,33 @@ class ShotProcess:
         except OSError as error:
             program = self._command[0]
             return f"{program}: {error.strerror}: check --blender, and that it may be run"
-        self._reader = threading.Thread(target=self._listen, args=(self._process.stdout,))
-        self._reader.daemon = True
+        self._reader = threading.Thread(target=self._listen, args=(self._process,), daemon=True)
         self._reader.start()
         return ""
 
-    def _listen(self, output) -> None:
+    def _listen(self, process) -> None:
         """Writes what a process prints into the log of its shot."""
-        with contextlib.suppress(OSError, ValueError), output:
-            for line in output:
-                log, has_ended = self._log, line.rstrip().endswith(END.encode())
-                # Blender itself may have begun the line.
-                line = line.replace(END.encode(), b"").lstrip() if has_ended else line
-                if log is not None and line:
-                    # The log may be closed meanwhile, or the disk full.
-                    with contextlib.suppress(OSError, ValueError):
-                        log.write(line)
-                        log.flush()
-                if has_ended:
-                    self._ended.set()
+        try:
+            for line in process.stdout:
+                self._hear(line)
+        except Exception:
+            # Nobody would hear the end of its shot.
+            process.kill()
+            raise
+        finally:
+            process.stdout.close()
+
+    def _hear(self, line: bytes) -> None:
+        log, has_ended = self._log, line.rstrip().endswith(END.encode())
+        # Blender itself may have begun the line.
+        line = line.replace(END.encode(), b"").lstrip() if has_ended else line
+        if log is not None and line:
+            # The log may be closed meanwhile, or the disk full.
+            with contextlib.suppress(OSError, ValueError):
+                log.write(line)
+                log.flush()
+        if has_ended:
+            self._ended.set()
 
     def _feed(self, shot: dict, timeout_s, stop) -> str:
         """Gives the shot to the process and waits; says why where it was stopped."""
