@@ -1,5 +1,5 @@
-//! Stages of one face: landmark search, skin with its proxy, plate weights, frame product, writing;
-//! and of the sound: speech encoder and denoiser.
+//! Measures the stages of one face: landmark search, skin with its proxy, plate weights, frame
+//! product, writing; and of the sound: speech encoder and denoiser.
 //!
 //! `cargo bench -p anyface --bench face`
 
@@ -21,7 +21,7 @@ use anyface::{
 };
 use criterion::{Criterion, criterion_group, criterion_main};
 
-/// The default head, its triangles cut in four as often as `times`.
+/// The default head, its triangles cut in four `times` times.
 fn head(times: usize) -> Mesh {
     let folder = PathBuf::from(env!("CARGO_MANIFEST_DIR")).join("../weights/shared/default_head");
     let mut mesh = Mesh::read(folder.join("head.obj")).expect("the default head");
@@ -66,8 +66,8 @@ fn speech(c: &mut Criterion) {
 }
 
 fn spread(engine: &Engine, face: &Face, motion: &Motion) -> Animation {
-    let made = Collector::collect(|sink| engine.spread(face, motion, sink, SILENT));
-    made.expect("frames")
+    let animation = Collector::collect(|sink| engine.spread(face, motion, sink, SILENT));
+    animation.expect("frames")
 }
 
 fn face(c: &mut Criterion) {

@@ -15,8 +15,8 @@ struct Lines<'a>(std::iter::Enumerate<std::str::Lines<'a>>);
 
 impl<'a> Lines<'a> {
     fn next(&mut self, expected: &str) -> Result<(usize, &'a str), String> {
-        let found = self.0.next().map(|(number, row)| (number + 1, row.trim()));
-        found.ok_or_else(|| format!("1: expected {expected}, got the end of the file"))
+        let line = self.0.next().map(|(number, row)| (number + 1, row.trim()));
+        line.ok_or_else(|| format!("1: expected {expected}, got the end of the file"))
     }
 
     fn number(&mut self, expected: &str) -> Result<usize, String> {
@@ -96,7 +96,7 @@ fn word(lines: &mut Lines<'_>, fps: f64, tiers: &mut [Tier; 2]) -> Result<(), St
     Ok(())
 }
 
-/// Frames from 1 on, each with the mouth that lasts to the next.
+/// Frames count from 1 on. Each mouth lasts until the next frame in the list.
 pub(super) fn read_switch(text: &str, fps: f64) -> Result<Annotation, String> {
     let mut rows = super::plain::rows(text);
     match rows.next() {
@@ -108,8 +108,9 @@ pub(super) fn read_switch(text: &str, fps: f64) -> Result<Annotation, String> {
     for (line, row) in rows {
         let parts = row.split_once(char::is_whitespace);
         let parts = parts.and_then(|(frame, name)| Some((frame.parse::<u32>().ok()?, name.trim())));
-        let found = parts.filter(|(frame, _)| *frame > 0);
-        let (frame, name) = found.ok_or_else(|| wrong(line, "a frame and a mouth", row))?;
+        let frame_and_name = parts.filter(|(frame, _)| *frame > 0);
+        let (frame, name) =
+            frame_and_name.ok_or_else(|| wrong(line, "a frame and a mouth", row))?;
         let start_s = f64::from(frame - 1) / fps;
         let after_s = intervals.last().map_or(0.0, |last| last.start_s);
         let next = interval(line, [start_s, start_s], name, after_s)?;
@@ -136,8 +137,8 @@ pub(super) fn write_switch(annotation: &Annotation, fps: f64) -> String {
     out + &format!("{} rest\n", frame(annotation.duration_s))
 }
 
-/// One voice and phrase; a word of the annotation's own is written with the phones in it, and phones
-/// outside of words are words of their own.
+/// Writes one voice and phrase. A word of the annotation gets the phones inside it. A phone outside
+/// of words becomes a word.
 pub(super) fn write_project(annotation: &Annotation, fps: f64) -> String {
     let fps = fps.round().max(1.0);
     let frame = |time_s: f64| (time_s * fps).round() as u64;
@@ -150,8 +151,8 @@ pub(super) fn write_project(annotation: &Annotation, fps: f64) -> String {
     let mut rows: Vec<(Interval, Vec<Interval>)> = words
         .iter()
         .map(|word| {
-            let own = phones.iter().filter(|phone| inside(word, phone));
-            (word.clone(), own.cloned().collect())
+            let phones_of_word = phones.iter().filter(|phone| inside(word, phone));
+            (word.clone(), phones_of_word.cloned().collect())
         })
         .collect();
     let alone = |phone: &&Interval| !words.iter().any(|word| inside(word, phone));
@@ -165,12 +166,12 @@ pub(super) fn write_project(annotation: &Annotation, fps: f64) -> String {
         end.saturating_sub(1),
         rows.len()
     );
-    for (word, own) in rows {
+    for (word, phones_of_word) in rows {
         let (first, last) = (frame(word.start_s), frame(word.end_s));
         let last = last.saturating_sub(1).max(first);
         let label = word.label.replace(char::is_whitespace, "_");
-        let _ = writeln!(out, "\t\t\t{label} {first} {last} {}", own.len());
-        for phone in own {
+        let _ = writeln!(out, "\t\t\t{label} {first} {last} {}", phones_of_word.len());
+        for phone in phones_of_word {
             let _ = writeln!(out, "\t\t\t\t{} {}", frame(phone.start_s), phone.label);
         }
     }

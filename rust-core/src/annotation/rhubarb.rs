@@ -35,7 +35,7 @@ fn annotation(intervals: Vec<Interval>, duration_s: f64) -> Annotation {
     finished(vec![Tier { symbols, intervals }], duration_s)
 }
 
-/// Each line holds a start and a shape, which lasts to the next.
+/// Each line holds a start and a shape. The shape lasts until the next line.
 pub(super) fn read_tsv(text: &str) -> Result<Annotation, String> {
     let mut intervals: Vec<Interval> = Vec::new();
     for (number, row) in super::plain::rows(text) {
@@ -48,11 +48,11 @@ pub(super) fn read_tsv(text: &str) -> Result<Annotation, String> {
         }
         let start_s = time(number, start)?;
         let after_s = intervals.last().map_or(0.0, |last| last.start_s);
-        let found = interval(number, [start_s, start_s], shape, after_s)?;
+        let next = interval(number, [start_s, start_s], shape, after_s)?;
         if let Some(last) = intervals.last_mut() {
             last.end_s = start_s;
         }
-        intervals.push(found);
+        intervals.push(next);
     }
     Ok(annotation(intervals, 0.0))
 }
@@ -66,7 +66,7 @@ pub(super) fn read_json(text: &str) -> Result<Annotation, String> {
         .enumerate()
         .filter(|(_, row)| row.contains("\"value\""));
     for cue in file.cues {
-        // Several cues may share a line: then it is the last that was seen.
+        // Several cues may share a line: this is the latest of them.
         let line = lines.next().map_or(1, |(number, _)| number + 1);
         if !SHAPES.contains(&cue.value.as_str()) {
             return Err(wrong(line, EXPECTED, &cue.value));

@@ -1,12 +1,12 @@
-//! What labels are, and which of them close the lips.
+//! The kinds of labels, and which of them close the lips.
 
-/// What the labels of a tier are.
+/// The kind of a tier's labels.
 #[derive(Debug, Clone, Copy, PartialEq, Eq)]
 pub enum Symbols {
     /// Phones: IPA, ARPABET with or without stress, or [`super::CLOSED`].
     Phones,
-    /// Phones of which none but those that close the lips are there; beside other tiers they alone say
-    /// when lips close.
+    /// Only those phones that close the lips. Beside other tiers, this tier alone says when lips
+    /// close.
     Closures,
     /// Words.
     Words,
@@ -42,7 +42,7 @@ const OTHERS: [&str; 29] = [
     "ch", "d", "dh", "dx", "en", "g", "hh", "jh", "k", "n", "ng", "r", "s", "sh", "t", "th", "z",
     "zh", "etc", "θ", "ð", "ʃ", "ʒ", "ɹ", "ʁ", "j", "ɡ", "ŋ", "x",
 ];
-/// Phones that are words of their own, in languages that many speak.
+/// Phones that are words by themselves in many languages.
 const VOWELS: [&str; 6] = ["a", "e", "i", "o", "u", "y"];
 
 impl Symbols {
@@ -57,7 +57,7 @@ impl Symbols {
         }
     }
 
-    /// From the name of a tier, such as `Anna - phones`; what the labels look like where it says nothing.
+    /// Guesses from the name of a tier, such as `Anna - phones`, else from how the labels look.
     pub(super) fn guess<'a>(name: &str, labels: impl Iterator<Item = &'a str>) -> Symbols {
         let name = name.to_lowercase();
         let says = [
@@ -79,7 +79,7 @@ impl Symbols {
         }
     }
 
-    /// Whether lips are together where this is said.
+    /// Whether the lips are closed for a label.
     pub fn closes_lips(self, label: &str) -> bool {
         match self {
             Symbols::Words => false,
@@ -95,14 +95,14 @@ impl Symbols {
             return label.to_owned();
         }
         let phone = plain(label);
-        let found = MOUTHS
+        let mouth = MOUTHS
             .iter()
             .find(|(phones, papagayo, rhubarb)| match self {
                 Symbols::Rhubarb => *rhubarb == label,
                 Symbols::Papagayo => papagayo.eq_ignore_ascii_case(label),
                 _ => phones.contains(&phone.as_str()) || phones[0] == "p" && is_bilabial(&phone),
             });
-        match (found, to) {
+        match (mouth, to) {
             (Some((_, _, rhubarb)), Symbols::Rhubarb) => (*rhubarb).to_owned(),
             (Some((_, papagayo, _)), _) => (*papagayo).to_owned(),
             (None, _) => to.between().to_owned(),
@@ -125,7 +125,7 @@ fn plain(label: &str) -> String {
     label.trim_end_matches(['0', '1', '2']).to_owned()
 }
 
-/// p, b, m and what is written of them with marks: `pʰ`, `mʲ`, `b̥`, `pf`, `p_h`.
+/// Whether a phone is p, b, m or one of these with marks: `pʰ`, `mʲ`, `b̥`, `pf`, `p_h`.
 fn is_bilabial(phone: &str) -> bool {
     if MOUTHS[0].0.contains(&phone) {
         return true;
@@ -136,7 +136,7 @@ fn is_bilabial(phone: &str) -> bool {
     first && (rest == "f" || rest.starts_with('_') || rest.chars().all(|c| !c.is_ascii()))
 }
 
-/// Whether a plain label is one of ARPABET's, Papagayo's or the recogniser's; a word seldom is.
+/// Whether a plain label is a phone of ARPABET, Papagayo or the recogniser. A word seldom is.
 fn is_phone(phone: &String) -> bool {
     let mut shown = MOUTHS.iter().flat_map(|(phones, ..)| phones.iter());
     shown.any(|known| known == phone) || OTHERS.contains(&phone.as_str()) || is_bilabial(phone)

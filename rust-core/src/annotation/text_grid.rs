@@ -1,7 +1,8 @@
 //! Praat's TextGrid, in long or short text.
 //!
-//! Praat itself reads such a file as its free-standing numbers, quoted texts and flags and passes over
-//! all else (Praat manual, "TextGrid file formats"), which makes the long and the short form the same.
+//! Praat itself reads only the free-standing numbers, quoted texts and flags of such a file and
+//! skips the rest (Praat manual, "TextGrid file formats"). So the long and the short form are the
+//! same.
 
 use std::fmt::Write;
 
@@ -52,7 +53,7 @@ impl<'a> Tokens<'a> {
         self.rest = rest;
     }
 
-    /// Up to the closing quote; two of them are one.
+    /// Reads up to the closing quote. A doubled quote stands for one.
     fn quoted(&mut self, begun: usize) -> Result<String, String> {
         let mut out = String::new();
         loop {
@@ -104,10 +105,10 @@ pub(super) fn read(text: &str) -> Result<Annotation, String> {
         line: 1,
     };
     let header = [tokens.text(), tokens.text()];
-    for (found, wanted) in header.into_iter().zip(["ooTextFile", "TextGrid"]) {
-        let (line, found) = found?;
-        if found != wanted {
-            return Err(wrong(line, &format!("{wanted:?}"), &found));
+    for (token, expected) in header.into_iter().zip(["ooTextFile", "TextGrid"]) {
+        let (line, text) = token?;
+        if text != expected {
+            return Err(wrong(line, &format!("{expected:?}"), &text));
         }
     }
     let (_, (_, duration_s)) = (tokens.seconds()?, tokens.seconds()?);
@@ -138,11 +139,11 @@ fn tier(tokens: &mut Tokens<'_>) -> Result<Tier, String> {
             false => tokens.seconds()?.1,
         };
         let (_, label) = tokens.text()?;
-        let found = interval(line, [start_s, end_s], label.trim(), after_s)?;
+        let next = interval(line, [start_s, end_s], label.trim(), after_s)?;
         after_s = end_s;
-        // What is between two labels is an interval without one.
-        if !found.label.is_empty() {
-            intervals.push(found);
+        // The gap between two labels is an interval without a label.
+        if !next.label.is_empty() {
+            intervals.push(next);
         }
     }
     let labels = intervals.iter().map(|interval| interval.label.as_str());
@@ -180,7 +181,7 @@ pub(super) fn write(annotation: &Annotation) -> String {
     out
 }
 
-/// Intervals that touch from 0 to the end, as Praat asks for; those between have no label.
+/// Intervals that touch from 0 to the end, as Praat requires. Those that fill gaps have no label.
 fn without_gaps(intervals: &[Interval], end_s: f64) -> Vec<(f64, f64, &str)> {
     let (mut out, mut at) = (Vec::new(), 0.0);
     for interval in intervals.iter().filter(|i| i.start_s < end_s) {

@@ -42,13 +42,14 @@ const DAMAGE_LIMIT: u32 = 100;
 const FORMATS: &str =
     "WAV, MP3, FLAC, Ogg or WebM (Vorbis or Opus), M4A (AAC or ALAC), AAC, CAF or AIFF";
 
-/// Frames that MP3 puts before the sound and does not speak of without a header of LAME's: 576 of the coder,
-/// as LAME has them, and 529 of every decoder.
+/// Frames before the sound in an MP3 without a LAME header: 576 of the coder, as LAME has them, and
+/// 529 of every decoder.
 const MP3_DELAY: usize = 1_105;
-/// Frames that AAC puts before the sound at least, one block; what takes more says so in an edit list.
+/// Least number of frames before the sound in AAC: one block. Coders that add more say so in an
+/// edit list.
 const AAC_DELAY: usize = 1_024;
 
-/// Frames that Opus puts before the sound where its header is not handed on, as from CAF: those of libopus.
+/// Frames before the sound in Opus without a header, as in CAF: those of libopus.
 const OPUS_DELAY: usize = 312;
 
 static CODECS: LazyLock<CodecRegistry> = LazyLock::new(|| {
@@ -58,7 +59,7 @@ static CODECS: LazyLock<CodecRegistry> = LazyLock::new(|| {
     codecs
 });
 
-/// Decodes the first audio track of the file into `out`, and says what is lost of it.
+/// Decodes the first audio track of the file into `out`, and says how much of it is lost.
 pub(super) fn decode(path: &Path, source: &Source, out: Take<'_>) -> Result<Option<SoundDamage>> {
     let mut format = open(path, source)?;
     let (track, mut decoder) = open_track(path, format.as_ref())?;
@@ -90,7 +91,7 @@ pub(super) fn decode(path: &Path, source: &Source, out: Take<'_>) -> Result<Opti
                 damaged = 0;
                 sound.take(path, &decoded)?;
             }
-            // A decoder reads no file: what it calls an error of reading is a packet that ends too early.
+            // A decoder reads no file: its error of reading means that a packet ends too early.
             Err(StreamError::DecodeError(_) | StreamError::IoError(_))
                 if damaged < DAMAGE_LIMIT =>
             {
@@ -117,7 +118,7 @@ pub(super) fn decode(path: &Path, source: &Source, out: Take<'_>) -> Result<Opti
     }
 }
 
-/// Frames before the sound that the decoder leaves in, of a file without an edit list.
+/// Frames before the sound that the decoder leaves in, for a file without an edit list.
 fn before(track: &Track, parameters: &AudioCodecParameters) -> usize {
     let stated = track.delay.filter(|frames| *frames > 0);
     let stated = stated.map(|frames| frames as usize);
@@ -132,7 +133,7 @@ fn before(track: &Track, parameters: &AudioCodecParameters) -> usize {
     }
 }
 
-/// What is lost of a track on the way.
+/// What a track loses in decoding.
 struct Loss {
     time_base: Option<TimeBase>,
     /// Length of the track, where the file says it.
@@ -146,7 +147,7 @@ struct Loss {
 impl Loss {
     fn of(track: &Track, parameters: &AudioCodecParameters, trusts_length: bool) -> Loss {
         let stated = track.duration.filter(|d| d.get() > 0 && trusts_length);
-        // Some count whole packets, also where the last is not full.
+        // Some files count whole packets, even where the last one is not full.
         let packet = Duration::from(parameters.max_frames_per_packet.unwrap_or(0));
         Loss {
             time_base: track.time_base,
@@ -160,7 +161,7 @@ impl Loss {
         let start = packet.pts.get();
         let gap = self.next.map_or(0, |next| start.saturating_sub(next));
         self.lost = self.lost.saturating_add(u64::try_from(gap).unwrap_or(0));
-        // A packet of WebM need not say how long it is; then no gap can be told behind it.
+        // A packet of WebM need not state its length. Then a gap after it stays unknown.
         let length = i64::try_from(packet.dur.get()).unwrap_or(i64::MAX);
         self.next = (length > 0).then(|| start.saturating_add(length));
     }
@@ -185,11 +186,11 @@ impl Loss {
     }
 }
 
-/// Whether a length that the format reader gives is the file's own word. That of an MP3 without a header of
-/// Xing, LAME or Fraunhofer is guessed from its first frames.
+/// Whether the file itself states the length that the format reader gives. For an MP3 without a
+/// Xing, LAME or Fraunhofer header the reader guesses it from the first frames.
 fn trusts_length(source: &Source) -> Result<bool> {
     let mut start = Vec::new();
-    // Behind tags, which may hold pictures, the header is not looked for.
+    // Tags may hold pictures: a header behind them is not sought.
     if source
         .read()?
         .take(1 << 16)
@@ -198,9 +199,9 @@ fn trusts_length(source: &Source) -> Result<bool> {
     {
         return Ok(false);
     }
-    let has = |word: &[u8]| start.windows(word.len()).any(|found| found == word);
+    let has = |word: &[u8]| start.windows(word.len()).any(|window| window == word);
     if start.starts_with(b"RIFF") {
-        // A WAV that was written to a pipe does not know its length.
+        // A WAV written to a pipe does not know its length.
         let at = start.windows(4).position(|word| word == b"data");
         let length = at.and_then(|at| start.get(at + 4..at + 8)?.try_into().ok());
         return Ok(length.is_some_and(|four| u64::from(u32::from_le_bytes(four)) < LENGTH_UNKNOWN));
@@ -260,8 +261,8 @@ fn open_track<'a>(
     Ok((track, decoder))
 }
 
-/// What a decoder of A-law or µ-law accepts: CAF says that a sample has 8 bits, as it is coded, and the decoder asks for
-/// the 16 that come out.
+/// The parameters that a decoder of A-law or µ-law accepts. CAF states 8 bits a sample, as coded.
+/// The decoder asks for the 16 that come out.
 fn expanded(parameters: &AudioCodecParameters) -> Cow<'_, AudioCodecParameters> {
     match parameters.codec {
         CODEC_ID_PCM_ALAW | CODEC_ID_PCM_MULAW => Cow::Owned(AudioCodecParameters {

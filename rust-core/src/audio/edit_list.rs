@@ -1,7 +1,7 @@
-//! The part of an MP4 audio track that is meant to be heard (ISO/IEC 14496-12, 8.6.6 `elst`).
+//! The part of an MP4 audio track that a player plays (ISO/IEC 14496-12, 8.6.6 `elst`).
 //!
 //! AAC encoders put 1024 to 2112 samples of start-up before the sound and say so in the edit list.
-//! symphonia decodes them as sound; left in, lips would run 20 to 130 ms late.
+//! symphonia decodes them as sound. If they stayed, lips would run 20 to 130 ms late.
 
 use std::io::{Read, Seek, SeekFrom};
 
@@ -80,7 +80,7 @@ fn boxes(mut data: &[u8]) -> impl Iterator<Item = (&[u8; 4], &[u8])> {
 
 fn child<'a>(data: &'a [u8], kind: &[u8; 4]) -> Option<&'a [u8]> {
     boxes(data)
-        .find(|(found, _)| *found == kind)
+        .find(|(name, _)| *name == kind)
         .map(|(_, body)| body)
 }
 

@@ -1,4 +1,4 @@
-//! A sound from a file, whole or a stretch at a time.
+//! A sound from a file, whole or stretch by stretch.
 
 use std::{
     ops::Range,
@@ -20,14 +20,14 @@ use crate::{
     job::{ProgressFn, SILENT, outside::guarded, report},
 };
 
-/// Share of a sound whose loss makes the rest useless, unless the caller knows.
+/// A sound that lost more than this share is refused, unless the caller allows it.
 pub const LARGEST_LOSS: f64 = 0.2;
-/// A sound up to so many seconds lies in memory whole.
+/// A sound up to this length is kept in memory whole, seconds.
 pub const WHOLE_S: f64 = 600.0;
-/// Pieces that are decoded ahead of who takes them.
+/// Decoded pieces that may wait for their receiver.
 const AHEAD: usize = 8;
 
-/// A sound in a file that was decoded once, from its beginning to its end.
+/// A sound in a file that was decoded once from beginning to end.
 ///
 /// ```
 /// use anyface::{audio::SoundFile, job::SILENT};
@@ -48,14 +48,14 @@ pub struct SoundFile {
     /// Sum of squares of each hop of 10 ms.
     energies: Vec<f32>,
     /// All of a sound of [`WHOLE_S`] or less.
-    kept: Option<Waveform>,
+    waveform: Option<Waveform>,
 }
 
 impl SoundFile {
-    /// Decodes a file, as [`Waveform::from_file`] does, and tells what is missing: samples that a header
-    /// promises, packets that do not decode, gaps between pages.
+    /// Decodes a file as [`Waveform::from_file`] does, and reports what is missing: samples that a
+    /// header promises, packets that do not decode, gaps between pages.
     ///
-    /// `any_damage`: whether a sound of which more than a fifth is missing is wanted all the same.
+    /// `any_damage`: whether to accept a sound of which more than a fifth is missing.
     ///
     /// # Errors
     /// Those of [`Waveform::from_file`]; `Cancelled`.
@@ -67,17 +67,17 @@ impl SoundFile {
             levels: Levels::default(),
             damage: None,
             energies: Vec::new(),
-            kept: None,
+            waveform: None,
         };
         let most = (WHOLE_S * f64::from(SAMPLE_RATE_HZ)) as usize;
         let (mut levels, mut energies) = (Levels::default(), Energies::default());
-        let mut kept = Some(Vec::new());
+        let mut short_sound = Some(Vec::new());
         file.damage = file.decode(&mut |piece| {
             report(progress, "speech", 0.0)?;
             levels.add(piece);
             energies.add(piece);
-            kept = kept.take().filter(|_| levels.samples <= most);
-            if let Some(samples) = &mut kept {
+            short_sound = short_sound.take().filter(|_| levels.samples <= most);
+            if let Some(samples) = &mut short_sound {
                 samples.extend_from_slice(piece);
             }
             Ok(())
@@ -97,11 +97,11 @@ impl SoundFile {
         }
         file.levels = levels;
         file.energies = energies.of_hops;
-        file.kept = kept.map(|samples| Waveform { samples });
+        file.waveform = short_sound.map(|samples| Waveform { samples });
         Ok(file)
     }
 
-    /// Sum of squares of each hop of 10 ms, `[S / 160]`; the last may be cut off.
+    /// Sum of squares of each hop of 10 ms, `[S / 160]`. The last hop may be shorter.
     pub(crate) fn energies(&self) -> &[f32] {
         &self.energies
     }
@@ -111,7 +111,7 @@ impl SoundFile {
     /// # Errors
     /// Those of [`SoundFile::read`], where the file has changed since.
     pub fn whole(self, progress: ProgressFn<'_>) -> Result<Waveform> {
-        if let Some(waveform) = self.kept {
+        if let Some(waveform) = self.waveform {
             return Ok(waveform);
         }
         let mut samples = Vec::with_capacity(self.levels.samples);
@@ -123,8 +123,8 @@ impl SoundFile {
         Ok(Waveform { samples })
     }
 
-    /// Hands stretches of its samples to `take`, in rising order of their starts; they may overlap. Only one at a time
-    /// lies in memory.
+    /// Passes stretches of its samples to `take`, in rising order of their starts. Stretches may
+    /// overlap. Only one is in memory at a time.
     ///
     /// # Errors
     /// Those of [`SoundFile::read`], where the file has changed since, and those of `take`.
@@ -138,25 +138,26 @@ impl SoundFile {
             samples: Vec::new(),
             first: 0,
         };
-        if let Some(waveform) = self.kept {
+        if let Some(waveform) = self.waveform {
             return match stretches {
                 [whole] if *whole == (0..waveform.samples.len()) => take(waveform),
                 _ => cut.add(&waveform.samples, take),
             };
         }
-        // The decoder stands on a thread of its own, so that a fault in what takes the sound is not called one of the file.
+        // The decoder has a thread of its own, so that an error of `take` is not reported as one of
+        // the file.
         thread::scope(|scope| {
             let (give, pieces) = sync_channel::<Vec<f32>>(AHEAD);
             let file = &self;
             let decoder = scope.spawn(move || {
                 file.decode(&mut |piece| give.send(piece.to_vec()).map_err(|_| Error::Cancelled))
             });
-            // Who leaves early drops `pieces`, and so ends the decoder.
-            let taken = pieces
+            // An early return drops `pieces`, which ends the decoder.
+            let outcome = pieces
                 .into_iter()
                 .try_for_each(|piece| cut.add(&piece, take));
             let decoded = decoder.join().unwrap_or(Err(Error::Cancelled));
-            taken.and(decoded.map(drop))
+            outcome.and(decoded.map(drop))
         })?;
         match cut.stretches.is_empty() {
             true => Ok(()),
@@ -206,7 +207,7 @@ struct Cut<'a> {
     /// Those that are still to come.
     stretches: &'a [Range<usize>],
     samples: Vec<f32>,
-    /// Number of the first sample that is still there.
+    /// Number of the first sample in `samples`.
     first: usize,
 }
 
@@ -231,7 +232,7 @@ impl Cut<'_> {
     }
 }
 
-/// Errors of samples and decoders do not know the file's name.
+/// Adds the file's name to errors of samples and decoders.
 fn named(path: &Path, error: Error) -> Error {
     let shown = path.display().to_string();
     match error {

@@ -6,7 +6,8 @@ use super::{
 };
 use crate::{Error, Result, job::outside::guarded};
 
-/// Takes interleaved samples in any number of pieces and hands them on as speech is heard: mono, at one rate.
+/// Takes interleaved samples in any number of pieces and passes them on as the speech models need
+/// them: mono, at one rate.
 pub(super) struct Intake<'a> {
     out: Take<'a>,
     channels: usize,
@@ -14,13 +15,13 @@ pub(super) struct Intake<'a> {
     /// Reused mono buffer.
     mono: Vec<f32>,
     frames: u64,
-    /// Frames with a sample that is not finite, or that is none for its size, and the first of each.
+    /// Number of frames with a sample that is not finite or too large, and the first of each.
     not_finite: Count,
     too_large: Count,
     /// Frames that are still to be dropped before the sound starts.
     to_drop: usize,
-    /// Frames that are still wanted.
-    wanted: usize,
+    /// Frames that are still to be accepted.
+    frames_left: usize,
 }
 
 impl<'a> Intake<'a> {
@@ -44,24 +45,25 @@ impl<'a> Intake<'a> {
             not_finite: Count::default(),
             too_large: Count::default(),
             to_drop: 0,
-            wanted: usize::MAX,
+            frames_left: usize::MAX,
         })
     }
 
-    /// Keeps only `wanted` frames after the first `to_drop`; call before the first [`Intake::push`].
-    pub(super) fn keep(&mut self, to_drop: usize, wanted: usize) {
+    /// Keeps only `frames` frames after the first `to_drop`. Call it before the first
+    /// [`Intake::push`].
+    pub(super) fn keep(&mut self, to_drop: usize, frames: usize) {
         self.to_drop = to_drop;
-        self.wanted = wanted;
+        self.frames_left = frames;
     }
 
     /// `interleaved`: `[S, C]`, whole frames.
     pub(super) fn push(&mut self, interleaved: &[f32]) -> Result<()> {
         let frames = interleaved.len() / self.channels;
         let dropped = self.to_drop.min(frames);
-        let kept = self.wanted.min(frames - dropped);
+        let accepted = self.frames_left.min(frames - dropped);
         self.to_drop -= dropped;
-        self.wanted -= kept;
-        let interleaved = &interleaved[dropped * self.channels..][..kept * self.channels];
+        self.frames_left -= accepted;
+        let interleaved = &interleaved[dropped * self.channels..][..accepted * self.channels];
         self.mono.clear();
         let share = 1.0 / self.channels as f32;
         for frame in interleaved.chunks_exact(self.channels) {
@@ -74,7 +76,7 @@ impl<'a> Intake<'a> {
             self.mono.push(frame.iter().map(|x| x * share).sum::<f32>());
         }
         self.frames += self.mono.len() as u64;
-        // Once broken, the sound is refused in the end; only the count goes on.
+        // A broken sound is refused in the end, so that only the count goes on.
         match self.not_finite.first.or(self.too_large.first) {
             None => self.resampler.push(&self.mono, self.out),
             Some(_) => Ok(()),

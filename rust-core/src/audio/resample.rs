@@ -1,7 +1,7 @@
 //! Any sample rate to 16 kHz: a windowed sinc applied by FFT (rubato's `Fft`), chunk by chunk.
 //!
-//! The ratio is exact (both rates are integers), the filter's delay is removed, and nothing that
-//! would fold below 8 kHz survives: the squared Blackman-Harris window stops more than 100 dB.
+//! The ratio is exact (both rates are integers), and the filter's delay is removed. The squared
+//! Blackman-Harris window attenuates frequencies that would fold below 8 kHz by more than 100 dB.
 
 use std::ops::Range;
 
@@ -16,7 +16,8 @@ use crate::{Error, Result};
 /// passband ends within 3 % of 8 kHz.
 const SMALLEST_BLOCK: usize = 1024;
 
-/// Takes mono samples at [`SAMPLE_RATE_HZ`] piece by piece as they are decoded; an error ends the decoding.
+/// Takes mono samples at [`SAMPLE_RATE_HZ`] piece by piece during decoding. An error ends the
+/// decoding.
 pub(super) type Take<'a> = &'a mut dyn FnMut(&[f32]) -> Result<()>;
 
 /// Streams mono samples of one rate into 16 kHz.
@@ -34,7 +35,7 @@ pub(super) struct Converter {
     block_out: Vec<f32>,
     /// Output samples of the filter's delay that are still to be dropped.
     to_drop: usize,
-    taken: u64,
+    samples_in: u64,
     /// Samples that went out.
     gone: u64,
 }
@@ -54,7 +55,8 @@ impl ToSpeechRate {
         }
     }
 
-    /// The rest of the output, which is exactly `round(S · 16000 / rate)` samples (at least one if there was input).
+    /// Puts out the rest, so that the output has exactly `round(S · 16000 / rate)` samples (at
+    /// least one if there was input).
     pub(super) fn finish(self, out: Take<'_>) -> Result<()> {
         match self {
             Self::Same => Ok(()),
@@ -88,13 +90,13 @@ impl Converter {
             pending: Vec::with_capacity(fft.input_frames_max()),
             fft,
             rate_hz,
-            taken: 0,
+            samples_in: 0,
             gone: 0,
         })
     }
 
     fn push(&mut self, mut mono: &[f32], out: Take<'_>) -> Result<()> {
-        self.taken += mono.len() as u64;
+        self.samples_in += mono.len() as u64;
         let block = self.fft.input_frames_next();
         while !mono.is_empty() {
             let take = (block - self.pending.len()).min(mono.len());
@@ -109,7 +111,7 @@ impl Converter {
         Ok(())
     }
 
-    /// Converts what is pending; where the new samples lie in `block_out`.
+    /// Converts the pending samples. Returns where the new samples lie in `block_out`.
     fn convert_block(&mut self) -> Result<Range<usize>> {
         let frames_out = self.block_out.len();
         let failed = |e: &dyn std::fmt::Display| Error::Audio(format!("resampling failed: {e}"));
@@ -128,12 +130,12 @@ impl Converter {
     }
 
     fn finish(mut self, out: Take<'_>) -> Result<()> {
-        let wanted = output_length(self.taken, self.rate_hz);
+        let total = output_length(self.samples_in, self.rate_hz);
         let block = self.fft.input_frames_next();
-        while self.gone < wanted {
+        while self.gone < total {
             self.pending.resize(block, 0.0);
             let converted = self.convert_block()?;
-            let left = usize::try_from(wanted - self.gone).unwrap_or(usize::MAX);
+            let left = usize::try_from(total - self.gone).unwrap_or(usize::MAX);
             let converted =
                 converted.start..converted.end.min(converted.start.saturating_add(left));
             self.gone += converted.len() as u64;
@@ -144,10 +146,10 @@ impl Converter {
 }
 
 /// `round(S · 16000 / rate)`, at least one if there is any input.
-fn output_length(taken: u64, rate_hz: u32) -> u64 {
+fn output_length(samples_in: u64, rate_hz: u32) -> u64 {
     let rate = u64::from(rate_hz);
-    let rounded = (taken * u64::from(SAMPLE_RATE_HZ) + rate / 2) / rate;
-    rounded.max(u64::from(taken > 0))
+    let rounded = (samples_in * u64::from(SAMPLE_RATE_HZ) + rate / 2) / rate;
+    rounded.max(u64::from(samples_in > 0))
 }
 
 fn greatest_common_divisor(mut a: usize, mut b: usize) -> usize {

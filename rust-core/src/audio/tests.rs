@@ -17,7 +17,7 @@ fn tone(hz: f64, amplitude: f64, rate_hz: u32, seconds: f64) -> Vec<f32> {
 }
 
 /// Amplitude and phase of a sine at `hz` in the middle half of 16 kHz samples, and the root mean
-/// square of what is left without it.
+/// square of the rest.
 fn fit(samples: &[f32], hz: f64) -> (f64, f64, f64) {
     let (from, to) = (samples.len() / 4, samples.len() * 3 / 4);
     let step = TAU * hz / f64::from(SAMPLE_RATE_HZ);
@@ -64,8 +64,8 @@ fn a_tone_keeps_amplitude_phase_and_length_from_any_rate() {
     ] {
         let samples = tone(TONE_HZ, 0.8, rate, 0.5);
         let waveform = Waveform::from_interleaved(&samples, 1, rate).unwrap();
-        let wanted = (samples.len() as f64 * 16_000.0 / f64::from(rate)).round() as usize;
-        assert_eq!(waveform.samples.len(), wanted, "at {rate} Hz");
+        let expected = (samples.len() as f64 * 16_000.0 / f64::from(rate)).round() as usize;
+        assert_eq!(waveform.samples.len(), expected, "at {rate} Hz");
         let (amplitude, phase, rest) = fit(&waveform.samples, TONE_HZ);
         assert!(
             (amplitude - 0.8).abs() < 1e-3,
@@ -292,13 +292,14 @@ fn sweep() -> Vec<f32> {
     (0..9_600).map(sample).collect()
 }
 
-/// By how many samples a sound lies behind `wanted` where they agree best, and how well, −1 to 1.
-fn behind(samples: &[f32], wanted: &[f32]) -> (isize, f32) {
+/// By how many samples a sound lags behind `expected` at the best match, and the correlation there,
+/// −1 to 1.
+fn behind(samples: &[f32], expected: &[f32]) -> (isize, f32) {
     let at = |i: isize| samples.get(usize::try_from(i).ok()?).copied();
     let energy = |x: &[f32]| x.iter().map(|v| v * v).sum::<f32>();
-    let norm = (energy(samples) * energy(wanted)).sqrt();
+    let norm = (energy(samples) * energy(expected)).sqrt();
     let agrees = |lag: isize| {
-        let pairs = wanted.iter().enumerate();
+        let pairs = expected.iter().enumerate();
         let sum: f32 = pairs
             .filter_map(|(i, w)| Some(w * at(i as isize + lag)?))
             .sum();
@@ -310,7 +311,7 @@ fn behind(samples: &[f32], wanted: &[f32]) -> (isize, f32) {
 
 #[test]
 fn no_container_makes_a_sound_late() {
-    let wanted = sweep();
+    let expected = sweep();
     // (file, samples that padding behind the sound may add, share of what is alike)
     for (name, padding, least) in [
         ("sweep_opus.ogg", 0, 0.98),
@@ -329,13 +330,13 @@ fn no_container_makes_a_sound_late() {
         let file = SoundFile::read(&fixture(name), false, SILENT).unwrap();
         let damage = file.damage;
         let samples = file.whole(SILENT).unwrap().samples;
-        let (lag, alike) = behind(&samples, &wanted);
+        let (lag, alike) = behind(&samples, &expected);
         assert!(
             lag.abs() <= 1 && alike > least,
             "{name}: {lag} samples late, {alike} alike"
         );
         assert_eq!(damage, None, "{name}");
-        let longer = samples.len() as i64 - wanted.len() as i64;
+        let longer = samples.len() as i64 - expected.len() as i64;
         assert!(
             (0..=padding).contains(&longer),
             "{name}: {longer} samples too many"
@@ -382,11 +383,11 @@ fn wavs_with_long_lengths_are_read_as_plain_ones() {
     let path = folder.path().join("tone.wav");
     write_wav(&path, hound::SampleFormat::Int, 16, 2);
     let plain = std::fs::read(&path).unwrap();
-    let wanted = Waveform::from_file(&path).unwrap();
+    let expected = Waveform::from_file(&path).unwrap();
     for kind in ["rf64", "w64"] {
         let bytes = with_long_lengths(&plain, kind);
         std::fs::write(&path, &bytes).unwrap();
-        assert_eq!(Waveform::from_file(&path).unwrap(), wanted, "{kind}");
+        assert_eq!(Waveform::from_file(&path).unwrap(), expected, "{kind}");
         std::fs::write(&path, &bytes[..bytes.len() * 5 / 8]).unwrap();
         let text = message(Waveform::from_file(&path));
         assert!(text.contains("are missing"), "{kind}: {text}");
@@ -413,10 +414,13 @@ fn a_wav_that_was_cut_off_says_what_is_missing() {
     let damage = file.damage.unwrap();
     assert!((damage.share() - 0.375).abs() < 0.01, "{damage:?}");
     std::fs::write(&path, &bytes[..bytes.len() * 17 / 20]).unwrap();
-    // 30 ms are too few to be told of.
+    // 30 ms are too few for a report.
     assert_eq!(SoundFile::read(&path, false, SILENT).unwrap().damage, None);
-    let told = SoundDamage::of(0.06, 0.4).unwrap().sentence();
-    assert!(told.contains("0.06 s of 0.40 s are missing"), "{told}");
+    let sentence = SoundDamage::of(0.06, 0.4).unwrap().sentence();
+    assert!(
+        sentence.contains("0.06 s of 0.40 s are missing"),
+        "{sentence}"
+    );
     // A program that writes to a pipe does not know the length.
     let mut endless = bytes.clone();
     endless[4..8].copy_from_slice(&[255; 4]);
@@ -554,7 +558,7 @@ fn laws_of_telephones_are_decoded_from_caf() {
     for (name, format) in [("tone_alaw.wav", b"alaw"), ("tone_mulaw.wav", b"ulaw")] {
         let wav = fixture(name);
         let bytes = std::fs::read(&wav).unwrap();
-        let find = |word: &[u8]| bytes.windows(4).position(|found| found == word).unwrap();
+        let find = |word: &[u8]| bytes.windows(4).position(|window| window == word).unwrap();
         let four = |at: usize| u32::from_le_bytes(bytes[at..at + 4].try_into().unwrap());
         let (form, data) = (find(b"fmt "), find(b"data"));
         let channels = u32::from(u16::from_le_bytes(

@@ -1,9 +1,10 @@
-//! Results of per-mesh work, kept on disk between runs.
+//! Caches results of per-mesh work on disk between runs.
 //!
 //! An entry's name is the blake3 hash of everything its content depends on, so entries are never
-//! out of date. A file holds that hash, too, and that of both together with its payload; they are checked
-//! on reading, and an entry that is damaged or stands under another's name counts as absent. Files appear whole by renaming. Nothing about the cache is ever an error: a
-//! folder that cannot be read or written costs time and one warning.
+//! out of date. The file also holds that hash, and a hash of the key and the payload together.
+//! Reading checks both: a damaged or misnamed entry counts as absent. Files appear whole by
+//! renaming. The cache never causes an error: a folder that cannot be read or written costs time
+//! and one warning.
 
 use std::{
     collections::BTreeMap,
@@ -43,7 +44,8 @@ pub enum CachePolicy {
 
 /// Names an entry by all that its content depends on.
 ///
-/// Pieces are hashed with their lengths, so that moving a border between two changes the name.
+/// Each piece is hashed with its length, so that moving a border between two pieces changes the
+/// name.
 #[derive(Debug, Clone)]
 pub struct CacheKey(blake3::Hasher);
 
@@ -96,7 +98,7 @@ impl CacheKey {
         self.bytes(&bytes)
     }
 
-    /// What all pieces come to.
+    /// The hash of all pieces.
     pub fn digest(&self) -> [u8; 32] {
         *self.0.finalize().as_bytes()
     }
@@ -136,8 +138,8 @@ impl Cache {
         Cache { max_bytes, ..self }
     }
 
-    /// What `decode` makes of the entry of `key`; where there is none, or it is something else, the
-    /// result of `make`, which is kept as `encode` puts it. Without a cache nothing is encoded.
+    /// Reads the entry of `key` by `decode`. Where there is no usable entry, calls `make` and
+    /// stores its result by `encode`. Without a cache nothing is encoded.
     ///
     /// # Errors
     /// Those of `make`.
@@ -152,14 +154,14 @@ impl Cache {
             return make();
         };
         let path = folder.join(key.file_name());
-        if let Some(found) = read(&path, key).and_then(decode) {
-            return Ok(found);
+        if let Some(cached) = read(&path, key).and_then(decode) {
+            return Ok(cached);
         }
-        let made = make()?;
-        if let Err(error) = self.store(folder, &path, key, &encode(&made)) {
+        let fresh = make()?;
+        if let Err(error) = self.store(folder, &path, key, &encode(&fresh)) {
             tracing::warn!(path = %path.display(), %error, "cache not written");
         }
-        Ok(made)
+        Ok(fresh)
     }
 
     fn store(&self, folder: &Path, path: &Path, key: &CacheKey, arrays: &Arrays) -> io::Result<()> {
@@ -174,7 +176,7 @@ impl Cache {
         self.evict(folder, path)
     }
 
-    /// Deletes the least recently used entries until the rest fits, never the newest, `keep`.
+    /// Deletes the least recently used entries until the rest fits, but never `keep`, the newest.
     fn evict(&self, folder: &Path, keep: &Path) -> io::Result<()> {
         let mut entries = BTreeMap::new();
         let mut total = 0;
@@ -205,7 +207,7 @@ impl Cache {
     }
 }
 
-/// Removes what killed processes have left half written.
+/// Removes the half-written files of killed processes.
 fn remove_abandoned(folder: &Path) {
     let Ok(files) = fs::read_dir(folder) else {
         return;
@@ -220,7 +222,7 @@ fn remove_abandoned(folder: &Path) {
     }
 }
 
-/// What binds a payload to the key that it was stored under.
+/// Binds a payload to the key under which it was stored.
 fn seal(key: &CacheKey, payload: &[u8]) -> [u8; blake3::OUT_LEN] {
     *blake3::keyed_hash(&key.digest(), payload).as_bytes()
 }
@@ -418,7 +420,7 @@ mod tests {
         let path = |name| cache.folder.as_ref().unwrap().join(key(name).file_name());
         fs::copy(path("a"), path("b")).unwrap();
         assert!(cache.get_or_compute(&key("b"), must_not_run).is_err());
-        // Its own key in front does not make another's payload its own.
+        // A key in front of another entry's payload does not make it valid.
         let mut bytes = fs::read(path("a")).unwrap();
         bytes[MAGIC.len()..][..32].copy_from_slice(&key("b").digest());
         fs::write(path("b"), bytes).unwrap();

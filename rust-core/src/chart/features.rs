@@ -1,4 +1,4 @@
-//! What of a mouth tells which drawing is like it.
+//! The features of a mouth by which a drawing is chosen.
 
 use ndarray::ArrayView3;
 
@@ -8,23 +8,24 @@ use crate::{
     mesh::ibug::{CORNERS, INNER_LIPS, LANDMARKS},
 };
 
-/// Lips that are less than this farther apart than at rest touch, in mouth widths.
+/// Lips touch where their distance exceeds that at rest by less than this, in mouth widths.
 const TOUCHING: f64 = 0.004;
 
 /// A mouth in one frame.
 #[derive(Debug, Clone, Copy, PartialEq)]
 pub struct Frame {
-    /// How much farther the inner lips are apart than at rest, in widths of the mouth at rest.
+    /// By how much the distance of the inner lips exceeds that at rest, in widths of the mouth at
+    /// rest.
     pub open: f64,
     /// Width of the mouth as a share of that at rest.
     pub width: f64,
     /// Whether the lips touch.
     pub touches: bool,
-    /// Whether lips close for what is said.
+    /// Whether the lips close for a phone.
     pub closes: bool,
-    /// Whether the lower lip is at the upper teeth for what is said.
+    /// Whether the lower lip is at the upper teeth for a phone.
     pub at_teeth: bool,
-    /// Whether the tongue is behind the upper teeth for what is said.
+    /// Whether the tongue is behind the upper teeth for a phone.
     pub tongue: bool,
 }
 
@@ -44,11 +45,10 @@ pub fn of(
     }
     let rest = measure(&|n, axis| f64::from(neutral[n][axis]));
     if !(rest.1.is_finite() && rest.1 > 0.0) || displacements.iter().any(|x| !x.is_finite()) {
-        let message =
-            "chart: expected landmarks of a mouth with a width, got numbers that are none";
+        let message = "chart: expected finite landmarks of a mouth with a width, got others";
         return Err(Error::InvalidInput(message.into()));
     }
-    let mut found: Vec<Frame> = (0..frames)
+    let mut mouth_frames: Vec<Frame> = (0..frames)
         .map(|t| {
             let place = |n: usize, axis: usize| {
                 f64::from(neutral[n][axis]) + f64::from(displacements[[t, n, axis]])
@@ -66,9 +66,9 @@ pub fn of(
         })
         .collect();
     if let Some(said) = said {
-        listen(&mut found, fps, said);
+        listen(&mut mouth_frames, fps, said);
     }
-    Ok(found)
+    Ok(mouth_frames)
 }
 
 /// The mean distance of the inner lips and the width of a mouth.
@@ -87,7 +87,7 @@ fn is_dental(phone: &str) -> bool {
     ["th", "dh", "θ", "ð"].contains(&phone.trim().to_lowercase().as_str())
 }
 
-/// Notes in each frame what is said in it.
+/// Notes in each frame which phones are spoken.
 fn listen(frames: &mut [Frame], fps: f64, said: &Annotation) {
     let count = frames.len();
     let range = |start_s: f64, end_s: f64| {

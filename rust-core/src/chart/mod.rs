@@ -1,9 +1,9 @@
-//! A performance as a mouth chart: which of a few drawn mouths stands in each frame.
+//! A performance as a mouth chart: one of a few drawn mouths in each frame.
 //!
-//! Each frame is compared with every mouth by how far the lips are apart and how wide the mouth is;
-//! the cheapest way through all frames, in which each mouth stands for at least as long as was asked,
-//! is found by dynamic programming over segments (Viterbi 1967). Where it is known what is said, lips
-//! that close, the lip at the teeth and the tongue behind them have a say.
+//! Each frame is compared with every mouth by the distance of the lips and the width of the mouth.
+//! Dynamic programming over segments (Viterbi 1967) finds the cheapest sequence in which each mouth
+//! stands for at least the requested time. Where an annotation is known, closed lips, the lip at
+//! the teeth and the tongue behind them count too.
 
 mod features;
 mod mouths;
@@ -20,12 +20,12 @@ use crate::{
 use features::Frame;
 use mouths::Mouth;
 
-/// How a chart is drawn.
+/// Options of a chart.
 #[derive(Debug, Clone, Copy, PartialEq, Eq)]
 pub struct ChartOptions {
     /// Rhubarb's nine mouths, or Preston Blair's ten as Papagayo names them.
     pub mouths: Symbols,
-    /// Mouths change at every so many frames: 2 for poses on twos.
+    /// Mouths change only at every `on`-th frame: 2 for poses on twos.
     pub on: usize,
     /// The fewest frames for which a mouth stands.
     pub hold: usize,
@@ -48,7 +48,7 @@ impl Default for ChartOptions {
 }
 
 impl ChartOptions {
-    /// What can be checked before anything is drawn.
+    /// Checks the options before anything is drawn.
     ///
     /// # Errors
     /// `InvalidInput` for other symbols than mouths, and frames out of range.
@@ -69,22 +69,22 @@ impl ChartOptions {
         Ok(())
     }
 
-    /// The fewest frames for which one of the mouths stands, where a mouth at rest stands for `rest`.
+    /// The least number of frames for which a mouth stands. `rest`: that of a mouth at rest.
     fn hold_of(&self, mouth: &Mouth, rest: usize) -> usize {
-        let own = match mouth {
+        let hold = match mouth {
             mouth if mouth.is_rest => return self.hold.max(rest),
             mouth if mouth.closes_lips() => self.closure_hold,
             mouth if mouth.is_vowel() => self.vowel_hold,
             _ => 0,
         };
-        if own == 0 { self.hold } else { own }
+        if hold == 0 { self.hold } else { hold }
     }
 }
 
-/// The chart of landmarks that move: intervals that touch, from 0 to the end of the last frame.
+/// The chart of moving landmarks: intervals that touch, from 0 to the end of the last frame.
 ///
-/// `neutral` `[68]` are the landmarks at rest and `displacements` `[T, 68, 3]` their motion, in any unit and axes.
-/// `said` may tell phones or when lips close.
+/// `neutral` `[68]` are the landmarks at rest and `displacements` `[T, 68, 3]` their motion, in any
+/// unit and axes. `said` may hold phones or when lips close.
 ///
 /// # Errors
 /// `InvalidInput` for other symbols than mouths, a frame rate or holds that cannot be, and numbers that are not
@@ -132,7 +132,8 @@ pub fn draw(
     })
 }
 
-/// What each mouth costs for the frames of a pose: where lips close in one of them, they do in all.
+/// The cost of each mouth for the frames of a pose. Where lips close in one of the frames, they
+/// close in all.
 fn costs(pose: &[Frame], mouths: &[Mouth]) -> Vec<f64> {
     let closes = pose.iter().any(|frame| frame.closes);
     let cost = |mouth: &Mouth| -> f64 {

@@ -1,4 +1,4 @@
-//! Controls by name: what a system lets its user change, and what a user asks of it.
+//! Controls by name: what a system lets its user change, and the values that a user requests.
 //!
 //! A [`Control`] is written down once, beside the code that obeys it. The command's flags, the C
 //! interface and the panel in Blender are drawn from these entries.
@@ -24,11 +24,11 @@ pub struct Control {
     pub low: f32,
     /// The largest number.
     pub high: f32,
-    /// The number where a user says nothing.
+    /// The number where a user sets none.
     pub default: f32,
     /// The number that leaves the motion as the system made it.
     pub neutral: f32,
-    /// What it acts on.
+    /// The stage that it changes.
     pub stage: ControlStage,
     /// Whether it may follow a curve over time.
     pub is_animatable: bool,
@@ -45,25 +45,25 @@ pub enum ControlValues {
     Choice(&'static [&'static str]),
 }
 
-/// What a control acts on.
+/// The stage that a control changes.
 #[derive(Debug, Clone, Copy, PartialEq, Eq)]
 pub enum ControlStage {
-    /// How a face is prepared: asked once for a mesh.
+    /// How a face is prepared; read once for a mesh.
     Face,
-    /// How the face speaks: asked for every performance.
+    /// How the face speaks; read for every performance.
     Motion,
 }
 
 /// The number that a control is set to, and how it changes over time.
 #[derive(Debug, Clone, PartialEq, Default)]
 pub struct ControlCurve {
-    /// The number, which also stands where there are no keys.
+    /// The number, which also holds where there are no keys.
     pub value: f32,
     /// `(time_s, number)` in rising order; linear in between, held outside. May be empty.
     pub keys: Vec<(f64, f64)>,
 }
 
-/// What a user asks of some controls; the others stand at their defaults.
+/// The values that a user sets. All other controls have their defaults.
 ///
 /// ```
 /// use anyface::conditions::{ControlCurve, Controls};
@@ -92,7 +92,8 @@ pub static STEPS: Control = Control {
     is_animatable: false,
 };
 
-/// How far takes of different seeds begin from each other, beside what the model was measured with.
+/// How different takes of different seeds are at the start of the denoising, relative to the
+/// model's measured noise.
 pub static NOISE: Control = Control {
     name: "noise",
     label: "Noise",
@@ -112,10 +113,10 @@ impl Control {
         without.map_or(self.name, |name| name.trim_end_matches('_'))
     }
 
-    /// What `controls` ask of it, leaving changes over time aside.
+    /// Its number in `controls`, leaving changes over time aside.
     pub fn value(&self, controls: &Controls) -> f32 {
-        let asked = controls.0.get(self.name);
-        asked.map_or(self.default, |curve| curve.value)
+        let entry = controls.0.get(self.name);
+        entry.map_or(self.default, |curve| curve.value)
     }
 
     /// Reads a number or, for a choice, a name.
@@ -179,7 +180,7 @@ impl Controls {
         controls
     }
 
-    /// The same from `start_s` on: keys are so much earlier.
+    /// The same from `start_s` on: keys come that much earlier.
     #[must_use]
     pub(crate) fn after_second(&self, start_s: f64) -> Controls {
         let mut controls = self.clone();
@@ -190,15 +191,15 @@ impl Controls {
         controls
     }
 
-    /// Those of `known` alone.
+    /// The controls that `known` lists.
     #[must_use]
     pub fn among<'a>(&self, known: impl IntoIterator<Item = &'a Control>) -> Controls {
         let known = known.into_iter().map(|control| control.name);
-        let asked = known.filter_map(|name| Some((name.to_owned(), self.0.get(name)?.clone())));
-        Controls(asked.collect())
+        let entries = known.filter_map(|name| Some((name.to_owned(), self.0.get(name)?.clone())));
+        Controls(entries.collect())
     }
 
-    /// The number that was asked of a control, leaving changes over time aside.
+    /// The number that is set for a control, leaving changes over time aside.
     pub fn get(&self, name: &str) -> Option<f32> {
         self.0.get(name).map(|curve| curve.value)
     }
@@ -213,7 +214,7 @@ impl Controls {
         self.0.get(name).filter(|curve| !curve.keys.is_empty())
     }
 
-    /// Whether all that is asked leaves the motion as the system made it, or as it is by default.
+    /// Whether all numbers leave the motion as the system made it, or are defaults.
     pub fn ask_nothing<'a>(&self, known: impl IntoIterator<Item = &'a Control>) -> bool {
         known.into_iter().all(|control| {
             let value = control.value(self);

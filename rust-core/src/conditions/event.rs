@@ -10,7 +10,7 @@ use super::{
 };
 use crate::{Error, Result};
 
-/// Time in which the strength of an event rises before its slot and falls behind it, seconds.
+/// Time in which the strength of an event rises before its slot and falls after it, seconds.
 pub const EDGE_S: f64 = 0.12;
 
 /// Units that are active for a while.
@@ -27,7 +27,8 @@ pub struct Event {
 }
 
 impl Event {
-    /// Reads `1.2-2.0:12,6:0.8` or `0.5-0.9:left wink!`: seconds and an [`Expression`] of units or of the menu's words.
+    /// Reads `1.2-2.0:12,6:0.8` or `0.5-0.9:left wink!`: seconds, and an [`Expression`] of units or
+    /// of words in the menu.
     ///
     /// # Errors
     /// `InvalidInput` for seconds that do not rise, an expression that needs a model of texts, an unknown unit or a
@@ -79,7 +80,8 @@ impl Event {
         units.any(|&(unit, side)| ACTION_UNITS[unit].shows(side, shape))
     }
 
-    /// Frames about its slot with the share of its strength in each: it rises and falls within `edge_s`.
+    /// The frames about its slot, with the share of its strength in each. The strength rises and
+    /// falls within `edge_s`.
     fn shares(&self, frames: usize, fps: f64, edge_s: f64) -> impl Iterator<Item = (usize, f32)> {
         let [first, end] = self.slot(fps);
         let edge = (edge_s * fps).round() as usize;
@@ -90,7 +92,7 @@ impl Event {
         })
     }
 
-    /// Its first frame, and the one behind its last.
+    /// Its first frame, and the one after its last.
     fn slot(&self, fps: f64) -> [usize; 2] {
         let [first, last] = self.slot_s.map(|second| (second * fps).round() as usize);
         [first, last.max(first.saturating_add(1))]
@@ -133,24 +135,26 @@ impl Event {
     }
 }
 
-/// Events frame by frame, as the model hears them.
+/// Events frame by frame, as inputs of the model.
 #[derive(Debug, Clone, PartialEq)]
 pub struct EventTrack {
-    /// `[T, 32]` of 0 and 1: units on the left, then on the right. A unit on one side is active on both: faces
-    /// from which the built-in model learned are symmetric, and the mask keeps it to its side.
+    /// `[T, 32]` of 0 and 1: units on the left, then on the right. A unit of one side is active on
+    /// both, because the built-in model learned from symmetric faces. The mask restricts it to its
+    /// side.
     pub active: Array2<f32>,
-    /// `[T, S]`, Z of eq. 6: the strongest event of each frame and shape; 0 away from all.
+    /// `[T, S]`, Z of eq. 6: the strongest event of each frame and shape. 0 away from all events.
     pub mask: Array2<f32>,
-    /// `[T, S]`, least weight of each frame and shape under units that no network has learned; 0 away from them.
+    /// `[T, S]`, least weight of each frame and shape under units that no network has learned. 0
+    /// away from them.
     pub put_on: Array2<f32>,
     /// `[T]`, where an event is put over the speech.
     pub over_speech: Vec<bool>,
 }
 
 impl EventTrack {
-    /// `frames` frames at `fps`; frame `t` stands at `t / fps` seconds. An event has one frame at least. Its
-    /// strength comes and goes within `edge_s` before and behind its slot: [`EDGE_S`], in which the model lets it
-    /// rise and fall, or 0 for a mask that is the slot alone.
+    /// `frames` frames at `fps`; frame `t` stands at `t / fps` seconds. An event has at least one
+    /// frame. Its strength rises within `edge_s` before its slot and falls within `edge_s` after
+    /// it. That is [`EDGE_S`], as the model has learned it, or 0 for a mask of the slot alone.
     ///
     /// `shapes` are the model's, names of ARKit.
     pub fn of(
@@ -204,8 +208,8 @@ impl EventTrack {
 /// Turns eyes as events ask: `gaze` `[T, 2, 2]` as that of [`crate::motion::Life`].
 pub(crate) fn turn_eyes(events: &[Event], gaze: &mut Array3<f32>, fps: f64) {
     for event in events {
-        let asked = event.units.iter().map(|(unit, _)| ACTION_UNITS[*unit]);
-        let turns: Vec<[f32; 2]> = asked
+        let units = event.units.iter().map(|(unit, _)| ACTION_UNITS[*unit]);
+        let turns: Vec<[f32; 2]> = units
             .filter(|unit| unit.turns_eyes())
             .map(|unit| unit.gaze)
             .collect();
@@ -296,7 +300,7 @@ mod tests {
         let track = EventTrack::of(&events, &shapes, 25, 25.0, EDGE_S);
         assert_eq!((track.active.sum(), track.mask.sum()), (0.0, 0.0));
         let least = |t: usize, name: &str| track.put_on[[t, at(name)]];
-        // Eyes turn by their angles: shapes that look down as well would shut the lids.
+        // Eyes turn by their angles: shapes of a look down would also shut the lids.
         assert_eq!(
             (least(12, "eyeLookUpLeft"), least(12, "eyeLookDownLeft")),
             (0.0, 0.0)

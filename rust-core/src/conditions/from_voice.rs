@@ -1,9 +1,9 @@
 //! How aroused a voice sounds, as emotion over time.
 //!
-//! Arousal is what a voice shows most plainly: more effort (flatter spectrum), higher and wider pitch,
-//! more loudness (Scherer 2003). Valence is not read: joy, fear and anger are not told apart, an
-//! aroused voice widens the eyes and raises the brows, a drowsy one calms the face. Choose the emotion
-//! yourself.
+//! Arousal is what a voice shows most plainly: more effort (flatter spectrum), higher and wider
+//! pitch, more loudness (Scherer 2003). Valence is not read, so that joy, fear and anger look the
+//! same: an aroused voice widens the eyes and raises the brows, a drowsy one calms the face. Choose
+//! the emotion yourself.
 //!
 //! The constants were set on the ten actors of emodb_de, on readings in four languages and on four acted
 //! clips of two people, so the following is no test. Mean arousal, and intensity: emodb anger 0.82, 0.62;
@@ -20,15 +20,15 @@ const STEP_S: f64 = 0.25;
 const WINDOW_S: f64 = 0.5;
 /// Frames quieter than this below the loud ones carry echoes and noise.
 const HEARD_DB: f32 = 25.0;
-/// With so many voiced frames what they say counts by half, with more it counts more: for the clip,
-/// and for a window.
+/// With this many voiced frames their measure counts by half, with more it counts more: for the
+/// clip, and for a window.
 const ENOUGH_CLIP: f32 = 30.0;
 const ENOUGH_WINDOW: f32 = 20.0;
 /// The level that the loudest voiced frames exceed.
 const LOUD_QUANTILE: f32 = 0.95;
-/// Effort is told by frames no further below the loud ones.
+/// Effort is measured in frames no further below the loud ones than this.
 const STRONG_DB: f32 = 12.0;
-/// Effort between neutral and lively readings, the step that counts as one, and what it weighs.
+/// Effort between neutral and lively readings, the step of one unit, and its weight.
 const EFFORT_DB: f32 = -8.5;
 const EFFORT_STEP_DB: f32 = 3.0;
 const EFFORT_WEIGHT: f32 = 0.65;
@@ -43,7 +43,7 @@ const RAISED_WEIGHT: f32 = 0.35;
 /// Changes within a clip that count as one unit of arousal.
 const LOCAL_DB: f32 = 12.0;
 const LOCAL_SEMITONES: f32 = 8.0;
-/// Arousal between these is neutral: readers differ more downwards.
+/// Arousal between these is neutral. Downwards readers differ more.
 const NEUTRAL: (f32, f32) = (-0.6, 0.2);
 /// Intensity for each unit of arousal beyond [`NEUTRAL`].
 const GAIN: f32 = 1.0;
@@ -91,14 +91,14 @@ pub fn emotion_from_voice(prosody: &Prosody) -> EmotionCurve {
 }
 
 fn expression(arousal: f32) -> Emotion {
-    let (wanted, outside) = match arousal > 0.0 {
+    let (emotion, outside) = match arousal > 0.0 {
         true => (AROUSED, arousal - NEUTRAL.1),
         false => (DROWSY, NEUTRAL.0 - arousal),
     };
     if outside <= 0.0 {
         return Emotion::default();
     }
-    let mixture = EMOTIONS.map(|name| if name == wanted { 1.0 } else { 0.0 });
+    let mixture = EMOTIONS.map(|name| if name == emotion { 1.0 } else { 0.0 });
     Emotion {
         mixture,
         intensity: (GAIN * outside).min(1.0),

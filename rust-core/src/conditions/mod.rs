@@ -1,4 +1,4 @@
-//! What a performance is asked to be: emotion and intensity over time, events, controls.
+//! The conditions of a performance: emotion and intensity over time, events, controls.
 
 mod action_units;
 mod controls;
@@ -36,16 +36,17 @@ pub const EMOTIONS: [&str; 15] = [
     "drunk",
 ];
 
-/// Strength of each of [`EMOTIONS`], 1 is the full expression; that of neutral says nothing.
+/// Strength of each of [`EMOTIONS`]; 1 is the full expression. The strength of neutral has no
+/// meaning.
 pub(crate) type Strengths = [f32; EMOTIONS.len()];
 
 /// Largest intensity that a caller may ask for; 1 is a full expression.
 pub const MAX_INTENSITY: f32 = 1.5;
 
-/// Shares of [`EMOTIONS`] that a word stands for, or why it has none.
+/// Gives the shares of [`EMOTIONS`] for a word, or says why it has none.
 pub type WordEmotion<'a> = &'a dyn Fn(&str) -> Result<[f32; 15]>;
 
-/// No word but the categories themselves.
+/// Knows no word but the categories themselves.
 fn unknown(name: &str) -> Result<[f32; 15]> {
     Err(Error::InvalidInput(format!(
         "emotion: expected one of {}, got {name:?}",
@@ -96,8 +97,8 @@ impl Emotion {
         Emotion::parse_with(text, &unknown)
     }
 
-    /// The same where words that are no category are emotions too: `of` gives the shares of the categories, which
-    /// sum to 1, or says why it has none.
+    /// The same for words that are no category: `of` gives their shares of the categories, which
+    /// sum to 1, or says why a word has none.
     ///
     /// # Errors
     /// Those of [`Emotion::parse`] and of `of`.
@@ -152,13 +153,13 @@ pub enum EmotionCurve {
     Constant(Emotion),
     /// `(time_s, emotion)` in rising order; linear in between, held outside.
     Keys(Vec<(f64, Emotion)>),
-    /// The emotion that is heard in the voice: see [`crate::speech::EmotionEar::emotion`]. Neutral until it
-    /// was heard.
+    /// The emotion in the voice: see [`crate::speech::EmotionEar::emotion`]. Neutral until the
+    /// voice is analysed.
     Auto,
-    /// How excited the voice sounds: see [`emotion_from_voice`]. Neutral until it was heard.
+    /// How excited the voice sounds: see [`emotion_from_voice`]. Neutral until the voice is
+    /// analysed.
     Arousal,
-    /// No emotion, and nothing else that speech did not cause: no blinks, no motion of the upper
-    /// face.
+    /// No emotion, and no other motion without speech: no blinks, no motion of the upper face.
     Off,
 }
 
@@ -169,7 +170,7 @@ impl Default for EmotionCurve {
 }
 
 impl EmotionCurve {
-    /// The emotions that are asked for by name; what is heard in a voice is none of them.
+    /// The emotions that the curve names. `Auto` and `Arousal` name none.
     pub(crate) fn named(&self) -> Vec<&Emotion> {
         match self {
             Self::Constant(emotion) => vec![emotion],
@@ -178,7 +179,7 @@ impl EmotionCurve {
         }
     }
 
-    /// The same from `start_s` on: keys are so much earlier.
+    /// The same from `start_s` on: keys come that much earlier.
     #[must_use]
     pub(crate) fn after_second(&self, start_s: f64) -> EmotionCurve {
         match self {
@@ -215,7 +216,7 @@ impl EmotionCurve {
         EmotionCurve::parse_with(text, &unknown)
     }
 
-    /// The same with words that are no category: see [`Emotion::parse_with`].
+    /// The same with words that are no category, as [`Emotion::parse_with`] reads them.
     ///
     /// # Errors
     /// Those of [`Emotion::parse_with`].
@@ -257,7 +258,8 @@ impl EmotionCurve {
         }
     }
 
-    /// The same emotions with `factor` times their intensity; a voice that was not heard yet stays.
+    /// The same emotions with `factor` times their intensity. A voice that is not analysed yet
+    /// stays as it is.
     pub fn scaled(&self, factor: f32) -> EmotionCurve {
         let scale = |emotion: &Emotion| match emotion.intensity * factor {
             intensity if intensity > 0.0 => Emotion {
@@ -273,13 +275,16 @@ impl EmotionCurve {
         }
     }
 
-    /// The largest intensity of any moment that is not plainly neutral; 0 where all are.
+    /// The largest intensity of any moment that is not purely neutral; 0 where all are.
     pub fn strongest(&self) -> f32 {
-        let felt = |emotion: &Emotion| match emotion.mixture[0] < 1.0 {
+        let strength_of = |emotion: &Emotion| match emotion.mixture[0] < 1.0 {
             true => emotion.intensity,
             false => 0.0,
         };
-        self.named().into_iter().map(felt).fold(0.0, f32::max)
+        self.named()
+            .into_iter()
+            .map(strength_of)
+            .fold(0.0, f32::max)
     }
 
     /// Per-frame conditions: mixture `[T, 15]` and intensity `[T, 1]` side by side, `[T, 16]`.

@@ -14,16 +14,17 @@ use crate::{
 
 /// Where lips touch only this share of the tolerance is left.
 const TOUCHING: f64 = 0.1;
-/// Each curve begins with so much of the tolerance: errors of many partly cancel.
+/// Share of the tolerance with which each curve starts: errors of many curves partly cancel.
 const FIRST: f64 = 0.4;
-/// After so many rounds a frame that is still off gets a key on the curve that misses most there.
+/// After this many rounds, a frame that is still off gets a key on the curve that misses most
+/// there.
 const ROUNDS: usize = 8;
-/// About so many vertices are looked at until all are.
+/// About this many vertices are measured until the last check, which measures all.
 const LOOKED_AT: usize = 1500;
 /// Frames that are measured at once.
 const BLOCK: usize = 64;
 
-/// Curves, and the largest distance of any vertex in any frame from where it should be.
+/// Curves, and the largest distance of any vertex from its place in any frame.
 #[derive(Debug, Clone, PartialEq)]
 pub struct FaceFit {
     /// One for each column of weights.
@@ -32,9 +33,9 @@ pub struct FaceFit {
     pub error: f64,
 }
 
-/// Curves for the weights `[T, K]` of shapes `[K, V, 3]` that leave every vertex in every frame
-/// within `tolerance`, and within a tenth of it in frames that are `touching` `[T]`; a run of those
-/// begins and ends with a key on every curve that moves by more than the tolerance.
+/// Curves for the weights `[T, K]` of shapes `[K, V, 3]` that keep every vertex within `tolerance`
+/// in every frame, and within a tenth of it in `touching` frames `[T]`. A run of touching frames
+/// starts and ends with a key on every curve that moves by more than the tolerance.
 ///
 /// # Errors
 /// `InvalidInput` for other lengths, a tolerance that is not positive, or numbers that are not
@@ -80,7 +81,7 @@ pub fn on_face(
             let error = errors.iter().copied().fold(0.0, f64::max);
             return Ok(FaceFit { curves, error });
         }
-        // What is found on all vertices is mended on all of them.
+        // Errors that only the measurement of all vertices shows are also corrected on all of them.
         all |= !off;
     }
 }
@@ -171,23 +172,23 @@ impl<'a> Job<'a> {
         (0..self.columns.len()).into_par_iter().map(one).collect()
     }
 
-    /// What curves are off in weight, `[T, K]`.
+    /// The error of the curves in weight, `[T, K]`.
     fn missed(&self, curves: &[Curve]) -> Array2<f32> {
         let mut missed = Array2::<f32>::zeros((self.shares.len(), curves.len()));
         for (k, (values, curve)) in self.columns.iter().zip(curves).enumerate() {
-            for (t, (found, value)) in evaluate(values, curve).iter().zip(values).enumerate() {
-                missed[[t, k]] = (found - value) as f32;
+            for (t, (fitted, value)) in evaluate(values, curve).iter().zip(values).enumerate() {
+                missed[[t, k]] = (fitted - value) as f32;
             }
         }
         missed
     }
 
-    /// The largest distance of any vertex from its place, by frame.
+    /// The largest distance of any vertex from its place in each frame.
     fn errors(&self, missed: &Array2<f32>, all: bool) -> Vec<f64> {
         let shapes = if all { &self.every } else { &self.some };
         let blocks: Vec<_> = missed.axis_chunks_iter(Axis(0), BLOCK).collect();
         let block = |rows: &ArrayView2<'_, f32>| {
-            // One curve alone gives columns one after another.
+            // A single curve has columns one after another.
             let moved = rows.dot(shapes).as_standard_layout().into_owned();
             let far = |row: ArrayView1<'_, f32>| longest(row.as_slice().expect("row-major"));
             moved.rows().into_iter().map(far).collect::<Vec<_>>()
@@ -195,7 +196,7 @@ impl<'a> Job<'a> {
         blocks.par_iter().flat_map(block).collect()
     }
 
-    /// Leaves less room in frames that are off; false where none is.
+    /// Leaves less room in frames that are off. Returns false where none is.
     fn tighten(&mut self, errors: &[f64], missed: &Array2<f32>) -> bool {
         self.round += 1;
         let mut off = false;

@@ -1,4 +1,4 @@
-//! One curve: a fit within limits, and what it is in every frame.
+//! One curve: fits it within limits, and evaluates it in every frame.
 
 use rayon::prelude::*;
 
@@ -34,27 +34,27 @@ pub fn fit_each(columns: &[Vec<f64>], limits: &[f64], fixed: &[bool]) -> Result<
     columns.par_iter().zip(limits).map(one).collect()
 }
 
-/// What a curve through `values` is in every frame, `[T]`.
+/// The value of a curve through `values` in every frame, `[T]`.
 pub fn evaluate(values: &[f64], curve: &[Key]) -> Vec<f64> {
-    let mut found = values.to_vec();
+    let mut drawn = values.to_vec();
     for pair in curve.windows(2) {
         let (from, to) = (pair[0], pair[1]);
         let table = segment::Table::new(to.row - from.row);
         for at in 1..table.length {
             let ends = table.ends(at, values[from.row], values[to.row]);
-            found[from.row + at] = ends + table.slopes(at, from.slope, to.slope);
+            drawn[from.row + at] = ends + table.slopes(at, from.slope, to.slope);
         }
     }
-    found
+    drawn
 }
 
-/// [`fit`] of what [`check`] has nothing against.
+/// [`fit`] after [`check`].
 pub(super) fn fit_checked(values: &[f64], limits: &[f64], fixed: &[bool]) -> Curve {
     let rows = search::rows(values, limits, fixed);
     slopes::through(values, limits, &rows)
 }
 
-/// What [`fit`] says.
+/// The checks of [`fit`].
 pub(super) fn check(values: &[f64], limits: &[f64], fixed: &[bool]) -> Result<()> {
     if values.len() != limits.len() || values.len() != fixed.len() {
         return Err(Error::InvalidInput(format!(

@@ -5,9 +5,10 @@ use super::{
     slopes::natural,
 };
 
-/// So many longer segments in a row that do not fit end the search for one.
+/// The search for a segment ends after this many longer ones in a row that do not fit.
 const PATIENCE: usize = 12;
-/// What a key at an extreme costs less than another, and how much the error counts beside a key.
+/// By how much a key at an extreme is cheaper than another, and how much the error weighs against a
+/// key.
 const EXTREME: f64 = 0.3;
 const ERROR: f64 = 0.2;
 
@@ -42,14 +43,14 @@ pub fn rows(values: &[f64], limits: &[f64], fixed: &[bool]) -> Vec<usize> {
             }
         }
     }
-    let mut found = vec![count - 1];
-    while let Some(&last) = found.last()
+    let mut keys = vec![count - 1];
+    while let Some(&last) = keys.last()
         && last > 0
     {
-        found.push(from[last]);
+        keys.push(from[last]);
     }
-    found.reverse();
-    found
+    keys.reverse();
+    keys
 }
 
 fn is_extreme(values: &[f64], at: usize) -> bool {

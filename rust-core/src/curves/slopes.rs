@@ -2,7 +2,7 @@
 
 use super::segment::Table;
 
-/// How much the slopes of the values themselves count beside the fit.
+/// Weight of the slopes of the values themselves against the fit.
 const NATURAL: f64 = 1e-3;
 
 /// A key of a curve.
@@ -17,7 +17,7 @@ pub struct Key {
 /// Keys in the order of their frames; the first and the last frame have one.
 pub type Curve = Vec<Key>;
 
-/// Half the way from the frame before to the one behind, per frame.
+/// Half the difference between the frame before and the one after, per frame.
 pub fn natural(values: &[f64]) -> Vec<f64> {
     let last = values.len().saturating_sub(1);
     let slope = |at: usize| {
@@ -27,13 +27,14 @@ pub fn natural(values: &[f64]) -> Vec<f64> {
     (0..values.len()).map(slope).collect()
 }
 
-/// The curve with keys at `rows`, and at more where one slope a key leaves a frame beyond its limit.
+/// The curve with keys at `rows`, and with more keys where one slope a key leaves a frame beyond
+/// its limit.
 pub fn through(values: &[f64], limits: &[f64], rows: &[usize]) -> Curve {
-    let own = natural(values);
+    let natural_slopes = natural(values);
     let mut rows = rows.to_vec();
     loop {
         let tables: Vec<Table> = rows.windows(2).map(|p| Table::new(p[1] - p[0])).collect();
-        let slopes = shared(values, limits, &rows, &tables, &own);
+        let slopes = shared(values, limits, &rows, &tables, &natural_slopes);
         let more = worst(&rows, &excess(values, limits, &rows, &tables, &slopes));
         if more.is_empty() {
             let key = |(&row, &slope): (&usize, &f64)| Key { row, slope };
@@ -52,19 +53,19 @@ fn excess(
     tables: &[Table],
     slopes: &[f64],
 ) -> Vec<f64> {
-    let mut found = vec![0.0; values.len()];
+    let mut off = vec![0.0; values.len()];
     for (number, table) in tables.iter().enumerate() {
         let (from, to) = (rows[number], rows[number + 1]);
         for at in 1..table.length {
             let ends = table.ends(at, values[from], values[to]);
             let moved = table.slopes(at, slopes[number], slopes[number + 1]);
-            found[from + at] = (values[from + at] - ends - moved).abs() / limits[from + at];
+            off[from + at] = (values[from + at] - ends - moved).abs() / limits[from + at];
         }
     }
-    found
+    off
 }
 
-/// The frames that are farthest off in their segments, of those that are neighbours the worst.
+/// The frame that is farthest off in each segment, of neighbouring segments only the worst.
 fn worst(rows: &[usize], excess: &[f64]) -> Vec<usize> {
     let by_excess = |a: &usize, b: &usize| excess[*a].total_cmp(&excess[*b]);
     let peak = |pair: &[usize]| (pair[0] + 1..pair[1]).max_by(by_excess);
@@ -74,9 +75,9 @@ fn worst(rows: &[usize], excess: &[f64]) -> Vec<usize> {
         peak.map_or(0.0, |at| excess[at])
     };
     let chosen = |(number, peak): (usize, &Option<usize>)| {
-        let own = excess[(*peak)?];
-        let most = own >= of(number.checked_sub(1)) && own >= of(Some(number + 1));
-        (own > 1.0 && most).then_some((*peak)?)
+        let here = excess[(*peak)?];
+        let most = here >= of(number.checked_sub(1)) && here >= of(Some(number + 1));
+        (here > 1.0 && most).then_some((*peak)?)
     };
     peaks.iter().enumerate().filter_map(chosen).collect()
 }
@@ -87,7 +88,7 @@ fn shared(
     limits: &[f64],
     rows: &[usize],
     tables: &[Table],
-    own: &[f64],
+    natural_slopes: &[f64],
 ) -> Vec<f64> {
     let count = rows.len();
     let (mut diagonal, mut beside) = (vec![0.0; count], vec![0.0; count]);
@@ -110,19 +111,19 @@ fn shared(
     let pull = NATURAL * mean.max(f64::MIN_POSITIVE);
     for number in 0..count {
         diagonal[number] += pull;
-        right[number] += pull * own[rows[number]];
+        right[number] += pull * natural_slopes[rows[number]];
     }
     for number in 1..count {
         let share = beside[number - 1] / diagonal[number - 1];
         diagonal[number] -= share * beside[number - 1];
         right[number] -= share * right[number - 1];
     }
-    let mut found = vec![0.0; count];
+    let mut slopes = vec![0.0; count];
     for number in (0..count).rev() {
-        let behind = found
+        let behind = slopes
             .get(number + 1)
             .map_or(0.0, |next| beside[number] * next);
-        found[number] = (right[number] - behind) / diagonal[number];
+        slopes[number] = (right[number] - behind) / diagonal[number];
     }
-    found
+    slopes
 }

@@ -26,7 +26,7 @@ fn bezier(points: [[f64; 2]; 4], x: f64) -> f64 {
 }
 
 fn drawn(values: &[f64], curve: &[Key]) -> Vec<f64> {
-    let mut found = values.to_vec();
+    let mut heights = values.to_vec();
     for pair in curve.windows(2) {
         let (a, b) = (pair[0], pair[1]);
         let (from, to) = (a.row as f64, b.row as f64);
@@ -38,10 +38,10 @@ fn drawn(values: &[f64], curve: &[Key]) -> Vec<f64> {
             [to, values[b.row]],
         ];
         for row in a.row + 1..b.row {
-            found[row] = bezier(points, row as f64);
+            heights[row] = bezier(points, row as f64);
         }
     }
-    found
+    heights
 }
 
 proptest! {
@@ -63,8 +63,8 @@ proptest! {
         prop_assert_eq!(curve[0].row, 0);
         prop_assert_eq!(curve[curve.len() - 1].row, count - 1);
         prop_assert!(curve.windows(2).all(|pair| pair[0].row < pair[1].row));
-        for (t, found) in drawn(&values, &curve).iter().enumerate() {
-            prop_assert!((found - values[t]).abs() <= limit * (1.0 + 1e-6));
+        for (t, height) in drawn(&values, &curve).iter().enumerate() {
+            prop_assert!((height - values[t]).abs() <= limit * (1.0 + 1e-6));
             if fixed[t] {
                 prop_assert!(curve.iter().any(|key| key.row == t));
             }
@@ -82,9 +82,9 @@ fn an_arch_needs_its_ends_and_its_top() {
         .collect();
     let curve = fit(&values, &[0.02; 41], &[false; 41]).unwrap();
     assert!(curve.len() <= 3, "{curve:?}");
-    let held = fit(&[0.3; 41], &[0.002; 41], &[false; 41]).unwrap();
-    assert_eq!(held.len(), 2);
-    assert!(held.iter().all(|key| key.slope.abs() < 1e-9));
+    let constant = fit(&[0.3; 41], &[0.002; 41], &[false; 41]).unwrap();
+    assert_eq!(constant.len(), 2);
+    assert!(constant.iter().all(|key| key.slope.abs() < 1e-9));
 }
 
 /// Ten shapes of 400 vertices and smooth weights over 120 frames.
@@ -106,8 +106,8 @@ fn the_sum_of_all_curves_stays_within_the_tolerance_on_every_vertex() {
     let mut missed = Array2::<f32>::zeros((120, 10));
     for (k, curve) in fitted.curves.iter().enumerate() {
         let values: Vec<f64> = weights.column(k).iter().map(|&w| f64::from(w)).collect();
-        for (t, found) in drawn(&values, curve).iter().enumerate() {
-            missed[[t, k]] = (found - values[t]) as f32;
+        for (t, height) in drawn(&values, curve).iter().enumerate() {
+            missed[[t, k]] = (height - values[t]) as f32;
         }
         for edge in [40, 43, 70] {
             assert!(

@@ -10,12 +10,13 @@ pub fn guided(
 ) -> Array2<f32> {
     Zip::from(unconditional)
         .and(conditional)
-        .map_collect(|none, given| none + alpha * (given - none))
+        .map_collect(|none, with| none + alpha * (with - none))
 }
 
 /// `base + βZ ⊙ (G_ACF − other)`, Cafe-Talk eq. 6, in place; `mask` is βZ, `[T, C]`.
 ///
-/// `other` is `G_∅` as printed, or `G_AC`, so that a slot does not hear the speech `α + β` times.
+/// `other` is `G_∅` as printed, or `G_AC`, so that the speech does not count `α + β` times in a
+/// slot.
 ///
 /// # Panics
 /// If the shapes differ.
@@ -42,17 +43,20 @@ mod tests {
         let x = |seed: f32| {
             Array2::from_shape_fn((6, 3), |(t, c)| (t as f32 * 0.7 + c as f32 + seed).sin())
         };
-        let (none, given, fine) = (x(0.0), x(1.0), x(2.0));
-        let base = guided(&none, &given, 1.5);
+        let (none, conditional, fine) = (x(0.0), x(1.0), x(2.0));
+        let base = guided(&none, &conditional, 1.5);
         let mut out = base.clone();
         let mask = ndarray::array![0.0, 0.0, 2.0, 0.0, 0.5, 0.0];
         let mask = mask.insert_axis(ndarray::Axis(1)) * ndarray::array![[1.0, 1.0, 0.0]];
-        mask_guided(&mut out, &fine, &given, &mask);
+        mask_guided(&mut out, &fine, &conditional, &mask);
         assert_eq!(out.column(2), base.column(2));
         for t in [0, 1, 3, 5] {
             assert_eq!(out.row(t), base.row(t));
         }
-        assert!((out[[2, 1]] - (base[[2, 1]] + 2.0 * (fine[[2, 1]] - given[[2, 1]]))).abs() < 1e-6);
-        assert_eq!(guided(&none, &given, 0.0), none);
+        assert!(
+            (out[[2, 1]] - (base[[2, 1]] + 2.0 * (fine[[2, 1]] - conditional[[2, 1]]))).abs()
+                < 1e-6
+        );
+        assert_eq!(guided(&none, &conditional, 0.0), none);
     }
 }

@@ -18,18 +18,18 @@ use super::{
 };
 use crate::mesh::{Mesh, PartRole, SurfaceTree, dijkstra::QueueEntry, ibug::LANDMARKS};
 
-/// A part this near to the skin follows it fully; the share falls to nothing at [`REACH_CM`].
+/// A part this near to the skin follows it fully. The share falls to zero at [`REACH_CM`].
 const FOLLOW_CM: f32 = 1.0;
 /// The roots of a part are its vertex nearest to the skin and all that lie at most this much
 /// further from the skin.
 const ROOT_CM: f32 = 0.15;
 /// A part larger than this (hair, clothes) follows the skin vertex by vertex.
 const SMALL_CM: f32 = 6.0;
-/// The highest and the lowest vertices of a mouth part's front half, this share of them at each
-/// end, are taken to belong to the upper and to the lower jaw.
+/// The highest and the lowest vertices of the front half of a mouth part surely belong to the upper
+/// and to the lower jaw. This is their share at each end.
 const SURE_SHARE: f32 = 0.05;
-/// A vertex of a mouth part follows one jaw alone where its path to the other is longer by this;
-/// in between it follows both.
+/// A vertex of a mouth part follows one jaw alone where its path to the other jaw is longer by
+/// this. In between it follows both.
 const PASSAGE_CM: f32 = 0.3;
 
 /// Three vertices with their shares.
@@ -55,8 +55,8 @@ impl Follows {
 
 /// Decides for every vertex what it follows.
 ///
-/// `mesh`: canonical centimetres. `skin`: `[V]`, whether landmark motion is solved at a vertex; such
-/// a vertex follows itself. `landmarks`: of the neutral face.
+/// `mesh`: canonical centimetres. `skin`: `[V]`, whether landmark motion is solved at a vertex.
+/// Such a vertex follows itself. `landmarks`: of the neutral face.
 pub fn bind(
     mesh: &Mesh,
     list: &PartList,
@@ -80,20 +80,21 @@ pub fn bind(
         if others.is_empty() {
             continue;
         }
-        let found = match part.role {
+        let bindings = match part.role {
             PartRole::Jaw => vec![Follows::Jaw(1.0); others.len()],
             PartRole::Mouth => jaw_shares(mesh, &others, unit),
             PartRole::Nearest | PartRole::Skin => follow_skin(mesh, &others, tree()),
             PartRole::Skull | PartRole::Gaze | PartRole::Still => continue,
         };
-        for (v, of_vertex) in others.into_iter().zip(found) {
+        for (v, of_vertex) in others.into_iter().zip(bindings) {
             follows[v as usize] = of_vertex;
         }
     }
     follows
 }
 
-/// What each vertex of a part follows: the skin's place nearest to it, or nearest to its root.
+/// What each vertex of a part follows: the point of the skin nearest to it or, for a small part,
+/// nearest to the part's root.
 fn follow_skin(mesh: &Mesh, part: &[u32], tree: &SurfaceTree) -> Vec<Follows> {
     let points: Vec<[f32; 3]> = part.iter().map(|&v| mesh.positions[v as usize]).collect();
     let nearest: Vec<_> = points.par_iter().map(|&p| place(mesh, tree, p)).collect();
@@ -162,7 +163,8 @@ fn jaw_shares(mesh: &Mesh, part: &[u32], unit: f32) -> Vec<Follows> {
     let passage = PASSAGE_CM * unit;
     let share = |(up, down): (f32, f32)| match (up.is_finite(), down.is_finite()) {
         (true, true) => (0.5 + (up - down) / (2.0 * passage)).clamp(0.0, 1.0),
-        // A loose piece that holds lowest vertices alone follows the jaw, any other rests.
+        // A loose piece follows the jaw where all its sure vertices are lowest ones. Any other
+        // piece rests.
         (upper, lower) => f32::from(lower && !upper),
     };
     let follows = |ways| match share(ways) {

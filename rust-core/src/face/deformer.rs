@@ -1,4 +1,4 @@
-//! What moves the vertices of one face: by its landmarks, and by codes that say more than they.
+//! Deformers move the vertices of one face by its landmarks, code fields by a system's codes.
 
 use std::sync::Arc;
 
@@ -18,8 +18,8 @@ pub trait Deformer: Send + Sync {
         progress: ProgressFn<'_>,
     ) -> Result<Array3<f32>>;
 
-    /// Shuts the lids of frames `moved` `[T, V, 3]` that something else has made, as far as `landmarks`
-    /// `[T, 68, 3]` ask for, and keeps eyeballs behind them; nothing where no lids are known.
+    /// Shuts the lids in frames `moved` `[T, V, 3]` from elsewhere, as far as `landmarks` `[T, 68,
+    /// 3]` ask for, and keeps the eyeballs behind them. Does nothing where no lids are known.
     fn shut_lids(&self, landmarks: ArrayView3<'_, f32>, moved: &mut Array3<f32>) {
         let _ = (landmarks, moved);
     }
@@ -31,15 +31,15 @@ pub trait Deformer: Send + Sync {
         None
     }
 
-    /// A deformer of `wanted` vertices, rising, and of those that it needs beside them; `None` where one
-    /// vertex costs as much as all.
-    fn of_vertices(&self, wanted: &[u32]) -> Option<FewVertices> {
-        let _ = wanted;
+    /// A deformer of `vertices`, ascending, and of those that it needs beside them. `None` where a
+    /// few vertices cost as much as all.
+    fn of_vertices(&self, vertices: &[u32]) -> Option<FewVertices> {
+        let _ = vertices;
         None
     }
 
-    /// [`Deformer::deform`] with displacements `[T, V, 3]` beside what landmarks say, before what touches what is
-    /// corrected.
+    /// [`Deformer::deform`] with displacements `[T, V, 3]` added to those of the landmarks. The
+    /// corrections of contacts come after the sum.
     ///
     /// # Errors
     /// Those of [`Deformer::deform`].
@@ -52,7 +52,7 @@ pub trait Deformer: Send + Sync {
         Ok(self.deform(landmarks, progress)? + beside)
     }
 
-    /// [`Deformer::deform`] without the corrections that depend on what touches what: skin alone, linear
+    /// [`Deformer::deform`] without the corrections of contacts: skin alone. The result is linear
     /// where the decoder is.
     ///
     /// # Errors
@@ -66,7 +66,7 @@ pub trait Deformer: Send + Sync {
     }
 }
 
-/// How the vertices of one face move under codes, which say more than the landmarks that go with them.
+/// Moves the vertices of one face by codes, which hold more than the landmarks that go with them.
 pub trait CodeField: Send + Sync {
     /// How the codes' own landmarks move from rest under codes `[t, X]`: `[t, 68, 3]`, canonical metres.
     ///
@@ -74,8 +74,8 @@ pub trait CodeField: Send + Sync {
     /// `InvalidInput` or `ShapeMismatch` for codes of another length or that are not finite.
     fn landmarks(&self, codes: ArrayView2<'_, f32>) -> Result<Array3<f32>>;
 
-    /// What is to be added to `base` `[t, V, 3]`, motion of the mesh, so that vertices that follow the codes go where
-    /// these take them, by codes `[t, X]`: `[t, V, 3]`, mesh units and axes.
+    /// What to add to the motion `base` `[t, V, 3]` of the mesh, so that the vertices that follow
+    /// the codes `[t, X]` go where the codes take them. Returns `[t, V, 3]`, mesh units and axes.
     ///
     /// # Errors
     /// `InvalidInput` or `ShapeMismatch` for codes of another length or that are not finite.
@@ -89,11 +89,11 @@ pub type Field = std::result::Result<Arc<dyn CodeField>, String>;
 pub struct FewVertices {
     /// Moves them as the whole mesh does.
     pub deformer: Box<dyn Deformer>,
-    /// Their numbers in the mesh, rising, in the order in which they are moved.
+    /// Their numbers in the mesh, ascending, in the order of the deformer's output.
     pub vertices: Vec<u32>,
 }
 
-/// Every method is passed on: a default one would hide that of what is in the box.
+/// Passes every method on: a default method would hide the one of the deformer in the box.
 impl Deformer for Box<dyn Deformer> {
     fn deform(
         &self,
@@ -111,8 +111,8 @@ impl Deformer for Box<dyn Deformer> {
         self.as_ref().attention(landmarks)
     }
 
-    fn of_vertices(&self, wanted: &[u32]) -> Option<FewVertices> {
-        self.as_ref().of_vertices(wanted)
+    fn of_vertices(&self, vertices: &[u32]) -> Option<FewVertices> {
+        self.as_ref().of_vertices(vertices)
     }
 
     fn deform_beside(

@@ -1,10 +1,11 @@
-//! Which parts of a head are eyes: round, and in a socket, on a stalk or stuck to the face; or what lies on
-//! such a ball or in it.
+//! Which parts of a head are eyes. An eye is round and sits in a socket, on a stalk or on the face.
+//! What lies on such a ball or in it belongs to the eye.
 //!
-//! A ball at one of the eyes that the landmarks say may be an egg. Anywhere else (a third eye, the one of a
-//! cyclops, eyes on stalks) it must be a sphere of an eye's size that touches skin, above the tip of the nose
-//! and not where ears and their rings hang. Lashes are as wide as an eye and not round; cards of single
-//! lashes are as small as a pupil and stand out of the ball. Lengths are canonical centimetres.
+//! A ball at an eye of the landmarks may be an egg. Anywhere else (a third eye, the one of a
+//! cyclops, eyes on stalks) it must be a sphere of an eye's size that touches skin. It must lie
+//! above the tip of the nose and away from the ears, where rings hang. Lashes are as wide as an eye
+//! and not round; cards of single lashes are as small as a pupil and stand out of the ball. Lengths
+//! are canonical centimetres.
 
 use glam::Vec3;
 
@@ -15,33 +16,36 @@ use crate::mesh::{SurfaceTree, ibug::LANDMARKS, sphere::fit_sphere};
 const INSIDE: f32 = 0.93;
 /// A sphere's points lie within this root mean square of it, a share of the radius.
 const ROUND: f32 = 0.12;
-/// Least extent of a ball: more than half of it is there. A share of the radius.
+/// Least extent of a ball, as a share of the radius: more than half of the ball must be there.
 const LEAST_EXTENT: f32 = 1.0;
 /// An egg at the place of an eye: its least extent to its largest.
 const EGG: f32 = 0.55;
 /// Largest extent of an egg, in widths of the eye.
 const EGG_WIDTHS: (f32, f32) = (0.5, 2.0);
-/// On each of its four sides lies at least this share of the points of a ball, so far from the middle, of its radius.
+/// On each of its four sides a ball has at least this share of its points, at least so far from the
+/// middle (a share of its radius).
 const SIDE_SHARE: f32 = 0.1;
 const SIDE: f32 = 0.2;
 /// What lies on a ball or in it keeps within this distance of the centre, a share of the radius.
 const ON_BALL: f32 = 1.2;
 /// And within this angle of its own middle, seen from the centre, unless it lies inside the ball.
 const CAP_DEG: f32 = 48.0;
-/// That middle lies so near to the front where the cap is narrow, as a slit pupil, and so near where it is
-/// as wide as high; skin of the eye's corner lies beside the front.
+/// The middle of the cap lies within the first angle of the front where the cap is narrow, as a
+/// slit pupil, and within the second where it is as wide as high. Skin of the eye's corner lies
+/// further aside.
 const FRONT_DEG: (f32, f32) = (12.0, 60.0);
 const AS_WIDE: f32 = 0.75;
-/// An eye without a ball: its parts are smaller than this, lie so near to its middle, and stand out of it by
-/// no more than this, in widths of the eye.
+/// An eye without a ball: its parts are smaller than this, lie this near to its middle and stand
+/// out of it by no more than this, all in widths of the eye.
 const SMALL: f32 = 0.6;
 const SMALL_BESIDE: f32 = 0.3;
 const SMALL_BEFORE: f32 = 0.2;
-/// Radius of a ball elsewhere: to the mean width of both eyes; to the radius of balls at the eyes.
+/// Radius of a ball elsewhere, relative to the mean width of both eyes and relative to the radius
+/// of the balls at the eyes.
 const ELSEWHERE_OF_WIDTH: (f32, f32) = (0.2, 1.5);
 const ELSEWHERE_OF_BALL: (f32, f32) = (0.5, 2.0);
-/// Distance of the nearest skin from the centre of a ball that is held by it, a share of the radius.
-const HELD: (f32, f32) = (0.2, 1.35);
+/// Distance of the nearest skin from the centre of a ball that skin holds, a share of the radius.
+const HELD_DISTANCES: (f32, f32) = (0.2, 1.35);
 /// Ears begin at this share of the way from the middle of the face to the jaw hinges.
 const EARS: f32 = 0.8;
 
@@ -54,7 +58,7 @@ struct Ball {
 
 /// Where eyes may be.
 pub(super) struct EyeParts {
-    /// Centre and width of both eyes that the landmarks say, the subject's right one first.
+    /// Centre and width of both eyes of the landmarks, the subject's right eye first.
     eyes: [([f32; 3], f32); 2],
     nose_tip: [f32; 3],
     brows_y: f32,
@@ -79,8 +83,8 @@ impl EyeParts {
         }
     }
 
-    /// Whether each of some parts, given by the points of its vertices, is one of an eye; `skin` gives the
-    /// face's surface, asked only where it matters.
+    /// Whether each part, a list of points, belongs to an eye. `skin` is called only where the
+    /// surface of the face decides.
     pub(super) fn find<'a>(
         &self,
         parts: &[Vec<[f32; 3]>],
@@ -91,18 +95,19 @@ impl EyeParts {
         let mut balls: Vec<Ball> = at_eye.iter().copied().flatten().collect();
         let elsewhere = spheres.iter().copied().flatten();
         let elsewhere = elsewhere.filter(|ball| self.may_be_elsewhere(ball, &balls));
-        let elsewhere: Vec<Ball> = elsewhere.filter(|ball| held(ball, skin())).collect();
+        let elsewhere: Vec<Ball> = elsewhere.filter(|ball| is_held_by(ball, skin())).collect();
         balls.extend(elsewhere);
         let is_eye = |(p, points): (usize, &Vec<[f32; 3]>)| {
             at_eye[p].is_some()
-                || spheres[p].is_some_and(|own| balls.iter().any(|ball| same(ball, &own)))
+                || spheres[p]
+                    .is_some_and(|candidate| balls.iter().any(|ball| same(ball, &candidate)))
                 || balls.iter().any(|ball| lies_on(ball, points))
                 || self.is_small(points, &balls)
         };
         parts.iter().enumerate().map(is_eye).collect()
     }
 
-    /// The ball that a part is, if it is one at an eye that the landmarks say.
+    /// The ball that a part is, if it is a ball at an eye of the landmarks.
     fn ball_at_an_eye(&self, points: &[[f32; 3]]) -> Option<Ball> {
         let bounds = Box3::of(points.iter().copied());
         let (middle, largest) = (bounds.middle(), bounds.largest());
@@ -119,7 +124,7 @@ impl EyeParts {
         })
     }
 
-    /// Whether size and place of a ball are those of an eye that no landmarks lie about.
+    /// Whether a ball away from the landmarks has the size and the place of an eye.
     fn may_be_elsewhere(&self, ball: &Ball, at_eyes: &[Ball]) -> bool {
         let within =
             |(low, high): (f32, f32), of: f32| (low * of..high * of).contains(&ball.radius);
@@ -180,10 +185,10 @@ fn sphere(points: &[[f32; 3]]) -> Option<Ball> {
 }
 
 /// Whether skin holds a ball.
-fn held(ball: &Ball, skin: &SurfaceTree) -> bool {
+fn is_held_by(ball: &Ball, skin: &SurfaceTree) -> bool {
     let place = skin.closest(ball.centre);
-    let held = HELD.0 * ball.radius..HELD.1 * ball.radius;
-    place.is_some_and(|place| held.contains(&(place.distance as f32)))
+    let distances = HELD_DISTANCES.0 * ball.radius..HELD_DISTANCES.1 * ball.radius;
+    place.is_some_and(|place| distances.contains(&(place.distance as f32)))
 }
 
 /// Whether two balls are one, as a cornea and the eye that it covers.
@@ -253,8 +258,9 @@ mod tests {
                 away.cos(),
             ]
         });
-        let kept = ways.filter(|way| keep(*way));
-        kept.map(|way| std::array::from_fn(|i| centre[i] + radii[i] * way[i]))
+        let chosen = ways.filter(|way| keep(*way));
+        chosen
+            .map(|way| std::array::from_fn(|i| centre[i] + radii[i] * way[i]))
             .collect()
     }
 
@@ -275,7 +281,7 @@ mod tests {
     }
 
     /// Skin is a wall through the eyes, as wide as the face.
-    fn found(parts: &[Vec<[f32; 3]>]) -> Vec<bool> {
+    fn are_eyes(parts: &[Vec<[f32; 3]>]) -> Vec<bool> {
         let z = middle(&landmarks()[36..48])[2];
         let wall = Mesh {
             positions: vec![
@@ -295,7 +301,7 @@ mod tests {
         let [right, left] = eye_parts().eyes.map(|(centre, _)| centre);
         let behind = |c: [f32; 3]| [c[0], c[1], c[2] - 1.0];
         let cap = |way: [f32; 3]| way[2] > 0.85;
-        // What is wet along a lid, and the skin of the corner.
+        // The wet line along a lid, and the skin of the corner.
         let strip = |w: [f32; 3]| (0.3..0.5).contains(&w[1]) && w[2] > 0.2;
         let strip = ellipsoid(behind(right), [1.3; 3], strip);
         let corner = |w: [f32; 3]| (0.2..0.65).contains(&w[0]) && w[1].abs() < 0.6 && w[2] > 0.5;
@@ -312,7 +318,7 @@ mod tests {
             ellipsoid(behind(right), [1.7; 3], |w| w[1] > 0.3 && w[2] > -0.2),
         ];
         assert_eq!(
-            found(&parts),
+            are_eyes(&parts),
             [true, true, true, true, false, false, false, false]
         );
     }
@@ -333,7 +339,7 @@ mod tests {
             ball(at(2.0, -8.0, 0.0), 1.2),
         ];
         assert_eq!(
-            found(&parts),
+            are_eyes(&parts),
             [true, true, false, false, false, false, false]
         );
     }
@@ -351,6 +357,6 @@ mod tests {
                 ]
             })
             .collect();
-        assert_eq!(found(&[ball(eye, 1.2), card]), [true, false]);
+        assert_eq!(are_eyes(&[ball(eye, 1.2), card]), [true, false]);
     }
 }

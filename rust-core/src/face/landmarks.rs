@@ -1,4 +1,5 @@
-//! Landmarks that a caller gives, checked and put on the surface; or found by the library.
+//! The landmarks of a mesh: the caller's, checked and put on the surface, or those that the library
+//! finds.
 
 use std::collections::HashSet;
 
@@ -15,16 +16,16 @@ use crate::{
     },
 };
 
-/// A landmark may lie this far from the surface, as a part of the distance between the outer eye
-/// corners (9 cm on a human head): hand-placed points float by a centimetre or so.
+/// A landmark may lie this far from the surface, as a share of the distance between the outer eye
+/// corners (9 cm on a human head). Hand-placed points float by a centimetre or so.
 const FAR_IN_EYE_DISTANCES: f32 = 0.25;
-/// A point this near to its vertex lies at it; files round to nine digits.
+/// A point this near to its vertex counts as the vertex: files round to nine digits.
 const AT_VERTEX_IN_EYE_DISTANCES: f32 = 1e-6;
 
 /// The 68 landmarks of a mesh: the caller's, put on the surface, or found by the library.
 ///
-/// The stated axes only help finding; the caller's landmarks say by themselves where the face is.
-/// Landmarks that the caller fixed stay, those found or given beside them follow.
+/// The stated axes only help the finder: the caller's own landmarks say where the face is. Fixed
+/// landmarks stay where they are, and the others follow them.
 ///
 /// # Errors
 /// `ShapeMismatch` or `InvalidInput` for unusable landmarks, `FaceNotFound` if none are given and
@@ -49,15 +50,15 @@ pub fn locate_landmarks_with(
         return Err(Error::Mesh(message));
     }
     let fixed = &options.fixed;
-    let given = match &options.landmarks {
+    let landmarks = match &options.landmarks {
         Some(LandmarkSource::Positions(positions)) => from_positions(mesh, positions)?,
         Some(LandmarkSource::Vertices(vertices)) => from_vertices(mesh, vertices)?,
         Some(LandmarkSource::Known(known)) => from_known(mesh, known)?,
         None => return finder.find(mesh, options.forward, options.up, fixed, progress),
     };
     match fixed.is_empty() {
-        true => Ok(given),
-        false => finder.follow(mesh, &given, fixed),
+        true => Ok(landmarks),
+        false => finder.follow(mesh, &landmarks, fixed),
     }
 }
 
@@ -115,12 +116,12 @@ fn from_vertices(mesh: &Mesh, vertices: &[u32]) -> Result<Landmarks> {
 }
 
 /// [`from_positions`], where a point that lies at its vertex stays on it.
-fn from_known(mesh: &Mesh, given: &[KnownLandmark]) -> Result<Landmarks> {
-    let positions: Vec<[f32; 3]> = given.iter().map(|landmark| landmark.position).collect();
+fn from_known(mesh: &Mesh, landmarks: &[KnownLandmark]) -> Result<Landmarks> {
+    let positions: Vec<[f32; 3]> = landmarks.iter().map(|landmark| landmark.position).collect();
     let mut known = from_positions(mesh, &positions)?;
     let reach = AT_VERTEX_IN_EYE_DISTANCES * eye_distance(&known.positions);
     let used: HashSet<u32> = mesh.triangles.as_flattened().iter().copied().collect();
-    for (i, landmark) in given.iter().enumerate() {
+    for (i, landmark) in landmarks.iter().enumerate() {
         let (point, vertex) = (landmark.position, landmark.vertex);
         known.confidence[i] = checked_confidence(i, landmark.confidence)?;
         let place = mesh.positions.get(vertex as usize);
@@ -143,11 +144,11 @@ fn checked_confidence(i: usize, confidence: f32) -> Result<f32> {
     }
 }
 
-fn sixty_eight<T: Copy>(given: &[T], expected: &str) -> Result<[T; LANDMARKS]> {
-    given.try_into().map_err(|_| Error::ShapeMismatch {
+fn sixty_eight<T: Copy>(items: &[T], expected: &str) -> Result<[T; LANDMARKS]> {
+    items.try_into().map_err(|_| Error::ShapeMismatch {
         what: "landmarks",
         expected: expected.into(),
-        got: expected.replace("68", &given.len().to_string()),
+        got: expected.replace("68", &items.len().to_string()),
     })
 }
 
@@ -180,10 +181,10 @@ mod tests {
     #[test]
     fn positions_land_on_the_surface() {
         let floating = canonical_landmarks().map(|p| [p[0], p[1], p[2] + 0.0002]);
-        let found = locate(&confetti(), LandmarkSource::Positions(floating.into())).unwrap();
+        let located = locate(&confetti(), LandmarkSource::Positions(floating.into())).unwrap();
         for (i, p) in canonical_landmarks().iter().enumerate() {
-            assert!(Vec3::from(found.positions[i]).distance((*p).into()) < 2e-4);
-            assert_eq!(found.vertices[i] as usize / 3, i);
+            assert!(Vec3::from(located.positions[i]).distance((*p).into()) < 2e-4);
+            assert_eq!(located.vertices[i] as usize / 3, i);
         }
     }
 
@@ -225,25 +226,25 @@ mod tests {
     #[test]
     fn points_at_their_vertices_stay_on_them() {
         let mesh = confetti();
-        let found = locate(&mesh, LandmarkSource::Vertices((0..68).collect())).unwrap();
-        let known = locate(&mesh, LandmarkSource::from(&found)).unwrap();
-        assert_eq!(known, found);
+        let located = locate(&mesh, LandmarkSource::Vertices((0..68).collect())).unwrap();
+        let known = locate(&mesh, LandmarkSource::from(&located)).unwrap();
+        assert_eq!(known, located);
         // A stale number changes nothing.
-        let mut stale = found.clone();
+        let mut stale = located.clone();
         stale.vertices = stale.vertices.map(|vertex| 1_000_000 - vertex);
         let stale = locate(&mesh, LandmarkSource::from(&stale)).unwrap();
-        let plain = locate(&mesh, LandmarkSource::Positions(found.positions.into())).unwrap();
+        let plain = locate(&mesh, LandmarkSource::Positions(located.positions.into())).unwrap();
         assert_eq!(stale, plain);
     }
 
     #[test]
     fn known_landmarks_stay_as_sure_as_they_were() {
-        let mut found = locate(&confetti(), LandmarkSource::Vertices((0..68).collect())).unwrap();
-        found.confidence[40] = 0.25;
-        let known = locate(&confetti(), LandmarkSource::from(&found)).unwrap();
-        assert_eq!(known.confidence, found.confidence);
-        found.confidence[40] = 1.5;
-        let error = locate(&confetti(), LandmarkSource::from(&found)).unwrap_err();
+        let mut located = locate(&confetti(), LandmarkSource::Vertices((0..68).collect())).unwrap();
+        located.confidence[40] = 0.25;
+        let known = locate(&confetti(), LandmarkSource::from(&located)).unwrap();
+        assert_eq!(known.confidence, located.confidence);
+        located.confidence[40] = 1.5;
+        let error = locate(&confetti(), LandmarkSource::from(&located)).unwrap_err();
         assert!(error.to_string().contains("landmark 40"), "{error}");
     }
 

@@ -1,4 +1,4 @@
-//! Everything known of one mesh: where its face is, and what moving it needs.
+//! What is known of one mesh: where its face is, and what moving it needs.
 
 pub mod binding;
 mod box3;
@@ -51,10 +51,10 @@ pub use shapes::{Rig, ShapeReport};
 pub use skin::Skin;
 pub use surface::FaceSurface;
 
-/// A mesh, its landmarks, its place in the canonical frame, its parts, and what was computed of it
-/// since: each piece once, when it is first needed.
+/// A mesh, its landmarks, its place in the canonical frame and its parts. Everything else is
+/// computed once, when it is first needed.
 ///
-/// Never changes for those who look at it; any number of threads may use one face.
+/// A face never changes visibly. Any number of threads may use one.
 ///
 /// ```
 /// use anyface::{CachePolicy, Engine, EngineOptions, face::FaceOptions, mesh::{LandmarkSource, Mesh}};
@@ -78,9 +78,9 @@ pub struct Face {
     pub to_canonical: Similarity,
     /// The mesh's parts and what each of them is.
     pub parts: PartList,
-    /// How the face was asked for.
+    /// The options of the call that made the face.
     pub options: FaceOptions,
-    /// Names the mesh and the models in what is kept of it.
+    /// Names the mesh and the models in the cache.
     key: CacheKey,
     mouth: OnceLock<Mouth>,
     openings: OnceLock<Openings>,
@@ -92,8 +92,8 @@ pub struct Face {
 }
 
 impl Face {
-    /// Finds or takes the landmarks of a mesh, and what its parts are. `models` names what else the
-    /// result depends on.
+    /// Finds the parts of a mesh, and its landmarks where the options have none. `models` names
+    /// what else the result depends on.
     ///
     /// # Errors
     /// `FaceNotFound`, `Mesh`, `InvalidInput` for landmarks that cannot be, `Cancelled`.
@@ -120,7 +120,7 @@ impl Face {
         Ok(Face::new(mesh.clone(), place, options.clone(), key))
     }
 
-    /// A face whose place is known.
+    /// A face at a known place.
     pub(crate) fn new(
         mesh: Mesh,
         (landmarks, to_canonical, parts): (Landmarks, Similarity, PartList),
@@ -149,7 +149,7 @@ impl Face {
         *self.mouth.get_or_init(find)
     }
 
-    /// Which of brows, eyes and nose were found: what the face lacks rests.
+    /// Which of brows, eyes and nose the finder saw. The features that the face lacks rest.
     pub(crate) fn features(&self) -> Features {
         let features = Features::of(&self.landmarks);
         match self.openings().is_one() {
@@ -158,8 +158,8 @@ impl Face {
         }
     }
 
-    /// In words what of the face was not found, or hardly, and so rests or is weaker; `None` where nothing
-    /// is.
+    /// Says which features of the face were not found, or hardly, and so rest or move less. `None`
+    /// where there are none.
     pub fn at_rest(&self) -> Option<String> {
         self.features().sentence()
     }
@@ -169,16 +169,18 @@ impl Face {
         self.openings().lids()
     }
 
-    /// Canonical motion of landmarks `[T, 68, 3]`, metres, as motion of this face's own, in the mesh's
-    /// units and axes: lids travel by the share that is asked for of as far as its eyes are open.
+    /// Converts the canonical landmark motion `[T, 68, 3]`, metres, to motion of this face, in the
+    /// mesh's units and axes. Lids travel by the requested share of the height by which these eyes
+    /// are open.
     pub fn own_motion(&self, landmarks: ArrayView3<'_, f32>) -> Array3<f32> {
-        let mut own = landmarks.to_owned();
-        self.openings().to_own(&mut own);
-        self.to_canonical.displacements_to_mesh(own.view())
+        let mut motion = landmarks.to_owned();
+        self.openings().to_own(&mut motion);
+        self.to_canonical.displacements_to_mesh(motion.view())
     }
 
-    /// This face under codes `[t, X]`: displacements `[t, V, 3]`, mesh units and axes. `deformer` moves what does not
-    /// follow the codes, and adds what `landmarks` `[t, 68, 3]`, in mesh units, do beside them.
+    /// Displacements `[t, V, 3]` of this face under codes `[t, X]`, mesh units and axes. `deformer`
+    /// moves the vertices that do not follow the codes, and adds the motion of `landmarks` `[t, 68,
+    /// 3]`, in mesh units, that the codes do not hold.
     ///
     /// # Errors
     /// Those of [`CodeField::landmarks`] and of the deformer.
@@ -195,8 +197,8 @@ impl Face {
         deformer.deform_beside(landmarks, &beside, progress)
     }
 
-    /// The canonical pose of the landmarks, `[68][3]` metres, in which the vertices of this mesh are displaced by
-    /// `moved` `[V, 3]`, mesh units and axes: a pose that a motion may start from.
+    /// The canonical pose of the landmarks, `[68][3]` metres, for displacements `moved` `[V, 3]` of
+    /// this mesh's vertices, mesh units and axes. A motion may start from this pose.
     ///
     /// # Errors
     /// `ShapeMismatch` for another number of vertices, `InvalidInput` for displacements that are not finite.
@@ -215,8 +217,10 @@ impl Face {
             )));
         }
         let marks = self.landmarks.vertices.map(|v| v as usize);
-        let own = moved.select(Axis(0), &marks).insert_axis(Axis(0));
-        let mut pose = self.to_canonical.displacements_to_canonical(own.view());
+        let at_landmarks = moved.select(Axis(0), &marks).insert_axis(Axis(0));
+        let mut pose = self
+            .to_canonical
+            .displacements_to_canonical(at_landmarks.view());
         self.openings().to_canonical(&mut pose);
         Ok(std::array::from_fn(|n| {
             std::array::from_fn(|axis| pose[[0, n, axis]])
@@ -246,12 +250,12 @@ impl Face {
         })
     }
 
-    /// What spreads landmark motion over this mesh, where that is known.
+    /// The deformer of this mesh, if one was made.
     pub(crate) fn known_deformer(&self) -> Option<&dyn Deformer> {
         self.deformer.get().map(AsRef::as_ref)
     }
 
-    /// What spreads landmark motion over this mesh; `make` is called where there is none yet.
+    /// The deformer of this mesh. Calls `make` for the first one.
     pub(crate) fn deformer(
         &self,
         make: impl FnOnce() -> Result<Arc<dyn Deformer>>,
@@ -259,12 +263,12 @@ impl Face {
         once(&self.deformer, make)
     }
 
-    /// The shapes of this mesh; `make` is called where there are none yet.
+    /// The shapes of this mesh. Calls `make` for the first ones.
     pub(crate) fn rig(&self, make: impl FnOnce() -> Result<Arc<Rig>>) -> Result<&Arc<Rig>> {
         once(&self.rig, make)
     }
 
-    /// The field of a model on this mesh, or why there is none; `make` is called where that is not known.
+    /// The field of a model on this mesh, or why there is none. Calls `make` the first time.
     pub(crate) fn field(
         &self,
         model: &'static str,
@@ -275,7 +279,8 @@ impl Face {
         Ok(self.fields().entry(model).or_insert(field).clone())
     }
 
-    /// Why vertices did not follow the field of a head when motion of codes was put on this face, where they did not.
+    /// Why vertices did not follow the field of a head under the latest motion of codes. `None`
+    /// where they did.
     pub fn field_note(&self) -> Option<String> {
         let fields = self.fields();
         let complaint = fields.values().find_map(|field| field.as_ref().err())?;
@@ -286,7 +291,7 @@ impl Face {
         self.fields.lock().unwrap_or_else(PoisonError::into_inner)
     }
 
-    /// Names this face in what is kept of it and no control changes.
+    /// Names this face in the cache for results that no control changes.
     pub(crate) fn cache_key_of_mesh(&self) -> CacheKey {
         let options = FaceOptions {
             controls: Controls::default(),
@@ -295,24 +300,25 @@ impl Face {
         face_cache::key_of_face(&self.key, &options, &self.landmarks)
     }
 
-    /// Names this face in what is kept of it.
+    /// Names this face in the cache.
     pub(crate) fn cache_key(&self) -> CacheKey {
         face_cache::key_of_face(&self.key, &self.options, &self.landmarks)
     }
 }
 
-/// That no head is like a face, and what happens instead.
+/// Says that no head is like a face, and what happens instead.
 pub(crate) fn unlike(instead: &str, complaint: &str) -> String {
     format!("no head of the model is like this face, {instead}: {complaint}")
 }
 
-/// What is in `cell`, or what `make` makes. Two threads at once may both make it; one result stays.
+/// The value in `cell`; `make` makes it the first time. Two threads at once may both make it: the
+/// first result stays.
 fn once<T>(cell: &OnceLock<T>, make: impl FnOnce() -> Result<T>) -> Result<&T> {
     match cell.get() {
-        Some(made) => Ok(made),
+        Some(value) => Ok(value),
         None => {
-            let made = make()?;
-            Ok(cell.get_or_init(|| made))
+            let value = make()?;
+            Ok(cell.get_or_init(|| value))
         }
     }
 }

@@ -4,7 +4,7 @@ use std::collections::HashMap;
 
 use glam::Vec3;
 
-/// Points sorted into cubes; made for queries that mostly lie near some point.
+/// Points sorted into cubes, for queries that mostly lie near some point.
 pub(crate) struct PointGrid<'a> {
     points: &'a [[f32; 3]],
     cell: f32,
@@ -34,7 +34,7 @@ impl<'a> PointGrid<'a> {
         let mut best: Option<(u32, f32)> = None;
         let rings = (limit / self.cell).ceil() as i32 + 1;
         for ring in 0..=rings {
-            // Everything in this ring is at least so far away.
+            // Everything in this ring is at least this far away.
             let least = (ring - 1).max(0) as f32 * self.cell;
             if best.is_some_and(|(_, d)| d < least) {
                 break;
@@ -47,7 +47,7 @@ impl<'a> PointGrid<'a> {
     /// Numbers and distances of the `most` nearest points within `limit`, nearest first.
     pub fn within(&self, query: [f32; 3], limit: f32, most: usize) -> Vec<(u32, f32)> {
         let [low, high] = [-limit, limit].map(|by| cell_of(query.map(|x| x + by), self.cell));
-        let mut found = Vec::new();
+        let mut neighbours = Vec::new();
         for x in low[0]..=high[0] {
             for y in low[1]..=high[1] {
                 for z in low[2]..=high[2] {
@@ -58,14 +58,14 @@ impl<'a> PointGrid<'a> {
                             Vec3::from(self.points[i as usize]).distance(query.into()),
                         )
                     });
-                    found.extend(near.filter(|(_, d)| *d <= limit));
+                    neighbours.extend(near.filter(|(_, d)| *d <= limit));
                 }
             }
         }
         // Ties go to the smaller number, whatever the order of the cells.
-        found.sort_by(|a, b| a.1.total_cmp(&b.1).then(a.0.cmp(&b.0)));
-        found.truncate(most);
-        found
+        neighbours.sort_by(|a, b| a.1.total_cmp(&b.1).then(a.0.cmp(&b.0)));
+        neighbours.truncate(most);
+        neighbours
     }
 
     fn search_ring(&self, query: [f32; 3], c: [i32; 3], ring: i32, best: &mut Option<(u32, f32)>) {
@@ -121,8 +121,8 @@ mod tests {
                 .iter()
                 .map(|&p| Vec3::from(p).distance(query.into()))
                 .fold(f32::INFINITY, f32::min);
-            let found = grid.nearest(query, 20.0).unwrap();
-            assert_eq!(found.1, plain);
+            let neighbour = grid.nearest(query, 20.0).unwrap();
+            assert_eq!(neighbour.1, plain);
             assert_eq!(grid.nearest(query, plain * 0.99), None);
         }
     }

@@ -18,7 +18,7 @@ use crate::{
 /// A part with fewer landmarks than this (lashes, a brow) is not skin; its landmarks move to the
 /// skin beside it.
 const LANDMARKS_OF_SKIN: usize = 7;
-/// How far along the surface a lip is followed when lips are told apart, centimetres.
+/// How far along the surface a lip reaches when the lips are separated, centimetres.
 const LIP_CM: f32 = 4.0;
 
 /// The connected parts of a mesh, seams sewn up, with their roles.
@@ -56,7 +56,7 @@ impl PartList {
     /// [`PartList::find`] for a mesh whose canonical twin (centimetres) is known.
     pub(crate) fn of_canonical(
         canonical: &Mesh,
-        own: &Mesh,
+        mesh: &Mesh,
         landmarks: &[[f32; 3]; LANDMARKS],
         vertices: &[u32; LANDMARKS],
         choices: &PartChoices,
@@ -72,9 +72,9 @@ impl PartList {
         };
         let lists = connected.vertices();
         let chosen = choices.of_parts(&connected)?;
-        let found = parts_of_skin(&connected, vertices)?;
+        let carries_landmarks = parts_of_skin(&connected, vertices)?;
         let is_skin: Vec<bool> = (0..lists.len())
-            .map(|p| chosen[p].map_or(found[p], |role| role == PartRole::Skin))
+            .map(|p| chosen[p].map_or(carries_landmarks[p], |role| role == PartRole::Skin))
             .collect();
         if !is_skin.contains(&true) {
             return Err(Error::Mesh(
@@ -85,7 +85,7 @@ impl PartList {
         let roles = roles(canonical, landmarks, &lists, &is_skin, &chosen);
         let names = choices.names.of_parts(&lists);
         let parts = (0..lists.len()).map(|p| {
-            let bounds = Box3::of(lists[p].iter().map(|&v| own.positions[v as usize]));
+            let bounds = Box3::of(lists[p].iter().map(|&v| mesh.positions[v as usize]));
             Part {
                 number: p as u32,
                 name: names[p].map(str::to_owned),
@@ -140,9 +140,11 @@ fn roles(
         list.map(|&v| canonical.positions[v as usize]).collect()
     };
     let points: Vec<Vec<[f32; 3]>> = unknown.iter().map(points).collect();
-    let mut told = rules.roles(&points, skin).into_iter();
+    let mut unknown_roles = rules.roles(&points, skin).into_iter();
     (0..lists.len())
-        .map(|p| known(p).unwrap_or_else(|| told.next().expect("a role for each unknown part")))
+        .map(|p| {
+            known(p).unwrap_or_else(|| unknown_roles.next().expect("a role for each unknown part"))
+        })
         .collect()
 }
 

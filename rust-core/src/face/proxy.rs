@@ -1,12 +1,12 @@
 //! The skin on which per-mesh work is done, and the way back to the full one.
 //!
-//! Operators, plate weights and the learned correction cost by the vertex, yet their results are
-//! smooth: on a scan of a million triangles they are solved on some ten thousand vertices and
-//! carried to the rest by [`Prolongation`]. Edges of the proxy are shortest at the lips and lids,
-//! where weights change fastest, and grow with the distance from them. Every landmark is a vertex,
-//! and a mesh too coarse for the plate gets finer triangles for the solve (`refine`). A lip never
-//! meets the other one, because the proxy comes from collapsing edges and every vertex looks for
-//! its place around the vertex that it was collapsed into.
+//! Operators, plate weights and the learned correction cost time for every vertex, yet their
+//! results are smooth. So on a scan of a million triangles they are solved on some ten thousand
+//! vertices, and [`Prolongation`] carries them to the rest. Edges of the proxy are shortest at the
+//! lips and lids, where weights change fastest, and grow with the distance from them. Every
+//! landmark is a vertex, and a mesh too coarse for the plate gets finer triangles for the solve
+//! (`refine`). The lips stay separate, because the proxy comes from collapsing edges, and every
+//! vertex looks for its place only around the vertex into which it was collapsed.
 //!
 //! Lengths are canonical centimetres.
 
@@ -25,7 +25,7 @@ use crate::mesh::{
     simplify::{SimplifyOptions, simplify},
 };
 
-/// The proxy may lie so far from the skin, centimetres.
+/// The proxy lies at most this far from the skin, centimetres.
 const ERROR_CM: f64 = 0.05;
 /// Landmarks around which the proxy is finest: lids and lips.
 const FINE: std::ops::Range<usize> = 36..68;
@@ -33,7 +33,7 @@ const FINE: std::ops::Range<usize> = 36..68;
 const EDGE_CM: [f32; 2] = [0.1, 0.2];
 /// Growth of the edge length with the distance.
 const GROWTH: f32 = 0.1;
-/// An edge of a coarse skin is split where it is so many times longer than wanted.
+/// An edge of a coarse skin is split where it is this many times longer than [`target_edge`].
 const LONG: f32 = 2.0;
 
 /// The skin as it is solved on.
@@ -53,7 +53,8 @@ impl Proxy {
     ///
     /// # Shapes
     /// `positions`: `[V]`. `triangles`: of the skin, seams sewn up. `landmarks`: of the neutral
-    /// face; `anchors`: the nearest vertex of each before, its own after.
+    /// face. `anchors`: on entry the vertex nearest to each landmark, on return the landmark's own
+    /// vertex.
     pub fn build(
         positions: &[[f32; 3]],
         triangles: &[[u32; 3]],
@@ -64,18 +65,18 @@ impl Proxy {
         let exact = positions.iter().map(|&p| Vec3::from(p).as_dvec3());
         let mut skin = Refined::new(exact.collect(), triangles.to_vec());
         skin.add_landmarks(landmarks, anchors);
-        let wanted = |p: DVec3| wanted_edge(p.as_vec3(), landmarks);
+        let edge_length = |p: DVec3| target_edge(p.as_vec3(), landmarks);
         let least = f64::from(LONG * EDGE_CM[0]);
-        skin.split_long(least, |p| f64::from(LONG * wanted(p)), vertices);
+        skin.split_long(least, |p| f64::from(LONG * edge_length(p)), vertices);
         let (positions, triangles) = (skin.positions, skin.triangles);
         let mut locked = vec![false; positions.len()];
         anchors.iter().for_each(|&v| locked[v as usize] = true);
-        let wanted: Vec<f32> = positions.par_iter().map(|&p| wanted(p)).collect();
+        let edge_lengths: Vec<f32> = positions.par_iter().map(|&p| edge_length(p)).collect();
         let options = SimplifyOptions {
             vertices,
             error: ERROR_CM,
         };
-        let simple = simplify(&positions, &triangles, &wanted, &locked, &options);
+        let simple = simplify(&positions, &triangles, &edge_lengths, &locked, &options);
         let (prolongation, error) = place_vertices(&positions, &triangles, &simple);
         Proxy {
             mesh: Mesh {
@@ -88,8 +89,8 @@ impl Proxy {
     }
 }
 
-/// Wanted edge length at a place, up to a common factor.
-fn wanted_edge(here: Vec3, landmarks: &[[f32; 3]; LANDMARKS]) -> f32 {
+/// Requested edge length at a place, up to a common factor.
+fn target_edge(here: Vec3, landmarks: &[[f32; 3]; LANDMARKS]) -> f32 {
     let of = |(n, &landmark): (usize, &[f32; 3])| {
         let edge = EDGE_CM[usize::from(!FINE.contains(&n))];
         edge + GROWTH * here.distance(landmark.into())

@@ -34,9 +34,9 @@ pub struct Skin {
 }
 
 impl Skin {
-    /// Finds it. `mesh` and `landmarks` in canonical centimetres; `vertices`: nearest vertex of
-    /// each landmark; `list`: the parts of the mesh. With a `limit` the skin is worked on through a
-    /// [`Proxy`] of so many vertices.
+    /// Finds the skin. `mesh` and `landmarks`: canonical centimetres. `vertices`: the vertex
+    /// nearest to each landmark. `list`: the parts of the mesh. With a `limit` the solve works on a
+    /// [`Proxy`] of at most that many vertices.
     ///
     /// # Errors
     /// `Mesh` if no landmark lies on a usable face.
@@ -96,30 +96,33 @@ fn landmarks_on_skin(
     landmarks: &[[f32; 3]; LANDMARKS],
     vertices: &[u32; LANDMARKS],
 ) -> Result<[u32; LANDMARKS]> {
-    let mut found = vertices.map(|v| sewn[v as usize]);
-    if found.iter().all(|&v| is_skin[v as usize]) {
-        return Ok(found);
+    let mut on_skin = vertices.map(|v| sewn[v as usize]);
+    if on_skin.iter().all(|&v| is_skin[v as usize]) {
+        return Ok(on_skin);
     }
-    let own: Vec<u32> = (0..sewn.len() as u32)
+    let skin_vertices: Vec<u32> = (0..sewn.len() as u32)
         .filter(|&v| is_skin[v as usize] && sewn[v as usize] == v)
         .collect();
-    let points: Vec<[f32; 3]> = own.iter().map(|&v| surface.positions[v as usize]).collect();
+    let points: Vec<[f32; 3]> = skin_vertices
+        .iter()
+        .map(|&v| surface.positions[v as usize])
+        .collect();
     let grid = PointGrid::new(&points, 0.5);
-    for (n, vertex) in found.iter_mut().enumerate() {
+    for (n, vertex) in on_skin.iter_mut().enumerate() {
         if !is_skin[*vertex as usize] {
             let (nearest, _) = grid.nearest(landmarks[n], LOST_CM).ok_or_else(|| {
                 Error::Mesh(format!(
                     "landmark {n}: expected skin within {LOST_CM} cm on a human-sized head, got none"
                 ))
             })?;
-            *vertex = own[nearest as usize];
+            *vertex = skin_vertices[nearest as usize];
         }
     }
-    Ok(found)
+    Ok(on_skin)
 }
 
-/// Operators of a proxy of at most `limit` vertices, or of the surface itself. `anchors`: the
-/// vertex at each landmark before, its own after.
+/// Operators of a proxy of at most `limit` vertices, or of the surface itself. `anchors`: on entry
+/// the vertex at each landmark, on return the landmark's own.
 fn solved_on(
     surface: &Mesh,
     landmarks: &[[f32; 3]; LANDMARKS],

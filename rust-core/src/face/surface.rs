@@ -22,7 +22,7 @@ pub struct FaceSurface {
 }
 
 impl FaceSurface {
-    /// `proxy`: skins of more vertices are worked on through so many.
+    /// `proxy`: most vertices on which the skin is solved; a larger skin gets a proxy.
     ///
     /// # Errors
     /// `Mesh` if the landmarks lie on no usable face.
@@ -65,8 +65,9 @@ impl FaceSurface {
             Follows::Skin(corners) => Some(corners),
             _ => None,
         };
-        let felt = corners.into_iter().flatten();
-        felt.filter(|(_, share)| *share != 0.0)
+        let shares = corners.into_iter().flatten();
+        shares
+            .filter(|(_, share)| *share != 0.0)
             .flat_map(|(v, share)| {
                 let rows = self.skin.spread.row(v);
                 rows.map(move |(row, weight)| (row as usize, share * weight))
@@ -78,8 +79,8 @@ impl FaceSurface {
         let mut used = vec![false; self.positions.len()];
         for follows in &self.follows {
             if let Follows::Skin(corners) = follows {
-                let felt = corners.iter().filter(|(_, share)| *share != 0.0);
-                felt.for_each(|(v, _)| used[*v as usize] = true);
+                let shares = corners.iter().filter(|(_, share)| *share != 0.0);
+                shares.for_each(|(v, _)| used[*v as usize] = true);
             }
         }
         (0..used.len() as u32)

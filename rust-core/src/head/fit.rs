@@ -1,9 +1,10 @@
-//! A head like a scan: coefficients for which its points lie on the surface, eq. 17 without time.
+//! Fits a head to a scan: finds coefficients for which the scan's points lie on the surface, eq. 17
+//! without time.
 //!
-//! Gauss-Newton on robust distances under the prior N(0, 1) of the coefficients, with the 68 landmarks as a
-//! start and as a guide. Points of a face at rest are brought to the canonical pose by the backward field; how
-//! the distance changes with a coefficient comes from the chain rule. Twin of
-//! `training/systems/facetalk/fit_codes.py`, which takes differences and has no pose and no alignment to find.
+//! Gauss-Newton on robust distances under the prior N(0, 1) of the coefficients, with the 68
+//! landmarks as a start and as a guide. The backward field brings points of a face at rest to the
+//! canonical pose. The chain rule gives the slopes of the distance with the coefficients. Twin of
+//! `training/systems/facetalk/fit_codes.py`, which takes differences and neither poses nor aligns.
 
 use faer::{Mat, Side, linalg::solvers::Solve};
 use rand_chacha::{
@@ -21,10 +22,10 @@ use crate::{
     nn::matrix,
 };
 
-/// How far points and landmarks may well lie from a head of the model.
+/// Usual distance of points and landmarks from a head of the model (standard deviation).
 const DISTANCE_M: f32 = 4e-4;
 const LANDMARK_M: f32 = 3e-3;
-/// Points are not independent: so much of their number counts.
+/// Neighbouring points are not independent: only this share of their number counts.
 const POINT_SHARE: f32 = 0.05;
 /// Points farther off than this count less and less (Cauchy).
 const ROBUST_M: f32 = 3e-3;
@@ -36,9 +37,10 @@ const FACE_M: f32 = 0.035;
 const LEAST_POINTS: usize = 300;
 /// Above this mean distance a scan is refused.
 const MOST_MM: f32 = 3.0;
-/// A head further from the mean than so many times the usual is no head any more.
+/// A head this many times further from the mean than usual is no head.
 const MOST_SPREAD: f32 = 2.0;
-/// Turns, moves and scale that the landmarks left over, in what they may well be: radians, units of the field, share.
+/// Usual size of the turns, moves and growth that the landmarks' alignment leaves over (standard
+/// deviation): radians, units of the field, share.
 const PLACE: [f32; 7] = [0.05, 0.05, 0.05, 0.02, 0.02, 0.02, 0.03];
 const UNKNOWN: usize = COEFFICIENTS + PLACE.len();
 
@@ -47,7 +49,7 @@ const UNKNOWN: usize = COEFFICIENTS + PLACE.len();
 pub struct ScanOptions {
     /// Steps of Gauss-Newton.
     pub steps: usize,
-    /// Points that each step sees, drawn anew.
+    /// Points of each step, drawn anew for it.
     pub points: usize,
     /// Which points are drawn.
     pub seed: u64,
@@ -63,7 +65,8 @@ impl Default for ScanOptions {
     }
 }
 
-/// Root mean square; of coefficients how far a head is from the mean one, 1 for those that are drawn.
+/// Root mean square. Of coefficients it says how far a head is from the mean one; randomly drawn
+/// heads have 1.
 fn rms(values: &[f32]) -> f32 {
     (values.iter().map(|x| x * x).sum::<f32>() / values.len() as f32).sqrt()
 }
@@ -76,7 +79,7 @@ pub struct ScanFit {
     pub coefficients: Vec<f32>,
     /// Distance of the scan's face from the head, mean.
     pub mean_mm: f32,
-    /// Nine points of ten lie nearer than this.
+    /// Nine of ten points lie nearer than this.
     pub most_mm: f32,
     /// Points of the scan that are its face.
     pub points: usize,
@@ -94,8 +97,9 @@ impl Head {
     /// The head that is like a scan of a face at rest. `points`: `[P]` in the scan's units and axes.
     ///
     /// # Errors
-    /// `InvalidInput` for points that are not finite, fewer than 300 of them on the face, and where the fit
-    /// stays above 3 mm or needs a head that is none, with the distance; `FaceNotFound` for landmarks of no face; `Cancelled`.
+    /// `InvalidInput` for points that are not finite, for fewer than 300 points on the face, and,
+    /// with the distance, where the fit stays above 3 mm or the result is no head. `FaceNotFound`
+    /// for landmarks of no face. `Cancelled`.
     pub fn fit_scan(
         &self,
         points: &[[f32; 3]],
@@ -123,7 +127,7 @@ impl Head {
         let slopes = IdentitySlopes::new(&self.identity);
         for step in 0..=options.steps {
             report(progress, "fit", step as f32 / (options.steps + 1) as f32)?;
-            // The first step knows landmarks alone.
+            // The first step uses the landmarks alone.
             let count = if step == 0 {
                 0
             } else {
@@ -224,11 +228,11 @@ impl Head {
 
     /// How far the landmarks move in the canonical pose with each coefficient, metres, `[100, 68 · 3]`.
     fn landmark_slopes(&self) -> Vec<f32> {
-        let own = self.identity_code.weight();
-        let own = own.subcols(0, self.config.global_code);
+        let global_weight = self.identity_code.weight();
+        let global_weight = global_weight.subcols(0, self.config.global_code);
         let mut out = vec![0.0; COEFFICIENTS * 3 * LANDMARKS];
         let to = matrix::view_mut(&mut out, 3 * LANDMARKS);
-        matrix::product(to, own, self.identity.landmarks());
+        matrix::product(to, global_weight, self.identity.landmarks());
         out.iter_mut().for_each(|x| *x *= self.config.scale_m);
         out
     }
@@ -245,7 +249,7 @@ pub(super) struct PointSlopes {
 }
 
 impl PointSlopes {
-    /// The three of each point.
+    /// Distance, slopes with the point and slopes with the coefficients, point by point.
     fn rows(&self) -> impl Iterator<Item = (f32, [f32; 3], &[f32])> {
         let places = self
             .distance
@@ -288,7 +292,7 @@ fn face_points(points: &[[f32; 3]], landmarks: &Landmarks, to_head: &Similarity)
     points.iter().filter(near).copied().collect()
 }
 
-/// How a point moves under small turns about the axes, moves along them and growth.
+/// How a point moves under small turns about the axes, under moves along them and under growth.
 fn motion_of([x, y, z]: [f32; 3]) -> [[f32; 3]; 7] {
     [
         [0.0, -z, y],
@@ -370,7 +374,7 @@ impl System {
     }
 }
 
-/// What is said of a scan in other units than metres.
+/// The warning about a scan in other units than metres.
 fn unit_note(scale: f64) -> Option<String> {
     let unit = match scale {
         0.0005..0.002 => "millimetres",
@@ -378,11 +382,11 @@ fn unit_note(scale: f64) -> Option<String> {
         0.5..2.0 => return None,
         _ => {
             return Some(format!(
-                "the scan's unit is {scale:.4} m on a head of human size; the made head comes in metres"
+                "the scan's unit is {scale:.4} m on a head of human size; the fitted head is in metres"
             ));
         }
     };
     Some(format!(
-        "the scan is in {unit}; the made head comes in metres"
+        "the scan is in {unit}; the fitted head is in metres"
     ))
 }

@@ -1,5 +1,5 @@
-//! The canonical field `I(x; z) = T(x + D(x; z))`: the mean head `T`, and small networks at anchors, blended, that say how
-//! far a point lies from the same point of the mean head.
+//! The canonical field `I(x; z) = T(x + D(x; z))`: the mean head `T`, and `D`, the offset of a
+//! point from the same point of the mean head. `D` is a blend of small networks at anchors.
 //!
 //! Anchors, frames, mirrored pairs and blend of NPHM (Giebenhain et al. 2023, §3.2); twin of
 //! `training/systems/facetalk/identity.py`. A point asks only the networks whose blend weight is not zero.
@@ -77,23 +77,23 @@ impl Identity {
 
     /// The field of the head of `z` `[Z]`.
     pub fn of<'a>(&'a self, config: &'a HeadConfig, z: &[f32]) -> IdentityField<'a> {
-        let (own, local) = z.split_at(config.global_code);
+        let (global, local) = z.split_at(config.global_code);
         let mut places = vec![0.0; 3 * LANDMARKS];
-        self.landmarks.forward_row(own, &mut places);
+        self.landmarks.forward_row(global, &mut places);
         let landmarks = places.as_chunks::<3>().0.to_vec();
-        let mirrored: Vec<f32> = own
+        let mirrored: Vec<f32> = global
             .iter()
             .zip(&self.mirror)
             .map(|(x, sign)| x * sign)
             .collect();
         let local_codes = local.chunks_exact(config.local_code).enumerate();
         let locals = local_codes.map(|(number, local)| {
-            let own = if is_mirrored(config, number) {
+            let global = if is_mirrored(config, number) {
                 &mirrored[..]
             } else {
-                own
+                global
             };
-            let code: Array1<f32> = own.iter().chain(local).copied().collect();
+            let code: Array1<f32> = global.iter().chain(local).copied().collect();
             self.locals[network_of(config, number)].prepare(code.view())
         });
         IdentityField {
@@ -142,8 +142,8 @@ impl IdentityField<'_> {
             } else {
                 1.0
             };
-            let made = local.forward(&self.framed(number, points, &rows, side), rows.len());
-            for (row, [x, y, z]) in rows.into_iter().zip(made.as_chunks::<3>().0) {
+            let offsets = local.forward(&self.framed(number, points, &rows, side), rows.len());
+            for (row, [x, y, z]) in rows.into_iter().zip(offsets.as_chunks::<3>().0) {
                 let weight = weights[row * columns + number];
                 for (to, x) in places[row].iter_mut().zip([side * x, *y, *z]) {
                     *to += weight * x;
@@ -155,11 +155,11 @@ impl IdentityField<'_> {
 
     /// Signed distance, negative inside, at points `[Q]`.
     pub fn at(&self, points: &[[f32; 3]]) -> Vec<f32> {
-        let seen = encode(&self.on_mean(points), self.config.octaves);
-        self.identity.template.forward(&seen, points.len())
+        let encoded = encode(&self.on_mean(points), self.config.octaves);
+        self.identity.template.forward(&encoded, points.len())
     }
 
-    /// Some points as the network at an anchor sees them.
+    /// Some points in the frame of the network at an anchor.
     fn framed(&self, anchor: usize, points: &[[f32; 3]], rows: &[usize], side: f32) -> Vec<f32> {
         let mut frame = Vec::with_capacity(3 * rows.len());
         for row in rows {
@@ -176,7 +176,8 @@ impl IdentityField<'_> {
         }
     }
 
-    /// How near points are to anchors and background before the shares are made of it, `[Q, A + 1]`.
+    /// How near points are to the anchors and the background, `[Q, A + 1]`, before the rows become
+    /// shares.
     fn closeness(&self, points: &[[f32; 3]]) -> Vec<f32> {
         let sharpness = -0.5 / (self.config.sigma * self.config.sigma);
         let mut out = Vec::with_capacity(points.len() * self.locals.len());

@@ -1,4 +1,4 @@
-//! A head as a mesh: its surface once, in the canonical pose, and then the way to the face at rest.
+//! A head as a mesh: the surface in the canonical pose, moved to the face at rest.
 
 use std::{ops::Range, sync::OnceLock};
 
@@ -13,7 +13,7 @@ use crate::{
 /// A head as a mesh at rest, metres: +x to the subject's left, +y up, +z out of the face.
 #[derive(Debug, Clone, PartialEq)]
 pub struct MadeHead {
-    /// The skin, then the parts; two triangles for a quad.
+    /// The skin, then the parts. A quad is two triangles.
     pub mesh: Mesh,
     /// The same as faces; the last corner of a triangle comes twice.
     pub faces: Vec<[u32; 4]>,
@@ -53,7 +53,7 @@ impl OneHead<'_> {
         report(progress, "rest", 0.0)?;
         let positions = mover.at(&self.head.rest_code())?;
         let places = vertices.map(|v| positions[v as usize]);
-        let made = MadeHead {
+        let head = MadeHead {
             landmarks: Landmarks {
                 positions: places,
                 vertices,
@@ -70,7 +70,7 @@ impl OneHead<'_> {
             },
         };
         report(progress, "rest", 1.0)?;
-        Ok(made)
+        Ok(head)
     }
 
     /// The surface of the canonical field.
@@ -83,7 +83,7 @@ impl OneHead<'_> {
         let grid = Grid::of_box(low, high, resolution)?;
         report(progress, "surface", 0.0)?;
         let stopped: OnceLock<Error> = OnceLock::new();
-        let made = surface(grid, |points| {
+        let result = surface(grid, |points| {
             if let Err(error) = report(progress, "surface", 0.5) {
                 let _ = stopped.set(error);
                 return vec![f32::NAN; points.nrows()];
@@ -93,29 +93,30 @@ impl OneHead<'_> {
         });
         match stopped.into_inner() {
             Some(error) => Err(error),
-            None => made.map(|mesh| largest_piece(&mesh)),
+            None => result.map(|mesh| largest_piece(&mesh)),
         }
     }
 
-    /// Moves the vertex nearest to each landmark onto it; their numbers.
+    /// Moves the vertex nearest to each landmark onto it. Returns the vertices' numbers.
     fn put_on_vertices(&self, vertices: &mut [[f32; 3]]) -> [u32; LANDMARKS] {
         let places = self.on_surface(self.landmarks());
-        let mut taken = [u32::MAX; LANDMARKS];
+        let mut chosen = [u32::MAX; LANDMARKS];
         for (number, place) in places.into_iter().enumerate() {
-            let free = (0..vertices.len() as u32).filter(|v| !taken[..number].contains(v));
+            let free = (0..vertices.len() as u32).filter(|v| !chosen[..number].contains(v));
             let nearest = free.min_by(|a, b| {
                 let [a, b] = [a, b].map(|v| squared(vertices[*v as usize], place));
                 a.total_cmp(&b)
             });
             if let Some(vertex) = nearest {
                 vertices[vertex as usize] = place;
-                taken[number] = vertex;
+                chosen[number] = vertex;
             }
         }
-        taken
+        chosen
     }
 
-    /// Canonical points near the surface, on it: three of Newton's steps along the gradient.
+    /// Moves canonical points near the surface onto it by three of Newton's steps along the
+    /// gradient.
     pub fn on_surface(&self, mut points: Vec<[f32; 3]>) -> Vec<[f32; 3]> {
         for _ in 0..3 {
             let (here, gradients) = (self.distance(&points), self.gradient(&points));
@@ -128,7 +129,7 @@ impl OneHead<'_> {
     }
 }
 
-/// The connected piece with most triangles: a field that was learned has specks of surface beside a head.
+/// The connected piece with most triangles: a learned field has specks of surface beside a head.
 fn largest_piece(mesh: &Mesh) -> Mesh {
     let pieces = Parts::of(mesh.positions.len(), &mesh.triangles);
     let piece = |t: &[u32; 3]| pieces.of_vertex[t[0] as usize];
@@ -145,10 +146,10 @@ fn largest_piece(mesh: &Mesh) -> Mesh {
             positions.push(*place);
         }
     }
-    let kept = mesh.triangles.iter().filter(|t| piece(t) == largest);
+    let triangles = mesh.triangles.iter().filter(|t| piece(t) == largest);
     Mesh {
         positions,
-        triangles: kept.map(|t| t.map(|v| number[v as usize])).collect(),
+        triangles: triangles.map(|t| t.map(|v| number[v as usize])).collect(),
     }
 }
 

@@ -5,8 +5,8 @@ use std::path::Path;
 use super::{COEFFICIENTS, Head, MadeHead, Topology, check, code::SLIDER};
 use crate::{Error, Result, diffusion::frame_noise, job::ProgressFn};
 
-/// Makes heads of numbers `[N]`: 100 coefficients from N(0, 1), then how far each trait goes, −4 to 4; all 0 is the mean
-/// head.
+/// Makes heads from numbers `[N]`: 100 coefficients drawn from N(0, 1), then the traits, −4 to 4
+/// each. All 0 is the mean head.
 pub struct HeadMaker {
     head: Head,
     topology: Topology,
@@ -47,8 +47,8 @@ impl HeadMaker {
         numbers
     }
 
-    /// Numbers as near to what was learned as may be: coefficients alone get traits of 0, and `pull_back` brings what
-    /// lies outside back.
+    /// Checks the numbers of a head. Coefficients alone get traits of 0. `pull_back` brings numbers
+    /// outside of the learned range back into it.
     ///
     /// # Errors
     /// `InvalidInput` for another number of them, one that is not finite, and without `pull_back` for one that is
@@ -72,7 +72,7 @@ impl HeadMaker {
         Ok(checked)
     }
 
-    /// The numbers part of the way from `a` to `b`: 0 is `a`, 1 is `b`.
+    /// The numbers between `a` and `b`: share 0 is `a`, share 1 is `b`.
     ///
     /// # Errors
     /// `InvalidInput` for another number of them, ones that are not finite and a share outside 0 to 1.
@@ -99,8 +99,8 @@ impl HeadMaker {
     /// # Errors
     /// `InvalidInput` for an unknown name, with the known ones.
     pub fn direction(&self, name: &str) -> Result<usize> {
-        let wanted = name.replace(['_', '-'], " ");
-        let named = self.directions().position(|known| known == wanted);
+        let plain_name = name.replace(['_', '-'], " ");
+        let named = self.directions().position(|known| known == plain_name);
         named.ok_or_else(|| {
             let names: Vec<&str> = self.directions().collect();
             let message = format!(

@@ -40,7 +40,7 @@ use crate::{
     nn::linear::Linear,
 };
 
-/// Built-in weights.
+/// The built-in weights.
 #[cfg(feature = "facetalk")]
 pub static MODEL: BuiltIn = BuiltIn::sized(&anyface_weights_facetalk::FACETALK_COMPACT, "facetalk");
 /// Weights that a folder may bring.
@@ -89,12 +89,12 @@ pub struct Mover<'a> {
     trunks: Trunks,
 }
 
-/// What moving points of one head needs beside the weights.
+/// What moving points of one head needs in addition to the weights.
 struct Trunks {
     points: Vec<[f32; 3]>,
-    /// What the forward field sees of the identity.
+    /// The identity as the forward field gets it.
     pressed: Vec<f32>,
-    /// For each block of points what the layers before the code give.
+    /// For each block of points, the output of the layers before the code joins.
     blocks: Vec<Vec<f32>>,
 }
 
@@ -225,7 +225,7 @@ fn check(what: &str, values: &[f32], expected: usize) -> Result<()> {
     }
 }
 
-/// `work` on points block by block, on all cores.
+/// Runs `work` on the points block by block, on all cores.
 fn in_blocks<T: Send>(
     points: &[[f32; 3]],
     work: impl Fn(&[[f32; 3]]) -> Vec<T> + Sync + Send,
@@ -324,16 +324,16 @@ impl<'a> OneHead<'a> {
         self.head.prepared(field, expression, &self.pressed(field))
     }
 
-    /// What a deformation sees of the identity.
+    /// The identity as a deformation gets it.
     fn pressed(&self, field: &Deformation) -> Vec<f32> {
         let anchors = self.field.anchors.iter().flatten();
-        let seen: Vec<f32> = self.z.iter().chain(anchors).copied().collect();
+        let inputs: Vec<f32> = self.z.iter().chain(anchors).copied().collect();
         let mut pressed = vec![0.0; self.head.config.pressed];
-        field.press.forward_row(&seen, &mut pressed);
+        field.press.forward_row(&inputs, &mut pressed);
         pressed
     }
 
-    fn seen(&self, points: &[[f32; 3]]) -> Vec<f32> {
+    fn encoded_on_mean(&self, points: &[[f32; 3]]) -> Vec<f32> {
         encode(
             &self.field.on_mean(&self.inside(points)),
             self.head.config.expression_octaves,
@@ -356,7 +356,7 @@ impl<'a> OneHead<'a> {
         let any = any.expect("a code of the head's own length");
         let blocks = points
             .par_chunks(BLOCK)
-            .map(|points| any.trunk(&self.seen(points), points.len()))
+            .map(|points| any.trunk(&self.encoded_on_mean(points), points.len()))
             .collect();
         Trunks {
             points,
@@ -403,7 +403,7 @@ impl PosedHead<'_> {
 
     fn through(&self, field: &Prepared<'_>, points: &[[f32; 3]]) -> Vec<[f32; 3]> {
         in_blocks(points, |points| {
-            let by = field.forward(&self.one.seen(points), points.len());
+            let by = field.forward(&self.one.encoded_on_mean(points), points.len());
             self.one.head.moved(points, &by)
         })
     }
@@ -416,7 +416,7 @@ impl PosedHead<'_> {
 
 impl Deformation {
     fn load(weights: &Weights, config: &HeadConfig, code_layers: &[usize]) -> Result<Self> {
-        let seen = config.identity_code() + 3 * config.anchors();
+        let press_inputs = config.identity_code() + 3 * config.anchors();
         let shape = Shape {
             inputs: encoded(config.expression_octaves),
             code: config.expression_code + config.pressed,
@@ -426,7 +426,7 @@ impl Deformation {
             code_layers,
         };
         Ok(Deformation {
-            press: Linear::load(&weights.pp("press"), seen, config.pressed)?,
+            press: Linear::load(&weights.pp("press"), press_inputs, config.pressed)?,
             network: Network::load(weights, shape)?,
         })
     }

@@ -1,7 +1,8 @@
-//! Layers that a point enters twice and a code up to three times: as rows to add and in the last matrix.
+//! Layers that a point enters twice and a code up to three times.
 //!
-//! Twin of `training/systems/facetalk/network.py`. What a code contributes is the same for all points of a
-//! head (or a frame), so it is computed once for each.
+//! Twin of `training/systems/facetalk/network.py`. The contribution of a code is the same for all
+//! points of a head (or a frame). So it is computed once, as rows to add and as a part of the last
+//! matrix.
 
 pub(super) mod slopes;
 
@@ -77,7 +78,7 @@ pub(super) struct Network {
     out_code: Array2<f32>,
 }
 
-/// A network for one head: what its code adds is known.
+/// A network for one head: the contribution of its code is computed.
 pub(super) struct Prepared<'a> {
     network: &'a Network,
     /// What is added before each activation.
@@ -126,15 +127,15 @@ impl Network {
             add(*layer, &matrix.dot(&code).to_vec());
         }
         let (outputs, width) = self.out.dim();
-        let made = self.out_code.dot(&code);
-        let made = made.as_slice().expect("a new vector is contiguous");
+        let from_code = self.out_code.dot(&code);
+        let from_code = from_code.as_slice().expect("a new vector is contiguous");
         let mut weight = Array2::zeros((width, outputs));
         let mut bias = self.out_bias.clone();
-        for (n, made) in made.chunks_exact(width + 1).enumerate() {
+        for (n, added) in from_code.chunks_exact(width + 1).enumerate() {
             for k in 0..width {
-                weight[[k, n]] = self.out[[n, k]] + made[k];
+                weight[[k, n]] = self.out[[n, k]] + added[k];
             }
-            bias[n] += made[width];
+            bias[n] += added[width];
         }
         Prepared {
             network: self,
@@ -157,8 +158,8 @@ impl Prepared<'_> {
         self.finish(self.trunk(x, points), points)
     }
 
-    /// What the last hidden layer gives before its row is added and it is activated, `[Q, width]`. A code that joins there
-    /// alone does not matter to it.
+    /// The output of the last hidden layer before its row and activation, `[Q, width]`. It does not
+    /// depend on a code that joins only at that layer.
     pub fn trunk(&self, x: &[f32], points: usize) -> Vec<f32> {
         let Network { point, hidden, .. } = self.network;
         let width = self.rows[0].len();
@@ -182,7 +183,8 @@ impl Prepared<'_> {
         h
     }
 
-    /// The outputs `[Q, outputs]` from what [`Prepared::trunk`] gave, perhaps with another code.
+    /// The outputs `[Q, outputs]` from the result of [`Prepared::trunk`], which may come from
+    /// another code.
     pub fn finish(&self, mut trunk: Vec<f32>, points: usize) -> Vec<f32> {
         add_to_rows(&mut trunk, &self.rows[self.network.hidden.len()]);
         silu_all(&mut trunk);

@@ -1,5 +1,5 @@
-//! The field on the vertices of somebody's mesh: where each lies in the canonical pose of the head that is like the
-//! mesh, and how far it goes from there to any expression.
+//! The field on the vertices of a mesh: where each vertex lies in the canonical pose of the head
+//! most like the mesh, and how far an expression moves it from there.
 //!
 //! A vertex is a point of the face at rest, so its canonical point is the root of `forward(x) = p`. Lips at rest lie in
 //! one place: the search starts at the point of the head's own surface that is nearest and looks the same way, so
@@ -23,21 +23,23 @@ use crate::{
 
 /// Cells of the surface at which searches start.
 const STARTS: usize = 112;
-/// A vertex farther from the surface than the first counts less, than the second not at all; metres.
+/// A vertex nearer to the surface than the first distance counts fully, one farther than the second
+/// not at all; metres.
 const NEAR_M: f32 = 4e-3;
 const FAR_M: f32 = 1e-2;
 /// Cosine between the normals of a vertex and of the place where its search starts, at least.
 const SAME_WAY: f32 = 0.2;
-/// Name of a refusal in what is kept.
+/// Name of a refusal in the cache.
 const REFUSED: &str = "refused";
 const LOOKED_AT: usize = 32;
-/// A vertex whose root is not found to this does not follow the field.
+/// A vertex whose root stays further off than this does not follow the field.
 const ROOT_M: f32 = 3e-4;
 const FOUND_M: f32 = 2e-5;
 const SIMPLE_STEPS: usize = 8;
 const NEWTON_STEPS: usize = 4;
 const DIFFERENCE_M: f32 = 5e-4;
-/// Nearer to lids and lips than the first nothing follows the field, farther than the second all does; metres.
+/// Within the first distance of lids and lips the field has no effect, beyond the second it has
+/// full effect; metres.
 const BEYOND_M: (f32, f32) = (8e-3, 3e-2);
 
 /// How far the field moves a mesh.
@@ -58,7 +60,7 @@ impl Default for Reach {
     }
 }
 
-/// The field of one head on the vertices of a mesh that it is like.
+/// The field of one head on the vertices of a mesh like it.
 pub struct HeadOnMesh {
     head: Arc<Head>,
     vertices: usize,
@@ -67,14 +69,14 @@ pub struct HeadOnMesh {
     carried: Vec<(u32, Vec<(u32, f32)>)>,
     points: Trunks,
     at_rest: Vec<[f32; 3]>,
-    /// By what the field's motion is multiplied at each follower, eq. 15.
+    /// Factor of the field's motion at each follower, eq. 15.
     smoothing: Vec<f32>,
     /// Of the mean head.
     landmarks: Trunks,
     landmarks_at_rest: Vec<[f32; 3]>,
 }
 
-/// A head that is like a mesh, and where the mesh's vertices lie in it.
+/// A head like a mesh, and where the mesh's vertices lie in it.
 struct Placed {
     fit: ScanFit,
     /// Vertices that follow the field, rising.
@@ -85,7 +87,7 @@ struct Placed {
     canonical: Vec<[f32; 3]>,
 }
 
-/// Fits a head to a face at rest, which is kept in `cache`; why no head is like the face, where none is.
+/// Fits a head to a face at rest, or says why no head is like the face. `cache` keeps the result.
 ///
 /// # Errors
 /// `Mesh` if the landmarks lie on no usable face; `Cancelled`.
@@ -100,8 +102,8 @@ pub fn fit_face(
 }
 
 impl HeadOnMesh {
-    /// Fits a head to a face at rest and finds its vertices in it, which is kept in `cache`; why no head is like the
-    /// face, where none is.
+    /// Fits a head to a face at rest and finds the face's vertices in it, or says why no head is
+    /// like the face. `cache` keeps the result.
     ///
     /// # Errors
     /// `Mesh` if the landmarks lie on no usable face; `Cancelled`.
@@ -118,7 +120,7 @@ impl HeadOnMesh {
         }
     }
 
-    /// The same with a head that is known to be like the mesh.
+    /// The same with a head that is already fitted.
     ///
     /// # Errors
     /// `InvalidInput` for coefficients that are none; `Mesh` if the landmarks lie on no usable face; `Cancelled`.
@@ -241,7 +243,7 @@ impl CodeField for HeadOnMesh {
 }
 
 impl Placed {
-    /// Found once for a face and kept in `cache`; why no head is like the face, where none is.
+    /// Finds it once for a face, or why no head is like the face. `cache` keeps the result.
     fn of_face(
         head: &Head,
         face: &Face,
@@ -280,37 +282,40 @@ impl Placed {
     fn new(head: &Head, face: &Face, fit: ScanFit, progress: ProgressFn<'_>) -> Result<Placed> {
         let skin = &face.surface()?.skin;
         let one = head.one(head.identity_code(&fit.coefficients)?)?;
-        let own: Vec<u32> = (0..skin.is_skin.len() as u32)
+        let skin_vertices: Vec<u32> = (0..skin.is_skin.len() as u32)
             .filter(|&v| skin.is_skin[v as usize] && skin.sewn[v as usize] == v)
             .collect();
-        let places: Vec<[f32; 3]> = own
+        let places: Vec<[f32; 3]> = skin_vertices
             .iter()
             .map(|&v| fit.to_head.apply(face.mesh.positions[v as usize]))
             .collect();
         let normals = skin.surface.vertex_normals();
         let turned = |v: &u32| turn_only(&fit.to_head, face, normals[*v as usize]);
-        let normals: Vec<[f32; 3]> = own.iter().map(turned).collect();
-        let (canonical, found) = canonical_points(&one, &places, &normals, progress)?;
+        let normals: Vec<[f32; 3]> = skin_vertices.iter().map(turned).collect();
+        let (canonical, reached) = canonical_points(&one, &places, &normals, progress)?;
         let touching: Vec<[f32; 3]> = face.landmarks.positions[36..]
             .iter()
             .map(|p| fit.to_head.apply(*p))
             .collect();
         let mut shares = vec![0.0; skin.is_skin.len()];
         let near = one.distance(&canonical);
-        for (n, &v) in own.iter().enumerate() {
+        for (n, &v) in skin_vertices.iter().enumerate() {
             let near = fade::within(near[n].abs(), (NEAR_M, FAR_M));
             let share = near * fade::beyond(&touching, places[n], BEYOND_M);
-            shares[v as usize] = if found[n] { share } else { 0.0 };
+            shares[v as usize] = if reached[n] { share } else { 0.0 };
         }
-        fade::even_out(&mut shares, &skin.surface.triangles, &own);
-        let kept: Vec<usize> = (0..own.len())
-            .filter(|&n| found[n] && shares[own[n] as usize] > 0.0)
+        fade::even_out(&mut shares, &skin.surface.triangles, &skin_vertices);
+        let chosen: Vec<usize> = (0..skin_vertices.len())
+            .filter(|&n| reached[n] && shares[skin_vertices[n] as usize] > 0.0)
             .collect();
         Ok(Placed {
             fit,
-            followers: kept.iter().map(|&n| own[n]).collect(),
-            shares: kept.iter().map(|&n| shares[own[n] as usize]).collect(),
-            canonical: kept.iter().map(|&n| canonical[n]).collect(),
+            followers: chosen.iter().map(|&n| skin_vertices[n]).collect(),
+            shares: chosen
+                .iter()
+                .map(|&n| shares[skin_vertices[n] as usize])
+                .collect(),
+            canonical: chosen.iter().map(|&n| canonical[n]).collect(),
         })
     }
 
@@ -351,8 +356,8 @@ impl Placed {
     }
 }
 
-/// Weights of eq. 12 to 14 at canonical `points`: Gaussians about the mouth and, which is ours, about eyes and brows,
-/// brought to 0 to 1; 1 everywhere without a `sigma_m`.
+/// Weights of eq. 12 to 14 at canonical `points`: Gaussians about the mouth, scaled to 0 to 1. The
+/// Gaussians about eyes and brows are ours. 1 everywhere where `sigma_m` is 0.
 fn smoothing(landmarks: &[[f32; 3]], points: &[[f32; 3]], sigma_m: f32) -> Vec<f32> {
     if sigma_m <= 0.0 {
         return vec![1.0; points.len()];
@@ -376,7 +381,7 @@ fn centre(points: &[[f32; 3]]) -> [f32; 3] {
     std::array::from_fn(|axis| points.iter().map(|p| p[axis]).sum::<f32>() / points.len() as f32)
 }
 
-/// A direction of the canonical frame as the fitted head has it.
+/// A direction of the canonical frame in the axes of the fitted head.
 fn turn_only(to_head: &Similarity, face: &Face, direction: [f32; 3]) -> [f32; 3] {
     to_head.rotate(face.to_canonical.inverse().rotate(direction))
 }
@@ -384,8 +389,8 @@ fn turn_only(to_head: &Similarity, face: &Face, direction: [f32; 3]) -> [f32; 3]
 /// Vertices that follow followers: copies at seams, lashes and brows.
 fn carried(follows: &[Follows], sewn: &[u32], followers: &[u32]) -> Vec<(u32, Vec<(u32, f32)>)> {
     let place = |v: u32| {
-        let found = followers.binary_search(&sewn[v as usize]);
-        found.ok().map(|n| n as u32)
+        let row = followers.binary_search(&sewn[v as usize]);
+        row.ok().map(|n| n as u32)
     };
     let all = follows
         .iter()
@@ -396,8 +401,8 @@ fn carried(follows: &[Follows], sewn: &[u32], followers: &[u32]) -> Vec<(u32, Ve
             let Follows::Skin(corners) = follows else {
                 return None;
             };
-            let felt = corners.iter().filter(|(_, share)| *share != 0.0);
-            let from: Vec<(u32, f32)> = felt
+            let weighted = corners.iter().filter(|(_, share)| *share != 0.0);
+            let from: Vec<(u32, f32)> = weighted
                 .filter_map(|&(corner, share)| Some((place(corner)?, share)))
                 .collect();
             (!from.is_empty()).then_some((v, from))
@@ -405,7 +410,8 @@ fn carried(follows: &[Follows], sewn: &[u32], followers: &[u32]) -> Vec<(u32, Ve
         .collect()
 }
 
-/// Where points `[P]` of the face at rest, with their normals, lie in the canonical pose, and whether that was found.
+/// Where points `[P]` of the face at rest, with their normals, lie in the canonical pose, and
+/// whether the search reached them.
 fn canonical_points(
     one: &OneHead<'_>,
     places: &[[f32; 3]],
@@ -448,7 +454,7 @@ fn canonical_points(
             surface.positions[start][axis] + places[n][axis] - at_rest.positions[start][axis]
         });
     }
-    let mut found = vec![false; places.len()];
+    let mut reached = vec![false; places.len()];
     let mut left = rows;
     for step in 0..SIMPLE_STEPS + NEWTON_STEPS {
         report(
@@ -469,7 +475,7 @@ fn canonical_points(
         for (row, &n) in left.iter().enumerate() {
             let off = Vec3::from(places[n]) - Vec3::from(moved[row]);
             let size = off.length();
-            found[n] = size < ROOT_M;
+            reached[n] = size < ROOT_M;
             if size < FOUND_M {
                 continue;
             }
@@ -486,11 +492,11 @@ fn canonical_points(
         let here: Vec<[f32; 3]> = left.iter().map(|&n| roots[n]).collect();
         let moved = one.mover(here).at(&rest)?;
         for (&n, moved) in left.iter().zip(moved) {
-            found[n] = Vec3::from(places[n]).distance(moved.into()) < ROOT_M;
+            reached[n] = Vec3::from(places[n]).distance(moved.into()) < ROOT_M;
         }
     }
     report(progress, "points", 1.0)?;
-    Ok((roots, found))
+    Ok((roots, reached))
 }
 
 /// Columns of the forward field's slope at points `[P]`, by differences.

@@ -38,8 +38,8 @@ fn every_part_equals_its_twin() {
         .outer_iter()
         .map(|p| [p[0], p[1], p[2]].map(|x| x * metres))
         .collect();
-    let check = |name: &str, made: &[f32]| {
-        let in_units: Vec<f32> = made.iter().map(|x| x / metres).collect();
+    let check = |name: &str, values: &[f32]| {
+        let in_units: Vec<f32> = values.iter().map(|x| x / metres).collect();
         let off = distance(&in_units, &golden.values(name));
         assert!(off < 1e-4, "{name}: {off}");
     };
@@ -69,10 +69,10 @@ fn slopes_of_the_field_are_those_of_differences() {
             [p[0] + by(0), p[1] + by(1), p[2] + by(2)]
         })
         .collect();
-    let made = one.point_slopes(&IdentitySlopes::new(&field.identity), &points);
-    assert!(distance(&made.distance, &one.distance(&points)) < 1e-6);
+    let slopes = one.point_slopes(&IdentitySlopes::new(&field.identity), &points);
+    assert!(distance(&slopes.distance, &one.distance(&points)) < 1e-6);
     let by_differences = one.gradient(&points);
-    let off = distance(made.place.as_flattened(), by_differences.as_flattened());
+    let off = distance(slopes.place.as_flattened(), by_differences.as_flattened());
     assert!(off < 0.02, "place: {off}");
     const STEP: f32 = 0.02;
     for number in [0, 1, 7, 31, 99] {
@@ -84,7 +84,7 @@ fn slopes_of_the_field_are_those_of_differences() {
         };
         let (more, less) = (beside(STEP), beside(-STEP));
         for (row, (more, less)) in more.iter().zip(&less).enumerate() {
-            let slope = made.coefficients[row * COEFFICIENTS + number];
+            let slope = slopes.coefficients[row * COEFFICIENTS + number];
             let expected = (more - less) / (2.0 * STEP);
             // A ten-thousandth of a millimetre a coefficient is what rounding leaves of a difference.
             assert!(
@@ -129,8 +129,8 @@ fn a_direction_is_set_and_the_others_stay() {
     head.set_along(&mut coefficients, number, -1.5).unwrap();
     let after = head.along(&coefficients).unwrap();
     for (n, (a, b)) in before.iter().zip(&after).enumerate() {
-        let wanted = if n == number { -1.5 } else { *a };
-        assert!((b - wanted).abs() < 1e-4, "{n}: {a} {b}");
+        let expected = if n == number { -1.5 } else { *a };
+        assert!((b - expected).abs() < 1e-4, "{n}: {a} {b}");
     }
     assert!(head.set_along(&mut coefficients, 0, 9.0).is_err());
 }
@@ -146,9 +146,9 @@ fn too_few_cells_for_a_face_are_refused() {
 #[test]
 fn a_made_head_is_closed_and_has_its_landmarks_on_vertices() {
     let cells = 64;
-    let made = of_seed(3).mesh(cells, SILENT).unwrap();
-    let skin = &made.objects[0];
-    let of_skin = made
+    let head = of_seed(3).mesh(cells, SILENT).unwrap();
+    let skin = &head.objects[0];
+    let of_skin = head
         .mesh
         .triangles
         .iter()
@@ -164,26 +164,26 @@ fn a_made_head_is_closed_and_has_its_landmarks_on_vertices() {
         edges.values().all(|sum| *sum == 0),
         "every edge is used once in each direction"
     );
-    let mut vertices = made.landmarks.vertices.to_vec();
-    for (vertex, place) in vertices.iter().zip(made.landmarks.positions) {
-        assert_eq!(made.mesh.positions[*vertex as usize], place);
+    let mut vertices = head.landmarks.vertices.to_vec();
+    for (vertex, place) in vertices.iter().zip(head.landmarks.positions) {
+        assert_eq!(head.mesh.positions[*vertex as usize], place);
         assert!(skin.1.contains(&(*vertex as usize)));
     }
     vertices.sort_unstable();
     vertices.dedup();
     assert_eq!(vertices.len(), 68, "no vertex twice");
-    crate::mesh::align_to_canonical(&made.landmarks).unwrap();
-    made.mesh.check().unwrap();
-    let read = Mesh::parse(made.to_obj().as_bytes()).unwrap();
-    assert_eq!(read.triangles, made.mesh.triangles);
+    crate::mesh::align_to_canonical(&head.landmarks).unwrap();
+    head.mesh.check().unwrap();
+    let read = Mesh::parse(head.to_obj().as_bytes()).unwrap();
+    assert_eq!(read.triangles, head.mesh.triangles);
 }
 
 /// Seed 7 has two specks of surface beside it at this resolution.
 #[test]
 fn a_made_head_is_one_piece() {
     let cells = 96;
-    let made = of_seed(7).mesh(cells, SILENT).unwrap().mesh;
-    let pieces = crate::mesh::Parts::of(made.positions.len(), &made.triangles);
+    let mesh = of_seed(7).mesh(cells, SILENT).unwrap().mesh;
+    let pieces = crate::mesh::Parts::of(mesh.positions.len(), &mesh.triangles);
     assert_eq!(pieces.count, 1);
     let lonely = pieces.of_vertex.iter().filter(|n| **n != 0).count();
     assert_eq!(lonely, 0, "vertices without a triangle");
@@ -192,8 +192,8 @@ fn a_made_head_is_one_piece() {
 #[test]
 fn a_cancelled_head_says_so() {
     let stop = |_: crate::job::Progress| false;
-    let made = of_seed(3).mesh(128, &stop);
-    assert!(matches!(made, Err(Error::Cancelled)));
+    let result = of_seed(3).mesh(128, &stop);
+    assert!(matches!(result, Err(Error::Cancelled)));
 }
 
 /// A head at rest as a scan: all its skin, in millimetres, upside down, with noise.
@@ -202,10 +202,10 @@ fn a_head_is_found_again_from_its_points() {
     let truth = Head::random(21);
     let one = head().one(head().identity_code(&truth).unwrap()).unwrap();
     let cells = 72;
-    let made = one.mesh(cells, SILENT).unwrap();
+    let scan = one.mesh(cells, SILENT).unwrap();
     let elsewhere = |p: [f32; 3]| [-1e3 * p[0] + 40.0, -1e3 * p[1], 1e3 * p[2] - 7.0];
-    let points: Vec<[f32; 3]> = made.mesh.positions.iter().map(|p| elsewhere(*p)).collect();
-    let mut landmarks = made.landmarks.clone();
+    let points: Vec<[f32; 3]> = scan.mesh.positions.iter().map(|p| elsewhere(*p)).collect();
+    let mut landmarks = scan.landmarks.clone();
     landmarks.positions = landmarks.positions.map(elsewhere);
     let fit = head()
         .fit_scan(&points, &landmarks, &ScanOptions::default(), SILENT)
@@ -219,7 +219,7 @@ fn a_head_is_found_again_from_its_points() {
     let mean = head()
         .one(head().identity_code(&[0.0; COEFFICIENTS]).unwrap())
         .unwrap();
-    let placed: Vec<[f32; 3]> = made.canonical.iter().take(2000).copied().collect();
+    let placed: Vec<[f32; 3]> = scan.canonical.iter().take(2000).copied().collect();
     let mean_mm = 1e3 * mean.distance(&placed).iter().map(|s| s.abs()).sum::<f32>() / 2000.0;
     assert!(
         fit.mean_mm < 0.5 && fit.mean_mm < 0.4 * mean_mm,
@@ -230,16 +230,16 @@ fn a_head_is_found_again_from_its_points() {
 
 #[test]
 fn scans_that_are_none_are_told() {
-    let made = of_seed(4).mesh(48, SILENT).unwrap();
-    let told = |points: &[[f32; 3]], landmarks: &crate::mesh::Landmarks| {
+    let scan = of_seed(4).mesh(48, SILENT).unwrap();
+    let message = |points: &[[f32; 3]], landmarks: &crate::mesh::Landmarks| {
         let fit = head().fit_scan(points, landmarks, &ScanOptions::default(), SILENT);
         fit.unwrap_err().to_string()
     };
-    let error = told(&made.mesh.positions[..3], &made.landmarks);
+    let error = message(&scan.mesh.positions[..3], &scan.landmarks);
     assert!(error.contains("at least 300 points on the face"), "{error}");
-    let mut broken = made.mesh.positions.clone();
+    let mut broken = scan.mesh.positions.clone();
     broken[9][1] = f32::NAN;
-    assert!(told(&broken, &made.landmarks).contains("finite points"));
+    assert!(message(&broken, &scan.landmarks).contains("finite points"));
     // A wall in the plane of the landmarks is no head.
     let wall: Vec<[f32; 3]> = (0..10_000)
         .map(|n| {
@@ -250,7 +250,7 @@ fn scans_that_are_none_are_told() {
             ]
         })
         .collect();
-    let error = told(&wall, &made.landmarks);
+    let error = message(&wall, &scan.landmarks);
     assert!(error.contains("expected a face"), "{error}");
 }
 
@@ -264,8 +264,8 @@ fn maker() -> &'static HeadMaker {
 fn quads_equal_their_twin() {
     let golden = Golden::open("head_topology");
     let numbers = golden.values("numbers");
-    let made = maker().mesh(&numbers, true).unwrap();
-    let places: Vec<f32> = made
+    let head = maker().mesh(&numbers, true).unwrap();
+    let places: Vec<f32> = head
         .mesh
         .positions
         .iter()
@@ -273,19 +273,19 @@ fn quads_equal_their_twin() {
         .flatten()
         .copied()
         .collect();
-    let wanted = golden.values("places");
-    assert!(distance(&places, &wanted) < 1e-6);
+    let expected = golden.values("places");
+    assert!(distance(&places, &expected) < 1e-6);
 }
 
 #[test]
 fn quads_are_a_surface_that_is_open_at_the_collar_alone() {
     for seed in 1..6 {
-        let made = maker().mesh(&maker().random(seed), false).unwrap();
-        made.mesh.check().unwrap();
-        let quads = made.faces.iter().filter(|face| face[2] != face[3]);
-        assert_eq!(quads.count(), made.faces.len());
+        let head = maker().mesh(&maker().random(seed), false).unwrap();
+        head.mesh.check().unwrap();
+        let quads = head.faces.iter().filter(|face| face[2] != face[3]);
+        assert_eq!(quads.count(), head.faces.len());
         let mut edges = std::collections::HashMap::new();
-        for face in &made.faces {
+        for face in &head.faces {
             for corner in 0..4 {
                 let (from, to) = (face[corner], face[(corner + 1) % 4]);
                 *edges.entry((from.min(to), from.max(to))).or_insert(0i32) +=
@@ -302,22 +302,22 @@ fn quads_are_a_surface_that_is_open_at_the_collar_alone() {
             ends.as_chunks::<2>().0.iter().all(|[a, b]| a == b),
             "one loop"
         );
-        let lowest = made.landmarks.positions[8][1] - 0.01;
+        let lowest = head.landmarks.positions[8][1] - 0.01;
         for (a, b) in rim {
-            let [a, b] = [a, b].map(|v| made.mesh.positions[*v as usize][1]);
+            let [a, b] = [a, b].map(|v| head.mesh.positions[*v as usize][1]);
             assert!(
                 a.max(b) < lowest,
                 "seed {seed}: an opening above the collar"
             );
         }
-        crate::mesh::align_to_canonical(&made.landmarks).unwrap();
+        crate::mesh::align_to_canonical(&head.landmarks).unwrap();
     }
 }
 
 #[test]
 fn an_obj_of_quads_is_read_again() {
-    let made = maker().mesh(&maker().random(2), true).unwrap();
-    let text = made.to_obj();
+    let head = maker().mesh(&maker().random(2), true).unwrap();
+    let text = head.to_obj();
     for object in [
         "o skin",
         "o eye_left",
@@ -328,12 +328,12 @@ fn an_obj_of_quads_is_read_again() {
         assert!(text.lines().any(|line| line == object), "{object}");
     }
     let read = Mesh::parse(text.as_bytes()).unwrap();
-    assert_eq!(read.positions.len(), made.mesh.positions.len());
-    assert_eq!(read.triangles.len(), made.mesh.triangles.len());
+    assert_eq!(read.positions.len(), head.mesh.positions.len());
+    assert_eq!(read.triangles.len(), head.mesh.triangles.len());
     let bare = maker().mesh(&maker().random(2), false).unwrap();
     assert_eq!(
         bare.mesh.positions,
-        made.mesh.positions[..bare.skin_vertices()]
+        head.mesh.positions[..bare.skin_vertices()]
     );
     assert_eq!(bare.objects.len(), 1);
 }
@@ -342,8 +342,8 @@ fn an_obj_of_quads_is_read_again() {
 fn every_trait_changes_the_head_and_keeps_the_lips_together() {
     let maker = maker();
     let mean = maker.mesh(&vec![0.0; maker.count()], true).unwrap();
-    let gap = |made: &MadeHead| {
-        let [upper, lower] = [62, 66].map(|n| made.landmarks.positions[n]);
+    let gap = |head: &MadeHead| {
+        let [upper, lower] = [62, 66].map(|n| head.landmarks.positions[n]);
         1e3 * (upper[1] - lower[1])
     };
     for (number, name) in maker.topology().traits().iter().enumerate() {
@@ -352,14 +352,14 @@ fn every_trait_changes_the_head_and_keeps_the_lips_together() {
             assert_eq!(maker.direction(name).unwrap(), number);
             maker.set_along(&mut numbers, number, value).unwrap();
             assert_eq!(maker.along(&numbers).unwrap()[number], value);
-            let made = maker.mesh(&numbers, true).unwrap();
-            let both = made.mesh.positions.iter().zip(&mean.mesh.positions);
+            let head = maker.mesh(&numbers, true).unwrap();
+            let both = head.mesh.positions.iter().zip(&mean.mesh.positions);
             let most = both.map(|(a, b)| (0..3).map(|n| (a[n] - b[n]).abs()).fold(0.0, f32::max));
             assert!(most.fold(0.0, f32::max) > 2e-3, "{name} {value}");
             assert!(
-                (gap(&made) - gap(&mean)).abs() < 0.3,
+                (gap(&head) - gap(&mean)).abs() < 0.3,
                 "{name} {value}: {} mm",
-                gap(&made)
+                gap(&head)
             );
         }
     }

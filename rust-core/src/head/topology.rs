@@ -261,8 +261,8 @@ fn triangles_of(face: &[u32; 4]) -> impl Iterator<Item = [u32; 3]> + use<> {
 }
 
 fn within(ranges: &[(String, Range<usize>)], end: usize) -> Vec<(String, Range<usize>)> {
-    let kept = ranges.iter().filter(|(_, range)| range.end <= end);
-    kept.cloned().collect()
+    let inner = ranges.iter().filter(|(_, range)| range.end <= end);
+    inner.cloned().collect()
 }
 
 fn rows_of<const N: usize>(values: &[f32]) -> Vec<[f32; N]> {
@@ -287,15 +287,15 @@ fn runs(kinds: &[u32], config: &Config) -> Vec<(String, Range<usize>)> {
     for part in &config.parts {
         ends.push(ends[ends.len() - 1] + part.faces);
     }
-    let mut found: Vec<(String, Range<usize>)> = Vec::new();
+    let mut ranges: Vec<(String, Range<usize>)> = Vec::new();
     let mut last = None;
     for (face, kind) in kinds.iter().enumerate() {
         let object = ends.partition_point(|end| *end <= face);
-        match found.last_mut() {
+        match ranges.last_mut() {
             Some((_, range)) if last == Some((object, *kind)) => range.end = face + 1,
-            _ => found.push((config.materials[*kind as usize].clone(), face..face + 1)),
+            _ => ranges.push((config.materials[*kind as usize].clone(), face..face + 1)),
         }
         last = Some((object, *kind));
     }
-    found
+    ranges
 }

@@ -1,4 +1,4 @@
-//! A file or a folder of files appears whole or not at all.
+//! Files and folders that appear whole or not at all.
 
 use std::{
     fs::{self, File},
@@ -13,18 +13,18 @@ use tempfile::{NamedTempFile, TempDir};
 use super::place::{Place, folder_of, follow};
 use crate::{Error, Result};
 
-/// Bytes that are gathered before the system is asked to write them.
+/// Bytes that are collected before a write.
 const BUFFER_BYTES: usize = 1 << 20;
 /// How names of files in the making begin and end.
 const PREFIX: &str = ".anyface-";
 const SUFFIX: &str = ".part";
-/// A file in the making that was not touched for so long belongs to a process that was killed.
+/// An unfinished file that nobody has written to for this long belongs to a killed process.
 const ABANDONED: Duration = Duration::from_secs(3600);
 
-/// Files and folders in the making of this process.
+/// Unfinished files and folders of this process.
 static UNFINISHED: Mutex<Vec<PathBuf>> = Mutex::new(Vec::new());
 
-/// The job whose files wait for each other; `None` where each gets its name at once.
+/// The job whose files get their names together. `None` where each gets its name at once.
 static JOB: Mutex<Option<Job>> = Mutex::new(None);
 
 /// A job of [`all_or_none`].
@@ -35,7 +35,7 @@ struct Job {
     outputs: Vec<(Place, PathBuf)>,
     /// Folders that were made for results, the outer ones first.
     folders: Vec<PathBuf>,
-    /// Files that are whole and wait for the others.
+    /// Complete files that wait for the others.
     waiting: Vec<Unfinished>,
 }
 
@@ -63,9 +63,10 @@ fn unfinished(change: impl FnOnce(&mut Vec<PathBuf>)) {
     change(&mut UNFINISHED.lock().unwrap_or_else(PoisonError::into_inner));
 }
 
-/// Removes all files and folders in the making, before the process ends in the middle of its work.
+/// Removes all unfinished files and folders before the process ends in the middle of its work.
 ///
-/// Waits a moment for a thread that notes one, and no longer: that thread may be the one that ends the process.
+/// Waits for a moment for a thread that notes one, and no longer: that thread may be the one that
+/// ends the process.
 pub fn remove_unfinished() {
     for _ in 0..100 {
         let paths = match UNFINISHED.try_lock() {
@@ -92,10 +93,12 @@ pub fn remove_unfinished() {
     }
 }
 
-/// Runs a job whose files get their names when it has succeeded, all together, and leave nothing where it has not.
+/// Runs a job whose files all get their names together after it succeeded. Where it fails, no file
+/// stays.
 ///
-/// For a process that does one job at a time, such as the command: files of all its threads wait. The job writes none of
-/// `inputs`, the files that it reads, and no file twice. While it waits for a pipe it ends where `is_cancelled` says so.
+/// For a process that does one job at a time, such as the command: files of all its threads wait.
+/// The job writes none of `inputs`, the files that it reads, and no file twice. Where
+/// `is_cancelled` says so, it stops waiting for a pipe.
 ///
 /// # Errors
 /// Those of `job`; `Io` if a file cannot get its name; `InvalidInput` for a file that the job reads or writes already.
@@ -129,12 +132,13 @@ pub fn all_or_none<T>(
 /// Removes folders in which nothing is left, the inner ones first.
 fn remove_empty(folders: &[PathBuf]) {
     for folder in folders.iter().rev() {
-        // It stays where somebody has put something into it.
+        // A folder stays where somebody else has put something into it.
         let _ = fs::remove_dir(folder);
     }
 }
 
-/// Makes a folder for results, and those around it. A job of [`all_or_none`] that fails removes what it made of them.
+/// Makes a folder for results, and those around it. A failed job of [`all_or_none`] removes those
+/// that it made.
 ///
 /// # Errors
 /// `Io` if one cannot be made.
@@ -160,7 +164,8 @@ pub(super) fn is_cancelled() -> bool {
     asks.is_some_and(|is_cancelled| is_cancelled())
 }
 
-/// Removes what was in the making; it may have got its name, or somebody else may remove it, at the same time.
+/// Removes an unfinished file or folder. At the same time it may get its name, or somebody else may
+/// remove it.
 fn remove(path: &Path) {
     let _ = match path.is_dir() {
         true => fs::remove_dir_all(path),
@@ -187,7 +192,7 @@ pub fn write_atomically(
     unfinished.finish()
 }
 
-/// A file in the making; dropped before [`Unfinished::finish`] it leaves nothing.
+/// An unfinished file. Dropped before [`Unfinished::finish`] it leaves nothing.
 pub(crate) struct Unfinished {
     path: PathBuf,
     temporary: Option<NamedTempFile>,
@@ -223,7 +228,7 @@ impl Unfinished {
         Ok((Unfinished { path, temporary }, file))
     }
 
-    /// Renames it to its place, when everything was written, or with the other files of its job.
+    /// Renames the complete file to its place, at once or with the other files of its job.
     pub(crate) fn finish(self) -> Result<()> {
         let mut job = JOB.lock().unwrap_or_else(PoisonError::into_inner);
         match &mut *job {
@@ -247,8 +252,8 @@ impl Unfinished {
     }
 }
 
-/// A folder in the making, which is new or empty in the end's place; dropped before [`UnfinishedFolder::finish`] it
-/// leaves nothing.
+/// An unfinished folder, for a place where there is none or an empty one. Dropped before
+/// [`UnfinishedFolder::finish`] it leaves nothing.
 pub(crate) struct UnfinishedFolder {
     path: PathBuf,
     temporary: Option<TempDir>,
@@ -269,7 +274,7 @@ impl UnfinishedFolder {
         remove_abandoned(folder);
         let mut builder = tempfile::Builder::new();
         builder.prefix(PREFIX).suffix(SUFFIX);
-        // tempfile makes private folders; a result is an ordinary one, subject to the umask.
+        // tempfile makes private folders. A result is an ordinary one, subject to the umask.
         #[cfg(unix)]
         builder.permissions(std::os::unix::fs::PermissionsExt::from_mode(0o777));
         let temporary = builder.tempdir_in(folder).map_err(Error::io(path))?;
@@ -287,7 +292,7 @@ impl UnfinishedFolder {
             .map_or(&self.path, |temporary| temporary.path())
     }
 
-    /// Renames it to its place, when every file was written; an empty folder that is there makes way.
+    /// Renames the complete folder to its place. An empty folder there makes way.
     pub(crate) fn finish(mut self) -> Result<()> {
         let Some(temporary) = self.temporary.take() else {
             return Ok(());
@@ -299,7 +304,7 @@ impl UnfinishedFolder {
         };
         unfinished(|paths| paths.retain(|path| *path != name));
         named.map_err(Error::io(&self.path))?;
-        // It has another name now.
+        // The folder has its final name now.
         let _ = temporary.keep();
         Ok(())
     }
@@ -308,7 +313,7 @@ impl UnfinishedFolder {
 /// Renaming onto a device or a folder would replace the device or fail late.
 fn refuse_special(path: &Path) -> io::Result<()> {
     match fs::metadata(path) {
-        Ok(found) if !found.is_file() => Err(io::Error::new(
+        Ok(file) if !file.is_file() => Err(io::Error::new(
             io::ErrorKind::InvalidInput,
             "expected the name of a regular file",
         )),
@@ -316,7 +321,7 @@ fn refuse_special(path: &Path) -> io::Result<()> {
     }
 }
 
-/// Removes from a folder what killed processes have left there half written.
+/// Removes the half-written files of killed processes from a folder.
 fn remove_abandoned(folder: &Path) {
     let Ok(files) = fs::read_dir(folder) else {
         return;
@@ -338,7 +343,7 @@ fn remove_abandoned(folder: &Path) {
 fn temporary_in(folder: &Path) -> io::Result<NamedTempFile> {
     let mut builder = tempfile::Builder::new();
     builder.prefix(PREFIX).suffix(SUFFIX);
-    // tempfile makes private files; a result is an ordinary one, subject to the umask.
+    // tempfile makes private files. A result is an ordinary one, subject to the umask.
     #[cfg(unix)]
     builder.permissions(std::os::unix::fs::PermissionsExt::from_mode(0o666));
     builder.tempfile_in(folder)
@@ -404,11 +409,11 @@ mod tests {
     #[test]
     fn a_process_that_ends_in_the_middle_removes_its_files() {
         let folder = tempfile::tempdir().unwrap();
-        let (own, file) = Unfinished::create(&folder.path().join("clip.npz")).unwrap();
-        let name = own.temporary.as_ref().unwrap().path().to_owned();
+        let (guard, file) = Unfinished::create(&folder.path().join("clip.npz")).unwrap();
+        let name = guard.temporary.as_ref().unwrap().path().to_owned();
         assert!(name.exists());
         unfinished(|paths| assert!(paths.contains(&name)));
-        drop(own);
+        drop(guard);
         // Windows takes the name away with the last handle.
         drop(file);
         unfinished(|paths| assert!(!paths.contains(&name)));

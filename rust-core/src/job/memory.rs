@@ -1,4 +1,4 @@
-//! How much memory a job takes at its peak, and how much there is, known before the work starts.
+//! Estimates before the work starts how much memory a job needs at its peak, and how much there is.
 
 use std::{fs, path::Path};
 
@@ -6,20 +6,21 @@ use crate::{Error, Result};
 
 /// What the code and the models take, bytes.
 const BASE: u64 = 70 << 20;
-/// What finding a face and moving it takes beside them on the smallest of meshes.
+/// Memory for finding and moving a face of the smallest mesh, in addition.
 const OF_ANY_MESH: u64 = 25 << 20;
-/// What a vertex takes while its face is found and prepared, at most: the mesh twice, edges, trees, the skin.
+/// Most memory per vertex while a face is found and prepared: the mesh twice, edges, trees, the
+/// skin.
 const PREPARED: u64 = 800;
-/// What stays of a vertex while frames are made.
+/// Memory per vertex that stays while frames are made.
 const KEPT: u64 = 600;
-/// What a shape of a rig takes of each vertex: itself, and what it is made from.
+/// Memory per vertex of a rig's shape and of its sources.
 const SHAPE: u64 = 18;
-/// What a vertex takes in a frame.
+/// Memory per vertex of a frame.
 const FRAME: u64 = 12;
-/// How much of the parts is there at once, percent: on five meshes and five lengths their sum is that much too high, from
-/// 83 to 133 % of what was measured.
+/// Percent of the parts that are in memory at once. On five meshes and five lengths the sum of the
+/// parts was 83 to 133 % of the measured memory.
 const AT_ONCE_PERCENT: u64 = 92;
-/// Share of an estimate that is surely needed.
+/// Share of an estimate that the job surely needs.
 const SURELY: f64 = 0.6;
 
 /// A job, as far as memory is concerned.
@@ -31,18 +32,19 @@ pub struct MemoryNeed {
     pub shapes: usize,
     /// Arrays of all displacements of a frame that lie in memory at once.
     pub frames: usize,
-    /// What hearing the sound and performing to it take, bytes.
+    /// Memory for analysing the sound and performing to it, bytes.
     pub speech: u64,
 }
 
 impl MemoryNeed {
-    /// Most memory of a process that does this job and nothing else, bytes: within a quarter of what was measured from
-    /// 468 to 13,380 vertices and from ten seconds to two hours of speech, within 40 % up to 2.3 million vertices.
+    /// Peak memory of a process that does only this job, bytes. It is within a quarter of the
+    /// measured values from 468 to 13,380 vertices and from ten seconds to two hours of speech, and
+    /// within 40 % up to 2.3 million vertices.
     pub fn bytes(&self) -> u64 {
         let [vertices, shapes, frames] =
             [self.vertices, self.shapes, self.frames].map(|count| count as u64);
         let of_all = |bytes: u64| bytes.saturating_mul(vertices);
-        // Frames come when most of what speech took has gone.
+        // Frames start when most of the memory for speech is free again.
         let moved = of_all(frames.saturating_mul(FRAME));
         let (more, less) = (moved.max(self.speech), moved.min(self.speech));
         let while_made = of_all(KEPT).saturating_add(more).saturating_add(less / 2);
@@ -54,10 +56,11 @@ impl MemoryNeed {
         parts / 100 * AT_ONCE_PERCENT
     }
 
-    /// Says where that is more than there is.
+    /// Warns where that is more than the free memory.
     ///
     /// # Errors
-    /// `OutOfMemory` where not even so much less fits as the estimate may be wrong by.
+    /// `OutOfMemory` where the job does not fit even if the estimate is too high by its largest
+    /// error.
     pub fn check(&self) -> Result<Option<String>> {
         available().map_or(Ok(None), |available| self.compare(available))
     }
@@ -65,7 +68,7 @@ impl MemoryNeed {
     fn compare(&self, available: u64) -> Result<Option<String>> {
         let needed = self.bytes();
         let megabytes = |bytes: u64| bytes >> 20;
-        let told = format!(
+        let message = format!(
             "{} vertices take about {} MB of memory, and {} MB are left",
             self.vertices,
             megabytes(needed),
@@ -75,22 +78,23 @@ impl MemoryNeed {
             needed as f64 * SURELY > available as f64,
             needed > available,
         ) {
-            (true, _) => Err(Error::OutOfMemory(told)),
-            (_, true) => Ok(Some(told)),
+            (true, _) => Err(Error::OutOfMemory(message)),
+            (_, true) => Ok(Some(message)),
             _ => Ok(None),
         }
     }
 }
 
-/// Memory that this process may still take, bytes: what the system has left, what its control groups leave it, and the
-/// rest of its address space. `None` where the system does not say (all but Linux).
+/// Memory that this process may still take, bytes. It is the least of what the system has left,
+/// what the control groups allow and the rest of the address space. `None` where the system does
+/// not say (all but Linux).
 pub fn available() -> Option<u64> {
     let read = |path: &str| fs::read_to_string(path).unwrap_or_default();
     let left = kilobytes(&read("/proc/meminfo"), "MemAvailable:");
-    let taken = kilobytes(&read("/proc/self/status"), "VmSize:");
+    let mapped = kilobytes(&read("/proc/self/status"), "VmSize:");
     let addresses = most_addresses(&read("/proc/self/limits"))
-        .zip(taken)
-        .map(|(most, taken)| most.saturating_sub(taken));
+        .zip(mapped)
+        .map(|(most, mapped)| most.saturating_sub(mapped));
     let groups = left_of_groups(&read("/proc/self/cgroup"), Path::new("/sys/fs/cgroup"));
     [left, addresses, groups].into_iter().flatten().min()
 }
@@ -109,7 +113,8 @@ fn most_addresses(limits: &str) -> Option<u64> {
     row.split_whitespace().next()?.parse().ok()
 }
 
-/// What the control groups of a process and those above them leave it, bytes; of both versions of the interface.
+/// What the control groups of a process and their parents allow it in addition, bytes; for both
+/// versions of the interface.
 fn left_of_groups(groups: &str, root: &Path) -> Option<u64> {
     let left = |line: &str| {
         let (_, rest) = line.split_once(':')?;
@@ -123,8 +128,8 @@ fn left_of_groups(groups: &str, root: &Path) -> Option<u64> {
             ),
             _ => return None,
         };
-        let own = root.join(path.trim_start_matches('/'));
-        let above = own
+        let group = root.join(path.trim_start_matches('/'));
+        let above = group
             .ancestors()
             .take_while(|folder| folder.starts_with(&root));
         above
@@ -134,7 +139,7 @@ fn left_of_groups(groups: &str, root: &Path) -> Option<u64> {
     groups.lines().filter_map(left).min()
 }
 
-/// The limit less what is used; pages of files that can go count as free.
+/// The limit less the memory in use. Pages of files that can be dropped count as free.
 fn left_of_group(folder: &Path, limit: &str, used: &str) -> Option<u64> {
     let read = |file: &str| fs::read_to_string(folder.join(file)).ok();
     let number = |file: &str| read(file)?.trim().parse::<u64>().ok();
@@ -147,8 +152,8 @@ fn left_of_group(folder: &Path, limit: &str, used: &str) -> Option<u64> {
                 .find_map(|line| line.strip_prefix(name))?;
             row.trim().parse::<u64>().ok()
         });
-    let kept = number(used)?.saturating_sub(files.sum());
-    Some(number(limit)?.saturating_sub(kept))
+    let in_use = number(used)?.saturating_sub(files.sum());
+    Some(number(limit)?.saturating_sub(in_use))
 }
 
 #[cfg(test)]

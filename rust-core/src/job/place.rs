@@ -8,10 +8,11 @@ use std::{
 /// More links in a row are a circle.
 const MOST_LINKS: usize = 40;
 
-/// The file that a path means.
+/// Identifies the file that a path names.
 ///
-/// Paths of one file have equal places, by whatever spelling or link they reach it. Files that do not exist yet have
-/// equal places also where their names differ only in case, as some file systems make no difference there.
+/// Paths of one file have equal places, whatever their spelling or links. Files that do not exist
+/// yet also have equal places where their names differ only in case, because some file systems
+/// ignore case.
 #[derive(Debug, Clone, PartialEq, Eq)]
 pub enum Place {
     /// A file by its numbers.
@@ -58,8 +59,8 @@ impl Place {
 #[cfg(unix)]
 fn existing(path: &Path) -> Option<Place> {
     use std::os::unix::fs::MetadataExt;
-    let found = fs::metadata(path).ok()?;
-    let (device, inode) = (found.dev(), found.ino());
+    let metadata = fs::metadata(path).ok()?;
+    let (device, inode) = (metadata.dev(), metadata.ino());
     Some(Place::File { device, inode })
 }
 
@@ -68,7 +69,7 @@ fn existing(path: &Path) -> Option<Place> {
     path.canonicalize().ok().map(Place::File)
 }
 
-/// Where a link leads, also if nothing is there yet; another path as it is.
+/// The target of a link, even if nothing is there yet. Any other path stays as it is.
 pub(super) fn follow(path: &Path) -> PathBuf {
     let mut path = path.to_owned();
     for _ in 0..MOST_LINKS {

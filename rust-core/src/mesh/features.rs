@@ -1,47 +1,50 @@
-//! Which features of a face were found: those that it lacks rest.
+//! Which features of a face the finder saw. Missing features rest.
 //!
-//! A shape prior puts all 68 landmarks somewhere, on a face with one eye too. How sure the networks are of
-//! a feature, measured against the mouth, which every face has, says whether it is there. 24 eyes on eight
-//! heads, filled level with the skin, came to 0.10 to 0.63 of their mouth's confidence (13 below 0.45, 18
-//! below 0.55), eyes and brows that are there to 0.61 and more (Suzanne's 0.70), one brow under hair to 0.48. A jaw is never left out: found
-//! chins lie as low (0.08 on a round head with a collar) as cut-off ones (0.75). Brows and noses that were
-//! smoothed away from human heads are not noticed: the networks tell their places by the eyes (0.94).
+//! A shape prior puts all 68 landmarks somewhere, even on a face with one eye. Every face has a
+//! mouth. So a feature counts as missing where the networks' confidence in it is low compared with
+//! the mouth's. 24 eyes on eight heads, filled level with the skin, reached 0.10 to 0.63 of their
+//! mouth's confidence (13 below 0.45, 18 below 0.55). Real eyes and brows reached 0.61 and more
+//! (Suzanne's 0.70), one brow under hair 0.48. A jaw never counts as missing: real chins reach as
+//! little (0.08 on a round head with a collar) as cut-off ones (0.75). Brows and noses that were
+//! smoothed away from human heads go unnoticed: the networks place them by the eyes (0.94).
 
 use super::{
     Landmarks,
     ibug::{FEATURES, LANDMARKS, MOUTH},
 };
 
-/// Share of the mouth's confidence up to which a feature is taken for missing.
+/// Share of the mouth's confidence up to which a feature counts as missing.
 const MISSING: f32 = 0.45;
-/// The same from which it is taken for found.
+/// Share of the mouth's confidence from which a feature counts as found.
 const FOUND: f32 = 0.55;
-/// Confidence of what a caller put where it is; the networks' own stays below.
+/// Confidence of a landmark that the caller placed. The networks' own stays below.
 const CERTAIN: f32 = 1.0;
 
-/// By which share each of [`FEATURES`] takes part, 0 to 1.
+/// By which share each of [`FEATURES`] moves, 0 to 1.
 #[derive(Debug, Clone, Copy, PartialEq, serde::Serialize, serde::Deserialize)]
 pub(crate) struct Features {
     shares: [f32; FEATURES.len()],
 }
 
 impl Features {
-    /// Of landmarks with their confidence. One landmark of the caller's own says that its feature is there.
+    /// From landmarks and their confidence. A single landmark from the caller means that its
+    /// feature is there.
     pub(crate) fn of(landmarks: &Landmarks) -> Features {
         let sure = &landmarks.confidence;
-        let reference = mean_found(&sure[MOUTH]).or_else(|| mean_found(sure));
-        let shares = FEATURES.map(|(_, own)| {
-            let (Some(reference), false) = (reference, sure[own.clone()].contains(&CERTAIN)) else {
+        let reference = mean_estimated(&sure[MOUTH]).or_else(|| mean_estimated(sure));
+        let shares = FEATURES.map(|(_, range)| {
+            let (Some(reference), false) = (reference, sure[range.clone()].contains(&CERTAIN))
+            else {
                 return 1.0;
             };
-            let found = mean_found(&sure[own]).unwrap_or(CERTAIN);
-            let t = ((found / reference - MISSING) / (FOUND - MISSING)).clamp(0.0, 1.0);
+            let mean = mean_estimated(&sure[range]).unwrap_or(CERTAIN);
+            let t = ((mean / reference - MISSING) / (FOUND - MISSING)).clamp(0.0, 1.0);
             t * t * (3.0 - 2.0 * t)
         });
         Features { shares }
     }
 
-    /// The same of a face with one eye in its middle: the eye is there, and it has one brow.
+    /// The same for a face with one eye in its middle: the eye is there, and it has one brow.
     pub(crate) fn of_one_eye(self) -> Features {
         let [right_brow, left_brow, _, _, nose] = self.shares;
         let brow = right_brow.max(left_brow);
@@ -50,7 +53,7 @@ impl Features {
         }
     }
 
-    /// Whether every feature takes part as a whole.
+    /// Whether every feature moves fully.
     pub(crate) fn are_all(&self) -> bool {
         self.shares.iter().all(|share| *share == 1.0)
     }
@@ -58,13 +61,14 @@ impl Features {
     /// By which share each landmark moves.
     pub(crate) fn of_landmarks(&self) -> [f32; LANDMARKS] {
         let mut all = [1.0; LANDMARKS];
-        for ((_, own), share) in FEATURES.into_iter().zip(self.shares) {
-            all[own].fill(share);
+        for ((_, range), share) in FEATURES.into_iter().zip(self.shares) {
+            all[range].fill(share);
         }
         all
     }
 
-    /// By which share a shape of ARKit moves: those of one eye or brow as far as it is there.
+    /// By which share a shape of ARKit moves: a shape of one eye or brow moves as far as that
+    /// feature is there.
     pub(crate) fn of_shape(&self, name: &str) -> f32 {
         let [right_brow, left_brow, right_eye, left_eye, nose] = self.shares;
         let (right, left) = match name {
@@ -80,7 +84,7 @@ impl Features {
         }
     }
 
-    /// In words what rests, where anything does.
+    /// Says which features rest, if any do.
     pub(crate) fn sentence(&self) -> Option<String> {
         let named = |keep: fn(f32) -> bool| {
             let named = FEATURES.iter().zip(self.shares);
@@ -102,9 +106,9 @@ impl Features {
 }
 
 /// Mean of the confidences below [`CERTAIN`], where there are any above zero.
-fn mean_found(confidence: &[f32]) -> Option<f32> {
-    let found = confidence.iter().filter(|sure| **sure < CERTAIN);
-    let (sum, count) = found.fold((0.0, 0u8), |(sum, count), sure| (sum + sure, count + 1));
+fn mean_estimated(confidence: &[f32]) -> Option<f32> {
+    let estimated = confidence.iter().filter(|sure| **sure < CERTAIN);
+    let (sum, count) = estimated.fold((0.0, 0u8), |(sum, count), sure| (sum + sure, count + 1));
     (sum > 0.0).then(|| sum / f32::from(count))
 }
 
@@ -140,7 +144,7 @@ mod tests {
 
     #[test]
     fn a_face_that_is_unsure_everywhere_lacks_nothing() {
-        // Suzanne's, who has all of it.
+        // Suzanne's: she has all features.
         let suzanne = features(|n| match n {
             17..22 => 0.51,
             22..27 => 0.43,
@@ -158,7 +162,7 @@ mod tests {
         assert_eq!(features(low).of_landmarks()[42], 0.0);
         let fixed = features(|n| if n == 45 { 1.0 } else { low(n) });
         assert!(fixed.are_all());
-        // A mouth that the user fixed makes nothing else less sure.
+        // A mouth that the user fixed makes nothing else less certain.
         assert!(features(|n| if n < 48 { 0.5 } else { 1.0 }).are_all());
     }
 

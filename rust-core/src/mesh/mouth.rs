@@ -9,21 +9,21 @@ use super::{Landmarks, Mesh, dijkstra::QueueEntry, parts::weld_seams};
 /// Inner-lip landmarks that face each other, upper and lower.
 const PAIRS: [(usize, usize); 3] = [(61, 67), (62, 66), (63, 65)];
 
-/// A way along the surface between two lips that is longer than this many times the straight one, and
-/// this part of the mouth's width more (15 mm on a human head: a groove, not a mouth's inside), does
-/// not go across welded lips.
+/// Lips are welded where the shortest path along the surface between them is at most this many
+/// times their straight distance, plus this share of the mouth's width (15 mm on a human head: a
+/// groove, not a mouth's inside).
 const DETOUR: f32 = 1.5;
 const GROOVE_IN_WIDTHS: f32 = 0.3;
 
-/// Lips further apart than this are open, as a part of the mouth's width (5 mm).
+/// Lips further apart than this share of the mouth's width are open (5 mm).
 const OPEN_IN_WIDTHS: f32 = 0.1;
 
-/// Vertices this close to an inner-lip landmark are never sewn, as a part of the mouth's width: a
+/// Vertices this close to an inner-lip landmark, as a share of the mouth's width, are never sewn: a
 /// closed slit looks like a texture seam.
 const APART_IN_WIDTHS: f32 = 0.2;
 
-/// Where more than this share of these vertices lies on seams, the mesh is cut along every edge (flat
-/// shading) and the seams say nothing.
+/// Where more than this share of these vertices lies on seams, the mesh is cut along every edge
+/// (flat shading), and the seams have no meaning.
 const FLAT_SHARE: f32 = 0.6;
 
 /// How the lips of a mesh meet.
@@ -38,7 +38,8 @@ pub enum Mouth {
 }
 
 impl Mouth {
-    /// By the distance along the edges between the inner lips, of which most pairs decide.
+    /// Decides by the distance along the edges between the inner lips. The majority of the pairs
+    /// counts.
     pub fn of(mesh: &Mesh, landmarks: &Landmarks) -> Mouth {
         let at = |i: usize| landmarks.positions[i];
         let width = Vec3::from(at(48)).distance(at(54).into());
@@ -69,7 +70,7 @@ impl Mouth {
         }
     }
 
-    /// What that means for motion, one sentence.
+    /// One sentence about its effect on motion.
     pub fn sentence(self) -> &'static str {
         match self {
             Mouth::Open => "the mouth is open: its lips part and close",
@@ -121,7 +122,7 @@ impl Roads {
         Roads { sewn, edges }
     }
 
-    /// Whether a way of at most `reach` joins two vertices.
+    /// Whether a path of at most `reach` joins two vertices.
     fn joined(&self, mesh: &Mesh, from: u32, to: u32, reach: f32) -> bool {
         let [from, to] = [from, to].map(|v| self.sewn[v as usize]);
         let mut nearest = std::collections::HashMap::from([(from, 0.0f32)]);
@@ -190,8 +191,8 @@ mod tests {
         }
         let number = |half: u32, row: u32, column: u32| {
             let x = (column as f32 - 40.0) * step;
-            let own = row > 0 || (cut && x.abs() < mean[54][0]);
-            (if own { half } else { 0 }) * rows * columns + row * columns + column
+            let is_separate = row > 0 || (cut && x.abs() < mean[54][0]);
+            (if is_separate { half } else { 0 }) * rows * columns + row * columns + column
         };
         for half in 0..2 {
             for (row, column) in (0..rows - 1).flat_map(|r| (0..columns - 1).map(move |c| (r, c))) {
@@ -208,8 +209,8 @@ mod tests {
                 0..rows * columns
             };
             let p = [mean[i][0], middle, mean[62][2]];
-            let own = range;
-            own.min_by(|a, b| {
+            let candidates = range;
+            candidates.min_by(|a, b| {
                 let far = |v: &u32| Vec3::from(mesh.positions[*v as usize]).distance(p.into());
                 far(a).total_cmp(&far(b))
             })

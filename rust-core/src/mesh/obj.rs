@@ -1,14 +1,14 @@
-//! OBJ: `v` and `f` lines, everything else passed over.
+//! OBJ: reads `v` and `f` lines and skips everything else.
 //!
-//! Not read through tobj 4: with all of its options off it still numbers the vertices of each object
-//! in the order in which faces use them and drops those that no face uses, so that shape keys and
-//! caches would move the wrong vertices of a user's mesh. tobj serves as the twin in the tests.
+//! This does not use tobj 4. Even with all options off, tobj numbers the vertices of each object in
+//! the order in which faces use them and drops unused ones, so that shape keys and caches would
+//! move the wrong vertices of a user's mesh. tobj is the twin in the tests.
 
 use super::{Mesh, polygons::triangulate};
 use crate::{Error, Result};
 
-/// The text of an OBJ file with continued lines joined; names in it may be in any encoding, a byte-order
-/// mark is dropped, and lines may end as on old Macs.
+/// The text of an OBJ file with continued lines joined. Names may be in any encoding. A byte-order
+/// mark is removed, and lines may end as on old Macs.
 pub(crate) fn obj_text(bytes: &[u8]) -> String {
     let bytes = bytes.strip_prefix(BYTE_ORDER_MARK).unwrap_or(bytes);
     let text = String::from_utf8_lossy(bytes);
@@ -54,8 +54,8 @@ pub(super) fn parse_obj(bytes: &[u8]) -> Result<Mesh> {
     Ok(mesh)
 }
 
-/// Where each corner of each triangle of the mesh that the file holds lies in a texture, `[F, 3]`; 0 where a polygon does not
-/// say so. Nothing where none does.
+/// Texture coordinates of each corner of each triangle, `[F, 3]`; 0 where a polygon has none.
+/// `None` where no polygon has any.
 pub(super) fn corner_coordinates(text: &str, mesh: &Mesh) -> Option<Vec<[[f32; 2]; 3]>> {
     let mut known: Vec<[f32; 2]> = Vec::new();
     let (mut polygons, mut vertices) = (Vec::new(), 0);
@@ -108,22 +108,22 @@ pub(super) fn corner_coordinates(text: &str, mesh: &Mesh) -> Option<Vec<[[f32; 2
 
 fn position<'a>(words: impl Iterator<Item = &'a str>, line: usize) -> Result<[f32; 3]> {
     let mut out = [0.0; 3];
-    let mut found = 0;
+    let mut count = 0;
     for (slot, word) in out.iter_mut().zip(words) {
         *slot = word
             .parse()
             .map_err(|_| Error::Mesh(format!("line {line}: expected a number, got \"{word}\"")))?;
-        found += 1;
+        count += 1;
     }
-    if found < 3 {
+    if count < 3 {
         return Err(Error::Mesh(format!(
-            "line {line}: expected 3 coordinates, got {found}"
+            "line {line}: expected 3 coordinates, got {count}"
         )));
     }
     Ok(out)
 }
 
-/// Vertex numbers from 0; negative ones in the file count back from the latest vertex.
+/// Vertex numbers from 0. Negative numbers in the file count back from the latest vertex.
 fn corners<'a>(
     words: impl Iterator<Item = &'a str>,
     so_far: usize,

@@ -1,4 +1,4 @@
-//! What the parts of a mesh are: skin, teeth, eyes, lashes, hair, and what a caller says they are.
+//! The roles of the parts of a mesh: skin, teeth, eyes, lashes, hair, and a caller's choices.
 
 use std::{
     collections::{BTreeMap, HashMap},
@@ -19,7 +19,7 @@ use crate::{
 #[derive(Debug, Clone, Copy, PartialEq, Eq, Hash, Serialize, Deserialize)]
 #[serde(rename_all = "snake_case")]
 pub enum PartRole {
-    /// It is the face: landmark motion is solved on it.
+    /// The face itself: landmark motion is solved on it.
     Skin,
     /// Follows the lower jaw as a rigid body: lower teeth, lower gums, tongue.
     Jaw,
@@ -31,7 +31,7 @@ pub enum PartRole {
     Nearest,
     /// An eyeball: rests and never deforms, ready to be turned by its owner.
     Gaze,
-    /// Nothing of the face: rests.
+    /// No part of the face: rests.
     Still,
 }
 
@@ -71,15 +71,15 @@ impl FromStr for PartRole {
     type Err = Error;
 
     fn from_str(text: &str) -> Result<Self> {
-        let wanted = PartRole::ALL.into_iter().find(|role| role.name() == text);
-        wanted.ok_or_else(|| {
+        let named = PartRole::ALL.into_iter().find(|role| role.name() == text);
+        named.ok_or_else(|| {
             let known = PartRole::ALL.map(PartRole::name).join(", ");
             Error::InvalidInput(format!("part: expected one of {known}, got {text:?}"))
         })
     }
 }
 
-/// Who decided a part's role.
+/// Who chose a part's role.
 #[derive(Debug, Clone, Copy, PartialEq, Eq, Serialize, Deserialize)]
 #[serde(rename_all = "snake_case")]
 pub enum RoleSource {
@@ -92,13 +92,13 @@ pub enum RoleSource {
 /// One connected part of a mesh.
 #[derive(Debug, Clone, PartialEq, Serialize, Deserialize)]
 pub struct Part {
-    /// Parts are counted from 0 in the order of their first vertex, seams sewn up.
+    /// Counted from 0 in the order of the parts' first vertices, with seams sewn up.
     pub number: u32,
     /// The object of the file that most of its vertices belong to, where the file names objects.
     pub name: Option<String>,
     /// How it behaves.
     pub role: PartRole,
-    /// Who said so.
+    /// Who chose the role.
     pub source: RoleSource,
     /// Number of its vertices.
     pub vertices: usize,
@@ -108,7 +108,7 @@ pub struct Part {
     pub high: [f32; 3],
 }
 
-/// Which parts a caller means.
+/// The parts that a caller selects.
 #[derive(Debug, Clone, PartialEq, Eq)]
 pub enum PartSelector {
     /// The part of this number.
@@ -117,10 +117,10 @@ pub enum PartSelector {
     Name(String),
 }
 
-/// Roles that a caller gives to parts; of several for one part the last one counts.
+/// A caller's roles for parts. Where several apply to one part, the last one counts.
 #[derive(Debug, Clone, PartialEq, Default)]
 pub struct PartChoices {
-    /// Which parts, and what they are.
+    /// Selected parts and their roles.
     pub roles: Vec<(PartSelector, PartRole)>,
     /// The objects of the file that the mesh was read from.
     pub names: ObjectNames,
@@ -184,7 +184,7 @@ impl ObjectNames {
         out
     }
 
-    /// Gives the corners of a face, `1/1/1 2/2/2 …`, to an object.
+    /// Assigns the corners of a face, `1/1/1 2/2/2 …`, to an object.
     fn claim(&mut self, corners: &str, object: u32, count: usize) {
         for corner in corners.split_whitespace() {
             let number = corner.split('/').next().and_then(|n| n.parse::<i64>().ok());
@@ -193,7 +193,7 @@ impl ObjectNames {
                 Some(n) if n < 0 && n >= -(count as i64) => (count as i64 + n) as usize,
                 _ => continue,
             };
-            // A number beyond the vertices names none; reading the mesh refuses it.
+            // A number beyond the vertices is skipped: reading the mesh refuses it.
             if let Some(of_vertex) = self.of_vertex.get_mut(vertex)
                 && *of_vertex == NO_PART
             {
@@ -222,7 +222,7 @@ impl ObjectNames {
 }
 
 impl PartChoices {
-    /// `[parts]`: what the caller says of each part.
+    /// `[parts]`: the caller's role of each part.
     ///
     /// # Errors
     /// `InvalidInput` for a number or a name that no part has.

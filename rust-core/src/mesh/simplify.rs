@@ -1,43 +1,43 @@
-//! Fewer triangles for the same surface, by collapsing edges.
+//! Simplifies a surface by collapsing edges.
 //!
 //! Quadric errors after Garland and Heckbert 1997, half-edge collapses in passes of independent
-//! sets. Differs from the usual in two ways, both made for solving on the result:
+//! sets. It differs from the usual method in two ways, both for solving on the result:
 //!
-//! - Edges are judged by their length over a wanted length as well as by their error, so that
-//!   triangles come out even. A flat cheek of three huge triangles is exact and useless.
-//! - Every vertex that goes names the neighbour it went to. What one surface knows can so be found
-//!   on the other by walking along it; lips that touch in space stay apart.
+//! - An edge's cost includes its length relative to a requested length, so that triangles become
+//!   even. A flat cheek of three huge triangles is exact and useless.
+//! - Every removed vertex names the neighbour into which it collapsed. So values of one surface are
+//!   found on the other by walking along it, and lips that touch in space stay apart.
 //!
-//! Chosen over meshoptimizer, whose simplifier offers neither and would put a C++ runtime into
-//! every host. Vertices that stay keep their place. No edge ever comes to have more than two faces
-//! that had not; rims shrink along themselves only.
+//! meshoptimizer's simplifier offers neither and would put a C++ runtime into every host. Remaining
+//! vertices keep their place. No edge gets more than two faces that did not have them before. Rims
+//! shrink only along themselves.
 //!
 //! The result depends on the input alone, not on the number of threads.
 
 use glam::DVec3;
 use rayon::prelude::*;
 
-/// Passes beyond which nothing more is tried.
+/// Most passes.
 const MOST_PASSES: usize = 200;
 /// A face may turn by at most this cosine when a corner moves.
 const LEAST_COSINE: f64 = 0.2;
 /// How much a rim resists leaving its line.
 const RIM_WEIGHT: f64 = 10.0;
-/// While so many times the wanted vertices are left, a pass takes more of the wishes: what is chosen then goes
-/// with a later one anyway.
+/// A pass collapses more edges while the surface still has this many times the requested vertices:
+/// a later pass would collapse them anyway.
 const FAR: usize = 4;
-/// Share of the wishes that a pass takes, near the end and far from it. What is bad now may have a better way
-/// later.
+/// Share of the wishes in one pass, near the end and far from it. A bad collapse of this pass may
+/// be a better one in a later pass.
 const NEAR_SHARE: f64 = 0.5;
 const FAR_SHARE: f64 = 0.9;
 
-/// What is wanted.
+/// Limits of a simplification.
 #[derive(Debug, Clone, Copy)]
 pub struct SimplifyOptions {
-    /// Vertices to come down to.
+    /// Requested number of vertices.
     pub vertices: usize,
-    /// Farthest that the surface may move, mesh units (root mean square over what a vertex stands
-    /// for).
+    /// Largest distance by which the surface may move, mesh units (root mean square over the
+    /// vertices that one stands for).
     pub error: f64,
 }
 
@@ -46,24 +46,24 @@ pub struct SimplifyOptions {
 pub struct Simplified {
     /// `[F']`, over the numbers of the input.
     pub triangles: Vec<[u32; 3]>,
-    /// `[V]`: for a vertex that went, the vertex of the result it ended in; its own number for all
-    /// others.
+    /// `[V]`: for a removed vertex, the vertex of the result into which it collapsed. For all
+    /// others, its own number.
     pub stands_for: Vec<u32>,
 }
 
-/// Collapses edges until `options.vertices` are left or nothing more may go.
+/// Collapses edges until `options.vertices` are left or no edge may collapse any more.
 ///
 /// # Shapes and units
-/// `positions`: `[V]`, mesh units. `triangles`: `[F]`. `wanted`: `[V]`, edge length near each
+/// `positions`: `[V]`, mesh units. `triangles`: `[F]`. `edge_lengths`: `[V]`, edge length near each
 /// vertex, mesh units. `locked`: `[V]`, vertices that stay.
 pub fn simplify(
     positions: &[DVec3],
     triangles: &[[u32; 3]],
-    wanted: &[f32],
+    edge_lengths: &[f32],
     locked: &[bool],
     options: &SimplifyOptions,
 ) -> Simplified {
-    let mut work = Work::new(positions, triangles, wanted, locked);
+    let mut work = Work::new(positions, triangles, edge_lengths, locked);
     for _ in 0..MOST_PASSES {
         let excess = work.used.saturating_sub(options.vertices);
         let is_far = work.used > FAR * options.vertices;
@@ -115,7 +115,7 @@ impl Quadric {
     }
 }
 
-/// One collapse that a vertex would like best.
+/// The collapse that suits a vertex best.
 #[derive(Clone, Copy)]
 struct Wish {
     cost: f32,
@@ -123,10 +123,10 @@ struct Wish {
     to: u32,
 }
 
-/// What one vertex after another is asked for in.
+/// Buffers that one vertex after another uses.
 #[derive(Default)]
 struct Scratch {
-    /// Neighbours and in how many faces they lie beside it.
+    /// Neighbours, and how many faces contain both.
     neighbours: Vec<(u32, u32)>,
     wishes: Vec<Wish>,
     shared: Vec<u32>,
@@ -134,8 +134,8 @@ struct Scratch {
 
 struct Work<'a> {
     positions: &'a [DVec3],
-    wanted: &'a [f32],
-    /// Told by the caller, or where surfaces meet in a way that must not change.
+    edge_lengths: &'a [f32],
+    /// Vertices that the caller locked, or where surfaces meet in a way that must not change.
     locked: Vec<bool>,
     triangles: Vec<[u32; 3]>,
     quadrics: Vec<Quadric>,
@@ -147,7 +147,7 @@ impl<'a> Work<'a> {
     fn new(
         positions: &'a [DVec3],
         triangles: &[[u32; 3]],
-        wanted: &'a [f32],
+        edge_lengths: &'a [f32],
         locked: &[bool],
     ) -> Self {
         let proper = |t: &&[u32; 3]| t[0] != t[1] && t[1] != t[2] && t[2] != t[0];
@@ -159,7 +159,7 @@ impl<'a> Work<'a> {
             .for_each(|&v| used[v as usize] = true);
         let mut work = Work {
             positions,
-            wanted,
+            edge_lengths,
             locked: locked.to_vec(),
             quadrics: vec![Quadric::default(); positions.len()],
             stands_for: (0..positions.len() as u32).collect(),
@@ -174,7 +174,7 @@ impl<'a> Work<'a> {
         t.map(|v| self.positions[v as usize])
     }
 
-    /// Quadrics of faces, and of walls that stand on the rims.
+    /// Adds quadrics of faces, and of walls along the rims.
     fn add_planes(&mut self) {
         for t in self.triangles.clone() {
             let [a, b, c] = self.corners(t);
@@ -207,7 +207,7 @@ impl<'a> Work<'a> {
         if squared <= 0.0 {
             return;
         }
-        // Distance to the line: the identity less the direction, as two planes would give.
+        // Distance to the line: the identity minus the direction, like two planes.
         let [x, y, z] = along.to_array();
         let weight = RIM_WEIGHT * squared;
         let a6 = [
@@ -236,8 +236,8 @@ impl<'a> Work<'a> {
         self.quadrics[b as usize].add(&wall);
     }
 
-    /// Collapses up to `excess` edges that do not touch each other, of the cheapest `share` of the wishes.
-    /// Returns how many.
+    /// Collapses up to `excess` edges that do not touch each other, from the cheapest `share` of
+    /// the wishes. Returns how many.
     fn pass(&mut self, excess: usize, error: f64, share: f64) -> usize {
         let rings = Rings::of(self.positions.len(), &self.triangles);
         let mut wishes: Vec<Wish> = (0..self.positions.len() as u32)
@@ -299,7 +299,7 @@ impl<'a> Work<'a> {
                 }
             }
         }
-        // The first is nearly always allowed, so that sorting all would be in vain.
+        // The first is nearly always allowed, so that sorting all would waste time.
         while let Some(best) = cheapest(wishes) {
             let wish = wishes.swap_remove(best);
             if keeps_the_form(rings, &self.triangles, wish, neighbours, shared)
@@ -311,19 +311,20 @@ impl<'a> Work<'a> {
         None
     }
 
-    /// What a collapse costs, and its squared error.
+    /// The cost of a collapse, and its squared error.
     fn cost(&self, from: u32, to: u32) -> (f32, f64) {
         let (p, q) = (self.positions[from as usize], self.positions[to as usize]);
-        let wanted = f64::from(0.5 * (self.wanted[from as usize] + self.wanted[to as usize]));
+        let edge_length =
+            f64::from(0.5 * (self.edge_lengths[from as usize] + self.edge_lengths[to as usize]));
         let mut quadric = self.quadrics[from as usize];
         quadric.add(&self.quadrics[to as usize]);
         let moved = quadric.error(q);
-        // An error of a tenth of the wanted length weighs as much as an edge of that length.
-        let cost = (p.distance_squared(q) + 100.0 * moved) / (wanted * wanted);
+        // An error of a tenth of the requested length weighs as much as an edge of that length.
+        let cost = (p.distance_squared(q) + 100.0 * moved) / (edge_length * edge_length);
         (cost as f32, moved)
     }
 
-    /// No face of `from` may turn over, or become a needle's back, when it moves to `to`.
+    /// Whether all faces of `from` keep their side and stay wide enough when it moves to `to`.
     fn keeps_facing(&self, rings: &Rings, from: u32, to: u32) -> bool {
         rings.faces(from).iter().all(|&f| {
             let t = self.triangles[f as usize];
@@ -355,11 +356,11 @@ impl<'a> Work<'a> {
     }
 }
 
-/// Place of the wish of least cost; of equal ones that to the lower vertex.
+/// Index of the cheapest wish. Among equal ones the one to the lower vertex.
 fn cheapest(wishes: &[Wish]) -> Option<usize> {
     let order = |a: &Wish, b: &Wish| a.cost.total_cmp(&b.cost).then(a.to.cmp(&b.to));
-    let found = wishes.iter().enumerate().min_by(|a, b| order(a.1, b.1));
-    found.map(|(at, _)| at)
+    let best = wishes.iter().enumerate().min_by(|a, b| order(a.1, b.1));
+    best.map(|(at, _)| at)
 }
 
 /// The link condition: the ends of the edge share the third corners of its faces and no other
@@ -425,7 +426,7 @@ impl Rings {
         &self.faces[self.start[v as usize] as usize..self.start[v as usize + 1] as usize]
     }
 
-    /// Neighbours of one vertex and in how many faces they lie beside it.
+    /// Neighbours of one vertex, and how many faces contain both.
     pub(crate) fn neighbours(&self, v: u32, triangles: &[[u32; 3]]) -> Vec<(u32, u32)> {
         let mut out = Vec::with_capacity(8);
         self.find_neighbours(v, triangles, &mut out);

@@ -1,4 +1,4 @@
-//! Landmarks put on the surface: on the skin rather than an eyeball or a tooth, and inner-lip
+//! Puts landmarks on the surface: on the skin rather than an eyeball or a tooth, and inner-lip
 //! landmarks on their own lip.
 
 use glam::Vec3;
@@ -12,19 +12,19 @@ use super::{
     tree::SurfacePoint,
 };
 
-/// How much further than the nearest surface the skin, or its own lip, may be from a landmark, as
-/// a part of the distance between the outer eye corners (7 mm on a human head), before the mesh is
-/// taken to have none there.
+/// How much further than the nearest surface the skin, or the own lip, may be from a landmark, as a
+/// share of the distance between the outer eye corners (7 mm on a human head). If it is further,
+/// the mesh has none there.
 const DETOUR_IN_EYE_DISTANCES: f32 = 0.08;
 
-/// Nearest skin of every point; inner-lip points stay on their own lip where the mesh has a mouth
-/// that opens. Confidence 1 throughout. The mesh must have triangles.
+/// The nearest skin to every point. Inner-lip points stay on their own lip where the mesh has a
+/// mouth that opens. Confidence 1 throughout. The mesh must have triangles.
 pub(crate) fn snap_to_surface(mesh: &Mesh, positions: &[[f32; 3]; LANDMARKS]) -> Landmarks {
     let detour = DETOUR_IN_EYE_DISTANCES * eye_distance(positions);
     let surface = SurfaceTree::new(mesh);
     let mut snapped: Vec<SurfacePoint> = nearest_where(&surface, positions, |_, _| true)
         .into_iter()
-        .map(|found| found.expect("the mesh has triangles"))
+        .map(|point| point.expect("the mesh has triangles"))
         .collect();
     if let Some(skin) = skin_of(mesh, &snapped) {
         let on_skin = nearest_where(&surface, positions, |_, t| {
@@ -40,7 +40,8 @@ pub(crate) fn snap_to_surface(mesh: &Mesh, positions: &[[f32; 3]; LANDMARKS]) ->
     };
     let reach = eye_distance(positions);
     let lips = lip_of_vertices(mesh, &vertices(49..54), &vertices(55..60), reach);
-    // Only triangles with all corners on that lip: one that spans both belongs to neither.
+    // Only triangles with all corners on that lip: a triangle that spans both lips belongs to
+    // neither.
     let on_own_lip = nearest_where(&surface, positions, |i, t| {
         lip_of_landmark(i).is_some_and(|lip| {
             let mut corners = mesh.triangles[t].iter();
@@ -55,8 +56,8 @@ pub(crate) fn snap_to_surface(mesh: &Mesh, positions: &[[f32; 3]; LANDMARKS]) ->
     }
 }
 
-/// Nearest point of every landmark among the triangles that `allowed` (landmark, triangle) lets
-/// through.
+/// The nearest point to every landmark among the triangles that `allowed` (landmark, triangle)
+/// accepts.
 fn nearest_where(
     surface: &SurfaceTree,
     positions: &[[f32; 3]; LANDMARKS],
@@ -69,17 +70,17 @@ fn nearest_where(
         .collect()
 }
 
-/// Takes the better places where they are not much further away.
+/// Uses the better places where they are not much further away.
 fn prefer(snapped: &mut [SurfacePoint], better: Vec<Option<SurfacePoint>>, detour: f32) {
     for (place, better) in snapped.iter_mut().zip(better) {
-        if let Some(found) = better.filter(|b| b.distance < place.distance + detour) {
-            *place = found;
+        if let Some(point) = better.filter(|b| b.distance < place.distance + detour) {
+            *place = point;
         }
     }
 }
 
-/// `[V]`: whether a vertex belongs to the part that most landmarks lie on; `None` if no part holds
-/// half of them. Parts split along texture seams count as one.
+/// `[V]`: whether a vertex belongs to the part with most landmarks; `None` if no part has half of
+/// them. Parts split along texture seams count as one.
 fn skin_of(mesh: &Mesh, snapped: &[SurfacePoint]) -> Option<Vec<bool>> {
     let weld = weld_seams(&mesh.positions, &mesh.triangles, &[]);
     let welded: Vec<[u32; 3]> = mesh
@@ -108,7 +109,7 @@ fn nearest_corner(mesh: &Mesh, place: &SurfacePoint) -> u32 {
         .unwrap_or(corners[0])
 }
 
-/// Between the outer eye corners.
+/// Distance between the outer eye corners.
 pub(crate) fn eye_distance(positions: &[[f32; 3]; LANDMARKS]) -> f32 {
     Vec3::from(positions[36]).distance(positions[45].into())
 }

@@ -1,4 +1,4 @@
-//! A tree of boxes over the faces of a mesh: the closest place to any number of points.
+//! A tree of boxes over the faces of a mesh. Finds the closest place to any point.
 
 use glam::{DVec3, Vec3};
 
@@ -6,8 +6,8 @@ use super::Mesh;
 
 /// Faces in a leaf.
 const LEAF: usize = 4;
-/// When both halves of a box hold at least so many faces, two threads go on, one in each half;
-/// below that, starting a thread costs more than it saves.
+/// When both halves of a box hold at least this many faces, two threads continue, one in each half.
+/// With fewer faces a thread costs more than it saves.
 const SHARED: usize = 10_000;
 
 /// Number and corners.
@@ -20,21 +20,21 @@ pub struct ClosestPlace {
     pub face: u32,
     /// Weights of the face's three corners: at least 0, sum 1.
     pub barycentric: [f64; 3],
-    /// Distance to the point that was asked about, mesh units.
+    /// Distance to the query point, mesh units.
     pub distance: f64,
 }
 
-/// The closest place of the faces that a caller allows, in single precision.
+/// The closest place on the faces that a caller allows, in single precision.
 #[derive(Debug, Clone, Copy, PartialEq)]
 pub(crate) struct SurfacePoint {
     pub position: [f32; 3],
     pub triangle: usize,
-    /// From the point that was asked about, mesh units.
+    /// Distance to the query point, mesh units.
     pub distance: f32,
 }
 
-/// Finds closest places in time logarithmic in the number of faces. Of several equally close
-/// faces it names one, always the same.
+/// Finds closest places in time logarithmic in the number of faces. Among equally close faces the
+/// choice is always the same.
 #[derive(Debug, Clone)]
 pub struct SurfaceTree {
     nodes: Vec<Node>,
@@ -94,8 +94,8 @@ impl SurfaceTree {
         best
     }
 
-    /// The closest of the faces that `allowed` lets through, in single precision: of equally close ones that of
-    /// the smallest number. `None` if there is none.
+    /// The closest place on the faces that `allowed` accepts, in single precision. Among equally
+    /// close faces the one of the smallest number. `None` if there is none.
     pub(crate) fn closest_where(
         &self,
         point: [f32; 3],
@@ -118,7 +118,7 @@ impl SurfaceTree {
                     triangle,
                     distance,
                 });
-                // Rounding must not cut off a face that is as near.
+                // Rounding must not exclude a face that is as near.
                 bound = f64::from(distance + 1e-5 * (distance + point.length())).powi(2);
             }
             bound
@@ -126,8 +126,8 @@ impl SurfaceTree {
         best
     }
 
-    /// Shows `meet` faces and their corners, those of near boxes first, as long as boxes may hold a point that is
-    /// nearer than the squared distance that it returns.
+    /// Passes faces and their corners to `meet`, those in near boxes first. `meet` returns a
+    /// squared distance. Boxes farther than that are skipped.
     fn visit(&self, point: DVec3, mut meet: impl FnMut(u32, [DVec3; 3]) -> f64) {
         let mut bound = f64::INFINITY;
         let mut stack = vec![(0.0, 0usize)];
@@ -212,8 +212,9 @@ pub(crate) fn blend([a, b, c]: [DVec3; 3], [u, v, w]: [f64; 3]) -> DVec3 {
     u * a + v * b + w * c
 }
 
-/// Barycentric weights of the point of a triangle closest to `p`: the plane's own point where it
-/// lies inside, else the best of the three sides, which also serves triangles without area.
+/// Barycentric weights of the point of a triangle closest to `p`: the projection onto the plane
+/// where it lies inside, else the best of the three sides. The sides also serve triangles without
+/// area.
 pub(crate) fn closest_weights(p: DVec3, [a, b, c]: [DVec3; 3]) -> [f64; 3] {
     let (ab, ac, ap) = (b - a, c - a, p - a);
     let (d00, d01, d11) = (ab.length_squared(), ab.dot(ac), ac.length_squared());
@@ -247,7 +248,7 @@ mod tests {
     use super::*;
     use proptest::prelude::*;
 
-    /// Every face in its turn.
+    /// Checks every face.
     fn plain_search(
         mesh: &Mesh,
         point: [f32; 3],
@@ -276,11 +277,11 @@ mod tests {
     }
 
     proptest! {
-        /// Against a slow twin: the best of a fine barycentric grid.
+        /// Compares with a slow twin: the best of a fine barycentric grid.
         #[test]
         fn closest_point_beats_every_sample(p in prop::array::uniform3(-3.0f32..3.0)) {
             let mesh = triangle();
-            let found = SurfaceTree::new(&mesh).closest_where(p, |_| true).unwrap();
+            let closest = SurfaceTree::new(&mesh).closest_where(p, |_| true).unwrap();
             let mut best = f32::MAX;
             for i in 0..=40 {
                 for j in 0..=40 - i {
@@ -290,8 +291,8 @@ mod tests {
                     best = best.min(sample.distance(p.into()));
                 }
             }
-            prop_assert!(found.distance <= best + 1e-4);
-            prop_assert!(best - found.distance < 0.06);
+            prop_assert!(closest.distance <= best + 1e-4);
+            prop_assert!(best - closest.distance < 0.06);
         }
 
         #[test]

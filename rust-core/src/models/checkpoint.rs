@@ -1,4 +1,5 @@
-//! A user's network: sizes of its config, and its weights, `model.safetensors` or `pytorch_model.bin` as PyTorch saves it.
+//! A user's network: the sizes in its config, and its weights, `model.safetensors` or PyTorch's
+//! `pytorch_model.bin`.
 
 use std::path::Path;
 
@@ -8,10 +9,11 @@ use crate::Result;
 /// The name that PyTorch's checkpoints have in a Hugging Face folder.
 const PYTORCH_FILE: &str = "pytorch_model.bin";
 
-/// Holds sizes of a user's config between 1 and the largest that any model has: name, size, largest.
+/// Checks that sizes of a user's config lie between 1 and the largest that any model has. `sizes`:
+/// name, size, largest.
 ///
 /// # Errors
-/// Names the size that is not, what was expected and what it is.
+/// Names the size that does not, its range and its value.
 pub(crate) fn check_sizes(sizes: &[(&str, usize, usize)]) -> Result<(), String> {
     let wrong = sizes
         .iter()
@@ -22,7 +24,7 @@ pub(crate) fn check_sizes(sizes: &[(&str, usize, usize)]) -> Result<(), String> 
     }
 }
 
-/// Holds the constant that keeps a norm from dividing by zero where it is one.
+/// Checks the constant that keeps a norm from dividing by zero.
 ///
 /// # Errors
 /// As [`check_sizes`].
@@ -33,11 +35,11 @@ pub(crate) fn check_epsilon(epsilon: f32) -> Result<(), String> {
     }
 }
 
-/// Reads the one of the two files that `folder` holds; safetensors where it holds both.
+/// Reads the one of the two files in `folder`; safetensors where both are there.
 ///
 /// # Errors
-/// `Io` if there is neither or it cannot be read; `Weights` if it is damaged, or PyTorch's where
-/// the library was built without the feature `checkpoints`.
+/// `Io` if there is neither or it cannot be read; `Weights` if it is damaged, or if it is PyTorch's
+/// and the library lacks the feature `checkpoints`.
 pub(crate) fn read(folder: &Path) -> Result<Weights> {
     let safetensors = folder.join("model.safetensors");
     let pytorch = folder.join(PYTORCH_FILE);
@@ -87,8 +89,8 @@ mod tests {
     fn folder(share: f64) -> tempfile::TempDir {
         let bytes = std::fs::read(path_of("hubert_tiny.bin")).unwrap();
         let folder = tempfile::tempdir().unwrap();
-        let kept = (bytes.len() as f64 * share) as usize;
-        std::fs::write(folder.path().join(PYTORCH_FILE), &bytes[..kept]).unwrap();
+        let length = (bytes.len() as f64 * share) as usize;
+        std::fs::write(folder.path().join(PYTORCH_FILE), &bytes[..length]).unwrap();
         folder
     }
 

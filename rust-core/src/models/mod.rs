@@ -1,5 +1,5 @@
-//! Where weights come from: those inside the library or fetched by its host, a folder that may override them, a user's
-//! own checkpoint.
+//! Where weights come from: the library itself or a host that fetches them, a folder that may
+//! override them, a user's own checkpoint.
 
 pub(crate) mod checkpoint;
 mod opened;
@@ -27,7 +27,8 @@ use crate::{
 pub(crate) use opened::Opened;
 pub use weights::Weights;
 
-/// Weights as training writes them, and as they are shipped: the same bytes, see [`unpack`].
+/// Names of the weights as training writes them and as they are shipped. Both hold the same bytes,
+/// see [`unpack`].
 const PLAIN: &str = "model.safetensors";
 const PACKED: &str = "model.planes.gz";
 /// Most bytes of weights that a packed file may hold.
@@ -78,15 +79,17 @@ pub struct ModelFiles {
     pub config: Cow<'static, str>,
 }
 
-/// A model that is built in, or would be under another feature.
+/// A model that is built in, or that another feature would build in.
 pub struct BuiltIn {
     /// Its folder's name.
     pub name: &'static str,
-    /// What the folders of all its sizes begin with, as in `ats_paper`; `None` where it has one.
+    /// The name before the size where it has several sizes, such as `ats` in `ats_paper`. `None`
+    /// where it has one.
     pub sizes_of: Option<&'static str>,
     /// `model.planes.gz`; empty where the build lacks it.
     pub packed: &'static [u8],
-    /// The same from a host that has fetched it, where the build lacks it ([`BuiltIn::take_fetched`]).
+    /// The same from a host that has fetched it, for a build without it
+    /// ([`BuiltIn::take_fetched`]).
     fetched: OnceLock<Vec<u8>>,
     /// `config.json`.
     pub config: &'static str,
@@ -116,7 +119,7 @@ impl BuiltIn {
         BuiltIn::of(model, Some(family))
     }
 
-    /// A model that a folder may bring, but no feature of this build.
+    /// A model that a folder may hold and this build lacks.
     #[allow(dead_code)] // Where every feature is on, no model is absent.
     pub(crate) const fn absent(name: &'static str, sizes_of: Option<&'static str>) -> Self {
         BuiltIn {
@@ -146,7 +149,7 @@ impl BuiltIn {
         })
     }
 
-    /// Bytes of `model.planes.gz` beside all folders; none where they are not here.
+    /// Bytes of the built-in or fetched `model.planes.gz`. Empty where there are none.
     fn shipped(&self) -> &[u8] {
         match self.packed {
             [] => self.fetched.get().map_or(&[], Vec::as_slice),
@@ -185,7 +188,7 @@ impl BuiltIn {
         }
     }
 
-    /// Whether its weights are yet to be fetched.
+    /// Whether its weights still have to be fetched.
     fn is_awaited(&self, folder: Option<&Path>) -> Result<bool> {
         let is_here = self.config.is_empty() || !self.shipped().is_empty();
         Ok(!is_here && self.place(folder)?.is_none())
@@ -199,9 +202,9 @@ impl BuiltIn {
         let Some(folder) = folder else {
             return Ok(None);
         };
-        let mut found = folders_in(folder)?;
-        found.retain(|name| self.is_called(name));
-        match &found[..] {
+        let mut names = folders_in(folder)?;
+        names.retain(|name| self.is_called(name));
+        match &names[..] {
             [] => Ok(None),
             [name] => Ok(Some(folder.join(name))),
             several => Err(Error::Weights(format!(
@@ -213,7 +216,7 @@ impl BuiltIn {
         }
     }
 
-    /// Adds the model to the name of what is made with it; its card is no part of that.
+    /// Adds the model to the key of what is made with it. Its card does not count.
     ///
     /// # Errors
     /// Those of [`BuiltIn::open`].
@@ -235,9 +238,9 @@ impl BuiltIn {
     }
 }
 
-/// Checks that a folder of models holds some, and none that would be passed over in silence.
+/// Checks that a folder of models holds some, and none that the library would silently ignore.
 ///
-/// `others` are names that are read by other ways, such as those of speech encoders.
+/// `others`: names that other code reads, such as those of speech encoders.
 ///
 /// # Errors
 /// `Weights` that names the folder's content and what was expected.
@@ -269,7 +272,7 @@ pub fn check_folder(
 
 /// Names of the folders in `folder`, in order.
 fn folders_in(folder: &Path) -> Result<Vec<String>> {
-    // A mistyped folder must not quietly give the built-in weights.
+    // A mistyped folder must not silently lead to the built-in weights.
     if !folder.is_dir() {
         let message = format!("{}: expected a folder, found none", folder.display());
         return Err(Error::Weights(message));
@@ -321,8 +324,9 @@ fn read_weights(folder: &Path) -> Result<Vec<u8>> {
 /// The bytes of a `model.safetensors` from those of a `model.planes.gz`, which holds the bytes at even places, then
 /// those at odd ones, in gzip.
 ///
-/// The high bytes of weights in f16 and f32 are much alike: beside each other they take a third less; 8-bit numbers take
-/// the same in any order. `pack` in training/nn/checkpoint.py is the way back.
+/// The high bytes of weights in f16 and f32 are much alike: next to each other they compress by a
+/// third more. For 8-bit numbers the order does not matter. `pack` in training/nn/checkpoint.py is
+/// the inverse.
 fn unpack(packed: &[u8]) -> io::Result<Vec<u8>> {
     let mut planes = Vec::with_capacity(packed.len() * 5 / 4);
     GzDecoder::new(packed)
@@ -339,8 +343,8 @@ fn unpack(packed: &[u8]) -> io::Result<Vec<u8>> {
     Ok(bytes)
 }
 
-/// Holds every number of a config within its range of [`RANGES`], and the others within
-/// [`LARGEST_NUMBER`], so that no size and no constant of a model is out of all measure.
+/// Checks that every number of a config lies within its range of [`RANGES`] or within
+/// [`LARGEST_NUMBER`], so that no size and no constant of a model is absurd.
 fn check_numbers(config: &str) -> Result<(), String> {
     let value: Value = serde_json::from_str(config).map_err(|e| e.to_string())?;
     let mut left = vec![(String::new(), &value)];
@@ -401,21 +405,21 @@ mod tests {
         assert_eq!(unpack(&ABC).unwrap(), b"abc");
         let shipped = &crate::mesh::LANDMARK_MODEL;
         let folder = tempfile::tempdir().unwrap();
-        let own = folder.path().join(shipped.name);
-        fs::create_dir(&own).unwrap();
-        fs::write(own.join("config.json"), shipped.config).unwrap();
-        fs::write(own.join(PACKED), shipped.packed).unwrap();
+        let model_folder = folder.path().join(shipped.name);
+        fs::create_dir(&model_folder).unwrap();
+        fs::write(model_folder.join("config.json"), shipped.config).unwrap();
+        fs::write(model_folder.join(PACKED), shipped.packed).unwrap();
         let built_in = shipped.open(None).unwrap();
         let read = shipped.open(Some(folder.path())).unwrap();
         assert_eq!(read.weights, built_in.weights);
         fs::write(
-            own.join(PACKED),
+            model_folder.join(PACKED),
             &shipped.packed[..shipped.packed.len() / 2],
         )
         .unwrap();
         let message = shipped.open(Some(folder.path())).err().unwrap().to_string();
         assert!(message.contains(PACKED), "{message}");
-        fs::write(own.join(PLAIN), &built_in.weights).unwrap();
+        fs::write(model_folder.join(PLAIN), &built_in.weights).unwrap();
         let read = shipped.open(Some(folder.path())).unwrap();
         assert_eq!(read.weights, built_in.weights);
     }
@@ -481,8 +485,8 @@ mod tests {
     fn a_folder_of_infinite_weights_is_refused_by_name() {
         let folder = tempfile::tempdir().unwrap();
         for model in crate::systems::built_in_models() {
-            let own = folder.path().join(model.name);
-            fs::create_dir(&own).unwrap();
+            let model_folder = folder.path().join(model.name);
+            fs::create_dir(&model_folder).unwrap();
             let mut bytes = unpack(model.packed).unwrap();
             let (infinity, at) = {
                 let file = safetensors::SafeTensors::deserialize(&bytes).unwrap();
@@ -500,15 +504,15 @@ mod tests {
                     .unwrap()
             };
             bytes[at..at + infinity.len()].copy_from_slice(infinity);
-            fs::write(own.join("model.safetensors"), &bytes).unwrap();
-            fs::write(own.join("config.json"), model.config).unwrap();
+            fs::write(model_folder.join("model.safetensors"), &bytes).unwrap();
+            fs::write(model_folder.join("config.json"), model.config).unwrap();
             let error = model.open(Some(folder.path())).map(|_| ()).unwrap_err();
             let message = error.to_string();
             assert!(
                 matches!(error, Error::Weights(_)) && message.contains(model.name),
                 "{message}"
             );
-            fs::remove_dir_all(&own).unwrap();
+            fs::remove_dir_all(&model_folder).unwrap();
         }
     }
 }

@@ -1,8 +1,10 @@
-//! Checkpoints as `torch.save` writes them since PyTorch 1.6: a zip archive of a pickle and of the bytes of its tensors.
+//! Reads checkpoints that `torch.save` has written since PyTorch 1.6: a zip archive of a pickle and
+//! of the bytes of its tensors.
 //!
-//! A pickle is a program. This reader knows the few instructions of it that make tensors and plain containers, refuses
-//! everything else by name, and asks for no more memory than the file is large: candle's own reader copies what is
-//! remembered, so that 633 bytes fill all memory, and drops nested values recursively, which overflows the stack.
+//! A pickle is a program. This reader knows the few instructions that make tensors and plain
+//! containers, refuses everything else by name, and needs no more memory than the file is large.
+//! candle's own reader copies what it remembers, so that 633 bytes fill all memory. It also drops
+//! nested values recursively, which overflows the stack.
 
 use std::{
     collections::HashMap,
@@ -14,10 +16,11 @@ use zip::{CompressionMethod, ZipArchive};
 
 use crate::job::Input;
 
-/// Bytes of a pickle: a tensor takes 112 of them and 31 instructions in the golden `hubert_tiny.bin`.
+/// Most bytes of a pickle. A tensor takes 112 bytes and 31 instructions in the golden
+/// `hubert_tiny.bin`.
 const LARGEST_PICKLE: u64 = 16 << 20;
 const MOST_INSTRUCTIONS: usize = 2_000_000;
-/// Letters of a name that is copied, and axes of a tensor.
+/// Most letters of a name that is copied, and most axes of a tensor.
 const LONGEST_NAME: usize = 256;
 const MOST_AXES: usize = 16;
 
@@ -27,7 +30,7 @@ type Arrays = Vec<(String, (Vec<usize>, Vec<f32>))>;
 /// Reads all tensors of floating point numbers in the dictionary that a checkpoint holds.
 ///
 /// # Errors
-/// Says what was expected and what the file has instead.
+/// Says what was expected and what the file holds.
 pub(super) fn read_tensors(file: Input) -> Result<Arrays, String> {
     let bytes = file.length().map_err(|error| error.to_string())?;
     let zip = ZipArchive::new(BufReader::new(file)).map_err(|error| error.to_string())?;
@@ -61,17 +64,17 @@ pub(super) fn read_tensors(file: Input) -> Result<Arrays, String> {
 /// The zip archive around a pickle.
 struct Archive {
     zip: ZipArchive<BufReader<Input>>,
-    /// Bytes of storages that may still be read: as many as the file has.
+    /// Bytes of storages that may still be read. At first as many as the file has.
     budget: u64,
     storages: HashMap<String, Vec<f32>>,
 }
 
 impl Archive {
-    /// The pickle, and what names of its archive begin with.
+    /// The pickle, and the prefix of the names in its archive.
     fn pickle(&mut self) -> Result<(String, Vec<u8>), String> {
         let names = self.zip.file_names();
-        let found = names.filter_map(|name| name.strip_suffix("data.pkl"));
-        let prefix = found.min_by_key(|prefix| prefix.len());
+        let prefixes = names.filter_map(|name| name.strip_suffix("data.pkl"));
+        let prefix = prefixes.min_by_key(|prefix| prefix.len());
         let prefix = prefix
             .ok_or("expected data.pkl in it, got none")?
             .to_owned();
@@ -113,18 +116,18 @@ impl Archive {
                 "expected plain bytes, as torch.save writes them, got compressed ones".into(),
             ));
         }
-        let wanted = (storage.numel as u64).saturating_mul(dtype.size_in_bytes() as u64);
-        if entry.size() < wanted {
+        let needed = (storage.numel as u64).saturating_mul(dtype.size_in_bytes() as u64);
+        if entry.size() < needed {
             return Err(in_it(format!(
-                "expected {wanted} bytes, got {}",
+                "expected {needed} bytes, got {}",
                 entry.size()
             )));
         }
         self.budget = self
             .budget
-            .checked_sub(wanted)
+            .checked_sub(needed)
             .ok_or_else(|| in_it("expected no more bytes than the file has, got more".into()))?;
-        let mut bytes = vec![0; wanted as usize];
+        let mut bytes = vec![0; needed as usize];
         let read = entry.read_exact(&mut bytes);
         read.map_err(|error| in_it(error.to_string()))?;
         let tensor = Tensor::from_raw_buffer(&bytes, dtype, &[storage.numel], &Device::Cpu);
@@ -133,10 +136,10 @@ impl Archive {
     }
 }
 
-/// Numbers that tensors lie in.
+/// A list of numbers that tensors view.
 #[derive(Debug, Clone)]
 struct Storage {
-    /// `None` where they are no floating point numbers.
+    /// `None` where the numbers are no floating point numbers.
     dtype: Option<DType>,
     key: String,
     numel: usize,
@@ -152,7 +155,7 @@ struct View {
 }
 
 impl View {
-    /// How many numbers it has, all of which lie in its storage.
+    /// Number of its elements, all of which lie in its storage.
     fn elements(&self) -> Result<usize, String> {
         let count = self
             .shape
@@ -207,10 +210,11 @@ impl View {
 /// Number of a value in the list of all.
 type Id = usize;
 
-/// What a pickle makes. Values refer to others by number: nothing is copied, and nothing nests.
+/// A value that a pickle makes. Values refer to others by number: nothing is copied, and nothing
+/// nests.
 #[derive(Debug)]
 enum Value {
-    /// None, a truth value, a floating point number: nothing that a tensor is made of.
+    /// None, a truth value or a floating point number: no part of a tensor.
     Plain,
     Number(i64),
     Text(String),
@@ -280,7 +284,7 @@ impl<'a> Machine<'a> {
         ))
     }
 
-    /// One instruction; whether it was the last.
+    /// Runs one instruction. Returns whether it was the last.
     fn step(&mut self) -> Result<bool, String> {
         match self.byte()? {
             b'.' => return Ok(true),
@@ -394,12 +398,12 @@ impl<'a> Machine<'a> {
     }
 
     fn take(&mut self, count: usize) -> Result<&'a [u8], String> {
-        let (taken, rest) = self
+        let (bytes, rest) = self
             .rest
             .split_at_checked(count)
             .ok_or_else(|| format!("expected {count} bytes more, got {}", self.rest.len()))?;
         self.rest = rest;
-        Ok(taken)
+        Ok(bytes)
     }
 
     fn byte(&mut self) -> Result<u8, String> {
@@ -407,8 +411,8 @@ impl<'a> Machine<'a> {
     }
 
     fn array<const N: usize>(&mut self) -> Result<[u8; N], String> {
-        let taken = self.take(N)?;
-        Ok(taken.try_into().expect("as many bytes as were asked for"))
+        let bytes = self.take(N)?;
+        Ok(bytes.try_into().expect("as many bytes as were asked for"))
     }
 
     /// An integer of up to eight bytes.

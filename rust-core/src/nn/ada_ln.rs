@@ -37,7 +37,8 @@ impl AdaLn {
     }
 }
 
-/// What modulates one sub-layer of one block: columns of [`AdaLn::forward`] and the block's own table.
+/// The modulation of one sub-layer of one block: columns of [`AdaLn::forward`] and the block's own
+/// table.
 #[derive(Debug, Clone, Copy)]
 pub struct Modulated<'a> {
     /// `[T, 3 · layers · width]`.
@@ -58,7 +59,7 @@ impl Modulated<'_> {
             for (t, row) in values.chunks_exact_mut(width).enumerate() {
                 normalise(row);
                 let (shift, scale) = (self.part(t, 0), self.part(t, 1));
-                let (own_shift, own_scale) = (self.own(0), self.own(1));
+                let (own_shift, own_scale) = (self.layer_part(0), self.layer_part(1));
                 for c in 0..width {
                     row[c] = row[c] * (1.0 + scale[c] + own_scale[c]) + shift[c] + own_shift[c];
                 }
@@ -76,9 +77,9 @@ impl Modulated<'_> {
             .zip(matrix::values(y).chunks_exact(width));
         vectorised(|| {
             for (t, (x, y)) in rows.enumerate() {
-                let (gate, own) = (self.part(t, 2), self.own(2));
+                let (gate, layer_gate) = (self.part(t, 2), self.layer_part(2));
                 for c in 0..width {
-                    x[c] += (gate[c] + own[c]) * y[c];
+                    x[c] += (gate[c] + layer_gate[c]) * y[c];
                 }
             }
         });
@@ -90,7 +91,7 @@ impl Modulated<'_> {
         &matrix::values(self.ada)[t * self.ada.ncols() + first..][..width]
     }
 
-    fn own(&self, part: usize) -> &[f32] {
+    fn layer_part(&self, part: usize) -> &[f32] {
         let width = self.table.ncols();
         &matrix::values(self.table)[(PER_LAYER * self.layer + part) * width..][..width]
     }

@@ -45,7 +45,7 @@ impl SelfAttention {
         )
     }
 
-    /// The same where `k_proj` has no bias, as Whisper's has none.
+    /// The same where `k_proj` has no bias, as in Whisper.
     ///
     /// # Errors
     /// Those of [`SelfAttention::load`].
@@ -94,7 +94,7 @@ impl SelfAttention {
         self.forward_within(x, None)
     }
 
-    /// The same, where each row sees those within its reach alone.
+    /// The same with a reach: each row sees only the keys within it.
     pub fn forward_within(&self, x: &ArrayRef2<f32>, reach: Option<Reach>) -> Array2<f32> {
         let channels = self.out_proj.inputs();
         let joint = self.in_proj.forward(x);
@@ -145,8 +145,8 @@ impl CrossAttention {
 
     /// `x`: `[T, C]`. Returns `[T, C]`.
     ///
-    /// With `band`, row `i` sees the memory rows `j` with `|i − j| ≤ band` alone: FreeTalk eq. 9
-    /// and 10 with −∞ outside the radius, where the paper's text has +1.
+    /// With `band`, row `i` sees only the memory rows `j` with `|i − j| ≤ band`: FreeTalk eq. 9 and
+    /// 10 with −∞ outside the radius, where the paper's text has +1.
     ///
     /// # Panics
     /// If there is a band and the memory is shorter than `x`.
@@ -200,7 +200,7 @@ impl Reach {
         ahead: 0,
     };
 
-    /// As far to both sides.
+    /// Equally far to both sides.
     pub fn band(radius: usize) -> Self {
         Reach {
             behind: radius,
@@ -211,8 +211,8 @@ impl Reach {
 
 /// `softmax(q kᵀ / √d) v` for each head, ibid. eq. 1.
 ///
-/// `q`: `[T, C]`; `k`, `v`: `[S, C]`. Returns `[T, C]`. Only the keys within reach are touched, so a
-/// reach makes the cost linear in `T`.
+/// `q`: `[T, C]`; `k`, `v`: `[S, C]`. Returns `[T, C]`. Only the keys within reach are read, so
+/// that a reach makes the cost linear in `T`.
 pub fn attend(
     q: MatRef<'_, f32>,
     k: MatRef<'_, f32>,
@@ -228,17 +228,17 @@ pub fn attend(
     let width = channels / heads;
     let scale = 1.0 / (width as f32).sqrt();
     matrix::by_row_blocks(q.nrows(), channels, |rows, out| {
-        let seen = keys_seen(rows.clone(), keys, reach);
-        let mut scores = vec![0.0; rows.len() * seen.len()];
+        let visible = visible_keys(rows.clone(), keys, reach);
+        let mut scores = vec![0.0; rows.len() * visible.len()];
         let mut out = matrix::view_mut(out, channels);
         for head in 0..heads {
             let first = head * width;
             let q = q.submatrix(rows.start, first, rows.len(), width);
-            let [k, v] = [k, v].map(|x| x.submatrix(seen.start, first, seen.len(), width));
-            let target = matrix::view_mut(&mut scores, seen.len());
+            let [k, v] = [k, v].map(|x| x.submatrix(visible.start, first, visible.len(), width));
+            let target = matrix::view_mut(&mut scores, visible.len());
             matrix::scaled_product(target, scale, q, k.transpose());
-            normalise(&mut scores, rows.start, &seen, reach);
-            let scores = matrix::rows_of(&scores, seen.len());
+            normalise(&mut scores, rows.start, &visible, reach);
+            let scores = matrix::rows_of(&scores, visible.len());
             let target = out.as_mut().subcols_mut(head * width, width);
             matrix::product(target, scores, v);
         }
@@ -246,7 +246,7 @@ pub fn attend(
 }
 
 /// The keys that any of these query rows may see.
-fn keys_seen(rows: Range<usize>, keys: usize, reach: Option<Reach>) -> Range<usize> {
+fn visible_keys(rows: Range<usize>, keys: usize, reach: Option<Reach>) -> Range<usize> {
     match reach {
         None => 0..keys,
         Some(Reach { behind, ahead }) => {
@@ -256,11 +256,11 @@ fn keys_seen(rows: Range<usize>, keys: usize, reach: Option<Reach>) -> Range<usi
 }
 
 /// Softmax of each row over the keys within its reach; weights outside become 0.
-fn normalise(scores: &mut [f32], first_row: usize, seen: &Range<usize>, reach: Option<Reach>) {
-    for (index, row) in scores.chunks_exact_mut(seen.len()).enumerate() {
+fn normalise(scores: &mut [f32], first_row: usize, visible: &Range<usize>, reach: Option<Reach>) {
+    for (index, row) in scores.chunks_exact_mut(visible.len()).enumerate() {
         let i = first_row + index;
-        let own = keys_seen(i..i + 1, seen.end, reach);
-        let (start, end) = (own.start - seen.start, own.end - seen.start);
+        let row_keys = visible_keys(i..i + 1, visible.end, reach);
+        let (start, end) = (row_keys.start - visible.start, row_keys.end - visible.start);
         row[..start].fill(0.0);
         row[end..].fill(0.0);
         softmax(&mut row[start..end]);

@@ -1,8 +1,9 @@
-//! Causal self-attention that prefers what is near, period by period, one row at a time.
+//! Causal self-attention that prefers near rows, period by period, one row at a time.
 //!
-//! FaceFormer (Fan et al. 2022, eq. 4 and 5): row `i` sees `j ≤ i` under `−slope_h · ⌊(i − j) / p⌋`, each head
-//! with a slope of its own as in ALiBi (Press et al. 2022). Keys and values of the rows before are kept, as
-//! many as the look-back says. Twin of `training/nn/biased_attention.py`.
+//! FaceFormer (Fan et al. 2022, eq. 4 and 5): row `i` sees `j ≤ i` under `−slope_h · ⌊(i − j) /
+//! p⌋`, each head with a slope of its own as in ALiBi (Press et al. 2022). Keys and values of the
+//! rows before are stored, as many as the look-back says. Twin of
+//! `training/nn/biased_attention.py`.
 
 use std::collections::VecDeque;
 
@@ -21,7 +22,7 @@ pub struct BiasedSelfAttention {
 
 /// Keys and values of the rows before, the oldest first.
 #[derive(Debug, Clone, Default)]
-pub struct KeptRows {
+pub struct PastRows {
     /// `[2 C]` each: keys, then values.
     rows: VecDeque<Vec<f32>>,
 }
@@ -56,29 +57,29 @@ impl BiasedSelfAttention {
     }
 
     /// The next row, `[C]` → `[C]`.
-    pub fn step(&self, x: &[f32], kept: &mut KeptRows, out: &mut [f32]) {
+    pub fn step(&self, x: &[f32], past: &mut PastRows, out: &mut [f32]) {
         let channels = self.out_proj.inputs();
         let mut joint = vec![0.0; 3 * channels];
         self.in_proj.forward_row(x, &mut joint);
-        if kept.rows.len() == self.look_back {
-            kept.rows.pop_front();
+        if past.rows.len() == self.look_back {
+            past.rows.pop_front();
         }
-        kept.rows.push_back(joint.split_off(channels));
+        past.rows.push_back(joint.split_off(channels));
         let (query, size) = (joint, channels / self.heads);
         let mut mixed = vec![0.0; channels];
-        let mut scores = vec![0.0; kept.rows.len()];
+        let mut scores = vec![0.0; past.rows.len()];
         for head in 0..self.heads {
             let slope = (-8.0 * (head + 1) as f32 / self.heads as f32).exp2();
-            let own = head * size..(head + 1) * size;
-            for (j, (score, row)) in scores.iter_mut().zip(&kept.rows).enumerate() {
-                let behind = (kept.rows.len() - 1 - j) / self.period;
-                *score = dot(&query[own.clone()], &row[own.clone()]) / (size as f32).sqrt()
+            let columns = head * size..(head + 1) * size;
+            for (j, (score, row)) in scores.iter_mut().zip(&past.rows).enumerate() {
+                let behind = (past.rows.len() - 1 - j) / self.period;
+                *score = dot(&query[columns.clone()], &row[columns.clone()]) / (size as f32).sqrt()
                     - slope * behind as f32;
             }
             softmax(&mut scores);
-            for (score, row) in scores.iter().zip(&kept.rows) {
-                let values = &row[channels..][own.clone()];
-                for (sum, value) in mixed[own.clone()].iter_mut().zip(values) {
+            for (score, row) in scores.iter().zip(&past.rows) {
+                let values = &row[channels..][columns.clone()];
+                for (sum, value) in mixed[columns.clone()].iter_mut().zip(values) {
                     *sum += score * value;
                 }
             }
@@ -128,12 +129,12 @@ mod tests {
     #[test]
     fn two_thousand_kept_rows_equal_recomputing_everything() {
         let attention = attention(600);
-        let (mut kept, mut out) = (KeptRows::default(), vec![0.0; 4]);
+        let (mut past, mut out) = (PastRows::default(), vec![0.0; 4]);
         for t in 0..2_000 {
-            attention.step(&row(t), &mut kept, &mut out);
+            attention.step(&row(t), &mut past, &mut out);
         }
-        assert_eq!(kept.rows.len(), 600);
-        let (mut again, mut expected) = (KeptRows::default(), vec![0.0; 4]);
+        assert_eq!(past.rows.len(), 600);
+        let (mut again, mut expected) = (PastRows::default(), vec![0.0; 4]);
         for t in 1_400..2_000 {
             attention.step(&row(t), &mut again, &mut expected);
         }

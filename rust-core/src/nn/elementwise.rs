@@ -53,8 +53,8 @@ pub fn erf(x: f32) -> f32 {
 #[inline(always)]
 pub fn exp(x: f32) -> f32 {
     let x = x.clamp(-87.0, 88.0);
-    // The nearest integer n to x / ln 2, by adding and taking away 1.5 · 2²³; the sum's last bits are n, so
-    // that no conversion is left, which would keep a loop from being vectorised.
+    // The nearest integer n to x / ln 2, found by adding and subtracting 1.5 · 2²³: the sum's last
+    // bits are n. This needs no conversion, which would keep a loop from being vectorised.
     let magic = 12_582_912.0f32;
     let sum = x * std::f32::consts::LOG2_E + magic;
     let n = sum - magic;
@@ -154,15 +154,15 @@ pub fn add_to_rows(values: &mut [f32], row: &[f32]) {
 
 /// Softmax of one row, in place; `−∞` gets the weight 0.
 ///
-/// A row of `−∞` alone would be NaN: callers give every row one finite value.
+/// A row of only `−∞` would become NaN: callers give every row at least one finite value.
 pub fn softmax(row: &mut [f32]) {
     vectorised(
         #[inline(always)]
         || {
             let largest = largest_of(row);
             for x in row.iter_mut() {
-                let kept = if *x == f32::NEG_INFINITY { 0.0 } else { 1.0 };
-                *x = exp(*x - largest) * kept;
+                let weight = if *x == f32::NEG_INFINITY { 0.0 } else { 1.0 };
+                *x = exp(*x - largest) * weight;
             }
             let scale = 1.0 / sum_of(row, |x| x);
             row.iter_mut().for_each(|x| *x *= scale);

@@ -1,9 +1,10 @@
-//! SpiralConv3D: a convolution over a surface and the frames before, one frame at a time.
+//! SpiralConv3D: a convolution over a surface and the latest frames, one frame at a time.
 //!
-//! EmoFace (Lin et al. 2025, eq. 1 to 3): `W f(cnt_δ(k-disk(v))) + b`, where `f` gathers the vertices of a
-//! spiral in the last δ frames; frames before the first are zero. Its input there is the sum of a row for the
-//! frame and a row for the vertex, so the convolution splits: what the surface gives is made once, what time
-//! gives is one row a frame, and memory grows with the vertices alone. Twin of `training/nn/spiral_conv.py`.
+//! EmoFace (Lin et al. 2025, eq. 1 to 3): `W f(cnt_δ(k-disk(v))) + b`, where `f` gathers the
+//! vertices of a spiral in the last δ frames; frames before the first are zero. Its input is the
+//! sum of a row for the frame and a row for the vertex, so that the convolution splits. The part of
+//! the surface is computed once, the part of time is one row a frame, and memory grows only with
+//! the vertices. Twin of `training/nn/spiral_conv.py`.
 
 use std::collections::VecDeque;
 
@@ -16,12 +17,12 @@ use crate::{Error, Result, models::Weights};
 pub struct SpiralConv {
     /// `[δ, out, in]`, the oldest frame first: taps of a frame summed.
     in_time: Array3<f32>,
-    /// `[δ + 1, V, out]`: what the surface and the bias give once so many frames were seen.
+    /// `[δ + 1, V, out]`: the part of the surface and the bias after 0 to δ frames.
     on_surface: Array3<f32>,
 }
 
 /// The frames before, the oldest first.
-pub type SeenRows = VecDeque<Vec<f32>>;
+pub type PastFrames = VecDeque<Vec<f32>>;
 
 impl SpiralConv {
     /// Reads `weight` `[δ, kernel, in, out]` and `bias` `[out]`.
@@ -55,13 +56,13 @@ impl SpiralConv {
             .into_owned();
         let mut table = Array3::zeros((delta + 1, vertices, outputs));
         table.slice_mut(s![0, .., ..]).assign(&bias);
-        for seen in 1..=delta {
-            let mut rows = table.index_axis(Axis(0), seen - 1).to_owned();
+        for frames in 1..=delta {
+            let mut rows = table.index_axis(Axis(0), frames - 1).to_owned();
             for k in 0..kernel {
                 let gathered = on_surface.select(Axis(0), &spirals.column(k).to_vec());
-                rows += &gathered.dot(&weight.slice(s![delta - seen, k, .., ..]));
+                rows += &gathered.dot(&weight.slice(s![delta - frames, k, .., ..]));
             }
-            table.index_axis_mut(Axis(0), seen).assign(&rows);
+            table.index_axis_mut(Axis(0), frames).assign(&rows);
         }
         Ok(SpiralConv {
             in_time,
@@ -69,16 +70,16 @@ impl SpiralConv {
         })
     }
 
-    /// What time gives to the next frame, `[out]`, the same for every vertex; `row` is `[in]`.
-    pub fn step_in_time(&self, row: &[f32], seen: &mut SeenRows) -> Vec<f32> {
+    /// The part of time in the next frame, `[out]`, the same for every vertex. `row`: `[in]`.
+    pub fn step_in_time(&self, row: &[f32], past: &mut PastFrames) -> Vec<f32> {
         let delta = self.in_time.len_of(Axis(0));
-        if seen.len() == delta {
-            seen.pop_front();
+        if past.len() == delta {
+            past.pop_front();
         }
-        seen.push_back(row.to_vec());
+        past.push_back(row.to_vec());
         let newest = self.in_time.outer_iter().rev();
         let mut moved = vec![0.0f32; self.in_time.len_of(Axis(1))];
-        for (weight, row) in newest.zip(seen.iter().rev()) {
+        for (weight, row) in newest.zip(past.iter().rev()) {
             for (sum, weight) in moved.iter_mut().zip(weight.outer_iter()) {
                 *sum += weight.iter().zip(row).map(|(w, x)| w * x).sum::<f32>();
             }
@@ -86,9 +87,9 @@ impl SpiralConv {
         moved
     }
 
-    /// A frame `[V, out]` of what time gives to it, once so many frames were `seen`, δ at most.
-    pub fn over_surface(&self, in_time: &[f32], seen: usize) -> Array2<f32> {
-        let mut out = self.on_surface.index_axis(Axis(0), seen).to_owned();
+    /// A frame `[V, out]` from its part of time. `frames`: number of frames so far, δ at most.
+    pub fn over_surface(&self, in_time: &[f32], frames: usize) -> Array2<f32> {
+        let mut out = self.on_surface.index_axis(Axis(0), frames).to_owned();
         for mut vertex in out.rows_mut() {
             for (value, moved) in vertex.iter_mut().zip(in_time) {
                 *value += moved;
@@ -133,11 +134,11 @@ mod tests {
         let weights = Weights::from_arrays(arrays.map(named));
         let conv = SpiralConv::load(&weights, &spirals, places.view(), outputs, delta).unwrap();
         let time = |t: usize, i: usize| value(5 * t + i + 40);
-        let mut seen = SeenRows::new();
+        let mut past_rows = PastFrames::new();
         for t in 0..6 {
             let row: Vec<f32> = (0..inputs).map(|i| time(t, i)).collect();
-            let made = conv.step_in_time(&row, &mut seen);
-            let made = conv.over_surface(&made, seen.len());
+            let frame = conv.step_in_time(&row, &mut past_rows);
+            let frame = conv.over_surface(&frame, past_rows.len());
             for v in 0..vertices {
                 for o in 0..outputs {
                     let mut expected = bias[o];
@@ -153,7 +154,7 @@ mod tests {
                             }
                         }
                     }
-                    assert!((made[[v, o]] - expected).abs() < 1e-4, "{t} {v} {o}");
+                    assert!((frame[[v, o]] - expected).abs() < 1e-4, "{t} {v} {o}");
                 }
             }
         }

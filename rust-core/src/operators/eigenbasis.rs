@@ -18,7 +18,7 @@ const VERSION: u32 = 1;
 /// The first eigenpairs of `L φ = λ M φ`.
 ///
 /// The sign of each vector makes its largest entry positive, the first of several. Vectors of a
-/// multiple eigenvalue are any orthonormal basis of their space; those of eigenvalue zero are the
+/// multiple eigenvalue are any orthonormal basis of their space. Those of eigenvalue zero are the
 /// constants of each connected part, in order of parts.
 #[derive(Debug, Clone, PartialEq)]
 pub struct Eigenbasis {
@@ -31,9 +31,9 @@ pub struct Eigenbasis {
 impl Operators {
     /// The `count` smallest eigenpairs, or as many as there are rows.
     ///
-    /// Shift-invert block Lanczos over one sparse Cholesky factorisation; small meshes go through
-    /// a dense solver. The constants of connected parts are known and kept out of the iteration:
-    /// a head of 56 parts would otherwise ask for an eigenvalue of multiplicity 56.
+    /// Shift-invert block Lanczos with one sparse Cholesky factorisation; small meshes use a dense
+    /// solver. The constants of connected parts are known and stay out of the iteration: otherwise
+    /// a head of 56 parts would need an eigenvalue of multiplicity 56.
     ///
     /// # Errors
     /// `InvalidInput` if `count` is 0; `Numerics` if the iteration does not converge.
@@ -45,14 +45,16 @@ impl Operators {
         }
         let count = count.min(self.rows());
         let constants = self.parts.count.min(count);
-        let wanted = count - constants;
-        let dimension = (2 * wanted).max(wanted + 4 * BLOCK).next_multiple_of(BLOCK);
-        let (values, columns) = if wanted == 0 {
+        let varying = count - constants;
+        let dimension = (2 * varying)
+            .max(varying + 4 * BLOCK)
+            .next_multiple_of(BLOCK);
+        let (values, columns) = if varying == 0 {
             (Vec::new(), Vec::new())
         } else if self.rows() <= 2 * dimension + self.parts.count {
-            self.dense_pairs(wanted)?
+            self.dense_pairs(varying)?
         } else {
-            self.lanczos_pairs(wanted, dimension)?
+            self.lanczos_pairs(varying, dimension)?
         };
         Ok(self.assemble(constants, &values, &columns))
     }
@@ -68,10 +70,10 @@ impl Operators {
             .f64s(&self.laplacian.values)
             .f64s(&self.mass);
         let encode = |basis: &Eigenbasis| {
-            let found = basis.values.len();
+            let pairs = basis.values.len();
             let mut arrays = Arrays::default();
-            arrays.insert_f64("values", &[found], basis.values.clone());
-            arrays.insert_f64("vectors", &[self.rows(), found], basis.vectors.clone());
+            arrays.insert_f64("values", &[pairs], basis.values.clone());
+            arrays.insert_f64("vectors", &[self.rows(), pairs], basis.vectors.clone());
             arrays
         };
         let decode = |mut arrays: Arrays| {
@@ -87,7 +89,7 @@ impl Operators {
     }
 
     /// Non-constant pairs of `M^-½ L M^-½`, column-major, by faer's dense solver.
-    fn dense_pairs(&self, wanted: usize) -> Result<(Vec<f64>, Vec<f64>)> {
+    fn dense_pairs(&self, pairs: usize) -> Result<(Vec<f64>, Vec<f64>)> {
         let (n, root) = (self.rows(), self.root_mass());
         let mut matrix = Mat::zeros(n, n);
         for i in 0..n {
@@ -107,23 +109,23 @@ impl Operators {
         let eigen = matrix
             .self_adjoint_eigen(Side::Lower)
             .map_err(|e| Error::Numerics(format!("dense eigenvectors of size {n}: {e:?}")))?;
-        let values = (0..wanted)
+        let values = (0..pairs)
             .map(|k| eigen.S().column_vector()[k].max(0.0))
             .collect();
-        let columns = (0..wanted).flat_map(|k| (0..n).map(move |i| (i, k)));
+        let columns = (0..pairs).flat_map(|k| (0..n).map(move |i| (i, k)));
         Ok((values, columns.map(|at| eigen.U()[at]).collect()))
     }
 
-    fn lanczos_pairs(&self, wanted: usize, dimension: usize) -> Result<(Vec<f64>, Vec<f64>)> {
-        // By Weyl's law the last wanted eigenvalue is near 4π wanted / area.
-        let shift = 0.03 * 4.0 * std::f64::consts::PI * wanted as f64 / self.area();
+    fn lanczos_pairs(&self, pairs: usize, dimension: usize) -> Result<(Vec<f64>, Vec<f64>)> {
+        // By Weyl's law the last of the eigenvalues is near 4π pairs / area.
+        let shift = 0.03 * 4.0 * std::f64::consts::PI * pairs as f64 / self.area();
         let shifted = self.laplacian.add_diagonal(shift, &self.mass)?;
         let operator = ShiftInvert {
             factor: SparseCholesky::factor(&shifted)?,
             root_mass: self.root_mass(),
         };
         let constants = self.constants(&operator.root_mass);
-        let (inverse, columns) = largest(&operator, constants, wanted, dimension)?;
+        let (inverse, columns) = largest(&operator, constants, pairs, dimension)?;
         let values = inverse
             .iter()
             .map(|theta| (1.0 / theta - shift).max(0.0))

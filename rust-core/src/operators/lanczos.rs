@@ -1,12 +1,12 @@
 //! Thick-restart block Lanczos: the largest eigenpairs of a symmetric operator.
 //!
-//! Wu and Simon 2000, in blocks, with full reorthogonalisation (classical Gram–Schmidt, twice),
-//! which makes bookkeeping of lost orthogonality needless. The projected matrix is taken from the
-//! inner products themselves, so a restart needs no special form.
+//! Wu and Simon 2000, in blocks, with full reorthogonalisation (classical Gram–Schmidt, twice), so
+//! that no lost orthogonality needs tracking. The projected matrix comes from the inner products
+//! themselves, so that a restart needs no special form.
 //!
-//! A block of `b` vectors sees at most `b` copies of an eigenvalue in exact arithmetic. The
-//! caller names eigenvectors of high multiplicity that it knows (`locked`), and all work stays
-//! orthogonal to them.
+//! A block of `b` vectors sees at most `b` copies of an eigenvalue in exact arithmetic. The caller
+//! passes the known eigenvectors of high multiplicity (`locked`), and all work stays orthogonal to
+//! them.
 
 use faer::{Accum, Mat, MatMut, MatRef, Side, linalg::matmul::matmul};
 use rand::{Rng, SeedableRng};
@@ -31,14 +31,14 @@ pub(crate) trait SymmetricOperator {
     fn apply(&self, block: &mut [f64]);
 }
 
-/// The `wanted` largest eigenvalues, descending, and their orthonormal vectors, column-major.
-/// `locked`: known orthonormal eigenvectors, column-major, which are left out.
-/// `dimension`: vectors kept at most, at least `wanted + 2 BLOCK`; `size` exceeds it by more than
-/// a block and the locked ones.
+/// The `count` largest eigenvalues, descending, and their orthonormal vectors, column-major.
+/// `locked`: known orthonormal eigenvectors, column-major, which are left out. `dimension`: most
+/// vectors of the basis, at least `count + 2 BLOCK`. The operator's size exceeds it by more than a
+/// block and the locked vectors.
 pub(crate) fn largest(
     operator: &impl SymmetricOperator,
     locked: Vec<f64>,
-    wanted: usize,
+    count: usize,
     dimension: usize,
 ) -> Result<(Vec<f64>, Vec<f64>)> {
     let mut space = Krylov::new(operator.size(), locked, dimension);
@@ -47,22 +47,22 @@ pub(crate) fn largest(
             space.extend(operator);
         }
         let ritz = space.ritz()?;
-        let converged = ritz.residuals.iter().zip(&ritz.values).take(wanted);
+        let converged = ritz.residuals.iter().zip(&ritz.values).take(count);
         if converged
             .clone()
             .all(|(residual, value)| *residual <= TOLERANCE * value.abs())
         {
-            return Ok((ritz.values[..wanted].to_vec(), space.combine(&ritz, wanted)));
+            return Ok((ritz.values[..count].to_vec(), space.combine(&ritz, count)));
         }
-        let keep = wanted + (dimension - wanted) / 3;
+        let keep = count + (dimension - count) / 3;
         space.restart(&ritz, keep);
     }
     Err(Error::Numerics(format!(
-        "eigenvectors: expected {wanted} to converge within {MAX_RESTARTS} restarts"
+        "eigenvectors: expected {count} to converge within {MAX_RESTARTS} restarts"
     )))
 }
 
-/// An orthonormal basis, the block that continues it, and the operator seen from inside.
+/// An orthonormal basis, the block that continues it, and the operator projected onto the basis.
 struct Krylov {
     size: usize,
     locked: Vec<f64>,
@@ -71,7 +71,7 @@ struct Krylov {
     used: usize,
     /// `[dimension, dimension]`, the upper triangle filled so far.
     projected: Mat<f64>,
-    /// `[BLOCK, BLOCK]`, what ties the next block to the last one.
+    /// `[BLOCK, BLOCK]`, couples the next block to the last one.
     tie: Mat<f64>,
     noise: ChaCha8Rng,
 }
@@ -207,10 +207,10 @@ impl Krylov {
 
     /// Goes on with the first `keep` Ritz vectors and the waiting block.
     fn restart(&mut self, ritz: &Ritz, keep: usize) {
-        let kept = self.combine(ritz, keep);
+        let combined = self.combine(ritz, keep);
         let next = self.size * self.used..self.size * (self.used + BLOCK);
-        self.basis[..kept.len()].copy_from_slice(&kept);
-        self.basis.copy_within(next, kept.len());
+        self.basis[..combined.len()].copy_from_slice(&combined);
+        self.basis.copy_within(next, combined.len());
         self.projected.fill(0.0);
         for (i, &value) in ritz.values[..keep].iter().enumerate() {
             self.projected[(i, i)] = value;

@@ -6,9 +6,9 @@ use crate::{Error, Result};
 
 /// A sparse matrix in compressed-row form.
 ///
-/// Row `r` holds `indices[indptr[r]..indptr[r + 1]]`, ascending and without repeats, and the
-/// values at the same places. The constructors keep that promise; code that fills the fields
-/// itself has to keep it too.
+/// Row `r` holds `indices[indptr[r]..indptr[r + 1]]`, ascending and without repeats, and the values
+/// at the same places. The constructors guarantee this. Code that fills the fields itself must
+/// guarantee it too.
 #[derive(Debug, Clone, PartialEq, Default)]
 pub struct Csr {
     /// Number of columns.
@@ -194,14 +194,14 @@ impl Csr {
             ..Csr::default()
         };
         let mut sums = vec![0.0; other.ncols];
-        let mut seen = vec![u32::MAX; other.ncols];
+        let mut last_row = vec![u32::MAX; other.ncols];
         let mut columns = Vec::new();
         for row in 0..self.nrows() {
             columns.clear();
             for (inner, a) in self.row(row) {
                 for (column, b) in other.row(inner) {
-                    if seen[column] != row as u32 {
-                        seen[column] = row as u32;
+                    if last_row[column] != row as u32 {
+                        last_row[column] = row as u32;
                         sums[column] = 0.0;
                         columns.push(column as u32);
                     }

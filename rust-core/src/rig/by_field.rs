@@ -1,5 +1,6 @@
-//! The shapes of a face as the field of the head that is like it makes them: each the motion under the code of its own
-//! weight, so that it is not linear in that weight, with shapes at half the weight in between where they are wanted.
+//! The shapes of a face by the field of the head most like it. Each shape is the motion under the
+//! code of its own weight, which is not linear in that weight. Shapes at half the weight can come
+//! with them.
 
 use ndarray::{Array2, Array3, Axis, s};
 
@@ -11,7 +12,7 @@ use crate::{
     job::{ProgressFn, SILENT, report},
 };
 
-/// What a shape at half its weight is called.
+/// Ending of the name of a shape at half its weight.
 const HALF: &str = "_half";
 /// Shapes that are made at a time.
 const AT_ONCE: usize = 16;
@@ -21,14 +22,15 @@ const AT_ONCE: usize = 16;
 pub enum ShapeSource {
     /// The network, from the face alone.
     Network,
-    /// The skin as the field of the parametric head moves it that is like the face; see [`RigModel::by_field`].
+    /// The field of the parametric head most like the face moves the skin; see
+    /// [`RigModel::by_field`].
     Field {
         /// Whether ARKit's shapes at half their weight come with them.
         in_betweens: bool,
     },
 }
 
-/// A head that is like a face, and what spreads the motion of its landmarks.
+/// The head most like a face, and the deformer that spreads the motion of its landmarks.
 pub struct FieldOfFace<'a> {
     /// The model of heads.
     pub head: &'a Head,
@@ -39,11 +41,12 @@ pub struct FieldOfFace<'a> {
 }
 
 impl RigModel {
-    /// The shapes of `linear`, with the skin of each as the field moves it. ARKit's shapes that have a code, and the
-    /// visemes, which are mixtures of them, come from the field; teeth, tongue, eyeballs and `tongueOut` stay. With
-    /// `in_betweens` a shape `NAME_half` for each of ARKit's stands behind all others: the face at weight 0.5.
+    /// The shapes of `linear`, with the skin moved by the field. ARKit's shapes that have a code
+    /// come from the field, and so do the visemes, which are mixtures of them. Teeth, tongue,
+    /// eyeballs and `tongueOut` stay. With `in_betweens` a shape `NAME_half`, the face at weight
+    /// 0.5, follows for each of ARKit's shapes after all others.
     ///
-    /// `mouthClose` is what it adds to an open jaw, as ARKit means it.
+    /// `mouthClose` is its difference from an open jaw, as ARKit defines it.
     ///
     /// # Errors
     /// `Mesh` if the landmarks lie on no usable face, `Cancelled`.
@@ -67,7 +70,7 @@ impl RigModel {
         }
         let features = face.features();
         let follows = &face.surface()?.follows;
-        for (row, mut made) in deltas.outer_iter_mut().enumerate() {
+        for (row, mut shape_deltas) in deltas.outer_iter_mut().enumerate() {
             let (shape, weight) = match row < shapes {
                 true => (row, 1.0),
                 false => (row - shapes, 0.5),
@@ -78,9 +81,9 @@ impl RigModel {
             for v in 0..vertices {
                 let is_skin = matches!(follows[v], Follows::Skin(_));
                 for axis in 0..3 {
-                    let by_field = share * made[[v, axis]];
+                    let by_field = share * shape_deltas[[v, axis]];
                     let plain = weight * straight[[v, axis]];
-                    made[[v, axis]] = if known && is_skin { by_field } else { plain };
+                    shape_deltas[[v, axis]] = if known && is_skin { by_field } else { plain };
                 }
             }
         }
@@ -88,7 +91,7 @@ impl RigModel {
         Ok(reported(linear, deltas, scale))
     }
 
-    /// Weights of ARKit's shapes `[S, 52]` for every shape that is made.
+    /// Weights of ARKit's shapes `[S, 52]` for every shape of the result.
     fn weights(&self, in_betweens: bool) -> Array2<f32> {
         let mut whole = Array2::eye(ARKIT.len());
         whole[[arkit("mouthClose"), arkit("jawOpen")]] = 1.0;
@@ -116,10 +119,10 @@ impl FieldOfFace<'_> {
             let some = first..(first + AT_ONCE).min(shapes);
             let codes = self.codes(&weights.slice(s![some.clone(), ..]).to_owned())?;
             let marks = self.field.landmarks(codes.view())?;
-            let own = face.own_motion(marks.view());
+            let motion = face.own_motion(marks.view());
             let moved = face.under_codes(
                 (self.field, self.deformer),
-                own.view(),
+                motion.view(),
                 codes.view(),
                 SILENT,
             )?;
@@ -134,29 +137,31 @@ impl FieldOfFace<'_> {
         let mut codes = Array2::zeros((weights.nrows(), config.expression_code));
         for (row, mut code) in weights.rows().into_iter().zip(codes.rows_mut()) {
             let of = |name: &String| ARKIT.iter().position(|known| known == name);
-            let own = config.channels.iter();
-            let own: Vec<f32> = own.map(|name| of(name).map_or(0.0, |n| row[n])).collect();
-            code.assign(&ndarray::aview1(&self.head.expression_code(&own)?));
+            let channels = config.channels.iter();
+            let channels: Vec<f32> = channels
+                .map(|name| of(name).map_or(0.0, |n| row[n]))
+                .collect();
+            code.assign(&ndarray::aview1(&self.head.expression_code(&channels)?));
         }
         Ok(codes)
     }
 }
 
-/// Names and reports: what was said of a shape of `linear` holds for the same one by the field.
+/// Names and reports. The note of a shape of `linear` also holds for the same shape by the field.
 fn reported(linear: &Rig, deltas: Array3<f32>, scale: f32) -> Rig {
     let shapes = linear.names.len();
     let halves = ARKIT.iter().map(|name| format!("{name}{HALF}"));
     let names = linear.names.iter().cloned().chain(halves);
     let names: Vec<String> = names.take(deltas.len_of(Axis(0))).collect();
-    let told = |row: usize| {
+    let note_of = |row: usize| {
         linear
             .reports
             .get(row % shapes)
-            .and_then(|told| told.note.clone())
+            .and_then(|report| report.note.clone())
     };
     let rows = names.iter().zip(deltas.outer_iter()).enumerate();
     let reports = rows
-        .map(|(row, (name, shape))| ShapeReport::of(name, shape, scale, |_| told(row)))
+        .map(|(row, (name, shape))| ShapeReport::of(name, shape, scale, |_| note_of(row)))
         .collect();
     Rig {
         names,

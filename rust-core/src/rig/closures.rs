@@ -1,29 +1,29 @@
-//! Lips that meet, as more equations of a solve: where the motion closes them, that they are together counts more than
-//! all else, so that shapes that only open a mouth rest there.
+//! More equations of a solve, for lips that meet. Where the motion closes the lips, their gap
+//! counts more than all else, so that shapes that only open a mouth rest there.
 
 use ndarray::{Array1, Array2, ArrayView3, Axis, s};
 
-/// How much the gap counts in frames in which the lips are together, beside the whole face.
+/// Weight of the gap against the whole face in frames with closed lips.
 const WEIGHT: f64 = 3.0;
-/// Lips are together below the first share of how far the mouth opens, and apart above the second.
+/// Lips count as closed below the first share of the widest opening, and as open above the second.
 const TOGETHER: f64 = 0.1;
 const APART: f64 = 0.2;
-/// The mouth opens as far as in this share of the frames at most.
+/// The widest opening is this quantile of the frames' openings.
 const WIDE: f64 = 0.95;
 
-/// What a gap asks of the weights.
+/// Equations of the gap for the weights.
 pub(super) struct Closures {
     /// `[S, S]`, products of the shapes' gaps.
     pub gram: Array2<f64>,
-    /// `[T, S]`, those with the gap that is wanted.
+    /// `[T, S]`, products of the motion's gap with the shapes' gaps.
     pub right: Array2<f64>,
-    /// How much it counts in each frame, `[T]`, 0 where lips are apart.
+    /// Weight in each frame, `[T]`; 0 where the lips are open.
     pub shares: Vec<f64>,
 }
 
 impl Closures {
-    /// Of `lips` `[N]`, vertices of the upper and of the lower lip that meet; `gram` `[S, S]` are products of whole
-    /// shapes. `None` where the mouth does not open or no shape parts the lips.
+    /// For `lips` `[N]`, vertices of the upper and of the lower lip that meet. `gram`: `[S, S]`,
+    /// products of whole shapes. `None` where the mouth does not open or no shape parts the lips.
     pub fn of(
         lips: &[[u32; 2]],
         deltas: ArrayView3<'_, f32>,
@@ -41,8 +41,8 @@ impl Closures {
         sorted.sort_by(f64::total_cmp);
         let wide = *sorted.get((WIDE * sorted.len() as f64) as usize)?;
         let gaps = of_shapes.dot(&of_shapes.t());
-        let (all, own) = (gram.diag().sum(), gaps.diag().sum());
-        if !(wide > 0.0 && all > 0.0 && own > 0.0 && (all / own).is_finite()) {
+        let (all, of_lips) = (gram.diag().sum(), gaps.diag().sum());
+        if !(wide > 0.0 && all > 0.0 && of_lips > 0.0 && (all / of_lips).is_finite()) {
             return None;
         }
         let share = |open: &f64| {
@@ -50,19 +50,20 @@ impl Closures {
             WEIGHT * x * x * (3.0 - 2.0 * x)
         };
         Some(Closures {
-            gram: &gaps * (all / own),
-            right: of_frames.dot(&of_shapes.t()) * (all / own),
+            gram: &gaps * (all / of_lips),
+            right: of_frames.dot(&of_shapes.t()) * (all / of_lips),
             shares: opening.iter().map(share).collect(),
         })
     }
 
-    /// In another unit.
+    /// Divides all by a unit.
     pub fn divide(&mut self, unit: f64) {
         self.gram /= unit;
         self.right /= unit;
     }
 
-    /// The frame's row of slopes at `now`, of shape `s`, and its own square.
+    /// At the weights `now` of frame `t`: the slope with the weight of shape `s`, and the slope's
+    /// own slope.
     pub fn pull(&self, t: usize, s: usize, now: &[f64]) -> (f64, f64) {
         let share = self.shares[t];
         if share == 0.0 {
@@ -74,7 +75,7 @@ impl Closures {
     }
 }
 
-/// How far the upper lip goes from the lower one, `[rows, 3 N]`.
+/// Motion of the upper lip relative to the lower one, `[rows, 3 N]`.
 fn gaps(lips: &[[u32; 2]], moved: ArrayView3<'_, f32>) -> Array2<f64> {
     let mut out = Array2::zeros((moved.dim().0, 3 * lips.len()));
     for (row, mut out) in moved.outer_iter().zip(out.rows_mut()) {

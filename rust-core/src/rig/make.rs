@@ -27,10 +27,10 @@ use crate::{
 pub static MODEL: BuiltIn = BuiltIn::new(&anyface_weights_shared::RIG);
 /// Vertices whose shapes are computed at a time.
 const VERTICES_PER_TASK: usize = 1024;
-/// Landmarks whose weights are asked of the deformer at a time.
+/// Landmarks whose weights one call of the deformer measures.
 const LANDMARKS_PER_PROBE: usize = 17;
 
-/// The trained network and what else all rigs share.
+/// The trained network and what all rigs share.
 pub struct RigModel {
     network: RigNetwork,
     /// `[15, 52]`.
@@ -71,7 +71,7 @@ impl RigModel {
     }
 
     /// Makes the shapes of a face. `plain` spreads landmark motion over it by the training-free
-    /// weights: with these the network was trained. `learned` says how the forehead folds.
+    /// weights, with which the network was trained. `learned` folds the forehead.
     ///
     /// # Errors
     /// `Mesh` if the landmarks lie on no usable face, `Cancelled`.
@@ -110,7 +110,7 @@ impl RigModel {
         Ok(Rig::new(deltas, scale, &eyes, &tongue).with_notes_of(&face.features()))
     }
 
-    /// The skin and what follows it; centimetres. `base`: `[V, 68]`.
+    /// Moves the skin and what follows it; centimetres. `base`: `[V, 68]`.
     fn move_skin(&self, head: &FaceSurface, base: ArrayView2<'_, f32>, deltas: &mut Array3<f32>) {
         let skin = head.followed();
         let landmarks = head.landmarks.map(|p| p.map(|x| 0.1 * x));
@@ -185,8 +185,8 @@ impl Rig {
             .map(|n| (*n).to_owned())
             .collect();
         let reports = names.iter().zip(deltas.outer_iter()).map(|(name, shape)| {
-            let told = |present| note(name, present, eyes, tongue).map(str::to_owned);
-            ShapeReport::of(name, shape, scale, told)
+            let note_of = |present| note(name, present, eyes, tongue).map(str::to_owned);
+            ShapeReport::of(name, shape, scale, note_of)
         });
         Rig {
             reports: reports.collect(),
@@ -195,7 +195,7 @@ impl Rig {
         }
     }
 
-    /// Says of shapes that rest which feature was not found.
+    /// Notes for shapes that rest which feature was not found.
     fn with_notes_of(mut self, features: &Features) -> Rig {
         for report in &mut self.reports {
             if !report.present && features.of_shape(&report.name) == 0.0 {
@@ -216,7 +216,7 @@ fn leave_out(features: &Features, deltas: &mut Array3<f32>) {
     }
 }
 
-/// Why a shape is still, or what in it is.
+/// Why a shape does not move, or which of its parts do not.
 fn note(name: &str, present: bool, eyes: &[Eyeball], tongue: &TongueFound) -> Option<&'static str> {
     let has_eye = |is_left| eyes.iter().any(|eye| eye.is_left == is_left);
     match (name, tongue) {
@@ -230,7 +230,7 @@ fn note(name: &str, present: bool, eyes: &[Eyeball], tongue: &TongueFound) -> Op
     }
 }
 
-/// `W`: how much each vertex moves along with each landmark, `[V, 68]`, asked of the deformer.
+/// `W`: how much each vertex moves along with each landmark, `[V, 68]`, measured with the deformer.
 fn landmark_weights(
     face: &Face,
     plain: &dyn Deformer,
@@ -253,7 +253,7 @@ fn landmark_weights(
     Ok(out)
 }
 
-/// Each eye in its four looks; centimetres.
+/// Turns each eye in its four directions; centimetres.
 fn turn_eyes(eyes: &[Eyeball], positions: &[[f32; 3]], deltas: &mut Array3<f32>) {
     for eye in eyes {
         let side = if eye.is_left { "Left" } else { "Right" };
@@ -276,8 +276,8 @@ fn turn_eyes(eyes: &[Eyeball], positions: &[[f32; 3]], deltas: &mut Array3<f32>)
 fn to_mesh(deltas: &mut Array3<f32>, to_canonical: &Similarity) {
     for mut shape in deltas.outer_iter_mut() {
         let metres = shape.mapv(|x| 0.01 * x).insert_axis(Axis(0));
-        let own = to_canonical.displacements_to_mesh(metres.view());
-        shape.assign(&own.index_axis(Axis(0), 0));
+        let mesh_deltas = to_canonical.displacements_to_mesh(metres.view());
+        shape.assign(&mesh_deltas.index_axis(Axis(0), 0));
     }
 }
 
@@ -341,7 +341,7 @@ mod tests {
         }
     }
 
-    /// Above `height` the shape is what the decoder makes of its landmarks.
+    /// Above `height` the shape is the decoder's motion of its landmarks.
     fn folds_as_decoded(
         name: &str,
         shape: ArrayView2<'_, f32>,
@@ -352,7 +352,7 @@ mod tests {
         let motion = Array3::from_shape_fn((1, LANDMARKS, 3), |(_, n, i)| {
             shape[[face.landmarks.vertices[n] as usize, i]]
         });
-        let made = Collector::collect(|sink| {
+        let collected = Collector::collect(|sink| {
             engine.spread(
                 face,
                 Movement::Own {
@@ -363,7 +363,7 @@ mod tests {
                 SILENT,
             )
         });
-        let decoded = made.unwrap().vertices.displacements;
+        let decoded = collected.unwrap().vertices.displacements;
         let mm = 1000.0 * face.to_canonical.scale as f32;
         let positions = &face.mesh.positions;
         let forehead = (0..positions.len()).filter(|&v| positions[v][1] > height);

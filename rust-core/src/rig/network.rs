@@ -1,13 +1,13 @@
-//! What landmarks cannot say of a shape: a pointwise network over the skin.
+//! The part of a shape that landmarks do not hold: a pointwise network over the skin.
 //!
 //! Twin of `training/rig/network.py`.
 //!
 //! `shape_s(v) = Σ_n W_vn ΔL_sn + fade(v) R_s(features of v)`
 //!
 //! `W` are the weights with which the skin follows the landmarks without any training, `ΔL_s` the
-//! landmark motion of shape `s` on a mean face, `R` the network. It sees the head and its mirror
-//! image, and the mean of both is taken, so a symmetric head gets symmetric shapes and left and
-//! right shapes are each other's mirror image.
+//! landmark motion of shape `s` on a mean face, `R` the network. Its result is the mean over the
+//! head and its mirror image. So a symmetric head gets symmetric shapes, and left and right shapes
+//! mirror each other.
 //!
 //! Lengths are decimetres in the canonical frame.
 
@@ -26,7 +26,8 @@ use crate::{
 const FEATURES: usize = 3 + 5 * LANDMARKS;
 /// Outputs of the network are multiplied by this, so that training starts near zero.
 const OUTPUT_SCALE: f32 = 0.1;
-/// Distance from the nearest landmark up to which the network speaks, and from which it is silent.
+/// The network acts fully up to the first distance from the nearest landmark, and not at all from
+/// the second on.
 const FADE_DM: (f32, f32) = (0.6, 1.0);
 
 /// Sizes of the network and the names of its shapes, as `config.json` states them.
@@ -95,35 +96,35 @@ impl RigNetwork {
         &self.templates
     }
 
-    /// Every shape of the skin, `[P, 3 S]` dm, shape by shape.
+    /// All shapes of the skin, `[P, 3 S]` dm, shape by shape.
     pub fn forward(&self, skin: SkinGeometry<'_>) -> Array2<f32> {
-        let seen = self.one_sided(skin, false);
+        let direct = self.one_sided(skin, false);
         let reflected = self.one_sided(skin, true);
         let flat = self
             .templates
             .view()
             .into_shape_with_order((self.shapes.len(), 3 * LANDMARKS));
         let flat = flat.expect("row-major array");
-        let mut out = Array2::zeros(seen.dim());
+        let mut out = Array2::zeros(direct.dim());
         for (v, mut row) in out.rows_mut().into_iter().enumerate() {
             let weights = skin.base.row(v);
             for s in 0..self.shapes.len() {
-                let (own, other) = (3 * s, 3 * self.mirror[s]);
+                let (column, other) = (3 * s, 3 * self.mirror[s]);
                 for axis in 0..3 {
                     let motion = flat.row(s);
                     let spread: f32 = (0..LANDMARKS)
                         .map(|n| weights[n] * motion[3 * n + axis])
                         .sum();
                     let side = if axis == 0 { -1.0 } else { 1.0 };
-                    let learned = seen[[v, own + axis]] + side * reflected[[v, other + axis]];
-                    row[own + axis] = spread + 0.5 * learned;
+                    let learned = direct[[v, column + axis]] + side * reflected[[v, other + axis]];
+                    row[column + axis] = spread + 0.5 * learned;
                 }
             }
         }
         out
     }
 
-    /// The correction without the mirror, faded, `[P, 3 S]` dm.
+    /// The network's faded correction for the head or its mirror image, `[P, 3 S]` dm.
     fn one_sided(&self, skin: SkinGeometry<'_>, reflected: bool) -> Array2<f32> {
         let (mut x, fade) = self.features(skin, reflected);
         for layer in &self.layers {
@@ -136,7 +137,7 @@ impl RigNetwork {
         out
     }
 
-    /// Normalised features `[P, 343]` and how much the network has to say, `[P]`.
+    /// Normalised features `[P, 343]`, and the fade of the network, `[P]`.
     fn features(&self, skin: SkinGeometry<'_>, reflected: bool) -> (Array2<f32>, Vec<f32>) {
         let side = if reflected { -1.0 } else { 1.0 };
         let turn = |p: [f32; 3]| [side * p[0], p[1], p[2]];
@@ -176,11 +177,11 @@ fn relate(row: &mut [f32], position: [f32; 3], landmarks: &[[f32; 3]; LANDMARKS]
 
 fn mirror_of(shapes: &[String]) -> Result<Vec<usize>> {
     let place = |name: &String| {
-        let wanted = mirrored_name(name);
-        let found = shapes.iter().position(|shape| *shape == wanted);
-        found.ok_or_else(|| {
+        let mirror = mirrored_name(name);
+        let row = shapes.iter().position(|shape| *shape == mirror);
+        row.ok_or_else(|| {
             Error::Weights(format!(
-                "rig: config.json: expected a shape {wanted}, got none"
+                "rig: config.json: expected a shape {mirror}, got none"
             ))
         })
     };

@@ -1,9 +1,10 @@
-//! Shapes that undo each other, of which one at a time moves a face: left and right, up and down,
-//! smile and frown. With both at work a curve cannot be edited: what it does depends on the other.
+//! Shapes that undo each other: left and right, up and down, smile and frown. Only one of a pair
+//! should move a face at a time, since an artist cannot edit a curve whose effect depends on
+//! another.
 
 use ndarray::Array2;
 
-/// Ends of names that mean the same side, and shapes that are opposites by what they are called.
+/// Endings of names on the same side, and shapes that are opposites by their names.
 const SIDES: [&str; 3] = ["", "Left", "Right"];
 const BY_NAME: [(&str, &str); 9] = [
     ("mouthLeft", "mouthRight"),
@@ -18,15 +19,15 @@ const BY_NAME: [(&str, &str); 9] = [
 ];
 /// Shapes that work together though they move some vertices against each other.
 const TOGETHER: [(&str, &str); 1] = [("jawOpen", "mouthClose")];
-/// Displacements whose cosine is below this are opposites by what they do.
+/// Shapes are opposites if the cosine of their displacements is below this.
 const AGAINST: f64 = -0.7;
-/// Frames on either side that have a say in which of both moves.
+/// Frames on either side that count for which of the two moves.
 const BESIDE: usize = 2;
 
 /// Pairs of numbers of shapes that undo each other; `gram` `[S, S]` are the products of their
 /// displacements.
 pub(super) fn pairs(names: &[String], gram: &Array2<f64>) -> Vec<(usize, usize)> {
-    let mut found = Vec::new();
+    let mut opposing = Vec::new();
     for a in 0..names.len() {
         for b in a + 1..names.len() {
             let size = (gram[[a, a]] * gram[[b, b]]).sqrt();
@@ -34,11 +35,11 @@ pub(super) fn pairs(names: &[String], gram: &Array2<f64>) -> Vec<(usize, usize)>
             let (one, other) = (&names[a], &names[b]);
             let apart = !is_among(&TOGETHER, one, other);
             if size > 0.0 && apart && (cosine < AGAINST || is_among(&BY_NAME, one, other)) {
-                found.push((a, b));
+                opposing.push((a, b));
             }
         }
     }
-    found
+    opposing
 }
 
 fn is_among(known: &[(&str, &str)], one: &str, other: &str) -> bool {
@@ -56,7 +57,8 @@ fn is_among(known: &[(&str, &str)], one: &str, other: &str) -> bool {
     })
 }
 
-/// Which weights `[T, S]` rest at 0: of each pair, that which moves less about a frame.
+/// Which weights `[T, S]` stay at 0: those of the shape of each pair that moves less around a
+/// frame.
 pub(super) fn resting(
     pairs: &[(usize, usize)],
     weights: &Array2<f64>,
@@ -80,7 +82,7 @@ pub(super) fn resting(
 mod tests {
     use super::*;
 
-    fn found(names: &[&str], gram: &[f64]) -> Vec<(usize, usize)> {
+    fn pairs_of(names: &[&str], gram: &[f64]) -> Vec<(usize, usize)> {
         let names: Vec<String> = names.iter().map(|&name| name.to_owned()).collect();
         let gram = Array2::from_shape_vec((names.len(), names.len()), gram.to_vec());
         pairs(&names, &gram.unwrap())
@@ -90,19 +92,19 @@ mod tests {
     fn opposites_are_known_by_name_and_by_what_they_move() {
         let apart = [1.0, 0.0, 0.0, 0.0, 1.0, 0.0, 0.0, 0.0, 1.0];
         let names = ["mouthSmileLeft", "mouthFrownRight", "mouthFrownLeft"];
-        assert_eq!(found(&names, &apart), [(0, 2)]);
+        assert_eq!(pairs_of(&names, &apart), [(0, 2)]);
         assert_eq!(
-            found(&["browDownLeft", "browInnerUp"], &[1.0, 0.0, 0.0, 1.0]),
+            pairs_of(&["browDownLeft", "browInnerUp"], &[1.0, 0.0, 0.0, 1.0]),
             [(0, 1)]
         );
         let against = [1.0, -0.8, -0.8, 1.0];
-        assert_eq!(found(&["tongueOut", "cheekPuff"], &against), [(0, 1)]);
-        assert_eq!(found(&["jawOpen", "mouthClose"], &against), []);
+        assert_eq!(pairs_of(&["tongueOut", "cheekPuff"], &against), [(0, 1)]);
+        assert_eq!(pairs_of(&["jawOpen", "mouthClose"], &against), []);
         assert_eq!(
-            found(&["tongueOut", "cheekPuff"], &[1.0, -0.3, -0.3, 1.0]),
+            pairs_of(&["tongueOut", "cheekPuff"], &[1.0, -0.3, -0.3, 1.0]),
             []
         );
-        assert_eq!(found(&["mouthLeft", "mouthRight"], &[0.0; 4]), []);
+        assert_eq!(pairs_of(&["mouthLeft", "mouthRight"], &[0.0; 4]), []);
     }
 
     #[test]

@@ -1,4 +1,4 @@
-//! What the parts that are not skin do in shapes that landmarks do not show: eyeballs and tongue.
+//! How eyeballs and tongue move in shapes: landmarks do not show it.
 //!
 //! Lengths are canonical centimetres.
 
@@ -9,19 +9,20 @@ use crate::{
     mesh::{PartRole, Parts, ibug::LANDMARKS, sphere::fit_sphere},
 };
 
-/// How far an eye turns in a look at strength 1, degrees: up, down, in, out. ARKit does not say;
-/// the face models at hand do not turn their eyeballs.
+/// How far an eye turns in a look at strength 1, degrees: up, down, in, out. ARKit does not define
+/// it, and the available face models do not turn their eyeballs.
 pub const GAZE_DEGREES: [f32; 4] = [25.0, 25.0, 30.0, 30.0];
-/// Share of a sphere's radius by which an eyeball's vertices may lie off it, root mean square.
+/// Root mean square distance of an eyeball's vertices from its sphere, as a share of the radius, at
+/// most.
 const ROUND: f32 = 0.12;
 /// Radius of an eyeball over the width of the eye's opening.
 const EYE_RADIUS: (f32, f32) = (0.35, 0.9);
-/// A part inside the eyeball and narrower than this share of it (an iris) turns with it.
+/// A part inside the eyeball and narrower than this share of it, such as an iris, turns with it.
 const IRIS_SHARE: f32 = 0.6;
-/// Depth along the midline beyond which a part that follows the jaw is a tongue and no row of
+/// A part that follows the jaw and is deeper than this along the midline is a tongue and no row of
 /// teeth, on a mouth 5 cm wide.
 const TONGUE_DEPTH_CM: f32 = 2.2;
-/// A part that also holds this much above the lips' line is gums and tongue in one.
+/// A part that also reaches this far above the lips' line is gums and tongue in one.
 const GUMS_ABOVE_CM: f32 = 1.2;
 /// How far the tip comes out before the lips at strength 1, on a mouth 5 cm wide.
 const TONGUE_OUT_CM: f32 = 2.0;
@@ -59,8 +60,8 @@ pub enum Gaze {
 }
 
 impl Eyeball {
-    /// Displacement of a vertex when the eye turns to `gaze` at strength 1: a rotation about the
-    /// centre, of which a blend shape keeps the end points only.
+    /// Displacement of a vertex when the eye turns to `gaze` at strength 1. The eye rotates about
+    /// its centre; a blend shape has only the end points of the rotation.
     pub fn look(&self, gaze: Gaze, position: [f32; 3]) -> [f32; 3] {
         let inward = if self.is_left { -1.0 } else { 1.0 };
         let (degrees, side, up) = match gaze {
@@ -71,7 +72,7 @@ impl Eyeball {
         };
         let (sin, cos) = degrees.to_radians().sin_cos();
         let from: [f32; 3] = std::array::from_fn(|i| position[i] - self.centre[i]);
-        // The plane of the turn holds the line of sight, +z, and the way the eye goes.
+        // The plane of the turn holds the line of sight, +z, and the direction of the turn.
         let along = side * from[0] + up * from[1];
         let (gain, depth) = (
             cos * along + sin * from[2] - along,
@@ -119,7 +120,7 @@ fn eyeball(
         let in_place = sideways && behind > 0.0 && behind < 1.5 * radius;
         (right_size && round && in_place).then_some((centre, radius))
     };
-    // The largest ball is the eye; a cornea or an iris may lie on it or in it.
+    // The largest ball is the eye. A cornea or an iris may lie on it or in it.
     let balls = parts
         .iter()
         .filter_map(|part| fits(part).map(|ball| (part.len(), ball)));
@@ -140,7 +141,7 @@ fn eyeball(
     })
 }
 
-/// What a mesh has for a tongue.
+/// The tongue of a mesh.
 #[derive(Debug, Clone, PartialEq)]
 pub enum TongueFound {
     /// A part of its own.
@@ -152,7 +153,7 @@ pub enum TongueFound {
 }
 
 impl TongueFound {
-    /// Why a tongue cannot move, where it cannot.
+    /// Why the tongue cannot move, if it cannot.
     pub fn complaint(&self) -> Option<&'static str> {
         match self {
             TongueFound::Own(_) => None,
@@ -187,19 +188,19 @@ pub fn tongue(
     let of_jaw = parts.parts.iter().zip(lists);
     let of_jaw = of_jaw.filter(|(part, _)| matches!(part.role, PartRole::Jaw | PartRole::Mouth));
     let deep = of_jaw.filter_map(|(_, vertices)| deep(&vertices).then_some(vertices));
-    let found: Vec<Vec<u32>> = deep.collect();
-    match found
+    let deep_parts: Vec<Vec<u32>> = deep.collect();
+    match deep_parts
         .iter()
         .filter(|part| !above(part))
         .max_by_key(|part| part.len())
     {
         Some(part) => TongueFound::Own(come_out(positions, part, lips, unit)),
-        None if found.is_empty() => TongueFound::None,
+        None if deep_parts.is_empty() => TongueFound::None,
         None => TongueFound::WithGums,
     }
 }
 
-/// The tip goes out between the lips, the root stays, the rest stretches from one to the other.
+/// The tip goes out between the lips, the root stays, and the rest stretches between them.
 fn come_out(positions: &[[f32; 3]], part: &[u32], lips: [f32; 3], unit: f32) -> Tongue {
     let depth = |v: u32| positions[v as usize][2];
     let (root, tip) = range(part.iter().map(|&v| depth(v)));
@@ -212,7 +213,7 @@ fn come_out(positions: &[[f32; 3]], part: &[u32], lips: [f32; 3], unit: f32) -> 
     let by = [0.0, lips[1] - height, lips[2] + TONGUE_OUT_CM * unit - tip];
     let out = part.iter().map(|&v| {
         let along = ((depth(v) - root) / (tip - root)).clamp(0.0, 1.0);
-        // Rises over the teeth early, stretches late.
+        // Rises over the teeth early and stretches late.
         [0.0, along * (2.0 - along) * by[1], along * along * by[2]]
     });
     Tongue {

@@ -5,11 +5,12 @@
 //! `Σ_t |D w_t − x_t|² + Σ_t Σ_s g_s (ρ w_ts² + μ (w_ts − w_t−1,s)²) + σ Σ_t Σ_pairs g (w_tl − w_tr)²`
 //! ` + λ Σ_t Σ_s 2 g_s w_ts` with `0 ≤ w ≤ 1`
 //!
-//! `D` the shapes, `x_t` the displacements, `g_s = |d_s|²`, so that every term counts in the same
-//! unit. Where lips meet their gap counts besides ([`super::closures`]). The motion enters only through `Dᵀ x_t`: one product a frame, after which the number of
-//! vertices no longer matters. The problem is strictly convex, so cyclic coordinate descent with
-//! clamping (Bertsekas 1999, §2.7) converges to its only minimum; there is no chance in it and
-//! nothing depends on the number of threads.
+//! `D` are the shapes, `x_t` the displacements and `g_s = |d_s|²`, so that every term has the same
+//! unit. Where lips meet, their gap counts too ([`super::closures`]). The motion enters only
+//! through `Dᵀ x_t`: one product a frame, after which the number of vertices no longer matters. The
+//! problem is strictly convex, so that cyclic coordinate descent with clamping (Bertsekas 1999,
+//! §2.7) converges to its only minimum. The result does not depend on chance or on the number of
+//! threads.
 
 use ndarray::{Array2, ArrayView3, Axis, aview1};
 
@@ -21,26 +22,26 @@ use crate::{
     nn::{finite::check_result, matrix},
 };
 
-/// A shape with less than this share of the mean energy has no say and keeps the weight 0.
+/// A shape with less than this share of the mean energy keeps the weight 0.
 const STILL_SHARE: f64 = 1e-7;
-/// Change of a weight below which the descent has arrived, and the most sweeps.
+/// The descent ends when no weight changes by more than this, or after this many sweeps.
 const ARRIVED: f64 = 1e-6;
 const MOST_SWEEPS: usize = 3000;
 /// Frames of one product.
 const FRAMES_PER_BLOCK: usize = 32;
 
-/// How much is asked of the weights besides fitting.
+/// Terms of the solve in addition to the fit.
 #[derive(Debug, Clone, Copy, PartialEq)]
 pub struct SolveOptions {
     /// `ρ`: towards zero, which decides between shapes that do the same.
     pub ridge: f64,
     /// `μ`: towards the frame before and after.
     pub smoothness: f64,
-    /// `σ`: left and right towards each other.
+    /// `σ`: left and right weights towards each other.
     pub symmetry: f64,
     /// `λ`: towards few shapes at a time.
     pub sparsity: f64,
-    /// Whether of shapes that undo each other one at a time moves.
+    /// Whether only one of two shapes that undo each other moves at a time.
     pub exclusive: bool,
 }
 
@@ -57,8 +58,8 @@ impl Default for SolveOptions {
 }
 
 impl SolveOptions {
-    /// What somebody asks who is to edit the weights one by one: few at a time, both sides alike, and of shapes that undo
-    /// each other one; for one or two points of the motion.
+    /// For artists who edit the weights one by one: few shapes at a time, both sides alike, and one
+    /// of two shapes that undo each other. It costs one or two percent of the motion.
     pub fn editable() -> Self {
         SolveOptions {
             symmetry: 0.2,
@@ -76,7 +77,7 @@ pub struct SolvedWeights {
     pub names: Vec<String>,
     /// `[T, S]`, 0 to 1.
     pub weights: Array2<f32>,
-    /// `[T]`, root mean square over vertices of what is left, mesh units.
+    /// `[T]`, root mean square over vertices of the remaining motion, mesh units.
     pub residual: Vec<f32>,
     /// `[T]`, root mean square over vertices of the motion, mesh units.
     pub motion: Vec<f32>,
@@ -84,9 +85,9 @@ pub struct SolvedWeights {
 
 /// Solves for the weights of the first `shapes` shapes of `rig`.
 ///
-/// `displacements`: `[T, V, 3]`, of the same mesh and in the same units; motion of the whole head
-/// must have been taken out. `lips`: `[N]` vertices of the upper and of the lower lip that meet, perhaps none: in frames
-/// that bring them together the shapes do so as well as they can.
+/// `displacements`: `[T, V, 3]`, of the same mesh and in the same units, without motion of the
+/// whole head. `lips`: `[N]` vertices of the upper and of the lower lip that meet, perhaps none. In
+/// frames that close them the shapes close them too, as well as they can.
 ///
 /// # Errors
 /// `ShapeMismatch` if the vertices differ in number, `InvalidInput` for motion that is not finite,
@@ -206,7 +207,7 @@ fn products(a: &Array2<f32>, b: &Array2<f32>) -> Array2<f64> {
 
 /// The normal equations; everything in units of the mean energy of a shape.
 struct Problem {
-    /// `[S, S]`, what fitting asks.
+    /// `[S, S]`, the fit alone.
     gram: Array2<f64>,
     /// `[S, S]`, with ridge and symmetry.
     matrix: Array2<f64>,
@@ -270,7 +271,8 @@ impl Problem {
         })
     }
 
-    /// The weights; where they are `exclusive`, one more time without those that others undo.
+    /// Solves for the weights. Where they are `exclusive`, solves again without those that others
+    /// undo.
     fn solve(&self, exclusive: bool, progress: ProgressFn<'_>) -> Result<Array2<f64>> {
         let mut weights = Array2::zeros(self.right.dim());
         let mut rests = Array2::from_elem(self.right.dim(), false);
@@ -287,7 +289,8 @@ impl Problem {
         Ok(weights)
     }
 
-    /// Sweeps over the frames forth and back until no weight changes any more; what `rests` stays 0.
+    /// Sweeps forth and back over the frames until no weight changes any more. Weights that `rests`
+    /// marks stay 0.
     fn descend(
         &self,
         weights: &mut Array2<f64>,
@@ -314,7 +317,7 @@ impl Problem {
         Ok(())
     }
 
-    /// Best value of each weight of one frame in turn; returns the largest change.
+    /// Sets each weight of one frame in turn to its best value. Returns the largest change.
     fn descend_frame(&self, t: usize, weights: &mut Array2<f64>, rests: &Array2<bool>) -> f64 {
         let frames = weights.nrows();
         let mut now = weights.row(t).to_vec();
@@ -325,9 +328,9 @@ impl Problem {
             let mut gradient = pull - self.right[[t, s]] + self.price[s];
             let mut slope = row[s];
             if let Some(closures) = &self.closures {
-                let (pull, own) = closures.pull(t, s, &now);
+                let (pull, curvature) = closures.pull(t, s, &now);
                 gradient += pull;
-                slope += own;
+                slope += curvature;
             }
             let beside = [t.checked_sub(1), Some(t + 1).filter(|&n| n < frames)];
             for beside in beside.into_iter().flatten() {
@@ -342,7 +345,7 @@ impl Problem {
         largest
     }
 
-    /// `|x − D w|` of each frame from what the normal equations know.
+    /// `|x − D w|` of each frame, from the normal equations alone.
     fn residuals(&self, weights: &Array2<f64>, energy: &[f64], vertices: usize) -> Vec<f32> {
         let fitted = weights.dot(&self.gram);
         weights
@@ -356,7 +359,7 @@ impl Problem {
     }
 }
 
-/// Whether a shape's mirror image means the same on the other side: not so for moves to a side.
+/// Whether a shape's mirror image is the same on the other side. It is not for moves to a side.
 fn pairs(name: &str) -> bool {
     !["jawLeft", "jawRight", "mouthLeft", "mouthRight"].contains(&name)
         && !name.starts_with("eyeLookIn")
@@ -578,7 +581,8 @@ mod tests {
         );
     }
 
-    /// A jaw that opens with a smile beside it: five shapes that only open, and lips that meet in frames 8 to 11.
+    /// A jaw that opens with a smile beside it, and five shapes that only open. Lips meet in frames
+    /// 8 to 11.
     #[test]
     fn lips_that_meet_meet_with_shapes_that_only_open() {
         let (upper, lower, vertices) = (0usize, 1usize, 60usize);
@@ -601,7 +605,8 @@ mod tests {
             reports: Vec::new(),
         };
         let closed = |t: usize| (8..12).contains(&t);
-        // What stays of the cheeks' motion where lips meet, which the shapes cannot show without parting them.
+        // The motion of the cheeks where lips meet, which the shapes cannot show without parting
+        // them.
         let truth = Array2::from_shape_fn((20, 5), |(t, s)| 0.3 + 0.04 * ((t + 3 * s) % 10) as f32);
         let mut moved = play(&rig, &truth);
         for t in (0..20).filter(|&t| closed(t)) {

@@ -1,4 +1,4 @@
-//! A grid of which only what lies near the surface is held.
+//! A grid that stores only the cells near the surface.
 
 use crate::{Error, Result};
 
@@ -50,14 +50,14 @@ impl Grid {
     }
 }
 
-/// What is known of a grid: values at corners, cells that were looked into, vertices on edges.
+/// The stored part of a grid: values at corners, cells that were visited, vertices on edges.
 pub(super) struct Sparse {
     /// Bricks along each axis.
     bricks: [usize; 3],
-    /// Number of each brick, `NONE` for one that is not held.
-    held: Vec<u32>,
+    /// Number of each brick, `NONE` for one that is not stored.
+    brick_numbers: Vec<u32>,
     values: Vec<[f32; IN_BRICK]>,
-    seen: Vec<[u64; IN_BRICK / 64]>,
+    visited: Vec<[u64; IN_BRICK / 64]>,
     vertices: Vec<[[u32; 3]; IN_BRICK]>,
 }
 
@@ -75,16 +75,16 @@ impl Sparse {
         let bricks = last.map(|x| x / BRICK + 1);
         Sparse {
             bricks,
-            held: vec![NONE; bricks.iter().product()],
+            brick_numbers: vec![NONE; bricks.iter().product()],
             values: Vec::new(),
-            seen: Vec::new(),
+            visited: Vec::new(),
             vertices: Vec::new(),
         }
     }
 
     /// Bytes that it takes.
     pub fn bytes(&self) -> usize {
-        4 * self.held.len() + BRICK_BYTES * self.values.len()
+        4 * self.brick_numbers.len() + BRICK_BYTES * self.values.len()
     }
 
     fn number(&self, at: [usize; 3]) -> (usize, usize) {
@@ -94,24 +94,24 @@ impl Sparse {
         (brick, (z * BRICK + y) * BRICK + x)
     }
 
-    /// The slot of a corner or of the cell that begins there; made where there is none.
+    /// The slot of a corner, or of the cell that begins there. Makes it where there is none.
     pub fn slot(&mut self, at: [usize; 3]) -> Slot {
         let (brick, place) = self.number(at);
-        if self.held[brick] == NONE {
-            self.held[brick] = self.values.len() as u32;
+        if self.brick_numbers[brick] == NONE {
+            self.brick_numbers[brick] = self.values.len() as u32;
             self.values.push([f32::NAN; IN_BRICK]);
-            self.seen.push([0; IN_BRICK / 64]);
+            self.visited.push([0; IN_BRICK / 64]);
             self.vertices.push([[NONE; 3]; IN_BRICK]);
         }
-        (self.held[brick] as usize, place)
+        (self.brick_numbers[brick] as usize, place)
     }
 
-    /// The value at a corner; NaN where it is not known.
+    /// The value at a corner; NaN where it is unknown.
     pub fn value(&self, at: [usize; 3]) -> f32 {
         let (brick, place) = self.number(at);
-        match self.held[brick] {
+        match self.brick_numbers[brick] {
             NONE => f32::NAN,
-            held => self.values[held as usize][place],
+            number => self.values[number as usize][place],
         }
     }
 
@@ -120,10 +120,10 @@ impl Sparse {
         &mut self.values[brick][place]
     }
 
-    /// Notes a cell; whether it was new.
+    /// Marks a cell as visited. Returns whether it was new.
     pub fn see(&mut self, cell: [usize; 3]) -> bool {
         let (brick, place) = self.slot(cell);
-        let word = &mut self.seen[brick][place / 64];
+        let word = &mut self.visited[brick][place / 64];
         let bit = 1 << (place % 64);
         let new = *word & bit == 0;
         *word |= bit;

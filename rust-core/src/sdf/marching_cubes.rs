@@ -9,26 +9,26 @@ use super::{
 };
 use crate::{Error, Result, mesh::Mesh};
 
-/// A cell is divided where the field at a corner is below so many of its diagonals. Half is exact for distances; learned
-/// ones are steeper here and there.
+/// A cell is divided where the field at a corner is below this share of the cell's diagonal. Half
+/// is exact for distances; learned fields are steeper here and there.
 const REACH: f32 = 0.65;
 /// Cells along the longest side of the coarsest grid, about.
 const COARSEST: usize = 16;
-/// Bytes that a surface may take while it is made.
+/// Most bytes that a surface may take while it is made.
 const MOST_BYTES: usize = 1 << 30;
-/// Points that the field is asked at a time.
+/// Points of one call of the field.
 const BLOCK: usize = 1024;
 
-/// The surface where `field` is zero; triangles run counter-clockwise seen from where it is positive.
+/// The surface where `field` is zero. Triangles run counter-clockwise, seen from the positive side.
 ///
-/// `field` takes points `[Q, 3]` and returns the signed distance at each, in the same unit, negative inside.
-/// It is asked on a coarse grid, then in ever finer cells near the surface alone; wherever the surface leaves a cell, the
-/// next one is looked into, so that it is closed if it closes within the grid. What it does outside the grid is
-/// not seen: there it is left open.
+/// `field` takes points `[Q, 3]` and returns the signed distance at each, in the same unit,
+/// negative inside. It is evaluated on a coarse grid, then in ever finer cells near the surface.
+/// The search follows the surface from cell to cell, so that the mesh is closed if the surface
+/// closes within the grid. Where the surface leaves the grid, the mesh is open.
 ///
 /// # Errors
-/// `InvalidInput` for a field that is not finite, where nothing of the surface is found, and where more than 1 GiB would be
-/// needed, with the numbers.
+/// `InvalidInput` for a field that is not finite, for a grid without any surface and, with the
+/// numbers, where the surface needs more than 1 GiB.
 pub fn surface(grid: Grid, field: impl Fn(ArrayView2<'_, f32>) -> Vec<f32> + Sync) -> Result<Mesh> {
     meshed(grid, field, REACH, MOST_BYTES)
 }
@@ -58,7 +58,7 @@ fn meshed(
         known.ask(&near, size)?;
         near.retain(|cell| known.is_near(*cell, size, reach));
         if size == BRICK {
-            // Cells of this size are bricks; values on their far sides lie in the next ones.
+            // Cells of this size are bricks. Values on their far sides lie in the next ones.
             check_bytes(longest, near.len() * BRICK_BYTES * 3 / 2, most_bytes)?;
         }
         size /= 2;
@@ -98,7 +98,7 @@ fn corner_of(cell: Corner, corner: usize, size: usize) -> Corner {
     std::array::from_fn(|axis| cell[axis] + size * (corner >> axis & 1))
 }
 
-/// The grid with what is known of the field.
+/// The grid and the known values of the field.
 struct Known<F> {
     grid: Grid,
     sparse: Sparse,
@@ -106,9 +106,9 @@ struct Known<F> {
 }
 
 impl<F: Fn(ArrayView2<'_, f32>) -> Vec<f32> + Sync> Known<F> {
-    /// Makes the field known at the corners of cells.
+    /// Evaluates the field at the corners of cells.
     fn ask(&mut self, cells: &[Corner], size: usize) -> Result<()> {
-        let mut asked = Vec::new();
+        let mut unknown = Vec::new();
         for corner in cells
             .iter()
             .flat_map(|cell| (0..8).map(|c| corner_of(*cell, c, size)))
@@ -117,11 +117,11 @@ impl<F: Fn(ArrayView2<'_, f32>) -> Vec<f32> + Sync> Known<F> {
             let value = self.sparse.value_mut(slot);
             if value.is_nan() {
                 *value = f32::INFINITY;
-                asked.push((slot, self.grid.place(corner)));
+                unknown.push((slot, self.grid.place(corner)));
             }
         }
-        let places: Vec<[f32; 3]> = asked.iter().map(|(_, place)| *place).collect();
-        for ((slot, _), value) in asked.iter().zip(self.values(&places)?) {
+        let places: Vec<[f32; 3]> = unknown.iter().map(|(_, place)| *place).collect();
+        for ((slot, _), value) in unknown.iter().zip(self.values(&places)?) {
             *self.sparse.value_mut(*slot) = value;
         }
         Ok(())
@@ -153,7 +153,7 @@ impl<F: Fn(ArrayView2<'_, f32>) -> Vec<f32> + Sync> Known<F> {
         low < reach && high > -reach
     }
 
-    /// Bit by bit which corners of a fine cell are inside.
+    /// One bit for each corner of a fine cell that is inside.
     fn case(&self, cell: Corner) -> usize {
         (0..8).fold(0, |case, corner| {
             let value = self.sparse.value(corner_of(cell, corner, 1));
@@ -161,7 +161,8 @@ impl<F: Fn(ArrayView2<'_, f32>) -> Vec<f32> + Sync> Known<F> {
         })
     }
 
-    /// All cells that the surface crosses: among `first`, and wherever it leads from there.
+    /// All cells that the surface crosses: those among `first`, and those to which it leads from
+    /// there.
     fn follow(
         &mut self,
         first: Vec<Corner>,
@@ -228,8 +229,9 @@ impl<F: Fn(ArrayView2<'_, f32>) -> Vec<f32> + Sync> Known<F> {
         })
     }
 
-    /// Where the field is zero on edges: between the ends, then once more between that place and the end on
-    /// the other side. A little off either end, so that no triangle vanishes.
+    /// The zeros of the field on edges. Interpolates between the ends, then once more between that
+    /// place and the end on the other side. Stays a little off either end, so that no triangle
+    /// vanishes.
     fn crossings(&self, edges: &[[Corner; 2]]) -> Result<Vec<[f32; 3]>> {
         const NEAREST: f32 = 1e-3;
         let between = |[a, b]: [f32; 2]| a / (a - b);
@@ -324,14 +326,14 @@ mod tests {
 
     #[test]
     fn looking_near_the_surface_alone_loses_nothing() {
-        let asked = AtomicUsize::new(0);
+        let evaluated = AtomicUsize::new(0);
         let count = |points: ArrayView2<'_, f32>| {
-            asked.fetch_add(points.nrows(), Ordering::Relaxed);
+            evaluated.fetch_add(points.nrows(), Ordering::Relaxed);
             sphere(points)
         };
         let every = meshed(grid(40), sphere, 1e6, MOST_BYTES).unwrap();
         let few = surface(grid(40), count).unwrap();
-        assert!(asked.into_inner() < 41usize.pow(3) / 2);
+        assert!(evaluated.into_inner() < 41usize.pow(3) / 2);
         let sorted = |mesh: &Mesh| {
             let mut places: Vec<_> = mesh.positions.iter().map(|p| p.map(f32::to_bits)).collect();
             places.sort_unstable();
@@ -341,7 +343,7 @@ mod tests {
         assert_eq!(every.triangles.len(), few.triangles.len());
     }
 
-    /// A field that is far steeper than a distance is followed from cell to cell.
+    /// The surface of a field far steeper than a distance is followed from cell to cell.
     #[test]
     fn a_surface_that_was_seen_in_one_place_is_followed_all_round() {
         let steep = |points: ArrayView2<'_, f32>| -> Vec<f32> {
@@ -360,7 +362,7 @@ mod tests {
         );
     }
 
-    /// Random signs meet every case.
+    /// Random signs produce every case.
     #[test]
     fn noise_is_closed_in_every_case() {
         let mut random = rand_chacha::ChaCha8Rng::seed_from_u64(3);
@@ -388,28 +390,28 @@ mod tests {
                 |c: usize| usize::from(inside(x + (c & 1), y + (c >> 1 & 1), z + (c >> 2))) << c;
             cases[(0..8).map(bit).sum::<usize>()] = true;
         }
-        assert!(cases.iter().all(|seen| *seen), "all 256 cases");
+        assert!(cases.iter().all(|occurs| *occurs), "all 256 cases");
     }
 
     #[test]
     fn wrong_grids_and_fields_are_told() {
-        let told = |made: Result<Mesh>| made.unwrap_err().to_string();
+        let message = |result: Result<Mesh>| result.unwrap_err().to_string();
         let box_of = |cells| Grid::of_box([-1.0; 3], [1.0; 3], cells).map(|_| Mesh::default());
-        assert!(told(box_of(0)).contains("1 to 4096"));
-        assert!(told(box_of(5000)).contains("got 5000"));
+        assert!(message(box_of(0)).contains("1 to 4096"));
+        assert!(message(box_of(5000)).contains("got 5000"));
         let flat = Grid::of_box([0.0; 3], [1.0, 0.0, 1.0], 8).map(|_| Mesh::default());
-        assert!(told(flat).contains("finite box"));
+        assert!(message(flat).contains("finite box"));
         let one_sign = |points: ArrayView2<'_, f32>| vec![1.0; points.nrows()];
-        assert!(told(surface(grid(8), one_sign)).contains("one sign"));
+        assert!(message(surface(grid(8), one_sign)).contains("one sign"));
         let nan = |points: ArrayView2<'_, f32>| vec![f32::NAN; points.nrows()];
-        assert!(told(surface(grid(8), nan)).contains("finite field"));
+        assert!(message(surface(grid(8), nan)).contains("finite field"));
     }
 
     #[test]
     fn memory_is_told_before_it_is_taken() {
-        let asked = AtomicUsize::new(0);
+        let evaluated = AtomicUsize::new(0);
         let count = |points: ArrayView2<'_, f32>| {
-            asked.fetch_add(points.nrows(), Ordering::Relaxed);
+            evaluated.fetch_add(points.nrows(), Ordering::Relaxed);
             sphere(points)
         };
         let error = meshed(grid(1024), count, REACH, 64 << 20)
@@ -420,7 +422,7 @@ mod tests {
             "{error}"
         );
         assert!(
-            asked.into_inner() < 400_000,
+            evaluated.into_inner() < 400_000,
             "the fine cells were not asked"
         );
     }

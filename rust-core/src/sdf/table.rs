@@ -1,7 +1,7 @@
 //! The 256 cases of marching cubes.
 //!
-//! The table is made, not printed: on each face of a cell every run of inside corners is cut off by a segment,
-//! and segments join to loops. A face that is seen from two cells is cut alike in both, also where the choice is
+//! The table is computed: on each face of a cell a segment cuts off every run of inside corners,
+//! and segments join to loops. Two cells cut their common face alike, even where the choice is
 //! ambiguous, so that surfaces have no holes.
 
 use std::{collections::HashMap, sync::LazyLock};
@@ -54,7 +54,8 @@ fn edge([a, b]: [usize; 2]) -> Edge {
     [a.min(b), a.max(b)]
 }
 
-/// A loop as triangles from the corner whose diagonals lie in no face: there the neighbour has its own edges.
+/// Triangulates a loop from the corner whose diagonals lie in no face. In a face the neighbour has
+/// its own edges.
 fn fan(around: &[Edge]) -> Vec<[Edge; 3]> {
     let count = around.len();
     let fan_from = |first: usize| -> Vec<[Edge; 3]> {
@@ -138,7 +139,7 @@ mod tests {
         (a ^ b).is_power_of_two()
     }
 
-    /// Inside corners that hang together along edges of the cell.
+    /// Inside corners that are connected along edges of the cell.
     fn pieces(case: usize) -> Vec<BTreeSet<usize>> {
         let mut left: BTreeSet<usize> = (0..8).filter(|c| case >> c & 1 == 1).collect();
         let mut pieces = Vec::new();
@@ -187,16 +188,16 @@ mod tests {
         assert_eq!(met.len(), 15);
     }
 
-    /// The slow twin: where at most four corners are inside, each piece of them is cut off by one loop over
-    /// all its own edges.
+    /// The slow twin: where at most four corners are inside, one loop over all its own edges cuts
+    /// off each piece.
     #[test]
     fn each_piece_of_a_cell_is_cut_off_along_its_own_edges() {
         for case in (0..256usize).filter(|case| case.count_ones() <= 4) {
             let cut = pieces(case).into_iter().map(|piece| {
-                let own = |corner: usize| piece.contains(&corner);
+                let in_piece = |corner: usize| piece.contains(&corner);
                 (0..8)
                     .flat_map(|a| (a + 1..8).map(move |b| [a, b]))
-                    .filter(|[a, b]| neighbours(*a, *b) && own(*a) != own(*b))
+                    .filter(|[a, b]| neighbours(*a, *b) && in_piece(*a) != in_piece(*b))
                     .collect::<BTreeSet<Edge>>()
             });
             for edges in cut {
@@ -212,7 +213,7 @@ mod tests {
         }
     }
 
-    /// Triangles look away from the inside: of one corner, and of all but one.
+    /// Triangles face away from the inside, for one corner and for all but one.
     #[test]
     fn triangles_face_outwards() {
         let middle =

@@ -1,8 +1,8 @@
-//! When the words of a text are said: the most probable path of its letters through the frames.
+//! When the words of a text are spoken: the most probable path of its letters through the frames.
 //!
-//! Twin of `training/speech/letters.py`. A path (Viterbi, "Error bounds for convolutional codes", 1967)
-//! goes from a pause through the units of a word to the next pause; units may be silent at a cost, pauses
-//! may be left out.
+//! Twin of `training/speech/letters.py`. A path (Viterbi, "Error bounds for convolutional
+//! codes", 1967) goes from a pause through the units of a word to the next pause. Units may be silent at a
+//! cost. Pauses may be skipped.
 
 use std::ops::Range;
 
@@ -10,18 +10,19 @@ use ndarray::Array2;
 
 use super::letters::Word;
 
-/// Nepers that a silent unit costs.
+/// Cost of a silent unit, nepers.
 const SILENT_COST: f32 = 5.0;
-/// Nepers of a vowel that the name of a letter does not have.
+/// Cost of a vowel that is not part of a letter's name, nepers.
 const NAME_COST: f32 = 1.0;
-/// Rows that a unit lasts where it is heard: so many states in a row.
+/// Least number of rows of a unit that sounds: the unit has this many states in a row.
 const LEAST_ROWS: usize = 3;
-/// States in a row that a path may leave out: two units and a pause.
+/// Most states in a row that a path may skip: two units and a pause.
 const LONGEST_SKIP: usize = 2 * LEAST_ROWS + 1;
-/// Nepers of leaving out what must be heard.
+/// Cost of skipping a state that must not be skipped, nepers.
 const NEVER: f32 = 1e9;
-/// States to either side of the best one that a path may be in. Texts with fewer states get the best
-/// path of all; it bounds the memory of longer ones to a byte for each of these and each frame.
+/// States to either side of the best one that a path may be in. For texts with fewer states the
+/// path is the best of all. For longer ones this bounds the memory to a byte for each of these
+/// states and each frame.
 const REACH: usize = 1500;
 
 /// A state of a path.
@@ -31,11 +32,11 @@ pub(super) struct State {
     pub(super) column: usize,
     /// Index of the word; `None` for a pause.
     pub(super) word: Option<usize>,
-    /// Nepers of leaving it out.
+    /// Cost of skipping it, nepers.
     pub(super) skip: f32,
 }
 
-/// A pause, the units of a word, a pause, …; words without units have no state. `pause` is the column
+/// A pause, the units of a word, a pause, … Words without units have no states. `pause`: the column
 /// of a pause.
 pub(super) fn states_of(words: &[Word], pause: usize) -> Vec<State> {
     let state = |column, word, skip| State { column, word, skip };
@@ -45,7 +46,7 @@ pub(super) fn states_of(words: &[Word], pause: usize) -> Vec<State> {
         for (place, &column) in said.units.iter().enumerate() {
             let cost = match said.is_name {
                 true if place != 1 => NAME_COST,
-                // One of two units is always heard, so that no word vanishes between two pauses.
+                // One of two units always sounds, so that no word vanishes between two pauses.
                 false if count > 2 || count == 2 && place == 1 => SILENT_COST,
                 _ => NEVER,
             };
@@ -59,15 +60,16 @@ pub(super) fn states_of(words: &[Word], pause: usize) -> Vec<State> {
     out
 }
 
-/// State of each frame on the best path, `[T]`; none where there is no way through.
+/// State of each frame on the best path, `[T]`; `None` where there is no path.
 ///
-/// `emission`: nepers of each frame in each column, `[T, columns]`. From a state the path stays, goes
-/// on, or leaves out up to two states at their cost.
+/// `emission`: nepers of each frame in each column, `[T, columns]`. From a state the path stays,
+/// goes on, or skips states at their cost.
 pub(super) fn best_path(emission: &Array2<f32>, states: &[State]) -> Option<Vec<usize>> {
     best_path_within(emission, states, REACH)
 }
 
-/// How a path came to the states of one frame: the first state, and by how many states each came.
+/// How the path reached the states of one frame: the first of these states, and for each how many
+/// states it advanced.
 struct Back {
     first: usize,
     moves: Vec<u8>,
@@ -77,7 +79,8 @@ fn best_path_within(emission: &Array2<f32>, states: &[State], reach: usize) -> O
     let count = states.len();
     let costs = costs_before(states);
     let mut backs: Vec<Back> = Vec::with_capacity(emission.nrows());
-    // Scores of the states of the last back; before the first frame the path stands before them all.
+    // Scores of the states, the latest last. Before the first frame the path stands before all
+    // states.
     let mut scores: Vec<f64> = Vec::new();
     let mut window = 0..count.min(LONGEST_SKIP + 1);
     for row in emission.rows() {
@@ -102,7 +105,7 @@ fn best_path_within(emission: &Array2<f32>, states: &[State], reach: usize) -> O
     (best > -f64::from(NEVER) / 10.0).then(|| back_from(end, &backs))
 }
 
-/// Nepers of leaving out all states before each one, `[N + 1]`.
+/// Cost of skipping all states before each one, `[N + 1]`, nepers.
 fn costs_before(states: &[State]) -> Vec<f64> {
     let mut sum = 0.0;
     let after = states.iter().map(|state| {
@@ -112,8 +115,8 @@ fn costs_before(states: &[State]) -> Vec<f64> {
     std::iter::once(0.0).chain(after).collect()
 }
 
-/// The best score with which a state is come to, and by how many states from the one before;
-/// `scores` are those of the states from `first` on.
+/// The best score for reaching a state, and how many states the path advances from the one before.
+/// `scores`: those of the states from `first` on.
 fn best_step(state: usize, scores: &[f64], first: usize, costs: &[f64]) -> (f64, u8) {
     let (mut best, mut by) = (f64::NEG_INFINITY, 0);
     for step in 0..=(LONGEST_SKIP + 1).min(state.saturating_sub(first)) {
@@ -130,7 +133,7 @@ fn best_step(state: usize, scores: &[f64], first: usize, costs: &[f64]) -> (f64,
     (best, by)
 }
 
-/// The states that the next frame may be in: those that can be reached, within `reach` of the best.
+/// The states that the next frame may be in: the reachable ones within `reach` of the best.
 fn next_window(scores: &[f64], window: &Range<usize>, count: usize, reach: usize) -> Range<usize> {
     let best = (0..scores.len()).max_by(|a, b| scores[*a].total_cmp(&scores[*b]));
     let best = window.start + best.unwrap_or(0);
@@ -151,7 +154,7 @@ fn back_from(end: usize, backs: &[Back]) -> Vec<usize> {
 mod tests {
     use super::*;
 
-    /// Every path there is, one after the other.
+    /// Tries every path, one after the other.
     fn slow_best(emission: &Array2<f32>, states: &[State]) -> Option<f64> {
         fn from(emission: &Array2<f32>, states: &[State], t: usize, at: usize) -> f64 {
             let here = f64::from(emission[[t, states[at].column]]);
@@ -236,15 +239,15 @@ mod tests {
         // A frame for each state, and four for pauses.
         let frames =
             |(state, s): (usize, &State)| vec![state; if s.word.is_none() { 4 } else { 1 }];
-        let wanted: Vec<usize> = states.iter().enumerate().flat_map(frames).collect();
-        let emission = Array2::from_shape_fn((wanted.len(), 4), |(t, column)| {
-            if states[wanted[t]].column == column {
+        let expected: Vec<usize> = states.iter().enumerate().flat_map(frames).collect();
+        let emission = Array2::from_shape_fn((expected.len(), 4), |(t, column)| {
+            if states[expected[t]].column == column {
                 0.0
             } else {
                 -5.0
             }
         });
-        assert!(best_path_within(&emission, &states, 20).unwrap() == wanted);
-        assert!(best_path(&emission, &states).unwrap() == wanted);
+        assert!(best_path_within(&emission, &states, 20).unwrap() == expected);
+        assert!(best_path(&emission, &states).unwrap() == expected);
     }
 }

@@ -1,34 +1,33 @@
-//! When lips are together, as a speech encoder's own read-out has it.
+//! When the lips are closed, by the read-out of a speech encoder.
 //!
 //! Twin of `contacts` in `training/corpus/closures.py`.
 
 use std::ops::Range;
 
-/// Probabilities between which the lips go from as they are to touching.
+/// Probabilities between which the lips go from their own place to contact.
 const SURE_FROM: f32 = 0.2;
 const SURE_AT: f32 = 0.35;
-/// Frames to either side among which a probability has to come near the highest, and how near: the
-/// foot of a peak is no closure.
+/// Frames to either side whose highest probability counts, and the share of it that a frame must
+/// reach: the foot of a peak is no closure.
 const PEAK_FRAMES: usize = 2;
 const PEAK_SHARE: f32 = 0.75;
-/// An interval is the one that was heard where both its ends lie so near to it, seconds: what a file
-/// rounds.
+/// Two intervals are the same where both their ends are this near, seconds: files round.
 const SAME_S: f64 = 1e-3;
 
-/// A time in which lips touch.
+/// A time in which the lips touch.
 #[derive(Debug, Clone, Copy, PartialEq)]
 pub struct Contact {
     /// Where it begins, seconds.
     pub start_s: f64,
     /// Where it ends, seconds.
     pub end_s: f64,
-    /// How far the lips go to touching, 0 to 1.
+    /// How far the lips go towards contact, 0 to 1.
     pub share: f32,
     /// The lips touch from start to end. Otherwise they touch somewhere between the two.
     pub lasts: bool,
 }
 
-/// When lips are together: where the sound says so, or where an artist does.
+/// When the lips are closed, by the sound or by an artist.
 ///
 /// ```
 /// use anyface::speech::LipClosures;
@@ -41,26 +40,26 @@ pub struct Contact {
 /// ```
 #[derive(Debug, Clone, PartialEq)]
 pub struct LipClosures {
-    /// Probability where it comes near its highest, 0 elsewhere.
+    /// The probability where it is near its peak, 0 elsewhere.
     probability: Vec<f32>,
     rate_hz: f64,
-    /// Intervals that nobody heard.
-    given: Vec<[f64; 2]>,
+    /// Intervals that are not in the sound.
+    added: Vec<[f64; 2]>,
 }
 
 impl LipClosures {
-    /// What is heard: `probability` `[T']`, frame `t` at `t / rate_hz` seconds.
+    /// From `probability` `[T']` of a sound, frame `t` at `t / rate_hz` seconds.
     ///
     /// A frame counts where its probability is three quarters of the highest within two frames.
     pub fn heard(probability: &[f32], rate_hz: f64) -> LipClosures {
         LipClosures {
             probability: peaks(probability),
             rate_hz,
-            given: Vec::new(),
+            added: Vec::new(),
         }
     }
 
-    /// Where lips go together, `[start_s, end_s]` in rising order; each frame lasts half of one to
+    /// Where the lips close, `[start_s, end_s]` in rising order. Each frame lasts half a frame to
     /// either side.
     pub fn intervals(&self) -> Vec<[f64; 2]> {
         let contacts = self.contacts().into_iter();
@@ -69,32 +68,33 @@ impl LipClosures {
             .collect()
     }
 
-    /// The same with these intervals instead: those that were heard stay to the bit, those that are not
-    /// among them go, others come.
+    /// The same with these intervals instead. Intervals of the sound stay to the bit, unlisted ones
+    /// are removed, and new ones are added.
     #[must_use]
     pub fn mended(&self, intervals: &[[f64; 2]]) -> LipClosures {
         let near = |a: f64, b: f64| (a - b).abs() < SAME_S;
         let same = |a: &[f64; 2], b: &[f64; 2]| near(a[0], b[0]) && near(a[1], b[1]);
         let heard = LipClosures {
-            given: Vec::new(),
+            added: Vec::new(),
             ..self.clone()
         };
         let known = heard.intervals();
         let mut out = heard;
         for (run, interval) in out.runs().into_iter().zip(&known) {
-            if !intervals.iter().any(|given| same(given, interval)) {
+            if !intervals.iter().any(|target| same(target, interval)) {
                 out.probability[run].fill(0.0);
             }
         }
-        let new = |given: &&[f64; 2]| !known.iter().any(|interval| same(given, interval));
-        out.given = intervals.iter().filter(new).copied().collect();
+        let new = |target: &&[f64; 2]| !known.iter().any(|interval| same(target, interval));
+        out.added = intervals.iter().filter(new).copied().collect();
         out
     }
 
     /// Where lips touch, in rising order.
     ///
-    /// What is heard goes as far as its highest probability says: a smooth step from 0.2 to 0.35. The lips touch
-    /// somewhere in it. An interval that an artist sets lasts from its start to its end.
+    /// In a closure of the sound, the lips go as far as its highest probability says (a smooth step
+    /// from 0.2 to 0.35) and touch somewhere in it. In an artist's interval they touch from start
+    /// to end.
     pub fn contacts(&self) -> Vec<Contact> {
         let heard = self.runs().into_iter().map(|run| {
             let highest = self.probability[run.clone()]
@@ -108,23 +108,23 @@ impl LipClosures {
                 lasts: false,
             }
         });
-        let given = self.given.iter().map(|&[start_s, end_s]| Contact {
+        let added = self.added.iter().map(|&[start_s, end_s]| Contact {
             start_s,
             end_s,
             share: 1.0,
             lasts: true,
         });
-        let mut all: Vec<Contact> = heard.chain(given).collect();
+        let mut all: Vec<Contact> = heard.chain(added).collect();
         all.sort_by(|a, b| a.start_s.total_cmp(&b.start_s));
         all
     }
 
-    /// Where a run of frames begins and ends: each frame lasts half of one to either side.
+    /// Where a run of frames begins and ends. Each frame lasts half a frame to either side.
     fn seconds(&self, run: &Range<usize>) -> [f64; 2] {
         [run.start, run.end].map(|frame| ((frame as f64 - 0.5) / self.rate_hz).max(0.0))
     }
 
-    /// Frames in which lips move because of what was heard, without a gap.
+    /// Runs of frames in which the sound closes the lips.
     fn runs(&self) -> Vec<Range<usize>> {
         let mut out: Vec<Range<usize>> = Vec::new();
         let moves = |(_, p): &(usize, &f32)| **p > SURE_FROM;
@@ -138,7 +138,7 @@ impl LipClosures {
     }
 }
 
-/// The probability where it comes near its highest, 0 elsewhere.
+/// The probability where it is near its peak, 0 elsewhere.
 fn peaks(probability: &[f32]) -> Vec<f32> {
     let near_highest = |(t, &here): (usize, &f32)| {
         let last = (t + PEAK_FRAMES + 1).min(probability.len());
@@ -153,7 +153,8 @@ fn peaks(probability: &[f32]) -> Vec<f32> {
     probability.iter().enumerate().map(near_highest).collect()
 }
 
-/// How far the lips go to touching where a closure is so likely, 0 to 1: a smooth step from 0.2 to 0.35.
+/// How far the lips go towards contact at a probability of a closure, 0 to 1: a smooth step from
+/// 0.2 to 0.35.
 pub fn closure_share(probability: f32) -> f32 {
     let x = ((probability - SURE_FROM) / (SURE_AT - SURE_FROM)).clamp(0.0, 1.0);
     x * x * (3.0 - 2.0 * x)

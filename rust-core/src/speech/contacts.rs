@@ -1,9 +1,9 @@
-//! When lips touch and how round they are, as the encoder and the phones hear it together.
+//! When the lips touch and how round they are, by the encoder and the phones together.
 
 use super::{Heard, LipClosures};
 
-/// Weight of the phones' log-odds beside the encoder's own, and what is added so that both together raise no more
-/// false closures than the encoder alone.
+/// Weight of the phones' log-odds against the encoder's own, and the bias with which both together
+/// raise no more false closures than the encoder alone.
 const PHONES_SHARE: f32 = 0.45;
 const EARLIER: f32 = 1.5;
 const LEAST: f32 = 1e-5;
@@ -13,11 +13,11 @@ const KERNEL: [f32; 5] = [0.1, 0.25, 0.3, 0.25, 0.1];
 /// When the lips of a speaker touch, and how round they are.
 #[derive(Debug, Clone, PartialEq)]
 pub struct LipContacts {
-    /// One another, for p, b, m.
+    /// The lips touch one another, for p, b, m.
     pub together: LipClosures,
-    /// The lower lip the upper teeth, for f, v.
+    /// The lower lip touches the upper teeth, for f, v.
     pub at_teeth: LipClosures,
-    /// How far they come forward, for u, o, w.
+    /// How far the lips come forward, for u, o, w.
     pub rounding: LipRounding,
 }
 
@@ -38,8 +38,8 @@ pub struct LipRounding {
 }
 
 impl LipRounding {
-    /// From the degree of each frame, `[T']`, 0 to 1, frame `t` at `t / rate_hz` seconds. It is smoothed to the pace of
-    /// lips: they come forward within 0.16 s.
+    /// From the degree of each frame, `[T']`, 0 to 1, frame `t` at `t / rate_hz` seconds. Smooths
+    /// it to the pace of lips, which come forward within 0.16 s.
     pub fn heard(degree: Vec<f32>, rate_hz: f64) -> LipRounding {
         let at = |t: isize| degree[t.clamp(0, degree.len() as isize - 1) as usize];
         let smooth = |t: isize| (-2..=2).map(|k| KERNEL[(k + 2) as usize] * at(t + k)).sum();
@@ -49,7 +49,7 @@ impl LipRounding {
         }
     }
 
-    /// At the times of motion frames, `[T]`.
+    /// The degree in motion frames, `[T]`.
     pub fn at_frames(&self, frames: usize, fps: f64) -> Vec<f32> {
         let last = match self.degree.len() {
             0 => return vec![0.0; frames],
@@ -65,12 +65,14 @@ impl LipRounding {
 }
 
 impl Heard {
-    /// When the lips touch: as the sound says, or together in the `given` intervals `[start_s, end_s]`.
+    /// When the lips touch. `intervals`: `[start_s, end_s]` of closed lips, which replace those of
+    /// the sound.
     ///
-    /// Two witnesses hear p, b, m: the encoder ([`super::SpeechEncoder::closed_lips`]) and the phones. They miss
-    /// fewer than the encoder alone at as many false ones (the card of `cafe_talk_compact` counts them). The phones
-    /// alone hear f and v. Without phones that know the encoder's features the encoder is the one witness.
-    pub fn contacts(&self, given: Option<&[[f64; 2]]>) -> LipContacts {
+    /// The encoder ([`super::SpeechEncoder::closed_lips`]) and the phones together find p, b, m.
+    /// They miss fewer than the encoder alone, with as many false ones (the card of
+    /// `cafe_talk_compact` has the counts). Only the phones find f and v. Without phones that know
+    /// the encoder's features, the encoder decides alone.
+    pub fn contacts(&self, intervals: Option<&[[f64; 2]]>) -> LipContacts {
         let rate_hz = self.track.rate_hz;
         let features = self.features(rate_hz);
         let closed = self
@@ -92,8 +94,8 @@ impl Heard {
             };
         let together = LipClosures::heard(&together, rate_hz);
         LipContacts {
-            together: match given {
-                Some(given) => together.mended(given),
+            together: match intervals {
+                Some(intervals) => together.mended(intervals),
                 None => together,
             },
             at_teeth: LipClosures::heard(&at_teeth, rate_hz),
@@ -102,7 +104,7 @@ impl Heard {
     }
 }
 
-/// What two witnesses of a closure say together: their log-odds, weighed.
+/// The joint probability of a closure: the weighted sum of the log-odds.
 fn agreed(encoder: f32, phones: f32) -> f32 {
     let odds = |p: f32| {
         let p = p.clamp(LEAST, 1.0 - LEAST);

@@ -1,8 +1,8 @@
-//! The ear for emotion: which emotion is heard in a voice, over time, and how sure that is; for every system.
+//! Recognises the emotion in a voice over time, and how certain it is. All systems use it.
 //!
-//! Twin of `training/speech/emotion_ear.py`. A small network over log-mels and pitch tells what Whisper's middle
-//! layers would say of the last two seconds; beside it stand the 118 numbers of [`VoiceTrack`]. A linear layer makes
-//! of both the logits of the emotions.
+//! Twin of `training/speech/emotion_ear.py`. A small network over log-mels and pitch predicts
+//! Whisper's middle layers for the last two seconds. A linear layer turns its outputs and the 118
+//! numbers of [`VoiceTrack`] into the logits of the emotions.
 
 mod affect;
 mod heard_emotion;
@@ -35,7 +35,7 @@ use crate::{
 /// Built-in weights of [`EmotionEar`].
 pub static EMOTION_EAR: BuiltIn = BuiltIn::new(&anyface_weights_shared::EMOTION_EAR);
 
-/// Log-mel under the loud level, pitch, and how periodic the sound is.
+/// Log-mel relative to the loud level, pitch, and how periodic the sound is.
 const INPUTS: usize = BANDS + 2;
 const DEEPEST: f32 = -12.0;
 const SCALE: f32 = 4.0;
@@ -53,15 +53,16 @@ pub struct EmotionEarConfig {
     pub fine_dilations: Vec<usize>,
     /// Dilations of the blocks at 25 Hz.
     pub coarse_dilations: Vec<usize>,
-    /// Width of the layer over what is pooled.
+    /// Width of the layer after pooling.
     pub hidden: usize,
-    /// Numbers that the network tells.
-    pub told: usize,
-    /// Emotions that it was taught, all of [`EMOTIONS`], neutral among them.
+    /// Outputs of the network.
+    #[serde(rename = "told")]
+    pub outputs: usize,
+    /// Emotions in its training data, all of [`EMOTIONS`], neutral among them.
     pub emotions: Vec<String>,
 }
 
-/// The network and the layer upon it.
+/// The network and the linear layer after it.
 pub struct EmotionEar {
     encoder: CompactEncoder,
     inner: Linear,
@@ -82,7 +83,7 @@ impl EmotionEar {
     fn load(weights: &Weights, config: &str) -> Result<Self> {
         let config: EmotionEarConfig = serde_json::from_str(config)
             .map_err(|e| Error::Weights(format!("emotion_ear config.json: {e}")))?;
-        let numbers = config.told + NUMBERS;
+        let numbers = config.outputs + NUMBERS;
         let sizes = CompactConfig {
             model: "emotion_ear".into(),
             bands: INPUTS,
@@ -94,29 +95,29 @@ impl EmotionEar {
         Ok(EmotionEar {
             encoder: CompactEncoder::of_weights(sizes, &weights.pp("encoder"))?,
             inner: Linear::load(&weights.pp("inner"), 2 * config.channels, config.hidden)?,
-            outer: Linear::load(&weights.pp("outer"), config.hidden, config.told)?,
+            outer: Linear::load(&weights.pp("outer"), config.hidden, config.outputs)?,
             layer: EmotionLayer::load("emotion_ear", weights, &config.emotions, numbers)?,
         })
     }
 
-    /// Emotions that it was taught.
+    /// Emotions in its training data.
     pub fn emotions(&self) -> &[String] {
         &self.layer.emotions
     }
 
-    /// How likely each emotion is in a voice over time; nothing of a sound shorter than 0.8 s.
+    /// How likely each emotion is in a voice over time. Empty for a sound shorter than 0.8 s.
     ///
-    /// `neutral` is how the speaker sounds while he feels nothing, where that is known.
+    /// `neutral`: how the speaker sounds without emotion, if that is known.
     pub fn heard(&self, voice: &VoiceTrack, neutral: Option<&NeutralVoice>) -> HeardEmotion {
         let windows = voice.windows(EVERY);
         let rows = windows.iter().map(|window| self.row(window));
         self.layer.heard(&windows, rows, neutral)
     }
 
-    /// How a speaker sounds in a recording in which he feels nothing.
+    /// How a speaker sounds without emotion, from a recording.
     ///
-    /// Rows of his voice are moved by the way from his mean row there to that of the readers who were taught. A mean over
-    /// little of a voice moves them less.
+    /// Rows of the voice are moved by the difference between the speaker's mean row there and that
+    /// of the training data's readers. Little voice moves them less.
     ///
     /// # Errors
     /// `Audio` if nobody speaks in it.
@@ -126,14 +127,14 @@ impl EmotionEar {
         self.layer.neutral_voice(&windows, rows)
     }
 
-    /// What the network tells of a window, and its numbers, `[told + 118]`.
+    /// The network's outputs for a window, and the window's numbers, `[outputs + 118]`.
     fn row(&self, window: &VoiceWindow) -> Array1<f64> {
-        let told = self.told(window).into_iter().map(f64::from);
-        told.chain(window.numbers.iter().copied()).collect()
+        let outputs = self.outputs_of(window).into_iter().map(f64::from);
+        outputs.chain(window.numbers.iter().copied()).collect()
     }
 
-    /// What the network tells of a window, `[told]`.
-    fn told(&self, window: &VoiceWindow) -> Vec<f32> {
+    /// The network's outputs for a window, `[outputs]`.
+    fn outputs_of(&self, window: &VoiceWindow) -> Vec<f32> {
         let heard = inputs_of(window);
         let x = self.encoder.forward_span(&heard);
         let pooled = pooled(x.view(), &window.active);
@@ -154,7 +155,7 @@ fn inputs_of(window: &VoiceWindow) -> Array2<f32> {
     })
 }
 
-/// Mean and spread of rows `[T / 4, C]` over time, of which those of active frames count; `[2 C]`.
+/// Mean and deviation of rows `[T / 4, C]` over time, weighted by which frames are active; `[2 C]`.
 fn pooled(x: ArrayView2<'_, f32>, active: &[bool]) -> Array1<f32> {
     let weight = active.iter().step_by(STRIDE);
     let weight = weight.map(|active| f32::from(u8::from(*active)) + LEAST_WEIGHT);
@@ -284,11 +285,11 @@ mod tests {
         assert_eq!(live.emotion(), Emotion::default());
         let windows = voice(&samples).windows(1);
         windows.iter().for_each(|window| live.hear(window));
-        let told = live.emotion();
-        assert!((0.0..=1.0).contains(&told.intensity));
+        let emotion = live.emotion();
+        assert!((0.0..=1.0).contains(&emotion.intensity));
         let heard = ear.heard(&voice(&samples), None);
         let whole = *heard.intensity.last().unwrap();
-        let apart = (f64::from(told.intensity) - whole).abs();
-        assert!(apart < 0.2, "{} {whole}", told.intensity);
+        let apart = (f64::from(emotion.intensity) - whole).abs();
+        assert!(apart < 0.2, "{} {whole}", emotion.intensity);
     }
 }

@@ -1,8 +1,9 @@
-//! How somebody feels, heard in how he speaks over two seconds: EmoFace's emotion encoder `E_e`.
+//! Recognises emotion in the last two seconds of a voice: EmoFace's emotion encoder `E_e`.
 //!
-//! Twin of `training/systems/emoface/emotion_encoder.py`. From the last two seconds before each instant 118 numbers
-//! are taken: pitch, voicing, loudness, tilt, cepstra and how they move. A linear discriminant makes of them
-//! six coordinates in which the taught emotions lie apart, and the probability of each; both are `F_e`.
+//! Twin of `training/systems/emoface/emotion_encoder.py`. It measures 118 numbers of the last two
+//! seconds before each instant: pitch, voicing, loudness, tilt, cepstra and how they move. A linear
+//! discriminant turns them into six coordinates that separate the emotions of the training data,
+//! and into the probability of each emotion. Both together are `F_e`.
 
 mod live;
 
@@ -24,16 +25,17 @@ use crate::{
 /// Built-in weights of [`EmotionEncoder`].
 pub static EMOTION_ENCODER: BuiltIn = BuiltIn::new(&anyface_weights_shared::EMOTION_ENCODER);
 
-/// Numbers that are measured at an instant.
+/// Number of measurements at an instant.
 pub const NUMBERS: usize = 118;
-/// Frames of 10 ms that are remembered, that must have been heard at least, and from one instant to the next.
+/// Frames of 10 ms in the window, least number before the first instant, and number from one
+/// instant to the next.
 const WINDOW: usize = 200;
 const LEAST: usize = 80;
 const STEP: usize = 16;
 const FRAMES_HZ: f64 = 100.0;
 const PEAK: f32 = 0.9;
 const SILENT: f32 = 1e-4;
-/// Frames within so much of the loud level of the window are active.
+/// Frames within this distance of the window's loud level are active, nepers.
 const ACTIVE_NEPERS: f64 = 4.0;
 const LOUD_SHARE: f64 = 0.95;
 const FIRST_LAG: usize = SAMPLE_RATE_HZ as usize / 400;
@@ -46,37 +48,38 @@ const PERIODIC: f64 = 0.6;
 const LEAST_OVERLAP: f64 = 0.15;
 const LEAST_VOICED: usize = 6;
 const NO_PITCH: f64 = 7.0;
-/// Octaves from frame to frame; more is another voice or an error.
+/// Largest step of the pitch from frame to frame, octaves. A larger one is another voice or an
+/// error.
 const LARGEST_STEP: f64 = 0.2;
 const CEPSTRA: usize = 20;
 
 /// `config.json` beside the weights.
 #[derive(Debug, Clone, PartialEq, serde::Deserialize)]
 pub struct EmotionEncoderConfig {
-    /// Numbers that are measured; always [`NUMBERS`].
+    /// Number of measurements; always [`NUMBERS`].
     pub numbers: usize,
     /// Coordinates of the discriminant.
     pub coordinates: usize,
-    /// Emotions that it was taught, all of [`EMOTIONS`].
+    /// Emotions in its training data, all of [`EMOTIONS`].
     pub emotions: Vec<String>,
 }
 
-/// What is heard of a voice in frames of 10 ms, whatever its level.
+/// Measurements of a voice in frames of 10 ms, whatever its level.
 #[derive(Debug, Clone, PartialEq)]
 pub struct VoiceTrack {
     /// `[M, 64]`, log-mel.
     mel: Array2<f64>,
     /// `[M]`, log2 of the pitch in Hz.
     octave: Vec<f64>,
-    /// `[M]`, how periodic the sound is, 1 wholly.
+    /// `[M]`, how periodic the sound is; 1 is fully periodic.
     periodic: Vec<f64>,
-    /// The sound itself, kept where an encoder of the user's is to hear it.
+    /// The sound itself, if a user's encoder needs it.
     sound: Option<Waveform>,
 }
 
-/// What is heard of a voice in one window, up to two seconds.
+/// Measurements of a voice in one window of up to two seconds.
 pub struct VoiceWindow {
-    /// `[T, 64]`, log-mel under the loud level.
+    /// `[T, 64]`, log-mel relative to the loud level.
     pub(super) relative: Array2<f64>,
     /// Level of its loud frames, nepers of power.
     pub(super) loud: f64,
@@ -108,16 +111,16 @@ pub struct EmotionEncoder {
     bias: Array1<f64>,
 }
 
-/// Frames after which progress is told, ten seconds of sound.
+/// Frames between two reports of progress: ten seconds of sound.
 const REPORTED: usize = 1000;
 
 impl VoiceTrack {
-    /// Of a sound.
+    /// From a sound.
     pub fn of(waveform: &Waveform) -> VoiceTrack {
         VoiceTrack::hear(waveform, job::SILENT).expect("nobody cancels it")
     }
 
-    /// The same of a sound that may be long.
+    /// The same for a sound that may be long.
     ///
     /// # Errors
     /// `Cancelled`.
@@ -151,36 +154,36 @@ impl VoiceTrack {
         self.octave.len() as f64 / FRAMES_HZ
     }
 
-    /// The same, with the sound kept for encoders that hear it themselves.
+    /// The same, with the sound for encoders that need it.
     pub fn with_sound(mut self, waveform: &Waveform) -> VoiceTrack {
         self.sound = Some(waveform.clone());
         self
     }
 
-    /// What [`VoiceTrack::with_sound`] kept.
+    /// The sound of [`VoiceTrack::with_sound`].
     pub fn sound(&self) -> Option<&Waveform> {
         self.sound.as_ref()
     }
 
-    /// Of a sound whose emotion is to be taken, with the sound itself.
+    /// From a sound whose emotion is requested, with the sound itself.
     ///
     /// # Errors
-    /// `Audio` if it is silent or too short for an emotion to be heard in it.
+    /// `Audio` if it is silent or too short to show an emotion.
     pub fn checked(waveform: &Waveform) -> Result<VoiceTrack> {
         check_voice("emotion", waveform)?;
         Ok(VoiceTrack::of(waveform).with_sound(waveform))
     }
 
-    /// Of a sound in which the speaker feels nothing; see [`crate::MotionRequest::neutral_voice`].
+    /// From a sound without emotion; see [`crate::MotionRequest::neutral_voice`].
     ///
     /// # Errors
-    /// `Audio` if it is silent or too short for an emotion to be heard in it.
+    /// `Audio` if it is silent or too short to show an emotion.
     pub fn neutral(waveform: &Waveform) -> Result<VoiceTrack> {
         check_voice("neutral voice", waveform)?;
         Ok(VoiceTrack::of(waveform).with_sound(waveform))
     }
 
-    /// What is measured at each instant, `[I, 118]`; none of a sound shorter than 0.8 s.
+    /// The measurements at each instant, `[I, 118]`. Empty for a sound shorter than 0.8 s.
     pub(super) fn numbers(&self) -> Array2<f64> {
         let frames = self.octave.len();
         let cepstra = self.mel.dot(&cepstral_basis());
@@ -196,7 +199,7 @@ impl VoiceTrack {
         out
     }
 
-    /// What is heard up to each instant, of which only one in `every` is taken.
+    /// The windows that end at each instant, of which only one in `every` is returned.
     pub(super) fn windows(&self, every: usize) -> Vec<VoiceWindow> {
         let cepstra = self.mel.dot(&cepstral_basis());
         let ends = (LEAST..=self.octave.len()).step_by(STEP * every);
@@ -282,7 +285,7 @@ impl VoiceTrack {
     }
 }
 
-/// A sound at the level at which voices are heard, so that its own level says nothing.
+/// Scales a sound to the level of the training data, so that its own level has no effect.
 pub(super) fn scaled_samples(waveform: &Waveform) -> Vec<f32> {
     let samples = &waveform.samples;
     let peak = samples.iter().fold(0.0f32, |peak, x| peak.max(x.abs()));
@@ -290,7 +293,7 @@ pub(super) fn scaled_samples(waveform: &Waveform) -> Vec<f32> {
     samples.iter().map(|x| x * gain).collect()
 }
 
-/// Whether an emotion can be heard in a sound; `what` begins the message.
+/// Checks whether a sound can show an emotion. `what` begins the message.
 fn check_voice(what: &str, waveform: &Waveform) -> Result<()> {
     let (least_s, got_s) = (LEAST as f64 / FRAMES_HZ, waveform.duration_s());
     if !waveform.is_silent() && got_s >= least_s {
@@ -316,7 +319,7 @@ impl EmotionEncoder {
     }
 
     fn load(weights: &Weights, config: &str) -> Result<Self> {
-        let wrong = |told: String| Error::Weights(format!("emotion config.json: {told}"));
+        let wrong = |message: String| Error::Weights(format!("emotion config.json: {message}"));
         let config: EmotionEncoderConfig =
             serde_json::from_str(config).map_err(|e| wrong(e.to_string()))?;
         let mut names = config.emotions.iter();
@@ -359,20 +362,21 @@ impl EmotionEncoder {
         self.config.coordinates + self.config.emotions.len()
     }
 
-    /// Emotions that it was taught.
+    /// Emotions in its training data.
     pub fn emotions(&self) -> &[String] {
         &self.config.emotions
     }
 
-    /// `F_e` at motion frames, `[frames, E]`: each hears what came before it, the first ones the first 0.8 s.
+    /// `F_e` at motion frames, `[frames, E]`. Each frame depends on the sound before it, the first
+    /// ones on the first 0.8 s.
     ///
-    /// A sound shorter than that feels as the taught mean does.
+    /// A shorter sound gets the mean of the training data.
     pub fn at_frames(&self, voice: &VoiceTrack, frames: usize, fps: f64) -> Array2<f32> {
         let frame = |t: usize| t as f64 * (FRAMES_HZ / fps);
         self.sampled(voice, frames, frame)
     }
 
-    /// The whole of a voice over so many frames, however long either is, `[frames, E]`.
+    /// `F_e` of a whole voice, stretched over `frames` frames, `[frames, E]`.
     pub fn over(&self, voice: &VoiceTrack, frames: usize) -> Array2<f32> {
         let end = voice.octave.len() as f64;
         let first = (LEAST as f64).min(end);
@@ -418,7 +422,7 @@ impl EmotionEncoder {
     }
 }
 
-/// What is heard in 10 ms.
+/// Measurements of 10 ms.
 struct HeardFrame {
     mel: [f32; BANDS],
     /// log2 of the pitch in Hz.
@@ -461,7 +465,7 @@ impl Ear {
     }
 }
 
-/// `[45, lags]`: what each bin says to the autocorrelation.
+/// `[45, lags]`: each bin's part in the autocorrelation.
 fn cosines() -> Array2<f64> {
     Array2::from_shape_fn((HIGH_BIN - LOW_BIN, END_LAG - FIRST_LAG), |(bin, lag)| {
         let turns = ((LOW_BIN + bin) * (FIRST_LAG + lag)) as f64 / FFT;
@@ -469,7 +473,7 @@ fn cosines() -> Array2<f64> {
     })
 }
 
-/// Autocorrelation of the Hann window at the lags, of that at 0.
+/// Autocorrelation of the Hann window at the lags, relative to lag 0.
 fn overlap() -> Array1<f64> {
     let window: [f64; FRAME] =
         std::array::from_fn(|k| 0.5 - 0.5 * (2.0 * PI * k as f64 / FRAME as f64).cos());
@@ -532,7 +536,7 @@ fn pitch(octave: &[f64], voiced: &[bool]) -> Vec<f64> {
     out
 }
 
-/// 0 of none.
+/// The mean; 0 without values.
 fn mean(values: &[f64]) -> f64 {
     values.iter().sum::<f64>() / values.len().max(1) as f64
 }

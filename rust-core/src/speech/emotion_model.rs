@@ -20,7 +20,7 @@ use crate::{
     },
 };
 
-/// What published models call the emotions that they tell.
+/// Names of published models for the emotions.
 const NAMES: [(&str, &str); 12] = [
     ("neutral", "neutral neu"),
     (
@@ -38,16 +38,17 @@ const NAMES: [(&str, &str); 12] = [
     ("disgusted", "disgusted disgust dis"),
     ("contempt", "contempt"),
 ];
-/// From one instant to the next, and what is heard before and after each.
+/// Seconds between instants, and seconds of sound before and after each.
 const STEP_S: f64 = 0.25;
 const AROUND_S: f64 = 1.0;
-/// A shorter sound says nothing.
+/// A shorter sound has no emotion.
 const LEAST_S: f64 = 0.8;
-/// Distances from the middle of arousal and valence at which an emotion begins and is shown in full; 1 is the rim.
+/// Distances from the middle of arousal and valence at which an emotion begins, and at which it
+/// shows fully. 1 is the rim.
 const FELT_FROM: f64 = 0.2;
 const FELT_FULLY: f64 = 0.8;
 
-/// The part of `config.json` about labels and head.
+/// Labels and head in `config.json`.
 #[derive(Deserialize)]
 struct Config {
     model_type: String,
@@ -59,11 +60,11 @@ struct Config {
     classifier_proj_size: Option<usize>,
 }
 
-/// Hears emotions as another's model was taught them.
+/// Recognises emotions by a published model.
 ///
-/// Categories are those of [`EMOTIONS`] under the names that published models have for them; labels that are none of
-/// them count as neutral. Arousal and valence from 0 to 1 are directions of Russell's circle (1980): happy, angry
-/// (afraid where the model tells dominance and it is below the middle), sad, calm.
+/// Its categories are mapped to [`EMOTIONS`] by name; other labels count as neutral. Arousal and
+/// valence from 0 to 1 are directions of Russell's circle (1980): happy, angry (afraid where the
+/// model has dominance and it is below the middle), sad, calm.
 pub struct EmotionModel {
     encoder: TransformerEncoder,
     inner: Linear,
@@ -73,12 +74,12 @@ pub struct EmotionModel {
     tells: Tells,
 }
 
-/// What the outputs are.
+/// The meaning of the outputs.
 #[derive(Debug, PartialEq)]
 enum Tells {
-    /// Of each its number in [`EMOTIONS`].
+    /// The number in [`EMOTIONS`] of each output.
     Categories(Vec<usize>),
-    /// Places of the outputs.
+    /// Indices of the outputs.
     Dimensions {
         arousal: usize,
         valence: usize,
@@ -121,12 +122,13 @@ impl EmotionModel {
         })
     }
 
-    /// What is felt in a voice over time: the mean of what is told of the whole sound and of the second before and
-    /// after each instant. Categories are shown as those of the built-in encoder are.
+    /// The emotion of a voice over time: the mean of the results for the whole sound and for the
+    /// second before and after each instant. Categories become expressions like those of the
+    /// built-in encoder.
     ///
     /// # Errors
-    /// `Audio` for a sound too short for the encoder; `Numerics` where the weights make numbers that are none;
-    /// `Cancelled`.
+    /// `Audio` for a sound too short for the encoder; `Numerics` where the weights give numbers
+    /// that are not finite; `Cancelled`.
     pub fn emotion(&self, waveform: &Waveform, progress: ProgressFn<'_>) -> Result<EmotionCurve> {
         if waveform.duration_s() < LEAST_S {
             return Ok(EmotionCurve::default());
@@ -205,9 +207,9 @@ impl Tells {
             let (name, _) = NAMES.iter().find(|(_, names)| words(names))?;
             EMOTIONS.iter().position(|emotion| emotion == name)
         };
-        let told: Vec<usize> = labels.iter().map(|l| known(l).unwrap_or(0)).collect();
-        match told.iter().any(|emotion| *emotion != 0) {
-            true => Ok(Tells::Categories(told)),
+        let emotions: Vec<usize> = labels.iter().map(|l| known(l).unwrap_or(0)).collect();
+        match emotions.iter().any(|emotion| *emotion != 0) {
+            true => Ok(Tells::Categories(emotions)),
             false => Err(format!(
                 "id2label: expected arousal and valence, or names of emotions such as {}, got {}",
                 EMOTIONS.join(", "),
@@ -216,11 +218,11 @@ impl Tells {
         }
     }
 
-    fn emotion(&self, told: &Array1<f64>) -> Emotion {
+    fn emotion(&self, outputs: &Array1<f64>) -> Emotion {
         match self {
             Tells::Categories(emotions) => {
                 let mut shares = [0.0; EMOTIONS.len()];
-                for (emotion, share) in emotions.iter().zip(told) {
+                for (emotion, share) in emotions.iter().zip(outputs) {
                     shares[*emotion] += share;
                 }
                 shown(&shares)
@@ -230,7 +232,7 @@ impl Tells {
                 valence,
                 dominance,
             } => {
-                let of = |place: usize| 2.0 * told[place].clamp(0.0, 1.0) - 1.0;
+                let of = |place: usize| 2.0 * outputs[place].clamp(0.0, 1.0) - 1.0;
                 let is_weak = dominance.is_some_and(|place| of(place) < 0.0);
                 on_the_circle(of(*arousal), of(*valence), is_weak)
             }
@@ -238,7 +240,7 @@ impl Tells {
     }
 }
 
-/// The emotion of arousal and valence from −1 to 1: a mixture of the two directions about it.
+/// The emotion for arousal and valence from −1 to 1: a mixture of the two nearest directions.
 fn on_the_circle(arousal: f64, valence: f64, is_weak: bool) -> Emotion {
     let far = arousal.hypot(valence);
     let intensity = ((far - FELT_FROM) / (FELT_FULLY - FELT_FROM)).clamp(0.0, 1.0) as f32;
@@ -247,7 +249,7 @@ fn on_the_circle(arousal: f64, valence: f64, is_weak: bool) -> Emotion {
     }
     let angry = if is_weak { "afraid" } else { "angry" };
     let around = ["happy", angry, "sad", "calm"];
-    // Quarters of a turn behind the first, which lies halfway between both axes.
+    // Quarter turns after the first direction, which lies halfway between both axes.
     let turn = arousal.atan2(valence) / std::f64::consts::FRAC_PI_2 - 0.5;
     let turn = turn.rem_euclid(4.0);
     let (first, share) = (turn as usize % 4, turn.fract() as f32);
@@ -262,8 +264,8 @@ fn on_the_circle(arousal: f64, valence: f64, is_weak: bool) -> Emotion {
     Emotion { mixture, intensity }
 }
 
-/// The two layers: `projector` and `classifier` of Hugging Face's own classes, or `classifier.dense` and
-/// `classifier.out_proj` (`output`) of the regression heads that are published beside them.
+/// The two layers: `projector` and `classifier` of Hugging Face's own classes, or
+/// `classifier.dense` and `classifier.out_proj` (`output`) of published regression heads.
 fn head(
     weights: &Weights,
     config: &Config,
@@ -350,10 +352,10 @@ mod tests {
                     let model = EmotionModel::load_folder(folder.path());
                     let heard = model.and_then(|model| model.emotion(&sound(&golden), SILENT));
                     if let Ok(EmotionCurve::Keys(keys)) = heard {
-                        let mut told = keys.iter().flat_map(|(_, emotion)| {
+                        let mut numbers = keys.iter().flat_map(|(_, emotion)| {
                             emotion.mixture.into_iter().chain([emotion.intensity])
                         });
-                        assert!(told.all(f32::is_finite));
+                        assert!(numbers.all(f32::is_finite));
                     }
                 }
             }
@@ -368,16 +370,16 @@ mod tests {
 
     #[test]
     fn labels_are_emotions_under_many_names() {
-        let told = |labels: &[&str]| {
+        let tells_of = |labels: &[&str]| {
             Tells::of(&labels.iter().map(|l| (*l).to_owned()).collect::<Vec<_>>())
         };
-        let tells = told(&["neu", "hap", "ang", "sad", "other"]).unwrap();
+        let tells = tells_of(&["neu", "hap", "ang", "sad", "other"]).unwrap();
         assert_eq!(tells, Tells::Categories(vec![0, 1, 9, 5, 0]));
         let angry = tells.emotion(&Array1::from(vec![0.02, 0.01, 0.95, 0.01, 0.01]));
         assert!(strongest(&angry) == "angry" && angry.intensity > 0.7);
         let unsure = tells.emotion(&Array1::from(vec![0.3, 0.2, 0.3, 0.1, 0.1]));
         assert_eq!(unsure, Emotion::default());
-        let message = told(&["label_0", "label_1"]).unwrap_err();
+        let message = tells_of(&["label_0", "label_1"]).unwrap_err();
         assert!(
             message.contains("label_1") && message.contains("angry"),
             "{message}"

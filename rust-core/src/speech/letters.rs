@@ -1,12 +1,12 @@
-//! Texts as units that sound: letters and groups of letters, by no dictionary.
+//! Splits texts into units of sound: letters and groups of letters, without a dictionary.
 //!
 //! Twin of `training/speech/letters.py`.
 
-/// A letter of which nobody knows how it sounds.
+/// A letter with an unknown sound.
 const ANY: &str = "*";
 const VOWELS: &str = "aeiouy";
 
-/// Letters that are written otherwise in a to z.
+/// Letters with another spelling in a to z.
 const SPECIAL: [(char, &str); 11] = [
     ('ß', "ss"),
     ('ä', "e"),
@@ -42,7 +42,8 @@ const MARKED: [(&str, &str); 18] = [
     ("źżž", "z"),
 ];
 
-/// A word in small letters a to z, with `*` for other letters and digits; marks and the rest go.
+/// A word in small letters a to z, with `*` for other letters and digits. Marks and everything else
+/// are removed.
 pub(super) fn romanised(word: &str) -> String {
     let mut out = String::new();
     for sign in word.chars().flat_map(char::to_lowercase) {
@@ -63,17 +64,17 @@ pub(super) fn romanised(word: &str) -> String {
 pub(super) struct Word {
     /// Indices into the units of the model.
     pub(super) units: Vec<usize>,
-    /// A consonant that stands alone and is called by its name, which has a vowel before or behind:
-    /// three units, the first and the last for any sound.
+    /// Whether it is a single consonant, read by its name, which has a vowel before or after: three
+    /// units, of which the first and the last stand for any sound.
     pub(super) is_name: bool,
 }
 
 impl Word {
-    /// From a word as it is written.
+    /// The units of a written word.
     pub(super) fn read(word: &str, units: &[String]) -> Word {
-        let found = units_of(word, units);
+        let numbers = units_of(word, units);
         let any = units.iter().position(|unit| unit == ANY);
-        if let (&[only], Some(any)) = (&found[..], any) {
+        if let (&[only], Some(any)) = (&numbers[..], any) {
             let is_consonant =
                 |sign: &str| sign.len() == 1 && sign != ANY && !VOWELS.contains(sign);
             if is_consonant(&units[only]) {
@@ -84,7 +85,7 @@ impl Word {
             }
         }
         Word {
-            units: found,
+            units: numbers,
             is_name: false,
         }
     }
@@ -98,8 +99,8 @@ impl Word {
     }
 }
 
-/// Indices into `units` of a word, the longest group that fits first; of a doubled consonant one is
-/// left.
+/// Indices into `units` for a word; the longest group that fits comes first. A doubled consonant
+/// counts once.
 fn units_of(word: &str, units: &[String]) -> Vec<usize> {
     let letters = romanised(word);
     let (mut out, mut rest): (Vec<usize>, &str) = (Vec::new(), &letters);
@@ -109,7 +110,7 @@ fn units_of(word: &str, units: &[String]) -> Vec<usize> {
             .filter(fits)
             .max_by_key(|i| units[*i].len());
         let Some(unit) = longest else {
-            // A letter that the model does not know is passed over.
+            // A letter that the model does not know is skipped.
             rest = &rest[1..];
             continue;
         };
@@ -136,8 +137,8 @@ mod tests {
 
     fn signs(word: &str) -> Vec<String> {
         let known = units();
-        let found = units_of(word, &known);
-        found.into_iter().map(|i| known[i].clone()).collect()
+        let numbers = units_of(word, &known);
+        numbers.into_iter().map(|i| known[i].clone()).collect()
     }
 
     #[test]

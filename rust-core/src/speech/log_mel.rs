@@ -1,6 +1,6 @@
 //! Log-mel spectrogram of 16 kHz mono speech: the input of the compact encoder.
 //!
-//! Twin of `training/speech/log_mel.py`; the golden holds both together.
+//! Twin of `training/speech/log_mel.py`; a golden test compares the two.
 
 use std::{f64::consts::TAU, sync::Arc};
 
@@ -23,9 +23,10 @@ const FLOOR: f32 = 1e-6;
 
 /// Natural logarithm of the mel power, at 100 frames a second.
 ///
-/// Frame `i` is centred on sample `160 i`: it starts at `160 i − 200`, zeros stand beyond both
-/// ends. Periodic Hann window of 400 samples, zero-padded on the right to 512; `|X|²`; triangular
-/// filters with peak 1, evenly spaced on the HTK mel scale from 50 to 7600 Hz; `ln(max(·, 1e-6))`.
+/// Frame `i` is centred on sample `160 i` and starts at `160 i − 200`. Beyond both ends the sound
+/// is zero. Periodic Hann window of 400 samples, zero-padded on the right to 512; `|X|²`;
+/// triangular filters with peak 1, evenly spaced on the HTK mel scale from 50 to 7600 Hz;
+/// `ln(max(·, 1e-6))`.
 ///
 /// # Shapes and units
 /// `samples`: `[S]` at 16 kHz, nominally in [−1, 1]. Returns `[1 + S / 160, 64]`.
@@ -40,7 +41,7 @@ pub fn log_mel(samples: &[f32]) -> Array2<f32> {
     out
 }
 
-/// Frames of so many samples.
+/// Number of frames for a number of samples.
 pub(super) fn frames_of_samples(samples: usize) -> usize {
     1 + samples / HOP
 }
@@ -54,7 +55,7 @@ pub(super) fn cut_frame(samples: &[f32], frame: usize, stretch: &mut [f32; FRAME
     }
 }
 
-/// One frame of [`log_mel`] after the other, for sound that arrives in pieces.
+/// Computes [`log_mel`] frame by frame, for sound that arrives in pieces.
 pub struct MelAnalyser {
     transform: Arc<dyn RealToComplex<f32>>,
     window: [f32; FRAME],
@@ -101,7 +102,7 @@ impl MelAnalyser {
         }
     }
 
-    /// `|X|²` of the last frame, bin by bin.
+    /// `|X|²` of the latest frame, bin by bin.
     pub(super) fn power(&self) -> impl Iterator<Item = f64> {
         self.spectrum.iter().map(|x| x.norm_sqr().into())
     }
@@ -200,11 +201,11 @@ mod tests {
         assert_eq!(mel.dim(), (7, 64));
         for frame in [0, 3, 6] {
             for band in [0, 1, 20, 40, 63] {
-                let wanted = slow_twin(&samples, frame, band);
+                let expected = slow_twin(&samples, frame, band);
                 let got = f64::from(mel[[frame, band]]);
                 assert!(
-                    (got - wanted).abs() < 1e-4,
-                    "[{frame}, {band}]: {got} {wanted}"
+                    (got - expected).abs() < 1e-4,
+                    "[{frame}, {band}]: {got} {expected}"
                 );
             }
         }

@@ -1,4 +1,5 @@
-//! Speech features: one trait, four encoders (compact, HuBERT, wav2vec2, Whisper); phones and words heard in them.
+//! Speech features: one trait and four encoders (compact, HuBERT, wav2vec2, Whisper). Phones and
+//! words by these features.
 
 mod alignment;
 mod causal;
@@ -69,19 +70,19 @@ pub fn compact(folder: Option<&Path>) -> Result<CompactEncoder> {
     CompactEncoder::load(&files.weights, &files.config)
 }
 
-/// The encoder that `wanted` names: from `checkpoint`, a Hugging Face folder, if it is given, else from
-/// the folder of that name in `models`, else the built-in one.
+/// The encoder that `required` names. It comes from `checkpoint`, a Hugging Face folder, if there
+/// is one, else from the folder of that name in `models`, else from the library.
 ///
 /// # Errors
-/// Those of [`compact`] and [`from_folder`]; `Weights` with both sides where the encoder is another
-/// than was wanted or gives another number of channels, or where it is nowhere.
+/// Those of [`compact`] and [`from_folder`]; `Weights` with both sides where the encoder is not the
+/// required one or gives another number of channels, or where there is none.
 pub fn open(
-    wanted: Option<&SpeechInput>,
+    required: Option<&SpeechInput>,
     checkpoint: Option<&Path>,
     models: Option<&Path>,
 ) -> Result<Box<dyn SpeechEncoder>> {
-    let name = wanted.map_or(COMPACT_MODEL.name, |input| &input.encoder);
-    let fps = transformer_fps(wanted)?;
+    let name = required.map_or(COMPACT_MODEL.name, |input| &input.encoder);
+    let fps = transformer_fps(required)?;
     let encoder = match (checkpoint, models) {
         (Some(checkpoint), _) => from_folder(checkpoint, None, fps)?,
         (None, _) if name == COMPACT_MODEL.name => Box::new(compact(models)?),
@@ -90,37 +91,45 @@ pub fn open(
         }
         _ => {
             return Err(Error::Weights(format!(
-                "the model was trained with features of {name}: expected a checkpoint of it as \
-                 Hugging Face has them, given by itself or as the folder {name} beside the model"
+                "the model was trained with features of {name}: expected its Hugging Face checkpoint, either by \
+                     itself or as the folder {name} beside the model"
             )));
         }
     };
-    match wanted {
-        Some(wanted) => wanted.checked(encoder),
+    match required {
+        Some(required) => required.checked(encoder),
         None => Ok(encoder),
     }
 }
 
-/// The encoder by which a model hears emotion: the checkpoint in the folder `emotion_hubert` or `emotion_wav2vec2`, as
-/// `wanted` names it, of `models`.
+/// The encoder for a model's emotion features: the checkpoint in the folder `emotion_hubert` or
+/// `emotion_wav2vec2` of `models`, as `required` names it.
 ///
 /// # Errors
-/// Those of [`from_folder`]; `Weights` where the folder is not there or its encoder is another than was wanted.
-pub fn open_emotion(wanted: &SpeechInput, models: Option<&Path>) -> Result<Box<dyn SpeechEncoder>> {
-    let name = format!("emotion_{}", wanted.encoder);
+/// Those of [`from_folder`]; `Weights` where the folder is missing or its encoder is not the
+/// required one.
+pub fn open_emotion(
+    required: &SpeechInput,
+    models: Option<&Path>,
+) -> Result<Box<dyn SpeechEncoder>> {
+    let name = format!("emotion_{}", required.encoder);
     let folder = models.map(|models| models.join(&name));
     let Some(folder) = folder.filter(|folder| folder.is_dir()) else {
         return Err(Error::Weights(format!(
-            "the model hears emotion by {}: expected a checkpoint of it as Hugging Face has them as the \
-             folder {name} beside the model, got none",
-            wanted.encoder
+            "the model uses {} for emotion: expected its Hugging Face checkpoint as the folder {name} \
+             beside the model, got none",
+            required.encoder
         )));
     };
-    wanted.checked(from_folder(&folder, None, transformer_fps(Some(wanted))?)?)
+    required.checked(from_folder(
+        &folder,
+        None,
+        transformer_fps(Some(required))?,
+    )?)
 }
 
-fn transformer_fps(wanted: Option<&SpeechInput>) -> Result<Option<f64>> {
-    match wanted.and_then(|input| input.transformer_fps) {
+fn transformer_fps(required: Option<&SpeechInput>) -> Result<Option<f64>> {
+    match required.and_then(|input| input.transformer_fps) {
         Some(fps) if !(fps > 0.0 && fps.is_finite()) => Err(Error::Weights(format!(
             "config.json: speech: transformer_fps: expected a positive number, got {fps}"
         ))),
@@ -129,7 +138,7 @@ fn transformer_fps(wanted: Option<&SpeechInput>) -> Result<Option<f64>> {
 }
 
 impl SpeechInput {
-    /// `encoder`, if it is the one that is named here.
+    /// Returns `encoder` if it is the required one.
     fn checked(&self, encoder: Box<dyn SpeechEncoder>) -> Result<Box<dyn SpeechEncoder>> {
         let (name, channels) = (encoder.name(), encoder.channels());
         if (self.encoder.as_str(), self.channels) == (name, channels) {
@@ -142,7 +151,8 @@ impl SpeechInput {
     }
 }
 
-/// Names of the folders of checkpoints among models: of encoders of speech, and of emotion ([`open_emotion`]).
+/// Names of the folders of checkpoints among models: encoders of speech, and of emotion
+/// ([`open_emotion`]).
 pub const CHECKPOINTS: [&str; 5] = [
     "hubert",
     "wav2vec2",
@@ -151,11 +161,11 @@ pub const CHECKPOINTS: [&str; 5] = [
     "emotion_wav2vec2",
 ];
 
-/// Reads HuBERT, wav2vec2 or Whisper from a Hugging Face folder, as its `config.json` says; the weights
-/// stand in `model.safetensors` or, with the feature `checkpoints`, in `pytorch_model.bin`.
+/// Reads HuBERT, wav2vec2 or Whisper from a Hugging Face folder, as its `config.json` says. The
+/// weights are in `model.safetensors` or, with the feature `checkpoints`, in `pytorch_model.bin`.
 ///
-/// `layer` chooses a hidden state: 0 stands before the first layer; `None` is the output. `transformer_fps` is that
-/// of [`SpeechInput`].
+/// `layer` chooses a hidden state: 0 is before the first layer, `None` is the output.
+/// `transformer_fps` is that of [`SpeechInput`].
 ///
 /// # Errors
 /// `Io` if a file cannot be read; `Weights` if one is damaged, they do not fit each other, or the

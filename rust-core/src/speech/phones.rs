@@ -1,8 +1,8 @@
-//! Which phone is heard when, and where the words of a text are.
+//! Recognises phones over time, and finds the words of a text in the sound.
 //!
 //! Twin of `training/speech/phones.py`: a read-out of the compact encoder's features, four rows of
-//! posteriors to each of its frames. Row `r` stands at `(r − 2) / 100` seconds. It is loaded where
-//! phones or words are asked for, and by systems whose lips meet where it hears them.
+//! posteriors to each of its frames. Row `r` stands at `(r − 2) / 100` seconds. It is loaded for
+//! phones or words, and by systems that use it for lip contacts.
 
 use std::path::Path;
 
@@ -20,15 +20,15 @@ use crate::{
     nn::{conv::Conv1d, elementwise::gelu_all, linear::Linear},
 };
 
-/// Rows of posteriors to a frame of the encoder.
+/// Rows of posteriors for each frame of the encoder.
 const PARTS: usize = 4;
-/// Seconds before its encoder's frame at which the first of its rows stands.
+/// By how many seconds the first row of a frame is before the encoder's frame.
 pub(super) const EARLY_S: f64 = 0.02;
-/// Power of the share of each class by which its posterior is divided.
+/// Each posterior is divided by the class's share to this power.
 const PRIOR_POWER: f32 = 0.8;
-/// Nepers that it costs to go from one phone to another.
+/// Cost of a change from one phone to another, nepers.
 const CHANGE_COST: f64 = 4.0;
-/// What a text says of its phones weighs so much beside what is heard.
+/// Weight of the text's phones against the sound's.
 const TEXT_POWER: f32 = 1.0;
 
 /// Built-in weights of [`PhoneModel`].
@@ -37,38 +37,38 @@ pub static PHONE_MODEL: BuiltIn = BuiltIn::new(&anyface_weights_shared::PHONES);
 /// Sizes of the read-out, its classes and the units of its table, as `config.json` states them.
 #[derive(Debug, Clone, PartialEq, serde::Deserialize)]
 pub struct PhoneConfig {
-    /// The word that names the model.
+    /// Name of the model.
     pub model: String,
     /// Channels `C` of the features that it reads.
     pub channels: usize,
     /// Channels between its two layers.
     pub hidden: usize,
-    /// The sign of each class `K`, IPA; the first is a pause.
+    /// The IPA sign of each class `K`. The first is a pause.
     pub phones: Vec<String>,
     /// Letters and groups of letters `U`.
     pub units: Vec<String>,
 }
 
-/// Hears phones, and finds the words of a text.
+/// Recognises phones, and finds the words of a text.
 pub struct PhoneModel {
     config: PhoneConfig,
     conv: Conv1d,
     out: Linear,
-    /// `[K]`, how often each class is said, nepers.
+    /// `[K]`, log frequency of each class.
     log_prior: Array1<f32>,
-    /// `[U, K]`, with which probability a unit sounds as each class.
+    /// `[U, K]`, probability of each class for a unit.
     table: Array2<f32>,
 }
 
-/// Phones for which lips are together.
+/// Phones with closed lips.
 const BILABIALS: &[&str] = &["p", "b", "m"];
-/// Phones for which the lower lip is at the upper teeth.
+/// Phones with the lower lip at the upper teeth.
 const LABIODENTALS: &[&str] = &["f", "v"];
 const VOWELS: &[&str] = &[
     "i", "ɪ", "y", "u", "ʊ", "e", "ɛ", "ø", "ə", "ɝ", "o", "ɔ", "ʌ", "a", "ɑ", "æ",
 ];
-/// How round lips are in phones: how far forward facegood_zh's speaker has them in the mean of the frames that sound so,
-/// u as 1. He says ʊ and ø too seldom; they count as o.
+/// How round the lips are in phones: how far forward facegood_zh's speaker has them in the mean of
+/// the frames of the phone, relative to u. The speaker says ʊ and ø too seldom; they count as o.
 const ROUNDED: [(&[&str], f32); 5] = [
     (&["u"], 1.0),
     (&["w"], 0.9),
@@ -76,19 +76,20 @@ const ROUNDED: [(&[&str], f32); 5] = [
     (&["ʊ", "o", "ø"], 0.6),
     (&["ʃ", "ʒ", "ɹ"], 0.5),
 ];
-/// How likely a vowel is where f or v is surely no speech, and where it surely is: hiss has none.
+/// Probability of a nearby vowel below which f or v is surely no speech, and above which it surely
+/// is. Hiss has no vowels.
 const VOWEL_HEARD: [f32; 2] = [0.5, 0.9];
-/// Frames to either side in which that vowel has to be.
+/// Frames to either side in which that vowel must be.
 const VOWEL_FRAMES: usize = 10;
 
-/// How likely the lips touch in each frame, `[T]`, 0 to 1.
+/// Probability of each contact of the lips in each frame, `[T]`, 0 to 1.
 #[derive(Debug, Clone, PartialEq)]
 pub(super) struct ContactProbability {
-    /// One another, for p, b or m.
+    /// The lips touch one another, for p, b or m.
     pub(super) together: Vec<f32>,
-    /// The lower lip the upper teeth, for f or v.
+    /// The lower lip touches the upper teeth, for f or v.
     pub(super) at_teeth: Vec<f32>,
-    /// How round they are.
+    /// How round the lips are.
     pub(super) rounding: Vec<f32>,
 }
 
@@ -149,7 +150,7 @@ impl PhoneModel {
         rows
     }
 
-    /// What the lips touch in each frame of features `[T, C]`: the mean of its rows.
+    /// The contacts of the lips in each frame of features `[T, C]`: the mean over its rows.
     pub(super) fn contacts(&self, features: ArrayView2<'_, f32>) -> ContactProbability {
         let posteriors = self.log_posteriors(features);
         let vowels = self.probability(VOWELS, &posteriors);
@@ -181,11 +182,11 @@ impl PhoneModel {
 
     fn probability(&self, phones: &[&str], posteriors: &Array2<f32>) -> Vec<f32> {
         let named = self.config.phones.iter().enumerate();
-        let own = named.filter(|(_, name)| phones.contains(&name.as_str()));
-        let own: Vec<usize> = own.map(|(class, _)| class).collect();
+        let classes = named.filter(|(_, name)| phones.contains(&name.as_str()));
+        let classes: Vec<usize> = classes.map(|(class, _)| class).collect();
         let rows = posteriors.axis_chunks_iter(ndarray::Axis(0), PARTS);
         let each = rows.map(|rows| {
-            let sum: f32 = own
+            let sum: f32 = classes
                 .iter()
                 .flat_map(|&class| rows.column(class).to_vec())
                 .map(f32::exp)
@@ -195,27 +196,27 @@ impl PhoneModel {
         each.collect()
     }
 
-    /// Whether a sound was heard by the encoder that it was trained on.
+    /// Whether a sound's features come from the encoder of its training.
     pub fn hears(&self, track: &FeatureTrack, encoder: &str) -> bool {
         self.check(track, encoder).is_ok()
     }
 
-    /// The sign of each class `[K]`, IPA.
+    /// The IPA sign of each class `[K]`.
     pub(super) fn classes(&self) -> &[String] {
         &self.config.phones
     }
 
-    /// Rows of posteriors in a second of features.
+    /// Rows of posteriors per second of features.
     pub(super) fn rows_per_second(&self, track: &FeatureTrack) -> f64 {
         track.rate_hz * PARTS as f64
     }
 
-    /// Phones of a sound (its features, the encoder's name, its length in seconds) and, where a text is given, its words
-    /// and the phones that fit to them.
+    /// Phones of a sound (its features, the encoder's name, its length in seconds). With a text
+    /// also its words and the phones that fit them.
     ///
     /// # Errors
-    /// `Weights` if the sound was heard by another encoder; `InvalidInput` for a text without a letter,
-    /// or one too long for the sound.
+    /// `Weights` if the features come from another encoder; `InvalidInput` for a text without a
+    /// letter, or one too long for the sound.
     pub fn said(
         &self,
         (track, encoder, duration_s): (&FeatureTrack, &str, f64),
@@ -251,7 +252,7 @@ impl PhoneModel {
         }
     }
 
-    /// Times of the words of a text; `likelihood` `[T, K]` gets what the text says of each row.
+    /// Times of the words of a text. Adds to each row of `likelihood` `[T, K]` the text's evidence.
     fn align(
         &self,
         likelihood: &mut Array2<f32>,
@@ -280,7 +281,7 @@ impl PhoneModel {
         }))
     }
 
-    /// Nepers of each row in each unit and, last, in a pause, `[T, U + 1]`.
+    /// Cost of each row in each unit and, in the last column, in a pause, `[T, U + 1]`, nepers.
     fn emissions(&self, likelihood: &Array2<f32>) -> Array2<f32> {
         let units = self.table.nrows();
         let mut out = Array2::zeros((likelihood.nrows(), units + 1));
@@ -294,9 +295,9 @@ impl PhoneModel {
         out
     }
 
-    /// Adds to each row what its unit says of the phones.
+    /// Adds to each row the evidence of its unit for each phone.
     fn weigh(&self, likelihood: &mut Array2<f32>, path: &[usize], states: &[State]) {
-        // A phone that no text has here stays possible where it is heard clearly.
+        // A phone that the text does not have here stays possible where the sound is clear.
         const LEAST: f32 = 1e-3;
         for (mut row, state) in likelihood.rows_mut().into_iter().zip(path) {
             let column = states[*state].column;
@@ -311,7 +312,7 @@ impl PhoneModel {
     }
 }
 
-/// When rows are.
+/// The times of rows.
 #[derive(Clone, Copy)]
 struct Clock {
     rate_hz: f64,
@@ -319,14 +320,14 @@ struct Clock {
 }
 
 impl Clock {
-    /// Where a row begins, seconds within the sound.
+    /// The start of a row, seconds within the sound.
     fn begins(self, row: usize) -> f64 {
         let time_s = (row as f64 - 0.5) / self.rate_hz - EARLY_S;
         time_s.clamp(0.0, self.duration_s)
     }
 }
 
-/// Runs of rows that are the same as intervals; those without a label are left out.
+/// Runs of equal rows as intervals. Those without a label are left out.
 fn intervals<T: PartialEq>(
     rows: &[T],
     clock: Clock,
@@ -348,7 +349,7 @@ fn intervals<T: PartialEq>(
     out
 }
 
-/// The class of each row `[T]` on the best path where every change of class costs the same.
+/// The class of each row `[T]` on the best path. Every change of class costs the same.
 fn decode(likelihood: ArrayView2<'_, f32>) -> Vec<usize> {
     let classes = likelihood.ncols();
     let mut scores = vec![0.0f64; classes];

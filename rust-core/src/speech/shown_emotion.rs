@@ -1,23 +1,24 @@
-//! Probabilities of emotions that are heard in a voice as what a face shows of them.
+//! Turns probabilities of emotions in a voice into an expression of the face.
 
 use crate::conditions::{EMOTIONS, Emotion};
 
-/// How likely it must be that anything is felt before it shows, and when it shows in full.
+/// Probability of any emotion from which it shows, and from which it shows fully.
 const FLOOR: f64 = 0.7;
 const FULL: f64 = 0.95;
 
-/// Probabilities of [`EMOTIONS`], of which the first is neutral, as what a face shows of them.
+/// Turns probabilities of [`EMOTIONS`], of which the first is neutral, into an expression.
 ///
-/// Nothing shows where neutral is as likely as it is found to be in readings of strangers. From there on the
-/// intensity rises smoothly to 1. The mixture is the squares of the other probabilities, so that a doubt between two
-/// emotions seldom shows both. The rule is ours.
+/// Nothing shows where neutral is as likely as in readings of strangers. From there on the
+/// intensity rises smoothly to 1. The mixture is the squares of the other probabilities, so that a
+/// doubt between two emotions seldom shows both. The rule is ours.
 pub(super) fn shown(shares: &[f64; EMOTIONS.len()]) -> Emotion {
-    let felt: f64 = shares[1..].iter().sum();
-    let above = ((felt - FLOOR) / (FULL - FLOOR)).clamp(0.0, 1.0);
+    let total: f64 = shares[1..].iter().sum();
+    let above = ((total - FLOOR) / (FULL - FLOOR)).clamp(0.0, 1.0);
     strongest_of(shares, above * above * (3.0 - 2.0 * above))
 }
 
-/// The same of a recording that somebody chose for its emotion: the intensity is how unlikely neutral is.
+/// The same for a recording that somebody chose for its emotion: the intensity is how unlikely
+/// neutral is.
 pub(super) fn shown_on_purpose(shares: &[f64; EMOTIONS.len()]) -> Emotion {
     strongest_of(shares, shares[1..].iter().sum())
 }

@@ -1,11 +1,11 @@
-//! Where the tongue goes for what is said.
+//! How the tongue moves in speech.
 
 use ndarray::{Array2, ArrayView2, Axis};
 
 use super::{Heard, PhoneModel, phones::EARLY_S};
 
-/// What a tongue does in one frame: its tip rises to the ridge behind the upper teeth, its middle and its back rise
-/// to the palate, its tip goes to the edge of the upper teeth.
+/// The parts of the tongue's motion in a frame: the tip rises to the ridge behind the upper teeth,
+/// the middle and the back rise to the palate, and the tip goes to the edge of the upper teeth.
 pub const TONGUE_PLACES: usize = 4;
 
 /// Shares of the way from rest to the roof of the mouth, from closed to mid. That tongue tip and tongue body each have a
@@ -17,8 +17,9 @@ const CRITICAL: f32 = 0.9;
 const NARROW: f32 = 0.7;
 const MID: f32 = 0.4;
 
-/// Tip, middle, back, and tip at the teeth for phones that need the tongue, by the usual names of their places:
-/// alveolar t d n l s z, dental θ ð, palatal j i, velar k ɡ ŋ u w. The degrees are ours. It rests for all others.
+/// Tip, middle, back, and tip at the teeth for phones that need the tongue, by the usual names of
+/// their places: alveolar t d n l s z, dental θ ð, palatal j i, velar k ɡ ŋ u w. The degrees are
+/// ours. For all other phones it rests.
 const TARGETS: &[(&[&str], [f32; TONGUE_PLACES])] = &[
     (&["t", "d", "n", "l", "r"], [CLOSED, 0.0, 0.0, 0.0]),
     (&["s", "z"], [CRITICAL, MID, 0.0, 0.0]),
@@ -33,16 +34,16 @@ const TARGETS: &[(&[&str], [f32; TONGUE_PLACES])] = &[
     (&["ʊ", "o"], [0.0, 0.0, MID, 0.0]),
 ];
 
-/// Seconds in which the tongue comes to a target and leaves it. Its speed is at most π / 2 of the way in this time:
-/// 0.29 m/s for a way of 15 mm.
+/// Seconds in which the tongue reaches a target and leaves it. It moves at most at π / 2 of the way
+/// in this time: 0.29 m/s for a way of 15 mm.
 const TRAVEL_S: f64 = 0.08;
 /// Rows of posteriors to either side that are averaged: 30 ms together.
 const NEAR_ROWS: usize = 1;
 
 impl Heard {
-    /// What the tongue does for the phones that are heard, `[T, 4]`, each a share of the way from rest to contact, 0 to 1:
-    /// tip to the ridge behind the upper teeth, middle and back to the palate, tip to the edge of the upper teeth. Zero where no
-    /// phones know the encoder's features.
+    /// The tongue's motion for the phones of the sound, `[T, 4]`, each a share of the way from rest
+    /// to contact, 0 to 1: tip to the ridge behind the upper teeth, middle and back to the palate,
+    /// tip to the edge of the upper teeth. Zero where no phones know the encoder's features.
     ///
     /// The tongue reaches the target of a phone where it is most likely.
     pub fn tongue(&self, fps: f64) -> Array2<f32> {
@@ -60,7 +61,8 @@ impl Heard {
     }
 }
 
-/// Targets `[R, 4]` by log-posteriors `[R, K]`: the mean over all phones, smoothed over neighbouring rows.
+/// Targets `[R, 4]` from log-posteriors `[R, K]`: the mean over all phones, smoothed over
+/// neighbouring rows.
 fn targets(posteriors: ArrayView2<'_, f32>, phones: &PhoneModel) -> Array2<f32> {
     let table = table(phones.classes());
     let sharp = posteriors.mapv(f32::exp).dot(&table);
@@ -87,8 +89,8 @@ fn table(classes: &[String]) -> Array2<f32> {
     table
 }
 
-/// The way of a tongue through `targets` `[R, 4]`, `[frames, 4]`: it comes to each target in time and leaves it as
-/// slowly, and of several near ones it goes as far as the farthest asks.
+/// The motion of a tongue through `targets` `[R, 4]`, `[frames, 4]`. It reaches each target in time
+/// and leaves it as slowly. Of several near targets the farthest decides.
 fn travel(targets: ArrayView2<'_, f32>, rate_hz: f64, frames: usize, fps: f64) -> Array2<f32> {
     let mut out = Array2::zeros((frames, TONGUE_PLACES));
     for (t, mut now) in out.outer_iter_mut().enumerate() {
@@ -156,8 +158,8 @@ mod tests {
         let mut posteriors = Array2::from_elem((9, classes.len()), f32::NEG_INFINITY);
         posteriors.column_mut(of("l")).fill(0.75f32.ln());
         posteriors.column_mut(of("k")).fill(0.25f32.ln());
-        let made = targets(posteriors.view(), &phones);
-        for row in made.rows() {
+        let mixed = targets(posteriors.view(), &phones);
+        for row in mixed.rows() {
             assert!((row[0] - 0.75).abs() < 1e-6 && (row[2] - 0.25).abs() < 1e-6);
             assert_eq!((row[1], row[3]), (0.0, 0.0));
         }
@@ -166,20 +168,20 @@ mod tests {
     #[test]
     fn the_tongue_is_there_in_time_and_no_faster_than_tongues_are() {
         // An l of 50 ms around 0.5 s, then a k 120 ms after it.
-        let mut asked = Array2::zeros((102, TONGUE_PLACES));
-        asked.slice_mut(ndarray::s![50..55, 0]).fill(1.0);
-        asked.slice_mut(ndarray::s![67..72, 2]).fill(1.0);
+        let mut targets = Array2::zeros((102, TONGUE_PLACES));
+        targets.slice_mut(ndarray::s![50..55, 0]).fill(1.0);
+        targets.slice_mut(ndarray::s![67..72, 2]).fill(1.0);
         let fps = 200.0;
-        let made = travel(asked.view(), RATE_HZ, 200, fps);
-        let at = |time_s: f64, place: usize| made[[(time_s * fps) as usize, place]];
+        let travelled = travel(targets.view(), RATE_HZ, 200, fps);
+        let at = |time_s: f64, place: usize| travelled[[(time_s * fps) as usize, place]];
         assert!(at(0.5, 0) > 0.999 && at(0.67, 2) > 0.999);
         assert!(at(0.5, 2) == 0.0 && at(0.67, 0) == 0.0);
-        for (t, row) in made.outer_iter().enumerate() {
+        for (t, row) in travelled.outer_iter().enumerate() {
             let time_s = t as f64 / fps;
             let is_silent = !(0.39..0.81).contains(&time_s);
             assert!(!is_silent || row.iter().all(|x| *x == 0.0), "{time_s}");
         }
-        let steps = made.outer_iter().zip(made.outer_iter().skip(1));
+        let steps = travelled.outer_iter().zip(travelled.outer_iter().skip(1));
         let fastest = steps.flat_map(|(a, b)| (&b - &a).to_vec());
         let fastest = fps as f32 * fastest.fold(0.0, |most: f32, x| most.max(x.abs()));
         assert!(0.015 * fastest < 0.3, "{fastest} ways a second");
@@ -189,9 +191,9 @@ mod tests {
     fn no_targets_are_stillness_and_a_short_sound_is_no_error() {
         for rows in [0, 40] {
             let silence = Array2::<f32>::zeros((rows, TONGUE_PLACES));
-            let made = travel(silence.view(), RATE_HZ, 9, 30.0);
-            assert_eq!(made.dim(), (9, TONGUE_PLACES));
-            assert!(made.iter().all(|x| *x == 0.0));
+            let travelled = travel(silence.view(), RATE_HZ, 9, 30.0);
+            assert_eq!(travelled.dim(), (9, TONGUE_PLACES));
+            assert!(travelled.iter().all(|x| *x == 0.0));
         }
     }
 }

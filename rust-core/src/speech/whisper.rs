@@ -1,7 +1,8 @@
 //! Whisper's encoder (Radford et al. 2022) from a user's Hugging Face folder.
 //!
-//! Twin of `training/speech/whisper.py`. Sounds are not padded to 30 s, as Whisper's own programs do: what a sound
-//! becomes does not depend on silence behind it, and a short one costs little.
+//! Twin of `training/speech/whisper.py`. Sounds are not padded to 30 s, as in Whisper's own
+//! programs. So the features do not depend on silence after the sound, and a short sound costs
+//! little.
 
 use std::path::Path;
 
@@ -28,16 +29,16 @@ use crate::{
 
 /// Features a second.
 pub(super) const RATE_HZ: f64 = 50.0;
-/// Features that are heard together: 12 s.
+/// Features that are computed together: 12 s.
 const SPAN: usize = 600;
 /// Features of context on either side of a span: 1.5 s.
 const CONTEXT: usize = 75;
-/// Frames of log-mel of a feature.
+/// Frames of log-mel per feature.
 const STRIDE: usize = 2;
 const EPSILON: f32 = 1e-5;
-/// How far biases of one checkpoint lie apart when one of them is in f16.
+/// Largest difference of biases of one checkpoint when one of them is in f16.
 const BIAS_TOLERANCE: f32 = 1e-3;
-/// Samples of the first feature.
+/// Least number of samples, for the first feature.
 const LEAST_SAMPLES: usize = 400;
 
 /// The part of a Hugging Face `config.json` that the encoder needs.
@@ -96,14 +97,16 @@ pub struct Whisper {
     places: Array2<f32>,
     layers: Vec<Layer>,
     norm: LayerNorm,
-    /// Layers that are run; the norm follows the last of all.
+    /// Number of layers that run. The norm follows the last layer of the whole model.
     depth: usize,
 }
 
 impl Whisper {
-    /// Reads `config.json` and the weights as [`super::from_folder`] does; a decoder beside the encoder is left alone.
+    /// Reads `config.json` and the weights as [`super::from_folder`] does. Ignores a decoder beside
+    /// the encoder.
     ///
-    /// `layer` chooses what comes out: 0 stands before the first layer; `None` is the output, which has the final norm.
+    /// `layer` chooses the result: 0 is before the first layer, `None` is the output, which has the
+    /// final norm.
     ///
     /// # Errors
     /// `Io` if a file cannot be read; `Weights` if one is damaged, they do not fit each other, or the folder holds
@@ -127,7 +130,7 @@ impl Whisper {
                 config.encoder_layers
             )));
         }
-        // Models that write text hold theirs one level down.
+        // Models that also write text have their encoder one level down.
         let weights = match weights.contains("encoder.conv1.weight") {
             true => weights.pp("encoder"),
             false => weights.pp("model.encoder"),
@@ -154,18 +157,19 @@ impl Whisper {
         self.layers.len()
     }
 
-    /// Whether these are the weights of a checkpoint whose first convolution has this bias, `[C]`.
+    /// Whether the weights belong to a checkpoint whose first convolution has this bias, `[C]`.
     pub(super) fn has_first_bias(&self, bias: &Array1<f32>) -> bool {
-        let own = self.first.bias();
-        own.len() == bias.len()
-            && (own - bias)
+        let first_bias = self.first.bias();
+        first_bias.len() == bias.len()
+            && (first_bias - bias)
                 .iter()
                 .all(|apart| apart.abs() < BIAS_TOLERANCE)
     }
 
-    /// What comes out of `layers`, in their order, of log-mel `[T, 80]` at 100 Hz, in one piece: `[⌈T / 2⌉, C]` each.
+    /// The outputs of `layers`, in their order, for log-mel `[T, 80]` at 100 Hz, in one piece: `[⌈T
+    /// / 2⌉, C]` each.
     ///
-    /// Layers above the highest are not computed. `layers` must not be above the last, and ascend.
+    /// Layers above the highest are not computed. `layers` must ascend and exist.
     fn run(&self, mel: &ArrayRef2<f32>, layers: &[usize]) -> Vec<Array2<f32>> {
         let x = self.first.forward_then(mel, gelu_all);
         let mut x = self.second.forward_then(&x, gelu_all);
@@ -185,8 +189,8 @@ impl Whisper {
         outputs
     }
 
-    /// What comes out of `layers`, ascending, of a sound, `[T, C]` each at 50 Hz: in spans of 12 s with 1.5 s of context
-    /// on either side.
+    /// The outputs of `layers`, ascending, for a sound, `[T, C]` each at 50 Hz. Computes them in
+    /// spans of 12 s with 1.5 s of context on either side.
     ///
     /// # Errors
     /// `Audio` for a sound shorter than 25 ms; `Cancelled`.
@@ -214,8 +218,8 @@ impl Whisper {
             };
             let first = start.saturating_sub(CONTEXT);
             let last = (end + CONTEXT).min(total);
-            let seen = Slice::from(STRIDE * first..(STRIDE * last).min(mel.nrows()));
-            let heard = self.run(&mel.slice_axis(Axis(0), seen), layers);
+            let window = Slice::from(STRIDE * first..(STRIDE * last).min(mel.nrows()));
+            let heard = self.run(&mel.slice_axis(Axis(0), window), layers);
             for (to, from) in features.iter_mut().zip(heard) {
                 to.slice_mut(s![start..end, ..])
                     .assign(&from.slice(s![start - first..end - first, ..]));
@@ -301,12 +305,12 @@ mod tests {
     fn the_output_and_a_layer_are_those_of_training() {
         let golden = Golden::open("whisper_tiny");
         for (name, layer) in [("output", None), ("layer_1", Some(1)), ("layer_0", Some(0))] {
-            let found = encoder(&golden, layer)
+            let track = encoder(&golden, layer)
                 .encode(&heard(&golden), SILENT)
                 .unwrap();
-            let error = distance(&found.features, &golden.values(name));
+            let error = distance(&track.features, &golden.values(name));
             assert!(error < 1e-4, "{name}: {error}");
-            assert_eq!((found.rate_hz, found.first_s), (50.0, 0.0));
+            assert_eq!((track.rate_hz, track.first_s), (50.0, 0.0));
         }
     }
 
@@ -322,7 +326,8 @@ mod tests {
             .unwrap()
             .features;
         assert_eq!(parts.dim(), whole.dim());
-        // Attention of random weights is broad, so that what lies beyond the context counts a little.
+        // The attention of random weights is broad, so that sound beyond the context counts a
+        // little.
         let mean = (&parts - &whole).mapv(f32::abs).mean().unwrap();
         assert!(mean < 0.2, "{mean}");
     }
@@ -336,8 +341,8 @@ mod tests {
         let said = encoder(&golden, None).encode(&short, SILENT).unwrap_err();
         assert!(said.to_string().contains("at least 400 samples"), "{said}");
         let load = |config: &str, layer| {
-            let found = Whisper::load(config, &golden.weights(), layer);
-            found.err().expect("refused").to_string()
+            let result = Whisper::load(config, &golden.weights(), layer);
+            result.err().expect("refused").to_string()
         };
         let config = golden.metadata("config");
         let said = load(
@@ -374,12 +379,12 @@ mod tests {
         let shared = std::env::var_os("ANYFACE_SHARED").expect("ANYFACE_SHARED");
         let encoder = from_folder(Path::new(&folder), None, None).unwrap();
         let sound = Path::new(&shared).join("data/clips/jfk.wav");
-        let found = encoder
+        let track = encoder
             .encode(&Waveform::from_file(&sound).unwrap(), SILENT)
             .unwrap();
         for (row, expected) in expected.iter().enumerate() {
             for (channel, value) in expected.iter().enumerate() {
-                let got = found.features[[137 * row, channel]];
+                let got = track.features[[137 * row, channel]];
                 assert!(
                     (got - value).abs() < 2e-3,
                     "[{row}, {channel}]: {got} {value}"

@@ -1,4 +1,4 @@
-//! The log-mel spectrogram that Whisper hears. Twin of `whisper_mel` in `training/speech/whisper.py`.
+//! The log-mel spectrogram of Whisper. Twin of `whisper_mel` in `training/speech/whisper.py`.
 
 use std::f64::consts::TAU;
 
@@ -8,14 +8,14 @@ use realfft::RealFftPlanner;
 use super::{FRAME, HOP};
 use crate::audio::SAMPLE_RATE_HZ;
 
-/// Bands of all models but the latest large one, which has 128.
+/// Number of bands of all models except the latest large one, which has 128.
 pub(super) const BANDS: usize = 80;
 const HIGH_HZ: f64 = 8000.0;
 /// Smallest power that enters the logarithm.
 const FLOOR: f32 = 1e-10;
-/// Decades of power under the loudest band of the sound that are heard.
+/// Decades of power that count, under the loudest band of the sound.
 const RANGE: f32 = 8.0;
-/// Slaney's scale: linear up to so many hertz, logarithmic above.
+/// Slaney's scale is linear up to this frequency and logarithmic above, hertz.
 const KNEE_HZ: f64 = 1000.0;
 const KNEE_MEL: f64 = 15.0;
 
@@ -48,7 +48,8 @@ pub(super) fn whisper_mel(samples: &[f32]) -> Array2<f32> {
     mel.mapv_into(|x| (x.max(loudest - RANGE) + 4.0) / 4.0)
 }
 
-/// The sample at a place that may lie beyond either end, where the sound goes back without repeating its last sample.
+/// The sample at a place that may lie beyond either end. There the sound is mirrored without
+/// repeating its last sample.
 fn mirrored(samples: &[f32], place: isize) -> f32 {
     let last = samples.len() as isize - 1;
     let inside = match place > last {
@@ -99,7 +100,7 @@ mod tests {
     #[test]
     fn beyond_its_ends_a_sound_goes_back() {
         let samples = [0.0, 1.0, 2.0, 3.0];
-        let found: Vec<f32> = (-2..6).map(|place| mirrored(&samples, place)).collect();
-        assert_eq!(found, [2.0, 1.0, 0.0, 1.0, 2.0, 3.0, 2.0, 1.0]);
+        let values: Vec<f32> = (-2..6).map(|place| mirrored(&samples, place)).collect();
+        assert_eq!(values, [2.0, 1.0, 0.0, 1.0, 2.0, 3.0, 2.0, 1.0]);
     }
 }

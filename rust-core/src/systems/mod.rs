@@ -1,7 +1,7 @@
 //! One folder per paper, and the registry of them; systems never import each other.
 //!
-//! A system is its folder, its `mod` line and its entry in [`SYSTEMS`], under the feature of its name: take these
-//! away, and the rest compiles. `CONTRIBUTING.md` says how to add one.
+//! A system is its folder, its `mod` line and its entry in [`SYSTEMS`], under the feature of its
+//! name. Without these three the rest still compiles. `CONTRIBUTING.md` says how to add one.
 
 #[cfg(feature = "cafe-talk")]
 pub mod cafe_talk;
@@ -35,7 +35,7 @@ pub static SYSTEMS: &[&Registration] = &[
 ];
 
 impl Registration {
-    /// Refuses what it cannot do; `task` is what was asked for, such as `events`.
+    /// Checks that it has an ability. `task`: the requested task, such as `events`.
     ///
     /// # Errors
     /// `InvalidInput` with the names of the systems that can.
@@ -64,11 +64,11 @@ impl Registration {
     /// `InvalidInput` for an unknown name.
     pub fn find(name: Option<&str>) -> Result<&'static Registration> {
         let mut systems = SYSTEMS.iter().copied();
-        let found = match name {
+        let registration = match name {
             Some(name) => systems.find(|system| system.name == name),
             None => systems.next(),
         };
-        found.ok_or_else(|| {
+        registration.ok_or_else(|| {
             let known: Vec<&str> = SYSTEMS.iter().map(|system| system.name).collect();
             let (known, name) = (known.join(", "), name.unwrap_or_default());
             Error::InvalidInput(format!("system: expected one of {known}, got {name:?}"))
@@ -76,7 +76,7 @@ impl Registration {
     }
 }
 
-/// Every model that is built in: those that serve all systems, then those of each system.
+/// Every built-in model: those that all systems share, then those of each system.
 pub fn built_in_models() -> impl Iterator<Item = &'static BuiltIn> {
     let shared = [
         &speech::COMPACT_MODEL,
@@ -94,8 +94,8 @@ pub fn built_in_models() -> impl Iterator<Item = &'static BuiltIn> {
         &rig::MODEL,
         &text::MODEL,
     ];
-    let own = SYSTEMS
+    let of_systems = SYSTEMS
         .iter()
         .flat_map(|system| system.models.iter().copied());
-    shared.into_iter().chain(own)
+    shared.into_iter().chain(of_systems)
 }

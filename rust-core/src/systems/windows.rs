@@ -1,4 +1,4 @@
-//! How networks that see so many frames at once perform a sound of any length.
+//! Runs networks with windows of a fixed length on a sound of any length.
 
 use std::ops::Range;
 
@@ -6,7 +6,7 @@ use ndarray::Array2;
 
 use crate::Result;
 
-/// Windows of equal length that overlap; where they do, results are cross-faded.
+/// Windows of equal length that overlap. Where they overlap, results are cross-faded.
 #[derive(Debug, Clone, Copy, PartialEq)]
 pub struct Windows {
     /// Frames per second.
@@ -18,8 +18,8 @@ pub struct Windows {
 }
 
 impl Windows {
-    /// The windows of a clip of `total` frames: one every `frames − overlap` frames, the last one flush
-    /// with the end. A clip no longer than a window is one window, an empty clip none.
+    /// The windows of a clip of `total` frames: one every `frames − overlap` frames, the last one
+    /// flush with the end. A clip no longer than a window is one window, an empty clip none.
     pub fn of(&self, total: usize) -> Vec<Range<usize>> {
         let Windows {
             frames, overlap, ..
@@ -35,9 +35,9 @@ impl Windows {
         }
     }
 
-    /// A clip `[total, channels]` window by window; where they overlap, results are averaged with the weights
-    /// of a ramp. `make` gets the frames of a window and its share of the progress, and returns
-    /// `[frames, channels]`.
+    /// Makes a clip `[total, channels]` window by window. Where windows overlap, it averages their
+    /// results with the weights of a ramp. `make` gets the frames of a window and its range of the
+    /// progress, and returns `[frames, channels]`.
     ///
     /// # Errors
     /// Those of `make`.
@@ -52,10 +52,10 @@ impl Windows {
         let windows = self.of(total);
         for (index, rows) in windows.iter().enumerate() {
             let part = |index: usize| index as f32 / windows.len() as f32;
-            let made = make(rows.clone(), (part(index), part(index + 1)))?;
-            for (t, made) in rows.clone().zip(made.rows()) {
+            let values = make(rows.clone(), (part(index), part(index + 1)))?;
+            for (t, row) in rows.clone().zip(values.rows()) {
                 let share = ramp(t, rows, total, self.overlap);
-                out.row_mut(t).scaled_add(share, &made);
+                out.row_mut(t).scaled_add(share, &row);
                 weight[t] += share;
             }
         }
@@ -66,7 +66,8 @@ impl Windows {
     }
 }
 
-/// Weight of frame `t` in a window: rises and falls over the overlap, 1 at the clip's own ends.
+/// Weight of frame `t` in a window. It rises and falls over the overlap and is 1 at the clip's own
+/// ends.
 fn ramp(t: usize, rows: &Range<usize>, frames: usize, overlap: usize) -> f32 {
     let side = |inner: usize, at_end: bool| match at_end {
         true => 1.0,
@@ -98,8 +99,8 @@ mod tests {
                 assert!(rows.len() <= window);
                 Ok(Array2::from_elem((rows.len(), 2), 3.0))
             };
-            let made = windows.cross_faded(frames, 2, make).unwrap();
-            assert!(made.iter().all(|x| (x - 3.0).abs() < 1e-6), "{frames}");
+            let clip = windows.cross_faded(frames, 2, make).unwrap();
+            assert!(clip.iter().all(|x| (x - 3.0).abs() < 1e-6), "{frames}");
             assert!(windows.of(0).is_empty());
         }
     }

@@ -5,14 +5,14 @@ use ndarray::{Array1, ArrayView2};
 use super::{TextUnits, check_length, cosine};
 use crate::{Error, Result, conditions::EMOTIONS};
 
-/// A word that is no nearer to any category says nothing of how somebody feels.
+/// A word less similar to every category than this names no emotion.
 const LEAST_COSINE: f32 = 0.25;
-/// Sweeps over the categories, after which nothing moves any more.
+/// Sweeps over the categories, after which the shares no longer change.
 const SWEEPS: usize = 200;
 
 impl TextUnits {
-    /// Shares of [`EMOTIONS`], which sum to 1, whose places together come nearest to that of a word: least squares
-    /// with no share below 0. A category is itself.
+    /// Finds shares of [`EMOTIONS`], which sum to 1, whose mixture of places comes nearest to the
+    /// place of a word: least squares with no share below 0. A category gives itself.
     ///
     /// ```
     /// use anyface::{conditions::{EMOTIONS, Emotion}, text::TextUnits};
@@ -25,12 +25,12 @@ impl TextUnits {
     /// ```
     ///
     /// # Errors
-    /// `InvalidInput` for a word that the space lacks or that is near to no category, and for a text of more than
-    /// 1,000 letters.
+    /// `InvalidInput` for a word that the space lacks or that is near no category, and for a text
+    /// of more than 1,000 letters.
     pub fn emotion(&self, text: &str) -> Result<[f32; 15]> {
         check_length(text)?;
-        if let Some(own) = EMOTIONS.iter().position(|name| *name == text) {
-            return Ok(std::array::from_fn(|e| f32::from(u8::from(e == own))));
+        if let Some(category) = EMOTIONS.iter().position(|name| *name == text) {
+            return Ok(std::array::from_fn(|e| f32::from(u8::from(e == category))));
         }
         let clauses = self.rules.clauses(text);
         let mut words = clauses.iter().flat_map(|clause| &clause.words);

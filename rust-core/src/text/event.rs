@@ -1,4 +1,4 @@
-//! Expressions and events whose units are said in words.
+//! Expressions and events whose units are texts.
 
 use std::{
     path::{Path, PathBuf},
@@ -14,7 +14,7 @@ use crate::{
     job::{InputKind, read_text},
 };
 
-/// Reads expressions and events; the model of texts is loaded at the first text that needs it.
+/// Reads expressions and events. The model of texts is loaded for the first text that needs it.
 #[derive(Debug, Default)]
 pub struct Reader {
     models: Option<PathBuf>,
@@ -45,11 +45,13 @@ impl Reader {
 
     /// Reads units, words of the menu, or a text; see [`Expression::parse`].
     ///
-    /// A text's own amounts multiply the strength; the strongest unit counts, since an expression has one strength.
+    /// The amounts in a text multiply the strength. The strongest unit counts, since an expression
+    /// has one strength.
     ///
     /// # Errors
-    /// Those of [`Expression::parse`]; `InvalidInput` for a text in which no unit was understood, with the nearest
-    /// thing that would be, and for one of more than 1,000 letters; those of [`TextUnits::open`].
+    /// Those of [`Expression::parse`]; `InvalidInput`, with the nearest known expression, for a
+    /// text that names no unit, and for a text of more than 1,000 letters; those of
+    /// [`TextUnits::open`].
     pub fn expression(&self, text: &str) -> Result<Expression> {
         check_length(text)?;
         let mut expression = Expression::parse(text)?;
@@ -62,7 +64,7 @@ impl Reader {
         Ok(expression)
     }
 
-    /// Reads `1.2-2.0:smile:0.8`: seconds, and behind them an expression as [`Reader::expression`] reads it.
+    /// Reads `1.2-2.0:smile:0.8`: seconds, then an expression for [`Reader::expression`].
     ///
     /// # Errors
     /// Those of [`Event::slot_and_expression`], [`Reader::expression`] and [`Event::check`].
@@ -72,12 +74,12 @@ impl Reader {
         Event::of(slot_s, self.expression(said)?)
     }
 
-    /// Reads events from JSON: a list, or an object with a list `events`, of `{"start_s": 1.2, "end_s": 2.0,
-    /// "units": ["12", "45L"], "strength": 0.8, "over_speech": false}`. The last two may be left out; `units` may be
-    /// one expression, such as "left wink".
+    /// Reads events from JSON: a list, or an object with a list `events`, of `{"start_s": 1.2,
+    /// "end_s": 2.0, "units": ["12", "45L"], "strength": 0.8, "over_speech": false}`. The last two
+    /// may be missing. `units` may be one expression, such as "left wink".
     ///
     /// # Errors
-    /// `InvalidInput` that names the row, what was expected and what it holds.
+    /// `InvalidInput` that names the row, what it should hold and what it holds.
     pub fn events_of_json(&self, text: &str) -> Result<Vec<Event>> {
         #[derive(Deserialize)]
         #[serde(untagged)]
@@ -96,8 +98,8 @@ impl Reader {
         })?;
         let (Document::List(rows) | Document::Object { events: rows }) = document;
         let read = |(row, value): (usize, serde_json::Value)| {
-            let found: Row = serde_json::from_value(value).map_err(|error| wrong(row, &error))?;
-            self.event_of_row(found).map_err(|error| match error {
+            let fields: Row = serde_json::from_value(value).map_err(|error| wrong(row, &error))?;
+            self.event_of_row(fields).map_err(|error| match error {
                 Error::InvalidInput(_) => wrong(row, &error),
                 other => other,
             })
@@ -113,9 +115,9 @@ impl Reader {
         let expression = self.expression(&said)?;
         let mut event = Event::of([row.start_s, row.end_s], expression)?;
         event.over_speech |= row.over_speech;
-        let own = std::mem::replace(&mut event.strength, row.strength);
+        let strength = std::mem::replace(&mut event.strength, row.strength);
         event.check()?;
-        event.strength = (own * row.strength).min(MAX_EVENT_STRENGTH);
+        event.strength = (strength * row.strength).min(MAX_EVENT_STRENGTH);
         Ok(event)
     }
 
@@ -142,7 +144,7 @@ pub fn events_to_json(events: &[Event]) -> String {
     serde_json::to_string(&rows).expect("numbers and texts can be written")
 }
 
-/// An event as a file has it.
+/// An event as a row of a file.
 #[derive(Deserialize, Serialize)]
 #[serde(deny_unknown_fields)]
 struct Row {

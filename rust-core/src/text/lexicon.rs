@@ -1,10 +1,10 @@
-//! Words whose units no network has learned, and those that it reads wrongly.
+//! Words whose units no network has learned, or that the network misreads.
 
 use super::sentence::{Clause, SaidSide};
 use crate::conditions::ActionUnit;
 
-/// Words of a clause that stand together, each in any of its forms (`|` between them), and the units that they ask for.
-/// A phrase with more words stands before those with fewer.
+/// Phrases and the units that they stand for. Each word may have any of its forms (`|` between
+/// them). Longer phrases come before shorter ones.
 const PHRASES: [(&str, &str); 12] = [
     ("press|presses|pressed|pressing lip|lips", "23"),
     ("lip|lips press|presses|pressed|pressing", "23"),
@@ -25,7 +25,7 @@ const PHRASES: [(&str, &str); 12] = [
     ("funnel|funnels|funnelled|funneled", "22"),
     ("eyes up|upwards|heavenwards", "63"),
 ];
-/// Verbs of looking, with which a side or a height is where the eyes go.
+/// Verbs of looking: a side or a height beside one says where the eyes go.
 const LOOKS: &str = "look|looks|looked|looking|glance|glances|glanced|glancing|gaze|gazes|gazed|gazing|stares|stared|staring|peers|eyes|roll|rolls|rolled|rolling";
 const HEIGHTS: [(&str, &str); 2] = [
     ("up|upward|upwards|above|skyward|skywards|ceiling", "63"),
@@ -33,8 +33,8 @@ const HEIGHTS: [(&str, &str); 2] = [
 ];
 const SIDES: [(SaidSide, &str); 2] = [(SaidSide::Left, "61"), (SaidSide::Right, "62")];
 
-/// The units that words of a clause ask for, as numbers of [`crate::conditions::ACTION_UNITS`], and takes these words out
-/// of it. A clause in which something is denied asks for none.
+/// Finds the units of words in a clause, as numbers of [`crate::conditions::ACTION_UNITS`], and
+/// removes these words from it. A clause with a denial has none.
 pub(super) fn take_units(clause: &mut Clause) -> Vec<usize> {
     let mut units = Vec::new();
     if !clause.denied.is_empty() {
@@ -58,15 +58,15 @@ pub(super) fn take_units(clause: &mut Clause) -> Vec<usize> {
             take(clause, &mut words, &[at]);
         }
     }
-    for (phrase, asked) in PHRASES {
+    for (phrase, phrase_units) in PHRASES {
         let forms: Vec<&str> = phrase.split(' ').collect();
         let is_here = |at: &usize| {
             let stand = words[*at..].iter().zip(&forms);
             words.len() - at >= forms.len()
                 && stand.clone().all(|(word, forms)| is_form(word, forms))
         };
-        let found = (0..words.len()).find(is_here);
-        // "Presses her lips": words without a meaning of their own may stand between.
+        let adjoining = (0..words.len()).find(is_here);
+        // "Presses her lips": words without a meaning of their own may come between.
         let apart = || {
             let first = words.iter().position(|word| is_form(word, forms[0]))?;
             let last = words
@@ -75,12 +75,12 @@ pub(super) fn take_units(clause: &mut Clause) -> Vec<usize> {
                 .position(|word| is_form(word, forms[forms.len() - 1]))?;
             (forms.len() == 2 && last <= 2 && last > 0).then_some([first, first + last])
         };
-        let places: Vec<usize> = match (found, apart()) {
+        let places: Vec<usize> = match (adjoining, apart()) {
             (Some(at), _) => (at..at + forms.len()).collect(),
             (None, Some(places)) => places.to_vec(),
             (None, None) => continue,
         };
-        units.extend(asked.split(' ').filter_map(ActionUnit::find));
+        units.extend(phrase_units.split(' ').filter_map(ActionUnit::find));
         take(clause, &mut words, &places);
     }
     units.sort_unstable();
@@ -92,7 +92,7 @@ fn is_form(word: &str, forms: &str) -> bool {
     forms.split('|').any(|form| form == word)
 }
 
-/// Takes words out of a clause.
+/// Removes words from a clause.
 fn take(clause: &mut Clause, words: &mut Vec<String>, places: &[usize]) {
     let gone: Vec<String> = places.iter().map(|place| words[*place].clone()).collect();
     let mut place = 0;

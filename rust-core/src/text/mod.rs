@@ -1,7 +1,8 @@
-//! Words about faces: their places in a text space, and the action units that a text asks for.
+//! Words about faces: their places in a text space, and the action units in a text.
 //!
-//! The space is made from WordNet (`training/text/space.py`): synonyms lie together, opposites apart. The tower is
-//! that of Cafe-Talk (Chen et al. 2025, §3.3 and appendix E) on it, or on CLIP from a folder of the user's.
+//! The space comes from WordNet (`training/text/space.py`): synonyms lie together, opposites apart.
+//! The tower is that of Cafe-Talk (Chen et al. 2025, §3.3 and appendix E), on this space or on CLIP
+//! from a user's folder.
 //!
 //! ```
 //! use anyface::{conditions::Side, text::TextUnits};
@@ -45,14 +46,14 @@ pub use event::{Reader, events_to_json};
 /// The built-in text space and tower.
 #[cfg(feature = "cafe-talk")]
 pub static MODEL: BuiltIn = BuiltIn::new(&anyface_weights_cafe_talk::TEXT_UNITS);
-/// Words that a folder may bring.
+/// A folder may hold the model of words.
 #[cfg(not(feature = "cafe-talk"))]
 pub static MODEL: BuiltIn = BuiltIn::absent("text_units", None);
-/// Letters of the longest text: a face is described in a line, and each clause costs a run of the tower.
+/// Most letters of a text: a line describes a face, and each clause costs a run of the tower.
 const LONGEST_TEXT: usize = 1_000;
-/// Confidence from which a unit counts as asked for.
+/// Least confidence of a unit in a text.
 const THRESHOLD: f32 = 0.5;
-/// Cosine from which an expression is near enough to a text to be named as a hint.
+/// Least cosine between a text and an expression that may be its hint.
 const HINTED_FROM: f32 = 0.25;
 
 /// Reads texts as action units.
@@ -64,18 +65,18 @@ pub struct TextUnits {
     /// `[15, D]`.
     emotions: Array2<f32>,
     menu: Vec<String>,
-    /// Strength that the tower's largest answer stands for.
+    /// Strength for the tower's largest output.
     full: f32,
     strength: [f32; 2],
 }
 
-/// What a text asks of a face.
+/// The units in a text.
 #[derive(Debug, Clone, PartialEq, Default)]
 pub struct Understood {
-    /// Number in [`ACTION_UNITS`], side, strength (1 is the model's own) and confidence from 0.5 to 1; in rising
-    /// order of the number, each unit once.
+    /// Number in [`ACTION_UNITS`], side, strength (1 is the model's own) and confidence (0.5 to 1),
+    /// in ascending order of the number, each unit once.
     pub units: Vec<(usize, Side, f32, f32)>,
-    /// The nearest expression that would be understood, where no unit was and one is near at all.
+    /// The nearest known expression, where the text has no unit and one is near.
     pub hint: Option<String>,
 }
 
@@ -89,7 +90,7 @@ struct Config {
     full: f32,
     strength: [f32; 2],
     rules: Lists,
-    /// CLIP's folder, seen from the model's, where the tower was trained on it.
+    /// Path of CLIP's folder from the model's folder, where the tower was trained on CLIP.
     #[serde(default)]
     clip: Option<PathBuf>,
     menu: Vec<String>,
@@ -107,7 +108,8 @@ impl TextUnits {
         TextUnits::load(&weights, &files.config, &place.unwrap_or_default())
     }
 
-    /// From arrays and the text of `config.json`; `place` is the model's folder, from which a path in it is seen.
+    /// From arrays and the text of `config.json`. `place`: the model's folder, from which the
+    /// config's path starts.
     ///
     /// # Errors
     /// `Weights` if either is damaged or they do not fit each other; `Io` and `Weights` of CLIP's folder where the
@@ -141,7 +143,7 @@ impl TextUnits {
         })
     }
 
-    /// Place `[D]` of a word, or the mean of the words of a text; `None` where none means anything.
+    /// Place `[D]` of a word, or the mean over the words of a text. `None` where no word is known.
     pub fn place(&self, text: &str) -> Option<Array1<f32>> {
         let clauses = self.rules.clauses(text);
         let words: Vec<&String> = clauses.iter().flat_map(Clause::all_words).collect();
@@ -152,7 +154,7 @@ impl TextUnits {
         Some(sum / words.len() as f32)
     }
 
-    /// The units that a text asks for.
+    /// The units in a text.
     ///
     /// # Errors
     /// `InvalidInput` for a text of more than 1,000 letters.
@@ -161,14 +163,14 @@ impl TextUnits {
         let mut units: Vec<(usize, Side, f32, f32)> = Vec::new();
         let mut latest = Vec::new();
         for clause in self.rules.clauses(text) {
-            let found = self.units_of(&clause);
-            match (found.is_empty(), side_of(clause.side)) {
-                // "Winks, the right eye": the side belongs to what was said before.
+            let clause_units = self.units_of(&clause);
+            match (clause_units.is_empty(), side_of(clause.side)) {
+                // "Winks, the right eye": the side belongs to the clause before.
                 (true, Some(side)) => set_side(&mut latest, side),
                 (true, None) => (),
                 (false, _) => {
                     units.append(&mut latest);
-                    latest = found;
+                    latest = clause_units;
                 }
             }
         }
@@ -187,8 +189,8 @@ impl TextUnits {
     /// [`TextUnits::understand`], for callers who need a unit.
     ///
     /// # Errors
-    /// Those of [`TextUnits::understand`]; `InvalidInput` where none was understood: names the text, what was expected,
-    /// the nearest thing.
+    /// Those of [`TextUnits::understand`]; `InvalidInput` for a text without a unit: names the
+    /// text, what was expected and the nearest expression.
     pub fn understood_or_error(&self, text: &str) -> Result<Understood> {
         let understood = self.understand(text)?;
         if !understood.units.is_empty() {
@@ -233,9 +235,9 @@ impl TextUnits {
         shown
             .map(|unit| {
                 let one_sided = shares[[1, unit]] > THRESHOLD;
-                let own = if one_sided { Side::Left } else { Side::Both };
+                let learned_side = if one_sided { Side::Left } else { Side::Both };
                 let side = match ACTION_UNITS[unit].has_sides() {
-                    true => side_of(clause.side).unwrap_or(own),
+                    true => side_of(clause.side).unwrap_or(learned_side),
                     false => Side::Both,
                 };
                 let strength = (self.full * shares[[2, unit]] * clause.amount).clamp(low, high);
@@ -244,8 +246,8 @@ impl TextUnits {
             .collect()
     }
 
-    /// The expression of the menu that is nearest to the text, by the word of it that is farthest: of "the blue car"
-    /// a colour lies near to sorrow, and a car near to nothing.
+    /// The expression of the menu that is nearest to the text. Its farthest word counts: of "the
+    /// blue car", blue is near to sorrow, but car is near to nothing.
     fn hint(&self, text: &str) -> Option<String> {
         let clauses = self.rules.clauses(text);
         let words: Vec<Array1<f32>> = clauses
@@ -268,7 +270,7 @@ impl TextUnits {
     }
 }
 
-/// Refuses what is no description of a face by its length alone.
+/// Refuses texts that are too long to describe a face.
 ///
 /// # Errors
 /// `InvalidInput` for more than 1,000 letters.
@@ -281,7 +283,7 @@ pub fn check_length(text: &str) -> Result<()> {
     }
 }
 
-/// The subject's left where a text says "one" and not which.
+/// "One" without a side means the subject's left.
 fn side_of(said: Option<SaidSide>) -> Option<Side> {
     said.map(|said| match said {
         SaidSide::Left | SaidSide::One => Side::Left,
@@ -297,22 +299,27 @@ fn set_side(units: &mut [(usize, Side, f32, f32)], side: Side) {
     }
 }
 
-/// Each unit once, as strong and as sure as it was said anywhere; one that is said of two sides is on both.
+/// Merges units: each once, with its largest strength and confidence. A unit of both sides in
+/// different places is on both.
 fn merged(mut units: Vec<(usize, Side, f32, f32)>) -> Vec<(usize, Side, f32, f32)> {
     units.sort_by_key(|unit| unit.0);
-    units.dedup_by(|next, kept| {
-        let same = next.0 == kept.0;
+    units.dedup_by(|next, previous| {
+        let same = next.0 == previous.0;
         if same {
-            kept.1 = if kept.1 == next.1 { kept.1 } else { Side::Both };
-            kept.2 = kept.2.max(next.2);
-            kept.3 = kept.3.max(next.3);
+            previous.1 = if previous.1 == next.1 {
+                previous.1
+            } else {
+                Side::Both
+            };
+            previous.2 = previous.2.max(next.2);
+            previous.3 = previous.3.max(next.3);
         }
         same
     });
     units
 }
 
-/// Of the angle between two places; 0 where one is the origin.
+/// Cosine of the angle between two places; 0 where one is the origin.
 fn cosine(a: &Array1<f32>, b: &Array1<f32>) -> f32 {
     let size = (a.dot(a) * b.dot(b)).sqrt();
     a.dot(b) / size.max(f32::MIN_POSITIVE)

@@ -1,12 +1,13 @@
-//! A sentence taken apart: clauses, and in each the words that mean something, denied or not, side and amount.
+//! Splits a sentence into clauses, and each clause into meaningful and denied words, a side and an
+//! amount.
 //!
-//! Twin of `training/text/sentences.py`, whose lists stand in the model's `config.json`.
+//! Twin of `training/text/sentences.py`, whose lists are in the model's `config.json`.
 
 use std::collections::{BTreeMap, HashMap, HashSet};
 
 use serde::Deserialize;
 
-/// The lists as they stand in `config.json`: words with a space between them.
+/// The lists in `config.json`: words with a space between them.
 #[derive(Deserialize)]
 pub(super) struct Lists {
     breaks: String,
@@ -20,7 +21,7 @@ pub(super) struct Lists {
     amounts: BTreeMap<String, String>,
 }
 
-/// What a word does beside meaning something.
+/// The role of a word beside its own meaning.
 #[derive(Debug, Clone, Copy, PartialEq)]
 enum Role {
     Break,
@@ -39,11 +40,11 @@ pub(super) enum SaidSide {
     One,
 }
 
-/// Which words do what.
+/// The roles of words.
 #[derive(Debug, Clone)]
 pub(super) struct Rules {
     roles: HashMap<String, Role>,
-    /// Parts of a face: "no raised eyebrows" is about a movement that there is not, and asks for no other.
+    /// Parts of a face. "No raised eyebrows" denies a movement and names no other.
     parts: HashSet<String>,
 }
 
@@ -53,7 +54,7 @@ pub(super) struct Clause {
     /// The clause without sides and amounts, a space between its words.
     pub said: String,
     pub words: Vec<String>,
-    /// Words behind a denial; none where one of them is a part of a face.
+    /// Words after a denial. Empty where one of them is a part of a face.
     pub denied: Vec<String>,
     pub side: Option<SaidSide>,
     /// Factor of strength.
@@ -90,7 +91,7 @@ impl Rules {
 
     /// The clauses of a text; at least one, which may be empty.
     pub(super) fn clauses(&self, text: &str) -> Vec<Clause> {
-        let mut found = vec![Clause::new()];
+        let mut parsed = vec![Clause::new()];
         let mut denies = false;
         for token in tokens(text) {
             let role = match token.starts_with(is_letter) {
@@ -99,22 +100,27 @@ impl Rules {
             };
             match role {
                 Some(Role::Break) => {
-                    found.push(Clause::new());
+                    parsed.push(Clause::new());
                     denies = false;
                 }
                 Some(Role::Denial) => {
                     denies = true;
-                    found.last_mut().expect("one at least").say(&token);
+                    parsed.last_mut().expect("one at least").say(&token);
                 }
-                _ => hear(found.last_mut().expect("one at least"), token, role, denies),
+                _ => hear(
+                    parsed.last_mut().expect("one at least"),
+                    token,
+                    role,
+                    denies,
+                ),
             }
         }
-        for clause in &mut found {
+        for clause in &mut parsed {
             if clause.denied.iter().any(|word| self.parts.contains(word)) {
                 clause.denied.clear();
             }
         }
-        found
+        parsed
     }
 }
 
@@ -136,7 +142,7 @@ impl Clause {
         self.said.push_str(token);
     }
 
-    /// Words that mean something, denied ones after the others.
+    /// Meaningful words, then denied ones.
     pub fn all_words(&self) -> impl Iterator<Item = &String> {
         self.words.iter().chain(&self.denied)
     }
@@ -155,11 +161,11 @@ fn hear(clause: &mut Clause, token: String, role: Option<Role>, denies: bool) {
     }
 }
 
-/// Words in small letters and marks that part clauses; `n't` is a word, `not`.
+/// Splits a text into words in small letters and marks that end clauses. `n't` becomes `not`.
 fn tokens(text: &str) -> Vec<String> {
     let plain = text.to_lowercase().replace('\u{2019}', "'");
     let plain = plain.replace("n't", " not").replace('\'', " ");
-    let mut found = Vec::new();
+    let mut pieces = Vec::new();
     let mut word = String::new();
     for letter in plain.chars().chain([' ']) {
         if is_letter(letter) {
@@ -167,16 +173,16 @@ fn tokens(text: &str) -> Vec<String> {
             continue;
         }
         if !word.is_empty() {
-            found.push(std::mem::take(&mut word));
+            pieces.push(std::mem::take(&mut word));
         }
         if ",;.:!?".contains(letter) {
-            found.push(letter.to_string());
+            pieces.push(letter.to_string());
         }
     }
-    found
+    pieces
 }
 
-/// a to z, and what lies beyond Latin-1's signs but for general and ideographic punctuation.
+/// a to z, and everything beyond Latin-1 except general and ideographic punctuation.
 fn is_letter(c: char) -> bool {
     let mark = ('\u{2000}'..='\u{206f}').contains(&c) || ('\u{3000}'..='\u{303f}').contains(&c);
     c.is_ascii_lowercase() || (c >= '\u{c0}' && !mark)

@@ -221,7 +221,7 @@ fn files_hold_the_same_events_as_text() {
         events,
         "{written}"
     );
-    for (wrong, told) in [
+    for (wrong, reason) in [
         (
             r#"[{"start_s": 2, "end_s": 1, "units": ["12"]}]"#,
             "event 1",
@@ -235,7 +235,7 @@ fn files_hold_the_same_events_as_text() {
         ),
     ] {
         let error = reader.events_of_json(wrong).unwrap_err().to_string();
-        assert!(error.contains(told), "{error}");
+        assert!(error.contains(reason), "{error}");
     }
 }
 

@@ -33,7 +33,7 @@ fn voice(seconds: f32) -> Waveform {
 }
 
 /// A request with events as the command has them, and nothing that chance adds.
-fn asked(events: &[&str]) -> MotionRequest {
+fn request_with(events: &[&str]) -> MotionRequest {
     let still = [
         "blinks_per_minute",
         "brow_accents",
@@ -59,18 +59,18 @@ fn performed(seconds: f32, request: &MotionRequest) -> Performance {
     ENGINE.perform(&voice(seconds), request, SILENT).unwrap()
 }
 
-/// Closures are those of the frames that were taken, and not of the first ones of the sound.
+/// Closures belong to the frames of the part, not to the first frames of the sound.
 #[test]
 fn a_part_of_a_take_moves_a_mesh_as_the_whole_does() {
     let request = MotionRequest {
         closures: Some(vec![[1.4, 1.7]]),
-        ..asked(&["1-2:26"])
+        ..request_with(&["1-2:26"])
     };
     let performance = performed(3.0, &request);
     let face = head::prepared(&head::head(), &head::landmarks(), PartChoices::default());
     let spread = |motion: &Motion| {
-        let made = Collector::collect(|sink| ENGINE.spread(&face, motion, sink, SILENT));
-        made.unwrap().vertices.displacements
+        let clip = Collector::collect(|sink| ENGINE.spread(&face, motion, sink, SILENT));
+        clip.unwrap().vertices.displacements
     };
     let whole = spread(&performance.motion);
     let together = &weights(&performance).together;
@@ -98,8 +98,8 @@ fn mean(clip: &WeightClip, name: &str, from_s: f64, to_s: f64) -> f32 {
 
 #[test]
 fn a_wink_shuts_the_eye_that_it_names_in_its_slot() {
-    let plain = weights(&performed(4.0, &asked(&[])));
-    let winking = weights(&performed(4.0, &asked(&["1.6-2.4:45L"])));
+    let plain = weights(&performed(4.0, &request_with(&[])));
+    let winking = weights(&performed(4.0, &request_with(&["1.6-2.4:45L"])));
     let more = |name: &str, from_s: f64, to_s: f64| {
         mean(&winking, name, from_s, to_s) - mean(&plain, name, from_s, to_s)
     };
@@ -116,8 +116,8 @@ fn a_wink_shuts_the_eye_that_it_names_in_its_slot() {
 
 #[test]
 fn units_that_no_network_has_learned_come_in_their_slots() {
-    let plain = performed(3.0, &asked(&[]));
-    let moved = performed(3.0, &asked(&["1.2-1.8:kiss!", "1.2-1.8:look left"]));
+    let plain = performed(3.0, &request_with(&[]));
+    let moved = performed(3.0, &request_with(&["1.2-1.8:kiss!", "1.2-1.8:look left"]));
     let pucker = |performance: &Performance, from_s, to_s| {
         mean(&weights(performance), "mouthPucker", from_s, to_s)
     };
@@ -132,14 +132,14 @@ fn a_stronger_event_shows_more() {
     let smile = |strength: &str| {
         let clip = weights(&performed(
             4.0,
-            &asked(&[&format!("1.5-2.5:12:{strength}")]),
+            &request_with(&[&format!("1.5-2.5:12:{strength}")]),
         ));
         mean(&clip, "mouthSmileLeft", 1.7, 2.3) + mean(&clip, "mouthSmileRight", 1.7, 2.3)
     };
     let shown = ["0", "0.5", "1", "1.5"].map(smile);
     assert!(shown.windows(2).all(|pair| pair[1] > pair[0]), "{shown:?}");
     assert_eq!(shown[0], {
-        let plain = weights(&performed(4.0, &asked(&[])));
+        let plain = weights(&performed(4.0, &request_with(&[])));
         mean(&plain, "mouthSmileLeft", 1.7, 2.3) + mean(&plain, "mouthSmileRight", 1.7, 2.3)
     });
 }
@@ -148,8 +148,8 @@ fn a_stronger_event_shows_more() {
 fn windows_that_no_event_touches_keep_their_bits() {
     let windows = ENGINE.description().windows.unwrap();
     let seconds = 3.0 * windows.frames as f32 / windows.fps as f32;
-    let plain = weights(&performed(seconds, &asked(&[])));
-    let smiling = weights(&performed(seconds, &asked(&["1-2:12"])));
+    let plain = weights(&performed(seconds, &request_with(&[])));
+    let smiling = weights(&performed(seconds, &request_with(&["1-2:12"])));
     let all = windows.of(plain.weights.nrows());
     let beyond = all[0].end..plain.weights.nrows();
     assert!(beyond.len() > 100);
@@ -160,7 +160,7 @@ fn windows_that_no_event_touches_keep_their_bits() {
 
 #[test]
 fn lips_meet_where_they_are_told_to_unless_an_event_is_over_the_speech() {
-    let mut request = asked(&[]);
+    let mut request = request_with(&[]);
     request.closures = Some(vec![[1.0, 1.08], [2.0, 2.08]]);
     request.events = vec![Event::parse("1.9-2.2:26:1!").unwrap()];
     let clip = weights(&performed(3.0, &request));
@@ -174,7 +174,7 @@ fn lips_meet_where_they_are_told_to_unless_an_event_is_over_the_speech() {
 #[test]
 fn lips_of_the_head_itself_meet() {
     let face = head::prepared(&head::head(), &head::landmarks(), PartChoices::default());
-    let mut request = asked(&[]);
+    let mut request = request_with(&[]);
     request.closures = Some(vec![[1.0, 1.08]]);
     let motion = performed(2.0, &request).motion;
     let clip = Collector::collect(|sink| ENGINE.spread(&face, &motion, sink, SILENT)).unwrap();
@@ -188,7 +188,7 @@ fn lips_of_the_head_itself_meet() {
 
 #[test]
 fn blinks_shut_both_eyes_and_speech_alone_moves_no_brow() {
-    let mut request = asked(&[]);
+    let mut request = request_with(&[]);
     request.controls.set("blinks_per_minute", 60.0);
     let blinking = weights(&performed(6.0, &request));
     for name in ["eyeBlinkLeft", "eyeBlinkRight"] {
@@ -205,7 +205,7 @@ fn blinks_shut_both_eyes_and_speech_alone_moves_no_brow() {
 
 #[test]
 fn articulation_scales_speech_and_lips_that_met_still_meet() {
-    let mut request = asked(&[]);
+    let mut request = request_with(&[]);
     request.closures = Some(vec![[1.0, 1.08]]);
     let plain = ENGINE.perform(&voice(3.0), &request, SILENT).unwrap();
     request.controls.set("articulation", 1.5);
@@ -219,7 +219,7 @@ fn articulation_scales_speech_and_lips_that_met_still_meet() {
 fn another_seed_is_another_take_in_which_lips_still_meet() {
     let modes = FaceModes::open(None).unwrap();
     let take = |seed: u64| {
-        let mut request = asked(&[]);
+        let mut request = request_with(&[]);
         request.controls.set("variety", 1.0);
         request.closures = Some(vec![[1.0, 1.08]]);
         request.seed = seed;
@@ -247,21 +247,21 @@ fn another_seed_is_another_take_in_which_lips_still_meet() {
 
 #[test]
 fn what_cannot_be_asked_is_refused_by_name() {
-    let told = |engine: &Engine, request: &MotionRequest, words: &str| {
+    let check_refused = |engine: &Engine, request: &MotionRequest, words: &str| {
         let error = engine.perform(&voice(1.0), request, SILENT).err().unwrap();
         assert!(
             matches!(error, Error::InvalidInput(_)) && error.to_string().contains(words),
             "{error}"
         );
     };
-    told(&head::engine(), &asked(&["0-1:12"]), "cafe-talk");
-    let mut request = asked(&[]);
+    check_refused(&head::engine(), &request_with(&["0-1:12"]), "cafe-talk");
+    let mut request = request_with(&[]);
     request.controls.set("breath", 1.0);
-    told(&ENGINE, &request, "breath");
-    request = asked(&[]);
+    check_refused(&ENGINE, &request, "breath");
+    request = request_with(&[]);
     request.style = Some("nobody".into());
-    told(&ENGINE, &request, "nobody");
-    request = asked(&["0-1:12"]);
+    check_refused(&ENGINE, &request, "nobody");
+    request = request_with(&["0-1:12"]);
     request.events[0].strength = f32::NAN;
-    told(&ENGINE, &request, "strength");
+    check_refused(&ENGINE, &request, "strength");
 }

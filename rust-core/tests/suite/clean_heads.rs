@@ -12,8 +12,8 @@ fn of_seed(seed: u64) -> MadeHead {
     maker.mesh(&maker.random(seed), true).unwrap()
 }
 
-/// Triangles of the skin that look the other way afterwards and are seen so from the front.
-fn turned_over(made: &MadeHead, by: &Points) -> usize {
+/// Triangles of the skin that face the other way afterwards and are visible from the front.
+fn turned_over(head: &MadeHead, by: &Points) -> usize {
     let across = |[a, b, c]: [[f32; 3]; 3]| {
         let [u, v]: [[f32; 3]; 2] = [b, c].map(|p| std::array::from_fn(|n| p[n] - a[n]));
         [
@@ -22,14 +22,14 @@ fn turned_over(made: &MadeHead, by: &Points) -> usize {
             u[0] * v[1] - u[1] * v[0],
         ]
     };
-    let rest = |v: u32| made.mesh.positions[v as usize];
+    let rest = |v: u32| head.mesh.positions[v as usize];
     let now = |v: u32| sum(rest(v), by[v as usize]);
     let is_skin = |name: &str| name == "skin" || name == "lips";
-    let skin = made.materials.iter().filter(|(name, _)| is_skin(name));
-    let faces = skin.flat_map(|(_, faces)| &made.faces[faces.clone()]);
+    let skin = head.materials.iter().filter(|(name, _)| is_skin(name));
+    let faces = skin.flat_map(|(_, faces)| &head.faces[faces.clone()]);
     let triangles = faces.flat_map(|[a, b, c, d]| [[*a, *b, *c], [*a, *c, *d]]);
     let triangles: Vec<[u32; 3]> = triangles.collect();
-    // Cells of .2 mm over the face.
+    // Cells of 0.2 mm over the face.
     let mut view = FrontView::new([-0.08, -0.12], [0.08, 0.1], 2e-4);
     triangles.iter().for_each(|t| view.draw(t.map(now), 1));
     let is_seen = |t: &[u32; 3]| {
@@ -48,14 +48,14 @@ fn turned_over(made: &MadeHead, by: &Points) -> usize {
 #[test]
 fn shut_lids_meet_and_nothing_turns_over() {
     for seed in 1..6 {
-        let made = of_seed(seed);
-        let marks = made.landmarks.positions;
-        let face = prepared(&made.mesh, &marks, PartChoices::default());
+        let head = of_seed(seed);
+        let marks = head.landmarks.positions;
+        let face = prepared(&head.mesh, &marks, PartChoices::default());
         let by = moved(&face, &closing(&marks, &LIDS, 0.0));
         for (upper, lower) in LIDS {
             let [a, b] = [upper, lower].map(|n| {
-                let vertex = made.landmarks.vertices[n] as usize;
-                made.mesh.positions[vertex][1] + by[vertex][1]
+                let vertex = head.landmarks.vertices[n] as usize;
+                head.mesh.positions[vertex][1] + by[vertex][1]
             });
             let gap_mm = 1e3 * (a - b);
             assert!(
@@ -63,7 +63,7 @@ fn shut_lids_meet_and_nothing_turns_over() {
                 "seed {seed}: {upper} over {lower}: {gap_mm} mm"
             );
         }
-        let turned = turned_over(&made, &by);
+        let turned = turned_over(&head, &by);
         // Of 7,000 triangles; these few are the rims of lids, which roll.
         assert!(turned <= 3, "seed {seed}: {turned}");
     }
@@ -72,15 +72,15 @@ fn shut_lids_meet_and_nothing_turns_over() {
 #[test]
 fn an_open_mouth_shows_teeth_and_turns_nothing_over() {
     for seed in 1..6 {
-        let made = of_seed(seed);
+        let head = of_seed(seed);
         let face = prepared(
-            &made.mesh,
-            &made.landmarks.positions,
+            &head.mesh,
+            &head.landmarks.positions,
             PartChoices::default(),
         );
         let by = moved(&face, &opening());
         let middle = |name: &str| {
-            let (_, rows) = made
+            let (_, rows) = head
                 .objects
                 .iter()
                 .find(|(known, _)| known == name)
@@ -96,7 +96,7 @@ fn an_open_mouth_shows_teeth_and_turns_nothing_over() {
             "seed {seed}: the upper ones stay"
         );
         // Of 7,000 triangles; these few lie in the corners of lids and lips.
-        let turned = turned_over(&made, &by);
+        let turned = turned_over(&head, &by);
         assert!(turned <= 10, "seed {seed}: {turned}");
     }
 }

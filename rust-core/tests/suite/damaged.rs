@@ -1,5 +1,5 @@
-//! What damage to a mesh does to the result, not only whether it survives: the same motion on the
-//! damaged and on the sound head, vertex by vertex.
+//! Damage to a mesh must not change the result: the same motion on the damaged and on the sound
+//! head, vertex by vertex.
 
 use anyface::mesh::{Mesh, PartChoices};
 
@@ -20,8 +20,8 @@ fn result(mesh: &Mesh) -> Points {
     )
 }
 
-/// Distances between the damaged and the sound result of the sound head's vertices that still have
-/// a face, millimetres.
+/// Distances in millimetres between the damaged and the sound result, for vertices of the sound
+/// head that still have a face.
 fn differences(damaged: &Mesh) -> Vec<f32> {
     let sound = result(&head());
     let got = result(damaged);
@@ -39,8 +39,8 @@ fn differences(damaged: &Mesh) -> Vec<f32> {
 
 /// Expects 95 of 100 vertices within `usual` mm of the sound result and all within `worst`.
 fn close(damaged: &Mesh, usual: f32, worst: f32) {
-    let found = differences(damaged);
-    let (most, all) = (quantile(found.clone(), 0.95), quantile(found, 1.0));
+    let distances = differences(damaged);
+    let (most, all) = (quantile(distances.clone(), 0.95), quantile(distances, 1.0));
     assert!(
         most < usual && all < worst,
         "95th percentile {most} mm, largest {all} mm"
@@ -62,9 +62,9 @@ fn without(drop: impl Fn(usize, [f32; 3]) -> bool) -> Mesh {
                 / 3.0
         })
     };
-    let kept = mesh.triangles.iter().enumerate();
-    let kept = kept.filter(|(f, t)| !drop(*f, centre(t)));
-    mesh.triangles = kept.map(|(_, t)| *t).collect();
+    let faces = mesh.triangles.iter().enumerate();
+    let faces = faces.filter(|(f, t)| !drop(*f, centre(t)));
+    mesh.triangles = faces.map(|(_, t)| *t).collect();
     mesh
 }
 
@@ -143,8 +143,8 @@ fn a_soup_of_triangles_holds_together() {
     }
     let (sound, got) = (result(&whole), result(&soup));
     let corners = whole.triangles.iter().flatten().zip(&got);
-    let found: Vec<f32> = corners.map(|(&v, &b)| mm(sound[v as usize], b)).collect();
-    let (most, all) = (quantile(found.clone(), 0.95), quantile(found, 1.0));
+    let distances: Vec<f32> = corners.map(|(&v, &b)| mm(sound[v as usize], b)).collect();
+    let (most, all) = (quantile(distances.clone(), 0.95), quantile(distances, 1.0));
     assert!(
         most < 0.01 && all < 0.01,
         "95th percentile {most} mm, largest {all} mm"

@@ -1,4 +1,4 @@
-//! EmoFace through the engine: what is said and how it is felt, apart and together.
+//! EmoFace through the engine: content and emotion, apart and together.
 
 use std::sync::{Arc, LazyLock};
 
@@ -39,7 +39,7 @@ fn voice(seconds: f32) -> Waveform {
 }
 
 /// A request with some controls, and nothing that chance adds.
-fn asked(controls: &[(&str, f32)]) -> MotionRequest {
+fn request_with(controls: &[(&str, f32)]) -> MotionRequest {
     let still = ["blinks_per_minute", "brow_accents", "gaze", "head_motion"];
     let still = still.iter().fold(Controls::default(), |controls, name| {
         controls.with(name, 0.0)
@@ -53,16 +53,16 @@ fn asked(controls: &[(&str, f32)]) -> MotionRequest {
     }
 }
 
-fn felt(controls: &[(&str, f32)], emotion: &str) -> MotionRequest {
+fn with_emotion(controls: &[(&str, f32)], emotion: &str) -> MotionRequest {
     MotionRequest {
         emotion: EmotionCurve::parse(emotion).unwrap(),
-        ..asked(&[&[("emotion_from", 1.0)], controls].concat())
+        ..request_with(&[&[("emotion_from", 1.0)], controls].concat())
     }
 }
 
 fn performed(request: &MotionRequest) -> Result<Array3<f32>> {
-    let made = ENGINE.perform(&voice(SECONDS), request, SILENT)?.motion;
-    match made {
+    let motion = ENGINE.perform(&voice(SECONDS), request, SILENT)?.motion;
+    match motion {
         Motion::Codes(clip) => Ok(clip.landmarks.displacements),
         other => panic!("expected codes, got {}", other.kind()),
     }
@@ -77,7 +77,8 @@ fn apart_mm(one: &Array3<f32>, other: &Array3<f32>) -> f32 {
 
 #[test]
 fn what_is_said_does_not_hear_what_is_felt() {
-    let layer = |number: f32, emotion| performed(&felt(&[("layer", number)], emotion)).unwrap();
+    let layer =
+        |number: f32, emotion| performed(&with_emotion(&[("layer", number)], emotion)).unwrap();
     assert_eq!(layer(1.0, "happy"), layer(1.0, "angry"));
     for number in [0.0, 2.0] {
         let between = apart_mm(&layer(number, "happy"), &layer(number, "angry"));
@@ -87,7 +88,7 @@ fn what_is_said_does_not_hear_what_is_felt() {
 
 #[test]
 fn more_of_a_emotion_moves_the_face_further_from_rest() {
-    let at = |level: f32| performed(&felt(&[("emotion_level", level)], "happy")).unwrap();
+    let at = |level: f32| performed(&with_emotion(&[("emotion_level", level)], "happy")).unwrap();
     let none = at(0.0);
     let steps: Vec<f32> = [0.5, 1.0, 1.5].map(|l| apart_mm(&at(l), &none)).to_vec();
     assert!(steps.windows(2).all(|pair| pair[0] < pair[1]), "{steps:?}");
@@ -97,17 +98,17 @@ fn more_of_a_emotion_moves_the_face_further_from_rest() {
 fn an_emotion_that_is_asked_for_by_name_is_what_is_felt() {
     let by_name = |emotion: &str| MotionRequest {
         emotion: EmotionCurve::parse(emotion).unwrap(),
-        ..asked(&[])
+        ..request_with(&[])
     };
     let [heard, happy] =
         ["neutral:1", "happy:1"].map(|emotion| performed(&by_name(emotion)).unwrap());
     assert!(apart_mm(&heard, &happy) > 0.5);
-    assert_eq!(happy, performed(&felt(&[], "happy:1")).unwrap());
+    assert_eq!(happy, performed(&with_emotion(&[], "happy:1")).unwrap());
 }
 
 #[test]
 fn an_emotion_that_the_branch_was_not_taught_is_put_on_what_is_said() {
-    let of = |emotion: &str| performed(&felt(&[], emotion)).unwrap();
+    let of = |emotion: &str| performed(&with_emotion(&[], emotion)).unwrap();
     let (still, half, whole) = (of("neutral"), of("surprised:0.5"), of("surprised:1"));
     let brows = |moved: &Array3<f32>| {
         let heights = moved.slice(ndarray::s![.., 17..27, 1]);
@@ -122,29 +123,29 @@ fn an_emotion_that_the_branch_was_not_taught_is_put_on_what_is_said() {
 
 #[test]
 fn another_recording_gives_the_emotion() {
-    let own = performed(&asked(&[])).unwrap();
+    let plain = performed(&request_with(&[])).unwrap();
     let raised = Waveform {
         samples: babble(2.0, 9_000),
     };
     let request = MotionRequest {
         emotion_of: Some(Arc::new(VoiceTrack::checked(&raised).unwrap())),
-        ..asked(&[])
+        ..request_with(&[])
     };
     let other = performed(&request).unwrap();
-    assert_eq!(own.dim(), other.dim());
-    assert!(apart_mm(&own, &other) > 0.01);
+    assert_eq!(plain.dim(), other.dim());
+    assert!(apart_mm(&plain, &other) > 0.01);
     let again = performed(&request).unwrap();
     assert_eq!(other, again);
 }
 
 #[test]
 fn a_shot_goes_on_from_the_pose_in_which_another_ended() {
-    let first = performed(&felt(&[], "happy")).unwrap();
+    let first = performed(&with_emotion(&[], "happy")).unwrap();
     let end = first.index_axis(ndarray::Axis(0), 30);
     let pose = std::array::from_fn(|n| std::array::from_fn(|axis| end[[n, axis]]));
     let request = MotionRequest {
         starts_from: Some(Pose::from(pose)),
-        ..felt(&[], "happy")
+        ..with_emotion(&[], "happy")
     };
     let (rest, on) = (first, performed(&request).unwrap());
     let far = |motion: &Array3<f32>, t: usize| {
@@ -184,7 +185,7 @@ fn five_joined_shots_never_jump() {
         .iter()
         .enumerate()
     {
-        // With all that is put on a performance: blinks, accents, effort, closed lips.
+        // With everything that is added to a performance: blinks, accents, effort, closed lips.
         let request = MotionRequest {
             fps: 30.0,
             emotion: EmotionCurve::parse(emotion).unwrap(),
@@ -194,8 +195,13 @@ fn five_joined_shots_never_jump() {
             ..MotionRequest::default()
         };
         let sound = voice(2.0 + 0.37 * n as f32);
-        let made = ENGINE.perform(&sound, &request, SILENT).unwrap();
-        let moved = made.motion.landmarks().unwrap().displacements.clone();
+        let performance = ENGINE.perform(&sound, &request, SILENT).unwrap();
+        let moved = performance
+            .motion
+            .landmarks()
+            .unwrap()
+            .displacements
+            .clone();
         let steps = steps_mm(&moved);
         let mut sorted = steps.clone();
         sorted.sort_by(f32::total_cmp);
@@ -204,7 +210,11 @@ fn five_joined_shots_never_jump() {
             let pose = ndarray::arr2(&end.landmarks);
             let jump = largest_mm(&(&moved.index_axis(Axis(0), 0) - &pose));
             assert!(jump < 1e-3, "shot {n} jumps by {jump} mm");
-            assert_eq!(made.life.tongue.row(0).to_vec(), end.tongue, "shot {n}");
+            assert_eq!(
+                performance.life.tongue.row(0).to_vec(),
+                end.tongue,
+                "shot {n}"
+            );
             let begun = steps[..12].iter().fold(0.0f32, |most, x| most.max(*x));
             assert!(
                 begun <= fast,
@@ -213,7 +223,7 @@ fn five_joined_shots_never_jump() {
         }
         let last = moved.len_of(Axis(0)) - 1;
         let landmarks = moved.index_axis(Axis(0), last);
-        end = Some(Pose::of_frame(landmarks, made.life.tongue.row(last)));
+        end = Some(Pose::of_frame(landmarks, performance.life.tongue.row(last)));
     }
 }
 
@@ -226,10 +236,10 @@ fn what_cannot_be_felt_is_told() {
     };
     let style = MotionRequest {
         style: Some("nobody".into()),
-        ..asked(&[])
+        ..request_with(&[])
     };
     refused(&style, "nobody");
-    refused(&asked(&[("emotion_level", 1.7)]), "emotion_level");
+    refused(&request_with(&[("emotion_level", 1.7)]), "emotion_level");
     for silent in [
         voice(0.5),
         Waveform {
@@ -261,36 +271,39 @@ fn what_every_system_hears_of_a_voice_is_what_the_encoder_says() {
     );
     for system in ["freetalk", "cafe-talk"] {
         let engine = engine(system);
-        let made = |emotion: &EmotionCurve| {
+        let motion_under = |emotion: &EmotionCurve| {
             let request = MotionRequest {
                 emotion: emotion.clone(),
-                ..asked(&[])
+                ..request_with(&[])
             };
             engine
                 .perform(&voice(SECONDS), &request, SILENT)
                 .unwrap()
                 .motion
         };
-        assert_eq!(made(&EmotionCurve::Auto), made(&heard));
-        assert_ne!(made(&EmotionCurve::Arousal), made(&EmotionCurve::Off));
+        assert_eq!(motion_under(&EmotionCurve::Auto), motion_under(&heard));
+        assert_ne!(
+            motion_under(&EmotionCurve::Arousal),
+            motion_under(&EmotionCurve::Off)
+        );
     }
 }
 
 /// Displacements `[T, V, 3]` of a motion, or of two mixed.
-fn on_head(made: impl FnOnce(&mut dyn FrameSink) -> Result<SpreadReport>) -> Array3<f32> {
-    Collector::collect(made).unwrap().vertices.displacements
+fn on_head(spread: impl FnOnce(&mut dyn FrameSink) -> Result<SpreadReport>) -> Array3<f32> {
+    Collector::collect(spread).unwrap().vertices.displacements
 }
 
 #[test]
 fn a_mask_mixes_what_is_said_and_what_is_felt_vertex_by_vertex() {
     let face = head::prepared(&head::head(), &head::landmarks(), PartChoices::default());
     let layer = |number: f32| {
-        let request = felt(&[("layer", number)], "happy");
+        let request = with_emotion(&[("layer", number)], "happy");
         ENGINE.perform(&voice(SECONDS), &request, SILENT).unwrap()
     };
     let [whole, said] = [0.0, 1.0].map(layer);
     assert_eq!(whole.content(&ENGINE, SILENT).unwrap().motion, said.motion);
-    let [whole, said] = [whole, said].map(|made| made.motion);
+    let [whole, said] = [whole, said].map(|performance| performance.motion);
     let alone = |motion: &Motion| on_head(|out| ENGINE.spread(&face, motion, out, SILENT));
     let (moved, spoken) = (alone(&whole), alone(&said));
     let vertices = face.mesh.positions.len();
@@ -340,15 +353,16 @@ fn vertices_follow_the_template_but_for_lips_and_lids() {
             .0;
         assert!(shares[cheek] > 0.9, "{}", shares[cheek]);
     }
-    // What moves as a whole moves every vertex by its share, and what the landmarks did there is gone.
+    // A motion of the whole template moves every vertex by its share and replaces the landmarks'
+    // motion there.
     let by = ndarray::arr1(&[1e-3, -2e-3, 5e-4]);
     let vertices = template.mesh.positions.len();
     let motion = Array3::from_shape_fn((2, vertices, 3), |(t, _, axis)| t as f32 * by[axis]);
     let count = face.mesh.positions.len();
     let base = Array3::from_elem((2, count, 3), 7e-4);
-    let made = &base + &on_face.beyond(motion.view(), &base);
+    let moved = &base + &on_face.beyond(motion.view(), &base);
     let whole = face.to_canonical.displacements_to_mesh(motion.view());
-    for ((t, v, axis), x) in made.indexed_iter() {
+    for ((t, v, axis), x) in moved.indexed_iter() {
         let expected = shares[v] * whole[[t, 0, axis]] + (1.0 - shares[v]) * 7e-4;
         assert!(
             (x - expected).abs() < 1e-6,
@@ -367,7 +381,7 @@ fn vertices_follow_the_template_but_for_lips_and_lids() {
 #[test]
 fn without_the_template_landmarks_alone_move_a_mesh() {
     let performance = ENGINE
-        .perform(&voice(SECONDS), &felt(&[], "happy"), SILENT)
+        .perform(&voice(SECONDS), &with_emotion(&[], "happy"), SILENT)
         .unwrap();
     let on = |share: f32| {
         let options = FaceOptions {
@@ -395,15 +409,15 @@ fn without_the_template_landmarks_alone_move_a_mesh() {
 fn emotion_is_believed_at_the_brows_rather_than_at_the_lips() {
     let face = head::prepared(&head::head(), &head::landmarks(), PartChoices::default());
     let performance = ENGINE
-        .perform(&voice(SECONDS), &felt(&[], "happy"), SILENT)
+        .perform(&voice(SECONDS), &with_emotion(&[], "happy"), SILENT)
         .unwrap();
     let frames = performance.motion.frames();
-    let believed = |frames| performance.emotion_mask(&ENGINE, &face, frames);
-    let mask = believed(0..frames).unwrap();
+    let mask_of = |frames| performance.emotion_mask(&ENGINE, &face, frames);
+    let mask = mask_of(0..frames).unwrap();
     assert_eq!(mask.dim(), (face.mesh.positions.len(), frames));
     assert!(mask.iter().all(|w| (0.0..=1.0).contains(w)));
     // Another frame alone is the same, and the mask changes over time.
-    assert_eq!(believed(7..8).unwrap().column(0), mask.column(7));
+    assert_eq!(mask_of(7..8).unwrap().column(0), mask.column(7));
     assert_ne!(mask.column(7), mask.column(frames - 1));
     let of_region = |range: std::ops::Range<usize>| {
         let rows = face.landmarks.vertices[range].iter();
@@ -414,10 +428,12 @@ fn emotion_is_believed_at_the_brows_rather_than_at_the_lips() {
     };
     let (brows, lips) = (of_region(17..27), of_region(48..68));
     assert!(brows > lips + 0.1, "brows {brows}, lips {lips}");
-    let refused = believed(0..frames + 1).unwrap_err().to_string();
+    let refused = mask_of(0..frames + 1).unwrap_err().to_string();
     assert!(refused.contains("frames: expected some of"), "{refused}");
     let other = engine("freetalk");
-    let spoken = other.perform(&voice(1.0), &asked(&[]), SILENT).unwrap();
+    let spoken = other
+        .perform(&voice(1.0), &request_with(&[]), SILENT)
+        .unwrap();
     let refused = spoken.emotion_mask(&other, &face, 0..1).unwrap_err();
     assert!(refused.to_string().contains("got freetalk"), "{refused}");
 }

@@ -17,7 +17,7 @@ fn voice() -> Waveform {
     }
 }
 
-fn asked(emotion: &str) -> MotionRequest {
+fn request_with(emotion: &str) -> MotionRequest {
     MotionRequest {
         emotion: EmotionCurve::parse(emotion).unwrap(),
         controls: PerformanceControls::as_sampled().into(),
@@ -26,27 +26,32 @@ fn asked(emotion: &str) -> MotionRequest {
 }
 
 fn landmarks(engine: &Engine, request: &MotionRequest) -> Array3<f32> {
-    let made = engine.perform(&voice(), request, SILENT).unwrap();
-    made.motion.landmarks().unwrap().displacements.clone()
+    let performance = engine.perform(&voice(), request, SILENT).unwrap();
+    performance
+        .motion
+        .landmarks()
+        .unwrap()
+        .displacements
+        .clone()
 }
 
 #[test]
 fn what_is_asked_is_what_is_seen() {
     let engine = head::engine();
-    let neutral = landmarks(&engine, &asked("neutral:0"));
+    let neutral = landmarks(&engine, &request_with("neutral:0"));
     let table = Expressions::open(None).unwrap();
     for (e, emotion) in EMOTIONS.iter().enumerate().skip(1) {
         let mut one = [0.0; EMOTIONS.len()];
         one[e] = 1.0;
-        let wanted = table.whole(&one).slice_move(s![17..48, ..]);
+        let target = table.whole(&one).slice_move(s![17..48, ..]);
         let shown = |strength: f32| {
-            let felt = landmarks(&engine, &asked(&format!("{emotion}:{strength}")));
-            let moved = (felt - &neutral).mean_axis(Axis(0)).unwrap();
-            (&moved.slice(s![17..48, ..]) * &wanted).sum() / (&wanted * &wanted).sum()
+            let displaced = landmarks(&engine, &request_with(&format!("{emotion}:{strength}")));
+            let moved = (displaced - &neutral).mean_axis(Axis(0)).unwrap();
+            (&moved.slice(s![17..48, ..]) * &target).sum() / (&target * &target).sum()
         };
         let (full, most) = (shown(1.0), shown(1.5));
         assert!((0.95..1.12).contains(&full), "{emotion}: {full}");
-        // Brows and wide lids give way where a face could not go further: those of anger and surprise do.
+        // Brows and wide lids of anger and surprise cannot go further, so that they gain less.
         assert!((1.25..1.5 * 1.12).contains(&most), "{emotion}: {most}");
     }
 }
@@ -54,9 +59,9 @@ fn what_is_asked_is_what_is_seen() {
 #[test]
 fn neutral_at_any_strength_is_no_expression() {
     let engine = head::engine();
-    let none = landmarks(&engine, &asked("neutral:0"));
-    assert_eq!(landmarks(&engine, &asked("neutral:1")), none);
-    let off = landmarks(&engine, &asked("off"));
+    let none = landmarks(&engine, &request_with("neutral:0"));
+    assert_eq!(landmarks(&engine, &request_with("neutral:1")), none);
+    let off = landmarks(&engine, &request_with("off"));
     let speaking = |motion: &Array3<f32>| motion.slice(s![.., 48.., ..]).to_owned();
     assert_eq!(speaking(&off), speaking(&none));
 }
@@ -65,10 +70,10 @@ fn neutral_at_any_strength_is_no_expression() {
 fn another_emotion_needs_no_new_sampling() {
     let engine = head::engine();
     let first = engine
-        .perform(&voice(), &asked("happy:0.4"), SILENT)
+        .perform(&voice(), &request_with("happy:0.4"), SILENT)
         .unwrap();
-    let again = first.again(&engine, &asked("angry:1.3")).unwrap();
-    let anew = landmarks(&engine, &asked("angry:1.3"));
+    let again = first.again(&engine, &request_with("angry:1.3")).unwrap();
+    let anew = landmarks(&engine, &request_with("angry:1.3"));
     assert_eq!(again.motion.landmarks().unwrap().displacements, anew);
 }
 

@@ -41,7 +41,7 @@ static ENGINE: LazyLock<Engine> = LazyLock::new(|| {
 static HEAD: LazyLock<Arc<Head>> = LazyLock::new(|| Arc::new(Head::open(None).unwrap()));
 
 /// A request with some controls, and nothing that chance adds but the seed.
-fn asked(seed: u64, controls: &[(&str, f32)]) -> MotionRequest {
+fn request_with(seed: u64, controls: &[(&str, f32)]) -> MotionRequest {
     let still = ["blinks_per_minute", "brow_accents", "gaze", "head_motion"];
     let all = still.iter().map(|name| (*name, 0.0));
     let all = all.chain(controls.iter().copied());
@@ -77,9 +77,9 @@ fn amplitude(motion: &Array3<f32>) -> f32 {
 
 #[test]
 fn a_voice_moves_the_mouth_and_silence_hardly_does() {
-    let spoken = said(voice(), &asked(0, &[])).unwrap();
+    let spoken = said(voice(), &request_with(0, &[])).unwrap();
     assert_eq!(spoken.dim(), (75, 68, 3));
-    let silent = said(vec![0.0; voice().len()], &asked(0, &[])).unwrap();
+    let silent = said(vec![0.0; voice().len()], &request_with(0, &[])).unwrap();
     let (voiced, still) = (amplitude(&spoken), amplitude(&silent));
     assert!(voiced > 1.0 && voiced > 1.5 * still, "{voiced} {still}");
     let bridge = spoken.slice(s![.., 27, ..]).mapv(f32::abs);
@@ -91,16 +91,16 @@ fn a_voice_moves_the_mouth_and_silence_hardly_does() {
 
 #[test]
 fn the_same_seed_says_it_the_same_way_and_another_one_otherwise() {
-    let first = said(voice(), &asked(3, &[])).unwrap();
-    assert_eq!(first, said(voice(), &asked(3, &[])).unwrap());
-    assert_ne!(first, said(voice(), &asked(4, &[])).unwrap());
+    let first = said(voice(), &request_with(3, &[])).unwrap();
+    assert_eq!(first, said(voice(), &request_with(3, &[])).unwrap());
+    assert_ne!(first, said(voice(), &request_with(4, &[])).unwrap());
 }
 
 #[test]
 fn vividness_and_guidance_open_the_mouth_wider() {
     for (name, low, high) in [("vividness", 0.7, 1.3), ("speech_guidance", 1.0, 3.0)] {
         let [less, more] = [low, high]
-            .map(|value| amplitude(&said(voice(), &asked(0, &[(name, value)])).unwrap()));
+            .map(|value| amplitude(&said(voice(), &request_with(0, &[(name, value)])).unwrap()));
         assert!(more > less, "{name}: {less} {more}");
     }
 }
@@ -112,10 +112,10 @@ fn styles_and_values_that_it_does_not_know_are_told() {
         assert!(matches!(error, Error::InvalidInput(_)), "{error:?}");
         assert!(error.to_string().contains(words), "{error}");
     };
-    refused(&asked(0, &[("vividness", 2.0)]), "vividness");
+    refused(&request_with(0, &[("vividness", 2.0)]), "vividness");
     let style = MotionRequest {
         style: Some("nobody".into()),
-        ..asked(0, &[])
+        ..request_with(0, &[])
     };
     refused(&style, "nobody");
 }
@@ -127,9 +127,9 @@ fn own_head(seed: u64) -> (MadeHead, Vec<f32>) {
     (one.unwrap().mesh(72, SILENT).unwrap(), coefficients)
 }
 
-fn prepared(mesh: &Mesh, made: &MadeHead, field: f32) -> Face {
+fn prepared(mesh: &Mesh, head: &MadeHead, field: f32) -> Face {
     let options = FaceOptions {
-        landmarks: Some(LandmarkSource::Vertices(made.landmarks.vertices.to_vec())),
+        landmarks: Some(LandmarkSource::Vertices(head.landmarks.vertices.to_vec())),
         controls: Controls::default().with("field", field),
         ..FaceOptions::default()
     };
@@ -142,13 +142,13 @@ fn distance(a: [f32; 3], b: &[f32; 3]) -> f32 {
 
 #[test]
 fn vertices_go_where_the_field_takes_them() {
-    let (made, coefficients) = own_head(5);
-    let face = prepared(&made.mesh, &made, 1.0);
+    let (head, coefficients) = own_head(5);
+    let face = prepared(&head.mesh, &head, 1.0);
     let fit = ScanFit {
         coefficients: coefficients.clone(),
         mean_mm: 0.0,
         most_mm: 0.0,
-        points: made.mesh.positions.len(),
+        points: head.mesh.positions.len(),
         metres_per_unit: 1.0,
         to_head: Similarity::IDENTITY,
         warnings: vec![],
@@ -161,10 +161,10 @@ fn vertices_go_where_the_field_takes_them() {
     }
     let code = HEAD.expression_code(&weights).unwrap();
     let codes = Array2::from_shape_vec((1, code.len()), code.clone()).unwrap();
-    let base = Array3::zeros((1, made.mesh.positions.len(), 3));
+    let base = Array3::zeros((1, head.mesh.positions.len(), 3));
     let moved = field.beyond(codes.view(), &base).unwrap();
     let one = HEAD.one(HEAD.identity_code(&coefficients).unwrap());
-    let posed = one.unwrap().mover(made.canonical.clone()).at(&code);
+    let posed = one.unwrap().mover(head.canonical.clone()).at(&code);
     let (posed, shares) = (posed.unwrap(), field.shares());
     let (mut off, mut travel, mut count) = (0.0, 0.0, 0);
     for (v, share) in shares
@@ -172,7 +172,7 @@ fn vertices_go_where_the_field_takes_them() {
         .enumerate()
         .filter(|(_, share)| **share > 0.99)
     {
-        let rest = made.mesh.positions[v];
+        let rest = head.mesh.positions[v];
         let to = std::array::from_fn(|i| rest[i] + moved[[0, v, i]] / share);
         off += distance(to, &posed[v]);
         travel += distance(rest, &posed[v]);
@@ -180,7 +180,7 @@ fn vertices_go_where_the_field_takes_them() {
     }
     assert!(count > 500, "{count} vertices follow");
     assert!(off < 0.05 * travel, "{off} of {travel}");
-    let touching = made.landmarks.vertices[36..].iter();
+    let touching = head.landmarks.vertices[36..].iter();
     assert!(
         touching
             .map(|v| shares[*v as usize])
@@ -212,21 +212,23 @@ fn vertices_go_where_the_field_takes_them() {
 /// Codes and landmarks of a performance, spread over a face.
 fn spread(face: &Face) -> (Array3<f32>, Vec<String>) {
     let waveform = Waveform { samples: voice() };
-    let performed = ENGINE.perform(&waveform, &asked(1, &[]), SILENT).unwrap();
+    let performed = ENGINE
+        .perform(&waveform, &request_with(1, &[]), SILENT)
+        .unwrap();
     let mut notes = Vec::new();
     let clip = Collector::collect(|sink| {
-        let made = ENGINE.spread(face, &performed.motion, sink, SILENT)?;
-        notes.clone_from(&made.notes);
-        Ok(made)
+        let report = ENGINE.spread(face, &performed.motion, sink, SILENT)?;
+        notes.clone_from(&report.notes);
+        Ok(report)
     });
     (clip.unwrap().vertices.displacements, notes)
 }
 
 #[test]
 fn a_mesh_like_a_head_moves_by_the_field_and_another_by_its_landmarks() {
-    let (made, _) = own_head(6);
-    let (by_landmarks, none) = spread(&prepared(&made.mesh, &made, 0.0));
-    let (by_field, notes) = spread(&prepared(&made.mesh, &made, 1.0));
+    let (head, _) = own_head(6);
+    let (by_landmarks, none) = spread(&prepared(&head.mesh, &head, 0.0));
+    let (by_field, notes) = spread(&prepared(&head.mesh, &head, 1.0));
     assert!(none.is_empty() && notes.is_empty(), "{none:?} {notes:?}");
     let differ = (&by_field - &by_landmarks).mapv(f32::abs);
     let most = differ.iter().fold(0.0f32, |most, x| most.max(*x));
@@ -234,14 +236,14 @@ fn a_mesh_like_a_head_moves_by_the_field_and_another_by_its_landmarks() {
     assert!(by_field.iter().all(|x| x.is_finite()));
 
     // Three times as broad as any face.
-    let mut broad = made.mesh.clone();
+    let mut broad = head.mesh.clone();
     broad.positions.iter_mut().for_each(|p| p[0] *= 3.0);
-    let (by_field, notes) = spread(&prepared(&broad, &made, 1.0));
+    let (by_field, notes) = spread(&prepared(&broad, &head, 1.0));
     assert!(
         notes.len() == 1 && notes[0].contains("landmarks alone"),
         "{notes:?}"
     );
-    let (by_landmarks, _) = spread(&prepared(&broad, &made, 0.0));
+    let (by_landmarks, _) = spread(&prepared(&broad, &head, 0.0));
     assert_eq!(by_field, by_landmarks);
 }
 
@@ -294,46 +296,46 @@ fn codes_of(clip: &LandmarkClip) -> CodeClip {
 #[test]
 fn landmarks_lead_the_head_as_speech_does() {
     let clip = moving_landmarks();
-    let made = codes_of(&clip);
-    assert_eq!(made.landmarks, clip);
+    let led = codes_of(&clip);
+    assert_eq!(led.landmarks, clip);
     let mean = HEAD.one(HEAD.identity_code(&[0.0; 100]).unwrap()).unwrap();
     let marks = mean.mover(mean.landmarks());
     let rest = marks.at(&HEAD.rest_code()).unwrap();
     let (mut off, mut way) = (0.0, 0.0);
-    for (t, code) in made.codes.rows().into_iter().enumerate() {
+    for (t, code) in led.codes.rows().into_iter().enumerate() {
         let moved = marks.at(&code.to_vec()).unwrap();
         for n in 17..68 {
-            let asked: [f32; 3] = std::array::from_fn(|i| clip.displacements[[t, n, i]]);
+            let target: [f32; 3] = std::array::from_fn(|i| clip.displacements[[t, n, i]]);
             let done = std::array::from_fn(|i| moved[n][i] - rest[n][i]);
-            off += distance(done, &asked);
-            way += distance([0.0; 3], &asked);
+            off += distance(done, &target);
+            way += distance([0.0; 3], &target);
         }
     }
     assert!(way > 1.0 && off < 0.25 * way, "{off} of {way} m");
 
-    // At twice the rate the same codes come, and every other frame is one of these.
+    // At twice the rate the codes are the same: every other frame equals one of these.
     let fast = codes_of(&clip.at_rate(50.0, 100));
     assert_eq!(fast.codes.nrows(), 100);
-    let apart = (&fast.codes.slice(s![..;2, ..]) - &made.codes).mapv(f32::abs);
+    let apart = (&fast.codes.slice(s![..;2, ..]) - &led.codes).mapv(f32::abs);
     assert!(apart.iter().all(|x| *x < 1e-3));
 }
 
 #[test]
 fn vertices_follow_the_field_under_landmarks_of_another_system() {
-    let (made, _) = own_head(6);
+    let (head, _) = own_head(6);
     let clip = moving_landmarks();
     let shown = |face: &Face, motion: &Motion| {
         let clip = Collector::collect(|sink| ENGINE.spread(face, motion, sink, SILENT)).unwrap();
         clip.vertices.displacements
     };
     let both = [1.0, 0.0].map(|field| {
-        let face = prepared(&made.mesh, &made, field);
+        let face = prepared(&head.mesh, &head, field);
         let followed = ENGINE.follow(&clip, &face.options.controls, SILENT);
         shown(&face, &followed.unwrap())
     });
-    let with_field = prepared(&made.mesh, &made, 1.0);
+    let with_field = prepared(&head.mesh, &head, 1.0);
     assert_eq!(both[0], shown(&with_field, &Motion::Codes(codes_of(&clip))));
-    // Landmarks that nothing follows move vertices as landmarks, whatever the system.
+    // Landmarks without codes move vertices as landmarks, whatever the system.
     assert_eq!(both[1], shown(&with_field, &Motion::Landmarks(clip)));
     let apart = (&both[0] - &both[1])
         .iter()
@@ -360,13 +362,13 @@ fn names(folder: &Path) -> Vec<String> {
 
 #[test]
 fn a_head_comes_as_a_surface_for_every_frame() {
-    let (made, _) = own_head(6);
+    let (head, _) = own_head(6);
     // Centimetres, elsewhere.
-    let mut mesh = made.mesh.clone();
+    let mut mesh = head.mesh.clone();
     mesh.positions
         .iter_mut()
         .for_each(|p| *p = [100.0 * p[0] + 30.0, 100.0 * p[1], 100.0 * p[2] - 5.0]);
-    let face = prepared(&mesh, &made, 1.0);
+    let face = prepared(&mesh, &head, 1.0);
     let (surface, note) = ENGINE.head_surface(&face, 64, SILENT).unwrap();
     assert_eq!(note, None);
     let marks = &face.landmarks.positions[17..];
@@ -414,11 +416,11 @@ fn a_surface_shows_emotion_articulation_and_blinks() {
             "emotion",
             MotionRequest {
                 emotion: happy,
-                ..asked(1, &[])
+                ..request_with(1, &[])
             },
         ),
-        ("articulation", asked(1, &[("articulation", 0.0)])),
-        ("blinks", asked(1, &[("blinks_per_minute", 60.0)])),
+        ("articulation", request_with(1, &[("articulation", 0.0)])),
+        ("blinks", request_with(1, &[("blinks_per_minute", 60.0)])),
     ];
     let sound = Waveform { samples: voice() };
     for (name, request) in wishes {
@@ -426,12 +428,12 @@ fn a_surface_shows_emotion_articulation_and_blinks() {
         let Motion::Codes(clip) = performed.motion else {
             panic!("expected codes")
         };
-        let wanted = &clip.landmarks.displacements;
+        let target = &clip.landmarks.displacements;
         let led = HEAD
-            .led_codes(clip.codes.view(), wanted.view(), SILENT)
+            .led_codes(clip.codes.view(), target.view(), SILENT)
             .unwrap();
         let off = |codes: &Array2<f32>| {
-            1e3 * (&landmarks_under(codes) - wanted)
+            1e3 * (&landmarks_under(codes) - target)
                 .mapv(|x| x * x)
                 .mean()
                 .unwrap()
@@ -444,10 +446,10 @@ fn a_surface_shows_emotion_articulation_and_blinks() {
 
 #[test]
 fn the_mean_head_stands_in_where_none_is_like_the_mesh() {
-    let (made, _) = own_head(6);
-    let mut broad = made.mesh.clone();
+    let (head, _) = own_head(6);
+    let mut broad = head.mesh.clone();
     broad.positions.iter_mut().for_each(|p| p[0] *= 3.0);
-    let face = prepared(&broad, &made, 1.0);
+    let face = prepared(&broad, &head, 1.0);
     let (surface, note) = ENGINE.head_surface(&face, 32, SILENT).unwrap();
     let note = note.unwrap();
     assert!(note.contains("that of the mean head"), "{note}");
@@ -469,8 +471,8 @@ fn frames_of_a_surface_appear_whole_or_not_at_all_and_harm_no_other_file() {
     let folder = tempfile::tempdir().unwrap();
     let (out, codes) = (folder.path().join("frames"), some_codes(4));
 
-    let told = AtomicUsize::new(0);
-    let stop = |p: Progress| p.stage != "frames" || told.fetch_add(1, Ordering::Relaxed) < 2;
+    let calls = AtomicUsize::new(0);
+    let stop = |p: Progress| p.stage != "frames" || calls.fetch_add(1, Ordering::Relaxed) < 2;
     let stopped = write_surface_frames(&out, &surface, codes.view(), &stop);
     assert!(matches!(stopped, Err(Error::Cancelled)), "{stopped:?}");
     assert_eq!(names(folder.path()), [] as [&str; 0]);
@@ -492,8 +494,8 @@ fn frames_of_a_surface_appear_whole_or_not_at_all_and_harm_no_other_file() {
 
 #[test]
 fn shapes_by_the_field_are_those_of_its_codes_and_bend_in_between() {
-    let (made, coefficients) = own_head(5);
-    let face = prepared(&made.mesh, &made, 1.0);
+    let (head, coefficients) = own_head(5);
+    let face = prepared(&head.mesh, &head, 1.0);
     let by_field = ShapeSource::Field { in_betweens: true };
     let rig = ENGINE.rig(&face, by_field, SILENT).unwrap();
     assert_eq!(rig.names.len(), 2 * 52 + 15);
@@ -506,11 +508,11 @@ fn shapes_by_the_field_are_those_of_its_codes_and_bend_in_between() {
         .one(HEAD.identity_code(&coefficients).unwrap())
         .unwrap();
     let posed = one
-        .mover(made.canonical.clone())
+        .mover(head.canonical.clone())
         .at(&jaw_open(1.0))
         .unwrap();
-    let chin = made.landmarks.vertices[8] as usize;
-    let truth: [f32; 3] = std::array::from_fn(|i| posed[chin][i] - made.mesh.positions[chin][i]);
+    let chin = head.landmarks.vertices[8] as usize;
+    let truth: [f32; 3] = std::array::from_fn(|i| posed[chin][i] - head.mesh.positions[chin][i]);
     let open = shape("jawOpen");
     let off = distance(std::array::from_fn(|i| open[[chin, i]]), &truth);
     let way = distance([0.0; 3], &truth);
@@ -529,13 +531,13 @@ fn shapes_by_the_field_are_those_of_its_codes_and_bend_in_between() {
     );
     assert!(bent("jawOpen") > 1e-6 && bent("tongueOut") == 0.0);
     // What mouthClose adds to an open jaw lifts the lower lip.
-    let lip = made.landmarks.vertices[57] as usize;
+    let lip = head.landmarks.vertices[57] as usize;
     assert!(shape("mouthClose")[[lip, 1]] > 0.005);
     let linear = ENGINE.rig(&face, ShapeSource::Network, SILENT).unwrap();
     let row = linear.names.iter().position(|known| known == "tongueOut");
     let expected = linear.deltas.index_axis(ndarray::Axis(0), row.unwrap());
     assert_eq!(shape("tongueOut"), expected);
-    let brow = made.landmarks.vertices[21] as usize;
+    let brow = head.landmarks.vertices[21] as usize;
     let raised = shape("browInnerUp")[[brow, 1]];
     assert!(raised > 0.003, "{raised} m");
     assert!(
@@ -546,10 +548,10 @@ fn shapes_by_the_field_are_those_of_its_codes_and_bend_in_between() {
     );
 
     // Three times as broad as any face.
-    let (made, _) = own_head(6);
-    let mut broad = made.mesh.clone();
+    let (head, _) = own_head(6);
+    let mut broad = head.mesh.clone();
     broad.positions.iter_mut().for_each(|p| p[0] *= 3.0);
-    let face = prepared(&broad, &made, 1.0);
+    let face = prepared(&broad, &head, 1.0);
     let by_field = ShapeSource::Field { in_betweens: false };
     let refused = ENGINE.rig(&face, by_field, SILENT).unwrap_err();
     assert!(

@@ -10,7 +10,7 @@ use anyface::{
 
 use crate::head::{self, LIDS, closing, mm};
 
-/// Confidence of landmarks at which nothing was found.
+/// Confidence of a landmark that was not found.
 const NOT_FOUND: f32 = 0.2;
 
 /// The default head, some of whose landmarks were not found.
@@ -35,9 +35,9 @@ fn lacking(missing: impl Fn(usize) -> bool) -> Face {
 }
 
 /// Millimetres by which the vertices of landmarks move.
-fn travel(face: &Face, moved: &[[f32; 3]], own: impl Iterator<Item = usize>) -> f32 {
+fn travel(face: &Face, moved: &[[f32; 3]], numbers: impl Iterator<Item = usize>) -> f32 {
     let of = |n: usize| mm(moved[face.landmarks.vertices[n] as usize], [0.0; 3]);
-    own.map(of).fold(0.0, f32::max)
+    numbers.map(of).fold(0.0, f32::max)
 }
 
 #[test]

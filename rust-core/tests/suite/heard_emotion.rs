@@ -23,8 +23,8 @@ const LETTERS: [(char, &str); 6] = [
     ('L', "calm"),
 ];
 
-/// Recordings of the data folder whose names a filter wants, every `step`-th.
-fn recordings(folder: &str, step: usize, wanted: impl Fn(&str) -> bool) -> Vec<Waveform> {
+/// Recordings of the data folder whose names `accepts` lets through, every `step`-th of them.
+fn recordings(folder: &str, step: usize, accepts: impl Fn(&str) -> bool) -> Vec<Waveform> {
     let beside = PathBuf::from(env!("CARGO_MANIFEST_DIR")).join("../../shared");
     let shared = std::env::var_os("ANYFACE_SHARED").map_or(beside, Into::into);
     let files = std::fs::read_dir(shared.join("data").join(folder)).unwrap();
@@ -33,7 +33,7 @@ fn recordings(folder: &str, step: usize, wanted: impl Fn(&str) -> bool) -> Vec<W
         path.extension()
             .is_some_and(|kind| kind == "ogg" || kind == "wav")
     };
-    files.retain(|path| is_sound(path) && wanted(path.file_stem().unwrap().to_str().unwrap()));
+    files.retain(|path| is_sound(path) && accepts(path.file_stem().unwrap().to_str().unwrap()));
     files.sort();
     let chosen = files.iter().step_by(step);
     chosen
@@ -41,7 +41,7 @@ fn recordings(folder: &str, step: usize, wanted: impl Fn(&str) -> bool) -> Vec<W
         .collect()
 }
 
-/// The largest intensity of any moment, and the emotion that shows most over all.
+/// The largest intensity of any moment, and the strongest emotion overall.
 fn heard(ear: &EmotionEar, sound: &Waveform) -> (f32, &'static str) {
     heard_beside(ear, sound, None)
 }
@@ -69,7 +69,8 @@ fn heard_beside(
 #[ignore = "needs ../shared"]
 fn neutral_strangers_are_given_no_emotion() {
     let ear = EmotionEar::open(None).unwrap();
-    // None of these was taught: clips kept apart, a language kept apart, readers kept apart.
+    // None of these was in the training data: separate clips, a separate language, separate
+    // readers.
     for (folder, step) in [
         ("motion/grid_s1/audio", 30),
         ("speech/nathalie_nl", 40),
@@ -137,11 +138,11 @@ fn a_low_voice_is_no_emotion_beside_the_speakers_own() {
         let samples = others
             .iter()
             .flat_map(|sound| sound.samples.iter().copied());
-        let own = Waveform {
+        let speech = Waveform {
             samples: samples.collect(),
         };
         let neutral = ear
-            .neutral_voice(&VoiceTrack::neutral(&own).unwrap())
+            .neutral_voice(&VoiceTrack::neutral(&speech).unwrap())
             .unwrap();
         let shown = |neutral: Option<&NeutralVoice>| {
             let shown = |sound: &&Waveform| heard_beside(&ear, sound, neutral).0 > SEEN;
@@ -178,11 +179,14 @@ fn emoface_feels_nothing_with_a_neutral_stranger() {
         }
     };
     let sounds = recordings("motion/grid_s1/audio", 200, |_| true);
-    let felt = sounds.iter().map(|sound| {
+    let shifts = sounds.iter().map(|sound| {
         let apart = performed(sound, 0.0) - performed(sound, 2.0);
         1e3 * apart.fold(0.0f32, |most, x| most.max(x.abs()))
     });
-    let felt: Vec<f32> = felt.collect();
-    let moved = felt.iter().filter(|mm| **mm > 1.5).count();
-    assert!(felt.len() >= 5 && moved <= felt.len() / 5, "{felt:?} mm");
+    let shifts: Vec<f32> = shifts.collect();
+    let moved = shifts.iter().filter(|mm| **mm > 1.5).count();
+    assert!(
+        shifts.len() >= 5 && moved <= shifts.len() / 5,
+        "{shifts:?} mm"
+    );
 }

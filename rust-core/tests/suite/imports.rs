@@ -1,21 +1,21 @@
-//! What no source of the library does. `tests/imports.rs` holds the order of its folders.
+//! What no source of the library may do. `tests/imports.rs` checks the order of its folders.
 
 use std::{fs, path::Path};
 
 fn sources(folder: &Path) -> Vec<(String, String)> {
-    let mut found = Vec::new();
+    let mut files = Vec::new();
     for entry in fs::read_dir(folder).unwrap().flatten() {
         let path = entry.path();
         if path.is_dir() {
-            found.extend(sources(&path));
+            files.extend(sources(&path));
         } else if path.extension().is_some_and(|ending| ending == "rs") {
-            found.push((
+            files.push((
                 path.display().to_string(),
                 fs::read_to_string(&path).unwrap(),
             ));
         }
     }
-    found
+    files
 }
 
 fn src() -> std::path::PathBuf {
@@ -31,16 +31,16 @@ fn systems_do_not_import_each_other() {
         .map(|entry| entry.file_name().into_string().unwrap())
         .collect();
     assert!(names.contains(&"freetalk".to_owned()));
-    for own in &names {
-        for (file, text) in sources(&src().join("systems").join(own)) {
-            assert_eq!(other_system(&text, own), None, "in {file}");
+    for system in &names {
+        for (file, text) in sources(&src().join("systems").join(system)) {
+            assert_eq!(other_system(&text, system), None, "in {file}");
         }
     }
 }
 
-/// The first system that `text` names after `systems::` and that is not `own`. Modules are written in small
+/// The first system other than `system` that `text` names after `systems::`. Modules are in small
 /// letters; what systems share, such as the trait, is not.
-fn other_system<'a>(text: &'a str, own: &str) -> Option<&'a str> {
+fn other_system<'a>(text: &'a str, system: &str) -> Option<&'a str> {
     let imports = text.split("systems::").skip(1).flat_map(|rest| {
         let (names, end) = match rest.strip_prefix('{') {
             Some(inside) => (inside, inside.find('}')),
@@ -53,7 +53,7 @@ fn other_system<'a>(text: &'a str, own: &str) -> Option<&'a str> {
     });
     imports
         .map(|name| name.trim().split("::").next().unwrap_or_default())
-        .find(|name| name.starts_with(|c: char| c.is_lowercase()) && *name != own)
+        .find(|name| name.starts_with(|c: char| c.is_lowercase()) && *name != system)
 }
 
 #[test]
@@ -86,7 +86,7 @@ fn library_never_prints() {
     }
 }
 
-/// Where files are read: in one place, which knows limits and how to stop waiting.
+/// Only one place reads files: it knows limits and how to stop waiting.
 #[test]
 fn files_are_read_in_one_place() {
     let others = [

@@ -50,8 +50,8 @@ fn find(mesh: &Mesh, forward: Axis, up: Axis) -> Result<Landmarks, Error> {
 }
 
 /// Median distance in units of `scale`, which makes it metres on a human head.
-fn median_miss_m(found: &Landmarks, truth: &[[f32; 3]], scale: f32) -> f32 {
-    let mut miss: Vec<f32> = found
+fn median_miss_m(located: &Landmarks, truth: &[[f32; 3]], scale: f32) -> f32 {
+    let mut miss: Vec<f32> = located
         .positions
         .iter()
         .zip(truth)
@@ -63,30 +63,30 @@ fn median_miss_m(found: &Landmarks, truth: &[[f32; 3]], scale: f32) -> f32 {
 
 #[test]
 fn landmarks_of_the_default_head_are_found_within_two_millimetres() {
-    let found = find(&head(), Axis::PosZ, Axis::PosY).unwrap();
-    let miss = median_miss_m(&found, &truth(), 1.0);
+    let located = find(&head(), Axis::PosZ, Axis::PosY).unwrap();
+    let miss = median_miss_m(&located, &truth(), 1.0);
     assert!(miss < 0.002, "median {miss} m");
-    assert!(found.confidence.iter().all(|c| (0.0..=1.0).contains(c)));
-    // On the surface, and both lips kept apart.
+    assert!(located.confidence.iter().all(|c| (0.0..=1.0).contains(c)));
+    // On the surface, and the two lips apart.
     let mesh = head();
-    for (p, v) in found.positions.iter().zip(found.vertices) {
+    for (p, v) in located.positions.iter().zip(located.vertices) {
         let q = mesh.positions[v as usize];
         let d2: f32 = (0..3).map(|i| (p[i] - q[i]).powi(2)).sum();
         assert!(d2.sqrt() < 0.02);
     }
-    let upper = found.vertices[61..64].iter();
-    assert!(upper.clone().all(|v| !found.vertices[65..68].contains(v)));
+    let upper = located.vertices[61..64].iter();
+    assert!(upper.clone().all(|v| !located.vertices[65..68].contains(v)));
 }
 
 #[test]
 fn units_place_and_stated_axes_do_not_matter() {
     // Facing −y with +z up, in inches, far from the origin.
     let blender = |p: [f32; 3]| [39.4 * p[0] - 120.0, -39.4 * p[2] + 7.0, 39.4 * p[1] + 65.0];
-    let found = find(&moved(&head(), blender), Axis::NegY, Axis::PosZ).unwrap();
+    let located = find(&moved(&head(), blender), Axis::NegY, Axis::PosZ).unwrap();
     let expected: Vec<_> = truth().into_iter().map(blender).collect();
-    let miss = median_miss_m(&found, &expected, 39.4);
+    let miss = median_miss_m(&located, &expected, 39.4);
     assert!(miss < 0.002, "median {miss} m");
-    let to_canonical = align_to_canonical(&found).unwrap();
+    let to_canonical = align_to_canonical(&located).unwrap();
     assert!((to_canonical.scale * 39.4 - 1.0).abs() < 0.08);
     // The canonical z axis is the mesh's −y.
     assert!(to_canonical.rotation[2][1] < -0.98);
@@ -96,17 +96,17 @@ fn units_place_and_stated_axes_do_not_matter() {
 fn a_head_turned_by_fifteen_degrees_is_found() {
     let (s, c) = 15f32.to_radians().sin_cos();
     let turn = |p: [f32; 3]| [c * p[0] + s * p[2], p[1], c * p[2] - s * p[0]];
-    let found = find(&moved(&head(), turn), Axis::PosZ, Axis::PosY).unwrap();
+    let located = find(&moved(&head(), turn), Axis::PosZ, Axis::PosY).unwrap();
     let expected: Vec<_> = truth().into_iter().map(turn).collect();
-    assert!(median_miss_m(&found, &expected, 1.0) < 0.0025);
+    assert!(median_miss_m(&located, &expected, 1.0) < 0.0025);
 }
 
 #[test]
 fn a_head_with_its_winding_reversed_is_found() {
     let mut mesh = head();
     mesh.triangles.iter_mut().for_each(|t| t.swap(1, 2));
-    let found = find(&mesh, Axis::PosZ, Axis::PosY).unwrap();
-    assert!(median_miss_m(&found, &truth(), 1.0) < 0.002);
+    let located = find(&mesh, Axis::PosZ, Axis::PosY).unwrap();
+    assert!(median_miss_m(&located, &truth(), 1.0) < 0.002);
 }
 
 #[test]
@@ -118,9 +118,9 @@ fn a_head_turned_any_way_is_found_whatever_axes_are_stated() {
         [[0.36, 0.48, -0.8], [-0.8, 0.6, 0.0], [0.48, 0.64, 0.6]],
     ] {
         let by = |p: [f32; 3]| turn.map(|row: [f32; 3]| (0..3).map(|k| row[k] * p[k]).sum());
-        let found = find(&moved(&head(), by), Axis::NegX, Axis::PosZ).unwrap();
+        let located = find(&moved(&head(), by), Axis::NegX, Axis::PosZ).unwrap();
         let expected: Vec<_> = truth().into_iter().map(by).collect();
-        let miss = median_miss_m(&found, &expected, 1.0);
+        let miss = median_miss_m(&located, &expected, 1.0);
         assert!(miss < 0.0025, "median {miss} m after {turn:?}");
     }
 }
@@ -140,9 +140,9 @@ fn fixed_landmarks_stay_and_the_others_follow() {
         fixed: vec![lower(48), lower(54)],
         ..FaceOptions::default()
     };
-    let found = locate_landmarks(&head(), &options).unwrap();
-    assert_eq!([48, 54].map(|i| found.confidence[i]), [1.0, 1.0]);
-    let down = |i: usize| free.positions[i][1] - found.positions[i][1];
+    let located = locate_landmarks(&head(), &options).unwrap();
+    assert_eq!([48, 54].map(|i| located.confidence[i]), [1.0, 1.0]);
+    let down = |i: usize| free.positions[i][1] - located.positions[i][1];
     assert!([48, 54].iter().all(|i| (down(*i) - 0.005).abs() < 0.0015));
     assert!(
         down(60) > 0.001 && down(64) > 0.001,
@@ -172,16 +172,16 @@ fn four_fixed_landmarks_say_where_a_face_is_that_nobody_would_see() {
         fixed: fixed.to_vec(),
         ..FaceOptions::default()
     };
-    let found = locate_landmarks(&mesh, &options).unwrap();
+    let located = locate_landmarks(&mesh, &options).unwrap();
     let off = |i: usize, place: [f32; 3]| {
-        let p = found.positions[i];
+        let p = located.positions[i];
         (0..3)
             .map(|k| (p[k] - place[k]).powi(2))
             .sum::<f32>()
             .sqrt()
     };
     assert!(places.iter().all(|(i, place)| off(*i, *place) < 0.02));
-    assert!(found.positions[8][1] < -0.5 && found.positions[8][2] > 0.0);
+    assert!(located.positions[8][1] < -0.5 && located.positions[8][2] > 0.0);
 }
 
 #[test]
@@ -225,24 +225,24 @@ fn wavy() -> Mesh {
 fn a_search_says_how_far_it_is_and_stops_when_it_is_not_wanted() {
     let finder = LandmarkFinder::embedded().unwrap();
     let (mesh, options) = (wavy(), FaceOptions::default());
-    let (asked, farthest) = (AtomicUsize::new(0), Mutex::new(0.0f32));
+    let (calls, farthest) = (AtomicUsize::new(0), Mutex::new(0.0f32));
     let watch = |at: Progress| {
         assert_eq!(at.stage, "landmarks");
         let mut farthest = farthest.lock().unwrap();
         *farthest = farthest.max(at.fraction);
-        asked.fetch_add(1, Ordering::Relaxed);
+        calls.fetch_add(1, Ordering::Relaxed);
         true
     };
     let error = locate_landmarks_with(finder, &mesh, &options, &watch).unwrap_err();
     assert!(matches!(error, Error::FaceNotFound(_)), "{error}");
-    let (all, farthest) = (asked.into_inner(), farthest.into_inner().unwrap());
+    let (all, farthest) = (calls.into_inner(), farthest.into_inner().unwrap());
     assert!(
         all > 100 && (0.05..1.0).contains(&farthest),
         "{all} {farthest}"
     );
     for after in [0, 20, all / 2] {
-        let asked = AtomicUsize::new(0);
-        let watch = |_: Progress| asked.fetch_add(1, Ordering::Relaxed) < after;
+        let calls = AtomicUsize::new(0);
+        let watch = |_: Progress| calls.fetch_add(1, Ordering::Relaxed) < after;
         let error = locate_landmarks_with(finder, &mesh, &options, &watch).unwrap_err();
         assert!(matches!(error, Error::Cancelled), "{error}");
     }
@@ -338,8 +338,8 @@ fn hand_marked_landmarks_win_over_the_finder_and_mirrored_ones_are_refused() {
         forward: Axis::NegX,
         ..FaceOptions::default()
     };
-    let given = locate_landmarks(&head(), &options).unwrap();
-    assert!(median_miss_m(&given, &truth(), 1.0) < 1e-5);
+    let marked = locate_landmarks(&head(), &options).unwrap();
+    assert!(median_miss_m(&marked, &truth(), 1.0) < 1e-5);
     let mirror = |p: [f32; 3]| [-p[0], p[1], p[2]];
     let options = FaceOptions {
         landmarks: Some(LandmarkSource::Positions(
@@ -352,7 +352,8 @@ fn hand_marked_landmarks_win_over_the_finder_and_mirrored_ones_are_refused() {
     assert!(error.to_string().contains("mirrored"), "{error}");
 }
 
-/// A scan, a whole body and a coarse mask by others; none was trained on in this form.
+/// A scan, a whole body and a coarse mask from other sources. None was in the training data in this
+/// form.
 #[test]
 #[ignore = "needs ../shared"]
 fn heads_of_others_are_found() {
@@ -366,22 +367,22 @@ fn heads_of_others_are_found() {
         "mediapipe_canonical_face",
     ] {
         let mesh = Mesh::read(shared.join(format!("data/meshes/{name}.obj"))).unwrap();
-        let found = find(&mesh, Axis::PosZ, Axis::PosY).unwrap();
-        align_to_canonical(&found).unwrap();
-        let mean = found.confidence.iter().sum::<f32>() / 68.0;
+        let located = find(&mesh, Axis::PosZ, Axis::PosY).unwrap();
+        align_to_canonical(&located).unwrap();
+        let mean = located.confidence.iter().sum::<f32>() / 68.0;
         assert!(mean > 0.7, "{name}: {mean}");
     }
 }
 
 #[test]
 fn the_default_head_has_lips_that_part_and_welding_them_is_noticed() {
-    let found = find(&head(), Axis::PosZ, Axis::PosY).unwrap();
-    assert_eq!(Mouth::of(&head(), &found), Mouth::Slit);
+    let located = find(&head(), Axis::PosZ, Axis::PosY).unwrap();
+    assert_eq!(Mouth::of(&head(), &located), Mouth::Slit);
     let mut welded = head();
-    let bridge = [61, 62, 63, 65, 66, 67].map(|i| found.vertices[i]);
+    let bridge = [61, 62, 63, 65, 66, 67].map(|i| located.vertices[i]);
     let [a, b, c, d, e, f] = bridge;
     welded
         .triangles
         .extend([[a, b, f], [b, e, f], [b, c, e], [c, d, e]]);
-    assert_eq!(Mouth::of(&welded, &found), Mouth::Welded);
+    assert_eq!(Mouth::of(&welded, &located), Mouth::Welded);
 }

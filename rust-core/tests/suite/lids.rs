@@ -23,11 +23,11 @@ use crate::{
 
 const FPS: f64 = 30.0;
 const FRAMES: usize = 120;
-/// Shares of what is seen of the eyeballs at rest.
+/// Shares of the eyeballs' visible area at rest.
 const SHUT: f64 = 0.05;
 const THROUGH_LIDS: f64 = 0.005;
 
-/// A silent face that feels something and blinks often.
+/// A silent face with an emotion that blinks often.
 fn blinking(emotion: &str) -> LandmarkClip {
     let affect = EmotionCurve::parse(emotion).unwrap().sample(FRAMES, FPS);
     let expressions = Expressions::open(None).unwrap();
@@ -55,8 +55,8 @@ fn blinking(emotion: &str) -> LandmarkClip {
     modes.perform(&still, &cues, &controls).unwrap()
 }
 
-/// By which share the lids of both eyes are asked to close.
-fn asked(frame: ArrayView2<'_, f32>) -> f32 {
+/// By which share both eyes should close.
+fn requested_closure(frame: ArrayView2<'_, f32>) -> f32 {
     let modes = FaceModes::open(None).unwrap();
     let way = |pairs: &[(usize, usize)], moved: ArrayView2<'_, f32>| -> f32 {
         pairs
@@ -97,12 +97,12 @@ impl Eyes {
     }
 }
 
-/// What is seen of the eyeballs in each frame, and at rest, where +z is out of the face.
+/// The visible area of the eyeballs in each frame, and at rest, where +z is out of the face.
 fn sights(face: &Face, motion: &Motion) -> (Vec<EyeballsInSight>, f64) {
     let engine = head::engine();
-    let made = Collector::collect(|sink| engine.spread(face, motion, sink, SILENT)).unwrap();
+    let clip = Collector::collect(|sink| engine.spread(face, motion, sink, SILENT)).unwrap();
     let eyes = Eyes::of(face);
-    let frames = made.vertices.displacements.axis_iter(Axis(0)).map(|frame| {
+    let frames = clip.vertices.displacements.axis_iter(Axis(0)).map(|frame| {
         let moved = face.mesh.positions.iter().zip(frame.rows());
         let posed: Vec<[f32; 3]> = moved
             .map(|(p, d)| std::array::from_fn(|i| p[i] + d[i]))
@@ -116,12 +116,12 @@ fn sights(face: &Face, motion: &Motion) -> (Vec<EyeballsInSight>, f64) {
 fn check_blinks(face: &Face) {
     for emotion in ["neutral:0", "surprised:1", "afraid:1", "happy:1"] {
         let clip = blinking(emotion);
-        let (seen, rest) = sights(face, &Motion::Landmarks(clip.clone()));
+        let (frames, rest) = sights(face, &Motion::Landmarks(clip.clone()));
         assert!(rest > 0.0, "eyes that are open at rest");
         let mut shut = 0;
-        for (t, sight) in seen.iter().enumerate() {
+        for (t, sight) in frames.iter().enumerate() {
             let share = sight.area / rest;
-            if asked(clip.displacements.index_axis(Axis(0), t)) > 0.999 {
+            if requested_closure(clip.displacements.index_axis(Axis(0), t)) > 0.999 {
                 shut += 1;
                 assert!(share < SHUT, "{emotion}, frame {t}: {share} in sight");
             }
@@ -144,8 +144,8 @@ fn the_default_head_shuts_its_eyes_under_every_emotion() {
     ));
 }
 
-/// Weights add up in straight lines: under squints and raised cheeks blinks would neither shut nor keep before
-/// the eyeballs.
+/// Weights add up linearly: under squints and raised cheeks, plain blinks would neither shut nor
+/// stay in front of the eyeballs.
 #[test]
 fn blinks_of_weights_shut_under_every_expression() {
     let face = head::prepared(&head::head(), &head::landmarks(), PartChoices::default());
@@ -156,10 +156,10 @@ fn blinks_of_weights_shut_under_every_expression() {
         &["browOuterUp", "mouthFrown"],
     ] {
         let clip = shutting(others);
-        let (seen, rest) = sights(&face, &Motion::Weights(clip));
-        let share = seen[SHUTTING - 1].area / rest;
+        let (frames, rest) = sights(&face, &Motion::Weights(clip));
+        let share = frames[SHUTTING - 1].area / rest;
         assert!(share < SHUT, "{others:?}: {share} in sight");
-        for (t, sight) in seen.iter().enumerate() {
+        for (t, sight) in frames.iter().enumerate() {
             let through = sight.through_lids / rest;
             assert!(
                 through < THROUGH_LIDS,
@@ -171,8 +171,8 @@ fn blinks_of_weights_shut_under_every_expression() {
 
 const SHUTTING: usize = 8;
 
-/// A blink from open to shut over `others` of both sides at weight 1, which close the lids of the mean face by as
-/// much as is missing.
+/// A blink from open to shut with `others` of both sides at weight 1. It closes the lids of the
+/// mean face by the remaining part.
 fn shutting(others: &[&str]) -> WeightClip {
     let names: Vec<String> = ARKIT[..51].iter().map(|name| name.to_string()).collect();
     let mut clip = WeightClip {
@@ -190,7 +190,7 @@ fn shutting(others: &[&str]) -> WeightClip {
     }
     let modes = FaceModes::open(None).unwrap();
     let frame = clip.landmarks(&modes).unwrap().displacements;
-    let lacking = 1.0 - asked(frame.index_axis(Axis(0), 0));
+    let lacking = 1.0 - requested_closure(frame.index_axis(Axis(0), 0));
     for name in ["eyeBlinkLeft", "eyeBlinkRight"] {
         let column = clip.column(name).unwrap();
         for t in 0..SHUTTING {
@@ -200,7 +200,8 @@ fn shutting(others: &[&str]) -> WeightClip {
     clip
 }
 
-/// The default head with eyes opened half as far, and half as far again: the way of the lids is the head's own.
+/// The default head with eyes opened half as far, and half as far again: lids travel as far as the
+/// head's own eyes are open.
 #[test]
 fn eyes_that_are_open_less_or_more_shut_as_well() {
     let marks = head::landmarks();
@@ -257,7 +258,7 @@ fn eyes_that_are_sculpted_shut_are_noticed_one_by_one() {
     }
 }
 
-/// By half of its way a blink closes half of the opening.
+/// Half a blink closes half of the opening.
 #[test]
 fn lids_close_by_the_share_that_is_asked_for() {
     let face = head::prepared(&head::head(), &head::landmarks(), PartChoices::default());
@@ -270,17 +271,17 @@ fn lids_close_by_the_share_that_is_asked_for() {
             false => 0.0,
         }
     });
-    let (seen, rest) = sights(
+    let (frames, rest) = sights(
         &face,
         &Motion::Landmarks(LandmarkClip {
             displacements,
             fps: FPS,
         }),
     );
-    for (sight, asked) in seen.iter().zip(shares) {
+    for (sight, share) in frames.iter().zip(shares) {
         let open = sight.area / rest;
-        let wanted = 1.0 - f64::from(asked);
-        assert!((open - wanted).abs() < 0.12, "{asked}: {open} open");
+        let expected = 1.0 - f64::from(share);
+        assert!((open - expected).abs() < 0.12, "{share}: {open} open");
     }
 }
 

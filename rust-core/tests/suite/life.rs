@@ -13,7 +13,7 @@ use crate::{head::engine, voice::babble};
 
 /// 5th and 95th percentiles of the deviation of pitch over the clips of grid_s1, degrees.
 const TRACKED_PITCH_DEG: (f32, f32) = (0.40, 1.13);
-/// A far nod on a strong stress goes so far, degrees.
+/// How far a nod on a strong stress may go, degrees.
 const MOST_DEG: f32 = 8.0;
 
 fn spoken(engine: &Engine, controls: &PerformanceControls, seed: u64) -> Performance {
@@ -82,12 +82,12 @@ fn no_strength_is_stillness_and_leaves_every_landmark() {
 fn the_tongue_obeys_articulation_and_its_own_strength() {
     let engine = engine();
     let at = |articulation: f32, tongue: f32| {
-        let asked = PerformanceControls {
+        let controls = PerformanceControls {
             articulation,
             tongue,
             ..PerformanceControls::default()
         };
-        spoken(&engine, &asked, 1).life.tongue
+        spoken(&engine, &controls, 1).life.tongue
     };
     let whole = at(1.0, 1.0);
     assert!(whole.iter().any(|x| *x > 0.2));
@@ -96,10 +96,10 @@ fn the_tongue_obeys_articulation_and_its_own_strength() {
     }
     assert_eq!(at(0.5, 1.0), 0.5 * &whole);
     assert_eq!(at(0.5, 1.0), at(1.0, 0.5));
-    // Beyond 1 it comes nearer to contact and never farther.
+    // Beyond 1 the tongue comes nearer to contact and never goes farther away.
     for (more, heard) in at(2.0, 1.0).iter().zip(&whole) {
-        let wanted = heard - 1e-6..=(2.0 * heard).min(1.0) + 1e-6;
-        assert!(wanted.contains(more), "{more} for {heard}");
+        let range = heard - 1e-6..=(2.0 * heard).min(1.0) + 1e-6;
+        assert!(range.contains(more), "{more} for {heard}");
     }
     let mut request = MotionRequest {
         seed: 1,
@@ -131,8 +131,8 @@ fn strengths_that_change_scale_the_tracks_where_they_stand() {
     request.controls.set_curve("head_motion", curve);
     let keyed = whole.again(&engine, &request).unwrap();
     for (t, factor) in [(0, 0.0), (15, 0.0), (30, 1.0), (45, 2.0), (59, 2.0)] {
-        let wanted = whole.life.head.row(t).mapv(|x| factor * x);
-        assert_eq!(keyed.life.head.row(t), wanted, "frame {t}");
+        let expected = whole.life.head.row(t).mapv(|x| factor * x);
+        assert_eq!(keyed.life.head.row(t), expected, "frame {t}");
     }
     let other = spoken(&engine, &PerformanceControls::default(), 4);
     assert_ne!(other.life, whole.life);

@@ -18,8 +18,8 @@ use crate::head::{Points, engine, sum};
 /// The head of a seed whose left eye stands in its middle; nose and mouth stay.
 fn cyclops(seed: u64) -> Mesh {
     let maker = HeadMaker::open(None).unwrap();
-    let made = maker.mesh(&maker.random(seed), true).unwrap();
-    let marks = made.landmarks.positions;
+    let head = maker.mesh(&maker.random(seed), true).unwrap();
+    let marks = head.landmarks.positions;
     let [eye_x, eye_y] = [0, 1].map(|i| 0.5 * (marks[42][i] + marks[45][i]));
     let (nose_y, top_y) = (
         marks[33][1],
@@ -30,17 +30,17 @@ fn cyclops(seed: u64) -> Mesh {
         [p[0] - eye_x * t * t * (3.0 - 2.0 * t), p[1], p[2]]
     };
     let mut half = Half {
-        positions: made.mesh.positions.iter().map(|p| shifted(*p)).collect(),
+        positions: head.mesh.positions.iter().map(|p| shifted(*p)).collect(),
         triangles: Vec::new(),
         on_plane: HashMap::new(),
     };
-    for t in &made.mesh.triangles {
+    for t in &head.mesh.triangles {
         half.clip(*t);
     }
     half.mirrored()
 }
 
-/// What of a mesh lies on the left side.
+/// The part of a mesh on the left side.
 struct Half {
     positions: Vec<[f32; 3]>,
     triangles: Vec<[u32; 3]>,
@@ -119,7 +119,7 @@ fn moved(face: &Face, by: impl Fn(&mut Array3<f32>)) -> Points {
     rows.outer_iter().map(|p| [p[0], p[1], p[2]]).collect()
 }
 
-/// Cells of .2 mm over the eye that show the eyeball.
+/// Number of cells of 0.2 mm over the eye that show the eyeball.
 fn eye_in_sight(face: &Face, by: &Points) -> usize {
     let middle = face.landmarks.positions[27];
     let [low, high] = [-0.03, 0.03].map(|reach| [middle[0] + reach, middle[1] + reach]);
@@ -147,7 +147,7 @@ fn one_eye_in_the_middle_blinks_by_either_side_and_has_one_brow() {
     assert_eq!(face.at_rest(), None);
     let open = eye_in_sight(&face, &vec![[0.0; 3]; mesh.positions.len()]);
     assert!(open > 1000, "{open} cells of the open eye");
-    // The way of a canonical blink is 7.9 mm.
+    // Lids travel 7.9 mm in a canonical blink.
     for (right, left) in [(0.0079, 0.0), (0.0, 0.0079), (0.0079, 0.0079)] {
         let by = moved(&face, |motion| {
             for (lids, way) in [([37, 38], right), ([43, 44], left)] {

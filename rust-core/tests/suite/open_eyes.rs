@@ -1,4 +1,5 @@
-//! Eyes that are one surface with their lids, cut free: the default head as it is seen from the front, as one sheet.
+//! Cuts free eyes that are one surface with their lids, on the front of the default head as one
+//! sheet.
 
 use anyface::{
     Face,
@@ -12,7 +13,7 @@ use crate::head::{engine, head, landmarks};
 /// Distance between the vertices of the sheet, metres.
 const STEP: f32 = 1.2e-3;
 
-/// What is seen of the default head, as one surface without a slit.
+/// The front of the default head as one surface without a slit.
 fn sheet() -> Mesh {
     let head = head();
     let (low, high) = ([-0.08, -0.12], [0.08, 0.08]);
@@ -39,7 +40,7 @@ fn sheet() -> Mesh {
     mesh
 }
 
-fn found(mesh: &Mesh) -> Face {
+fn find_face(mesh: &Mesh) -> Face {
     let options = FaceOptions {
         landmarks: Some(LandmarkSource::Positions(landmarks())),
         ..FaceOptions::default()
@@ -64,7 +65,7 @@ fn area(mesh: &Mesh, triangles: std::ops::Range<usize>) -> f64 {
 #[test]
 fn eyes_that_are_one_with_their_lids_are_cut_free_and_blink() {
     let mesh = sheet();
-    let face = found(&mesh);
+    let face = find_face(&mesh);
     assert_eq!(face.lids(), [Lids::Joined; 2]);
     let engine = engine();
     let opened = engine.open_eyes(&face, SILENT).unwrap();
@@ -87,8 +88,8 @@ fn eyes_that_are_one_with_their_lids_are_cut_free_and_blink() {
                 let mixed: f32 = corners
                     .map(|(v, share)| share * mesh.positions[*v as usize][i])
                     .sum();
-                let own = opened.mesh.positions[*v as usize][i];
-                assert!((mixed - own).abs() < 1e-5, "{mixed} {own}");
+                let place = opened.mesh.positions[*v as usize][i];
+                assert!((mixed - place).abs() < 1e-5, "{mixed} {place}");
             }
         }
     }
@@ -108,6 +109,6 @@ fn eyes_that_are_one_with_their_lids_are_cut_free_and_blink() {
 
 #[test]
 fn eyes_that_blink_already_are_left_alone() {
-    let error = engine().open_eyes(&found(&head()), SILENT).unwrap_err();
+    let error = engine().open_eyes(&find_face(&head()), SILENT).unwrap_err();
     assert!(error.to_string().contains("whose lids close"), "{error}");
 }

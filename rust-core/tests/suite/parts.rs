@@ -44,7 +44,7 @@ fn the_parts_of_the_default_head_are_told_by_shape_and_place() {
             names: names(),
         },
     );
-    let found: Vec<(&str, PartRole)> = face
+    let named_roles: Vec<(&str, PartRole)> = face
         .parts
         .parts
         .iter()
@@ -58,7 +58,7 @@ fn the_parts_of_the_default_head_are_told_by_shape_and_place() {
         ("teeth_lower", PartRole::Jaw),
         ("tongue", PartRole::Jaw),
     ];
-    assert_eq!(found, expected);
+    assert_eq!(named_roles, expected);
     assert!(
         face.parts
             .parts
@@ -192,8 +192,8 @@ fn lashes_and_moustache_leave_no_gap_at_their_roots() {
 /// Vertices of the upper and of the lower rim, from corner to corner.
 type Rims = (Vec<usize>, Vec<usize>);
 
-/// The rims of a slit: of the skin within 3 mm of the landmarks' line, the vertex nearest to the other
-/// side in each of 20 pieces. Sides are told by what goes along with the lower landmarks.
+/// The rims of a slit: of the skin within 3 mm of the landmarks' line, the vertex nearest to the
+/// other side in each of 20 pieces. The lower side is the one that moves with the lower landmarks.
 fn rims(upper: &[usize], lower: &[usize], probe: &[[f32; 3]]) -> Rims {
     let (mesh, marks) = (head(), landmarks());
     let face = prepared(&mesh, &marks, PartChoices::default());
@@ -262,20 +262,21 @@ proptest! {
             motion[n][1] *= left;
         }
         let rest = mouth_crossing(face, rims, &vec![[0.0; 3]; 68]);
-        let found = mouth_crossing(face, rims, &motion);
-        // Rims are looked at in 24 places and move sideways over each other: a quarter millimetre.
-        prop_assert!(found.depth < rest.depth + 0.25, "{:?}, at rest {:?}", found, rest);
+        let crossing = mouth_crossing(face, rims, &motion);
+        // The rims are compared in 24 places and move sideways over each other: a quarter
+        // millimetre.
+        prop_assert!(crossing.depth < rest.depth + 0.25, "{:?}, at rest {:?}", crossing, rest);
     }
 }
 
 #[test]
 fn lips_whose_landmarks_meet_leave_no_gap() {
     let (face, rims) = &*MOUTH;
-    let found = mouth_crossing(face, rims, &closing(&landmarks(), &LIPS, 0.0));
+    let crossing = mouth_crossing(face, rims, &closing(&landmarks(), &LIPS, 0.0));
     let rest = mouth_crossing(face, rims, &vec![[0.0; 3]; 68]);
     assert!(
-        found.gap < 0.3 && found.gap < rest.gap + 0.05,
-        "{found:?}, at rest {rest:?}"
+        crossing.gap < 0.3 && crossing.gap < rest.gap + 0.05,
+        "{crossing:?}, at rest {rest:?}"
     );
 }
 
@@ -328,7 +329,7 @@ fn a_mirrored_head_makes_the_mirrored_motion() {
     );
     let off = one.iter().zip(&other).map(|(a, b)| mm(flip(a), *b));
     let off = off.fold(0.0, f32::max);
-    // Every step is symmetric but for the order of sums, and for the cells of 0.2 mm in which an eye's opening
-    // is seen.
+    // Every step is symmetric except for the order of sums and for the 0.2 mm cells of an eye's
+    // picture.
     assert!(off < 0.02, "{off} mm");
 }

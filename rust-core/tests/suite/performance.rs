@@ -1,4 +1,4 @@
-//! Performances of the engine: what controls and other people's models change.
+//! Performances of the engine: effects of controls and of users' own models.
 
 use std::{
     fs,
@@ -32,15 +32,15 @@ fn controls_need_no_new_sampling() {
     let waveform = Waveform {
         samples: babble(1.0, 16_000),
     };
-    let asked = |controls: PerformanceControls| MotionRequest {
+    let request_with = |controls: PerformanceControls| MotionRequest {
         emotion: EmotionCurve::parse("sad:0.6").unwrap(),
         seed: 9,
         controls: controls.into(),
         ..MotionRequest::default()
     };
     let run = |request: &MotionRequest| engine.perform(&waveform, request, SILENT).unwrap();
-    let plain = run(&asked(PerformanceControls::as_sampled()));
-    let strong = asked(PerformanceControls {
+    let plain = run(&request_with(PerformanceControls::as_sampled()));
+    let strong = request_with(PerformanceControls {
         articulation: 1.4,
         smoothing_s: 0.02,
         blinks_per_minute: 60.0,
@@ -139,8 +139,8 @@ fn golden(name: &str) -> Vec<u8> {
     fs::read(goldens.join(name).with_extension("safetensors")).unwrap()
 }
 
-/// Writes a model folder: the text of `config` in the metadata of a golden, and its arrays whose names begin with
-/// `prefix`, without it, after `edit` has seen the name and the bytes of each.
+/// Writes a model folder from a golden: the text of `config` in its metadata, and its arrays whose
+/// names begin with `prefix`, without the prefix. `edit` may change the bytes of each array.
 fn write_model(
     golden: &[u8],
     folder: &Path,
@@ -169,7 +169,7 @@ fn write_model(
     fs::write(folder.join("model.safetensors"), bytes).unwrap();
 }
 
-/// Sets the layer `name` so that class `class` is sure, whatever is heard.
+/// Sets the layer `name` so that class `class` is certain for any sound.
 fn always(name: &str, class: usize) -> impl Fn(&str, &mut [u8]) {
     let (weight, bias) = (format!("{name}weight"), format!("{name}bias"));
     move |array, data| {
@@ -182,7 +182,7 @@ fn always(name: &str, class: usize) -> impl Fn(&str, &mut [u8]) {
     }
 }
 
-/// The golden's HuBERT as a Hugging Face folder, of which every sound is angry.
+/// The golden's HuBERT as a Hugging Face folder that finds every sound angry.
 fn always_angry() -> TempDir {
     let folder = tempfile::tempdir().unwrap();
     write_model(
@@ -239,7 +239,7 @@ fn a_classifier_of_the_users_hears_the_emotion() {
         apart < 5e-4 && from_built_in.fold(0.0f32, |a, b| a.max(*b)) > 2e-3,
         "{apart}"
     );
-    // What is set by hand does not ask it.
+    // An emotion set by hand does not use the model.
     let by_hand = EmotionCurve::default();
     assert_eq!(motion(&mine, by_hand.clone()), motion(&built_in, by_hand));
 

@@ -1,4 +1,4 @@
-//! How far two rims that face each other, lips or lids, pass through one another.
+//! How far two rims that face each other, lips or lids, pass through each other.
 
 use anyface::{Error, Result};
 use ndarray::ArrayView3;
@@ -100,12 +100,12 @@ mod tests {
             2 => 7.0,
             i => points[v][i],
         });
-        let found = rim_crossing(clip.view(), &[0, 1], &[2, 3, 4], X, Y).unwrap();
+        let crossing = rim_crossing(clip.view(), &[0, 1], &[2, 3, 4], X, Y).unwrap();
         assert_eq!(
-            (found.share, found.depth, found.mean_depth),
+            (crossing.share, crossing.depth, crossing.mean_depth),
             (0.5, 0.5, 0.5)
         );
-        assert_eq!(found.gap, 0.0);
+        assert_eq!(crossing.gap, 0.0);
     }
 
     #[test]
@@ -114,8 +114,8 @@ mod tests {
             [[0.0, 1.0], [9.0, -5.0], [0.0, 0.0], [1.0, 0.0]][v][i.min(1)]
                 + t as f64 * (i == 1) as u8 as f64
         });
-        let found = rim_crossing(clip.view(), &[0, 1], &[2, 3], X, Y).unwrap();
-        assert_eq!((found.share, found.gap), (0.0, 1.0));
+        let crossing = rim_crossing(clip.view(), &[0, 1], &[2, 3], X, Y).unwrap();
+        assert_eq!((crossing.share, crossing.gap), (0.0, 1.0));
         assert!(rim_crossing(clip.view(), &[0], &[2, 3], X, Y).is_err());
         assert!(rim_crossing(clip.view(), &[0, 1], &[2, 4], X, Y).is_err());
     }

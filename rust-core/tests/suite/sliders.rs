@@ -1,4 +1,4 @@
-//! Sliders of a finished take against new runs with what they stand for.
+//! Sliders of a finished take, compared with new runs of the values that they stand for.
 
 use anyface::{
     CachePolicy, Engine, EngineOptions, Face, MotionRequest, Performance, SliderChange,
@@ -73,14 +73,14 @@ impl Take {
 
     fn changes(&self) -> Vec<SliderChange> {
         let take = (&self.face, &self.clip, &self.basis);
-        let found = self
+        let result = self
             .performance
             .slider_changes(&self.engine, take.0, take.1, take.2, SILENT);
-        found.unwrap()
+        result.unwrap()
     }
 
-    /// Mean and largest distance, mm, of the take with changed weights from a motion of its own; of all but the tongue,
-    /// which has a test of its own.
+    /// Mean and largest distance, mm, between the take with changed weights and a motion, for all
+    /// but the tongue, which has its own test.
     fn distance(&self, change: &Array2<f32>, (motion, life): &(Motion, Life)) -> (f32, f32) {
         let movement = Movement::from(motion).with_tongue(life);
         let truth = spread(&self.engine, &self.face, movement);
@@ -118,42 +118,43 @@ fn of(changes: &[SliderChange], slider: Slider) -> &SliderChange {
 
 #[test]
 fn a_variation_is_the_run_that_it_stands_for() {
-    let (engine, asked) = (head::engine(), request("happy:0.8"));
-    let performance = engine.perform(&voice(), &asked, SILENT).unwrap();
+    let (engine, base) = (head::engine(), request("happy:0.8"));
+    let performance = engine.perform(&voice(), &base, SILENT).unwrap();
     let run = |request: &MotionRequest| {
-        let made = engine.perform(&voice(), request, SILENT).unwrap();
-        (made.motion, made.life.tongue)
+        let performance = engine.perform(&voice(), request, SILENT).unwrap();
+        (performance.motion, performance.life.tongue)
     };
     assert_eq!(
         (performance.motion.clone(), performance.life.tongue.clone()),
-        run(&asked)
+        run(&base)
     );
     let vary = |of: &Performance, slider, position| {
         let (motion, life) = of.varied(&engine, slider, position, SILENT).unwrap();
         (motion, life.tongue)
     };
     for (slider, position) in [(Slider::Articulation, 1.3), (Slider::Blinks, 0.0)] {
-        let mut wanted = asked.clone();
+        let mut changed = base.clone();
         match slider {
-            Slider::Articulation => wanted.controls.set("articulation", position),
-            _ => wanted.controls.set("blinks_per_minute", position),
+            Slider::Articulation => changed.controls.set("articulation", position),
+            _ => changed.controls.set("blinks_per_minute", position),
         }
         assert_eq!(
             vary(&performance, slider, position),
-            run(&wanted),
+            run(&changed),
             "{slider:?}"
         );
     }
-    // An emotion changes when the eyes blink, and how the head moves, against which they turn; the slider does not.
-    let mut unblinking = asked.clone();
+    // An emotion changes when the eyes blink, how the head moves and so how the eyes turn against
+    // it. The slider does not.
+    let mut unblinking = base.clone();
     unblinking.controls.set("blinks_per_minute", 0.0);
     unblinking.controls.set("gaze", 0.0);
     let performance = engine.perform(&voice(), &unblinking, SILENT).unwrap();
-    let wanted = MotionRequest {
+    let changed = MotionRequest {
         emotion: EmotionCurve::parse("happy:0.4").unwrap(),
         ..unblinking
     };
-    assert_eq!(vary(&performance, Slider::Emotion, 0.5), run(&wanted));
+    assert_eq!(vary(&performance, Slider::Emotion, 0.5), run(&changed));
 }
 
 #[test]
@@ -173,14 +174,14 @@ fn sliders_come_near_to_new_runs() {
             .varied(&take.engine, slider, position, SILENT)
             .unwrap();
         let still = take.distance(&Array2::zeros(take.basis.weights.dim()), &truth);
-        let found = take.distance(&of(&changes, slider).at(position), &truth);
+        let apart = take.distance(&of(&changes, slider).at(position), &truth);
         assert!(
-            found.0 < mean && found.1 < largest,
-            "{slider:?} {position}: {found:?}"
+            apart.0 < mean && apart.1 < largest,
+            "{slider:?} {position}: {apart:?}"
         );
         assert!(
-            still.1 > 2.0 * found.1,
-            "{slider:?} {position}: {still:?} {found:?}"
+            still.1 > 2.0 * apart.1,
+            "{slider:?} {position}: {still:?} {apart:?}"
         );
     }
 }
@@ -224,13 +225,13 @@ fn sliders_of_weights_come_near_to_new_runs() {
         cache: CachePolicy::Off,
         ..EngineOptions::default()
     });
-    let mut asked = request("happy:0.8");
-    asked.controls = Controls::default().with("blinks_per_minute", 30.0);
-    asked.events = vec![Event::parse("1-2:12,6").unwrap()];
-    let take = Take::of(engine.unwrap(), &asked);
+    let mut with_events = request("happy:0.8");
+    with_events.controls = Controls::default().with("blinks_per_minute", 30.0);
+    with_events.events = vec![Event::parse("1-2:12,6").unwrap()];
+    let take = Take::of(engine.unwrap(), &with_events);
     let changes = take.changes();
-    let found: Vec<Slider> = changes.iter().map(|change| change.slider).collect();
-    assert_eq!(found, Slider::ALL);
+    let sliders: Vec<Slider> = changes.iter().map(|change| change.slider).collect();
+    assert_eq!(sliders, Slider::ALL);
     // Mean and largest distance in mm, a little over what was measured.
     for (slider, position, mean, largest) in [
         (Slider::Articulation, 1.3, 0.04, 0.4),
@@ -244,10 +245,10 @@ fn sliders_of_weights_come_near_to_new_runs() {
             .varied(&take.engine, slider, position, SILENT)
             .unwrap();
         let still = take.distance(&Array2::zeros(take.basis.weights.dim()), &truth);
-        let found = take.distance(&of(&changes, slider).at(position), &truth);
+        let apart = take.distance(&of(&changes, slider).at(position), &truth);
         assert!(
-            found.0 < mean && found.1 < largest && still.1 > 2.0 * found.1,
-            "{slider:?} {position}: {still:?} {found:?}"
+            apart.0 < mean && apart.1 < largest && still.1 > 2.0 * apart.1,
+            "{slider:?} {position}: {still:?} {apart:?}"
         );
     }
 }
@@ -264,16 +265,16 @@ fn emotion_and_blinks_go_together() {
         .unwrap();
     let each = of(&changes, Slider::Emotion).at(0.0) + of(&changes, Slider::Blinks).at(0.0);
     let together = of(&changes, both);
-    let (each_alone, found) = (
+    let (each_alone, joint) = (
         take.distance(&each, &truth),
         take.distance(&(&each + &together.at(Slider::both(0.0, 0.0))), &truth),
     );
     // The largest distance is that of speech, which anger changes in more than one step.
     assert!(
-        found.1 < 1.9 && found.0 < each_alone.0 - 0.002,
-        "{each_alone:?} {found:?}"
+        joint.1 < 1.9 && joint.0 < each_alone.0 - 0.002,
+        "{each_alone:?} {joint:?}"
     );
-    // Nothing of it while one of the two is as the take was made.
+    // It has no effect while one of the two has the take's own value.
     for (emotion, blinks) in [(1.0, 0.0), (0.3, 1.0)] {
         let none = together.at(Slider::both(emotion, blinks));
         assert!(none.iter().all(|x| *x == 0.0));
@@ -286,7 +287,7 @@ fn emotion_and_blinks_go_together() {
 
 #[test]
 fn shapes_at_rest_stay_so_but_for_six() {
-    // Four, and two of the tongue's.
+    // Four shapes, and two of the tongue's.
     let take = Take::new(&request("happy:0.8"));
     let count = |weights: &Array2<f32>| -> Vec<usize> {
         let moving = |row: ndarray::ArrayView1<'_, f32>| row.iter().filter(|w| **w != 0.0).count();
@@ -298,8 +299,8 @@ fn shapes_at_rest_stay_so_but_for_six() {
             .iter()
             .any(|moving| moving + 6 < take.basis.weights.ncols())
     );
-    let own = |change: &SliderChange| change.slider != Slider::EmotionAndBlinks;
-    for change in take.changes().into_iter().filter(own) {
+    let is_single = |change: &SliderChange| change.slider != Slider::EmotionAndBlinks;
+    for change in take.changes().into_iter().filter(is_single) {
         let after = count(&(&take.basis.weights + &change.changes[0]));
         assert!(
             after
@@ -350,10 +351,10 @@ fn what_has_nothing_to_move_has_no_slider() {
 
 #[test]
 fn sliders_stop_where_their_controls_do() {
-    let mut asked = request("happy:1.2");
-    asked.controls.set("articulation", 1.6);
+    let mut strong = request("happy:1.2");
+    strong.controls.set("articulation", 1.6);
     let engine = head::engine();
-    let performance = engine.perform(&voice(), &asked, SILENT).unwrap();
+    let performance = engine.perform(&voice(), &strong, SILENT).unwrap();
     let knots = |slider| performance.knots(&engine, slider);
     assert_eq!(knots(Slider::Articulation), [0.0, 1.25]);
     assert_eq!(knots(Slider::Emotion), [0.0, 0.5, 1.25]);
@@ -362,7 +363,7 @@ fn sliders_stop_where_their_controls_do() {
 #[test]
 fn some_vertices_move_as_they_do_among_all() {
     let take = Take::new(&request("happy:0.8"));
-    let wanted: Vec<u32> = (0..take.clip.displacements.dim().1 as u32)
+    let vertices: Vec<u32> = (0..take.clip.displacements.dim().1 as u32)
         .step_by(37)
         .collect();
     let (weights, creases) = (
@@ -371,16 +372,20 @@ fn some_vertices_move_as_they_do_among_all() {
     );
     let (models, cache) = ((&weights, &creases), Cache::new(&CachePolicy::Off));
     let deformer = static_deformer(models, &take.face, 1.0, &cache, SILENT).unwrap();
-    let few = deformer.of_vertices(&wanted).unwrap();
-    assert!(wanted.iter().all(|v| few.vertices.binary_search(v).is_ok()));
+    let few = deformer.of_vertices(&vertices).unwrap();
+    assert!(
+        vertices
+            .iter()
+            .all(|v| few.vertices.binary_search(v).is_ok())
+    );
     let clip = take.performance.motion.landmarks().unwrap();
     let landmarks = take.face.own_motion(clip.displacements.view());
     let moved = few.deformer.deform(landmarks.view(), SILENT).unwrap();
     let rows: Vec<usize> = few.vertices.iter().map(|&v| v as usize).collect();
-    // The tongue speaks beside all of them.
+    // The tongue's motion is added to all of them.
     let without_tongue = spread(&take.engine, &take.face, &take.performance.motion);
     let all = without_tongue.displacements.select(Axis(1), &rows);
-    // The skin about the eyes is among them: it goes together.
+    // The skin about the eyes is among them: all of it moves together.
     assert!(few.vertices.len() < 3000, "{} vertices", few.vertices.len());
     assert!(
         distance(&moved, &all).1 < 1e-4,
@@ -398,7 +403,7 @@ fn a_change_is_linear_between_knots_and_held_beyond() {
             .map(|x| Array2::from_elem((1, 1), x))
             .to_vec(),
     };
-    for (position, wanted) in [
+    for (position, expected) in [
         (-1.0, 4.0),
         (0.0, 4.0),
         (0.25, 2.5),
@@ -408,7 +413,7 @@ fn a_change_is_linear_between_knots_and_held_beyond() {
         (2.0, 3.0),
     ] {
         assert!(
-            (change.at(position)[[0, 0]] - wanted).abs() < 1e-6,
+            (change.at(position)[[0, 0]] - expected).abs() < 1e-6,
             "{position}"
         );
     }

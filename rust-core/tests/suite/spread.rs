@@ -39,15 +39,15 @@ fn weights_move_a_mesh_by_its_own_shapes() {
         fps: 25.0,
         together: vec![],
     });
-    let made = Collector::collect(|sink| engine.spread(&face, &motion, sink, SILENT)).unwrap();
+    let clip = Collector::collect(|sink| engine.spread(&face, &motion, sink, SILENT)).unwrap();
     let rig = engine.rig(&face, ShapeSource::Network, SILENT).unwrap();
     let shape = |name: &str| {
         let number = rig.names.iter().position(|known| known == name).unwrap();
         rig.deltas.index_axis(Axis(0), number)
     };
-    let frame = |t: usize| made.vertices.displacements.index_axis(Axis(0), t);
+    let frame = |t: usize| clip.vertices.displacements.index_axis(Axis(0), t);
     assert!(frame(0).iter().all(|x| *x == 0.0));
-    // Lids alone may lie otherwise than the shapes have them: skin is kept off the eyeballs.
+    // Only lids may differ from the shapes: skin stays in front of the eyeballs.
     let apart = |moved: &Array2<f32>, t: usize| {
         let away = (moved - &frame(t)).mapv(f32::abs);
         away.fold(0.0, |a: f32, b| a.max(*b))
@@ -59,7 +59,7 @@ fn weights_move_a_mesh_by_its_own_shapes() {
     }
     // The landmarks are those of the mesh that moved.
     let chin = face.landmarks.vertices[8] as usize;
-    let read_off = made.landmark_displacements.index_axis(Axis(0), 1);
+    let read_off = clip.landmark_displacements.index_axis(Axis(0), 1);
     assert_eq!(read_off.row(8), frame(1).row(chin));
     assert!(read_off[[8, 1]] < -0.01);
 }

@@ -155,7 +155,7 @@ fn speech_moves_the_mouth_and_music_and_noise_do_not() {
     assert!(music < 0.01 && noise < 0.01, "{music} {noise}");
 }
 
-/// Weights move the mean face as the landmarks moved that they follow.
+/// Weights move the mean face like the landmarks from which they come.
 #[test]
 fn weights_follow_the_landmarks() {
     let engine = engine();
@@ -187,15 +187,15 @@ fn weights_follow_the_landmarks() {
 #[test]
 fn an_emotion_by_hand_is_seen_in_the_next_frame() {
     let happy = Emotion::parse("happy:1").unwrap();
-    let (plain, felt) = (frames(4000, None), frames(4000, Some(&happy)));
+    let (plain, smiling) = (frames(4000, None), frames(4000, Some(&happy)));
     let smile = |frames: &[WeightFrame]| -> f32 {
         let smiles = frames.iter().map(|frame| shape(frame, "mouthSmileLeft"));
         smiles.sum::<f32>() / frames.len() as f32
     };
     assert!(
-        smile(&felt) > smile(&plain) + 0.1,
+        smile(&smiling) > smile(&plain) + 0.1,
         "{} {}",
         smile(&plain),
-        smile(&felt)
+        smile(&smiling)
     );
 }

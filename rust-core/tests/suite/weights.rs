@@ -1,5 +1,5 @@
-//! Weights of the user's own: whatever the folder holds is opened as its configs say, and what does
-//! not fit is refused with both sides.
+//! Weights of the user's own: the folder's models are opened by their configs. What does not fit is
+//! refused with both sides.
 
 use std::{fs, path::Path};
 
@@ -63,9 +63,9 @@ fn a_model_of_any_size_is_opened_by_what_its_config_says() {
         }
     };
     let built_in = || Engine::new(EngineOptions::default()).unwrap();
-    let own = performed(open(folder.path()).unwrap(), None);
-    assert_eq!(own, performed(built_in(), Some("grid_s1")));
-    assert_ne!(own, performed(built_in(), None));
+    let custom = performed(open(folder.path()).unwrap(), None);
+    assert_eq!(custom, performed(built_in(), Some("grid_s1")));
+    assert_ne!(custom, performed(built_in(), None));
 }
 
 #[test]

@@ -1,4 +1,4 @@
-//! Which parts make up one eye: a ball, and the cornea and iris on it; and whose eye it is.
+//! Which parts make up one eye (a ball, with the cornea and iris on it), and whose eye it is.
 //!
 //! Landmarks know two eyes. A head may have one in its middle, or more than two. Lengths are canonical centimetres.
 
@@ -9,9 +9,11 @@ use crate::{
     mesh::{PartRole, parts::NO_PART},
 };
 
-/// The ball of an eye lies no further beside the middle between its corners, in widths of the eye.
+/// The ball of an eye lies no further than this beside the middle between the eye's corners, in
+/// widths of the eye.
 const BESIDE: f32 = 1.0;
-/// A ball that is not this many times nearer to one eye of the landmarks than to the other is the one of both.
+/// A ball belongs to one eye of the landmarks where it is this many times nearer to it than to the
+/// other. Otherwise it is the eye of both.
 const NEARER: f32 = 2.0;
 
 /// One eye of the mesh.
@@ -67,7 +69,7 @@ impl Ball {
         balls
     }
 
-    /// Seen from the front: how far a point lies beside its middle.
+    /// How far a point lies beside the ball's middle, seen from the front.
     fn beside(&self, p: [f32; 3]) -> f32 {
         Vec2::new(p[0] - self.middle[0], p[1] - self.middle[1]).length()
     }
@@ -87,8 +89,8 @@ impl Ball {
         };
         let mut owners: Vec<Owner> = vec![Owner::Nobody; balls.len()];
         for eye in 0..2 {
-            let own = (0..balls.len()).filter_map(|b| Some((away(&balls[b], eye)?, b)));
-            let nearest = own.min_by(|a, b| a.0.total_cmp(&b.0));
+            let candidates = (0..balls.len()).filter_map(|b| Some((away(&balls[b], eye)?, b)));
+            let nearest = candidates.min_by(|a, b| a.0.total_cmp(&b.0));
             match nearest {
                 Some((_, b)) if is_both(&balls[b]) => owners[b] = Owner::Both,
                 Some((_, b)) => owners[b] = Owner::Eye(eye),

@@ -1,7 +1,9 @@
-//! Whether lids and eye are one surface: no slit lies between them, and a lid that moved would drag the eye along.
+//! Whether lids and eye are one surface. No slit lies between them then, and a lid that moved would
+//! drag the eye along.
 //!
-//! A lid that can move hides where its skin goes on: from its edge back along its lining, and only deep in the socket to the
-//! eye. Of an eye that is one with its lids what is seen goes on from triangle to triangle.
+//! Skin runs back from the edge of a movable lid along its lining and meets the eye only deep in
+//! the socket. Where lids and eye are one, the surface goes on from triangle to triangle at the
+//! edge, in sight.
 
 use std::collections::{HashMap, HashSet};
 
@@ -9,10 +11,11 @@ use glam::Vec3;
 
 use crate::{face::nearest::nearest_between, mesh::depth_at};
 
-/// The surface is followed this far above and below the edge of the upper lid, in widths of the eye, in so many steps.
+/// The surface is followed this far above and below the edge of the upper lid, in widths of the
+/// eye, in this many steps.
 const BESIDE: f32 = 0.15;
 const STEPS: usize = 40;
-/// From step to step it goes on where triangles meet this near, in widths of the eye.
+/// The surface goes on from step to step where triangles meet this closely, in widths of the eye.
 const TUBE: f32 = 0.04;
 /// Places of a step at which its distance from an edge is measured.
 const PLACES: usize = 4;
@@ -59,7 +62,7 @@ impl Surface<'_> {
         Surface { triangles, beside }
     }
 
-    /// Whether what is seen from above goes on to what is seen below.
+    /// Whether the surface in sight at `above` goes on to that at `below`.
     fn goes_on(&self, above: [f32; 2], below: [f32; 2], tube: f32) -> bool {
         let column: Vec<u32> = (0..self.triangles.len() as u32)
             .filter(|&t| {
@@ -71,20 +74,21 @@ impl Surface<'_> {
             .collect();
         let at = |step: usize| {
             let share = step as f32 / STEPS as f32;
-            self.seen(
+            self.foremost(
                 &column,
                 [above[0], above[1] + share * (below[1] - above[1])],
             )
         };
-        let seen: Option<Vec<_>> = (0..=STEPS).map(at).collect();
-        seen.is_some_and(|seen| {
-            seen.windows(2)
+        let places: Option<Vec<_>> = (0..=STEPS).map(at).collect();
+        places.is_some_and(|places| {
+            places
+                .windows(2)
                 .all(|ends| self.meet(ends[0], ends[1], tube))
         })
     }
 
-    /// The foremost of some triangles at a place, and the point of it.
-    fn seen(&self, among: &[u32], [x, y]: [f32; 2]) -> Option<(u32, Vec3)> {
+    /// The foremost of the triangles `among` at `[x, y]`, and its point there.
+    fn foremost(&self, among: &[u32], [x, y]: [f32; 2]) -> Option<(u32, Vec3)> {
         let depths = among.iter().filter_map(|&t| {
             let depth = depth_at(&self.triangles[t as usize], [x, y])?;
             Some((t, depth))

@@ -1,9 +1,10 @@
 //! How far one eye of a head is open, and what its lids slide over.
 //!
-//! Where a head has eyeballs, the opening is what of them is seen from the front, however far the landmarks
-//! lie beside it. Where it has none, the opening lies between curves through the landmarks, and the ball is
-//! the sphere of the skin between them or one of usual size. A shut upper lid stands out over the lower one
-//! at the lower landmarks, and there is no edge at the upper ones. Lengths are canonical centimetres.
+//! Where a head has eyeballs, the opening is the part of them in sight from the front, however far
+//! the landmarks lie beside it. Where it has none, the opening lies between curves through the
+//! landmarks. The ball is then the sphere of the skin between them, or one of usual size. A shut
+//! upper lid stands out over the lower one at the lower landmarks, and has no edge at the upper
+//! ones. Lengths are canonical centimetres.
 
 use glam::Vec3;
 
@@ -30,28 +31,31 @@ const SKIN: u8 = 1;
 const BALL: u8 = 2;
 /// The picture reaches this far beyond the corners, and above and below them, in widths of the eye.
 const PICTURE: (f32, f32) = (0.3, 0.9);
-/// Eyes whose corners lie more than this share of their width behind one another look sideways, where the
-/// landmarks of faces that look ahead are not on their lids. Human eyes have 0.15 to 0.25.
+/// Eyes whose corners lie more than this share of their width behind one another look sideways. The
+/// landmarks, which are those of faces that look ahead, do not lie on such lids. Human eyes have
+/// 0.15 to 0.25.
 const SIDEWAYS: f32 = 0.55;
 /// Eyeballs lie within this distance of the middle of their eye, in its widths.
 const NEAR: f32 = 1.5;
-/// Eyes of which less is seen, as mean height to width, are sculpted shut.
+/// Eyes with less of the ball in sight, as mean height to width, are sculpted shut.
 const LEAST_OPEN: f32 = 0.03;
-/// A step between two lids, in widths of the eye: how far beside the landmarks it is looked for, and over
-/// which height.
+/// A step between two lids, in widths of the eye: how far beside the landmarks to look for it, and
+/// over which height.
 const STEP_BESIDE: f32 = 0.1;
 const STEP_HEIGHT: f32 = 0.06;
-/// Of eyes that are sculpted shut: most of a step at the upper landmarks, least of one at the lower ones.
-/// A scan with shut eyes has 0.02 and 0.11, open eyes of eight heads 0.07 and more above.
+/// Eyes that are sculpted shut have at most the first step at the upper landmarks and at least the
+/// second at the lower ones. A scan with shut eyes has 0.02 and 0.11. Open eyes of eight heads have
+/// 0.07 and more above.
 const SHUT_STEPS: (f32, f32) = (0.045, 0.06);
-/// A corner of an eye lies at least so far beside what is seen of its eyeball, in widths of the eye.
+/// A corner of an eye lies at least this far beside the visible part of its eyeball, in widths of
+/// the eye.
 const CORNER: f32 = 0.02;
-/// How often the edges of an eyeball's picture are smoothed: its cells are seen in them.
+/// How often the edges of an eyeball's picture are smoothed, so that its cells do not show.
 const SMOOTHINGS: usize = 3;
 /// Skin this far inside the curves through the landmarks is the eye's own surface, in widths of the eye.
 const INSIDE: f32 = 0.03;
 
-/// The neutral head that eyes are looked for in, canonical centimetres.
+/// The neutral head in which eyes are sought, canonical centimetres.
 pub(crate) struct Head<'a> {
     /// `[V]`.
     pub positions: &'a [[f32; 3]],
@@ -94,7 +98,7 @@ pub(crate) struct Opening {
     pub width: f32,
     /// Edges of the upper and of the lower lid from corner to corner, in the eye's frame.
     pub edges: Edges,
-    /// How high it is open at both pairs of landmarks of its lids.
+    /// Height of the opening at both pairs of landmarks of the lids.
     pub heights: [f32; 2],
     /// What the lids can do.
     pub lids: Lids,
@@ -161,7 +165,7 @@ impl Opening {
         Some(opening)
     }
 
-    /// Looks for an eye that no landmarks lie about: skin covers its ball from above and from below.
+    /// Looks for an eye away from the landmarks: skin covers its ball from above and from below.
     pub(super) fn about(head: &Head<'_>, ball: &Ball) -> Option<Opening> {
         let canonical = EyeFrame {
             origin: [0.0; 3],
@@ -175,7 +179,7 @@ impl Opening {
         let skin = head.near(head.skin, (&frame, across), frame.origin);
         let eyeball = head.near(&ball.triangles, (&frame, across), frame.origin);
         let view = picture(&skin, &eyeball, [0.0; 3], across);
-        let edges = seen(&view, [[0.0; 3]; 2], across)?;
+        let edges = visible_edges(&view, [[0.0; 3]; 2], across)?;
         let width = edges[0][SAMPLES - 1][0] - edges[0][0][0];
         let mut inner = SAMPLES / 4..SAMPLES - SAMPLES / 4;
         let has_lids = inner.all(|k| {
@@ -202,7 +206,7 @@ impl Opening {
         })
     }
 
-    /// The same but for its heights; `marks`: `[6]`, its landmarks.
+    /// As [`Opening::find`], without the heights. `marks`: `[6]`, the eye's landmarks.
     fn open(head: &Head<'_>, marks: &[[f32; 3]], eyeball: &[[u32; 3]]) -> Option<Opening> {
         let (middle, width) = EyeFrame::between(marks[0], marks[3])?;
         let size = (&middle, width);
@@ -212,16 +216,16 @@ impl Opening {
             let (skin, eyeball) = (head.near(head.skin, size, frame.origin), eyeball_of(&frame));
             let view = picture(&skin, &eyeball, frame.local(middle.origin), width);
             let corners = [marks[0], marks[3]].map(|p| frame.local(p));
-            // Of an eyeball behind shut lids nothing is seen.
-            let seen = seen(&view, corners, width);
-            let edges = seen.unwrap_or_else(|| curves(&frame, marks));
+            // Shut lids hide the eyeball.
+            let visible = visible_edges(&view, corners, width);
+            let edges = visible.unwrap_or_else(|| curves(&frame, marks));
             return Some(Opening {
                 frame,
                 ball: Eyeball::new(radius, eyeball.as_flattened()),
                 width,
                 edges,
                 heights: [0.0; 2],
-                lids: match seen.is_none() || mean_height(&edges) < LEAST_OPEN * width {
+                lids: match visible.is_none() || mean_height(&edges) < LEAST_OPEN * width {
                     true => Lids::Shut,
                     false => Lids::Close,
                 },
@@ -282,10 +286,10 @@ fn without_eyeball(head: &Head<'_>, middle: &EyeFrame, marks: &[[f32; 3]], width
         lids: Lids::Close,
     };
     opening.edges = curves(&opening.frame, marks);
-    let own = head.positions.iter().map(|p| opening.frame.local(*p));
-    let own = own.filter(|p| opening.is_between(*p) && p[2] > 0.0);
-    let own: Vec<[f32; 3]> = own.collect();
-    if let Some((centre, radius)) = fit_eyeball(&own, width)
+    let points = head.positions.iter().map(|p| opening.frame.local(*p));
+    let points = points.filter(|p| opening.is_between(*p) && p[2] > 0.0);
+    let points: Vec<[f32; 3]> = points.collect();
+    if let Some((centre, radius)) = fit_eyeball(&points, width)
         && centre[2] < depth - 0.5 * radius
     {
         opening.frame = opening.frame.about(centre);
@@ -318,7 +322,7 @@ fn curves(frame: &EyeFrame, marks: &[[f32; 3]]) -> [[[f32; 3]; SAMPLES]; 2] {
     })
 }
 
-/// What is seen of an eye whose corners have their middle at `middle`.
+/// The picture of an eye whose corners have their middle at `middle`, from the front.
 fn picture(
     skin: &[[[f32; 3]; 3]],
     eyeball: &[[[f32; 3]; 3]],
@@ -335,9 +339,13 @@ fn picture(
     view
 }
 
-/// The edges of the eyeball's part that is seen, and on to the corners of the eye; `None` where nothing is.
-/// `marks`: the landmarks of the corners.
-fn seen(view: &FrontView, marks: [[f32; 3]; 2], width: f32) -> Option<[[[f32; 3]; SAMPLES]; 2]> {
+/// The edges of the visible part of the eyeball, extended to the corners of the eye. `None` where
+/// no part is visible. `marks`: the landmarks of the corners.
+fn visible_edges(
+    view: &FrontView,
+    marks: [[f32; 3]; 2],
+    width: f32,
+) -> Option<[[[f32; 3]; SAMPLES]; 2]> {
     let rows = |column| ball_rows(view, column);
     let (first, last) = longest_run(view.columns(), |column| rows(column).is_some())?;
     if last - first < SAMPLES {
@@ -354,14 +362,14 @@ fn seen(view: &FrontView, marks: [[f32; 3]; 2], width: f32) -> Option<[[[f32; 3]
         let along = k as f32 / (SAMPLES - 1) as f32;
         let x = corners[0][0] + along * (corners[1][0] - corners[0][0]);
         let outside = [ends[0][0][0] - x, x - ends[1][0][0]];
-        let found = match outside.iter().position(|away| *away > 0.0) {
+        let lids = match outside.iter().position(|away| *away > 0.0) {
             None => at(view.cell_at([x, 0.0])[0])?,
             Some(end) => {
                 let whole = (ends[end][0][0] - corners[end][0]).abs().max(1e-6);
                 ends[end].map(|edge| edge.mixed(corners[end], outside[end] / whole))
             }
         };
-        (0..2).for_each(|lid| edges[lid][k] = [x, found[lid][1], found[lid][2]]);
+        (0..2).for_each(|lid| edges[lid][k] = [x, lids[lid][1], lids[lid][2]]);
     }
     (0..SMOOTHINGS).for_each(|_| edges = edges.map(|edge| smoothed(&edge)));
     Some(edges)
@@ -389,8 +397,8 @@ fn lids_beside(view: &FrontView, column: usize, (low, high): (usize, usize)) -> 
     })
 }
 
-/// The corner of an eye beyond an end of what is seen of its eyeball: its landmark, unless that lies not as
-/// far out as `least`.
+/// The corner of an eye beyond an end of the visible part of its eyeball: its landmark, or a point
+/// `least` outside of that end where the landmark lies further in.
 fn corner(mark: [f32; 3], [upper, lower]: [[f32; 3]; 2], least: f32) -> [f32; 3] {
     if (mark[0] - upper[0]) * least.signum() > least.abs() {
         return mark;
@@ -425,7 +433,7 @@ fn is_shut(view: &FrontView, edges: &[[[f32; 3]; SAMPLES]; 2], width: f32) -> bo
     above < SHUT_STEPS.0 && below > SHUT_STEPS.1
 }
 
-/// By how much the surface stands out above a point more than below it, at most.
+/// By how much more the surface stands out above a point than below it, at most.
 fn step(view: &FrontView, at: [f32; 3], width: f32) -> f32 {
     let [column, row] = view.cell_at([at[0], at[1]]);
     let cells = |share: f32| (share * CELLS) as isize;
@@ -436,7 +444,7 @@ fn step(view: &FrontView, at: [f32; 3], width: f32) -> f32 {
         let row = row as isize + beside;
         (depth(row + half) - depth(row - half)).min(width)
     });
-    // Where nothing is, minus infinity less itself says nothing.
+    // Minus infinity, where nothing is drawn, less itself is no number.
     steps.filter(|step| !step.is_nan()).fold(0.0, f32::max)
 }
 

@@ -1,4 +1,5 @@
-//! How far the eyes of a head are open, beside those of the canonical face; a head may have one eye, or more than two.
+//! How far the eyes of a head are open, compared with those of the canonical face. A head may have
+//! one eye, or more than two.
 
 use std::ops::Range;
 
@@ -18,21 +19,21 @@ use crate::{
     },
 };
 
-/// What the upper lid does of a change of the opening; the lower lid does the rest.
+/// The upper lid's share of a change of the opening. The lower lid does the rest.
 pub(crate) const UPPER_SHARE: f32 = 0.9;
-/// How far the lids of the canonical face travel towards each other until they are shut: `eyeBlink` of the
-/// built-in face modes, mean of two pairs.
+/// How far the lids of the canonical face travel towards each other until they are shut: `eyeBlink`
+/// of the built-in face modes, the mean of two pairs.
 const CANONICAL_WAY_CM: f32 = 0.789;
 
-/// A whole blink of an eye whose lids rest lowers its brow by this much, and from this share of closing on it does,
-/// canonical metres.
+/// Where lids rest, a whole blink lowers the brow by `SQUINT_M` canonical metres. The brow starts
+/// at this share of the blink.
 const SQUINT_M: f32 = 0.003;
 const SQUINT_FROM: f32 = 0.4;
 
 /// The eyes of a head.
 pub(crate) struct Openings {
     /// Of the subject's right and left eye; `None` where there are no corners of an eye, or both are one.
-    own: [Option<Opening>; 2],
+    of_landmarks: [Option<Opening>; 2],
     /// Eyes beside these: one in the middle for both, or a third.
     more: Vec<Opening>,
     /// Whether the eye of a cyclops is both.
@@ -44,9 +45,9 @@ pub(crate) struct LidDrive<'a> {
     pub opening: &'a Opening,
     /// Numbers in [`EYES`], and how far each of these is open at its pairs, centimetres.
     pub eyes: Vec<(usize, [f32; 2])>,
-    /// Of several eyes that say different shares the larger counts, else the smaller.
+    /// Whether the largest of several shares counts. Otherwise the smallest counts.
     pub larger: bool,
-    /// Landmarks that say this, and move no skin.
+    /// Landmarks that only say how far these lids close and move no skin.
     pub silent: Range<usize>,
     /// Whether no landmarks lie on these lids.
     pub is_alone: bool,
@@ -75,12 +76,13 @@ impl Openings {
         let balls = Ball::of(&positions, &mesh.triangles, parts);
         let owners = Ball::owners(&balls, EYES.each_ref().map(|eye| eye_at(&marks, eye)));
         let about = |owner: Owner| {
-            let own = owners.iter().zip(&balls);
-            own.filter(move |(of, _)| **of == owner)
+            let pairs = owners.iter().zip(&balls);
+            pairs
+                .filter(move |(of, _)| **of == owner)
                 .map(|(_, ball)| ball)
         };
         let one = about(Owner::Both).find_map(|ball| Opening::about(&head, ball));
-        let own = |eye: usize| {
+        let find = |eye: usize| {
             let ball = about(Owner::Eye(eye)).next();
             let ball = ball.or_else(|| about(Owner::Both).next());
             let triangles = ball.map_or(&[][..], |ball| &ball.triangles);
@@ -89,12 +91,12 @@ impl Openings {
         let third = about(Owner::Nobody).filter_map(|ball| Opening::about(&head, ball));
         match one {
             Some(one) => Openings {
-                own: [None, None],
+                of_landmarks: [None, None],
                 more: std::iter::once(one).chain(third).collect(),
                 is_one: true,
             },
             None => Openings {
-                own: [0, 1].map(own),
+                of_landmarks: [0, 1].map(find),
                 more: third.collect(),
                 is_one: false,
             },
@@ -105,15 +107,15 @@ impl Openings {
     pub(crate) fn drives(&self) -> Vec<LidDrive<'_>> {
         let closing: Vec<(usize, [f32; 2])> = (0..2)
             .filter_map(|eye| {
-                let opening = self.own[eye]
+                let opening = self.of_landmarks[eye]
                     .as_ref()
-                    .filter(|own| own.lids == Lids::Close)?;
+                    .filter(|opening| opening.lids == Lids::Close)?;
                 Some((eye, opening.heights))
             })
             .collect();
         let canonical = [0, 1].map(|eye| (eye, [CANONICAL_WAY_CM; 2]));
-        let own = (0..2).filter_map(|eye| {
-            let opening = self.own[eye].as_ref()?;
+        let drives = (0..2).filter_map(|eye| {
+            let opening = self.of_landmarks[eye].as_ref()?;
             Some(LidDrive {
                 opening,
                 eyes: vec![(eye, opening.heights)],
@@ -138,12 +140,12 @@ impl Openings {
             },
             is_alone: true,
         });
-        own.chain(more).collect()
+        drives.chain(more).collect()
     }
 
     /// The right (0) or left (1) eye of the landmarks, where these are corners of an eye.
     pub(crate) fn own(&self, eye: usize) -> Option<&Opening> {
-        self.own[eye].as_ref()
+        self.of_landmarks[eye].as_ref()
     }
 
     /// Whether one eye in the middle is both.
@@ -154,7 +156,7 @@ impl Openings {
     /// What the lids of both eyes can do.
     pub(crate) fn lids(&self) -> [Lids; 2] {
         let lids = |eye: &Option<Opening>| eye.as_ref().map_or(Lids::Close, |eye| eye.lids);
-        self.own.each_ref().map(lids)
+        self.of_landmarks.each_ref().map(lids)
     }
 
     /// Lets lids travel as far as these eyes are open. Where lids rest, the brow is lowered instead.
@@ -170,22 +172,22 @@ impl Openings {
         }
     }
 
-    /// The way back of [`Openings::to_own`], but for lids that rest.
+    /// The inverse of [`Openings::to_own`], except for lids that rest.
     pub(crate) fn to_canonical(&self, moved: &mut Array3<f32>) {
         self.travel(moved, |height| CANONICAL_WAY_CM / height);
     }
 
-    /// Whether other eyes alone blink.
+    /// Whether only eyes away from the landmarks blink.
     fn is_elsewhere(&self) -> bool {
         let closes =
             |eye: &Option<Opening>| eye.as_ref().is_some_and(|eye| eye.lids == Lids::Close);
-        !self.more.is_empty() && !self.own.iter().any(closes)
+        !self.more.is_empty() && !self.of_landmarks.iter().any(closes)
     }
 
-    /// Lowers the brows of eyes whose lids rest, by the share that these are asked to close.
+    /// Lowers the brows above lids that rest, by the share that the lids should close.
     fn squint(&self, moved: &mut Array3<f32>) {
         for mut frame in moved.outer_iter_mut() {
-            for (eye, marks) in self.own.iter().zip(&EYES) {
+            for (eye, marks) in self.of_landmarks.iter().zip(&EYES) {
                 let is_seen = eye.as_ref().is_none_or(|eye| eye.lids == Lids::Close);
                 if is_seen || self.is_elsewhere() {
                     continue;
@@ -201,10 +203,10 @@ impl Openings {
         }
     }
 
-    /// Makes lids travel so many times as far, told by the height of an opening in centimetres.
+    /// Multiplies how far lids travel by `times` of the height of the opening in centimetres.
     fn travel(&self, moved: &mut Array3<f32>, times: impl Fn(f32) -> f32) {
         for mut frame in moved.outer_iter_mut() {
-            for (eye, marks) in self.own.iter().zip(&EYES) {
+            for (eye, marks) in self.of_landmarks.iter().zip(&EYES) {
                 let Some(eye) = eye else {
                     continue;
                 };
@@ -233,7 +235,7 @@ fn eye_at(marks: &[[f32; 3]; LANDMARKS], eye: &Eye) -> Option<([f32; 3], f32)> {
     (width > 0.0).then(|| (start.midpoint(end).into(), width))
 }
 
-/// Lets both brows do what the one does that moves more; `frame`: `[68, 3]`.
+/// Gives both brows the motion of the one that moves more. `frame`: `[68, 3]`.
 fn join_brows(mut frame: ArrayViewMut2<'_, f32>) {
     for n in EYES[0].brow.clone() {
         for (axis, side) in [(0, -1.0), (1, 1.0), (2, 1.0)] {
@@ -287,7 +289,7 @@ mod tests {
         }
         moved[[0, 19, 1]] = 0.002;
         let openings = Openings {
-            own: [Some(wide), Some(joined)],
+            of_landmarks: [Some(wide), Some(joined)],
             more: Vec::new(),
             is_one: false,
         };

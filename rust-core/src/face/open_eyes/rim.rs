@@ -1,8 +1,9 @@
 //! The line at which lids and eye meet: the crease between them, seen from the front.
 //!
-//! In each column from corner to corner a place counts as a crease as far as it lies behind the mean of what is above and
-//! below it. The cheapest way through the columns (dynamic programming) follows the crease, keeps near the curve that
-//! the landmarks draw, and does not jump. Where nothing is carved the curve of the landmarks stays.
+//! In each column from corner to corner, a place counts as a crease as far as it lies behind the
+//! mean of the places above and below it. The cheapest path through the columns (dynamic
+//! programming) follows the crease, keeps near the curve of the landmarks and does not jump. Where
+//! nothing is carved it stays on that curve.
 
 use glam::{Vec2, Vec3};
 
@@ -14,21 +15,22 @@ use crate::{
     mesh::FrontView,
 };
 
-/// Height of a row, in widths of the eye (.1 mm), and how many of them the crease may lie beside the landmarks (3.4 mm).
+/// Height of a row, in widths of the eye (0.1 mm), and how many rows the crease may lie beside the
+/// landmarks (3.4 mm).
 const ROW: f32 = 0.004;
 const RANGE: i32 = 30;
-/// What is above and below is looked at so far away, in widths.
+/// Distances of the places above and below, in widths of the eye.
 const FLANKS: [f32; 3] = [0.03, 0.06, 0.1];
-/// A crease of this depth outweighs one standard deviation from the landmarks, in widths; deeper ones than so many
-/// times that weigh no more.
+/// A crease of this depth, in widths, outweighs one standard deviation from the landmarks. Beyond
+/// this many times that depth a crease weighs no more.
 const DEEP: f32 = 0.01;
 const DEEPEST: f32 = 6.0;
 /// Standard deviation of the landmarks and of a step between two columns, in rows.
 const TRUST: f32 = 12.0;
 const STEP: f32 = 2.0;
-/// Passes of a binomial filter over the line that was found.
+/// Passes of a binomial filter over the path.
 const SMOOTHING: usize = 3;
-/// The lids stay at least so far apart, in widths, but for the corners.
+/// The lids stay at least this far apart, in widths, except at the corners.
 const APART: f32 = 0.06;
 
 /// A closed line around an eye, seen from the front.
@@ -85,7 +87,7 @@ impl Rim {
 fn crease(edge: &[[f32; 3]; SAMPLES], view: &FrontView, width: f32) -> [f32; SAMPLES] {
     let row = ROW * width;
     let rows = (2 * RANGE + 1) as usize;
-    let own = |k: usize, number: usize| {
+    let cost_of = |k: usize, number: usize| {
         let offset = (number as i32 - RANGE) as f32;
         let is_corner = k == 0 || k == SAMPLES - 1;
         if is_corner {
@@ -98,7 +100,7 @@ fn crease(edge: &[[f32; 3]; SAMPLES], view: &FrontView, width: f32) -> [f32; SAM
         );
         (offset / TRUST).powi(2) - (depth / (DEEP * width)).min(DEEPEST)
     };
-    let mut costs: Vec<f32> = (0..rows).map(|number| own(0, number)).collect();
+    let mut costs: Vec<f32> = (0..rows).map(|number| cost_of(0, number)).collect();
     let mut came_from = Vec::new();
     for k in 1..SAMPLES {
         let best = |number: usize| {
@@ -110,12 +112,12 @@ fn crease(edge: &[[f32; 3]; SAMPLES], view: &FrontView, width: f32) -> [f32; SAM
             ways.min_by(|a, b| a.0.total_cmp(&b.0))
                 .expect("a row beside each")
         };
-        let found: Vec<(f32, usize)> = (0..rows).map(best).collect();
+        let cheapest: Vec<(f32, usize)> = (0..rows).map(best).collect();
         costs = (0..rows)
-            .map(|number| found[number].0 + own(k, number))
+            .map(|number| cheapest[number].0 + cost_of(k, number))
             .collect();
         came_from.push(
-            found
+            cheapest
                 .into_iter()
                 .map(|(_, from)| from)
                 .collect::<Vec<usize>>(),
@@ -138,7 +140,7 @@ fn crease(edge: &[[f32; 3]; SAMPLES], view: &FrontView, width: f32) -> [f32; SAM
     heights
 }
 
-/// How far a place lies behind what is above and below it, 0 where that is not known.
+/// How far a place lies behind the places above and below it; 0 where that is unknown.
 fn valley(view: &FrontView, at: Vec2, width: f32) -> f32 {
     let depth = |y: f32| depth(view, Vec2::new(at.x, at.y + y));
     let here = depth(0.0);
@@ -147,7 +149,7 @@ fn valley(view: &FrontView, at: Vec2, width: f32) -> f32 {
     known.fold(0.0, f32::max)
 }
 
-/// Depth of what is seen at a place, not finite where nothing is.
+/// Depth of the surface in sight at a place; not finite where there is none.
 pub(super) fn depth(view: &FrontView, at: Vec2) -> f32 {
     let [column, row] = view.cell_at(at.into());
     view.depth(column, row)
@@ -209,8 +211,8 @@ mod tests {
     fn the_rim_follows_a_crease_beside_the_landmarks_and_else_the_landmarks() {
         let (marks, carved) = (0.5, 0.62);
         let height = |view: &FrontView| -Rim::of(&opening(marks), view).distance(Vec2::ZERO);
-        let found = height(&grooved(carved, 0.15));
-        assert!((found - carved).abs() < 0.04, "{found}");
+        let measured = height(&grooved(carved, 0.15));
+        assert!((measured - carved).abs() < 0.04, "{measured}");
         let plain = height(&grooved(carved, 0.0));
         assert!((plain - marks).abs() < 0.04, "{plain}");
     }

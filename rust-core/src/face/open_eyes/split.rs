@@ -1,9 +1,9 @@
-//! The skin cut along a closed line around an eye, and the piece inside set free.
+//! Cuts the skin along a closed line around an eye, and frees the piece inside.
 //!
-//! Every vertex of the sheet in which the eye lies knows how far it lies from the line. Where that changes sign along an
-//! edge, the edge gets a vertex; triangles are cut there. Pieces inside get vertices of their own along the line, so
-//! that lids and eye are two surfaces that touch. What could go wrong: a line that crosses a hole or runs over itself is no
-//! single loop, and the eye is refused.
+//! Every vertex of the sheet around the eye gets its distance from the line. An edge along which
+//! the sign changes gets a vertex, and triangles are cut there. Pieces inside get vertices of their
+//! own along the line, so that lids and eye are two surfaces that touch. A line that crosses a hole
+//! or itself is no single loop: such an eye is refused.
 
 use std::collections::{HashMap, HashSet};
 
@@ -16,9 +16,10 @@ use crate::{
     mesh::depth_at,
 };
 
-/// A crossing so near the end of an edge, as a part of it, goes through the vertex instead.
+/// A crossing this near to the end of an edge, as a share of the edge, goes through the vertex
+/// instead.
 const SNAP: f32 = 0.18;
-/// The sheet reaches so far beyond the line, in widths.
+/// The sheet reaches this far beyond the line, in widths.
 const BEYOND: f32 = 0.25;
 
 /// A place in space, by its bits: vertices along texture seams share one.
@@ -44,7 +45,7 @@ struct Corner {
     side: i8,
 }
 
-/// Triangles about the eye that hang together with what is seen in its middle.
+/// Triangles about the eye that are connected with those in sight in its middle.
 pub(super) fn sheet(fine: &FineMesh, space: &EyeSpace, rim: &Rim, width: f32) -> Vec<u32> {
     let mesh = &fine.mesh;
     let corners =
@@ -91,7 +92,8 @@ fn place(fine: &FineMesh, v: u32) -> Place {
     fine.mesh.positions[v as usize].map(|x| (x + 0.0).to_bits())
 }
 
-/// Cuts the sheet along the line. Returns the line, in the order in which triangles of the eye run along it.
+/// Cuts the sheet along the line. Returns the line in the order in which it bounds the triangles of
+/// the eye.
 ///
 /// # Errors
 /// `Mesh` where the line is no single loop over the surface.
@@ -102,11 +104,11 @@ pub(super) fn split(
     rim: &Rim,
 ) -> Result<Vec<RimPlace>> {
     let cut = Cut::of(fine, sheet, space, rim);
-    let mut made = HashMap::new();
+    let mut vertices_on_edges = HashMap::new();
     let in_sheet: HashSet<u32> = sheet.iter().copied().collect();
     let triangles = std::mem::take(&mut fine.mesh.triangles);
     let sources = std::mem::take(&mut fine.triangle_sources);
-    // New triangles of the sheet with their side.
+    // New triangles of the sheet and their sides.
     let mut pieces = Vec::new();
     for (number, (t, source)) in triangles.into_iter().zip(sources).enumerate() {
         if !in_sheet.contains(&(number as u32)) {
@@ -114,7 +116,7 @@ pub(super) fn split(
             fine.triangle_sources.push(source);
             continue;
         }
-        let around = cut.around(fine, &mut made, t);
+        let around = cut.around(fine, &mut vertices_on_edges, t);
         for piece in cut_pieces(&around) {
             let sides: i32 = piece.iter().map(|corner| i32::from(corner.side)).sum();
             let is_inside = match sides {
@@ -182,7 +184,7 @@ impl Cut {
     fn around(
         &self,
         fine: &mut FineMesh,
-        made: &mut HashMap<(u32, u32), u32>,
+        vertices_on_edges: &mut HashMap<(u32, u32), u32>,
         t: [u32; 3],
     ) -> Vec<Corner> {
         let mut around = Vec::with_capacity(5);
@@ -201,21 +203,23 @@ impl Cut {
             }
             let to_next = a / (a - b);
             (shares[k], shares[(k + 1) % 3]) = (1.0 - to_next, to_next);
-            let vertex = *made.entry((v.min(w), v.max(w))).or_insert_with(|| {
-                // From the smaller place on, so that both banks of a texture seam get the same one.
-                let [p, q] = [v, w].map(|v| fine.mesh.positions[v as usize]);
-                let is_turned = place(fine, v) > place(fine, w);
-                let between = |p: [f32; 3], q: [f32; 3], t: f32| -> [f32; 3] {
-                    std::array::from_fn(|i| p[i] + t * (q[i] - p[i]))
-                };
-                fine.mesh.positions.push(match is_turned {
-                    false => between(p, q, to_next),
-                    true => between(q, p, b / (b - a)),
+            let vertex = *vertices_on_edges
+                .entry((v.min(w), v.max(w)))
+                .or_insert_with(|| {
+                    // From the smaller place on, so that both banks of a texture seam get the same one.
+                    let [p, q] = [v, w].map(|v| fine.mesh.positions[v as usize]);
+                    let is_turned = place(fine, v) > place(fine, w);
+                    let between = |p: [f32; 3], q: [f32; 3], t: f32| -> [f32; 3] {
+                        std::array::from_fn(|i| p[i] + t * (q[i] - p[i]))
+                    };
+                    fine.mesh.positions.push(match is_turned {
+                        false => between(p, q, to_next),
+                        true => between(q, p, b / (b - a)),
+                    });
+                    let ends = [(v, 1.0 - to_next), (w, to_next), (v, 0.0)];
+                    fine.vertex_sources.push(mixed(&fine.vertex_sources, ends));
+                    fine.mesh.positions.len() as u32 - 1
                 });
-                let ends = [(v, 1.0 - to_next), (w, to_next), (v, 0.0)];
-                fine.vertex_sources.push(mixed(&fine.vertex_sources, ends));
-                fine.mesh.positions.len() as u32 - 1
-            });
             around.push(Corner {
                 vertex,
                 shares,
@@ -245,11 +249,11 @@ fn cut_pieces(around: &[Corner]) -> Vec<[Corner; 3]> {
     }
 }
 
-/// Gives the pieces inside vertices of their own along the line; `pieces`: number, whether it lies inside, and which
-/// of its corners lie on the line.
+/// Gives the pieces inside vertices of their own along the line. `pieces`: number, whether it lies
+/// inside, and which of its corners lie on the line.
 fn set_free(fine: &mut FineMesh, pieces: &[(usize, bool, [bool; 3])]) -> Result<Vec<RimPlace>> {
     let mut outside = HashMap::new();
-    // Edges of pieces outside along the line, by their places.
+    // Edges along the line of pieces outside, by their places.
     let mut banks = HashSet::new();
     for &(number, _, on_line) in pieces.iter().filter(|piece| !piece.1) {
         let t = fine.mesh.triangles[number];

@@ -1,4 +1,4 @@
-//! What an eye that was cut free does when its lids shut.
+//! Shuts the lids of an eye that was cut free, and measures what shows.
 
 use glam::Vec3;
 use ndarray::{Array3, ArrayView2};
@@ -13,10 +13,12 @@ use crate::{
     },
 };
 
-/// How far the lids of the canonical face travel until they are shut, metres; of this the upper one.
+/// How far the lids of the canonical face travel until they are shut, metres, and the upper lid's
+/// share.
 const WAY_M: f32 = 0.0079;
 const UPPER_SHARE: f32 = 0.9;
-/// What is seen of the ball of a shut eye, and of skin that turned over, as a share of what is seen of the open ball.
+/// Largest visible area of the ball of a shut eye and of skin that turned over, as shares of the
+/// visible area of the open ball.
 const MOST_IN_SIGHT: f64 = 0.05;
 const MOST_TURNED: f64 = 0.02;
 
@@ -25,12 +27,12 @@ const SKIN: u8 = 1;
 const BALL: u8 = 2;
 const TURNED: u8 = 3;
 
-/// What a trial blink of one eye showed, as shares of what is seen of its open ball.
+/// What a trial blink of one eye showed, as shares of the visible area of the open ball.
 #[derive(Debug, Clone, Copy, PartialEq)]
 pub struct EyeTrial {
-    /// What is still seen of the ball.
+    /// Visible area of the ball.
     pub in_sight: f64,
-    /// What is seen of skin that turned over.
+    /// Visible area of skin that turned over.
     pub turned: f64,
 }
 
@@ -85,10 +87,10 @@ impl EyeTrial {
             })
         };
         let whole = picture(&rest)[usize::from(BALL)].max(1) as f64;
-        let seen = picture(&shut);
+        let areas = picture(&shut);
         EyeTrial {
-            in_sight: seen[usize::from(BALL)] as f64 / whole,
-            turned: seen[usize::from(TURNED)] as f64 / whole,
+            in_sight: areas[usize::from(BALL)] as f64 / whole,
+            turned: areas[usize::from(TURNED)] as f64 / whole,
         }
     }
 

@@ -1,9 +1,10 @@
 //! The inside of a mouth: a bag sewn behind the parted lips.
 //!
-//! Each lip first rolls inward: an arc goes on where the lip's own front leads at the slit, until it leads
-//! straight back. A lip that is flat there, such as a painted one, so gets a round edge; one that dives
-//! into a valley hardly bends any more. At rest each arc lies behind the front of the other lip. Behind the
-//! lips the bag widens up and down and closes at the throat. Each ring has one vertex for each of the slit.
+//! Each lip first rolls inward: an arc starts in the direction of the lip's own front at the slit
+//! and turns until it leads straight back. So a flat lip, such as a painted one, gets a round edge,
+//! and a lip that dives into a valley hardly bends any more. At rest each arc lies behind the front
+//! of the other lip. Behind the lips the bag widens up and down and closes at the throat. Each ring
+//! has one vertex for each vertex of the slit.
 
 use std::{
     f64::consts::FRAC_PI_2,
@@ -15,34 +16,35 @@ use glam::{DVec2, DVec3};
 use super::{cut::CutMesh, patch::MouthFrame};
 use crate::mesh::Mesh;
 
-/// Depth, in widths of the mouth (40 mm), and the least where the head is thin.
+/// Depth, in widths of the mouth (40 mm), and the least depth where the head is thin.
 const DEPTH: f64 = 0.8;
 const LEAST_DEPTH: f64 = 0.15;
-/// Of the way to the next surface behind the lips the bag takes so much at most.
+/// The bag takes at most this share of the way to the next surface behind the lips.
 const SHARE_OF_HEAD: f64 = 0.5;
-/// What lies nearer behind the slit than this is the lips themselves, in widths.
+/// A surface nearer behind the slit than this belongs to the lips, in widths.
 const LIPS: f64 = 0.12;
 /// Places of the rings on the way back.
 const RINGS: [f64; 7] = [0.05, 0.13, 0.23, 0.36, 0.53, 0.75, 1.0];
 /// Height above and below the slit, in widths (11 mm).
 const HEIGHT: f64 = 0.22;
-/// At the corners the bag is so deep, as a part of its depth in the middle.
+/// Depth of the bag at the corners, as a share of its depth in the middle.
 const DEPTH_AT_CORNERS: f64 = 0.35;
 /// By how much it is narrower at its back.
 const NARROWED: f64 = 0.3;
 /// Radius of the arc by which a lip rolls inward in the middle, in widths (2.5 mm).
 const ROLL: f64 = 0.05;
-/// Of the arc the parts at which rings lie.
+/// Places of rings along the arc.
 const ROLL_RINGS: [f64; 3] = [0.33, 0.67, 1.0];
-/// Where the arc's way up or down is gone, as a part of the bag's depth.
+/// Depth at which the arc's way up or down has faded out, as a share of the bag's depth.
 const ROLL_GONE: f64 = 0.3;
-/// How far from the slit the slope of a lip's front is taken, in widths (2 mm).
+/// How far from the slit the slope of a lip's front is measured, in widths (2 mm).
 const SLOPE_REACH: f64 = 0.04;
-/// An arc begins so much further inward than the front of the other lip, radians (10 degrees).
+/// An arc starts this much further inward than the front of the other lip, radians (10 degrees).
 const CLEARANCE: f64 = 0.17;
-/// A steeper front counts as this steep, radians (70 degrees): every arc has a length.
+/// A steeper front counts as this steep, radians (70 degrees), so that every arc has a length.
 const STEEPEST: f64 = 1.22;
-/// Radius at the corners of the mouth, as a part of that in the middle: no ring may fall on the slit.
+/// Radius at the corners of the mouth, as a share of that in the middle. It is not zero, so that no
+/// ring falls on the slit.
 const ROLL_AT_CORNERS: f64 = 0.1;
 /// Passes of a binomial filter along the slopes of a lip.
 const SLOPE_SMOOTHING: usize = 6;
@@ -150,9 +152,9 @@ impl Roll {
             (0..SLOPE_SMOOTHING).for_each(|_| smooth(&mut slopes));
             slopes
         });
-        [(0, 1.0), (1, -1.0)].map(|(own, side)| {
-            let pairs = slopes[own].iter().zip(&slopes[1 - own]);
-            let clear = pairs.map(|(own, other)| own.max(CLEARANCE - other));
+        [(0, 1.0), (1, -1.0)].map(|(lip, side)| {
+            let pairs = slopes[lip].iter().zip(&slopes[1 - lip]);
+            let clear = pairs.map(|(slope, opposite)| slope.max(CLEARANCE - opposite));
             Roll {
                 side,
                 slopes: clear.map(|slope| slope.clamp(0.0, STEEPEST)).collect(),
@@ -226,7 +228,7 @@ fn places(line: &[DVec3]) -> Vec<f64> {
     places.iter().map(|place| place / whole).collect()
 }
 
-/// How deep a bag finds room behind the middle of the slit, in widths.
+/// How much room a bag has behind the middle of the slit, in widths.
 fn depth(mesh: &Mesh, frame: &MouthFrame, middle: DVec3) -> f64 {
     let behind = |t: &[u32; 3]| {
         let [a, b, c] = t.map(|v| {
@@ -254,8 +256,8 @@ fn smooth<T: Copy + Add<Output = T> + Mul<f64, Output = T>>(line: &mut [T]) {
     }
 }
 
-/// Faces between two rows whose sides run from left to right on `a`; the diagonals are mirrored about
-/// the middle, and nothing stands where the rows share a vertex.
+/// Faces between two rows whose sides run from left to right on `a`. The diagonals are mirrored
+/// about the middle. Where the rows share a vertex there is no face.
 fn strip(faces: &mut Vec<[u32; 3]>, a: &[u32], b: &[u32]) {
     let columns = a.len() - 1;
     for i in 0..columns {

@@ -54,10 +54,10 @@ impl CutMesh {
         line: &[Node],
         above: impl Fn(DVec3) -> f64,
     ) -> Result<CutMesh> {
-        let own = (0..mesh.positions.len() as u32).map(|v| [(v, 1.0), (v, 0.0), (v, 0.0)]);
+        let sources = (0..mesh.positions.len() as u32).map(|v| [(v, 1.0), (v, 0.0), (v, 0.0)]);
         let mut cut = CutMesh {
             positions: mesh.positions.clone(),
-            sources: own.collect(),
+            sources: sources.collect(),
             pieces: Vec::with_capacity(mesh.triangles.len() + 4 * line.len()),
             upper: Vec::new(),
             lower: Vec::new(),
@@ -123,12 +123,12 @@ impl CutMesh {
             if !is_lower || !used_above[&vertex] {
                 continue;
             }
-            let own = *lower_copy.entry(vertex).or_insert_with(|| {
+            let copy = *lower_copy.entry(vertex).or_insert_with(|| {
                 self.positions.push(self.positions[vertex as usize]);
                 self.sources.push(self.sources[vertex as usize]);
                 self.positions.len() as u32 - 1
             });
-            self.pieces[piece as usize].corners[corner] = own;
+            self.pieces[piece as usize].corners[corner] = copy;
         }
         let vertex = |&(piece, corner): &(u32, usize)| self.pieces[piece as usize].corners[corner];
         self.upper = banks.upper.iter().map(vertex).collect();
@@ -221,7 +221,7 @@ struct Splitter<'a> {
     /// Ends inside of triangles: number on the line, and its shares.
     inside: HashMap<u32, (u32, [f64; 3])>,
     /// Vertices made on edges of the mesh.
-    made: HashMap<(u32, u32), u32>,
+    vertices_on_edges: HashMap<(u32, u32), u32>,
 }
 
 impl<'a> Splitter<'a> {
@@ -238,7 +238,7 @@ impl<'a> Splitter<'a> {
             patch,
             on_edge,
             inside,
-            made: HashMap::new(),
+            vertices_on_edges: HashMap::new(),
         }
     }
 
@@ -284,8 +284,8 @@ impl<'a> Splitter<'a> {
             shares[k] = 1.0 - to_next;
             shares[next] = to_next;
             let (v, w) = (vertices[k], vertices[next]);
-            let made = self.made.entry((v.min(w), v.max(w)));
-            let vertex = *made.or_insert_with(|| {
+            let entry = self.vertices_on_edges.entry((v.min(w), v.max(w)));
+            let vertex = *entry.or_insert_with(|| {
                 let (first, second) = if v < w {
                     (1.0 - to_next, to_next)
                 } else {

@@ -1,10 +1,11 @@
-//! Lips that are one surface, parted: a seam, a cut along it, a bag behind it.
+//! Parts lips that are one surface: finds a seam, cuts along it and sews a bag behind it.
 //!
-//! The seam is the valley between the lips (`valley`). Large triangles beside it are divided (`refine`), and
-//! it is drawn over the surface as a level set (`trace`), so that it crosses triangles where no edge
-//! follows it. The surface is cut there (`cut`), and lips that roll inward and a bag are sewn to both banks
-//! (`bag`). What the rims do when the jaw drops says whether the mouth is good (`trial`). No old vertex moves and none is lost: at rest the surface is the same.
-//! Every new vertex and every corner of a new triangle says what it is made of, so that a caller can
+//! The seam is the valley between the lips (`valley`). Large triangles beside it are divided
+//! (`refine`), and it is drawn over the surface as a level set (`trace`), so that it crosses
+//! triangles where no edge follows it. The surface is cut there (`cut`), and lips that roll inward
+//! and a bag are sewn to both banks (`bag`). A trial opening measures whether the mouth is good
+//! (`trial`). No old vertex moves and none is lost, so that the surface at rest stays the same.
+//! Every new vertex and every corner of a new triangle names its sources, so that a caller can
 //! carry texture coordinates, groups, normals, materials and shape keys over.
 
 mod bag;
@@ -35,7 +36,8 @@ use trace::{Node, trace};
 pub use trial::MouthTrial;
 use valley::SeamLine;
 
-/// The border of a lip lies at least so far from the seam in the middle of the mouth, in widths (6 mm).
+/// The border of a lip lies at least this far from the seam in the middle of the mouth, in widths
+/// (6 mm).
 const LEAST_LIP: f64 = 0.12;
 /// Fewest vertices of a slit that can open, both corners included.
 const LEAST_VERTICES: usize = 3;
@@ -48,9 +50,9 @@ const LEAST_VERTICES: usize = 3;
 /// let head = std::path::Path::new(env!("CARGO_MANIFEST_DIR")).join("../weights/shared/default_head");
 /// let mesh = Mesh::read(head.join("head.obj"))?;
 /// let landmarks = Some(LandmarkSource::read(&head.join("landmarks.json"))?);
-/// let found = locate_landmarks(&mesh, &FaceOptions { landmarks, ..Default::default() })?;
+/// let located = locate_landmarks(&mesh, &FaceOptions { landmarks, ..Default::default() })?;
 /// // The lips of this head part already.
-/// assert!(open_mouth(&mesh, &found).is_err());
+/// assert!(open_mouth(&mesh, &located).is_err());
 /// # Ok::<(), anyface::Error>(())
 /// ```
 ///
@@ -68,7 +70,7 @@ pub fn open_mouth(mesh: &Mesh, landmarks: &Landmarks) -> Result<OpenedFace> {
     let to_canonical = align_to_canonical(landmarks)?;
     let frame = MouthFrame::of(landmarks, &to_canonical)?;
     let inner: [DVec3; 8] = std::array::from_fn(|i| frame.local_of(landmarks.positions[60 + i]));
-    let found = |sewing: Sewing| -> Result<(FineMesh, Patch, SeamLine, Vec<Node>)> {
+    let find_line = |sewing: Sewing| -> Result<(FineMesh, Patch, SeamLine, Vec<Node>)> {
         let patch = Patch::around(mesh, landmarks, &frame, sewing)?;
         let seam = SeamLine::find(&patch, &inner)?;
         let fine = FineMesh::beside(mesh, &patch.faces, |p| {
@@ -79,7 +81,8 @@ pub fn open_mouth(mesh: &Mesh, landmarks: &Landmarks) -> Result<OpenedFace> {
         let line = trace(&patch, &seam, [inner[0], inner[4]])?;
         Ok((fine, patch, seam, line))
     };
-    let (fine, patch, seam, line) = found(Sewing::Seams).or_else(|_| found(Sewing::Places))?;
+    let (fine, patch, seam, line) =
+        find_line(Sewing::Seams).or_else(|_| find_line(Sewing::Places))?;
     if line.len() < LEAST_VERTICES {
         return Err(Error::Mesh(
             "expected triangles smaller than the mouth, got one as wide as it".into(),
@@ -137,9 +140,9 @@ impl OpenedFace {
     }
 }
 
-/// Puts the landmarks of the inner lips on the rims and those of the borders of the lips on their own side of
-/// the seam: one on the other lip would drag that along. Left and right mirror each other about the
-/// seam, so that the mouth opens alike on both sides.
+/// Puts the landmarks of the inner lips on the rims, and those of the lips' borders on their own
+/// side of the seam. A landmark on the wrong lip would drag that lip along. Left and right mirror
+/// each other about the seam, so that the mouth opens alike on both sides.
 fn landmarks_on_lips(
     cut: &CutMesh,
     landmarks: &Landmarks,
@@ -152,13 +155,13 @@ fn landmarks_on_lips(
     for n in 60..68 {
         let is_upper = lip_of_landmark(n) == Some(Lip::Upper);
         let rim = if is_upper { &cut.upper } else { &cut.lower };
-        let wanted = 0.5 * (place(n).x + 1.0 - place(MIRROR[n]).x);
+        let target = 0.5 * (place(n).x + 1.0 - place(MIRROR[n]).x);
         let inner = match n {
             60 => 0..1,
             64 => rim.len() - 1..rim.len(),
             _ => 1..rim.len() - 1,
         };
-        let away = |&&v: &&u32| (local(v).x - wanted).abs();
+        let away = |&&v: &&u32| (local(v).x - target).abs();
         let nearest = rim[inner].iter().min_by(|a, b| away(a).total_cmp(&away(b)));
         let vertex = *nearest.expect("a slit has vertices between its corners");
         out.vertices[n] = vertex;
@@ -169,16 +172,16 @@ fn landmarks_on_lips(
         .into_iter()
         .flat_map(|(upper, lower)| [(upper, 1.0), (lower, -1.0)]);
     for (n, side) in borders.chain(CORNERS.map(|n| (n, 1.0))) {
-        let (own, mirrored) = (place(n), place(MIRROR[n]));
-        let x = 0.5 * (own.x + 1.0 - mirrored.x);
+        let (here, mirrored) = (place(n), place(MIRROR[n]));
+        let x = 0.5 * (here.x + 1.0 - mirrored.x);
         let lip = |p: DVec3| side * (p.y - seam.height(p.x));
-        let mean = 0.5 * (lip(own) + lip(mirrored));
+        let mean = 0.5 * (lip(here) + lip(mirrored));
         let height = match CORNERS.contains(&n) {
             true => mean,
             false => mean.max(LEAST_LIP * (4.0 * x * (1.0 - x)).clamp(0.0, 1.0).sqrt()),
         };
-        let wanted = DVec2::new(x, seam.height(x) + side * height);
-        if let Some((place, vertex)) = fronts.place(wanted) {
+        let target = DVec2::new(x, seam.height(x) + side * height);
+        if let Some((place, vertex)) = fronts.place(target) {
             out.vertices[n] = vertex;
             out.positions[n] = frame.point(place).as_vec3().into();
         }

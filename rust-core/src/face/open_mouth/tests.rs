@@ -24,8 +24,8 @@ fn default_head() -> (Mesh, Vec<[f32; 3]>) {
         landmarks: Some(source),
         ..FaceOptions::default()
     };
-    let found = locate_landmarks(&mesh, &options).unwrap();
-    (mesh, found.positions.to_vec())
+    let landmarks = locate_landmarks(&mesh, &options).unwrap();
+    (mesh, landmarks.positions.to_vec())
 }
 
 /// The default head from the front as one sheet, closed by a point behind it: its lips are one surface.
@@ -147,11 +147,11 @@ impl Mask {
 
     fn opened(&self) -> (Mesh, OpenedFace) {
         let mesh = self.mesh();
-        let opened = open_mouth(&mesh, &self.found(&mesh)).unwrap();
+        let opened = open_mouth(&mesh, &self.locate(&mesh)).unwrap();
         (mesh, opened)
     }
 
-    fn found(&self, mesh: &Mesh) -> Landmarks {
+    fn locate(&self, mesh: &Mesh) -> Landmarks {
         let options = FaceOptions {
             landmarks: Some(LandmarkSource::Positions(self.landmarks.clone())),
             ..FaceOptions::default()
@@ -175,8 +175,12 @@ fn check(mesh: &Mesh, opened: &OpenedFace) -> f32 {
         opened.mesh.positions[..mesh.positions.len()],
         mesh.positions
     );
-    let own = opened.vertex_sources[..mesh.positions.len()].iter();
-    assert!((0..).zip(own).all(|(v, sources)| sources[0] == (v, 1.0)));
+    let originals = opened.vertex_sources[..mesh.positions.len()].iter();
+    assert!(
+        (0..)
+            .zip(originals)
+            .all(|(v, sources)| sources[0] == (v, 1.0))
+    );
     assert_eq!(Mouth::of(&opened.mesh, &opened.landmarks), Mouth::Slit);
     let skin = area(&opened.mesh, 0..opened.first_lining_triangle);
     let whole = area(mesh, 0..mesh.triangles.len());
@@ -192,10 +196,10 @@ fn a_closed_head_stays_closed_and_its_surface_the_same() {
         let mask = Mask::new(columns, rows);
         let (mesh, opened) = mask.opened();
         let width = check(&mesh, &opened);
-        let asked = mask.landmarks[64][0] - mask.landmarks[60][0];
+        let expected = mask.landmarks[64][0] - mask.landmarks[60][0];
         assert!(
-            (width / asked - 1.0).abs() < 0.12,
-            "{columns}: {width} of {asked}"
+            (width / expected - 1.0).abs() < 0.12,
+            "{columns}: {width} of {expected}"
         );
     }
 }
@@ -324,7 +328,7 @@ fn texture_seams_and_faces_that_look_inward_are_no_hindrance() {
             }
         }
     }
-    let opened = open_mouth(&mesh, &mask.found(&mesh)).unwrap();
+    let opened = open_mouth(&mesh, &mask.locate(&mesh)).unwrap();
     let sewn = weld_seams(&opened.mesh.positions, &opened.mesh.triangles, &[]);
     let triangles: Vec<[u32; 3]> = opened
         .mesh
@@ -336,7 +340,7 @@ fn texture_seams_and_faces_that_look_inward_are_no_hindrance() {
     assert_eq!(Mouth::of(&opened.mesh, &opened.landmarks), Mouth::Slit);
     let mut inward = mask.mesh();
     inward.triangles.iter_mut().for_each(|t| t.swap(1, 2));
-    let opened = open_mouth(&inward, &mask.found(&inward)).unwrap();
+    let opened = open_mouth(&inward, &mask.locate(&inward)).unwrap();
     check(&inward, &opened);
     let volume = |mesh: &Mesh| -> f64 {
         let six = |t: &[u32; 3]| {
@@ -356,8 +360,8 @@ fn lips_that_part_already_are_left_alone() {
         landmarks: Some(LandmarkSource::Positions(landmarks)),
         ..FaceOptions::default()
     };
-    let found = locate_landmarks(&mesh, &options).unwrap();
-    let error = open_mouth(&mesh, &found).unwrap_err();
+    let landmarks = locate_landmarks(&mesh, &options).unwrap();
+    let error = open_mouth(&mesh, &landmarks).unwrap_err();
     assert!(matches!(error, Error::InvalidInput(_)));
     assert!(error.to_string().contains("part already (slit)"), "{error}");
 }
@@ -412,8 +416,13 @@ fn moved(mesh: &Mesh, landmarks: &[[f32; 3]]) -> Vec<[f32; 3]> {
             SILENT,
         )
     });
-    let made = clip.unwrap().vertices.displacements;
-    made.as_slice().unwrap().as_chunks::<3>().0.to_vec()
+    let displacements = clip.unwrap().vertices.displacements;
+    displacements
+        .as_slice()
+        .unwrap()
+        .as_chunks::<3>()
+        .0
+        .to_vec()
 }
 
 #[test]
@@ -422,11 +431,15 @@ fn opened_lips_part_by_what_the_landmarks_say() {
     let (_, opened) = mask.opened();
     let landmarks = &opened.landmarks;
     let ways = moved(&opened.mesh, &landmarks.positions);
-    let asked = wide_open();
+    let motion = wide_open();
     for (upper, lower) in [(61, 67), (62, 66), (63, 65)] {
         let [a, b] = [upper, lower].map(|n| ways[landmarks.vertices[n] as usize][1]);
-        let wanted = asked[[0, upper, 1]] - asked[[0, lower, 1]];
-        assert!((a - b) > 0.85 * wanted, "{upper}: {} of {wanted}", a - b);
+        let expected = motion[[0, upper, 1]] - motion[[0, lower, 1]];
+        assert!(
+            (a - b) > 0.85 * expected,
+            "{upper}: {} of {expected}",
+            a - b
+        );
     }
     // In between no place of the rim stays behind.
     let range = |n: usize| landmarks.positions[n][0];
@@ -448,9 +461,9 @@ fn lips_that_stay_one_surface_are_not_pulled_apart() {
     for (p, way) in posed.positions.iter_mut().zip(&ways) {
         *p = std::array::from_fn(|i| p[i] + way[i]);
     }
-    let found = mask.found(&mesh);
-    let middle = found.positions[62];
-    let width = found.positions[54][0] - found.positions[48][0];
+    let located = mask.locate(&mesh);
+    let middle = located.positions[62];
+    let width = located.positions[54][0] - located.positions[48][0];
     let near = |t: &[u32; 3]| {
         let p = mesh.positions[t[0] as usize];
         (p[0] - middle[0]).hypot(p[1] - middle[1]) < 0.75 * width
@@ -461,7 +474,7 @@ fn lips_that_stay_one_surface_are_not_pulled_apart() {
     let torn = growth.iter().filter(|g| **g > 2.0).count();
     assert!(torn * 200 <= growth.len(), "{torn} of {}", growth.len());
     // The borders of the lips still show that the mouth is open.
-    let [a, b] = [51, 57].map(|n| ways[found.vertices[n] as usize][1]);
+    let [a, b] = [51, 57].map(|n| ways[located.vertices[n] as usize][1]);
     assert!(a - b > 0.004, "{}", a - b);
 }
 

@@ -1,9 +1,9 @@
 //! The line between the lips on the surface: a level set of the height above the seam.
 //!
-//! Every point of the patch knows how far it lies above the seam's height at its place. Where that
-//! changes sign the surface is crossed, through triangles as along edges, so the line needs no edges
-//! of the mesh. Folds and beards would give it side lines: the heights are smoothed along the surface
-//! (one backward step of heat flow), more and more until one line leads from corner to corner.
+//! Every point of the patch has its height above the seam. The line crosses the surface where this
+//! height changes sign, through triangles as along edges, so that it needs no edges of the mesh.
+//! Folds and beards would give it branches. So the heights are smoothed along the surface (one
+//! backward step of heat flow), more and more until one line leads from corner to corner.
 
 use std::collections::{BTreeMap, BinaryHeap};
 
@@ -22,14 +22,15 @@ use crate::{
 
 /// Lengths over which heights are smoothed, in widths of the mouth, one after the other.
 const SMOOTHED_OVER: [f64; 5] = [0.01, 0.03, 0.06, 0.12, 0.25];
-/// A crossing so near the end of an edge, as a part of it, goes through the vertex instead.
+/// A crossing this near to the end of an edge, as a share of the edge, goes through the vertex
+/// instead.
 const SNAP: f64 = 0.18;
-/// The line may end so far from a corner, in widths, beside the length of an edge there.
+/// The line may end this far from a corner, in widths, plus the length of an edge there.
 const MISS: f64 = 0.06;
-/// The line goes no further beyond a corner, in widths, and is no longer than this.
+/// The line reaches no further beyond a corner, in widths.
 const BEYOND: f64 = 0.3;
 const LONGEST: f64 = 3.0;
-/// A piece of the line is cut for a corner inside of it, but not nearer to its ends than this part.
+/// A corner inside a piece of the line cuts it, but no nearer to the piece's ends than this share.
 const TRIM: f64 = 0.15;
 
 /// A place where the line meets edges of the patch, or one of its two ends.
@@ -68,8 +69,8 @@ pub(super) fn trace(patch: &Patch, line: &SeamLine, corners: [DVec3; 2]) -> Resu
             .as_ref()
             .and_then(|heat| heat.smoothed(&heights, length));
         let level = Level::of(patch, smooth.as_deref().unwrap_or(&heights));
-        if let Some(found) = level.line(corners) {
-            return Ok(found);
+        if let Some(nodes) = level.line(corners) {
+            return Ok(nodes);
         }
     }
     Err(Error::Mesh(

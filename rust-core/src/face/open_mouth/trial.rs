@@ -1,4 +1,4 @@
-//! What an opened mouth does when the jaw drops by 20 mm, measured along its rims.
+//! Measures along its rims how an opened mouth parts when the jaw drops by 20 mm.
 
 use glam::{DVec2, DVec3};
 use ndarray::{Array3, ArrayView2};
@@ -11,21 +11,22 @@ use crate::{
 
 /// How far the jaw drops, metres on a human head.
 const DROP_M: f32 = 0.02;
-/// The share of the drop that the inner lips part by at each landmark from the right corner to the left one.
-const ASKED: [f64; 5] = [0.0, 0.85, 1.0, 0.85, 0.0];
+/// How far the inner lips should part at each landmark from the right corner to the left one, as a
+/// share of the drop.
+const OPENINGS: [f64; 5] = [0.0, 0.85, 1.0, 0.85, 0.0];
 /// Corners of the mouth follow the jaw by this share.
 const CORNERS: f32 = 0.4;
 /// The jaw moves back by this share of its drop.
 const BACK: f32 = 0.3;
-/// Places from corner to corner at which a rim is looked at.
+/// Places from corner to corner at which a rim is measured.
 const PLACES: usize = 33;
-/// Corners turn by nature and rise steeply: so many places at either end do not count.
+/// Places at either end that do not count: rims turn and rise steeply at corners by nature.
 const CORNER_PLACES: usize = 3;
 
-/// What a trial opening showed.
+/// The measurements of a trial opening.
 #[derive(Debug, Clone, Copy, PartialEq)]
 pub struct MouthTrial {
-    /// Between the landmarks 61 and 63 the rims part by at least this share of what the landmarks say.
+    /// Least share of the landmarks' gap by which the rims part between the landmarks 61 and 63.
     pub parted: f64,
     /// The largest bend of a rim between two pieces of a 32nd of its length, degrees: at rest, and open.
     pub bend_deg: [f64; 2],
@@ -61,7 +62,8 @@ impl OpenedFace {
             .collect();
         let [from, to] = [61, 63].map(|n| frame.local_of(self.landmarks.positions[n]).x);
         let middle = places().filter(|place| (from..=to).contains(place));
-        let shares = middle.map(|place| at(&gaps, place) / (drop * at(&asked(), place)));
+        let shares =
+            middle.map(|place| at(&gaps, place) / (drop * at(&expected_openings(), place)));
         let widest = places().map(|place| at(&gaps, place)).fold(0.0, f64::max);
         let heights = [&self.upper_rim, &self.lower_rim].map(|rim| -> Vec<(f64, f64)> {
             let heights = rim
@@ -79,8 +81,8 @@ impl OpenedFace {
         let uneven = uneven(&heights[0]).max(uneven(&heights[1]));
         let bend = |at: &dyn Fn(u32) -> DVec3| {
             let rims = [&self.upper_rim, &self.lower_rim];
-            let seen = rims.map(|rim| rim.iter().map(|&v| frame.local(at(v)).truncate()));
-            let bends = seen.map(|rim| largest_bend(&rim.collect::<Vec<DVec2>>()));
+            let flat = rims.map(|rim| rim.iter().map(|&v| frame.local(at(v)).truncate()));
+            let bends = flat.map(|rim| largest_bend(&rim.collect::<Vec<DVec2>>()));
             bends[0].max(bends[1]).to_degrees()
         };
         Ok(MouthTrial {
@@ -115,7 +117,7 @@ impl MouthTrial {
         for n in 2..=14 {
             drop(n, (1.0 - n.abs_diff(8) as f32 / 6.5).max(0.0));
         }
-        for (n, share) in [(66, ASKED[2]), (65, ASKED[1]), (67, ASKED[1])] {
+        for (n, share) in [(66, OPENINGS[2]), (65, OPENINGS[1]), (67, OPENINGS[1])] {
             drop(n, share as f32);
         }
         for (n, share) in [(57, 1.0), (56, 0.95), (58, 0.95), (55, 0.75), (59, 0.75)] {
@@ -130,7 +132,7 @@ impl MouthTrial {
     /// Least share of the landmarks' gap by which lips part.
     const LEAST_PARTED: f64 = 0.8;
     const MOST_ASYMMETRY: f64 = 0.1;
-    /// A rim with a larger bend shows a spike: mouths that look well bend by up to 27.
+    /// A rim that bends more shows a spike. Mouths that look well bend by up to 27 degrees.
     const MOST_BEND_DEG: f64 = 35.0;
 
     /// # Errors
@@ -143,7 +145,7 @@ impl MouthTrial {
             ..
         } = *self;
         let bend = bend_deg[0].max(bend_deg[1]);
-        let found = if parted < Self::LEAST_PARTED {
+        let problem = if parted < Self::LEAST_PARTED {
             format!("rims that part by {parted:.2} of what the landmarks do")
         } else if asymmetry > Self::MOST_ASYMMETRY {
             format!("halves whose heights differ by {asymmetry:.2} of the gap")
@@ -154,7 +156,7 @@ impl MouthTrial {
         };
         Err(Error::Mesh(format!(
             "open mouth: expected lips that part smoothly and alike on both sides when the jaw drops by \
-             20 mm, got {found}; the mesh is as it was. Put the landmarks of the mouth (48 to 67) where its \
+             20 mm, got {problem}; the mesh is as it was. Put the landmarks of the mouth (48 to 67) where its \
              lips meet and try again, or cut the mouth by hand"
         )))
     }
@@ -164,9 +166,9 @@ fn places() -> impl Iterator<Item = f64> {
     (0..PLACES).map(|i| i as f64 / (PLACES - 1) as f64)
 }
 
-/// What the landmarks say, as shares of the drop by the place between the corners.
-fn asked() -> [(f64, f64); 5] {
-    std::array::from_fn(|i| (0.25 * i as f64, ASKED[i]))
+/// By which share of the drop the lips should part at each place between the corners.
+fn expected_openings() -> [(f64, f64); 5] {
+    std::array::from_fn(|i| (0.25 * i as f64, OPENINGS[i]))
 }
 
 /// A value between those at ascending places.

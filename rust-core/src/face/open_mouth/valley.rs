@@ -1,9 +1,9 @@
 //! Where the lips meet: the valley between them, seen from the front.
 //!
 //! The patch is drawn into a grid of depths over the mouth's frame. In each column from corner to
-//! corner a place counts as a valley as far as it lies behind the mean of what is above and below it;
-//! the cheapest way through the grid from one corner to the other (dynamic programming) follows the
-//! valley, keeps near the line that the inner-lip landmarks draw, and does not jump.
+//! corner, a place counts as a valley as far as it lies behind the mean of the places above and
+//! below it. The cheapest path through the grid from one corner to the other (dynamic programming)
+//! follows the valley, keeps near the line of the inner-lip landmarks and does not jump.
 
 use glam::DVec3;
 
@@ -16,26 +16,26 @@ const COLUMNS: usize = 49;
 const ROW: f64 = 0.004;
 /// The valley lies no further than this from the landmarks' line, in rows (5 mm).
 const RANGE: i64 = 24;
-/// What is above and below is looked at so far away, in rows (1.2, 2.4 and 4 mm).
+/// Distances of the places above and below, in rows (1.2, 2.4 and 4 mm).
 const FLANKS: [i64; 3] = [6, 12, 20];
-/// A valley of this depth outweighs one standard deviation from the landmarks' line, in widths; one
-/// deeper than so many times that is a hole, not lips.
+/// A valley of this depth, in widths, outweighs one standard deviation from the landmarks' line.
+/// One this many times deeper is a hole and no gap between lips.
 const DEEP: f64 = 0.015;
 const DEEPEST: f64 = 8.0;
 /// Standard deviation of the landmarks' line, in rows: in the middle, and at the corners.
 const TRUST: [f64; 2] = [20.0, 2.0];
 /// Standard deviation of a step between two columns against the landmarks' line, in rows.
 const STEP: f64 = 3.0;
-/// A pit: behind one lip the surface lies so far back, in widths of the mouth (8 mm), from so many rows
-/// beyond the lip (2 mm) for so many rows further (3 mm). Suzanne's lies back by 0.33 widths; lips that
-/// meet fall by 0.05 in as many rows.
+/// A pit: behind a lip the surface lies back by this much, in widths of the mouth (8 mm). It does
+/// so from the second number of rows beyond the lip (2 mm) on, for the third number of rows (3 mm).
+/// Suzanne's lies back by 0.33 widths. Lips that meet fall by 0.05 in as many rows.
 const PIT: f64 = 0.15;
 const CLIFF: i64 = 10;
 const FLOOR: i64 = 15;
 /// Triangles so near to the seam show its shape, in widths (4 mm).
 const BESIDE: f64 = 0.08;
-/// Edges up to the first length show how the halves of a seam differ, those from the second on do not, in
-/// widths (3 and 8 mm).
+/// Edges up to the first length show how the halves of a seam differ. Those longer than the second
+/// do not. In widths (3 and 8 mm).
 const COARSE: [f64; 2] = [0.06, 0.16];
 /// Passes of a binomial filter over the line that was found.
 const SMOOTHING: usize = 12;
@@ -74,7 +74,8 @@ impl SeamLine {
         Ok(line.evened(coarseness))
     }
 
-    /// 0 where triangles along the seam are fine enough to show how its halves differ, 1 where they are not.
+    /// 0 where triangles along the seam are fine enough to show how its halves differ, 1 where they
+    /// are too coarse.
     fn coarseness(&self, patch: &Patch) -> f64 {
         let corners = patch
             .triangles
@@ -88,10 +89,10 @@ impl SeamLine {
         ((middle - COARSE[0]) / (COARSE[1] - COARSE[0])).clamp(0.0, 1.0)
     }
 
-    /// The line with so much of the difference between its halves taken away.
+    /// The line with this share of the difference between its halves removed.
     fn evened(&self, share: f64) -> SeamLine {
         let mirrored = self.heights.iter().rev();
-        let even = |(own, other): (&f64, &f64)| own + 0.5 * share * (other - own);
+        let even = |(height, other): (&f64, &f64)| height + 0.5 * share * (other - height);
         SeamLine {
             heights: self.heights.iter().zip(mirrored).map(even).collect(),
         }
@@ -152,7 +153,7 @@ impl Depths {
         depths
     }
 
-    /// Keeps what of a triangle lies in front.
+    /// Draws a triangle where it lies in front.
     fn draw(&mut self, [a, b, c]: [DVec3; 3], expected: &[f64]) {
         let twice = (b[0] - a[0]) * (c[1] - a[1]) - (b[1] - a[1]) * (c[0] - a[0]);
         if twice.abs() < 1e-12 {
@@ -184,7 +185,7 @@ impl Depths {
         self.values[column * ROWS + (row + HALF) as usize]
     }
 
-    /// How far a place lies behind what is beside it; 0 where that is not known.
+    /// How far a place lies behind its neighbours; 0 where that is unknown.
     fn valley(&self, column: usize, row: i64) -> f64 {
         let here = self.at(column, row);
         let behind = |away: i64| {
@@ -230,13 +231,13 @@ fn range(values: [f64; 3]) -> (f64, f64) {
 /// Rows from the expected line, one for each column.
 fn cheapest_way(depths: &Depths) -> Vec<i64> {
     let rows = (2 * RANGE + 1) as usize;
-    let own = |column: usize, row: usize| -> f64 {
+    let cost_of = |column: usize, row: usize| -> f64 {
         let offset = row as i64 - RANGE;
         let inward = 2.0 * place(column).min(1.0 - place(column));
         let trust = TRUST[1] + (TRUST[0] - TRUST[1]) * inward.min(0.5) / 0.5;
         (offset as f64 / trust).powi(2) - (depths.valley(column, offset) / DEEP).min(DEEPEST)
     };
-    let mut costs: Vec<f64> = (0..rows).map(|row| own(0, row)).collect();
+    let mut costs: Vec<f64> = (0..rows).map(|row| cost_of(0, row)).collect();
     let mut came_from: Vec<Vec<usize>> = Vec::new();
     for column in 1..COLUMNS {
         let best = |row: usize| -> (f64, usize) {
@@ -249,12 +250,12 @@ fn cheapest_way(depths: &Depths) -> Vec<i64> {
             ways.min_by(|a, b| a.0.total_cmp(&b.0))
                 .expect("its own row is in reach")
         };
-        let found: Vec<(f64, usize)> = (0..rows).map(best).collect();
-        let next = found.iter().enumerate();
+        let cheapest: Vec<(f64, usize)> = (0..rows).map(best).collect();
+        let next = cheapest.iter().enumerate();
         let next = next
-            .map(|(row, (cost, _))| cost + own(column, row))
+            .map(|(row, (cost, _))| cost + cost_of(column, row))
             .collect();
-        came_from.push(found.into_iter().map(|(_, from)| from).collect());
+        came_from.push(cheapest.into_iter().map(|(_, from)| from).collect());
         costs = next;
     }
     let end = (0..rows).min_by(|&a, &b| costs[a].total_cmp(&costs[b]));

@@ -23,10 +23,10 @@ use crate::{
 
 /// Steps along the proxy in search of the closest triangle.
 const MOST_STEPS: usize = 16;
-/// A triangle that looks away counts as so much further off, so that a fold of the lips does not
-/// take up its other side.
+/// A triangle that faces away counts as this much further off, so that a fold of the lips does not
+/// attach to its other side.
 const FOLD_CM: f64 = 0.1;
-/// Vertices whose rows are there at once as they are found, before they become one matrix.
+/// Vertices whose rows are in memory one by one before they become one matrix.
 const ROWS_AT_ONCE: usize = 1 << 16;
 /// Keeps the fit of a gradient defined where neighbours lie on a line.
 const RIDGE: f64 = 1e-3;
@@ -66,9 +66,9 @@ impl Prolongation {
     /// Fills `[block, columns]` with the values `[_, columns]` that the rows from `first` on take up.
     pub(crate) fn take_up(&self, first: usize, values: &[f32], columns: usize, block: &mut [f32]) {
         vectorised(|| {
-            for (at, own) in block.chunks_exact_mut(columns).enumerate() {
+            for (at, row) in block.chunks_exact_mut(columns).enumerate() {
                 let entries = self.entries(first + at);
-                let rest = take_up_by::<32>(entries, values, columns, own);
+                let rest = take_up_by::<32>(entries, values, columns, row);
                 let rest = take_up_by::<8>(entries, values, columns, rest);
                 let rest = take_up_by::<4>(entries, values, columns, rest);
                 take_up_by::<1>(entries, values, columns, rest);
@@ -111,17 +111,17 @@ impl Prolongation {
     }
 }
 
-/// Fills the last columns, `own`, of a vertex with what it takes up, `W` at a time; gives back those that are
-/// left. The sums stay in registers until all entries are through.
+/// Fills the last columns, `unfilled`, of a vertex, `W` at a time. Returns those that are left. The
+/// sums stay in registers until all entries are added.
 #[inline(always)]
 fn take_up_by<'a, const W: usize>(
     (rows, weights): (&[u32], &[f32]),
     values: &[f32],
     columns: usize,
-    own: &'a mut [f32],
+    unfilled: &'a mut [f32],
 ) -> &'a mut [f32] {
-    let mut first = columns - own.len();
-    let (tiles, rest) = own.as_chunks_mut::<W>();
+    let mut first = columns - unfilled.len();
+    let (tiles, rest) = unfilled.as_chunks_mut::<W>();
     for tile in tiles {
         let mut sum = [0.0; W];
         for i in 0..rows.len() {
@@ -171,7 +171,7 @@ pub(super) fn place_vertices(
     (Prolongation::from_rows(rows), error)
 }
 
-/// The proxy with what its vertices know of their neighbours.
+/// The proxy and the neighbours of its vertices.
 struct Coarse<'a> {
     positions: &'a [DVec3],
     triangles: &'a [[u32; 3]],
@@ -196,8 +196,8 @@ impl<'a> Coarse<'a> {
         }
     }
 
-    /// Columns and weights of a vertex at `point` with a `normal` that was collapsed into `root`, and how far it
-    /// lies from the proxy.
+    /// Columns and weights of a vertex at `point` with `normal` that was collapsed into `root`, and
+    /// its distance from the proxy.
     fn row(&self, point: DVec3, normal: DVec3, root: u32) -> (Vec<(u32, f32)>, f64) {
         let Some((triangle, barycentric)) = self.closest(point, normal, root) else {
             return (
@@ -215,13 +215,13 @@ impl<'a> Coarse<'a> {
             };
         for (&corner, b) in self.triangles[triangle].iter().zip(barycentric) {
             let offset = point - self.positions[corner as usize];
-            let mut own = b;
+            let mut share = b;
             for &(other, part) in &self.gradients[corner as usize] {
                 let weight = 0.5 * b * part.dot(offset);
-                own -= weight;
+                share -= weight;
                 add(other, weight);
             }
-            add(corner, own);
+            add(corner, share);
         }
         (row, distance)
     }
@@ -256,7 +256,8 @@ impl<'a> Coarse<'a> {
     }
 }
 
-/// Least-squares gradient in the tangent plane; offsets keep their length when they are laid flat.
+/// Least-squares gradient in the tangent plane. Offsets keep their length when they are projected
+/// into it.
 fn gradient(
     positions: &[DVec3],
     triangles: &[[u32; 3]],

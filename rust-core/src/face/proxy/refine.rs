@@ -1,8 +1,9 @@
 //! Finer triangles where a mesh is coarse, and a vertex at every landmark.
 //!
-//! A head of a thousand triangles has no vertex where a landmark lies and too few for the bending
-//! of a plate. Both are put in for the solve: the surface stays the same, its own vertices stay and
-//! read off the result. The same head then moves the same way, however it was triangulated.
+//! A head of a thousand triangles has no vertex where a landmark lies, and too few vertices for the
+//! bending of a plate. The solve adds both. The surface stays the same, and its own vertices stay
+//! and take their values from the result. So the same head moves the same way, however it was
+//! triangulated.
 
 use std::collections::HashMap;
 
@@ -17,8 +18,8 @@ use crate::mesh::{
 const AT_VERTEX_CM: f64 = 0.01;
 /// A landmark with less weight than this on a corner lies on the side across from it.
 const ON_SIDE: f64 = 0.02;
-/// Up to so many landmarks may lie in one triangle; the search then still finds all pieces that the
-/// triangle was cut into.
+/// Up to this many landmarks may lie in one triangle. The search then still finds all pieces of the
+/// triangle.
 const MOST_CUTS: usize = 3;
 /// Rounds of splitting.
 const MOST_ROUNDS: usize = 8;
@@ -28,7 +29,7 @@ pub(super) struct Refined {
     pub positions: Vec<DVec3>,
     pub triangles: Vec<[u32; 3]>,
     /// Vertices from this number on were added.
-    own: u32,
+    first_added: u32,
     /// Triangles that a landmark's vertex may concern, ascending.
     near: Vec<usize>,
 }
@@ -36,15 +37,15 @@ pub(super) struct Refined {
 impl Refined {
     pub(super) fn new(positions: Vec<DVec3>, triangles: Vec<[u32; 3]>) -> Refined {
         Refined {
-            own: positions.len() as u32,
+            first_added: positions.len() as u32,
             positions,
             triangles,
             near: Vec::new(),
         }
     }
 
-    /// Puts a vertex at each landmark; `anchors` are the nearest vertices before and the landmarks'
-    /// own after.
+    /// Puts a vertex at each landmark. `anchors`: on entry the nearest vertices, on return the
+    /// landmarks' own.
     pub(super) fn add_landmarks(&mut self, landmarks: &[[f32; 3]], anchors: &mut [u32]) {
         let mut away: Vec<(u32, f64, usize)> = Vec::new();
         for (n, (landmark, &anchor)) in landmarks.iter().zip(anchors.iter()).enumerate() {
@@ -72,8 +73,8 @@ impl Refined {
         let around = self.triangles.iter().filter(|t| touches(t, &inner));
         around.flatten().for_each(|&v| outer[v as usize] = true);
         let numbered = self.triangles.iter().enumerate();
-        let found = numbered.filter(|(_, t)| touches(t, &outer));
-        found.map(|(f, _)| f).collect()
+        let touching = numbered.filter(|(_, t)| touches(t, &outer));
+        touching.map(|(f, _)| f).collect()
     }
 
     /// The closest of the triangles around `vertex`, and around vertices that were added there:
@@ -85,7 +86,7 @@ impl Refined {
             let mut added: Vec<u32> = around
                 .filter(|t| meets(t, &near))
                 .flatten()
-                .filter(|v| *v >= self.own && !near.contains(v))
+                .filter(|v| *v >= self.first_added && !near.contains(v))
                 .collect();
             added.sort_unstable();
             added.dedup();
@@ -153,7 +154,7 @@ impl Refined {
     }
 
     /// Splits sides longer than `longest` at their middle, until there is none or `most` vertices
-    /// are in use. `least`: no side shorter than this is too long anywhere.
+    /// are in use. `least`: sides shorter than this are never split.
     pub(super) fn split_long(&mut self, least: f64, longest: impl Fn(DVec3) -> f64, most: usize) {
         let mut used = Rings::of(self.positions.len(), &self.triangles).used();
         for _ in 0..MOST_ROUNDS {

@@ -73,9 +73,9 @@ impl IdentitySlopes {
                 trace,
             });
         }
-        let seen = encode(&places, config.octaves);
-        let (distance, of_seen) = self.template.at(&identity.template, &seen, points.len());
-        let pull = through_encoding(&seen, &of_seen, config.octaves);
+        let encoded = encode(&places, config.octaves);
+        let (distance, of_encoded) = self.template.at(&identity.template, &encoded, points.len());
+        let pull = through_encoding(&encoded, &of_encoded, config.octaves);
         let mut out = FieldSlopes {
             distance,
             place: pull.clone(),
@@ -97,7 +97,7 @@ impl IdentitySlopes {
         }
         blend.through(field, points, &of_weights, &mut of_anchors, &mut out.place);
         let codes = config.identity_code();
-        let own = identity.landmarks.weight();
+        let landmark_weight = identity.landmarks.weight();
         let marks = config.landmark_numbers();
         for (code, anchors) in out
             .code
@@ -107,7 +107,7 @@ impl IdentitySlopes {
             for (mark, slope) in marks.iter().zip(anchors) {
                 for (k, to) in code[..config.global_code].iter_mut().enumerate() {
                     *to += (0..3)
-                        .map(|a| own[(k, 3 * mark + a)] * slope[a])
+                        .map(|a| landmark_weight[(k, 3 * mark + a)] * slope[a])
                         .sum::<f32>();
                 }
             }
@@ -115,7 +115,8 @@ impl IdentitySlopes {
         out
     }
 
-    /// Adds what one network brings to slopes; of the blend it notes how the number grows with the network's weight.
+    /// Adds one network's part to the slopes. Notes in `of_weights` how the distance grows with the
+    /// network's blend weight.
     #[expect(clippy::too_many_arguments)]
     fn through(
         &self,
@@ -130,10 +131,10 @@ impl IdentitySlopes {
         let (config, columns) = (field.config, field.locals.len());
         let (number, side) = (part.number, part.side);
         let mut pulls = Vec::with_capacity(3 * part.rows.len());
-        for (&row, made) in part.rows.iter().zip(part.trace.out.as_chunks::<3>().0) {
+        for (&row, offset) in part.rows.iter().zip(part.trace.out.as_chunks::<3>().0) {
             let [x, y, z] = pull[row];
             let way = [side * x, y, z];
-            of_weights[row * columns + number] = (0..3).map(|a| way[a] * made[a]).sum();
+            of_weights[row * columns + number] = (0..3).map(|a| way[a] * offset[a]).sum();
             pulls.extend(way.map(|g| weights[row * columns + number] * g));
         }
         let network = &self.locals[network_of(config, number)];
@@ -155,8 +156,8 @@ impl IdentitySlopes {
                 }
             }
             let code = &mut out.code[row * codes..][..codes];
-            let (own, local) = code.split_at_mut(global);
-            for (k, to) in own.iter_mut().enumerate() {
+            let (shared, local) = code.split_at_mut(global);
+            for (k, to) in shared.iter_mut().enumerate() {
                 let sign = if side < 0.0 {
                     field.identity.mirror[k]
                 } else {
@@ -177,7 +178,7 @@ impl IdentitySlopes {
 struct Blend {
     shares: Vec<f32>,
     weights: Vec<f32>,
-    /// By what the weights of a point were divided, `[Q]`.
+    /// The sum by which the weights of a point were divided, `[Q]`.
     sums: Vec<f32>,
 }
 
@@ -202,7 +203,7 @@ impl Blend {
         }
     }
 
-    /// From slopes with the weights to those with anchors and points.
+    /// Turns slopes with the weights into slopes with the anchors and the points.
     fn through(
         &self,
         field: &IdentityField<'_>,

@@ -1,4 +1,5 @@
-//! What a network's outputs do when its inputs and its code change, by the chain rule, for many points at once.
+//! Slopes of a network's outputs with its inputs and its code, by the chain rule, for many points
+//! at once.
 
 use std::f32::consts::PI;
 
@@ -18,7 +19,7 @@ pub(in crate::head) struct NetworkSlopes {
     codes: usize,
 }
 
-/// What a forward pass leaves for its slopes.
+/// The values of a forward pass that its slopes need.
 pub(in crate::head) struct Trace {
     /// Of each layer before its activation, `[Q, width]`.
     before: Vec<Vec<f32>>,
@@ -136,7 +137,7 @@ impl TemplateSlopes {
         TemplateSlopes(layers.map(|l| l.panels.transposed()).collect())
     }
 
-    /// Distance `[Q]` at encoded places, and how it grows with what is encoded, `[Q, encoded]`.
+    /// Distance `[Q]` at encoded places, and its slopes with the encoded values, `[Q, encoded]`.
     pub fn at(&self, template: &Template, x: &[f32], points: usize) -> (Vec<f32>, Vec<f32>) {
         let last = template.layers.len() - 1;
         let mut before: Vec<Vec<f32>> = Vec::with_capacity(last);
@@ -164,19 +165,22 @@ impl TemplateSlopes {
     }
 }
 
-/// How a number grows with points, from how it grows with what [`super::encode`] makes of them, `[Q, 3 + 6 · octaves]`.
+/// Slopes with points, from slopes with what [`super::encode`] makes of them, `[Q, 3 + 6 ·
+/// octaves]`.
 pub(in crate::head) fn through_encoding(
-    seen: &[f32],
+    inputs: &[f32],
     slopes: &[f32],
     octaves: usize,
 ) -> Vec<[f32; 3]> {
     let columns = super::encoded(octaves);
-    let rows = seen.chunks_exact(columns).zip(slopes.chunks_exact(columns));
-    rows.map(|(seen, slope)| {
+    let rows = inputs
+        .chunks_exact(columns)
+        .zip(slopes.chunks_exact(columns));
+    rows.map(|(inputs, slope)| {
         std::array::from_fn(|axis| {
             let waves = (0..octaves).map(|octave| {
                 let (sin, cos) = (3 + 6 * octave + axis, 6 + 6 * octave + axis);
-                (1 << octave) as f32 * PI * (seen[cos] * slope[sin] - seen[sin] * slope[cos])
+                (1 << octave) as f32 * PI * (inputs[cos] * slope[sin] - inputs[sin] * slope[cos])
             });
             slope[axis] + waves.sum::<f32>()
         })

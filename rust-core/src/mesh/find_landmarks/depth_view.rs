@@ -1,5 +1,5 @@
-//! Depth pictures of a mesh as the landmark network sees them; `training/landmarks/render.py` is
-//! the twin and a golden test holds them together.
+//! Depth pictures of a mesh, the input of the landmark network. Twin of
+//! `training/landmarks/render.py`; a golden test compares the two.
 //!
 //! An orthographic z-buffer of 256² pixels gives the nearest surface; four features are averaged
 //! down to 128². Everything comes from depth, so triangulation, winding and smoothing groups of
@@ -14,18 +14,19 @@ use crate::nn::conv2d::Picture;
 pub(super) const BUFFER: usize = 256;
 const BACKGROUND_DEPTH: f32 = -1.0;
 const NOTHING: f32 = f32::NEG_INFINITY;
-/// A pixel's middle so little outside a triangle may still be drawn, pixels.
+/// A pixel is drawn even where its middle lies this far outside a triangle, pixels.
 const EDGE: f32 = 0.01;
-/// Of a triangle over more columns than these, each row is looked at only where the triangle may lie: long thin ones
-/// would cost as much as their boxes.
+/// In triangles over more columns than this, each row is limited to the columns that the triangle
+/// may cover. Otherwise long thin ones would cost as much as their boxes.
 const WIDE: usize = 8;
 /// The share of a triangle's length by which its edges are uncertain in single precision.
 const SLACK: f32 = 1e-4;
 
-/// Places that one picture looks at, at most: five hundred surfaces behind each other. What comes after is not drawn.
+/// Most places that one picture examines: five hundred surfaces behind each other. Triangles beyond
+/// that are not drawn.
 pub(super) const MOST_PLACES: u64 = 1 << 25;
 
-/// The square of the view's plane that is looked at: `centre ± half_size`.
+/// The square of the view's plane that a picture shows: `centre ± half_size`.
 #[derive(Debug, Clone, Copy, PartialEq)]
 pub(super) struct Window {
     pub centre: [f32; 2],
@@ -46,7 +47,7 @@ impl Window {
 pub(super) struct DepthBuffer {
     z: Vec<f32>,
     half_size: f32,
-    /// Places that were looked at: a pixel counts once for each triangle that may cover it.
+    /// Number of examined places: a pixel counts once for each triangle that may cover it.
     pub places: u64,
 }
 
@@ -125,8 +126,8 @@ impl DepthBuffer {
         }
     }
 
-    /// The same surface as a soft one: the mean of what is drawn about every drawn pixel, weighted by a
-    /// Gaussian of `deviation` pixels.
+    /// The same surface softened: every drawn pixel becomes the mean of the drawn pixels around it,
+    /// weighted by a Gaussian of `deviation` pixels.
     pub fn softened(&self, deviation: f32) -> Self {
         let drawn: Vec<f32> = self.z.iter().map(|z| f32::from(*z > NOTHING)).collect();
         let depth: Vec<f32> = self
@@ -228,10 +229,10 @@ fn blurred(picture: &[f32], deviation: f32) -> Vec<f32> {
     along(&along(picture, 1), BUFFER)
 }
 
-/// Least and largest column of a triangle between two rows; none where it does not reach them.
+/// Smallest and largest column of a triangle between two rows; none where it does not reach them.
 fn across(corners: [[f32; 3]; 3], [top, bottom]: [f32; 2]) -> [f32; 2] {
-    let mut found = [f32::INFINITY, f32::NEG_INFINITY];
-    let mut note = |x: f32| found = [found[0].min(x), found[1].max(x)];
+    let mut extent = [f32::INFINITY, f32::NEG_INFINITY];
+    let mut note = |x: f32| extent = [extent[0].min(x), extent[1].max(x)];
     for (i, from) in corners.iter().enumerate() {
         let to = corners[(i + 1) % 3];
         if (top..=bottom).contains(&from[1]) {
@@ -243,7 +244,7 @@ fn across(corners: [[f32; 3]; 3], [top, bottom]: [f32; 2]) -> [f32; 2] {
             }
         }
     }
-    found
+    extent
 }
 
 /// The columns whose middles may lie between two places.
@@ -253,11 +254,12 @@ fn within(columns: &Range<usize>, [low, high]: [f32; 2], margin: f32) -> Range<u
     first..last
 }
 
-/// Says of a place that nothing is known of it.
+/// Marks a place about which nothing is known.
 const ANYWHERE: u32 = u32::MAX;
 
-/// Between which middles of pixels a point lies, column and row in 16 bits each. Of triangles of a dense mesh, which
-/// mostly lie between middles, that is enough, and it is a third of the memory.
+/// Between which middles of pixels a point lies, column and row in 16 bits each. Triangles of a
+/// dense mesh mostly lie between middles. For them this is enough, and it takes a third of the
+/// memory.
 fn between_middles([column, row, _]: [f32; 3]) -> u32 {
     let of = |x: f32| {
         let place = (x + 0.5).clamp(0.0, BUFFER as f32 + 1.0);
@@ -278,7 +280,7 @@ fn misses_middles([a, b, c]: [u32; 3]) -> bool {
     !apart && a != ANYWHERE && b != ANYWHERE && c != ANYWHERE
 }
 
-/// The next whole number, at least 0; `f32::ceil` is a call on older processors.
+/// The next whole number, at least 0. `f32::ceil` is a function call on older processors.
 fn up(x: f32) -> usize {
     let whole = x as usize;
     whole + usize::from((whole as f32) < x)

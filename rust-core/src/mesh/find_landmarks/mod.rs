@@ -1,20 +1,20 @@
 //! Finds the 68 landmarks of a face on a mesh, however it is turned, in any units and any place.
 //!
-//! 1. *Search*: depth pictures of the mesh, from the stated front first, then from 14 sides; a small
-//!    network says where a face is and how it is turned, then looks again from where its front
-//!    should be. If the mesh mirrors itself, also for faces across that plane. What is found is
-//!    ranked by the landmark network, which tells faces from backs of heads.
+//! 1. *Search*: depth pictures of the mesh, from the stated front first, then from 14 sides; a
+//!    small network says where a face is and how it is turned, then looks again from where its front
+//!    should be. If the mesh mirrors itself, also for faces across that plane. The landmark network
+//!    ranks the candidates: it distinguishes faces from backs of heads.
 //! 2. *Lift*: landmarks of a close front view are put on the visible surface, which gives the
 //!    head's pose and size.
 //! 3. *Consensus*: in the head's own frame, three views at −40°, 0° and 40° see the landmarks, also
-//!    those that face away; rays of the three meet in space (after Paulsen et al. 2018,
-//!    "Multi-view Consensus CNN for 3D Facial Landmark Placement", with three fixed views and
-//!    depth in place of many views and colour). Three times, each in a better frame. Where none is
-//!    sure (blocks, noise or folds on the surface), 2 and 3 again with softened pictures.
-//!    A face that is not sure must stand across the plane in which the mesh about it mirrors itself, or it is
-//!    looked for across that plane (upright).
-//! 4. *Shape*: a Gaussian over landmark shapes pulls in what cannot be; landmarks that the caller
-//!    fixed are exact and the others follow them.
+//!    those that face away; rays of the three meet in space (after Paulsen et al. 2018, "Multi-view
+//!    Consensus CNN for 3D Facial Landmark Placement", with three fixed views and depth in place of
+//!    many views and colour). Three times, each in a better frame. Where no face is certain (blocks,
+//!    noise or folds on the surface), 2 and 3 run again with softened pictures. An uncertain face must
+//!    stand across the plane in which the mesh about it mirrors itself. Otherwise the search tries
+//!    faces across that plane (upright).
+//! 4. *Shape*: a Gaussian over landmark shapes corrects impossible ones. Fixed landmarks are exact,
+//!    and the others follow them.
 //! 5. *Snap*: to the nearest skin, inner-lip landmarks to their own lip.
 
 mod consensus;
@@ -58,46 +58,49 @@ pub static MODEL: BuiltIn = BuiltIn::new(&anyface_weights_shared::LANDMARKS);
 /// Mean confidence of the mouth's landmarks below which there is no mouth.
 const LEAST_MOUTH: f32 = 0.4;
 
-/// Probability of a face, the mean of the last views, below which there is none about the mouth. Chosen on
-/// sixteen characters (0.93 and more, one 0.72) and 32 things, of which cups with a handle came to 0.87.
+/// Least probability of a face, the mean of the last views, to accept the face about a mouth.
+/// Chosen on sixteen characters (0.93 and more, one 0.72) and 32 things, of which cups with a
+/// handle reached 0.87.
 const LEAST_PRESENCE: f32 = 0.92;
 
-/// Mean confidence of all landmarks below which what looks like a mouth is alone: boxes and the handle of a
-/// cup came to 0.31, a monkey's head to 0.54.
+/// Least mean confidence of all landmarks. Below it, something that looks like a mouth has no face
+/// around it: boxes and the handle of a cup reached 0.31, a monkey's head 0.54.
 const LEAST_CONFIDENCE: f32 = 0.35;
 
-/// Confidence of eyes or brows, whichever is surer, below which what may be a mouth is alone: the muzzle of a
-/// koala on all fours came to 0.12, heads whose eyes lie under cubes to 0.25 by their brows.
+/// Least confidence of the eyes or the brows, whichever is larger. Below it a possible mouth has no
+/// face around it: the muzzle of a koala on all fours reached 0.12, heads with eyes under cubes
+/// reached 0.25 by their brows.
 const LEAST_EYES_OR_BROWS: f32 = 0.2;
 
-/// Likeness of a face, seen from its front, below which there is none.
+/// Least likeness of a face, seen from its front.
 const LEAST_LIKENESS: f32 = 0.3;
 
-/// A face of so much mean confidence (`Settled::rank`) ends the search: no other candidate is tried, and
-/// none is looked at softly.
+/// A face with this mean confidence (`Settled::rank`) ends the search: no other candidate is tried,
+/// and no softened picture is drawn.
 const SURE: (bool, f32) = (true, 0.7);
 
-/// Deviation of the softened pictures, pixels of the depth buffer (0.8 mm on a human face): blocks, folds
-/// and noise of a few millimetres vanish in them, lips and lids do not.
+/// Deviation of the softened pictures, pixels of the depth buffer (0.8 mm on a human face). Blocks,
+/// folds and noise of a few millimetres vanish in them. Lips and lids stay.
 const SOFTNESS: f32 = 2.5;
 
-/// What is only seen softly must be surer than what is seen sharply to be a face (`Settled::rank`).
+/// A face in softened pictures needs more confidence than one in sharp pictures (`Settled::rank`).
 const LEAST_SOFTLY: (bool, f32) = (true, 0.5);
 
-/// By so much mean confidence must a face be surer softly than sharply to be taken from soft pictures, in
-/// which small features lie less exactly.
+/// By how much mean confidence a face in softened pictures must exceed the one in sharp pictures to
+/// replace it. Small features are less exact in softened pictures.
 const CLEARER: f32 = 0.1;
 
-/// Where enough landmarks are fixed, a view that sees a face with a lower probability does not turn it.
+/// Where enough landmarks are fixed, a view with a lower probability of a face does not turn the
+/// pose.
 const LEAST_PRESENCE_BESIDE_FIXED: f32 = 0.5;
 
-/// Fixed landmarks that say by themselves where the face is.
+/// Number of fixed landmarks that determine the face's place without the networks.
 const ENOUGH_FIXED: usize = 4;
 
-/// Confidence of landmarks that a caller gave all of, where others are fixed beside them.
-const GIVEN_CONFIDENCE: f32 = 0.5;
+/// Confidence of landmarks from a caller who gave all of them and fixed some elsewhere.
+const CALLER_CONFIDENCE: f32 = 0.5;
 
-/// What `config.json` beside the weights says.
+/// The `config.json` beside the weights.
 #[derive(Debug, Clone, Deserialize)]
 struct Config {
     /// Channels of the landmark network at 64², 32², 16² and 8².
@@ -117,7 +120,7 @@ impl Config {
     }
 }
 
-/// Finds landmarks; holds the networks' weights. Cheap to share, any number of threads may use it.
+/// Finds landmarks. Holds the networks' weights. Any number of threads may share it.
 pub struct LandmarkFinder {
     views: LandmarkNetwork,
     pose: PoseNetwork,
@@ -140,21 +143,21 @@ impl Settled {
 
     /// Mean confidence of each of `REGIONS`.
     fn regions(&self) -> [(&'static str, f32); REGIONS.len()] {
-        REGIONS.map(|(name, own)| {
-            let count = own.len() as f32;
+        REGIONS.map(|(name, range)| {
+            let count = range.len() as f32;
             (
                 name,
-                self.agreed.confidence[own].iter().sum::<f32>() / count,
+                self.agreed.confidence[range].iter().sum::<f32>() / count,
             )
         })
     }
 
-    /// What may be a face comes before what is none, then the surer one.
+    /// Sorts possible faces first, then by confidence.
     fn rank(&self) -> (bool, f32) {
         (self.doubt().is_none(), self.confidence())
     }
 
-    /// Whether this, seen softly, is to be taken before what was seen sharply.
+    /// Whether this face from softened pictures replaces the one from sharp pictures.
     fn clearer_than(&self, sharp: Option<&Settled>) -> bool {
         sharp.is_none_or(|sharp| {
             let (face, confidence) = sharp.rank();
@@ -162,7 +165,7 @@ impl Settled {
         })
     }
 
-    /// What keeps this from being a face: nothing looks like one, or its mouth is not to be found.
+    /// Why this is no face, if it is none: nothing looks like a face, or it has no visible mouth.
     fn doubt(&self) -> Option<String> {
         let [(_, mouth), others @ ..] = self.regions();
         let (presence, all) = (self.agreed.presence, self.confidence());
@@ -220,13 +223,13 @@ impl LandmarkFinder {
     }
 
     /// The landmarks of the face of a mesh, turned any way. Where several places look alike, the
-    /// one that looks along `forward` with its top towards `up` is taken. Neck, shoulders, a body,
-    /// hair, eyes and teeth may be there. Every landmark in `fixed` is where the caller says, the
-    /// others follow; four or more say where the face is.
+    /// face along `forward` with its top towards `up` wins. Neck, shoulders, a body, hair, eyes and
+    /// teeth may be there. Every landmark in `fixed` stays where the caller puts it, and the others
+    /// follow. Four or more fixed landmarks determine where the face is.
     ///
     /// # Errors
-    /// `FaceNotFound` with what was seen and what would help; `InvalidInput` if the axes are the
-    /// same line or a fixed landmark cannot be; `Mesh` for a mesh that cannot be used; `Cancelled`.
+    /// `FaceNotFound` with what the networks saw and what would help; `InvalidInput` if the axes
+    /// are on one line or a fixed landmark is impossible; `Mesh` for an unusable mesh; `Cancelled`.
     pub fn find(
         &self,
         mesh: &Mesh,
@@ -249,32 +252,32 @@ impl LandmarkFinder {
         self.shaped(mesh, &to_canonical, &settled.agreed, &places)
     }
 
-    /// Landmarks that the caller gave, where some of them are `fixed` elsewhere: the others follow.
+    /// Moves some of the caller's landmarks to their `fixed` places. The others follow.
     ///
     /// # Errors
-    /// `InvalidInput` if a fixed landmark cannot be, `FaceNotFound` if the result is no face.
+    /// `InvalidInput` if a fixed landmark is impossible, `FaceNotFound` if the result is no face.
     pub fn follow(
         &self,
         mesh: &Mesh,
-        given: &Landmarks,
+        known: &Landmarks,
         fixed: &[FixedLandmark],
     ) -> Result<Landmarks> {
         let places = places_of(mesh, fixed)?;
-        let to_canonical = canonical::fit_to_canonical(&given.positions, None)?.similarity;
+        let to_canonical = canonical::fit_to_canonical(&known.positions, None)?.similarity;
         let agreed = Agreed {
-            positions: given.positions.map(|p| to_canonical.apply(p)),
-            confidence: [GIVEN_CONFIDENCE; LANDMARKS],
+            positions: known.positions.map(|p| to_canonical.apply(p)),
+            confidence: [CALLER_CONFIDENCE; LANDMARKS],
             presence: 1.0,
         };
         let mut landmarks = self.shaped(mesh, &to_canonical, &agreed, &places)?;
-        for (now, before) in landmarks.confidence.iter_mut().zip(given.confidence) {
+        for (now, before) in landmarks.confidence.iter_mut().zip(known.confidence) {
             *now = now.max(before);
         }
         Ok(landmarks)
     }
 
-    /// The face that is seen most clearly, sharply or, where that is not sure, softly; the error says what
-    /// was seen and what would help.
+    /// The clearest face, in sharp pictures or, where that is uncertain, in softened ones. The
+    /// error says what the networks saw and what would help.
     fn best(
         &self,
         frame: &Frame,
@@ -290,44 +293,44 @@ impl LandmarkFinder {
         let all = search.run()?;
         let likely = all.iter().filter(|c| c.likeness >= LEAST_LIKENESS);
         let sharp = self.surest(frame, likely, fixed, looks)?;
-        if let Some(found) = sharp.as_ref().filter(|s| s.rank() > SURE) {
-            return Ok(found.clone());
+        if let Some(settled) = sharp.as_ref().filter(|s| s.rank() > SURE) {
+            return Ok(settled.clone());
         }
         let soft = self.surest(&frame.soft(SOFTNESS), all.iter(), fixed, looks)?;
         let clearer = |s: &Settled| s.rank() > LEAST_SOFTLY && s.clearer_than(sharp.as_ref());
-        let Some(found) = soft.filter(clearer).or(sharp) else {
+        let Some(settled) = soft.filter(clearer).or(sharp) else {
             let likeness = all.first().map_or(0.0, |c| c.likeness);
             return Err(Error::FaceNotFound(advice(&format!(
                 "no side of the mesh looks like a face (likeness {likeness:.2} at best, expected \
                  {LEAST_LIKENESS} or more)"
             ))));
         };
-        match found.doubt() {
-            None => self.upright(frame, found, fixed, looks),
+        match settled.doubt() {
+            None => self.upright(frame, settled, fixed, looks),
             Some(doubt) => Err(Error::FaceNotFound(advice(&doubt))),
         }
     }
 
-    /// The same face where it stands across the plane in which the mesh mirrors itself, else one that does. A face
-    /// that is sure is not asked.
+    /// Returns the face if it stands across the plane in which the mesh mirrors itself, otherwise
+    /// one that does. A certain face passes unchecked.
     ///
     /// # Errors
     /// `FaceNotFound` if there is none; `Cancelled`.
     fn upright(
         &self,
         frame: &Frame,
-        found: Settled,
+        face: Settled,
         fixed: &[(usize, [f32; 3])],
         looks: &Looks<'_>,
     ) -> Result<Settled> {
-        if found.rank() > SURE {
-            return Ok(found);
+        if face.rank() > SURE {
+            return Ok(face);
         }
-        let Some(plane) = turned_away(frame, &found.to_canonical) else {
-            return Ok(found);
+        let Some(plane) = turned_away(frame, &face.to_canonical) else {
+            return Ok(face);
         };
         let mut best: Option<Settled> = None;
-        for pose in poses_across(&plane, &found.to_canonical) {
+        for pose in poses_across(&plane, &face.to_canonical) {
             let settled = self.settle(frame, &pose, fixed, looks)?;
             let upright = settled
                 .filter(|s| s.doubt().is_none() && turned_away(frame, &s.to_canonical).is_none());
@@ -402,7 +405,7 @@ impl LandmarkFinder {
         }))
     }
 
-    /// The pose that enough fixed landmarks give; what the views see there may be little.
+    /// The pose that the fixed landmarks determine. The views may see little there.
     fn pose_of_fixed(
         &self,
         frame: &Frame,
@@ -454,9 +457,9 @@ impl LandmarkFinder {
     }
 }
 
-fn advice(seen: &str) -> String {
+fn advice(finding: &str) -> String {
     format!(
-        "{seen}. Give a mesh with a head of its own whose eyes, nose and mouth are modelled, say where \
+        "{finding}. Give a mesh with a head of its own whose eyes, nose and mouth are modelled, say where \
          five points of it are (outer corners of the eyes, landmarks 36 and 45; tip of the nose, 30; \
          corners of the mouth, 48 and 54), or give all 68"
     )
@@ -465,14 +468,14 @@ fn advice(seen: &str) -> String {
 /// Where the caller fixed landmarks, mesh units.
 ///
 /// # Errors
-/// `InvalidInput` for an index, vertex or position that cannot be, or an index that comes twice.
+/// `InvalidInput` for an impossible index, vertex or position, or an index that comes twice.
 fn places_of(mesh: &Mesh, fixed: &[FixedLandmark]) -> Result<Vec<(usize, [f32; 3])>> {
-    let mut seen = [false; LANDMARKS];
+    let mut is_fixed = [false; LANDMARKS];
     fixed
         .iter()
         .map(|landmark| {
             let place = landmark.position_on(mesh)?;
-            match std::mem::replace(&mut seen[landmark.index], true) {
+            match std::mem::replace(&mut is_fixed[landmark.index], true) {
                 true => Err(Error::InvalidInput(format!(
                     "fixed landmarks: index {} appears twice",
                     landmark.index
@@ -504,7 +507,7 @@ mod tests {
         }
     }
 
-    /// Stars whose edges cross each other: every one of a thousand triangles covers most of it.
+    /// Stars with crossing edges: each of a thousand triangles covers most of the star.
     #[test]
     fn triangles_over_each_other_end_the_search() {
         let corners = 1_023;

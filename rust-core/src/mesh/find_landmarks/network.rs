@@ -20,7 +20,7 @@ pub(super) const HEAT: usize = 64;
 /// Reach of the mean around a peak, heat-map pixels.
 const PEAK_RADIUS: usize = 3;
 
-/// What the network sees in one picture.
+/// The network's result for one picture.
 #[derive(Debug, Clone, PartialEq)]
 pub(super) struct Sight {
     /// `[68]`, (column, row) from 0 to 1 over the picture.
@@ -125,7 +125,7 @@ impl LandmarkNetwork {
         (shuffle(&heat), self.face(&x8))
     }
 
-    /// What the way down knows at 32², 16² and 8².
+    /// The features of the encoder at 32², 16² and 8².
     fn encode(&self, picture: &Picture) -> [Picture; 3] {
         let x = self.block64.forward(&self.stem.forward(picture).relu());
         let x32 = self.block32.forward(&self.down32.forward(&x).relu());
@@ -188,8 +188,8 @@ mod tests {
         let network = LandmarkNetwork::load(&golden.weights(), widths).unwrap();
         let picture = picture(&golden);
         let (heat, face) = network.forward(&picture);
-        let kept = heat.chunks_exact(HEAT * HEAT).step_by(17).flatten();
-        assert!(distance(kept, &golden.values("heat")) < 1e-4);
+        let sample = heat.chunks_exact(HEAT * HEAT).step_by(17).flatten();
+        assert!(distance(sample, &golden.values("heat")) < 1e-4);
         assert!(distance(&[face], &golden.values("face")) < 1e-4);
         let sight = network.see(&picture);
         let places: Vec<f32> = sight.places.iter().flatten().copied().collect();

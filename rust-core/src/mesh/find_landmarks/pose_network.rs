@@ -18,17 +18,17 @@ use crate::{
 };
 
 const OUTPUTS: usize = 10;
-/// Cells this close to a better one belong to it, as a part of the picture.
+/// Cells nearer than this to a better one show the same face, as a share of the picture.
 const SAME_FACE: f32 = 0.1;
 
-/// A face as one picture shows it.
+/// A face in one picture.
 #[derive(Debug, Clone, Copy, PartialEq)]
 pub(super) struct Sighting {
     /// Probability of a face.
     pub presence: f32,
     /// Its centre: (column, row) from 0 to 1 over the picture.
     pub place: [f32; 2],
-    /// Half-size of a tight window around it, as a part of this window's.
+    /// Half-size of a tight window around it, as a share of this window's.
     pub size: f32,
     /// The face's axes in the view, row by row.
     pub rotation: [[f64; 3]; 3],
@@ -93,7 +93,7 @@ impl PoseNetwork {
             .forward(&self.join16.forward(&up.doubled().plus(&x16).relu()))
     }
 
-    /// The `most` likeliest faces of a picture `[128, 128, 4]`, the best first; at least one.
+    /// The `most` likeliest faces of a picture `[128, 128, 4]`, the best first. At least one.
     pub fn see(&self, picture: &Picture, most: usize) -> Vec<Sighting> {
         let out = self.forward(picture);
         let mut cells: Vec<Sighting> = out
@@ -103,17 +103,17 @@ impl PoseNetwork {
             .map(|(cell, values)| sighting(values, cell % out.width, cell / out.width, out.width))
             .collect();
         cells.sort_by(|a, b| b.presence.total_cmp(&a.presence));
-        let mut kept: Vec<Sighting> = Vec::new();
+        let mut best: Vec<Sighting> = Vec::new();
         for cell in cells {
             let apart = |k: &Sighting| {
                 let d = [cell.place[0] - k.place[0], cell.place[1] - k.place[1]];
                 d[0].hypot(d[1]) > SAME_FACE
             };
-            if kept.len() < most && kept.iter().all(apart) {
-                kept.push(cell);
+            if best.len() < most && best.iter().all(apart) {
+                best.push(cell);
             }
         }
-        kept
+        best
     }
 }
 
@@ -157,15 +157,15 @@ mod tests {
 
     #[test]
     fn a_sighting_has_a_proper_rotation_whatever_the_network_says() {
-        let seen = sighting(
+        let face = sighting(
             &[0.0, 0.2, -0.3, 9.0, 1.0, 2.0, 3.0, -2.0, 0.5, 4.0],
             3,
             5,
             16,
         );
-        let [x, y, z] = seen.rotation.map(glam::DVec3::from);
+        let [x, y, z] = face.rotation.map(glam::DVec3::from);
         assert!(x.dot(z).abs() < 1e-12 && x.dot(y).abs() < 1e-12);
         assert!((x.cross(y).dot(z) - 1.0).abs() < 1e-12);
-        assert!((seen.place[0] - 3.7 / 16.0).abs() < 1e-6);
+        assert!((face.place[0] - 3.7 / 16.0).abs() < 1e-6);
     }
 }

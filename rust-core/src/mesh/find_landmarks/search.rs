@@ -1,4 +1,4 @@
-//! Where on a mesh a face may be, and how it is turned, seen from all around.
+//! Searches a mesh from all sides for places of a face and its pose.
 
 use std::sync::{
     Arc,
@@ -23,44 +23,44 @@ use crate::{
     nn::conv2d::Picture,
 };
 
-/// A face that was found is looked at again through a window so many times its own size.
+/// A closer look at a face uses a window this many times the face's size.
 const CLOSER: f32 = 1.35;
 const CLOSER_LOOKS: usize = 3;
 
 /// Faces taken from one picture.
 const FACES_IN_A_PICTURE: usize = 2;
 
-/// So many candidates get closer looks, and so many of those are handed on.
+/// Number of candidates that get closer looks, and number of those that are passed on.
 const LOOKED_AT: usize = 9;
 const KEPT: usize = 3;
 
-/// So many of the most promising poses are looked at at the same time.
+/// Number of the most promising poses that are evaluated at once.
 const PROMISED_AT_ONCE: usize = 32;
 
 /// Views around the plane of symmetry.
 const VIEWS_IN_PLANE: usize = 12;
 
-/// Smaller windows on the plane of symmetry, as parts of the whole one: for the landmark network
-/// alone, which knows faces that the pose network does not.
+/// Smaller windows on the plane of symmetry, as shares of the whole one. Only the landmark network
+/// looks through them: it knows faces that the pose network does not.
 const WINDOWS_ON_PLANE: [f32; 4] = [0.6, 0.42, 0.3, 0.21];
 
 /// Added to the likeness of a face that looks the way the caller stated, so that it wins where two
 /// faces look alike.
 const STATED_BONUS: f32 = 0.1;
 
-/// A face of at least `SURE` likeness ends the search from other sides, one of at least `LIKELY`
-/// that through smaller windows.
+/// A face of at least `SURE` likeness ends the search from other sides. One of at least `LIKELY`
+/// ends the search through smaller windows.
 const SURE: f32 = 0.75;
 const LIKELY: f32 = 0.5;
 
-/// A mesh without a face takes about so many looks; progress is counted against this.
+/// A mesh without a face takes about this many looks. Progress is relative to this.
 const MOST_LOOKS: f32 = 1300.0;
 const STAGE: &str = "landmarks";
 
-/// Counts looks at a mesh, and asks the caller before each whether to go on.
+/// Counts looks at a mesh, and asks the caller before each whether to continue.
 pub(super) struct Looks<'a> {
     progress: ProgressFn<'a>,
-    taken: AtomicUsize,
+    count: AtomicUsize,
     /// Those of [`Frame`].
     places: Arc<AtomicU64>,
 }
@@ -70,13 +70,13 @@ impl<'a> Looks<'a> {
         Looks {
             progress,
             places: Arc::clone(&frame.places),
-            taken: AtomicUsize::new(0),
+            count: AtomicUsize::new(0),
         }
     }
 
-    /// Whether another look is wanted.
+    /// Counts another look. Returns whether the search continues.
     pub fn take(&self) -> bool {
-        self.taken.fetch_add(1, Ordering::Relaxed);
+        self.count.fetch_add(1, Ordering::Relaxed);
         let goes_on = (self.progress)(Progress {
             stage: STAGE,
             fraction: self.fraction(),
@@ -89,7 +89,8 @@ impl<'a> Looks<'a> {
     }
 
     /// # Errors
-    /// `Cancelled` once no more looks are wanted; `FaceNotFound` once they have cost too much.
+    /// `Cancelled` once the caller stops the search; `FaceNotFound` once the looks have cost too
+    /// much.
     pub fn check(&self) -> Result<()> {
         if self.are_too_many() {
             return Err(Error::FaceNotFound(format!(
@@ -102,7 +103,7 @@ impl<'a> Looks<'a> {
     }
 
     fn fraction(&self) -> f32 {
-        (self.taken.load(Ordering::Relaxed) as f32 / MOST_LOOKS).min(0.99)
+        (self.count.load(Ordering::Relaxed) as f32 / MOST_LOOKS).min(0.99)
     }
 }
 
@@ -111,13 +112,13 @@ impl<'a> Looks<'a> {
 pub(super) struct Candidate {
     /// From the frame to canonical metres.
     pub to_canonical: Similarity,
-    /// 0 to 1: while searching the pose network's probability, at the end that of the landmark
-    /// network times its confidence.
+    /// 0 to 1. During the search it is the pose network's probability, at the end the landmark
+    /// network's probability times its confidence.
     pub likeness: f32,
 }
 
 impl Candidate {
-    /// How well the face looks along the stated axis with its top where it should be, −1 to 1.
+    /// How well the face looks along the stated axis with its top upwards, −1 to 1.
     fn uprightness(&self) -> f32 {
         let r = &self.to_canonical.rotation;
         r[1][1].min(r[2][2]) as f32
@@ -128,7 +129,7 @@ impl Candidate {
     }
 }
 
-/// Both networks and what they look at; once a look is not wanted, they see nothing.
+/// Both networks and their inputs. Once the caller stops the search, they see nothing.
 #[derive(Clone, Copy)]
 pub(super) struct Search<'a> {
     pub pose: &'a PoseNetwork,
@@ -138,8 +139,9 @@ pub(super) struct Search<'a> {
 }
 
 impl Search<'_> {
-    /// The stated front first; if no sure face is there, all sides; if the mesh mirrors itself,
-    /// faces across that plane; at last smaller windows on it. The best first.
+    /// Searches the stated front first. If there is no certain face, it searches all sides. If the
+    /// mesh mirrors itself, it also searches for faces across that plane, at last in smaller
+    /// windows on the plane. The result starts with the best.
     ///
     /// # Errors
     /// `Cancelled`.
@@ -151,23 +153,23 @@ impl Search<'_> {
         if stated.first().is_some_and(sure) {
             return Ok(stated);
         }
-        let mut found = self.closest_looks(self.glances(&all, None), None);
+        let mut candidates = self.closest_looks(self.glances(&all, None), None);
         self.looks.check()?;
         if let Some(plane) = symmetry(self.frame) {
             let around = around(&plane);
             let glances = self.glances(&around, Some(&plane));
-            found.extend(self.closest_looks(glances, Some(&plane)));
-            if found.iter().all(|c| c.likeness < LIKELY) {
-                found.extend(self.scan(&around, &plane));
+            candidates.extend(self.closest_looks(glances, Some(&plane)));
+            if candidates.iter().all(|c| c.likeness < LIKELY) {
+                candidates.extend(self.scan(&around, &plane));
             }
             self.looks.check()?;
         }
-        Ok(distinct(found))
+        Ok(distinct(candidates))
     }
 
-    /// What the pose network sees from some sides.
+    /// The faces that the pose network sees from some sides.
     fn glances(&self, sides: &[Similarity], plane: Option<&Plane>) -> Vec<Candidate> {
-        let seen: Vec<Vec<Candidate>> = sides
+        let by_side: Vec<Vec<Candidate>> = sides
             .par_iter()
             .map(|turn| {
                 if !self.looks.take() {
@@ -178,10 +180,10 @@ impl Search<'_> {
                 self.glance(&points, turn, window, plane)
             })
             .collect();
-        seen.into_iter().flatten().collect()
+        by_side.into_iter().flatten().collect()
     }
 
-    /// The landmark network through windows on the plane of symmetry, upright both ways up.
+    /// Runs the landmark network in windows on the plane of symmetry, both ways up.
     fn scan(&self, around: &[Similarity], plane: &Plane) -> Vec<Candidate> {
         let poses: Vec<Similarity> = around
             .iter()
@@ -204,26 +206,26 @@ impl Search<'_> {
 
     /// The best of many poses.
     fn likeliest(&self, poses: Vec<Similarity>) -> Vec<Candidate> {
-        // A face is at most as likely as its presence, for which the network goes half its way.
+        // A face's likeness is at most its presence, which takes only half of the network.
         let at_most = |to_canonical| Candidate {
             to_canonical,
             likeness: self.presence(&to_canonical),
         };
         let mut promised: Vec<Candidate> = poses.into_par_iter().map(at_most).collect();
         best_first(&mut promised);
-        let mut found: Vec<Candidate> = Vec::new();
+        let mut candidates: Vec<Candidate> = Vec::new();
         for some in promised.chunks(PROMISED_AT_ONCE) {
-            if found
+            if candidates
                 .get(LOOKED_AT - 1)
                 .is_some_and(|last| last.rank() >= some[0].rank())
             {
                 break;
             }
-            found.par_extend(some.par_iter().map(|c| self.likely(&c.to_canonical)));
-            best_first(&mut found);
-            found.truncate(LOOKED_AT);
+            candidates.par_extend(some.par_iter().map(|c| self.likely(&c.to_canonical)));
+            best_first(&mut candidates);
+            candidates.truncate(LOOKED_AT);
         }
-        found
+        candidates
     }
 
     fn glance(
@@ -237,16 +239,21 @@ impl Search<'_> {
         self.pose
             .see(&buffer.features(), FACES_IN_A_PICTURE)
             .into_iter()
-            .filter_map(|seen| candidate(&seen, &buffer, window, turn))
-            .filter_map(|found| across(found, plane))
+            .filter_map(|sighting| candidate(&sighting, &buffer, window, turn))
+            .filter_map(|face| across(face, plane))
             .collect()
     }
 
-    /// The best candidates, looked at ever more from their front, then by the landmark network.
-    fn closest_looks(&self, mut found: Vec<Candidate>, plane: Option<&Plane>) -> Vec<Candidate> {
-        best_first(&mut found);
-        found.truncate(LOOKED_AT);
-        let looked: Vec<Option<Candidate>> = found
+    /// The best candidates: views ever more from their front by the pose network, then one by the
+    /// landmark network.
+    fn closest_looks(
+        &self,
+        mut candidates: Vec<Candidate>,
+        plane: Option<&Plane>,
+    ) -> Vec<Candidate> {
+        best_first(&mut candidates);
+        candidates.truncate(LOOKED_AT);
+        let looked: Vec<Option<Candidate>> = candidates
             .into_par_iter()
             .map(|candidate| {
                 let last = (0..CLOSER_LOOKS).try_fold(candidate, |c, _| self.closer(&c, plane))?;
@@ -257,12 +264,12 @@ impl Search<'_> {
         distinct(looked.into_iter().flatten().collect())
     }
 
-    /// The same face from where its front should be; `None` if it is lost from sight.
+    /// The same face, seen from its estimated front. `None` if it is no longer in sight.
     fn closer(&self, before: &Candidate, plane: Option<&Plane>) -> Option<Candidate> {
         let window = on_face(CLOSER * HALF_SIZE_M);
         let buffer = self.draw(&before.to_canonical, window)?;
-        let seen = self.pose.see(&buffer.features(), 1);
-        let now = candidate(seen.first()?, &buffer, window, &before.to_canonical)?;
+        let sightings = self.pose.see(&buffer.features(), 1);
+        let now = candidate(sightings.first()?, &buffer, window, &before.to_canonical)?;
         across(now, plane)
     }
 
@@ -273,7 +280,7 @@ impl Search<'_> {
         }
     }
 
-    /// Whether there is a face, to the landmark network: what `likeness` is at most.
+    /// The landmark network's probability of a face: the upper bound of `likeness`.
     fn presence(&self, to_canonical: &Similarity) -> f32 {
         let picture = self.picture(to_canonical);
         picture.map_or(0.0, |picture| self.views.presence(&picture))
@@ -289,16 +296,16 @@ impl Search<'_> {
         sight.presence * inner.iter().sum::<f32>() / inner.len() as f32
     }
 
-    /// What the landmark network sees from the front.
+    /// The landmark network's picture from the front.
     fn picture(&self, to_canonical: &Similarity) -> Option<Picture> {
         let buffer = self.draw(to_canonical, on_face(HALF_SIZE_M))?;
         Some(buffer.features())
     }
 
-    /// One look at the frame turned by `turn`; `None` once it is not wanted.
+    /// One look at the frame turned by `turn`; `None` once the caller stops the search.
     fn draw(&self, turn: &Similarity, window: Window) -> Option<DepthBuffer> {
-        let wanted = self.looks.take();
-        wanted.then(|| {
+        let goes_on = self.looks.take();
+        goes_on.then(|| {
             let points = turned(self.frame, turn);
             self.frame.draw(&points, window)
         })
@@ -309,16 +316,16 @@ fn best_first(candidates: &mut [Candidate]) {
     candidates.sort_by(|a, b| b.rank().total_cmp(&a.rank()));
 }
 
-/// The best of what is not the same.
-fn distinct(mut found: Vec<Candidate>) -> Vec<Candidate> {
-    best_first(&mut found);
-    let mut kept: Vec<Candidate> = Vec::new();
-    for candidate in found {
-        if kept.len() < KEPT && kept.iter().all(|k| differ(k, &candidate)) {
-            kept.push(candidate);
+/// The best candidates that differ from each other.
+fn distinct(mut candidates: Vec<Candidate>) -> Vec<Candidate> {
+    best_first(&mut candidates);
+    let mut chosen: Vec<Candidate> = Vec::new();
+    for candidate in candidates {
+        if chosen.len() < KEPT && chosen.iter().all(|k| differ(k, &candidate)) {
+            chosen.push(candidate);
         }
     }
-    kept
+    chosen
 }
 
 /// Whether two candidates are more than 25° or half a face apart.
@@ -331,20 +338,20 @@ fn differ(a: &Candidate, b: &Candidate) -> bool {
     0.5 * (trace - 1.0) < 0.9 || shift.sqrt() > 0.05
 }
 
-/// The candidate with its face across the plane of symmetry.
-fn across(found: Candidate, plane: Option<&Plane>) -> Option<Candidate> {
+/// The candidate, its face turned across the plane of symmetry.
+fn across(candidate: Candidate, plane: Option<&Plane>) -> Option<Candidate> {
     let Some(plane) = plane else {
-        return Some(found);
+        return Some(candidate);
     };
     plane
-        .align(&found.to_canonical, middle())
+        .align(&candidate.to_canonical, middle())
         .map(|to_canonical| Candidate {
             to_canonical,
-            ..found
+            ..candidate
         })
 }
 
-/// A window on everything.
+/// A window on the whole mesh.
 fn whole([low, high]: [[f32; 3]; 2]) -> Window {
     let extent = (high[0] - low[0]).max(high[1] - low[1]).max(1e-6);
     Window {
@@ -353,8 +360,8 @@ fn whole([low, high]: [[f32; 3]; 2]) -> Window {
     }
 }
 
-/// Faces of several sizes one above the other on the plane of symmetry (view x = its offset), on
-/// their feet and on their heads, from a view to canonical metres.
+/// Poses of faces in several sizes, one above the other on the plane of symmetry (view x = its
+/// offset), upright and upside down, from a view to canonical metres.
 fn poses_on(bounds: [[f32; 3]; 2], plane: &Plane) -> Vec<Similarity> {
     let [low, high] = bounds;
     let mut poses = Vec::new();
@@ -428,24 +435,24 @@ fn around(plane: &Plane) -> Vec<Similarity> {
     (0..VIEWS_IN_PLANE).map(view).collect()
 }
 
-/// The pose that a sighting in a view means for the frame; `None` where the picture is empty.
+/// The pose in the frame of a face in a view; `None` where the picture is empty.
 fn candidate(
-    seen: &Sighting,
+    sighting: &Sighting,
     buffer: &DepthBuffer,
     window: Window,
     to_view: &Similarity,
 ) -> Option<Candidate> {
-    let tight = seen.size * window.half_size;
-    let [x, y] = window.to_view(seen.place);
+    let tight = sighting.size * window.half_size;
+    let [x, y] = window.to_view(sighting.place);
     // The middle of the landmarks lies a little behind the surface in front of it.
-    let surface = buffer.depth_at(seen.place)?;
+    let surface = buffer.depth_at(sighting.place)?;
     let z = surface - 0.25 * tight;
     let centre = [x, y, z].map(f64::from);
     let scale = f64::from(HALF_SIZE_M / tight);
     let to = middle().map(f64::from);
     let turn = Similarity {
         scale,
-        rotation: seen.rotation,
+        rotation: sighting.rotation,
         ..Similarity::IDENTITY
     };
     let at = turn.apply(centre.map(|c| c as f32)).map(f64::from);
@@ -455,7 +462,7 @@ fn candidate(
     };
     Some(Candidate {
         to_canonical: from_view.compose(to_view),
-        likeness: seen.presence,
+        likeness: sighting.presence,
     })
 }
 

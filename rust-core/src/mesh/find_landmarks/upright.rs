@@ -1,8 +1,9 @@
 //! Whether a face stands across the plane in which the mesh about it mirrors itself.
 //!
-//! On a round toy two eyes and a mouth lie like the corners of a triangle, and the networks may take the mouth for an
-//! eye. The mesh tells: its left and right mirror each other across one plane, not across that of a turned face.
-//! Points are those of the face, in canonical metres.
+//! On a round toy two eyes and a mouth lie like the corners of a triangle, so that the networks may
+//! confuse the mouth with an eye. The mesh decides: its left and right mirror each other across one
+//! plane, which is not that of a wrongly turned face. Points are those of the face, in canonical
+//! metres.
 
 use glam::{DVec3, Vec3};
 use rayon::prelude::*;
@@ -13,46 +14,50 @@ use super::{
 };
 use crate::mesh::{Mesh, Similarity, SurfaceTree, direction::unit};
 
-/// Surface within this distance of the middle of the face counts: to brows, chin and cheeks.
+/// Surface within this distance of the middle of the face counts, as far as brows, chin and cheeks.
 const REACH_M: f64 = 0.14;
-/// Surface that leans to the front by less than this, as a cosine, does not count.
+/// Surface that faces the front by less than this, as a cosine, does not count.
 const LEAST_FRONT: f64 = 0.1;
-/// Points that are reflected.
+/// Number of points that are reflected.
 const REFLECTED: usize = 600;
-/// Planes are tried at so many angles about the face's own front axis, each in so many rounds.
+/// Number of angles about the face's front axis at which planes are tried, and rounds of each.
 const ANGLES: usize = 12;
 const ROUNDS: usize = 10;
-/// A miss that counts half while a plane is fitted, and the most that one point counts of, metres.
+/// The miss that counts half while a plane is fitted, and the largest that one point counts,
+/// metres.
 const ROBUST_M: f64 = 0.004;
 const MOST_MISS_M: f64 = 0.011;
-/// Planes within this angle of the face's own are its own, those beyond the second one are others.
+/// Planes within the first angle of the face's own plane are its own, those beyond the second are
+/// others.
 const OWN_DEG: f64 = 25.0;
 const OTHER_DEG: f64 = 35.0;
-/// A plane that leans to the front by more than this, as a sine, parts front and back instead of left and right.
+/// A plane tilted to the front by more than this, as a sine, separates front and back instead of
+/// left and right.
 const MOST_FORWARD: f64 = 0.5;
-/// The face is turned where its own plane misses by more than this share of what another one does.
+/// The face is turned where its own plane misses by more than this share of another plane's miss.
 const SHARE: f64 = 0.8;
 
-/// A plane and by how much the surface misses itself across it, metres.
+/// A plane, and by how much the surface misses its mirror image across it, metres.
 type Mirror = (f64, Plane);
 
-/// The plane in which the mesh about a face mirrors itself, where that is not the one between the face's eyes.
+/// The plane in which the mesh about a face mirrors itself, if that is not the plane between the
+/// face's eyes.
 pub(super) fn turned_away(frame: &Frame<'_>, to_canonical: &Similarity) -> Option<Plane> {
     let mirrors = mirrors(frame, to_canonical)?;
     let best = |holds: &dyn Fn(&Plane) -> bool| -> Option<Mirror> {
-        let held = mirrors.iter().filter(|(_, plane)| holds(plane));
-        held.copied().min_by(|a, b| a.0.total_cmp(&b.0))
+        let matching = mirrors.iter().filter(|(_, plane)| holds(plane));
+        matching.copied().min_by(|a, b| a.0.total_cmp(&b.0))
     };
     let across = |plane: &Plane| plane.normal.x.abs();
-    let own = best(&|plane| across(plane) > OWN_DEG.to_radians().cos());
+    let between_eyes = best(&|plane| across(plane) > OWN_DEG.to_radians().cos());
     let (other, plane) = best(&|plane| {
         across(plane) < OTHER_DEG.to_radians().cos() && plane.normal.z.abs() < MOST_FORWARD
     })?;
-    let own = own.map_or(f64::INFINITY, |own| own.0);
-    (own > SHARE * other).then_some(plane)
+    let between_eyes = between_eyes.map_or(f64::INFINITY, |mirror| mirror.0);
+    (between_eyes > SHARE * other).then_some(plane)
 }
 
-/// Poses of a face across a plane, both ways up, from the pose in which the plane was found.
+/// Poses of a face across a plane, both ways up, relative to the pose in which the plane was found.
 pub(super) fn poses_across(plane: &Plane, to_canonical: &Similarity) -> [Similarity; 2] {
     let middle = Vec3::from(middle()).as_dvec3();
     let on_plane = middle - (middle.dot(plane.normal) - plane.offset) * plane.normal;
@@ -72,7 +77,7 @@ pub(super) fn poses_across(plane: &Plane, to_canonical: &Similarity) -> [Similar
     })
 }
 
-/// The planes near which those at [`ANGLES`] come to lie; `None` where nothing lies before the face.
+/// The planes to which those at [`ANGLES`] converge; `None` where nothing faces the front.
 fn mirrors(frame: &Frame<'_>, to_canonical: &Similarity) -> Option<Vec<Mirror>> {
     let mesh = Mesh {
         positions: turned(frame, to_canonical),

@@ -19,11 +19,12 @@ use crate::{
     mesh::{Axis, Mesh, Similarity, canonical_landmarks, ibug::LANDMARKS},
 };
 
-/// More triangles than these are not drawn: pictures have 256² pixels, and what is found is put on the whole mesh.
+/// Larger meshes are thinned to this many triangles: pictures have 256² pixels, and the result is
+/// put on the whole mesh.
 const MOST_TRIANGLES: usize = 800_000;
 
-/// Places that all pictures of a search look at, at most. Heads take 5 to 18 million, and a cat, on which no face is found
-/// after the longest search, 34.
+/// Most places that all pictures of a search examine. Heads take 5 to 18 million. A cat, on which
+/// the longest search finds no face, takes 34 million.
 pub(super) const MOST_PLACES: u64 = 1 << 28;
 
 /// A mesh turned so that it should face +z with +y up, its box centred and of size one.
@@ -33,11 +34,11 @@ pub(super) struct Frame<'a> {
     pub from_mesh: Similarity,
     /// Deviation by which pictures of it are softened, pixels of the depth buffer; 0 for sharp ones.
     pub softness: f32,
-    /// Places that all pictures of it have looked at; see [`DepthBuffer::places`].
+    /// Places that all its pictures have examined; see [`DepthBuffer::places`].
     pub places: Arc<AtomicU64>,
 }
 
-/// Landmarks as one view shows them.
+/// Landmarks in one view.
 pub(super) struct Look {
     /// `[68]`, view x and y.
     pub points: [[f32; 2]; LANDMARKS],
@@ -46,7 +47,7 @@ pub(super) struct Look {
 }
 
 impl Frame<'_> {
-    /// The same mesh, seen softly.
+    /// The same mesh with softened pictures.
     pub fn soft(&self, softness: f32) -> Self {
         Frame {
             points: self.points.clone(),
@@ -60,7 +61,7 @@ impl Frame<'_> {
     /// Draws the mesh, its `points` turned, `[V]`.
     pub fn draw(&self, points: &[[f32; 3]], window: Window) -> DepthBuffer {
         let sharp = DepthBuffer::draw(points, &self.triangles, window);
-        // A picture that is cut short is none, so that the search ends.
+        // A picture that was cut short does not count, so that the search ends.
         let places = match sharp.places > depth_view::MOST_PLACES {
             true => MOST_PLACES,
             false => sharp.places,
@@ -128,8 +129,8 @@ pub(super) fn stated_frame(mesh: &Mesh, forward: Axis, up: Axis) -> Result<Frame
     })
 }
 
-/// About half of the triangles, and as much coarser everywhere: triangles that share no corner shrink into their
-/// first ones. Points that are left without a triangle go.
+/// Removes about half of the triangles, evenly: triangles that share no corner shrink into their
+/// first corners. Points without a triangle are removed.
 fn thinned(points: &mut Vec<[f32; 3]>, triangles: &[[u32; 3]]) -> Vec<[u32; 3]> {
     const NOWHERE: u32 = u32::MAX;
     let mut goes_to = vec![NOWHERE; points.len()];
@@ -139,7 +140,7 @@ fn thinned(points: &mut Vec<[f32; 3]>, triangles: &[[u32; 3]]) -> Vec<[u32; 3]> 
         }
     }
     let mut number = vec![NOWHERE; points.len()];
-    let mut kept = Vec::with_capacity(points.len() / 2);
+    let mut remaining = Vec::with_capacity(points.len() / 2);
     let mut fewer = Vec::with_capacity(triangles.len() / 2);
     for t in triangles {
         let [a, b, c] = t.map(|v| match goes_to[v as usize] {
@@ -150,14 +151,14 @@ fn thinned(points: &mut Vec<[f32; 3]>, triangles: &[[u32; 3]]) -> Vec<[u32; 3]> 
             fewer.push([a, b, c].map(|v| {
                 let n = &mut number[v as usize];
                 if *n == NOWHERE {
-                    *n = kept.len() as u32;
-                    kept.push(points[v as usize]);
+                    *n = remaining.len() as u32;
+                    remaining.push(points[v as usize]);
                 }
                 *n
             }));
         }
     }
-    *points = kept;
+    *points = remaining;
     fewer
 }
 
@@ -188,7 +189,8 @@ pub(super) fn look(
     }
 }
 
-/// Half-size of the window on a face of human size, metres; the networks were trained around it.
+/// Half-size of the window on a face of human size, metres. The networks were trained with windows
+/// of about this size.
 pub(super) const HALF_SIZE_M: f32 = 0.105;
 
 /// The close front view of a face.
@@ -212,7 +214,7 @@ pub(super) fn middle() -> [f32; 3] {
     std::array::from_fn(|k| mean.iter().map(|p| p[k]).sum::<f32>() / mean.len() as f32)
 }
 
-/// The face's own frame for views: canonical metres as far as they are known.
+/// The mesh in the face's own frame for views: canonical metres, as far as they are known.
 pub(super) fn turned(frame: &Frame, to_canonical: &Similarity) -> Vec<[f32; 3]> {
     frame
         .points

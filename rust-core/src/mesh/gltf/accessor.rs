@@ -1,4 +1,4 @@
-//! Numbers out of a file's buffers, each range held against the bytes that are there.
+//! Reads numbers out of a file's buffers. Checks each range against the available bytes.
 
 use std::borrow::Cow;
 
@@ -43,7 +43,7 @@ impl Component {
         }
     }
 
-    /// The number that `bytes` begin with, as it is, or `normalized` to −1 … 1 or 0 … 1.
+    /// The first number in `bytes`, as it is, or `normalized` to −1 … 1 or 0 … 1.
     fn number(self, bytes: &[u8], normalized: bool) -> f32 {
         let (value, most) = match self {
             Component::I8 => (f32::from(bytes[0] as i8), 127.0),
@@ -82,7 +82,7 @@ impl<'a> Elements<'a> {
     }
 }
 
-/// A description and the bytes that it speaks of.
+/// A description and the bytes to which it refers.
 pub(super) struct Data<'a> {
     pub document: &'a Document,
     buffers: Vec<Option<Cow<'a, [u8]>>>,
@@ -91,7 +91,7 @@ pub(super) struct Data<'a> {
 }
 
 impl<'a> Data<'a> {
-    /// `binary`: the file's own data, its first buffer unless that one names another place.
+    /// `binary`: the file's own data. It is the first buffer unless that buffer has a URI.
     pub(super) fn new(document: &'a Document, binary: &'a [u8]) -> Result<Data<'a>> {
         let mut buffers = Vec::new();
         for (number, buffer) in document.buffers.iter().enumerate() {
@@ -111,11 +111,11 @@ impl<'a> Data<'a> {
 
     fn accessor(&self, number: usize) -> Result<&'a Accessor> {
         let accessors = &self.document.accessors;
-        let found = accessors.get(number);
-        found.ok_or_else(|| missing("accessor", number, accessors.len()))
+        let accessor = accessors.get(number);
+        accessor.ok_or_else(|| missing("accessor", number, accessors.len()))
     }
 
-    /// How many elements an accessor has; no more than the file has bytes.
+    /// Number of elements of an accessor; at most the number of bytes in the file.
     pub(super) fn count(&self, number: usize) -> Result<usize> {
         let count = self.accessor(number)?.count;
         match count <= self.total {
@@ -127,7 +127,7 @@ impl<'a> Data<'a> {
         }
     }
 
-    /// Positions of floats, or of integers where the file says that it is quantised.
+    /// Positions of floats, or of integers where the file declares quantised positions.
     pub(super) fn positions(&self, number: usize) -> Result<Vec<[f32; 3]>> {
         let accessor = self.accessor(number)?;
         let component = Component::of(accessor.component_type)?;
@@ -170,7 +170,8 @@ impl<'a> Data<'a> {
         self.elements(number, component.size(), 0, |bytes| component.index(bytes))
     }
 
-    /// All elements of an accessor, each of `size` bytes; `zero` stands where only some are stored.
+    /// All elements of an accessor, each of `size` bytes. A sparse accessor has `zero` where
+    /// nothing is stored.
     fn elements<T: Copy>(
         &self,
         number: usize,
@@ -236,11 +237,11 @@ impl<'a> Data<'a> {
             .byte_offset
             .checked_add(view.byte_length)
             .and_then(|end| buffer.get(view.byte_offset..end));
-        let found = viewed.and_then(|bytes| {
+        let span = viewed.and_then(|bytes| {
             let end = offset.checked_add(needed?)?;
             bytes.get(offset..end)
         });
-        match found {
+        match span {
             Some(bytes) => Ok(Elements {
                 bytes,
                 stride,
@@ -280,7 +281,7 @@ fn embedded(uri: &str) -> Result<Option<Vec<u8>>> {
     }
 }
 
-/// As lenient as files need: both alphabets, with padding or without.
+/// Accepts both alphabets, with padding or without, since files have all of them.
 const BASE64: GeneralPurpose = GeneralPurpose::new(
     &STANDARD,
     GeneralPurposeConfig::new()

@@ -1,9 +1,9 @@
 //! Binary glTF 2.0 (.glb): the triangles of the default scene.
 //!
-//! Read here and not through the gltf crate: that one panics on accessors of signed or odd sizes,
-//! follows nodes without end, and knows no quantised positions (KHR_mesh_quantization), which packers
-//! of glTF write. Only what places triangles is read; nothing is reserved that the file's bytes do not
-//! pay for.
+//! This does not use the gltf crate, which panics on accessors of signed or odd sizes, follows
+//! nodes without end and does not know the quantised positions (KHR_mesh_quantization) that packers
+//! of glTF write. It reads only what places triangles. It reserves no more memory than the file's
+//! size justifies.
 
 mod accessor;
 mod document;
@@ -18,16 +18,16 @@ use crate::Result;
 
 type Matrix = [[f32; 4]; 4];
 
-/// Vertices and corners that nodes may make by showing one mesh several times, beside four for each byte
-/// of the file.
+/// Vertices and corners that nodes may add by showing one mesh several times, in addition to four
+/// for each byte of the file.
 const SHOWN_AGAIN: usize = 4_000_000;
-/// Largest description that is read; data lies beside it.
+/// Largest JSON that is read, bytes. The data is separate.
 const LARGEST_JSON: usize = 64 << 20;
-/// How a chunk of each kind is marked.
+/// The marks of the kinds of chunks.
 const JSON: &[u8] = b"JSON";
 const BINARY: &[u8] = b"BIN\0";
 
-/// What a file may require beside the format itself: how it looks, and quantised positions.
+/// Extensions that a file may require: those of appearance, and quantised positions.
 const UNDERSTOOD: [&str; 4] = [
     "KHR_mesh_quantization",
     "KHR_lights_punctual",
@@ -35,7 +35,7 @@ const UNDERSTOOD: [&str; 4] = [
     "KHR_texture_",
 ];
 
-/// A primitive that a node shows, and which vertices of the mesh are its own.
+/// A primitive of a node, and its vertices in the mesh.
 #[derive(Debug, Clone, PartialEq)]
 pub struct GlbPart {
     /// Number of the node.
@@ -46,22 +46,23 @@ pub struct GlbPart {
     pub primitive: usize,
     /// Numbers of its vertices in the mesh that was read.
     pub vertices: Range<usize>,
-    /// Columns: what the node does to them.
+    /// The node's transform, in columns.
     pub placed: [[f32; 4]; 4],
 }
 
 /// Every mesh of the default scene, one after the other, moved by its node.
 ///
-/// A skinned mesh stays as it was bound: its node moves nothing, as the format says. Triangles, strips
-/// and fans are read, lines and points passed over.
+/// A skinned mesh stays in its bind pose: the format ignores its node's transform. Triangles,
+/// strips and fans are read, lines and points are skipped.
 pub(super) fn parse_glb(bytes: &[u8]) -> Result<Mesh> {
     Ok(read(bytes)?.0)
 }
 
-/// What each primitive of a GLB became in the mesh that [`Mesh::parse`] reads of it, in the order of its vertices.
+/// The primitives of a GLB and their vertices in the mesh that [`Mesh::parse`] reads, in the order
+/// of the vertices.
 ///
 /// # Errors
-/// `Mesh` for bytes that are no GLB that can be read.
+/// `Mesh` for bytes that are no readable GLB.
 pub fn glb_parts(bytes: &[u8]) -> Result<Vec<GlbPart>> {
     Ok(read(bytes)?.1)
 }
@@ -135,7 +136,7 @@ pub(crate) fn glb_chunks(bytes: &[u8]) -> Result<(&[u8], &[u8])> {
     Ok((json, binary.unwrap_or_default()))
 }
 
-/// A scene on its way into a mesh.
+/// A scene that is being read into a mesh.
 struct Reading<'a> {
     mesh: Mesh,
     parts: Vec<GlbPart>,
@@ -155,14 +156,14 @@ impl Reading<'_> {
             };
         };
         let count = document.nodes.len();
-        let mut seen = vec![false; count];
+        let mut visited = vec![false; count];
         let mut left: Vec<(usize, Matrix)> = Vec::new();
         left.extend(scene.nodes.iter().rev().map(|&node| (node, IDENTITY)));
         while let Some((number, above)) = left.pop() {
             let Some(node) = document.nodes.get(number) else {
                 return Err(missing("node", number, count));
             };
-            if std::mem::replace(&mut seen[number], true) {
+            if std::mem::replace(&mut visited[number], true) {
                 return Err(refusal(format!(
                     "expected every node below one other, got node {number} twice"
                 )));
@@ -179,14 +180,14 @@ impl Reading<'_> {
         let Some(mesh) = node.mesh else {
             return Ok(());
         };
-        let Some(own) = document.meshes.get(mesh) else {
+        let Some(document_mesh) = document.meshes.get(mesh) else {
             return Err(missing("mesh", mesh, document.meshes.len()));
         };
         let placed = match node.skin {
             Some(_) => IDENTITY,
             None => placed,
         };
-        for (k, primitive) in own.primitives.iter().enumerate() {
+        for (k, primitive) in document_mesh.primitives.iter().enumerate() {
             let first = self.mesh.positions.len();
             self.add_primitive(primitive, placed)?;
             self.parts.push(GlbPart {
@@ -207,7 +208,7 @@ impl Reading<'_> {
         self.pay(self.data.count(positions)?)?;
         let positions = self.data.positions(positions)?;
         let first = self.mesh.positions.len();
-        let own = positions.len();
+        let vertex_count = positions.len();
         let place = |p: [f32; 3]| apply(placed, p);
         self.mesh.positions.extend(positions.into_iter().map(place));
         let corners: Vec<u32> = match primitive.indices {
@@ -215,11 +216,11 @@ impl Reading<'_> {
                 self.pay(self.data.count(indices)?)?;
                 self.data.indices(indices)?
             }
-            None => (0..own as u32).collect(),
+            None => (0..vertex_count as u32).collect(),
         };
-        if let Some(beyond) = corners.iter().find(|&&v| v as usize >= own) {
+        if let Some(beyond) = corners.iter().find(|&&v| v as usize >= vertex_count) {
             return Err(refusal(format!(
-                "expected vertex numbers below {own}, got {beyond}"
+                "expected vertex numbers below {vertex_count}, got {beyond}"
             )));
         }
         let mut add = |triangle: [u32; 3]| {
@@ -228,7 +229,8 @@ impl Reading<'_> {
         let (threes, _) = corners.as_chunks::<3>();
         match primitive.mode {
             4 => threes.iter().for_each(|t| add(*t)),
-            // Every other triangle of a strip is turned; a corner that repeats spans none.
+            // Every other triangle of a strip is turned. A triangle with a repeated corner is
+            // skipped.
             5 => corners.windows(3).enumerate().for_each(|(i, t)| {
                 if t[0] != t[1] && t[1] != t[2] && t[0] != t[2] {
                     add([t[i % 2], t[1 - i % 2], t[2]]);
@@ -257,7 +259,7 @@ const IDENTITY: Matrix = [
     [0.0, 0.0, 0.0, 1.0],
 ];
 
-/// What a node does to what is below it, in columns: scale, then rotation, then translation.
+/// A node's transform, in columns: scale, then rotation, then translation.
 fn matrix(node: &Node) -> Matrix {
     if let Some(m) = &node.matrix {
         return std::array::from_fn(|c| std::array::from_fn(|r| m[4 * c + r]));

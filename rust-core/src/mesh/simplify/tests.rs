@@ -15,12 +15,12 @@ fn sheet(n: u32) -> (Vec<DVec3>, Vec<[u32; 3]>) {
 
 fn coarse(n: u32, vertices: usize, locked: &[bool]) -> (Vec<DVec3>, Simplified) {
     let (positions, triangles) = sheet(n);
-    let wanted = vec![0.1; positions.len()];
+    let edge_lengths = vec![0.1; positions.len()];
     let options = SimplifyOptions {
         vertices,
         error: 0.02,
     };
-    let simple = simplify(&positions, &triangles, &wanted, locked, &options);
+    let simple = simplify(&positions, &triangles, &edge_lengths, locked, &options);
     (positions, simple)
 }
 
@@ -75,13 +75,13 @@ fn edges_of_three_faces_stay_as_they_are() {
     for i in 0..10 {
         triangles.push([5 * 11 + i, 5 * 11 + i + 1, first + i]);
     }
-    let wanted = vec![1.0; positions.len()];
+    let edge_lengths = vec![1.0; positions.len()];
     let locked = vec![false; positions.len()];
     let options = SimplifyOptions {
         vertices: 10,
         error: 1.0,
     };
-    let simple = simplify(&positions, &triangles, &wanted, &locked, &options);
+    let simple = simplify(&positions, &triangles, &edge_lengths, &locked, &options);
     for v in 5 * 11..6 * 11 {
         assert_eq!(simple.stands_for[v], v as u32);
     }

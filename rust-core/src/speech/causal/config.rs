@@ -1,4 +1,4 @@
-//! Sizes of a causal student, and the look-ahead that they amount to.
+//! Sizes of a causal student, and the look-ahead that follows from them.
 
 use crate::{
     Error, Result,
@@ -19,13 +19,13 @@ pub(super) const STEM_AHEAD: usize = 2;
 pub(super) const DOWN_AHEAD: usize = 1;
 /// The longest look-ahead that a model may have.
 const MAX_LOOK_AHEAD_S: f64 = 0.2;
-/// By which a look-ahead may be called shorter than it is.
+/// By how much the nominal look-ahead may be shorter than the real one.
 const ROUNDING_S: f64 = 0.005;
 
 /// Sizes of the network, as `config.json` states them.
 #[derive(Debug, Clone, PartialEq, serde::Deserialize)]
 pub struct CausalConfig {
-    /// Name of the model, which its errors begin with.
+    /// Name of the model; its errors begin with it.
     pub model: String,
     /// Numbers of a frame.
     pub outputs: usize,
@@ -43,8 +43,8 @@ pub struct CausalConfig {
     pub perform: Vec<Block>,
     /// Constants of the running normalisation.
     pub normaliser: NormaliserConfig,
-    /// Of each further head the frames by which it speaks sooner: it foretells what comes so many frames after the one that
-    /// the look-ahead is for.
+    /// For each further head, the number of frames by which it is early: it predicts the frame this
+    /// much later than the one of the look-ahead.
     #[serde(default)]
     pub sooner: Vec<usize>,
 }
@@ -65,18 +65,18 @@ impl Block {
     }
 }
 
-/// Constants of the running normalisation; levels are nepers of power, counts are mel frames.
+/// Constants of the running normalisation. Levels are nepers of power, counts are mel frames.
 #[derive(Debug, Clone, PartialEq, serde::Deserialize)]
 pub struct NormaliserConfig {
-    /// `[64]`, mean log-mel of a voice before it is heard.
+    /// `[64]`, mean log-mel of a voice before any sound.
     pub prior_colour: Vec<f32>,
-    /// Level of loud frames before any is heard.
+    /// Level of loud frames before any sound.
     pub prior_peak: f32,
-    /// What the prior colour weighs.
+    /// Weight of the prior colour.
     pub prior_frames: f32,
-    /// After so many active frames the mean begins to forget.
+    /// Number of active frames after which the mean begins to forget.
     pub memory_frames: f32,
-    /// While fewer active frames were heard, the peak takes longer steps.
+    /// Number of active frames during which the peak takes longer steps.
     pub start_frames: f32,
     /// Step of the peak at the start.
     pub start_step: f32,
@@ -90,7 +90,7 @@ impl CausalConfig {
     /// From the text of `config.json`.
     ///
     /// # Errors
-    /// `Weights` if it cannot be read or asks for what this code does not have.
+    /// `Weights` if it is unreadable or needs something that this code does not have.
     pub fn from_json(text: &str) -> Result<Self> {
         let config: CausalConfig =
             serde_json::from_str(text).map_err(|e| Error::Weights(format!("causal model: {e}")))?;
@@ -103,8 +103,8 @@ impl CausalConfig {
     fn problem(&self) -> Option<String> {
         let fixed = (self.fps, self.bands);
         let blocks = self.fine.iter().chain(&self.listen).chain(&self.perform);
-        let expected = |what: &str, wanted: &str, got: String| {
-            Some(format!("{what}: expected {wanted}, got {got}"))
+        let expected = |what: &str, requirement: &str, got: String| {
+            Some(format!("{what}: expected {requirement}, got {got}"))
         };
         if fixed != (25.0, BANDS) {
             expected("fps, bands", "25, 64", format!("{fixed:?}"))
@@ -149,18 +149,20 @@ impl CausalConfig {
         fine + MEL_PER_FRAME * reach(&self.listen)
     }
 
-    /// Frame `t` depends on samples below `640 t` plus this; half a mel frame's window counts.
+    /// Frame `t` depends on samples below `640 t` plus this number, which includes half of a mel
+    /// frame's window.
     pub fn look_ahead_samples(&self) -> usize {
         HOP * self.mel_ahead() + FRAME / 2
     }
 
-    /// The same by a further head, or by the main one.
+    /// The same for a further head, or for the main one.
     pub fn look_ahead_samples_of(&self, head: Option<usize>) -> usize {
         let sooner = head.map_or(0, |number| SAMPLES_PER_FRAME * self.sooner[number]);
         self.look_ahead_samples().saturating_sub(sooner)
     }
 
-    /// The head whose look-ahead is the longest within so many seconds, as people round them; none where all look further.
+    /// The head with the longest look-ahead within `seconds`, rounded as people do. `None` where
+    /// all look further ahead.
     pub fn head_within(&self, seconds: f64) -> Option<Option<usize>> {
         let heads = std::iter::once(None).chain((0..self.sooner.len()).map(Some));
         let within = heads
@@ -174,7 +176,7 @@ impl CausalConfig {
     }
 }
 
-/// How long so many samples last.
+/// The duration of some samples.
 pub(crate) fn seconds_of(samples: usize) -> f64 {
     samples as f64 / f64::from(SAMPLE_RATE_HZ)
 }

@@ -1,25 +1,26 @@
-//! How a speaker sounds while he feels nothing, so that a low or rough voice is taken for no emotion.
+//! How a speaker sounds without emotion, so that a low or rough voice counts as no emotion.
 
 use ndarray::Array1;
 
 use crate::{Error, Result};
 
-/// Windows with a voice of which a speaker's own voice is believed by half.
+/// Number of windows at which a speaker's own voice counts by half.
 ///
-/// The mean of few windows says what was said rather than who said it.
+/// The mean of few windows depends on the words rather than on the speaker.
 const HALF_BELIEVED: f64 = 12.0;
-/// Mean weight of the windows that count from which somebody speaks. That of hiss is 0.1, that of speech 0.5 and more.
+/// Least mean weight of the windows for a voice. Hiss has 0.1, speech 0.5 and more.
 const LEAST_VOICE: f64 = 0.25;
 
 /// A speaker's neutral voice, as an ear hears it.
 #[derive(Debug, Clone, PartialEq)]
 pub struct NeutralVoice {
-    /// What every row of the speaker gets added, `[told + 118]`.
+    /// The offset of every row of the speaker, `[outputs + 118]`.
     pub(super) offset: Array1<f64>,
 }
 
 impl NeutralVoice {
-    /// The way from the mean of rows with their weights to that of `readers`; less of it where there is little of a voice.
+    /// The difference between the weighted mean of rows and that of `readers`, reduced where there
+    /// is little voice.
     ///
     /// # Errors
     /// `Audio` if nobody speaks.

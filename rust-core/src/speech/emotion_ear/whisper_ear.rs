@@ -1,4 +1,5 @@
-//! The same ear on Whisper base itself, from a user's folder, in place of the small network that was taught by it.
+//! The same on Whisper base itself, from a user's folder, in place of the small network that
+//! imitates it.
 
 use std::path::Path;
 
@@ -23,7 +24,7 @@ use crate::{
     },
 };
 
-/// Built-in weights of the layer on Whisper's.
+/// Built-in weights of the layer on Whisper's outputs.
 pub static EMOTION_OF_WHISPER: BuiltIn = BuiltIn::new(&anyface_weights_shared::EMOTION_OF_WHISPER);
 
 /// Numbers of a channel: its mean, its deviation and its change over a window.
@@ -38,16 +39,16 @@ const LEAST_FEATURES: usize = 2;
 struct Config {
     /// Channels of Whisper.
     channels: usize,
-    /// Its layers that are heard, ascending; 0 stands before the first.
+    /// Whisper's layers in use, ascending; 0 is before the first layer.
     layers: Vec<usize>,
-    /// Emotions that the layer was taught.
+    /// Emotions in the layer's training data.
     emotions: Vec<String>,
 }
 
-/// Hears emotions in what the middle layers of Whisper base say of a voice.
+/// Recognises emotions in a voice by the middle layers of Whisper base.
 ///
-/// It tells emotions much better than [`super::EmotionEar`], whose network is a hundredth of Whisper's size, and is
-/// slower. It does not hear live.
+/// It distinguishes emotions much better than [`super::EmotionEar`], whose network is a hundredth
+/// of Whisper's size, but it is slower and does not run live.
 pub struct WhisperEar {
     whisper: Whisper,
     layers: Vec<usize>,
@@ -64,7 +65,9 @@ impl WhisperEar {
         let weights = Weights::from_bytes(&files.weights)?;
         Self::load(Whisper::load_folder(folder, None)?, &weights, &files.config).map_err(|error| {
             match error {
-                Error::Weights(told) => Error::Weights(format!("{}: {told}", folder.display())),
+                Error::Weights(message) => {
+                    Error::Weights(format!("{}: {message}", folder.display()))
+                }
                 other => other,
             }
         })
@@ -104,12 +107,13 @@ impl WhisperEar {
         })
     }
 
-    /// How likely each emotion is in a voice over time; nothing of a sound shorter than 0.8 s.
+    /// How likely each emotion is in a voice over time. Empty for a sound shorter than 0.8 s.
     ///
-    /// `neutral` is how the speaker sounds while he feels nothing, where that is known.
+    /// `neutral`: how the speaker sounds without emotion, if that is known.
     ///
     /// # Errors
-    /// `Audio` for a sound shorter than 25 ms; `Numerics` where the weights make numbers that are none; `Cancelled`.
+    /// `Audio` for a sound shorter than 25 ms; `Numerics` where the weights give numbers that are
+    /// not finite; `Cancelled`.
     pub fn heard(
         &self,
         waveform: &Waveform,
@@ -122,7 +126,8 @@ impl WhisperEar {
         Ok(self.layer.heard(&windows, rows.into_iter(), neutral))
     }
 
-    /// How a speaker sounds in a recording in which he feels nothing; see [`super::EmotionEar::neutral_voice`].
+    /// How a speaker sounds without emotion, from a recording; see
+    /// [`super::EmotionEar::neutral_voice`].
     ///
     /// # Errors
     /// `Audio` if nobody speaks in it, and those of [`WhisperEar::heard`].
@@ -137,7 +142,7 @@ impl WhisperEar {
         self.layer.neutral_voice(&windows, rows.into_iter())
     }
 
-    /// Of every window of the voice in a sound, statistics of the layers and its 118 numbers, `[R]`.
+    /// For every window of the voice, statistics of the layers and the window's 118 numbers, `[R]`.
     fn rows(
         &self,
         waveform: &Waveform,

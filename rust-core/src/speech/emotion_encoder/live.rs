@@ -1,4 +1,4 @@
-//! `F_e` of a voice that is still being heard.
+//! `F_e` of a live voice.
 
 use std::{collections::VecDeque, sync::Arc};
 
@@ -9,11 +9,11 @@ use super::{
     VoiceTrack, VoiceWindow, WINDOW, cepstral_basis,
 };
 
-/// Instants that are remembered: one after the frame, one before it, one that came early.
+/// Number of stored instants: one after the frame, one before it, one that came early.
 const INSTANTS: usize = 3;
 
-/// What [`EmotionEncoder::at_frames`] gives of the whole, but that a voice is taken to be as loud as it has been
-/// so far, and that in the first 0.8 s it feels as the taught mean does.
+/// Gives the same as [`EmotionEncoder::at_frames`] for the whole voice, with two differences. The
+/// level is that of the voice so far, and the first 0.8 s get the mean of the training data.
 pub struct LiveEmotion {
     encoder: Arc<EmotionEncoder>,
     ear: Ear,
@@ -21,9 +21,9 @@ pub struct LiveEmotion {
     peak: f32,
     /// The last two seconds.
     frames: VecDeque<HeardFrame>,
-    /// Frames of 10 ms that were heard in all.
+    /// Number of frames of 10 ms so far.
     heard: usize,
-    /// Frames that were heard at an instant, and the features there; the newest last.
+    /// Instants and their features, the newest last. An instant is the number of frames before it.
     instants: VecDeque<(usize, Array1<f64>)>,
 }
 
@@ -42,13 +42,14 @@ impl LiveEmotion {
         }
     }
 
-    /// Hears the samples about the next 10 ms; returns the last two seconds where they end an instant.
+    /// Adds the samples about the next 10 ms. Returns the last two seconds where an instant ends.
     pub fn hear(&mut self, stretch: &[f32; FRAME]) -> Option<VoiceWindow> {
         let loudest = stretch.iter().fold(self.peak, |peak, x| peak.max(x.abs()));
         let gain = |peak: f32| if peak > SILENT { PEAK / peak } else { 1.0 };
         let (before, now) = (gain(self.peak), gain(loudest));
         if before != now {
-            // What was heard is as if it had been scaled so from the start; log-mel is of power.
+            // The earlier frames become as if they had been scaled like this from the start.
+            // Log-mel is of power.
             let shift = 2.0 * (now / before).ln();
             let mel = self.frames.iter_mut().flat_map(|frame| &mut frame.mel);
             mel.for_each(|x| *x += shift);
@@ -63,17 +64,17 @@ impl LiveEmotion {
         if self.heard >= LEAST && (self.heard - LEAST).is_multiple_of(STEP) {
             let window = self.window();
             let numbers = Array1::from_vec(window.numbers.clone()).insert_axis(Axis(0));
-            let felt = self.encoder.of_numbers(&numbers).row(0).to_owned();
+            let emotion = self.encoder.of_numbers(&numbers).row(0).to_owned();
             if self.instants.len() == INSTANTS {
                 self.instants.pop_front();
             }
-            self.instants.push_back((self.heard, felt));
+            self.instants.push_back((self.heard, emotion));
             return Some(window);
         }
         None
     }
 
-    /// `F_e` at motion frame `frame`, `[E]`; up to 160 ms after it are heard.
+    /// `F_e` at motion frame `frame`, `[E]`. It depends on up to 160 ms after the frame.
     pub fn at_frame(&self, frame: usize, fps: f64) -> Vec<f32> {
         let at = frame as f64 * (FRAMES_HZ / fps);
         let known = self.instants.iter().rposition(|(end, _)| *end as f64 <= at);
@@ -85,7 +86,7 @@ impl LiveEmotion {
         mixed.collect()
     }
 
-    /// The frames that are remembered.
+    /// The window of the stored frames.
     fn window(&self) -> VoiceWindow {
         let rows = self.frames.len();
         let voice = VoiceTrack {
@@ -128,11 +129,11 @@ mod tests {
         for mel in 0..samples.len() / HOP {
             cut_frame(&samples, mel, &mut stretch);
             live.hear(&stretch);
-            // A frame is asked for when 18 more frames of 10 ms were heard.
+            // A frame is requested when 18 more frames of 10 ms have arrived.
             if mel >= 18 && (mel - 18).is_multiple_of(4) && frames < 75 {
-                let felt = live.at_frame(frames, 25.0);
+                let emotion = live.at_frame(frames, 25.0);
                 if frames * 4 >= LEAST {
-                    largest = largest.max(distance(&felt, whole.row(frames)));
+                    largest = largest.max(distance(&emotion, whole.row(frames)));
                 }
                 frames += 1;
             }
@@ -146,7 +147,7 @@ mod tests {
         let encoder = EmotionEncoder::load(&golden.weights(), &golden.metadata("config")).unwrap();
         let encoder = Arc::new(encoder);
         let samples = golden.values("samples");
-        let felt = |samples: &[f32]| {
+        let emotion_of = |samples: &[f32]| {
             let mut live = LiveEmotion::new(Arc::clone(&encoder));
             let mut stretch = [0.0; FRAME];
             for mel in 0..samples.len() / HOP {
@@ -156,7 +157,7 @@ mod tests {
             live.at_frame(70, 25.0)
         };
         let quiet: Vec<f32> = samples.iter().map(|x| 0.1 * x).collect();
-        assert!(distance(&felt(&samples), &felt(&quiet)) < 1e-3);
-        assert!(felt(&[]).iter().all(|x| x.is_finite()));
+        assert!(distance(&emotion_of(&samples), &emotion_of(&quiet)) < 1e-3);
+        assert!(emotion_of(&[]).iter().all(|x| x.is_finite()));
     }
 }

@@ -38,10 +38,10 @@ fn debug_model() -> (PhoneModel, Vec<u8>, String) {
 fn posteriors_match_the_training_code() {
     let (model, bytes, _) = debug_model();
     let file = SafeTensors::deserialize(&bytes).unwrap();
-    let made = model.log_posteriors(array(&file, "input").view());
+    let output = model.log_posteriors(array(&file, "input").view());
     let known = array(&file, "output");
-    assert_eq!(made.dim(), known.dim());
-    let most = made.iter().zip(&known).map(|(a, b)| (a - b).abs());
+    assert_eq!(output.dim(), known.dim());
+    let most = output.iter().zip(&known).map(|(a, b)| (a - b).abs());
     assert!(most.fold(0.0, f32::max) < 1e-4);
 }
 
@@ -64,7 +64,7 @@ fn the_path_through_a_text_matches_the_training_code() {
     assert_eq!(said, floats(&file.tensor("said").unwrap()));
 }
 
-/// A second of noise that grows and fades, heard by the built-in encoder.
+/// A second of noise that grows and fades, encoded by the built-in encoder.
 fn heard() -> Heard {
     let encoder: Arc<dyn SpeechEncoder> = Arc::new(crate::speech::compact(None).unwrap());
     let mut state = 1u32;
@@ -122,7 +122,7 @@ fn texts_that_cannot_be_are_refused() {
 
 #[test]
 fn a_change_of_phone_costs() {
-    // One row that says another thing a little louder changes nothing; six do.
+    // One row with another phone that is a little louder changes nothing. Six rows do.
     let row = |class: usize| if class == 0 { [0.0, -2.0] } else { [-2.0, 0.0] };
     let rows = |classes: &[usize]| {
         let values: Vec<f32> = classes.iter().flat_map(|class| row(*class)).collect();

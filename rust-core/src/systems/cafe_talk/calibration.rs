@@ -1,6 +1,8 @@
-//! Events as strong as they are asked to be: strength 1 is the full shape of a unit on either side.
+//! Scales events to their requested strength: strength 1 is the full shape of a unit on either
+//! side.
 //!
-//! Ours. Under guidance alone a unit comes to .4 to 1.3 of its shape, and the sides of one face apart.
+//! This is ours. With guidance alone a unit reaches 0.4 to 1.3 of its shape, and the two sides of a
+//! face differ.
 
 use std::ops::Range;
 
@@ -8,14 +10,14 @@ use ndarray::{Array2, ArrayRef2, ArrayView1, ArrayViewMut1};
 
 /// A shape that the network moves by less than this follows the event's own rise and fall instead.
 const UNHEARD: f32 = 0.02;
-/// Frames with less than this share of the largest change do not say how far it may grow.
+/// Frames with less than this share of the largest change do not limit the gain.
 const LEAST_SHARE: f32 = 0.1;
-/// How much farther than the network says a shape may be moved.
+/// Largest factor by which a shape's change grows.
 const MOST_GAIN: f32 = 6.0;
 
-/// Scales what events add to `weights` `[T, S]` beside `plain`, the same speech without them, so that the largest weight of
-/// each shape under an event is the strength in `mask` `[T, S]` (Z of eq. 6, times what β is scaled by). Where speech
-/// alone goes farther it stays.
+/// Scales the change of events in `weights` `[T, S]` relative to `plain`, the same speech without
+/// them. Then the largest weight of each shape under an event is the strength in `mask` `[T, S]` (Z
+/// of eq. 6, times the factor of β). Where speech alone goes farther, the weight stays.
 pub(super) fn calibrate(weights: &mut Array2<f32>, plain: &ArrayRef2<f32>, mask: &ArrayRef2<f32>) {
     for s in 0..mask.ncols() {
         let strengths = mask.column(s);
@@ -32,7 +34,7 @@ fn reach_strength(
     run: Range<usize>,
 ) {
     let largest = |of: &dyn Fn(usize) -> f32| run.clone().map(of).fold(0.0f32, f32::max);
-    let wanted = largest(&|t| strengths[t]);
+    let target = largest(&|t| strengths[t]);
     let change = |t: usize| weights[t] - plain[t];
     let most = largest(&change);
     if most < UNHEARD {
@@ -42,23 +44,23 @@ fn reach_strength(
         return;
     }
     let tells = run.clone().filter(|&t| change(t) > LEAST_SHARE * most);
-    let gains = tells.map(|t| (wanted - plain[t]) / change(t));
+    let gains = tells.map(|t| (target - plain[t]) / change(t));
     let gain = gains.fold(MOST_GAIN, f32::min).max(0.0);
     for t in run {
         weights[t] = (plain[t] + gain * (weights[t] - plain[t])).max(0.0);
     }
 }
 
-/// Stretches of frames in which something is asked.
+/// Ranges of frames with a strength above 0.
 fn runs(strengths: ArrayView1<'_, f32>) -> Vec<Range<usize>> {
-    let mut found: Vec<Range<usize>> = Vec::new();
+    let mut ranges: Vec<Range<usize>> = Vec::new();
     for t in (0..strengths.len()).filter(|&t| strengths[t] > 0.0) {
-        match found.last_mut() {
+        match ranges.last_mut() {
             Some(last) if last.end == t => last.end = t + 1,
-            _ => found.push(t..t + 1),
+            _ => ranges.push(t..t + 1),
         }
     }
-    found
+    ranges
 }
 
 #[cfg(test)]

@@ -1,9 +1,10 @@
 //! The diffusion transformer of Cafe-Talk and its adapter for fine control.
 //!
-//! Chen et al. 2025, sections 3.1 and 3.2; twin of `training/systems/cafe_talk/denoiser.py`. Differs from
-//! the paper: the coarse condition may change from frame to frame; modulation comes from one linear layer
-//! for all blocks and a table in each, which alone fits the printed number of parameters; a unit of the
-//! fine condition is active on the left, on the right or on both sides.
+//! Chen et al. 2025, sections 3.1 and 3.2; twin of `training/systems/cafe_talk/denoiser.py`. It
+//! differs from the paper: the coarse condition may change from frame to frame. Modulation comes
+//! from one linear layer for all blocks and a table in each, since only this fits the printed
+//! number of parameters. A unit of the fine condition is active on the left, on the right or on
+//! both sides.
 
 use ndarray::{Array1, Array2, ArrayRef2, ArrayView2, Axis, concatenate, s};
 
@@ -30,10 +31,10 @@ const EPSILON: f32 = 1e-5;
 const ADA_LAYERS: usize = 2;
 /// Sub-layers of a block under FiLM: self-attention and cross-attention.
 const FILM_PLACES: usize = 2;
-/// Frames that the events' convolution sees.
+/// Frames in the events' convolution.
 const EVENT_KERNEL: usize = 3;
 
-/// `M̂₀ = G(M_τ; τ, A, C, F)`, eq. 3, with its weights.
+/// `M̂₀ = G(M_τ; τ, A, C, F)`, eq. 3, and its weights.
 pub struct Denoiser {
     config: CafeTalkConfig,
     x_proj: Linear,
@@ -58,19 +59,19 @@ pub struct Denoiser {
 pub struct Coarse<'a> {
     /// Number of the speaking style.
     pub style: usize,
-    /// `[T, E]`, place of what is felt in the text space.
+    /// `[T, E]`, place of the emotion in the text space.
     pub emotion: ArrayView2<'a, f32>,
     /// `[T]`.
     pub intensity: &'a [f32],
 }
 
-/// What all denoising steps of a window have in common.
+/// The inputs that all denoising steps of a window share.
 pub struct Conditions {
     /// Keys and values of the speech for each block.
     memory: Vec<RotaryMemory>,
     /// Modulation of every sub-layer, `[T, 6 d]`.
     ada: Array2<f32>,
-    /// Mean of `C_f` over the window where FiLM hears it, `[d]`.
+    /// Mean of `C_f` over the window for FiLM, `[d]`, where the model uses it.
     heard_by_film: Option<Vec<f32>>,
 }
 
@@ -107,12 +108,13 @@ impl Denoiser {
         &self.config
     }
 
-    /// Place of what is felt in the text space, `[T, E]`, of mixtures of the emotions `[T, 15]`.
+    /// Places in the text space, `[T, E]`, of mixtures of the emotions `[T, 15]`.
     pub fn places(&self, mixtures: ArrayView2<'_, f32>) -> Array2<f32> {
         mixtures.dot(&self.emotions)
     }
 
-    /// Conditions of a window of `frames` frames: `speech` `[T, C]` and `coarse`, each null where it is `None`.
+    /// Conditions of a window of `frames` frames. `speech` `[T, C]` and `coarse` are null where
+    /// they are `None`.
     pub fn conditions(
         &self,
         frames: usize,
@@ -144,12 +146,13 @@ impl Denoiser {
         }
     }
 
-    /// What the adapter hears of active units `[T, 32]` (left, then right): `[T, d]`.
+    /// The adapter's input for active units `[T, 32]` (left, then right): `[T, d]`.
     pub fn events(&self, active: ArrayView2<'_, f32>) -> Array2<f32> {
         self.adapter.condition(active)
     }
 
-    /// One pass in standardised space: noisy `[T, 51]` to clean; without events the base model alone.
+    /// One pass in standardised space: noisy `[T, 51]` to clean. Without events only the base model
+    /// runs.
     pub fn denoise(
         &self,
         noisy: &ArrayRef2<f32>,
@@ -181,7 +184,7 @@ impl Denoiser {
         self.head.forward(&x)
     }
 
-    /// The model's space to weights, in place; `x`: `[T, 51]`.
+    /// Converts the model's space to weights, in place. `x`: `[T, 51]`.
     pub fn to_weights(&self, x: &mut Array2<f32>) {
         *x *= &self.std;
         *x += &self.mean;
@@ -203,24 +206,24 @@ struct CoarseCondition {
 
 impl CoarseCondition {
     fn load(weights: &Weights, config: &CafeTalkConfig) -> Result<Self> {
-        let (styles, place, felt) = (config.styles.len(), config.style_width, config.text_width);
+        let (styles, place, text) = (config.styles.len(), config.style_width, config.text_width);
         Ok(CoarseCondition {
             style: weights.pp("style").matrix("weight", styles, place)?,
-            intensity: weights.vector("intensity", felt)?,
-            linear: Linear::load(&weights.pp("linear"), place + 2 * felt, config.width)?,
+            intensity: weights.vector("intensity", text)?,
+            linear: Linear::load(&weights.pp("linear"), place + 2 * text, config.width)?,
             null: weights.vector("null", config.width)?,
         })
     }
 
     fn forward(&self, coarse: &Coarse<'_>) -> Array2<f32> {
-        let (place, felt) = (self.style.ncols(), self.intensity.len());
-        let mut joined = Array2::zeros((coarse.intensity.len(), place + 2 * felt));
+        let (place, text) = (self.style.ncols(), self.intensity.len());
+        let mut joined = Array2::zeros((coarse.intensity.len(), place + 2 * text));
         for (t, mut row) in joined.rows_mut().into_iter().enumerate() {
             row.slice_mut(s![..place])
                 .assign(&self.style.row(coarse.style));
-            row.slice_mut(s![place..place + felt])
+            row.slice_mut(s![place..place + text])
                 .assign(&coarse.emotion.row(t));
-            row.slice_mut(s![place + felt..])
+            row.slice_mut(s![place + text..])
                 .assign(&(&self.intensity * coarse.intensity[t]));
         }
         self.linear.forward(&joined)
@@ -293,7 +296,7 @@ impl Block {
     }
 }
 
-/// Fine control beside the frozen base (section 3.2, figure 3).
+/// Fine control on top of the frozen base (section 3.2, figure 3).
 struct Adapter {
     events: Linear,
     /// The convolution over neighbouring frames as one product, `[3 d] → [d]`.
@@ -319,7 +322,7 @@ impl Adapter {
     /// `[T, 32]` to `[T, d]`; exactly 0 two frames away from any event.
     fn condition(&self, active: ArrayView2<'_, f32>) -> Array2<f32> {
         let frames = active.nrows();
-        let seen: Vec<bool> = active
+        let has_event: Vec<bool> = active
             .rows()
             .into_iter()
             .map(|row| row.iter().any(|x| *x != 0.0))
@@ -328,7 +331,7 @@ impl Adapter {
             .events
             .forward_then(&active.as_standard_layout(), silu_all);
         for (t, mut row) in heard.rows_mut().into_iter().enumerate() {
-            if !seen[t] {
+            if !has_event[t] {
                 row.fill(0.0);
             }
         }
@@ -340,7 +343,7 @@ impl Adapter {
         let mut out = self.spread.forward(&beside.as_standard_layout());
         for (t, mut row) in out.rows_mut().into_iter().enumerate() {
             let near = t.saturating_sub(1)..(t + 2).min(frames);
-            if !seen[near].contains(&true) {
+            if !has_event[near].contains(&true) {
                 row.fill(0.0);
             }
         }
@@ -358,7 +361,7 @@ fn unfolded(weights: &Weights, width: usize) -> Result<Linear> {
     Ok(Linear::from_parts(&weight, weights.vector("bias", width)?))
 }
 
-/// A FiLM self-attention layer that sees the events, and a zero convolution behind it.
+/// A FiLM self-attention layer over the events, and a zero convolution after it.
 struct AdapterBlock {
     norm: LayerNorm,
     attn: RotaryAttention,
@@ -380,7 +383,7 @@ impl AdapterBlock {
         })
     }
 
-    /// `x` and `events` `[T, d]` to what is added to `x`.
+    /// From `x` and `events` `[T, d]`, the amount to add to `x`.
     fn forward(&self, x: &Array2<f32>, events: &Array2<f32>, place: &Modulation) -> Array2<f32> {
         let mut heard = self.norm.forward(x);
         heard += events;

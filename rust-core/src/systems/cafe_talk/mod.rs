@@ -6,7 +6,7 @@ mod denoiser;
 mod priority;
 mod sampling;
 mod system;
-mod windows_kept;
+mod window_cache;
 
 pub use config::{CafeTalkConfig, CoarseWay, Sampling};
 pub use denoiser::{Coarse, Conditions, Denoiser};

@@ -1,9 +1,10 @@
-//! Where an event gives way to the speech: jaw and chin follow the opening that the speech asks for.
+//! Where an event gives way to the speech: jaw and chin follow the opening of the speech.
 //!
-//! Twin of `training/systems/cafe_talk/priority.py`. A dropped jaw that stays down for the whole of its slot, or a
-//! chin that stays up, hides what is said (Cafe-Talk's own table 4: lower units cost four times the SyncD of upper
-//! ones). Here they act in proportion to how far speech has the mouth open, beside its widest opening nearby, and
-//! so give way where speech closes it; where nobody speaks they act in full.
+//! Twin of `training/systems/cafe_talk/priority.py`. A jaw that stays down for a whole slot, or a
+//! chin that stays up, hides the speech (Cafe-Talk's own table 4: lower units cost four times the
+//! SyncD of upper ones). Here they act in proportion to the opening of the mouth in speech,
+//! relative to its widest opening nearby. So they give way where speech closes the mouth. In
+//! silence they act fully.
 
 use ndarray::{Array2, ArrayRef2};
 
@@ -13,7 +14,7 @@ const OPENS: &str = "jawOpen";
 const CLOSES: &str = "mouthClose";
 /// Frames of 0.04 s to either side: a syllable or two.
 const NEAR_FRAMES: usize = 12;
-/// Weight of `jawOpen` that counts as nothing said.
+/// Weight of `jawOpen` up to which nobody speaks.
 const RESTING: f32 = 0.03;
 
 /// Columns of the shapes that matter here.
@@ -25,9 +26,9 @@ pub(super) struct Priority {
 }
 
 impl Priority {
-    /// Among a model's shapes.
+    /// Finds the columns among a model's shapes.
     pub(super) fn new(shapes: &[String]) -> Priority {
-        let named = |wanted: &str| shapes.iter().position(|name| name == wanted);
+        let named = |target: &str| shapes.iter().position(|name| name == target);
         Priority {
             yielding: YIELDING.into_iter().filter_map(named).collect(),
             opens: named(OPENS),
@@ -35,15 +36,15 @@ impl Priority {
         }
     }
 
-    /// Whether a mask `[T, S]` asks for a shape that gives way.
+    /// Whether a mask `[T, S]` has a strength for a shape that gives way.
     pub(super) fn concerns(&self, mask: &ArrayRef2<f32>) -> bool {
-        let asked = |&s: &usize| mask.column(s).iter().any(|strength| *strength != 0.0);
-        self.yielding.iter().any(asked)
+        let is_requested = |&s: &usize| mask.column(s).iter().any(|strength| *strength != 0.0);
+        self.yielding.iter().any(is_requested)
     }
 
-    /// Takes from a mask `[T, S]` what `spoken` weights without events `[T, S]` need: strengths of jaw and chin
-    /// are multiplied by the square of the share of the mouth's opening, `jawOpen − mouthClose`, of the widest
-    /// within half a second. Frames of `over_speech` keep theirs.
+    /// Lowers a mask `[T, S]` for speech. `spoken`: `[T, S]`, weights without events. The strengths
+    /// of jaw and chin are multiplied by the square of the mouth's opening, `jawOpen − mouthClose`,
+    /// relative to the widest within half a second. Frames of `over_speech` keep their strengths.
     pub(super) fn give_way(
         &self,
         mask: &mut Array2<f32>,

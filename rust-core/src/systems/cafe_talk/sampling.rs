@@ -9,7 +9,7 @@ use ndarray::{Array2, ArrayRef2, ArrayView2, Axis, Slice, s};
 use super::{
     denoiser::{Coarse, Denoiser},
     priority::Priority,
-    windows_kept::WindowsKept,
+    window_cache::WindowCache,
 };
 use crate::{
     Result,
@@ -19,20 +19,20 @@ use crate::{
     job::{self, ProgressFn},
 };
 
-/// What the denoiser is asked to perform.
+/// A request to the denoiser.
 #[derive(Debug, Clone, Copy)]
 pub struct Request<'a> {
     /// `[T, C]`, speech features at the model's frame rate.
     pub speech: ArrayView2<'a, f32>,
     /// Number of the speaking style.
     pub style: usize,
-    /// `[T, E]`, place of what is felt in the text space.
+    /// `[T, E]`, place of the emotion in the text space.
     pub emotion: ArrayView2<'a, f32>,
     /// `[T]`.
     pub intensity: &'a [f32],
-    /// Events of every frame, as many frames.
+    /// Events of every frame, for as many frames.
     pub events: &'a EventTrack,
-    /// Same seed, same motion; without effect where the temperature is 0.
+    /// The same seed gives the same motion. Without effect where the temperature is 0.
     pub seed: u64,
     /// Scale of the starting noise.
     pub temperature: f32,
@@ -40,23 +40,23 @@ pub struct Request<'a> {
     pub steps: usize,
     /// Guidance of eq. 6.
     pub guidance: Guidance,
-    /// Windows that were made before, which are not made again.
-    pub kept: Option<&'a WindowsKept>,
+    /// Earlier windows, which are not sampled again.
+    pub window_cache: Option<&'a WindowCache>,
 }
 
-/// How strongly conditions count, eq. 6.
+/// Weights of the conditions, eq. 6.
 #[derive(Debug, Clone, Copy, PartialEq)]
 pub struct Guidance {
     /// Speech and coarse condition.
     pub alpha: f32,
-    /// Events, times their own strength.
+    /// Events, multiplied by their own strength.
     pub beta: f32,
-    /// The third term as printed, against `G_∅`; else against `G_AC`.
+    /// Whether the third term is relative to `G_∅`, as printed. Otherwise it is relative to `G_AC`.
     pub is_printed: bool,
 }
 
 impl Request<'_> {
-    /// Names all that a window depends on, but for the model.
+    /// The key of a window: everything that it depends on except the model.
     fn key_of(&self, rows: &Range<usize>) -> CacheKey {
         let Guidance {
             alpha,
@@ -94,7 +94,7 @@ impl Denoiser {
         self.sample_from(request, noise, progress)
     }
 
-    /// The same from given unit noise: `noise` gets a range of frames and returns `[T, 51]`.
+    /// The same from unit noise. `noise` gets a range of frames and returns `[T, 51]`.
     pub(super) fn sample_from(
         &self,
         request: &Request<'_>,
@@ -115,8 +115,8 @@ impl Denoiser {
                 let start = noise(rows.clone()) * request.temperature;
                 ddim.sample(start, |x, t| Ok(window.predict(x, t)), progress, done)
             };
-            match request.kept {
-                Some(kept) => kept.get_or_make(&request.key_of(&rows), sample),
+            match request.window_cache {
+                Some(cache) => cache.get_or_make(&request.key_of(&rows), sample),
                 None => sample(),
             }
         };
@@ -135,15 +135,15 @@ impl Denoiser {
 struct Window<'a> {
     denoiser: &'a Denoiser,
     heard: super::denoiser::Conditions,
-    /// Without speech and coarse condition, where guidance asks for it.
+    /// Without speech and coarse condition, where guidance needs it.
     unheard: Option<super::denoiser::Conditions>,
-    /// What the adapter hears, where the window has an event.
+    /// The adapter's input, where the window has an event.
     events: Option<Array2<f32>>,
     /// βZ, `[T, 51]`.
     mask: Array2<f32>,
-    /// What takes from it for the speech, where an event asks for jaw or chin.
+    /// Lowers the mask for the speech, where an event has jaw or chin.
     priority: Option<Priority>,
-    /// `[T]`, where nothing does.
+    /// `[T]`, where nothing lowers the mask.
     over_speech: &'a [bool],
     guidance: Guidance,
 }

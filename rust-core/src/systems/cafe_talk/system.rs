@@ -5,7 +5,7 @@ use std::path::Path;
 use ndarray::s;
 
 use super::{
-    CafeTalkConfig, Denoiser, Guidance, Request, calibration::calibrate, windows_kept::WindowsKept,
+    CafeTalkConfig, Denoiser, Guidance, Request, calibration::calibrate, window_cache::WindowCache,
 };
 use crate::{
     Result,
@@ -29,7 +29,7 @@ pub static MODEL: BuiltIn =
 static EVENTS: Control = Control {
     name: "event_strength",
     label: "Event Strength",
-    help: "How strongly the face obeys events, beside the strength of each.",
+    help: "How strongly events move the face; multiplies the strength of each.",
     values: ControlValues::Real,
     high: 2.0,
     default: 1.0,
@@ -37,13 +37,13 @@ static EVENTS: Control = Control {
     ..STEPS
 };
 
-/// Which form of eq. 6.
+/// The form of eq. 6.
 static GUIDANCE: Control = Control {
     name: "guidance",
     label: "Guidance",
-    help: "What events are told apart from: the same speech without them, and they rise and fall about their slot \
-           (speech); or nothing at all, as the paper prints it, in the slot alone (printed), which moves the mouth more \
-           within an event.",
+    help: "The reference for the strength of events. Speech: the same speech without them, so that events rise and \
+           fall about their slot. Printed: no speech at all, as in the paper, so that events act in their slot alone \
+           and the mouth moves more within it.",
     values: ControlValues::Choice(&["speech", "printed"]),
     high: 1.0,
     ..STEPS
@@ -63,7 +63,7 @@ static COARSE_GUIDANCE: Control = Control {
     ..STEPS
 };
 
-/// What acts on weights of those controls that landmark motion has.
+/// The controls of landmark motion that also act on weights.
 static PERFORMANCE: &[Control] = &[
     control_named("articulation"),
     control_named("effort"),
@@ -83,7 +83,7 @@ static PERFORMANCE: &[Control] = &[
 
 static OWN_CONTROLS: &[Control] = &[EVENTS, GUIDANCE, COARSE_GUIDANCE, STEPS, NOISE, LEARNED];
 
-/// How the registry knows Cafe-Talk.
+/// Cafe-Talk in the registry.
 pub static REGISTRATION: Registration = Registration {
     name: "cafe-talk",
     label: "Cafe-Talk",
@@ -98,14 +98,14 @@ pub static REGISTRATION: Registration = Registration {
     open: |folder| Ok(Box::new(CafeTalk::open(folder)?)),
 };
 
-/// The denoiser with everything that makes a performance of its weights.
+/// The denoiser, and everything that makes a performance from its weights.
 pub struct CafeTalk {
     denoiser: Denoiser,
     modes: FaceModes,
     expressions: Expressions,
     gaps: LipGaps,
     lower_lip: LowerLip,
-    kept: WindowsKept,
+    window_cache: WindowCache,
 }
 
 impl CafeTalk {
@@ -127,7 +127,7 @@ impl CafeTalk {
             expressions: Expressions::open(folder)?,
             gaps,
             lower_lip,
-            kept: WindowsKept::default(),
+            window_cache: WindowCache::default(),
         })
     }
 
@@ -141,10 +141,10 @@ impl CafeTalk {
     }
 
     fn guidance(&self, request: &MotionRequest) -> Guidance {
-        let own = self.config().sampling;
+        let sampling = self.config().sampling;
         Guidance {
-            alpha: own.alpha * COARSE_GUIDANCE.value(&request.controls),
-            beta: own.beta * EVENTS.value(&request.controls),
+            alpha: sampling.alpha * COARSE_GUIDANCE.value(&request.controls),
+            beta: sampling.beta * EVENTS.value(&request.controls),
             is_printed: GUIDANCE.value(&request.controls) != GUIDANCE.default,
         }
     }
@@ -197,7 +197,7 @@ impl System for CafeTalk {
                         self.config().sampling.steps
                     },
                     guidance,
-                    kept: Some(&self.kept),
+                    window_cache: Some(&self.window_cache),
                 },
                 progress,
             )
@@ -219,7 +219,7 @@ impl System for CafeTalk {
                 weights
             }
         };
-        // What no network has learned.
+        // Units that no network has learned.
         weights.zip_mut_with(&events.put_on, |weight, least| *weight = weight.max(*least));
         let names = shapes.clone();
         let clip = WeightClip {

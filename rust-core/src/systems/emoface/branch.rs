@@ -1,13 +1,14 @@
-//! One branch: the frames before and what is heard now → the next frame (FaceFormer's decoder of one layer).
+//! One branch: computes the next frame from the frames before and the current features
+//! (FaceFormer's decoder of one layer).
 //!
-//! Attention to the own frame alone is a linear layer of that frame, and is one here.
+//! Attention to only the own frame is a linear layer of that frame, and is implemented as one.
 
 use super::EmoFaceConfig;
 use crate::{
     Result,
     models::Weights,
     nn::{
-        biased_attention::{BiasedSelfAttention, KeptRows, add_periodic_position},
+        biased_attention::{BiasedSelfAttention, PastRows, add_periodic_position},
         elementwise::{add_all, gelu_all},
         linear::Linear,
         norm::LayerNorm,
@@ -29,7 +30,7 @@ pub struct Branch {
     motion_out: Linear,
 }
 
-/// What a branch hears and is told of one frame.
+/// A branch's inputs of one frame.
 #[derive(Clone, Copy)]
 pub struct Frame<'a> {
     /// Its number from the start of the performance.
@@ -43,7 +44,7 @@ pub struct Frame<'a> {
 }
 
 impl Branch {
-    /// Under the names of `training/systems/emoface/model.py`.
+    /// Reads the arrays by their names in `training/systems/emoface/model.py`.
     ///
     /// # Errors
     /// `Weights` if an array is missing or has another shape.
@@ -71,14 +72,14 @@ impl Branch {
         })
     }
 
-    /// Writes the frame, `[3 V]` in units of the model; returns what its last layer made it of, `[d]`.
-    pub fn step(&self, frame: Frame<'_>, kept: &mut KeptRows, out: &mut [f32]) -> Vec<f32> {
+    /// Writes the frame, `[3 V]` in units of the model. Returns the input of the last layer, `[d]`.
+    pub fn step(&self, frame: Frame<'_>, past: &mut PastRows, out: &mut [f32]) -> Vec<f32> {
         let width = self.motion_in.outputs();
         let (mut x, mut y) = (vec![0.0; width], vec![0.0; width]);
         self.motion_in.forward_row(frame.before, &mut x);
         add_all(&mut x, frame.condition);
         add_periodic_position(&mut x, frame.number, self.period);
-        self.self_attn.step(&x, kept, &mut y);
+        self.self_attn.step(&x, past, &mut y);
         self.joined(&mut x, &y, 0);
         self.own_frame.forward_row(frame.heard, &mut y);
         self.joined(&mut x, &y, 1);

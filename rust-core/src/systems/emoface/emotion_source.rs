@@ -1,4 +1,5 @@
-//! By what the emotion branch hears: the built-in encoder or, as in the paper, a second checkpoint of the user's.
+//! The encoder of the emotion branch: the built-in one or, as in the paper, a second checkpoint of
+//! the user's.
 
 use std::{path::Path, sync::Arc};
 
@@ -21,21 +22,22 @@ pub(super) enum EmotionSource {
 }
 
 impl EmotionSource {
-    /// As `config` says; the folder of models is that of the engine.
+    /// Opens the encoder that `config` names. `folder`: the engine's folder of models.
     ///
     /// # Errors
-    /// `Weights` or `Io` if the encoder is missing, damaged or another than the model was trained with.
+    /// `Weights` or `Io` if the encoder is missing or damaged, or if the model was trained with
+    /// another one.
     pub fn open(folder: Option<&Path>, config: &EmoFaceConfig) -> Result<EmotionSource> {
-        if let Some(wanted) = &config.emotion {
+        if let Some(checkpoint) = &config.emotion {
             return Ok(EmotionSource::Checkpoint(speech::open_emotion(
-                wanted, folder,
+                checkpoint, folder,
             )?));
         }
         let encoder = EmotionEncoder::open(folder)?;
-        let (wanted, given) = (config.emotion_channels, encoder.channels());
-        if wanted != given {
+        let (expected, actual) = (config.emotion_channels, encoder.channels());
+        if expected != actual {
             return Err(Error::Weights(format!(
-                "emoface: expected an emotion encoder of {wanted} features, got one of {given}"
+                "emoface: expected an emotion encoder of {expected} features, got one of {actual}"
             )));
         }
         Ok(EmotionSource::BuiltIn(Arc::new(encoder)))
@@ -44,7 +46,8 @@ impl EmotionSource {
     /// `F_e` of a voice at motion frames, `[frames, E]`.
     ///
     /// # Errors
-    /// `InvalidInput` where a checkpoint is to hear a voice that kept no sound; `Audio` for a sound too short for it.
+    /// `InvalidInput` where a checkpoint needs the sound and the voice has none; `Audio` for a
+    /// sound too short for it.
     pub fn at_frames(
         &self,
         voice: &VoiceTrack,
@@ -55,13 +58,13 @@ impl EmotionSource {
         match self {
             EmotionSource::BuiltIn(encoder) => Ok(encoder.at_frames(voice, frames, fps)),
             EmotionSource::Checkpoint(encoder) => {
-                let track = encoder.encode(kept(voice)?, progress)?;
+                let track = encoder.encode(sound_of(voice)?, progress)?;
                 Ok(at_motion_frames(&track, frames, fps))
             }
         }
     }
 
-    /// The same of the whole of a voice, stretched over so many frames.
+    /// The same for a whole voice, stretched over `frames` frames.
     ///
     /// # Errors
     /// Those of [`EmotionSource::at_frames`].
@@ -74,7 +77,7 @@ impl EmotionSource {
         match self {
             EmotionSource::BuiltIn(encoder) => Ok(encoder.over(voice, frames)),
             EmotionSource::Checkpoint(encoder) => {
-                let sound = kept(voice)?;
+                let sound = sound_of(voice)?;
                 let pace = frames.saturating_sub(1).max(1) as f64 / sound.duration_s();
                 Ok(at_motion_frames(
                     &encoder.encode(sound, progress)?,
@@ -86,8 +89,8 @@ impl EmotionSource {
     }
 }
 
-/// The sound of a voice that an encoder of the user's hears.
-fn kept(voice: &VoiceTrack) -> Result<&Waveform> {
+/// The sound of a voice, for a user's encoder.
+fn sound_of(voice: &VoiceTrack) -> Result<&Waveform> {
     voice.sound().ok_or_else(|| {
         Error::InvalidInput("emotion: expected a voice with its sound, got one without".into())
     })
@@ -104,7 +107,7 @@ mod tests {
 
     const FPS: f64 = 25.0;
 
-    /// A model that hears emotion by the golden's encoder, and the folder of models where that stands.
+    /// A model whose emotion encoder is the golden's, and a folder of models with that encoder.
     fn heard_by(golden: &Golden, channels: usize) -> (EmoFaceConfig, tempfile::TempDir) {
         let models = tempfile::tempdir().unwrap();
         let folder = models.path().join("emotion_wav2vec2");
@@ -138,7 +141,8 @@ mod tests {
         let whole = encoder.encode(&sound, SILENT).unwrap().features;
         assert_eq!(heard, whole);
 
-        // Twice as many frames, the first and the last of which hear the first and the last of the voice.
+        // Twice as many frames: the first and the last of them get the start and the end of the
+        // voice.
         let long = source.over(&voice, 2 * frames, SILENT).unwrap();
         assert!(distance(long.row(0), whole.row(0)) < 1e-6);
         assert!(distance(long.row(2 * frames - 1), whole.row(frames - 1)) < 1e-6);
@@ -152,7 +156,7 @@ mod tests {
     #[test]
     fn what_cannot_be_heard_by_it_is_told() {
         let golden = Golden::open("wav2vec2_tiny");
-        let told = |models: Option<&Path>, config: &EmoFaceConfig| match EmotionSource::open(
+        let message_of = |models: Option<&Path>, config: &EmoFaceConfig| match EmotionSource::open(
             models, config,
         ) {
             Err(error) => error.to_string(),
@@ -161,11 +165,11 @@ mod tests {
         let (config, models) = heard_by(&golden, 32);
         let empty = tempfile::tempdir().unwrap();
         for nowhere in [None, Some(empty.path())] {
-            let text = told(nowhere, &config);
+            let text = message_of(nowhere, &config);
             assert!(text.contains("as the folder emotion_wav2vec2"), "{text}");
         }
         let (others, _) = heard_by(&golden, 48);
-        let text = told(Some(models.path()), &others);
+        let text = message_of(Some(models.path()), &others);
         assert!(
             text.contains("48 features of wav2vec2") && text.contains("gives 32"),
             "{text}"

@@ -1,7 +1,8 @@
-//! The whole network, one frame after another: two branches, and Mesh Attention that mixes them.
+//! The whole network, frame by frame: two branches, and Mesh Attention that mixes them.
 //!
-//! Lin et al. 2025, section 3; twin of `training/systems/emoface/model.py`. The formula of the fusion is not
-//! printed there; here it is `M = w ⊙ M^e + (1 − w) ⊙ M^c` with a sigmoid for `w`.
+//! Lin et al. 2025, section 3; twin of `training/systems/emoface/model.py`. The paper does not
+//! print the formula of the fusion. Here it is `M = w ⊙ M^e + (1 − w) ⊙ M^c` with a sigmoid for
+//! `w`.
 
 use faer::{Mat, linalg::solvers::Solve};
 use ndarray::{Array1, Array2, Array3, ArrayView1, ArrayView2, Axis, s};
@@ -15,14 +16,14 @@ use crate::{
     mesh::ibug::LANDMARKS,
     models::Weights,
     nn::{
-        biased_attention::KeptRows,
+        biased_attention::PastRows,
         elementwise::{gelu, gelu_all, sigmoid},
         linear::Linear,
-        spiral_conv::{SeenRows, SpiralConv},
+        spiral_conv::{PastFrames, SpiralConv},
     },
 };
 
-/// Of the mean square of a landmark's coordinate, what keeps a first pose small.
+/// Keeps a first pose small: ridge as a share of the mean square of a landmark's coordinate.
 const RIDGE: f64 = 1e-4;
 
 /// The weights.
@@ -37,11 +38,11 @@ pub struct Model {
     content: Branch,
     emotion: Branch,
     attention: MeshAttention,
-    /// `[emotions, E]`: what is heard of each emotion on average.
+    /// `[emotions, E]`: mean features of each emotion.
     prototypes: Array2<f32>,
 }
 
-/// For every vertex and frame how far the emotion branch is believed (§3.2).
+/// The share of the emotion branch for every vertex and frame (§3.2).
 struct MeshAttention {
     content: Linear,
     emotion: Linear,
@@ -50,10 +51,10 @@ struct MeshAttention {
     out: Linear,
 }
 
-/// Of one frame in metres: `[3 V]` each, and the mask `[V]`.
+/// One frame in metres: `[3 V]` each, and the mask `[V]`.
 #[derive(Debug, Clone, PartialEq)]
 pub struct MadeFrame {
-    /// Both branches under the mask.
+    /// Both branches, mixed by the mask.
     pub motion: Vec<f32>,
     /// The content branch alone.
     pub content: Vec<f32>,
@@ -61,11 +62,11 @@ pub struct MadeFrame {
     pub emotion: Vec<f32>,
     /// `w`, 0 to 1.
     pub mask: Vec<f32>,
-    /// All this in few numbers, `[2 d + C/16]`: see [`Model::motion_of`].
+    /// The same in few numbers, `[2 d + C/16]`: see [`Model::motion_of`].
     pub code: Vec<f32>,
 }
 
-/// What is heard and told of one frame.
+/// The inputs of one frame.
 #[derive(Clone, Copy)]
 pub struct HeardFrame<'a> {
     /// Features of the speech encoder.
@@ -74,7 +75,7 @@ pub struct HeardFrame<'a> {
     pub emotion: ArrayView1<'a, f32>,
     /// Number of the speaking style.
     pub style: usize,
-    /// Of emotion, 0 to 1.5.
+    /// Level of emotion, 0 to 1.5.
     pub level: f32,
 }
 
@@ -84,14 +85,14 @@ pub struct Progressing {
     frame: usize,
     /// `[3 V]` in units of the model.
     before: Vec<f32>,
-    kept: [KeptRows; 2],
-    seen: SeenRows,
+    past_rows: [PastRows; 2],
+    past_masks: PastFrames,
 }
 
-/// What is shown, and what the next frame goes on from.
+/// The layer that is shown, and from which the next frame goes on.
 #[derive(Debug, Clone, Copy, PartialEq, Eq)]
 pub enum Layer {
-    /// Both branches under the mask.
+    /// Both branches, mixed by the mask.
     Both,
     /// The content branch alone.
     Content,
@@ -100,7 +101,7 @@ pub enum Layer {
 }
 
 impl Layer {
-    /// What is added to the mask to show this layer: −1 what is said alone, 1 what is felt alone.
+    /// The offset of the mask that shows this layer: −1 for content alone, 1 for emotion alone.
     fn shift(self) -> f32 {
         match self {
             Layer::Both => 0.0,
@@ -150,15 +151,15 @@ impl Model {
         &self.config
     }
 
-    /// What is heard on average of the taught emotions in these shares, `[E]`.
+    /// The mean features of the known emotions in these shares, `[E]`.
     pub fn prototype(&self, shares: &[f32]) -> Array1<f32> {
         ArrayView1::from(shares).dot(&self.prototypes)
     }
 
-    /// The pose of the template, `[V, 3]` metres, in which its landmarks have these displacements.
+    /// The pose of the template, `[V, 3]` metres, for these displacements of its landmarks.
     ///
-    /// Of all poses that the last layers of both branches can make it is the smallest that comes near to
-    /// them (ridge regression): the model has no other knowledge of what faces do.
+    /// It is the smallest of the poses near them that the last layers of both branches can make
+    /// (ridge regression). The model has no other knowledge of faces.
     pub fn pose_of(&self, landmarks: &[[f32; 3]; LANDMARKS]) -> Array2<f32> {
         let EmoFaceConfig {
             vertices, scale_m, ..
@@ -169,19 +170,19 @@ impl Model {
             f64::from(last[k / width].weight()[(k % width, 3 * vertex + axis)])
         };
         let at = &self.config.landmarks;
-        let seen = Mat::from_fn(3 * LANDMARKS, 2 * width, |row, k| {
+        let landmark_basis = Mat::from_fn(3 * LANDMARKS, 2 * width, |row, k| {
             basis(at[row / 3], row % 3, k)
         });
-        let mut gram = &seen * seen.transpose();
+        let mut gram = &landmark_basis * landmark_basis.transpose();
         let ridge =
             RIDGE * (0..3 * LANDMARKS).map(|i| gram[(i, i)]).sum::<f64>() / (3 * LANDMARKS) as f64;
         for i in 0..3 * LANDMARKS {
             gram[(i, i)] += ridge.max(f64::MIN_POSITIVE);
         }
-        let wanted = Mat::from_fn(3 * LANDMARKS, 1, |row, _| {
+        let targets = Mat::from_fn(3 * LANDMARKS, 1, |row, _| {
             f64::from(landmarks[row / 3][row % 3] / scale_m)
         });
-        let shares = seen.transpose() * gram.partial_piv_lu().solve(&wanted);
+        let shares = landmark_basis.transpose() * gram.partial_piv_lu().solve(&targets);
         Array2::from_shape_fn((vertices, 3), |(vertex, axis)| {
             let moved: f64 = (0..2 * width)
                 .map(|k| basis(vertex, axis, k) * shares[(k, 0)])
@@ -211,32 +212,35 @@ impl Model {
         Ok(Progressing {
             frame: 0,
             before,
-            kept: Default::default(),
-            seen: SeenRows::new(),
+            past_rows: Default::default(),
+            past_masks: PastFrames::new(),
         })
     }
 
-    /// `w` of each frame, `[T, V]`, of what is heard `[T, C]` and felt `[T, E]`: nothing is moved for it.
+    /// `w` of each frame, `[T, V]`, from content features `[T, C]` and emotion features `[T, E]`.
+    /// Computes no motion.
     pub fn masks(&self, content: ArrayView2<'_, f32>, emotion: ArrayView2<'_, f32>) -> Array2<f32> {
-        let mut seen = SeenRows::new();
+        let mut past = PastFrames::new();
         let mut out = Array2::zeros((content.nrows(), self.config.vertices));
         let heard = content.outer_iter().zip(emotion.outer_iter());
         for ((content, emotion), mut row) in heard.zip(out.outer_iter_mut()) {
             let (content, emotion) = self.entered(content, emotion);
-            let mask = self.attention.step(&content, &emotion, &mut seen);
+            let mask = self.attention.step(&content, &emotion, &mut past);
             row.assign(&Array1::from_vec(mask));
         }
         out
     }
 
-    /// Numbers of a code: what the last layers of both branches take, what time gives to the mask, and the layer.
+    /// Size of a code: the inputs of both branches' last layers, the mask's part of time, and the
+    /// layer.
     pub fn code_size(&self) -> usize {
         2 * self.config.width + self.attention.conv.outputs() + 1
     }
 
-    /// The template's motion under codes `[t, K]` of frames, or of times between them: `[t, V, 3]` metres.
+    /// The template's motion under codes `[t, K]` of frames or of times between them: `[t, V, 3]`
+    /// metres.
     ///
-    /// Exact for every frame but the first δ − 1, whose mask is made as if frames had come before.
+    /// It is exact for every frame except the first δ − 1, whose mask assumes earlier frames.
     ///
     /// # Errors
     /// `ShapeMismatch` for codes of another size.
@@ -256,11 +260,14 @@ impl Model {
             fusion,
             ..
         } = self.config;
-        let made = |branch: &Branch, from: usize| {
+        let layer_motion = |branch: &Branch, from: usize| {
             let hidden = codes.slice(s![.., from..from + width]).to_owned();
             branch.last_layer().forward(&hidden)
         };
-        let (content, emotion) = (made(&self.content, 0), made(&self.emotion, width));
+        let (content, emotion) = (
+            layer_motion(&self.content, 0),
+            layer_motion(&self.emotion, width),
+        );
         let mut out = Array3::zeros((frames, vertices, 3));
         for (t, mut frame) in out.axis_iter_mut(Axis(0)).enumerate() {
             let shift = codes[[t, size - 1]];
@@ -270,8 +277,8 @@ impl Model {
                     let mask = self
                         .attention
                         .mask_of(&in_time, self.attention.conv.delta());
-                    let believed = mask.iter().map(|w| (w + shift).clamp(0.0, 1.0));
-                    believed.map(|w| [1.0 - w, w]).collect()
+                    let emotion_shares = mask.iter().map(|w| (w + shift).clamp(0.0, 1.0));
+                    emotion_shares.map(|w| [1.0 - w, w]).collect()
                 }
                 Fusion::Sum => vec![[1.0 - shift.max(0.0), 1.0 + shift.min(0.0)]; vertices],
             };
@@ -283,20 +290,21 @@ impl Model {
         Ok(out)
     }
 
-    /// What both branches hear, `[channels]` each.
+    /// The inputs of both branches, `[channels]` each.
     fn entered(
         &self,
         content: ArrayView1<'_, f32>,
         emotion: ArrayView1<'_, f32>,
     ) -> (Vec<f32>, Vec<f32>) {
         let channels = self.config.channels;
-        let (mut heard, mut felt) = (vec![0.0; channels], vec![0.0; channels]);
+        let (mut heard, mut emotion_features) = (vec![0.0; channels], vec![0.0; channels]);
         self.content_in.forward_row(&content.to_vec(), &mut heard);
-        self.emotion_in.forward_row(&emotion.to_vec(), &mut felt);
-        (heard, felt)
+        self.emotion_in
+            .forward_row(&emotion.to_vec(), &mut emotion_features);
+        (heard, emotion_features)
     }
 
-    /// The next frame; the one after it goes on from its `layer`.
+    /// Computes the next frame. The frame after it goes on from `layer`.
     pub fn step(&self, heard: HeardFrame<'_>, layer: Layer, state: &mut Progressing) -> MadeFrame {
         let EmoFaceConfig {
             vertices, scale_m, ..
@@ -304,19 +312,19 @@ impl Model {
         let (content, emotion) = self.entered(heard.content, heard.emotion);
         let plain = self.style.row(heard.style);
         let level = |row: usize| self.level.row(row);
-        let felt = &plain + &(&level(0) * (1.0 - heard.level)) + &(&level(1) * heard.level);
+        let levelled = &plain + &(&level(0) * (1.0 - heard.level)) + &(&level(1) * heard.level);
         let in_time = self
             .attention
-            .step_in_time(&content, &emotion, &mut state.seen);
-        let mask = self.attention.mask_of(&in_time, state.seen.len());
+            .step_in_time(&content, &emotion, &mut state.past_masks);
+        let mask = self.attention.mask_of(&in_time, state.past_masks.len());
         let mut code = Vec::with_capacity(self.code_size());
-        let mut made = [vec![0.0; 3 * vertices], vec![0.0; 3 * vertices]];
+        let mut outputs = [vec![0.0; 3 * vertices], vec![0.0; 3 * vertices]];
         let branches = [
             (&self.content, &content, plain.to_vec()),
-            (&self.emotion, &emotion, felt.to_vec()),
+            (&self.emotion, &emotion, levelled.to_vec()),
         ];
-        for (((branch, heard, condition), out), kept) in
-            branches.iter().zip(&mut made).zip(&mut state.kept)
+        for (((branch, heard, condition), out), past) in
+            branches.iter().zip(&mut outputs).zip(&mut state.past_rows)
         {
             let frame = Frame {
                 number: state.frame,
@@ -324,29 +332,29 @@ impl Model {
                 heard,
                 condition,
             };
-            code.extend(branch.step(frame, kept, out));
+            code.extend(branch.step(frame, past, out));
         }
         code.extend(in_time);
         code.push(layer.shift());
-        let [content, emotion] = made;
+        let [content, emotion] = outputs;
         let mixed = |i: usize, w: f32| match self.config.fusion {
             Fusion::MeshAttention => w * emotion[i] + (1.0 - w) * content[i],
             Fusion::Sum => content[i] + emotion[i],
         };
         let motion: Vec<f32> = (0..3 * vertices).map(|i| mixed(i, mask[i / 3])).collect();
-        let mut made = MadeFrame {
+        let mut next = MadeFrame {
             motion,
             content,
             emotion,
             mask,
             code,
         };
-        state.before.copy_from_slice(made.layer(layer));
+        state.before.copy_from_slice(next.layer(layer));
         state.frame += 1;
-        for values in [&mut made.motion, &mut made.content, &mut made.emotion] {
+        for values in [&mut next.motion, &mut next.content, &mut next.emotion] {
             values.iter_mut().for_each(|x| *x *= scale_m);
         }
-        made
+        next
     }
 }
 
@@ -375,13 +383,13 @@ impl MeshAttention {
     }
 
     /// The mask of the next frame, `[V]`.
-    fn step(&self, content: &[f32], emotion: &[f32], seen: &mut SeenRows) -> Vec<f32> {
-        let in_time = self.step_in_time(content, emotion, seen);
-        self.mask_of(&in_time, seen.len())
+    fn step(&self, content: &[f32], emotion: &[f32], past: &mut PastFrames) -> Vec<f32> {
+        let in_time = self.step_in_time(content, emotion, past);
+        self.mask_of(&in_time, past.len())
     }
 
-    /// What time gives to the mask of the next frame, `[C/16]`.
-    fn step_in_time(&self, content: &[f32], emotion: &[f32], seen: &mut SeenRows) -> Vec<f32> {
+    /// The part of time in the mask of the next frame, `[C/16]`.
+    fn step_in_time(&self, content: &[f32], emotion: &[f32], past: &mut PastFrames) -> Vec<f32> {
         let quarter = self.content.outputs();
         let mut parts = vec![0.0; 2 * quarter];
         self.content.forward_row(content, &mut parts[..quarter]);
@@ -390,12 +398,12 @@ impl MeshAttention {
         let mut heard = vec![0.0; self.joint.outputs()];
         self.joint.forward_row(&parts, &mut heard);
         gelu_all(&mut heard);
-        self.conv.step_in_time(&heard, seen)
+        self.conv.step_in_time(&heard, past)
     }
 
-    /// The mask of a frame, `[V]`, once so many were `seen`.
-    fn mask_of(&self, in_time: &[f32], seen: usize) -> Vec<f32> {
-        let around = self.conv.over_surface(in_time, seen);
+    /// The mask of a frame, `[V]`. `frames`: number of frames so far, δ at most.
+    fn mask_of(&self, in_time: &[f32], frames: usize) -> Vec<f32> {
+        let around = self.conv.over_surface(in_time, frames);
         let weight = self.out.weight();
         let logit = |row: ArrayView1<'_, f32>| {
             let terms = row.iter().enumerate();
@@ -430,8 +438,8 @@ mod tests {
                 style: 1,
                 level: level[t],
             };
-            let made = model.step(heard, Layer::Both, &mut state);
-            let parts = [made.motion, made.content, made.emotion, made.mask];
+            let frame = model.step(heard, Layer::Both, &mut state);
+            let parts = [frame.motion, frame.content, frame.emotion, frame.mask];
             for (part, expected) in parts.iter().zip(&expected) {
                 largest = largest.max(distance(part, expected.row(t)));
             }
@@ -468,10 +476,10 @@ mod tests {
                         style: 0,
                         level: 1.0,
                     };
-                    let made = model.step(heard, layer, &mut state);
-                    let code = ArrayView2::from_shape((1, made.code.len()), &made.code).unwrap();
+                    let frame = model.step(heard, layer, &mut state);
+                    let code = ArrayView2::from_shape((1, frame.code.len()), &frame.code).unwrap();
                     let motion = model.motion_of(code).unwrap();
-                    let apart = distance(motion.as_slice().unwrap(), made.layer(layer));
+                    let apart = distance(motion.as_slice().unwrap(), frame.layer(layer));
                     assert!(
                         t + 1 < delta || apart < 1e-6,
                         "{fusion:?} {layer:?}: {apart}"

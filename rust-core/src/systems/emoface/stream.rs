@@ -1,4 +1,4 @@
-//! EmoFace while somebody is speaking: both encoders have causal twins, the rest looks back only anyway.
+//! EmoFace live: both encoders have causal twins, and the rest looks back only.
 
 use std::sync::{Arc, OnceLock};
 
@@ -17,24 +17,25 @@ use crate::{
     },
 };
 
-/// What a stream is made of, shared by all of one system.
+/// The parts of a stream, shared by all streams of one system.
 pub struct LiveParts {
     /// The causal twin of the content encoder.
     pub content: Arc<CausalModel>,
-    /// Tells of its rows where lips are closed.
+    /// Finds closed lips in the content features.
     pub encoder: CompactEncoder,
-    /// The emotion encoder, which looks back by itself.
+    /// The emotion encoder, which looks back only.
     pub emotion: Arc<EmotionEncoder>,
-    /// Says whether anything is felt at all.
+    /// Says whether the voice has any emotion.
     pub ear: Arc<EmotionEar>,
     /// Both branches and Mesh Attention.
     pub model: Arc<Model>,
-    /// What is heard in silence, `[C]`, once a stream has asked for it.
+    /// The content features of silence, `[C]`, computed for the first stream.
     pub silence: OnceLock<Vec<f32>>,
 }
 
 impl LiveParts {
-    /// What the content encoder hears after a second of silence, `[C]`; heard once, since a host opens a stream at every jump.
+    /// The content features after a second of silence, `[C]`. Computed once, since a host opens a
+    /// stream at every jump.
     fn silence(&self) -> &[f32] {
         self.silence.get_or_init(|| {
             let mut speech = CausalSpeech::new(Arc::clone(&self.content));
@@ -52,27 +53,28 @@ impl LiveParts {
 
 /// A performance in progress, in the default style and from rest.
 ///
-/// The emotion is heard in the voice, and shows as surely as it is none of a neutral voice; an emotion that is set with an intensity above 0 is felt instead, with
-/// the intensity as its level. Lips close at p, b and m, by ear.
+/// The emotion comes from the voice, and its level is the ear's intensity, which is low for a
+/// neutral voice. An emotion that is set with an intensity above 0 replaces it, with the intensity
+/// as its level. Lips close at p, b and m by the sound.
 pub struct EmoFaceStream {
     parts: Arc<LiveParts>,
     speech: CausalSpeech,
     gate: VoiceGate,
-    felt: LiveEmotion,
+    live_emotion: LiveEmotion,
     ear: LiveEar,
     state: Progressing,
     style: usize,
     emotion: Emotion,
     parting: Parting,
-    /// What is heard on average of the emotion that was set, `[E]`.
+    /// Mean features of the emotion that was set, `[E]`.
     set: Option<Vec<f32>>,
     heard: Following,
 }
 
-/// How long the face takes to follow what the ear hears, seconds: it hears three times a second.
+/// Seconds in which the face follows the ear, which updates three times a second.
 const FOLLOW_S: f64 = 0.3;
 
-/// Strengths of the emotions that are heard, smoothed with a pole at [`FOLLOW_S`].
+/// Strengths of the voice's emotions, smoothed with a pole at [`FOLLOW_S`].
 struct Following {
     strengths: [f32; EMOTIONS.len()],
     share: f32,
@@ -86,7 +88,7 @@ impl Following {
         }
     }
 
-    /// What the branch gets in the next frame, `[E]`, and the level.
+    /// The branch's features of the next frame, `[E]`, and the level.
     fn next(&mut self, heard: &Emotion, model: &Model) -> Option<(Vec<f32>, f32)> {
         let mixture = known(model.config(), &heard.mixture);
         for (strength, share) in self.strengths.iter_mut().zip(mixture) {
@@ -105,7 +107,7 @@ impl EmoFaceStream {
     /// A face at rest before any sound.
     ///
     /// # Errors
-    /// `Weights` for a model whose default style is none of its styles.
+    /// `Weights` for a model whose default style is not among its styles.
     pub fn new(parts: Arc<LiveParts>) -> Result<Self> {
         let config = parts.model.config();
         let style = crate::motion::style_number(None, &config.styles, &config.default_style)?;
@@ -113,7 +115,7 @@ impl EmoFaceStream {
         Ok(EmoFaceStream {
             gate: VoiceGate::new(hearing.fps, hearing.look_ahead_samples()),
             speech: CausalSpeech::new(Arc::clone(&parts.content)),
-            felt: LiveEmotion::new(Arc::clone(&parts.emotion)),
+            live_emotion: LiveEmotion::new(Arc::clone(&parts.emotion)),
             ear: LiveEar::new(Arc::clone(&parts.ear)),
             state: parts.model.start(None)?,
             style,
@@ -135,9 +137,9 @@ impl MotionStream for EmoFaceStream {
 
     fn pull(&mut self) -> Option<LandmarkFrame> {
         let index = self.speech.next_row();
-        let (felt, ear) = (&mut self.felt, &mut self.ear);
+        let (live, ear) = (&mut self.live_emotion, &mut self.ear);
         let content = self.speech.pull(|stretch| {
-            if let Some(window) = felt.hear(stretch) {
+            if let Some(window) = live.hear(stretch) {
                 ear.hear(&window);
             }
         })?;
@@ -153,7 +155,7 @@ impl MotionStream for EmoFaceStream {
         let (emotion, level) = match &self.set {
             Some(prototype) => (prototype.clone(), self.emotion.intensity),
             None if config.emotion_ear => self.heard.next(&feeling, &self.parts.model)?,
-            None => (felt.at_frame(index, config.fps), feeling.intensity),
+            None => (live.at_frame(index, config.fps), feeling.intensity),
         };
         let heard = HeardFrame {
             content: ArrayView1::from(&content),
@@ -163,8 +165,8 @@ impl MotionStream for EmoFaceStream {
         };
         let closed = ArrayView2::from_shape((1, content.len()), &content).ok();
         let closed = closed.and_then(|row| self.parts.encoder.closed_lips(row));
-        let made = self.parts.model.step(heard, Layer::Both, &mut self.state);
-        let mut displacements = landmarks(config, made.layer(Layer::Both));
+        let frame = self.parts.model.step(heard, Layer::Both, &mut self.state);
+        let mut displacements = landmarks(config, frame.layer(Layer::Both));
         let share = closed.map_or(0.0, |closed| spoken * closure_share(closed[0]));
         let mut face = ArrayViewMut2::from(&mut displacements);
         let share = self.parting.next(opening(face.view()), share);
@@ -209,10 +211,10 @@ impl MotionStream for EmoFaceStream {
     }
 }
 
-/// What is heard on average of a mixture of the fifteen emotions, `[E]`.
+/// The mean features of a mixture of the fifteen emotions, `[E]`.
 ///
 /// # Errors
-/// `InvalidInput` for an emotion that the branch was not taught.
+/// `InvalidInput` for an emotion that the branch does not know.
 pub fn prototype(model: &Model, mixture: &[f32]) -> Result<Vec<f32>> {
     let emotions = &model.config().emotions;
     let mut shares = vec![0.0; emotions.len()];
@@ -231,7 +233,7 @@ pub fn prototype(model: &Model, mixture: &[f32]) -> Result<Vec<f32>> {
     Ok(model.prototype(&shares).to_vec())
 }
 
-/// A mixture of the fifteen emotions without those that the emotion branch was not taught.
+/// A mixture of the fifteen emotions without those that the emotion branch does not know.
 pub fn known(config: &EmoFaceConfig, mixture: &[f32]) -> [f32; EMOTIONS.len()] {
     std::array::from_fn(|e| {
         let is_known = config.emotions.iter().any(|name| name == EMOTIONS[e]);
@@ -257,7 +259,7 @@ mod tests {
         systems::{System, emoface::EmoFace},
     };
 
-    /// One that every sound moves: the syllables need be no voice.
+    /// A stream that every sound moves: the syllables need not be a voice.
     fn stream() -> Box<dyn MotionStream> {
         let mut stream = EmoFace::open(None).unwrap().stream().unwrap();
         stream.hear_all();
@@ -322,7 +324,7 @@ mod tests {
     fn an_emotion_that_is_set_is_felt_and_one_that_was_not_taught_is_refused() {
         let samples = voice(32_000);
         let happy = Emotion::parse("happy:1").unwrap();
-        let felt = whole(&samples, &EmotionCurve::Constant(happy));
+        let expressive = whole(&samples, &EmotionCurve::Constant(happy));
         let corner = |x: &Array3<f32>| {
             let frames = x.outer_iter().skip(25);
             frames
@@ -330,7 +332,7 @@ mod tests {
                 .sum::<f32>()
                 / 25.0
         };
-        assert!(corner(&felt) > corner(&whole(&samples, &EmotionCurve::Off)) + 1e-3);
+        assert!(corner(&expressive) > corner(&whole(&samples, &EmotionCurve::Off)) + 1e-3);
         let mut stream = stream();
         let contempt = Emotion::parse("contempt:1").unwrap();
         let refused = stream.set_emotion(&contempt).unwrap_err().to_string();

@@ -1,4 +1,4 @@
-//! EmoFace as a [`System`]: speech, and how somebody feels it, to motion of a template and its landmarks.
+//! EmoFace as a [`System`]: speech and its emotion to motion of a template and its landmarks.
 
 use std::{
     path::Path,
@@ -34,19 +34,18 @@ use crate::{
 
 /// Built-in weights.
 pub static MODEL: BuiltIn = BuiltIn::sized(&anyface_weights_emoface::EMOFACE_COMPACT, "emoface");
-/// The causal twin of the content encoder, which a stream hears.
+/// The causal twin of the content encoder, for streams.
 static CAUSAL_MODEL: BuiltIn = BuiltIn::new(&anyface_weights_emoface::CAUSAL_SPEECH);
 
 const VOICE: usize = 0;
 const EMOTION: usize = 1;
 
-/// What the emotion branch hears.
+/// The source of the emotion features.
 static EMOTION_FROM: Control = Control {
     name: "emotion_from",
     label: "Emotion From",
-    help: "What the emotion branch hears: the emotion that is asked for by name, else this voice or the recording \
-           beside it (voice); the emotion that is asked for, also where that is none (emotion); or a voice that \
-           feels nothing (off).",
+    help: "The source of the emotion: the chosen emotion, else this voice or the other recording (voice); always \
+           the chosen emotion, even if it is none (emotion); or no emotion (off).",
     values: ControlValues::Choice(&["voice", "emotion", "off"]),
     high: 2.0,
     default: 0.0,
@@ -67,11 +66,11 @@ static LEVEL: Control = Control {
     ..EMOTION_FROM
 };
 
-/// Which part is shown.
+/// The layer that is shown.
 static LAYER: Control = Control {
     name: "layer",
     label: "Layer",
-    help: "Both branches under the mask (both), what is said alone (content), or how it is felt alone (emotion).",
+    help: "Shows speech and emotion together (both), only the speech (content), or only the emotion (emotion).",
     values: ControlValues::Choice(&["both", "content", "emotion"]),
     ..EMOTION_FROM
 };
@@ -91,7 +90,7 @@ static TEMPLATE: Control = Control {
 
 static OWN_CONTROLS: &[Control] = &[EMOTION_FROM, LEVEL, LAYER, LEARNED, TEMPLATE];
 
-/// What the codes of the branches move.
+/// The space of the branches' codes.
 struct TemplateSpace {
     model: Arc<Model>,
     template: Option<Arc<Template>>,
@@ -117,7 +116,7 @@ impl CodeSpace for TemplateSpace {
     }
 }
 
-/// What codes of the branches say of the vertices of a face.
+/// The motion of a face's vertices under codes of the branches.
 struct TemplateField {
     model: Arc<Model>,
     on_face: TemplateOnFace,
@@ -135,7 +134,7 @@ impl CodeField for TemplateField {
     }
 }
 
-/// What the branches heard in one performance, of which they say how far emotion is believed.
+/// The branches' features of one performance, from which the emotion mask follows.
 struct Branches {
     space: Arc<TemplateSpace>,
     content: Array2<f32>,
@@ -161,7 +160,7 @@ impl EmotionMask for Branches {
 }
 
 impl Layer {
-    /// The one that is asked for.
+    /// The layer that the controls set.
     fn of(controls: &Controls) -> Layer {
         match LAYER.value(controls) as usize {
             0 => Layer::Both,
@@ -171,11 +170,11 @@ impl Layer {
     }
 }
 
-/// How the registry knows EmoFace.
+/// EmoFace in the registry.
 pub static REGISTRATION: Registration = Registration {
     name: "emoface",
     label: "EmoFace",
-    help: "What is said and how it is felt are heard apart, from one voice or from two, and move the face \
+    help: "Speech and emotion come from one voice or from two, are analysed separately, and move the face \
            together.",
     models: &[&MODEL, &CAUSAL_MODEL],
     controls: &[PERFORMANCE_CONTROLS, OWN_CONTROLS],
@@ -186,14 +185,14 @@ pub static REGISTRATION: Registration = Registration {
     open: |folder| Ok(Box::new(EmoFace::open(folder)?)),
 };
 
-/// Both branches with everything that makes a performance of their motion.
+/// Both branches, and everything that makes a performance from their motion.
 pub struct EmoFace {
     space: Arc<TemplateSpace>,
     source: EmotionSource,
-    /// Says whether anything is felt at all.
+    /// Says whether the voice has any emotion.
     ear: Arc<EmotionEar>,
-    /// None for a model that hears content or emotion through another encoder than the built-in one: that has no causal
-    /// twin.
+    /// `None` for a model with another encoder of content or emotion than the built-in ones: those
+    /// have no causal twin.
     live: Option<Arc<LiveParts>>,
     modes: Arc<FaceModes>,
     expressions: Arc<Expressions>,
@@ -231,15 +230,15 @@ impl EmoFace {
         self.model().config()
     }
 
-    /// Whether the emotion branch was taught all that is asked for.
+    /// Whether the emotion branch knows all emotions of a curve.
     fn branch_knows(&self, curve: &EmotionCurve) -> bool {
         let is_known =
             |emotion: &Emotion| known(self.config(), &emotion.mixture) == emotion.mixture;
         curve.named().into_iter().all(is_known)
     }
 
-    /// Whether the branch shows the emotion, or it is put on what is said as in FreeTalk, because the branch was not
-    /// taught all of it.
+    /// Whether the branch shows the emotion. Otherwise it is added to the speech as in FreeTalk,
+    /// because the branch does not know all of it.
     fn emotion_origin(&self, request: &MotionRequest) -> EmotionOrigin {
         let is_asked = EMOTION_FROM.value(&request.controls) as usize == EMOTION;
         match is_asked && !self.branch_knows(&request.emotion) {
@@ -248,7 +247,7 @@ impl EmoFace {
         }
     }
 
-    /// What the emotion branch hears in each frame, `[T, E]`, and the level there, `[T]`.
+    /// The features of the emotion branch in each frame, `[T, E]`, and the level there, `[T]`.
     fn emotion(
         &self,
         heard: &Heard,
@@ -269,7 +268,8 @@ impl EmoFace {
                 None => heard.emotion_curve(),
             },
             VOICE => {
-                // Another recording is asked for on purpose; what nobody asked for shows where it is sure.
+                // Somebody chose another recording for its emotion. Without that, an emotion shows
+                // only where it is certain.
                 let (rows, sure) = match &request.emotion_of {
                     Some(other) => (
                         self.source.over(other, frames, progress)?,
@@ -294,8 +294,8 @@ impl EmoFace {
         let mut levels = vec![0.0; frames];
         for (t, row) in affect.outer_iter().enumerate() {
             let (mixture, strength) = (known(self.config(), &row.to_vec()), row[EMOTIONS.len()]);
-            let felt = prototype(self.model(), &mixture)?;
-            rows.row_mut(t).assign(&ArrayView1::from(&felt));
+            let features = prototype(self.model(), &mixture)?;
+            rows.row_mut(t).assign(&ArrayView1::from(&features));
             levels[t] = level * strength;
         }
         Ok((rows, levels))
@@ -324,8 +324,8 @@ impl System for EmoFace {
         let frames = content.nrows();
         let (emotion, levels) = self.emotion(heard, request, frames, progress)?;
         let config = self.config();
-        let asked = request.style.as_deref();
-        let style = style_number(asked, &config.styles, &config.default_style)?;
+        let name = request.style.as_deref();
+        let style = style_number(name, &config.styles, &config.default_style)?;
         let layer = Layer::of(&request.controls);
         let first = request.starts_from.as_ref();
         let first = first.map(|pose| self.model().pose_of(&pose.landmarks));
@@ -340,27 +340,27 @@ impl System for EmoFace {
                 style,
                 level: levels[t],
             };
-            let made = self.model().step(now, layer, &mut state);
-            let moved = landmarks(self.config(), made.layer(layer));
+            let next = self.model().step(now, layer, &mut state);
+            let moved = landmarks(self.config(), next.layer(layer));
             frame.assign(&ArrayView2::from(&moved));
-            codes.row_mut(t).assign(&ArrayView1::from(&made.code));
+            codes.row_mut(t).assign(&ArrayView1::from(&next.code));
         }
         report(progress, "sample", 1.0)?;
-        let wanted = heard.frames(request.fps);
-        let mut clip = LandmarkClip { displacements, fps }.at_rate(request.fps, wanted);
+        let out_frames = heard.frames(request.fps);
+        let mut clip = LandmarkClip { displacements, fps }.at_rate(request.fps, out_frames);
         let contacts = heard.contacts(request.closures.as_deref());
         clip.make_contacts(&contacts, &self.modes)?;
         let strength = |t: usize| {
             let frame = (t as f64 * fps / request.fps).round() as usize;
             levels[frame.min(levels.len() - 1)]
         };
-        let strengths: Vec<f32> = (0..wanted).map(strength).collect();
+        let strengths: Vec<f32> = (0..out_frames).map(strength).collect();
         clip.rest_in_silence(&heard.prosody, &strengths);
         let space = Arc::clone(&self.space);
         Ok(Sampled {
             motion: Motion::Codes(CodeClip {
                 space: space.clone(),
-                codes: motion::at_rate(codes.view(), fps / request.fps, wanted),
+                codes: motion::at_rate(codes.view(), fps / request.fps, out_frames),
                 landmarks: clip,
             }),
             mask: Some(Arc::new(Branches {
@@ -379,7 +379,7 @@ impl System for EmoFace {
         request: &MotionRequest,
         blink_emotion: &EmotionCurve,
     ) -> Result<Motion> {
-        // What is said alone is said in the manner of nobody who feels.
+        // The content layer shows no emotion at all.
         let emotion = match Layer::of(&request.controls) {
             Layer::Content => &EmotionCurve::default(),
             Layer::Both | Layer::Emotion => &request.emotion,
@@ -399,7 +399,7 @@ impl System for EmoFace {
     }
 }
 
-/// What a stream of this model is made of, if it can have one.
+/// The parts of a stream of this model, if it can have one.
 fn live_parts(
     folder: Option<&Path>,
     model: &Arc<Model>,

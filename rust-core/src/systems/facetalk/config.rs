@@ -1,4 +1,4 @@
-//! What inference has to know of a speech model of FaceTalk.
+//! The config of a speech model of FaceTalk, for inference.
 
 use serde::{Deserialize, Serialize};
 
@@ -9,7 +9,7 @@ use crate::{
     speech::SpeechInput,
 };
 
-/// What stands for the encoder of a model that the motion of landmarks leads.
+/// The encoder's name for a model that follows landmark motion.
 const LANDMARK_MEMORY: &str = "landmarks";
 
 /// Defaults of the reverse process.
@@ -21,7 +21,7 @@ pub struct Sampling {
     pub spacing: Spacing,
     /// Scale of the starting noise; 0 gives the same motion for every seed.
     pub temperature: f32,
-    /// w of eq. 10: how much more the speech counts than chance.
+    /// w of eq. 10: the weight of the speech against chance.
     pub guidance: f32,
     /// r of eq. 8: how far codes go from the face at rest.
     pub vividness: f32,
@@ -46,11 +46,11 @@ pub struct MotionConfig {
     pub feedforward: usize,
     /// Radius of the alignment mask of eq. 7, frames.
     pub band: usize,
-    /// Frames that self-attention sees, the row's own among them.
+    /// Frames in self-attention, with the row's own.
     pub look_back_frames: usize,
-    /// Whether layers are modulated, the paper's table 2.
+    /// Whether layers are modulated, as in the paper's table 2.
     pub film: bool,
-    /// Whether a layer of the memory is added to what comes out.
+    /// Whether a linear layer of the memory is added to the output.
     #[serde(default)]
     pub direct: bool,
     /// The encoder that feeds the model.
@@ -61,12 +61,12 @@ pub struct MotionConfig {
     pub sampling: Sampling,
 }
 
-/// The parts of `config.json` that are read here.
+/// The parts of `config.json` that inference needs.
 #[derive(Debug, Clone, PartialEq, Deserialize)]
 pub struct MotionConfigs {
-    /// The model that speech leads.
+    /// The model that follows speech.
     pub motion: MotionConfig,
-    /// The model that the motion of landmarks leads instead, `[T, 204]` in centimetres.
+    /// The model that follows landmark motion instead, `[T, 204]` in centimetres.
     #[serde(default)]
     pub landmark_motion: Option<MotionConfig>,
 }
@@ -81,10 +81,10 @@ impl MotionConfigs {
             |complaint: String| Error::Weights(format!("facetalk config.json: {complaint}"));
         let configs: MotionConfigs =
             serde_json::from_str(text).map_err(|error| wrong(error.to_string()))?;
-        if let Some(own) = &configs.landmark_motion {
+        if let Some(by_landmarks) = &configs.landmark_motion {
             let SpeechInput {
                 encoder, channels, ..
-            } = &own.speech;
+            } = &by_landmarks.speech;
             if (encoder.as_str(), *channels) != (LANDMARK_MEMORY, 3 * LANDMARKS) {
                 return Err(wrong(format!(
                     "landmark_motion: speech: expected {} channels of {LANDMARK_MEMORY}, got {channels} of {encoder}",

@@ -1,9 +1,9 @@
 //! Speech to expression codes: a transformer decoder that predicts clean codes (§4, fig. 2; eq. 2 to 10).
 //!
-//! Twin of `training/systems/facetalk/motion.py`. Differs from the paper: the norm stands before each layer and
-//! what the layer adds is modulated; positions are rotary; a row sees as many rows behind it as windows were
-//! long in training, so that a sound of any length is sampled at once; the model is told the augmentation r of
-//! eq. 8, which then is a control.
+//! Twin of `training/systems/facetalk/motion.py`. It differs from the paper: the norm comes before
+//! each layer, and the layer's output is modulated. Positions are rotary. A row sees as many
+//! earlier rows as a training window had, so that a sound of any length is sampled at once. The
+//! augmentation r of eq. 8 is an input of the model and so a control.
 
 use std::cell::Cell;
 
@@ -27,15 +27,15 @@ use crate::{
 
 /// Epsilon of PyTorch's `nn.LayerNorm`.
 const EPSILON: f32 = 1e-5;
-/// Layers of a block that are modulated.
+/// Modulated layers of a block.
 const PLACES: usize = 3;
 
-/// x̂₀ = D(x_t; t, speech, r) with its weights.
+/// x̂₀ = D(x_t; t, speech, r) and its weights.
 pub struct Denoiser {
     config: MotionConfig,
     x_proj: Linear,
     mem_proj: Linear,
-    /// What is heard where speech is dropped, `[d]`.
+    /// The memory where speech is dropped, `[d]`.
     null_speech: Array1<f32>,
     time: [Linear; 3],
     vividness: Linear,
@@ -43,7 +43,7 @@ pub struct Denoiser {
     blocks: Vec<Block>,
     norm: LayerNorm,
     head: Linear,
-    /// Of the memory, added to what comes out.
+    /// A layer of the memory, added to the output.
     direct: Option<Linear>,
     mean: Array1<f32>,
     std: Array1<f32>,
@@ -58,10 +58,10 @@ struct Block {
     norms: [LayerNorm; PLACES],
 }
 
-/// What is heard, as the blocks see it.
+/// The speech as the blocks' memory.
 pub struct Memory {
     blocks: Vec<RotaryMemory>,
-    /// What is added to clean codes, `[T, X]`.
+    /// The amount to add to clean codes, `[T, X]`.
     direct: Option<Array2<f32>>,
 }
 
@@ -101,7 +101,7 @@ impl Denoiser {
         &self.config
     }
 
-    /// `speech` `[T, C]` as the blocks see it.
+    /// `speech` `[T, C]` as the blocks' memory.
     pub fn heard(&self, speech: ArrayView2<'_, f32>) -> Memory {
         let speech = speech.as_standard_layout();
         Memory {
@@ -127,7 +127,8 @@ impl Denoiser {
         }
     }
 
-    /// One pass in standardised space: noisy `[T, X]` to clean, with vividness `r`; `after_block` may end it.
+    /// One pass in standardised space: noisy `[T, X]` to clean, with vividness `r`. An error of
+    /// `after_block` ends it.
     ///
     /// # Errors
     /// Those of `after_block`.
@@ -154,7 +155,8 @@ impl Denoiser {
         Ok(clean)
     }
 
-    /// What modulates, `[d]`: an MLP of three layers behind the timestep's sinusoids, and r.
+    /// The modulation, `[d]`: an MLP of three layers on the timestep's sinusoids, plus a layer of
+    /// r.
     fn condition(&self, timestep: usize, r: f32) -> Vec<f32> {
         let mut x = timestep_embedding(timestep, self.config.width);
         for (number, linear) in self.time.iter().enumerate() {
@@ -165,13 +167,13 @@ impl Denoiser {
             linear.forward_row(&x, &mut out);
             x = out;
         }
-        let mut told = vec![0.0; self.config.width];
-        self.vividness.forward_row(&[r - 1.0], &mut told);
-        add_all(&mut x, &told);
+        let mut from_vividness = vec![0.0; self.config.width];
+        self.vividness.forward_row(&[r - 1.0], &mut from_vividness);
+        add_all(&mut x, &from_vividness);
         x
     }
 
-    /// z_ex `[T, X]` of a whole sound from unit noise `[T, X]`; `speech` `[T, C]`.
+    /// z_ex `[T, X]` of a whole sound from unit noise `[T, X]`. `speech`: `[T, C]`.
     ///
     /// # Errors
     /// `ShapeMismatch` for another number of frames, `InvalidInput` for steps out of range, `Cancelled`.
@@ -206,7 +208,7 @@ impl Denoiser {
         let unheard = (guidance != 1.0).then(|| self.unheard(frames));
         let passes = sampling.steps * (1 + usize::from(unheard.is_some()));
         let (blocks, done) = (passes * self.blocks.len(), Cell::new(0));
-        // A pass sees the whole sound: whoever cancels does not wait for all of its blocks.
+        // A pass covers the whole sound, so that each block checks whether the job is cancelled.
         let after_block = || {
             done.set(done.get() + 1);
             report(progress, "motion", done.get() as f32 / blocks as f32)
@@ -351,8 +353,8 @@ mod tests {
     fn a_config_without_motion_is_refused() {
         let refused = MotionConfigs::from_json("{}").unwrap_err().to_string();
         assert!(refused.contains("missing field `motion`"), "{refused}");
-        let own = Golden::open("facetalk_motion_debug").metadata("config");
-        let both = format!("{{\"motion\": {own}, \"landmark_motion\": {own}}}");
+        let config = Golden::open("facetalk_motion_debug").metadata("config");
+        let both = format!("{{\"motion\": {config}, \"landmark_motion\": {config}}}");
         let refused = MotionConfigs::from_json(&both).unwrap_err().to_string();
         assert!(
             refused.contains("expected 204 channels of landmarks, got 16 of compact_speech"),

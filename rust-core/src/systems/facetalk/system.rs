@@ -24,7 +24,7 @@ use crate::{
     systems::{Ability, Description, Registration, Sampled, Slider, System},
 };
 
-/// Frames that are made before a job looks whether it is cancelled.
+/// Frames between two checks whether a job is cancelled.
 const FRAMES_AT_A_TIME: usize = 256;
 
 /// r of eq. 8.
@@ -82,7 +82,7 @@ static SIGMA: Control = Control {
 
 static OWN_CONTROLS: &[Control] = &[VIVIDNESS, GUIDANCE, STEPS, LEARNED, FIELD, SIGMA];
 
-/// How the registry knows FaceTalk.
+/// FaceTalk in the registry.
 pub static REGISTRATION: Registration = Registration {
     name: "facetalk",
     label: "FaceTalk",
@@ -96,13 +96,14 @@ pub static REGISTRATION: Registration = Registration {
     open: |folder| Ok(Box::new(FaceTalk::open(folder)?)),
 };
 
-/// Metres are told to the model that landmarks lead as centimetres.
+/// The model that follows landmarks needs metres as centimetres.
 const CM: f32 = 100.0;
 
 /// The speech model and the head that its codes move.
 pub struct FaceTalk {
     denoiser: Denoiser,
-    /// What landmarks lead instead of speech, the paper's conclusion; a user's model may lack it.
+    /// The model that follows landmarks instead of speech, from the paper's conclusion. A user's
+    /// model may lack it.
     by_landmarks: Option<Denoiser>,
     space: Arc<HeadSpace>,
     modes: Arc<FaceModes>,
@@ -129,7 +130,7 @@ impl CodeSpace for HeadSpace {
             return Ok(None);
         }
         let head = Arc::clone(&self.head);
-        // A face unlike any that was learned moves by its landmarks.
+        // A face unlike all heads of the model moves by its landmarks.
         let make = || {
             let field = HeadOnMesh::new(head, face, reach, cache, progress)?;
             Ok(field.map(|field| Arc::new(field) as Arc<dyn CodeField>))
@@ -151,11 +152,11 @@ impl FaceTalk {
             landmark_motion,
         } = MotionConfigs::from_json(&files.config)?;
         let head = Head::new(HeadConfig::from_json(&files.config)?, &weights)?;
-        let wanted = head.config().expression_code;
+        let code_size = head.config().expression_code;
         let denoiser = |config: MotionConfig, name: &str| {
-            if config.codes != wanted {
+            if config.codes != code_size {
                 return Err(Error::Weights(format!(
-                    "facetalk config.json: {name}: expected {wanted} codes, as the head has, got {}",
+                    "facetalk config.json: {name}: expected {code_size} codes, as the head has, got {}",
                     config.codes
                 )));
             }
@@ -178,13 +179,13 @@ impl FaceTalk {
     }
 
     fn sampling(&self, controls: &Controls) -> Sampling {
-        let own = self.config().sampling;
+        let defaults = self.config().sampling;
         let steps = STEPS.value(controls) as usize;
         Sampling {
-            steps: if steps > 0 { steps } else { own.steps },
+            steps: if steps > 0 { steps } else { defaults.steps },
             guidance: GUIDANCE.value(controls),
             vividness: VIVIDNESS.value(controls),
-            ..own
+            ..defaults
         }
     }
 
@@ -288,13 +289,13 @@ impl System for FaceTalk {
         };
         let (config, frames) = (denoiser.config(), clip.displacements.dim().0);
         let duration_s = frames as f64 / clip.fps;
-        let told = clip.at_rate(config.fps, frames_of(duration_s, config.fps));
-        let rows = told.displacements.dim().0;
-        let told = told.displacements.mapv(|x| CM * x);
-        let told = told.into_shape_with_order((rows, 3 * LANDMARKS));
+        let targets = clip.at_rate(config.fps, frames_of(duration_s, config.fps));
+        let rows = targets.displacements.dim().0;
+        let targets = targets.displacements.mapv(|x| CM * x);
+        let targets = targets.into_shape_with_order((rows, 3 * LANDMARKS));
         let noise = frame_noise(0, 0, rows, config.codes);
-        let told = told.expect("three numbers to a landmark");
-        let codes = denoiser.sample(noise, told.view(), &config.sampling, progress)?;
+        let targets = targets.expect("three numbers to a landmark");
+        let codes = denoiser.sample(noise, targets.view(), &config.sampling, progress)?;
         let codes = motion::at_rate(codes.view(), config.fps / clip.fps, frames);
         Ok(self.motion(codes, clip.clone()))
     }

@@ -31,11 +31,11 @@ use crate::{
 pub static ATS_MODEL: BuiltIn = BuiltIn::sized(&anyface_weights_freetalk::ATS_COMPACT, "ats");
 /// Built-in weights of the stream.
 pub static STREAM_MODEL: BuiltIn = BuiltIn::new(&anyface_weights_freetalk::STREAM);
-/// Built-in weights of what hears closures for the stream.
+/// Built-in weights of the stream's closure detector.
 pub static CLOSURES_MODEL: BuiltIn = BuiltIn::new(&anyface_weights_freetalk::LIVE_CLOSURES);
 static PAPER_MODEL: BuiltIn = BuiltIn::sized(&anyface_weights_freetalk::STM_PAPER, "stm");
 
-/// What spreads landmark motion over a mesh.
+/// The decoder that spreads landmark motion over a mesh.
 static DECODER: Control = Control {
     name: "decoder",
     label: "Decoder",
@@ -49,7 +49,7 @@ static DECODER: Control = Control {
 
 static OWN_CONTROLS: &[Control] = &[STEPS, NOISE, LEARNED, DECODER];
 
-/// How the registry knows FreeTalk.
+/// FreeTalk in the registry.
 pub static REGISTRATION: Registration = Registration {
     name: "freetalk",
     label: "FreeTalk",
@@ -63,7 +63,7 @@ pub static REGISTRATION: Registration = Registration {
     open: |folder| Ok(Box::new(FreeTalk::open(folder)?)),
 };
 
-/// The denoiser with everything that makes a performance of its motion.
+/// The denoiser, and everything that makes a performance from its motion.
 pub struct FreeTalk {
     ats: Opened<Ats>,
     config: AtsConfig,
@@ -71,7 +71,7 @@ pub struct FreeTalk {
     closures: Arc<CausalModel>,
     modes: Arc<FaceModes>,
     expressions: Arc<Expressions>,
-    /// The paper's decoder, loaded where it is asked for.
+    /// The paper's decoder, loaded at its first use.
     paper: OnceLock<Arc<PaperDecoder>>,
     folder: Option<PathBuf>,
 }
@@ -135,11 +135,11 @@ impl System for FreeTalk {
     ) -> Result<Sampled> {
         let fps = self.config.fps;
         let features = heard.features(fps);
-        let asked = match self.config.emotion {
+        let emotion = match self.config.emotion {
             EmotionOrigin::Learned => &request.emotion,
             EmotionOrigin::Added => &EmotionCurve::Off,
         };
-        let affect = asked.sample(features.nrows(), fps);
+        let affect = emotion.sample(features.nrows(), fps);
         let steps = STEPS.value(&request.controls) as usize;
         let displacements = self.ats.get()?.sample(
             &AtsRequest {
@@ -203,7 +203,7 @@ impl Decoder for FreeTalk {
         cache: &Cache,
         progress: ProgressFn<'_>,
     ) -> Result<Arc<dyn Deformer>> {
-        let made = stm::prepare_paper(self.paper()?, face, cache, progress)?;
-        Ok(Arc::new(made))
+        let deformer = stm::prepare_paper(self.paper()?, face, cache, progress)?;
+        Ok(Arc::new(deformer))
     }
 }

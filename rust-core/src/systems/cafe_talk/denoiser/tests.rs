@@ -25,12 +25,12 @@ fn single_passes_match_pytorch_under_every_condition() {
     };
     let timestep = golden.integers("timestep")[0];
     let frames = noisy.nrows();
-    let given = denoiser.conditions(frames, Some(speech.view()), Some(coarse));
+    let conditioned = denoiser.conditions(frames, Some(speech.view()), Some(coarse));
     let nothing = denoiser.conditions(frames, None, None);
     let heard = denoiser.events(events.view());
     for (name, conditions, events) in [
-        ("clean", &given, Some(&heard)),
-        ("clean_base", &given, None),
+        ("clean", &conditioned, Some(&heard)),
+        ("clean_base", &conditioned, None),
         ("clean_null", &nothing, None),
     ] {
         let got = denoiser.denoise(&noisy, timestep, conditions, events);
@@ -45,13 +45,13 @@ fn guided_runs_over_two_windows_match_pytorch() {
     let of = |name: &str| golden.matrix(&format!("long.{name}"));
     let [noise, speech, emotion, active] = ["noise", "speech", "emotion", "events"].map(of);
     let intensity = golden.values("long.intensity");
-    let asked = golden.matrix("long.strength");
-    let still = ndarray::Array2::zeros(asked.dim());
+    let strengths = golden.matrix("long.strength");
+    let still = ndarray::Array2::zeros(strengths.dim());
     for (name, strength, is_printed) in [
         ("weights", &still, false),
-        ("controlled", &asked, false),
-        ("over_speech", &asked, false),
-        ("printed", &asked, true),
+        ("controlled", &strengths, false),
+        ("over_speech", &strengths, false),
+        ("printed", &strengths, true),
     ] {
         let events = EventTrack {
             active: active.clone(),
@@ -74,7 +74,7 @@ fn guided_runs_over_two_windows_match_pytorch() {
                 beta: sampling.beta,
                 is_printed,
             },
-            kept: None,
+            window_cache: None,
         };
         let take = |rows: std::ops::Range<usize>| noise.slice(s![rows, ..]).to_owned();
         let got = denoiser.sample_from(&request, take, SILENT).unwrap();

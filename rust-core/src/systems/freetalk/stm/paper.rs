@@ -42,7 +42,7 @@ use crate::{
 /// Most bytes of the features of frames that are decoded at once, and most frames.
 const BATCH_BYTES: usize = 64 << 20;
 const MOST_FRAMES: usize = 8;
-/// Numbers of a displacement vector of all landmarks.
+/// Size of a displacement vector of all landmarks.
 const MOTION: usize = 3 * LANDMARKS;
 /// Channels of a vertex: position and normal.
 pub(super) const INPUTS: usize = 6;
@@ -111,7 +111,7 @@ pub struct PaperDecoder {
     from_attended: Panels,
 }
 
-/// What the decoder knows of a neutral mesh.
+/// The decoder's features of a neutral mesh.
 pub struct MeshFeatures {
     /// The decoder's first layer applied to the vertex features, with its bias, `[V, width]`.
     first: Array2<f32>,
@@ -121,7 +121,7 @@ pub struct MeshFeatures {
     features: Array2<f32>,
 }
 
-/// The landmarks of one frame, as the vertices see them.
+/// The landmarks of one frame, as keys and values for the vertices.
 struct FrameFeatures {
     /// The decoder's first layer applied to the displacement vector, `[width]`.
     motion: Vec<f32>,
@@ -233,17 +233,17 @@ impl PaperDecoder {
         let mut out = Array3::zeros((frames.len(), vertices, LANDMARKS));
         for (mut shares, frame) in out.outer_iter_mut().zip(&frames) {
             for head in 0..self.config.heads {
-                let own = self.head_shares(&mesh.query, frame, head, 0..vertices);
-                let own = ArrayView2::from_shape((LANDMARKS, vertices), &own);
-                let own = own.expect("68 a vertex");
-                shares.scaled_add(1.0 / self.config.heads as f32, &own.t());
+                let of_head = self.head_shares(&mesh.query, frame, head, 0..vertices);
+                let of_head = ArrayView2::from_shape((LANDMARKS, vertices), &of_head);
+                let of_head = of_head.expect("68 a vertex");
+                shares.scaled_add(1.0 / self.config.heads as f32, &of_head.t());
             }
         }
         out
     }
 
-    /// How many frames are decoded at once on a mesh of so many vertices: their features fill at most
-    /// [`BATCH_BYTES`], or are those of one frame.
+    /// How many frames are decoded at once on a mesh of `vertices` vertices: their features fill at
+    /// most [`BATCH_BYTES`], or belong to one frame.
     pub fn frames_at_once(&self, vertices: usize) -> usize {
         let bytes = size_of::<f32>() * self.config.width * vertices.max(1);
         (BATCH_BYTES / bytes).clamp(1, MOST_FRAMES)
@@ -264,11 +264,11 @@ impl PaperDecoder {
         let motion = self.motion_part(landmarks);
         (0..count)
             .map(|frame| {
-                let own = s![frame * LANDMARKS..(frame + 1) * LANDMARKS, ..];
+                let rows = s![frame * LANDMARKS..(frame + 1) * LANDMARKS, ..];
                 FrameFeatures {
                     motion: motion.row(frame).to_vec(),
-                    key: key.slice(own).to_owned(),
-                    value: value.slice(own).to_owned(),
+                    key: key.slice(rows).to_owned(),
+                    value: value.slice(rows).to_owned(),
                 }
             })
             .collect()
@@ -306,7 +306,7 @@ impl PaperDecoder {
         out
     }
 
-    /// The decoder's first layer on some vertices: attention (eqs. 13, 14) included.
+    /// The decoder's first layer on some vertices, with the attention (eqs. 13, 14).
     fn first_layer(
         &self,
         mesh: &MeshFeatures,
@@ -344,7 +344,7 @@ impl PaperDecoder {
         attended
     }
 
-    /// By which shares these vertices attend to the landmarks in one head, `[68, rows]`.
+    /// The shares with which these vertices attend to the landmarks in one head, `[68, rows]`.
     fn head_shares(
         &self,
         query: &ArrayRef2<f32>,

@@ -1,4 +1,5 @@
-//! Windows of a take that were sampled before: moving one event makes only those anew that it touches.
+//! Caches the sampled windows of a take: a change of one event samples only the windows with that
+//! event again.
 
 use std::{collections::VecDeque, sync::Mutex};
 
@@ -6,20 +7,20 @@ use ndarray::Array2;
 
 use crate::{Result, cache::CacheKey};
 
-/// [`CacheKey::digest`] of all that a window depends on.
+/// [`CacheKey::digest`] of everything that a window depends on.
 type Digest = [u8; 32];
 
-/// Windows that are remembered: some forty minutes of speech, 51 kB each.
+/// Most windows in the cache: some forty minutes of speech, 51 kB each.
 const MOST: usize = 256;
 
-/// The latest windows by what they depend on.
+/// The latest windows by their keys.
 #[derive(Debug, Default)]
-pub struct WindowsKept {
-    kept: Mutex<VecDeque<(Digest, Array2<f32>)>>,
+pub struct WindowCache {
+    windows: Mutex<VecDeque<(Digest, Array2<f32>)>>,
 }
 
-impl WindowsKept {
-    /// The window of this key, `[T, 51]`, made if it is not known.
+impl WindowCache {
+    /// The window of this key, `[T, 51]`. Calls `make` if it is not in the cache.
     ///
     /// # Errors
     /// Those of `make`.
@@ -32,25 +33,25 @@ impl WindowsKept {
         if let Some(known) = self.find(&key) {
             return Ok(known);
         }
-        let made = make()?;
-        let mut kept = self
-            .kept
+        let window = make()?;
+        let mut windows = self
+            .windows
             .lock()
             .unwrap_or_else(|poisoned| poisoned.into_inner());
-        kept.push_back((key, made.clone()));
-        while kept.len() > MOST {
-            kept.pop_front();
+        windows.push_back((key, window.clone()));
+        while windows.len() > MOST {
+            windows.pop_front();
         }
-        Ok(made)
+        Ok(window)
     }
 
     fn find(&self, key: &Digest) -> Option<Array2<f32>> {
-        let kept = self
-            .kept
+        let windows = self
+            .windows
             .lock()
             .unwrap_or_else(|poisoned| poisoned.into_inner());
-        let found = kept.iter().find(|(known, _)| known == key);
-        found.map(|(_, window)| window.clone())
+        let entry = windows.iter().find(|(known, _)| known == key);
+        entry.map(|(_, window)| window.clone())
     }
 }
 
@@ -60,12 +61,12 @@ mod tests {
 
     #[test]
     fn a_window_is_made_once_and_old_ones_are_forgotten() {
-        let kept = WindowsKept::default();
+        let cache = WindowCache::default();
         let key = |n: usize| CacheKey::new("test", 1).text(&n.to_string());
-        let mut made = 0;
+        let mut count = 0;
         let mut ask = |n: usize| {
-            let window = kept.get_or_make(&key(n), || {
-                made += 1;
+            let window = cache.get_or_make(&key(n), || {
+                count += 1;
                 Ok(Array2::from_elem((2, 1), n as f32))
             });
             assert_eq!(window.unwrap()[[0, 0]], n as f32);
@@ -74,6 +75,6 @@ mod tests {
         ask(7);
         (100..100 + MOST).for_each(&mut ask);
         ask(7);
-        assert_eq!(made, MOST + 2);
+        assert_eq!(count, MOST + 2);
     }
 }
