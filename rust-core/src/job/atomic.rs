@@ -5,7 +5,7 @@ use std::{
     io::{self, BufWriter, Write},
     path::{Path, PathBuf},
     sync::{Mutex, PoisonError, TryLockError},
-    time::{Duration, SystemTime},
+    time::{Duration, Instant, SystemTime},
 };
 
 use tempfile::{NamedTempFile, TempDir};
@@ -20,6 +20,8 @@ const PREFIX: &str = ".anyface-";
 const SUFFIX: &str = ".part";
 /// A file in the making that was not touched for so long belongs to a process that was killed.
 const ABANDONED: Duration = Duration::from_secs(3600);
+/// Pause between two looks into one folder for such files.
+const LOOK_AGAIN: Duration = Duration::from_secs(60);
 
 /// Files and folders in the making of this process.
 static UNFINISHED: Mutex<Vec<PathBuf>> = Mutex::new(Vec::new());
@@ -316,8 +318,17 @@ fn refuse_special(path: &Path) -> io::Result<()> {
     }
 }
 
-/// Removes from a folder what killed processes have left there half written.
+/// Removes from a folder what killed processes have left there half written; looked for now and then, since a folder may
+/// hold ten thousand results of a batch.
 fn remove_abandoned(folder: &Path) {
+    static LOOKED: Mutex<Vec<(PathBuf, Instant)>> = Mutex::new(Vec::new());
+    let mut looked = LOOKED.lock().unwrap_or_else(PoisonError::into_inner);
+    looked.retain(|(_, at)| at.elapsed() < LOOK_AGAIN);
+    if looked.iter().any(|(known, _)| known == folder) {
+        return;
+    }
+    looked.push((folder.to_owned(), Instant::now()));
+    drop(looked);
     let Ok(files) = fs::read_dir(folder) else {
         return;
     };

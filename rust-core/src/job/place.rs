@@ -12,7 +12,7 @@ const MOST_LINKS: usize = 40;
 ///
 /// Paths of one file have equal places, by whatever spelling or link they reach it. Files that do not exist yet have
 /// equal places also where their names differ only in case, as some file systems make no difference there.
-#[derive(Debug, Clone, PartialEq, Eq)]
+#[derive(Debug, Clone, PartialEq, Eq, Hash)]
 pub enum Place {
     /// A file by its numbers.
     #[cfg(unix)]
