@@ -4,7 +4,7 @@ use std::path::PathBuf;
 
 use anyface::{
     Engine, Error, Face, Result,
-    job::{InputKind, Place, ProgressFn, copy_file},
+    job::ProgressFn,
     mesh::{Mesh, Mouth},
     output::{ClipFile, Format, Report},
     speech::frames_of,
@@ -18,7 +18,7 @@ use crate::{
     opened,
     paths::{InputPath, OutputPath, landmarks_beside},
     redo::{Redo, RedoArgs},
-    scene::SceneArgs,
+    scene::{SceneArgs, copy_sound, sound_copy, sound_of_scene},
     stages::{
         Frames, new_report, note_face, note_memory, note_result, read_sound, speak_into, timed,
     },
@@ -68,7 +68,7 @@ impl Animate {
         let mesh = opened::beside(&self.out);
         let opened = [landmarks_beside(&mesh), mesh];
         (opened.into_iter().filter(|_| self.open_mouth))
-            .chain(self.sound_copy())
+            .chain(sound_copy(&self.out, &self.audio))
             .chain(self.layers.outputs_beside(&self.out))
             .collect()
     }
@@ -135,7 +135,7 @@ impl Animate {
             let way = (&engine, &face);
             let file = self.clip_file(way, is_opened, progress)?;
             speak_into(file, way, sound, &request, &mut report, progress)?;
-            self.copy_sound()?;
+            copy_sound(&self.out, &self.audio)?;
             return self.surface.tell(&report, console);
         }
         let waveform = sound.whole(progress)?;
@@ -168,7 +168,7 @@ impl Animate {
         let Some(redo) = redo else {
             let file = (&*self.out, file);
             self.layers.write(layered, file, report, progress)?;
-            return self.copy_sound();
+            return copy_sound(&self.out, &self.audio);
         };
         let Layered {
             engine,
@@ -183,7 +183,7 @@ impl Animate {
             redo.animate(engine, face, performance, file, progress)
         })?);
         note_result(report, &self.out, face, fps, articulation, made);
-        self.copy_sound()
+        copy_sound(&self.out, &self.audio)
     }
 
     /// The result. A mesh whose mouth was opened is not that of its file.
@@ -194,30 +194,9 @@ impl Animate {
         progress: ProgressFn<'_>,
     ) -> Result<ClipFile> {
         let mesh = (!is_opened).then_some(&*self.mesh);
-        let sound = self.sound_of_scene();
+        let sound = sound_of_scene(&self.out, &self.audio);
         self.scene
             .file(&self.out, (mesh, sound.as_deref()), way, progress)
-    }
-
-    /// The sound beside a scene, which has none itself; none of a pipe, which is read once.
-    fn sound_of_scene(&self) -> Option<PathBuf> {
-        let is_scene = Format::from_path(&self.out).is_ok_and(Format::is_scene);
-        let is_scene = is_scene && self.audio.is_file();
-        let ending = self.audio.extension().unwrap_or_default();
-        is_scene.then(|| self.out.with_extension(ending))
-    }
-
-    /// The same where it is another file than the sound that is read.
-    fn sound_copy(&self) -> Option<PathBuf> {
-        let sound = self.sound_of_scene();
-        sound.filter(|path| Place::of(path) != Place::of(&self.audio))
-    }
-
-    fn copy_sound(&self) -> Result<()> {
-        match self.sound_copy() {
-            Some(path) => copy_file(&self.audio, InputKind::Sound, &path),
-            None => Ok(()),
-        }
     }
 
     /// The same face with lips that part; its mesh is written beside the result.

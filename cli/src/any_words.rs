@@ -7,7 +7,6 @@ use std::{
     path::{Path, PathBuf},
 };
 
-use anyface::job::all_or_none;
 use clap::{Arg, ArgAction, Command, CommandFactory, FromArgMatches};
 
 use crate::{
@@ -85,11 +84,7 @@ pub fn run(bytes: &[u8], folder: &Path) -> Option<String> {
     };
     let console = Console::new(arguments.shared.json);
     let files = arguments.files(&matches);
-    let run = || {
-        files.check()?;
-        arguments.run(&console)
-    };
-    let error = all_or_none(files.inputs(), || false, run).err()?;
+    let error = arguments.job(&files, || false, &console).err()?;
     assert!(error.exit_code() > 2, "{error}");
     Some(error.to_string())
 }

@@ -68,6 +68,21 @@ impl SharedArgs {
         Engine::new(self.options())
     }
 
+    /// The system that was asked for.
+    pub fn system(&self) -> Option<&str> {
+        self.system.as_deref()
+    }
+
+    /// How many threads were asked for.
+    pub fn threads(&self) -> Option<usize> {
+        self.threads
+    }
+
+    /// What tells engines apart.
+    pub fn key(&self) -> String {
+        format!("{:?}", self.options())
+    }
+
     /// The folder of models that was given.
     pub fn weights(&self) -> Option<&Path> {
         self.weights.as_deref()

@@ -89,6 +89,21 @@ impl Console {
         }
     }
 
+    /// Prints on standard error beside the bar, which goes on, as `{"note"}` with `--json`.
+    pub fn aside(&self, text: &str) {
+        self.bar.suspend(|| match self.json {
+            true => complained(&serde_json::json!({ "note": text })),
+            false => complained(&text),
+        });
+    }
+
+    /// Shows how far a list of jobs has come.
+    pub fn count(&self, done: usize, total: usize, text: &str) {
+        self.bar
+            .set_position(BAR_STEPS * done as u64 / total.max(1) as u64);
+        self.bar.set_message(text.to_owned());
+    }
+
     /// Prints a line of a result that goes on; false where nobody reads it any more.
     ///
     /// # Errors
@@ -161,7 +176,7 @@ fn complained(text: &impl Display) {
 }
 
 /// The word for an error's kind.
-fn kind(error: &Error) -> &'static str {
+pub fn kind(error: &Error) -> &'static str {
     match error {
         Error::InvalidInput(_) => "invalid_input",
         Error::ShapeMismatch { .. } => "shape_mismatch",

@@ -6,6 +6,7 @@
 mod animate;
 pub mod any_words;
 mod arguments;
+mod batch;
 mod chart;
 mod console;
 mod controls;
@@ -54,6 +55,7 @@ struct Arguments {
 enum Command {
     Animate(Box<animate::Animate>),
     Motion(motion::Motion),
+    Batch(Box<batch::Batch>),
     Live(Box<live::Live>),
     Deform(deform::Deform),
     Landmarks(landmarks::FindLandmarks),
@@ -81,13 +83,8 @@ pub fn main() -> ExitCode {
     signals::listen();
     memory::guard(arguments.shared.json);
     let files = arguments.files(&matches);
-    let run = || {
-        files.check()?;
-        let done = arguments.run(&console);
-        done.map_err(|error| arguments.command.with_remedy(error))
-    };
-    match all_or_none(files.inputs(), signals::are_to_end, run) {
-        Ok(()) => ExitCode::SUCCESS,
+    match arguments.job(&files, signals::are_to_end, &console) {
+        Ok(code) => ExitCode::from(code),
         Err(error) => {
             console.error(&error);
             ExitCode::from(error.exit_code())
@@ -130,9 +127,25 @@ impl Arguments {
         }
     }
 
+    /// Does what is asked; its results are all there in the end or none is, but those of a batch, which come one by one.
+    /// Returns the exit code.
+    fn job(&self, files: &Files, is_cancelled: fn() -> bool, console: &Console) -> Result<u8> {
+        files.check()?;
+        if let Command::Batch(command) = &self.command {
+            self.shared.check()?;
+            return command.run(&self.shared, console);
+        }
+        let run = || {
+            let done = self.run(console);
+            done.map_err(|error| self.command.with_remedy(error))
+        };
+        all_or_none(files.inputs(), is_cancelled, run).map(|()| 0)
+    }
+
     fn run(&self, console: &Console) -> Result<()> {
         self.shared.check()?;
         match &self.command {
+            Command::Batch(command) => command.run(&self.shared, console).map(drop),
             Command::Animate(command) => command.run(&self.shared, console),
             Command::Motion(command) => command.run(&self.shared, console),
             Command::Live(command) => command.run(&self.shared, console),
@@ -172,6 +185,8 @@ mod tests {
              --jaw 0.5 --rounding 1.2 --width 0.8 --tongue 0.7 --smoothing 0.02 --upper-face 0.5 --blinks 20 \
              --brow-accents 0 --asymmetry -1",
             "anyface motion --audio A.wav --out O.npz --emotion sad:1 --causal",
+            "anyface batch L.csv --mesh M.obj --rows 1-500 --map P:\\show=/mnt/show --again --dry-run --threads 2 --emotion auto \
+             --fps 60 --blinks 20 --system freetalk --no-cache",
             "anyface live --input A.wav --vmc --live-link 10.0.0.2:11111 --subject S --fps 60 --emotion happy:0.5",
             "anyface live --input - --osc 127.0.0.1:9000 --websocket --vmc 127.0.0.1:39540 --vmc-names vrm",
             "anyface live --input A.wav --fast --json",

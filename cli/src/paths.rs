@@ -168,8 +168,8 @@ mod tests {
     /// Long options of one subcommand whose values have a type.
     fn options<T: 'static>(command: &Command) -> Vec<String> {
         let args = command.get_arguments().filter(|arg| is::<T>(arg));
-        args.map(|arg| format!("--{}", arg.get_long().unwrap()))
-            .collect()
+        let long = args.filter_map(|arg| arg.get_long());
+        long.map(|long| format!("--{long}")).collect()
     }
 
     /// The files of a subcommand with two options and all that these require; nothing where they exclude each other.

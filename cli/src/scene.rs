@@ -1,10 +1,13 @@
 //! What files of scenes and avatars hold of a take.
 
-use std::{path::Path, sync::Arc};
+use std::{
+    path::{Path, PathBuf},
+    sync::Arc,
+};
 
 use anyface::{
     Engine, Error, Face, Result,
-    job::{InputKind, ProgressFn, read_file},
+    job::{InputKind, Place, ProgressFn, copy_file, read_file},
     output::{ClipFile, Format, TakeShapes, VrmNames},
     rig::{SHAPES, ShapeSource, eye_looks},
 };
@@ -36,6 +39,31 @@ enum Names {
     PerfectSync,
     /// Those of VRM alone
     Vrm,
+}
+
+/// The sound beside a scene `out`, which has none itself; none of a pipe, which is read once.
+pub fn sound_of_scene(out: &Path, audio: &Path) -> Option<PathBuf> {
+    let is_scene = Format::from_path(out).is_ok_and(Format::is_scene);
+    let is_scene = is_scene && audio.is_file();
+    let ending = audio.extension().unwrap_or_default();
+    is_scene.then(|| out.with_extension(ending))
+}
+
+/// The same where it is another file than the sound that is read.
+pub fn sound_copy(out: &Path, audio: &Path) -> Option<PathBuf> {
+    let sound = sound_of_scene(out, audio);
+    sound.filter(|path| Place::of(path) != Place::of(audio))
+}
+
+/// Puts the sound beside a scene.
+///
+/// # Errors
+/// `Audio` or `Io` if it cannot be copied.
+pub fn copy_sound(out: &Path, audio: &Path) -> Result<()> {
+    match sound_copy(out, audio) {
+        Some(path) => copy_file(audio, InputKind::Sound, &path),
+        None => Ok(()),
+    }
 }
 
 impl SceneArgs {

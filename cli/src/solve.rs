@@ -2,11 +2,12 @@
 
 use anyface::{
     Result,
+    face::{FaceOptions, locate_landmarks},
     job::write_json,
-    mesh::Mesh,
+    mesh::{LandmarkSource, Mesh},
     motion::check_fps,
     output::{Report, read_rig, read_vertex_motion, write_blend_weights},
-    rig::{ARKIT, SolveOptions, SolvedWeights, solve},
+    rig::{ARKIT, SolveOptions, SolvedWeights, meeting_lips, solve},
 };
 use clap::Args;
 use serde::Serialize;
@@ -33,6 +34,10 @@ pub struct Solve {
     /// Its shapes, as `anyface rig` writes them
     #[arg(long, value_name = "R.npz")]
     rig: InputPath,
+    /// Landmarks of the mesh as JSON, which say where its lips are: where these meet in the animation, they meet under the
+    /// weights, too
+    #[arg(long, value_name = "L.json")]
+    landmarks: Option<InputPath>,
     /// The result: .csv (Live Link Face) or .json
     #[arg(long, value_name = "W")]
     out: OutputPath,
@@ -81,10 +86,15 @@ impl Solve {
             .iter()
             .take_while(|n| ARKIT.contains(&n.as_str()))
             .count();
+        let lips = self.lips(&mesh)?;
         let solved = timed(&mut report, "solve", || {
             let moved = motion.displacements.view();
             let engine = shared.engine()?;
-            engine.threads(|| solve(&rig, shapes, moved, &[], &options, &|p| console.progress(p)))
+            engine.threads(|| {
+                solve(&rig, shapes, moved, &lips, &options, &|p| {
+                    console.progress(p)
+                })
+            })
         })?;
         timed(&mut report, "write", || {
             write_blend_weights(&self.out, &solved, fps)
@@ -94,6 +104,19 @@ impl Solve {
         report.fps = fps;
         report.vertices = Some(mesh.positions.len());
         self.tell(&mut report, &solved, console)
+    }
+
+    /// Vertices of the lips that meet; none where nobody says where they are.
+    fn lips(&self, mesh: &Mesh) -> Result<Vec<[u32; 2]>> {
+        let Some(path) = &self.landmarks else {
+            return Ok(Vec::new());
+        };
+        let options = FaceOptions {
+            landmarks: Some(LandmarkSource::read(path)?),
+            ..FaceOptions::default()
+        };
+        let landmarks = locate_landmarks(mesh, &options)?;
+        Ok(meeting_lips(&landmarks.vertices))
     }
 
     fn tell(&self, report: &mut Report, solved: &SolvedWeights, console: &Console) -> Result<()> {

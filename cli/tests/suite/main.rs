@@ -1,5 +1,6 @@
 //! Tests of the command, in one binary so that it is linked once.
 
+mod batch;
 mod command;
 mod hostile;
 mod live;

@@ -249,6 +249,11 @@ impl Slit {
         places.flatten().map(|(vertex, _)| vertex)
     }
 
+    /// Vertices that it moves.
+    pub(super) fn touched_vertices(&self) -> impl Iterator<Item = u32> {
+        self.touched.iter().map(|(vertex, ..)| *vertex)
+    }
+
     /// The same where only some vertices are left; `new` gives their numbers, also those of the rims.
     pub(super) fn renumbered(&self, new: impl Fn(u32) -> Option<u32>) -> Slit {
         let all = |of: Between| of.map(|(v, share)| (new(v).expect("rims are left"), share));

@@ -1,5 +1,7 @@
 //! What a frame needs beyond weights over the landmarks.
 
+mod products;
+
 use std::collections::BTreeSet;
 
 use ndarray::{Array3, ArrayView1, ArrayView3, Axis, CowArray, Ix3};
@@ -15,7 +17,7 @@ use super::{
 };
 use crate::{
     Result,
-    face::{Deformer, Face, FaceSurface, FewVertices, binding::Follows},
+    face::{Deformer, Face, FaceSurface, FewVertices, ShapeProducts, binding::Follows},
     job::ProgressFn,
     mesh::{Mouth, Similarity, ibug::LANDMARKS},
 };
@@ -139,6 +141,13 @@ impl Corrections {
         mouth.chain(lids).chain(self.about_eyes.vertices())
     }
 
+    /// Vertices that are moved by more than the decoder and the jaw.
+    fn touched_vertices(&self) -> impl Iterator<Item = u32> {
+        let mouth = self.mouth.iter().flat_map(Slit::touched_vertices);
+        let lids = self.lids.iter().flat_map(Eyelids::touched_vertices);
+        mouth.chain(lids).chain(self.about_eyes.vertices())
+    }
+
     /// Moves what follows the jaw.
     fn carry(&self, landmarks: &[f32], frame: &mut [f32]) {
         if self.carried.is_empty() {
@@ -230,6 +239,15 @@ impl<D: Deformer> Deformer for Corrected<D> {
             }),
             vertices: few.vertices,
         })
+    }
+
+    fn products_with(
+        &self,
+        shapes: ArrayView3<'_, f32>,
+        shown: &[u32],
+    ) -> Option<Box<dyn ShapeProducts>> {
+        let products = products::CorrectedProducts::new(self, shapes, shown)?;
+        Some(Box::new(products))
     }
 
     fn deform(

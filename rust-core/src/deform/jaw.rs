@@ -14,6 +14,8 @@ use crate::mesh::ibug::LANDMARKS;
 
 /// Pitch and yaw in radians, slide x, y, z in canonical centimetres.
 const NUMBERS: usize = 5;
+/// Numbers of a pose in which the motion of every point is linear.
+pub(super) const POSE_NUMBERS: usize = 12;
 
 /// What `training/deform/fit_jaw.py` writes.
 #[derive(Deserialize)]
@@ -87,6 +89,14 @@ impl Jaw {
 }
 
 impl JawPose {
+    /// The turn, row by row, and the slide.
+    pub(super) fn numbers(&self) -> [f32; POSE_NUMBERS] {
+        let mut numbers = [0.0; POSE_NUMBERS];
+        numbers[..9].copy_from_slice(self.turn.as_flattened());
+        numbers[9..].copy_from_slice(&self.slide);
+        numbers
+    }
+
     /// Displacement of a point given by its offset from the hinge, canonical centimetres.
     pub fn displacement(&self, from_hinge: [f32; 3]) -> [f32; 3] {
         let turned = |i: usize| -> f32 { (0..3).map(|j| self.turn[i][j] * from_hinge[j]).sum() };

@@ -1,13 +1,13 @@
 //! Fixed weights over the landmarks: the deformer whose frames cost one small matrix product.
 
 use faer::MatRef;
-use ndarray::{Array2, Array3, ArrayView3, Axis};
+use ndarray::{Array2, Array3, ArrayView3, Axis, Slice, s};
 use rayon::prelude::*;
 
 use crate::{
     Error, Result,
-    face::{Deformer, FewVertices, proxy::Prolongation},
-    job::{ProgressFn, report},
+    face::{Deformer, FewVertices, ShapeProducts, proxy::Prolongation},
+    job::{ProgressFn, SILENT, report},
     mesh::ibug::LANDMARKS,
     nn::matrix,
 };
@@ -16,6 +16,8 @@ use crate::{
 const FRAMES_PER_REPORT: usize = 64;
 /// Vertices of one piece of parallel work.
 const VERTICES_PER_TASK: usize = 512;
+/// Vertices of one step of a sum over all.
+const VERTICES_PER_PRODUCT: usize = 4096;
 
 /// `ΔV = mix · ΔL + cross · motion · ΔL`, linear in the landmarks.
 ///
@@ -124,6 +126,58 @@ impl LandmarkWeights {
     }
 }
 
+/// Products with shapes: linear in the landmarks as the frames are.
+struct LandmarkProducts {
+    /// `[204, S]`, over landmark coordinates x0, y0, z0, x1, …
+    products: Array2<f64>,
+    /// Moves the vertices that are shown.
+    shown: LandmarkWeights,
+}
+
+impl LandmarkProducts {
+    /// One pass over the vertices, some of them at a time.
+    fn new(
+        weights: &LandmarkWeights,
+        shapes: ArrayView3<'_, f32>,
+        shown: &[u32],
+    ) -> LandmarkProducts {
+        let (count, vertices, _) = shapes.dim();
+        let rank = weights.rank();
+        let mut products = Array2::<f64>::zeros((3 * LANDMARKS, count));
+        let mut crossed = Array2::<f64>::zeros((rank, count));
+        for first in (0..vertices).step_by(VERTICES_PER_PRODUCT) {
+            let last = (first + VERTICES_PER_PRODUCT).min(vertices);
+            let rows = weights.rows_of(&Vec::from_iter(first as u32..last as u32));
+            for axis in 0..3 {
+                let of_axis = shapes.slice(s![.., first..last, axis]);
+                // `[68, S]`
+                let along: Array2<f32> = rows.mix.t().dot(&of_axis.t());
+                let mut target =
+                    products.slice_axis_mut(Axis(0), Slice::new(axis as isize, None, 3));
+                target += &along.mapv(f64::from);
+                let cross = rows.cross.slice(s![.., axis * rank..(axis + 1) * rank]);
+                let across: Array2<f32> = cross.t().dot(&of_axis.t());
+                crossed += &across.mapv(f64::from);
+            }
+        }
+        products += &weights.motion.mapv(f64::from).t().dot(&crossed);
+        LandmarkProducts {
+            products,
+            shown: weights.rows_of(shown),
+        }
+    }
+}
+
+impl ShapeProducts for LandmarkProducts {
+    fn of(&self, landmarks: ArrayView3<'_, f32>) -> Result<(Array2<f64>, Array3<f32>)> {
+        let moved = self.shown.deform(landmarks, SILENT)?;
+        let frames = landmarks.dim().0;
+        let flat = landmarks.mapv(f64::from);
+        let flat = flat.to_shape((frames, 3 * LANDMARKS));
+        Ok((flat.expect("row-major array").dot(&self.products), moved))
+    }
+}
+
 /// Fills `out` `[frames, V, 3]` from tiles `[block, 3 frames]` of a few vertices each, axis by axis, in parallel.
 fn by_blocks(
     out: &mut [f32],
@@ -168,6 +222,14 @@ impl Deformer for LandmarkWeights {
         })
     }
 
+    fn products_with(
+        &self,
+        shapes: ArrayView3<'_, f32>,
+        shown: &[u32],
+    ) -> Option<Box<dyn ShapeProducts>> {
+        Some(Box::new(LandmarkProducts::new(self, shapes, shown)))
+    }
+
     fn deform(
         &self,
         landmarks: ArrayView3<'_, f32>,
@@ -203,7 +265,6 @@ impl Deformer for LandmarkWeights {
 #[cfg(test)]
 mod tests {
     use super::*;
-    use crate::job::SILENT;
     use rand::{Rng, SeedableRng};
     use rand_chacha::ChaCha8Rng;
 

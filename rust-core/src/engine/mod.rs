@@ -9,6 +9,7 @@ mod open_mouth;
 mod perform;
 mod sliders;
 mod stretches;
+mod take_weights;
 
 use std::{
     path::{Path, PathBuf},

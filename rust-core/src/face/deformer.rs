@@ -2,7 +2,7 @@
 
 use std::sync::Arc;
 
-use ndarray::{Array3, ArrayView2, ArrayView3};
+use ndarray::{Array2, Array3, ArrayView2, ArrayView3};
 
 use crate::{Result, job::ProgressFn};
 
@@ -35,6 +35,18 @@ pub trait Deformer: Send + Sync {
     /// few vertices cost as much as all.
     fn of_vertices(&self, vertices: &[u32]) -> Option<FewVertices> {
         let _ = vertices;
+        None
+    }
+
+    /// The products of this mesh's frames with `shapes` `[S, V, 3]`, mesh units and axes, of which a solve for weights is
+    /// made; they cost a small part of the frames. `shown`, rising: vertices whose displacements are wanted beside them.
+    /// `None` where the products cost as much as all frames.
+    fn products_with(
+        &self,
+        shapes: ArrayView3<'_, f32>,
+        shown: &[u32],
+    ) -> Option<Box<dyn ShapeProducts>> {
+        let _ = (shapes, shown);
         None
     }
 
@@ -93,6 +105,16 @@ pub struct FewVertices {
     pub vertices: Vec<u32>,
 }
 
+/// Products of the frames of one deformer with shapes of its mesh, without the frames.
+pub trait ShapeProducts: Send + Sync {
+    /// `landmarks`: `[T, 68, 3]`, mesh units and axes. Returns `[T, S]`, for each frame and shape the sum over all
+    /// coordinates of both, mesh units squared; and `[T, shown, 3]`, displacements of the vertices that were to be shown.
+    ///
+    /// # Errors
+    /// `ShapeMismatch` if `landmarks` is not `[T, 68, 3]`.
+    fn of(&self, landmarks: ArrayView3<'_, f32>) -> Result<(Array2<f64>, Array3<f32>)>;
+}
+
 /// Passes every method on: a default method would hide the one of the deformer in the box.
 impl Deformer for Box<dyn Deformer> {
     fn deform(
@@ -113,6 +135,14 @@ impl Deformer for Box<dyn Deformer> {
 
     fn of_vertices(&self, vertices: &[u32]) -> Option<FewVertices> {
         self.as_ref().of_vertices(vertices)
+    }
+
+    fn products_with(
+        &self,
+        shapes: ArrayView3<'_, f32>,
+        shown: &[u32],
+    ) -> Option<Box<dyn ShapeProducts>> {
+        self.as_ref().products_with(shapes, shown)
     }
 
     fn deform_beside(

@@ -37,7 +37,7 @@ use crate::{
         ibug::LANDMARKS,
     },
 };
-pub use deformer::{CodeField, Deformer, FewVertices, Field};
+pub use deformer::{CodeField, Deformer, FewVertices, Field, ShapeProducts};
 pub use eyes::Lids;
 use eyes::Openings;
 pub use face_options::{DEFAULT_PROXY, FaceOptions};

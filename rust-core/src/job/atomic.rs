@@ -5,7 +5,7 @@ use std::{
     io::{self, BufWriter, Write},
     path::{Path, PathBuf},
     sync::{Mutex, PoisonError, TryLockError},
-    time::{Duration, SystemTime},
+    time::{Duration, Instant, SystemTime},
 };
 
 use tempfile::{NamedTempFile, TempDir};
@@ -20,6 +20,8 @@ const PREFIX: &str = ".anyface-";
 const SUFFIX: &str = ".part";
 /// An unfinished file that nobody has written to for this long belongs to a killed process.
 const ABANDONED: Duration = Duration::from_secs(3600);
+/// Pause between two looks into one folder for such files.
+const LOOK_AGAIN: Duration = Duration::from_secs(60);
 
 /// Unfinished files and folders of this process.
 static UNFINISHED: Mutex<Vec<PathBuf>> = Mutex::new(Vec::new());
@@ -321,8 +323,17 @@ fn refuse_special(path: &Path) -> io::Result<()> {
     }
 }
 
-/// Removes the half-written files of killed processes from a folder.
+/// Removes the half-written files of killed processes from a folder. It looks into a folder at most once a minute, since a
+/// batch may keep ten thousand results there.
 fn remove_abandoned(folder: &Path) {
+    static LOOKED: Mutex<Vec<(PathBuf, Instant)>> = Mutex::new(Vec::new());
+    let mut looked = LOOKED.lock().unwrap_or_else(PoisonError::into_inner);
+    looked.retain(|(_, at)| at.elapsed() < LOOK_AGAIN);
+    if looked.iter().any(|(known, _)| known == folder) {
+        return;
+    }
+    looked.push((folder.to_owned(), Instant::now()));
+    drop(looked);
     let Ok(files) = fs::read_dir(folder) else {
         return;
     };

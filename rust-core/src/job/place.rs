@@ -13,7 +13,7 @@ const MOST_LINKS: usize = 40;
 /// Paths of one file have equal places, whatever their spelling or links. Files that do not exist
 /// yet also have equal places where their names differ only in case, because some file systems
 /// ignore case.
-#[derive(Debug, Clone, PartialEq, Eq)]
+#[derive(Debug, Clone, PartialEq, Eq, Hash)]
 pub enum Place {
     /// A file by its numbers.
     #[cfg(unix)]

@@ -41,7 +41,7 @@ pub(crate) const CHIN: usize = 8;
 pub(crate) const CORNERS: [usize; 2] = [48, 54];
 
 /// Inner lips that face each other, upper and lower, from the subject's right to the left.
-pub(crate) const INNER_LIPS: [(usize, usize); 3] = [(61, 67), (62, 66), (63, 65)];
+pub const INNER_LIPS: [(usize, usize); 3] = [(61, 67), (62, 66), (63, 65)];
 /// The same of the lips' borders.
 pub(crate) const OUTER_LIPS: [(usize, usize); 5] =
     [(49, 59), (50, 58), (51, 57), (52, 56), (53, 55)];

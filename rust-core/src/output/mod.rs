@@ -22,6 +22,7 @@ mod rows;
 mod scene;
 mod surface_frames;
 mod take_shapes;
+mod take_weights;
 mod targets;
 mod usd;
 mod vertex_motion;
@@ -39,6 +40,7 @@ pub use report::{Report, warnings_of_sound};
 pub use rig::{read_rig, write_rig, write_rig_folder};
 pub use surface_frames::{check_new_folder, write_surface_frames};
 pub use take_shapes::TakeShapes;
+pub use take_weights::TakeWeights;
 pub use vertex_motion::{VertexMotion, read_vertex_motion};
 pub use vrm::{VrmNames, write_avatar};
 

@@ -10,11 +10,9 @@ use crate::{
     job::SILENT,
     mesh::ibug::LANDMARKS,
     motion::Life,
-    rig::{ARKIT, SolveOptions, parts::GAZE_DEGREES, solve},
+    rig::{ARKIT, SolveOptions, meeting_lips, parts::GAZE_DEGREES, solve},
 };
 
-/// Landmarks of the upper and of the lower lip that meet.
-const LIPS: [[usize; 2]; 3] = [[61, 67], [62, 66], [63, 65]];
 /// Visemes that VRM has expressions for, in the order of [`VOWELS`].
 pub(super) const VOWEL_SHAPES: [&str; 5] =
     ["viseme_aa", "viseme_I", "viseme_U", "viseme_E", "viseme_O"];
@@ -31,15 +29,19 @@ pub struct TakeShapes {
 impl TakeShapes {
     /// `landmarks`: the vertices nearest to them, which say where the lips meet.
     pub fn new(rig: Arc<Rig>, landmarks: &[u32; LANDMARKS]) -> TakeShapes {
-        let lips = LIPS.map(|pair| pair.map(|n| landmarks[n]));
         TakeShapes {
             rig,
-            lips: lips.into_iter().filter(|[a, b]| a != b).collect(),
+            lips: meeting_lips(landmarks),
         }
     }
 
     pub(super) fn rig(&self) -> &Rig {
         &self.rig
+    }
+
+    /// Vertices of the upper and of the lower lip that meet.
+    pub(super) fn lips(&self) -> &[[u32; 2]] {
+        &self.lips
     }
 
     /// Weights `[T, 52]` of [`ARKIT`] in a clip `[T, V, 3]` of mesh units; eyes look where the take has them look, which its

@@ -3,6 +3,8 @@
 
 use ndarray::{Array1, Array2, ArrayView3, Axis, s};
 
+use crate::mesh::ibug::{INNER_LIPS, LANDMARKS};
+
 /// Weight of the gap against the whole face in frames with closed lips.
 const WEIGHT: f64 = 3.0;
 /// Lips count as closed below the first share of the widest opening, and as open above the second.
@@ -10,6 +12,13 @@ const TOGETHER: f64 = 0.1;
 const APART: f64 = 0.2;
 /// The widest opening is this quantile of the frames' openings.
 const WIDE: f64 = 0.95;
+
+/// Vertices of the upper and of the lower lip that meet; `vertices`: those nearest to the landmarks.
+pub fn meeting_lips(vertices: &[u32; LANDMARKS]) -> Vec<[u32; 2]> {
+    let pairs = INNER_LIPS.iter();
+    let pairs = pairs.map(|(upper, lower)| [vertices[*upper], vertices[*lower]]);
+    pairs.filter(|[upper, lower]| upper != lower).collect()
+}
 
 /// Equations of the gap for the weights.
 pub(super) struct Closures {
@@ -22,15 +31,13 @@ pub(super) struct Closures {
 }
 
 impl Closures {
-    /// For `lips` `[N]`, vertices of the upper and of the lower lip that meet. `gram`: `[S, S]`,
+    /// Of `of_shapes` `[S, 3 N]` and `of_frames` `[T, 3 N]`, [`gaps`] of the shapes and of the motion; `gram` `[S, S]` are
     /// products of whole shapes. `None` where the mouth does not open or no shape parts the lips.
     pub fn of(
-        lips: &[[u32; 2]],
-        deltas: ArrayView3<'_, f32>,
-        displacements: ArrayView3<'_, f32>,
+        of_shapes: &Array2<f64>,
+        of_frames: &Array2<f64>,
         gram: &Array2<f64>,
     ) -> Option<Closures> {
-        let (of_shapes, of_frames) = (gaps(lips, deltas), gaps(lips, displacements));
         let way = of_frames.sum_axis(Axis(0));
         let opening: Vec<f64> = of_frames
             .rows()
@@ -61,22 +68,10 @@ impl Closures {
         self.gram /= unit;
         self.right /= unit;
     }
-
-    /// At the weights `now` of frame `t`: the slope with the weight of shape `s`, and the slope's
-    /// own slope.
-    pub fn pull(&self, t: usize, s: usize, now: &[f64]) -> (f64, f64) {
-        let share = self.shares[t];
-        if share == 0.0 {
-            return (0.0, 0.0);
-        }
-        let row = self.gram.row(s);
-        let pull: f64 = row.iter().zip(now).map(|(a, w)| a * w).sum();
-        (share * (pull - self.right[[t, s]]), share * row[s])
-    }
 }
 
-/// Motion of the upper lip relative to the lower one, `[rows, 3 N]`.
-fn gaps(lips: &[[u32; 2]], moved: ArrayView3<'_, f32>) -> Array2<f64> {
+/// Motion of the upper lip relative to the lower one, `[rows, 3 N]`. `lips`: `[N]` vertices that meet; `moved`: `[rows, V, 3]`.
+pub(crate) fn gaps(lips: &[[u32; 2]], moved: ArrayView3<'_, f32>) -> Array2<f64> {
     let mut out = Array2::zeros((moved.dim().0, 3 * lips.len()));
     for (row, mut out) in moved.outer_iter().zip(out.rows_mut()) {
         for (n, [upper, lower]) in lips.iter().enumerate() {

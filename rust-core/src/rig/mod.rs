@@ -7,7 +7,7 @@
 //! of vertices into weights. Where a parametric head is like the face, its field may move the skin instead.
 
 mod by_field;
-mod closures;
+pub(crate) mod closures;
 mod decoded;
 mod lids;
 mod looks;
@@ -20,10 +20,12 @@ mod solve;
 mod visemes;
 
 pub use by_field::{FieldOfFace, ShapeSource};
+pub use closures::meeting_lips;
 pub use decoded::Learned;
 pub use looks::{EyeLook, eye_looks};
 pub use make::{MODEL, RigModel};
 pub use names::{ARKIT, VISEMES, mirrored_name};
+pub(crate) use solve::{MotionSums, ShapeSolver};
 pub use solve::{SolveOptions, SolvedWeights, solve};
 
 /// Shapes of a rig.

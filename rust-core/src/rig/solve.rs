@@ -14,7 +14,10 @@
 
 use ndarray::{Array2, ArrayView3, Axis, aview1};
 
-use super::{closures::Closures, mirrored_name, opposing};
+use super::{
+    closures::{Closures, gaps},
+    mirrored_name, opposing,
+};
 use crate::{
     Error, Result,
     face::Rig,
@@ -119,11 +122,11 @@ pub fn solve(
     report(progress, "solve", 0.0)?;
     let flat = |rows: usize| (rows, 3 * vertices);
     let shown = rig.deltas.slice(ndarray::s![..shapes, .., ..]);
+    let solver = ShapeSolver::new(&rig.names[..shapes], shown, lips);
     let deltas = shown
         .to_shape(flat(shapes))
         .expect("row-major array")
         .into_owned();
-    let gram = products(&deltas, &deltas);
     let (mut right, mut energy) = (Array2::zeros((frames, shapes)), vec![0.0; frames]);
     for first in (0..frames).step_by(FRAMES_PER_BLOCK) {
         let last = (first + FRAMES_PER_BLOCK).min(frames);
@@ -155,8 +158,7 @@ pub fn solve(
              {frame}"
         )));
     }
-    let closures = Closures::of(lips, shown, displacements, &gram);
-    let problem = Problem::new(gram, right, closures, &rig.names[..shapes], options)?;
+    let problem = solver.problem(right, &gaps(lips, displacements), options)?;
     let weights = problem.solve(options.exclusive, progress)?;
     let solved = SolvedWeights {
         names: rig.names[..shapes].to_vec(),
@@ -172,6 +174,88 @@ pub fn solve(
         check_result("residual", aview1(rest).into_dyn())?;
     }
     Ok(solved)
+}
+
+/// Shapes as a solve knows them: made once, then solved for any number of motions.
+#[derive(Debug, Clone, PartialEq)]
+pub(crate) struct ShapeSolver {
+    names: Vec<String>,
+    /// `[S, S]`, products of the shapes with each other.
+    gram: Array2<f64>,
+    /// `[S, 3 N]`, what they do to gaps between the lips.
+    gaps: Array2<f64>,
+}
+
+impl ShapeSolver {
+    /// `deltas`: `[S, V, 3]`; `lips`: `[N]` vertices of the upper and of the lower lip that meet.
+    pub(crate) fn new(
+        names: &[String],
+        deltas: ArrayView3<'_, f32>,
+        lips: &[[u32; 2]],
+    ) -> ShapeSolver {
+        let (count, vertices, _) = deltas.dim();
+        let flat = deltas.to_shape((count, 3 * vertices));
+        let flat = flat.expect("row-major array").into_owned();
+        ShapeSolver {
+            names: names.to_vec(),
+            gram: products(&flat, &flat),
+            gaps: gaps(lips, deltas),
+        }
+    }
+
+    /// Some of the shapes, by their numbers.
+    pub(crate) fn select(&self, shapes: &[usize]) -> ShapeSolver {
+        let names = shapes.iter().map(|&s| self.names[s].clone());
+        let gram = self.gram.select(Axis(0), shapes).select(Axis(1), shapes);
+        ShapeSolver {
+            names: names.collect(),
+            gram: gram.as_standard_layout().into_owned(),
+            gaps: self.gaps.select(Axis(0), shapes),
+        }
+    }
+
+    /// Takes what `weights` `[T, S]` do out of a motion.
+    pub(crate) fn take_out(&self, weights: &Array2<f64>, motion: &mut MotionSums) {
+        motion.products -= &weights.dot(&self.gram);
+        motion.gaps -= &weights.dot(&self.gaps);
+    }
+
+    /// Weights `[T, S]` of a motion.
+    ///
+    /// # Errors
+    /// Those of [`solve`] for options, a rig in which nothing moves and motion that is not finite; `Cancelled`.
+    pub(crate) fn weights(
+        &self,
+        motion: MotionSums,
+        options: &SolveOptions,
+        progress: ProgressFn<'_>,
+    ) -> Result<Array2<f32>> {
+        options.check()?;
+        let problem = self.problem(motion.products, &motion.gaps, options)?;
+        let weights = problem.solve(options.exclusive, progress)?;
+        let weights = weights.mapv(|x| x as f32);
+        check_result("weights", weights.view().into_dyn())?;
+        Ok(weights)
+    }
+
+    fn problem(
+        &self,
+        right: Array2<f64>,
+        gaps: &Array2<f64>,
+        options: &SolveOptions,
+    ) -> Result<Problem> {
+        let closures = Closures::of(&self.gaps, gaps, &self.gram);
+        Problem::new(self.gram.clone(), right, closures, &self.names, options)
+    }
+}
+
+/// All of a motion that a solve needs.
+#[derive(Debug, Clone, PartialEq)]
+pub(crate) struct MotionSums {
+    /// `[T, S]`, products of frames and shapes.
+    pub products: Array2<f64>,
+    /// `[T, 3 N]`, [`gaps`] between the lips.
+    pub gaps: Array2<f64>,
 }
 
 impl SolveOptions {
@@ -298,6 +382,7 @@ impl Problem {
         progress: ProgressFn<'_>,
     ) -> Result<()> {
         let frames = self.right.nrows();
+        let mut slopes = self.slopes(weights);
         for sweep in 0..MOST_SWEEPS {
             let mut change = 0.0f64;
             for step in 0..frames {
@@ -306,7 +391,7 @@ impl Problem {
                 } else {
                     frames - 1 - step
                 };
-                change = change.max(self.descend_frame(t, weights, rests));
+                change = change.max(self.descend_frame(t, weights, rests, &mut slopes));
             }
             if change < ARRIVED {
                 break;
@@ -317,31 +402,61 @@ impl Problem {
         Ok(())
     }
 
-    /// Sets each weight of one frame in turn to its best value. Returns the largest change.
-    fn descend_frame(&self, t: usize, weights: &mut Array2<f64>, rests: &Array2<bool>) -> f64 {
-        let frames = weights.nrows();
-        let mut now = weights.row(t).to_vec();
+    /// Slopes `[T, S]` at `weights` of all but the frames beside.
+    fn slopes(&self, weights: &Array2<f64>) -> Array2<f64> {
+        let mut slopes = weights.dot(&self.matrix) - &self.right;
+        slopes += &aview1(&self.price);
+        if let Some(closures) = &self.closures {
+            let shares = aview1(&closures.shares).insert_axis(Axis(1));
+            slopes += &((weights.dot(&closures.gram) - &closures.right) * shares);
+        }
+        slopes.as_standard_layout().into_owned()
+    }
+
+    /// Best value of each weight of one frame in turn; returns the largest change. A weight that stays, as most do
+    /// that are 0, costs a comparison: the slopes follow those that change.
+    fn descend_frame(
+        &self,
+        t: usize,
+        weights: &mut Array2<f64>,
+        rests: &Array2<bool>,
+        slopes: &mut Array2<f64>,
+    ) -> f64 {
+        let (frames, count) = weights.dim();
+        let row_of = |s: usize| s * count..(s + 1) * count;
+        let matrix = self.matrix.as_slice().expect("row-major array");
+        let closing = self.closures.as_ref().map(|c| (&c.gram, c.shares[t]));
+        let closing = closing.filter(|(_, share)| *share != 0.0);
+        let slopes = slopes.row_mut(t).into_slice().expect("row-major array");
+        let all = weights.as_slice_mut().expect("row-major array");
+        let (before, rest) = all.split_at_mut(t * count);
+        let (now, after) = rest.split_at_mut(count);
+        let before = (t > 0).then(|| &before[before.len() - count..]);
+        let after = (t + 1 < frames).then(|| &after[..count]);
         let mut largest = 0.0f64;
         for &s in self.moving.iter().filter(|&&s| !rests[[t, s]]) {
-            let row = self.matrix.row(s);
-            let pull: f64 = row.iter().zip(&now).map(|(a, w)| a * w).sum();
-            let mut gradient = pull - self.right[[t, s]] + self.price[s];
-            let mut slope = row[s];
-            if let Some(closures) = &self.closures {
-                let (pull, curvature) = closures.pull(t, s, &now);
-                gradient += pull;
-                slope += curvature;
+            let row = &matrix[row_of(s)];
+            let (mut gradient, mut slope) = (slopes[s], row[s]);
+            if let Some((gram, share)) = closing {
+                slope += share * gram[[s, s]];
             }
-            let beside = [t.checked_sub(1), Some(t + 1).filter(|&n| n < frames)];
-            for beside in beside.into_iter().flatten() {
-                gradient += self.memory[s] * (now[s] - weights[[beside, s]]);
+            for beside in [before, after].into_iter().flatten() {
+                gradient += self.memory[s] * (now[s] - beside[s]);
                 slope += self.memory[s];
             }
             let better = (now[s] - gradient / slope).clamp(0.0, 1.0);
-            largest = largest.max((better - now[s]).abs());
+            let step = better - now[s];
+            if step == 0.0 {
+                continue;
+            }
+            largest = largest.max(step.abs());
             now[s] = better;
+            add_scaled(slopes, step, row);
+            if let Some((gram, share)) = closing {
+                let row = &gram.as_slice().expect("row-major array")[row_of(s)];
+                add_scaled(slopes, share * step, row);
+            }
         }
-        weights.row_mut(t).assign(&ndarray::ArrayView1::from(&now));
         largest
     }
 
@@ -356,6 +471,14 @@ impl Problem {
                 ((energy[t] - self.unit * explained).max(0.0) / vertices as f64).sqrt() as f32
             })
             .collect()
+    }
+}
+
+/// `to += factor · row`, over plain slices: this is most of a solve.
+fn add_scaled(to: &mut [f64], factor: f64, row: &[f64]) {
+    let row = &row[..to.len()];
+    for i in 0..to.len() {
+        to[i] += factor * row[i];
     }
 }
 

@@ -166,6 +166,11 @@ impl Eyelids {
         })
     }
 
+    /// Vertices that it moves.
+    pub(super) fn touched_vertices(&self) -> impl Iterator<Item = u32> {
+        self.touched.iter().map(|touched| touched.vertex)
+    }
+
     /// The same where only some vertices are left; `new` gives their numbers, also those of the rims.
     pub(super) fn renumbered(&self, new: impl Fn(u32) -> Option<u32>) -> Eyelids {
         let mut lids = self.clone();
@@ -200,11 +205,13 @@ impl Eyelids {
         let turns = self.turns(self.closed(landmarks), frame);
         for touched in &self.touched {
             let d = &mut frame[3 * touched.vertex as usize..][..3];
-            let moved = [0, 1, 2].map(|i| d[i]);
-            let change = self.change(touched, self.local(moved), &turns);
-            for (i, to) in d.iter_mut().enumerate() {
-                let along = self.axes.iter().zip(change);
-                *to += along.map(|(axis, x)| axis[i] * x).sum::<f32>() / self.to_cm;
+            let moved = [d[0], d[1], d[2]];
+            let [across, up, out] = self.change(touched, self.local(moved), &turns);
+            let [a, b, c] = &self.axes;
+            let [a, b, c] = [Vec3::from(*a), Vec3::from(*b), Vec3::from(*c)];
+            let change = (a * across + b * up + c * out) / self.to_cm;
+            for (to, by) in d.iter_mut().zip(change.to_array()) {
+                *to += by;
             }
         }
     }
@@ -237,8 +244,9 @@ impl Eyelids {
 
     /// A displacement in the eye's frame, centimetres.
     fn local(&self, moved: [f32; 3]) -> [f32; 3] {
-        self.axes
-            .map(|axis| self.to_cm * Vec3::from(axis).dot(moved.into()))
+        let [across, up, out] = &self.axes;
+        let along = |axis: &[f32; 3]| self.to_cm * Vec3::from(*axis).dot(moved.into());
+        [along(across), along(up), along(out)]
     }
 
     fn turns(&self, closed: f32, frame: &[f32]) -> Turns {
@@ -365,8 +373,8 @@ impl Eyelids {
         share: f32,
         lift: Lift,
     ) -> [f32; 3] {
-        let came: [f32; 3] = std::array::from_fn(|i| place[i] + moved[i]);
-        let turned = turn(came, angle);
+        let came = Vec3::from(place) + Vec3::from(moved);
+        let turned = turn(came.into(), angle);
         let over = |p: [f32; 3]| {
             let length = Vec3::from(p).length();
             (length, length - self.ball.radius_below(p, length))
@@ -374,16 +382,18 @@ impl Eyelids {
         let ((length, height), (_, before)) = (over(turned), over(place));
         let shortfall = before + lift.out - height;
         let scale = 1.0 + share * shortfall.max(lift.hug * shortfall) / length.max(1e-6);
-        std::array::from_fn(|i| scale * turned[i] - came[i])
+        (scale * Vec3::from(turned) - came).into()
     }
 }
 
 /// Angle of a point above the plane of across and front, radians.
+#[inline]
 fn elevation(p: [f32; 3]) -> f32 {
     p[1].atan2(p[2])
 }
 
 /// A point turned up by an angle about the axis across.
+#[inline]
 fn turn(p: [f32; 3], angle: f32) -> [f32; 3] {
     let (sine, cosine) = angle.sin_cos();
     [
@@ -394,11 +404,13 @@ fn turn(p: [f32; 3], angle: f32) -> [f32; 3] {
 }
 
 /// 0 at a corner of the eye, 1 from so many samples on.
+#[inline]
 fn off_corners(at: f32, from_corner: f32) -> f32 {
     ease(at.min((SAMPLES - 1) as f32 - at) / from_corner)
 }
 
 /// A value between samples.
+#[inline]
 fn between_samples<T: Mix>(values: &[T; SAMPLES], place: f32) -> T {
     let (first, rest) = (place as usize, place.fract());
     let next = (first + 1).min(SAMPLES - 1);

@@ -51,6 +51,7 @@ impl Eyeball {
     }
 
     /// Distance from the centre to the surface below a point at distance `length`.
+    #[inline]
     pub(crate) fn radius_below(&self, p: [f32; 3], length: f32) -> f32 {
         let (full, gone) = self.edge;
         let share = (p[2] / length.max(1e-6) - gone) / (full - gone).max(1e-6);

@@ -1,6 +1,7 @@
 //! Values between others.
 
 /// 0 up to 0, 1 from 1 on, smooth between.
+#[inline]
 pub(crate) fn ease(x: f32) -> f32 {
     let x = x.clamp(0.0, 1.0);
     x * x * (3.0 - 2.0 * x)
@@ -12,13 +13,16 @@ pub(crate) trait Mix: Copy {
 }
 
 impl Mix for f32 {
+    #[inline]
     fn mixed(self, other: f32, share: f32) -> f32 {
         self * (1.0 - share) + other * share
     }
 }
 
 impl Mix for [f32; 3] {
+    #[inline]
     fn mixed(self, other: [f32; 3], share: f32) -> [f32; 3] {
-        std::array::from_fn(|i| self[i].mixed(other[i], share))
+        let at = |i: usize| self[i].mixed(other[i], share);
+        [at(0), at(1), at(2)]
     }
 }

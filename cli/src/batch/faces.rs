@@ -1,0 +1,127 @@
+//! Faces and models that many rows share: each is made once, when its first row comes.
+
+use std::{
+    collections::HashMap,
+    path::PathBuf,
+    sync::{Arc, Mutex, OnceLock, PoisonError},
+};
+
+use anyface::{Engine, Error, Face, Result, job::ProgressFn, mesh::Mesh, output::TakeWeights};
+
+use super::{ledger::Failure, line::Line, rows::Row};
+use crate::stages::{new_report, note_face};
+
+/// So many faces stay in memory; rows of one face come one after the other.
+const MOST: usize = 4;
+
+/// A face with the models that move it.
+pub struct Ready {
+    pub engine: Arc<Engine>,
+    /// `None` where rows have no mesh.
+    pub face: Option<Face>,
+    /// The file of its mesh.
+    pub mesh: Option<PathBuf>,
+    /// Where a row is to be weights of the face's shapes.
+    pub weights: Option<TakeWeights>,
+    /// What is odd about the face.
+    pub warnings: Vec<String>,
+}
+
+type Slot<T> = Arc<OnceLock<std::result::Result<Arc<T>, Failure>>>;
+
+/// All faces of a batch.
+#[derive(Default)]
+pub struct Faces {
+    /// By what tells them apart, the last used one at the end.
+    faces: Mutex<Vec<(String, Slot<Ready>)>>,
+    /// By the words for them.
+    engines: Mutex<HashMap<String, Slot<Engine>>>,
+}
+
+impl Faces {
+    /// The face of a row; who comes while it is made waits. `rows`: all that may move it.
+    ///
+    /// # Errors
+    /// Why it cannot be made, which is so for all its rows.
+    pub fn ready(
+        &self,
+        row: &Row,
+        line: &Line,
+        rows: &[Row],
+        progress: ProgressFn<'_>,
+    ) -> std::result::Result<Arc<Ready>, Failure> {
+        let slot = {
+            let mut faces = self.faces.lock().unwrap_or_else(PoisonError::into_inner);
+            let known = faces.iter().position(|(key, _)| *key == row.face);
+            let known = known.map(|at| faces.remove(at).1);
+            let slot = known.unwrap_or_default();
+            faces.push((row.face.clone(), Arc::clone(&slot)));
+            if faces.len() > MOST {
+                faces.remove(0);
+            }
+            slot
+        };
+        let made = slot.get_or_init(|| {
+            let engine = self.engine(line)?;
+            let made = make(engine, row, line, rows, progress);
+            made.map(Arc::new).map_err(|error| Failure::from(&error))
+        });
+        made.clone()
+    }
+
+    /// The face of a row where it has been made.
+    pub fn at_hand(&self, row: &Row) -> Option<Arc<Ready>> {
+        let faces = self.faces.lock().unwrap_or_else(PoisonError::into_inner);
+        let (_, slot) = faces.iter().find(|(key, _)| *key == row.face)?;
+        slot.get()?.as_ref().ok().cloned()
+    }
+
+    /// The models of a line.
+    fn engine(&self, line: &Line) -> std::result::Result<Arc<Engine>, Failure> {
+        let key = line.shared.key();
+        let slot = {
+            let mut engines = self.engines.lock().unwrap_or_else(PoisonError::into_inner);
+            Arc::clone(engines.entry(key).or_default())
+        };
+        let open = || line.shared.engine().map(Arc::new);
+        let made = slot.get_or_init(|| open().map_err(|error: Error| Failure::from(&error)));
+        made.clone()
+    }
+}
+
+fn make(
+    engine: Arc<Engine>,
+    row: &Row,
+    line: &Line,
+    rows: &[Row],
+    progress: ProgressFn<'_>,
+) -> Result<Ready> {
+    let mut ready = Ready {
+        engine,
+        face: None,
+        mesh: None,
+        weights: None,
+        warnings: Vec::new(),
+    };
+    let Some(path) = line.options.mesh.as_deref() else {
+        return Ok(ready);
+    };
+    let options = line.options.face.options(path, None)?;
+    let mesh = Mesh::read(path)?;
+    let face = ready.engine.prepare(&mesh, &options, progress)?;
+    let mut report = new_report();
+    note_face(&mut report, &face);
+    let reach = ready.engine.mouth_reach(&face, progress)?;
+    let limits = reach.map(|reach| reach.sentences());
+    report.warnings.extend(limits.into_iter().flatten());
+    ready.warnings = report.warnings;
+    let is_weights = |other: &Row| {
+        let line = other.line.as_ref();
+        other.face == row.face && line.is_ok_and(Line::wants_weights)
+    };
+    if rows.iter().any(is_weights) {
+        ready.weights = Some(ready.engine.take_weights(&face, progress)?);
+    }
+    (ready.face, ready.mesh) = (Some(face), Some(path.to_owned()));
+    Ok(ready)
+}

@@ -1,0 +1,295 @@
+//! What has come of each row: a line of JSON for each end of a row, in one file that several processes may write.
+
+use std::{
+    collections::HashMap,
+    fs::{self, File, OpenOptions},
+    io::{BufRead, BufReader, Read, Seek, SeekFrom, Write},
+    path::{Path, PathBuf},
+    sync::{Mutex, PoisonError},
+    time::{SystemTime, UNIX_EPOCH},
+};
+
+use anyface::{Error, Result};
+use serde::{Deserialize, Serialize};
+
+use super::{
+    lips::{Gap, LipMotion},
+    rows::Row,
+};
+use crate::console::kind;
+
+/// How the file is called among the reports.
+pub const HISTORY: &str = "history.jsonl";
+
+/// Exit code where some rows failed, as Blender's batch has it.
+pub const SOME_FAILED: u8 = 12;
+
+/// Why a row has no result.
+#[derive(Debug, Clone, PartialEq)]
+pub struct Failure {
+    pub kind: String,
+    pub exit_code: u8,
+    pub message: String,
+}
+
+impl From<&Error> for Failure {
+    fn from(error: &Error) -> Failure {
+        Failure {
+            kind: kind(error).to_owned(),
+            exit_code: error.exit_code(),
+            message: error.to_string(),
+        }
+    }
+}
+
+/// One end of a row; what does not apply is left out.
+#[derive(Debug, Clone, Default, PartialEq, Serialize, Deserialize)]
+#[serde(default)]
+pub struct Entry {
+    pub name: String,
+    pub ok: bool,
+    pub message: String,
+    #[serde(skip_serializing_if = "String::is_empty")]
+    pub kind: String,
+    pub exit_code: u8,
+    #[serde(skip_serializing_if = "Vec::is_empty")]
+    pub warnings: Vec<String>,
+    /// How long it took.
+    pub seconds: f64,
+    /// Seconds since 1970.
+    pub at: f64,
+    pub host: String,
+    pub pid: u32,
+    /// Of the sound.
+    pub duration_s: f64,
+    #[serde(skip_serializing_if = "Option::is_none")]
+    pub memory_mb: Option<u64>,
+    #[serde(skip_serializing_if = "String::is_empty")]
+    pub out: String,
+    /// Size and time of the result, by which a change is known.
+    #[serde(skip_serializing_if = "Option::is_none")]
+    pub result: Option<FileState>,
+    /// Of the row and the files that it reads.
+    pub digest: String,
+    #[serde(skip_serializing_if = "Option::is_none")]
+    pub lips: Option<LipMotion>,
+    #[serde(skip_serializing_if = "Option::is_none")]
+    pub gap: Option<Gap>,
+    /// Peaks of the sound, 0 to 1.
+    #[serde(skip_serializing_if = "Vec::is_empty")]
+    pub wave: Vec<f32>,
+}
+
+/// By what a change of a file is known.
+#[derive(Debug, Clone, Copy, PartialEq, Eq, Serialize, Deserialize)]
+pub struct FileState {
+    pub bytes: u64,
+    pub modified_ns: u64,
+}
+
+impl FileState {
+    /// Of a file; of a folder its newest file's. `None` where nothing is there.
+    pub fn of(path: &Path) -> Option<FileState> {
+        let found = fs::metadata(path).ok()?;
+        let own = FileState {
+            bytes: found.len(),
+            modified_ns: since_1970_ns(found.modified().ok()?),
+        };
+        if !found.is_dir() {
+            return Some(own);
+        }
+        let files = fs::read_dir(path).ok()?.flatten();
+        let files = files.filter_map(|file| FileState::of(&file.path()));
+        Some(files.fold(own, |all, file| FileState {
+            bytes: all.bytes.wrapping_add(file.bytes),
+            modified_ns: all.modified_ns.max(file.modified_ns),
+        }))
+    }
+}
+
+fn since_1970_ns(time: SystemTime) -> u64 {
+    let since = time.duration_since(UNIX_EPOCH).unwrap_or_default();
+    since.as_nanos() as u64
+}
+
+/// Names the rows with the files that they read: it changes where any of these does, and is the same on every machine.
+#[derive(Default)]
+pub struct Digests {
+    known: HashMap<PathBuf, Option<FileState>>,
+}
+
+impl Digests {
+    pub fn of(&mut self, row: &Row) -> String {
+        let mut hasher = blake3::Hasher::new();
+        hasher.update(env!("CARGO_PKG_VERSION").as_bytes());
+        let words = serde_json::to_vec(&row.words).expect("text serialises");
+        hasher.update(&words);
+        for path in &row.inputs {
+            // Landmarks beside a mesh are read with it.
+            for path in [path.clone(), crate::paths::landmarks_beside(path)] {
+                let state = self.known.entry(path);
+                let state = state.or_insert_with_key(|path| FileState::of(path));
+                let state = serde_json::to_vec(state).expect("numbers serialise");
+                hasher.update(&state);
+            }
+        }
+        hasher.finalize().to_hex()[..24].to_owned()
+    }
+}
+
+/// The history of a batch, in its folder of reports.
+pub struct Ledger {
+    path: PathBuf,
+    /// Opened with the first line that is written.
+    file: Mutex<Option<File>>,
+    /// The last end of each row, without its curves.
+    last: HashMap<String, Entry>,
+}
+
+impl Ledger {
+    /// Reads what is there; a line that is no entry, such as one that a killed process has begun, is passed over.
+    ///
+    /// # Errors
+    /// `Io` if the file cannot be read.
+    pub fn open(folder: &Path) -> Result<Ledger> {
+        let path = folder.join(HISTORY);
+        let mut last = HashMap::new();
+        each_entry(&path, |entry| {
+            let entry = Entry {
+                gap: None,
+                wave: Vec::new(),
+                ..entry
+            };
+            last.insert(entry.name.clone(), entry);
+        })?;
+        Ok(Ledger {
+            path,
+            file: Mutex::new(None),
+            last,
+        })
+    }
+
+    pub fn last(&self, name: &str) -> Option<&Entry> {
+        self.last.get(name)
+    }
+
+    /// Whether a row was done as it stands now, and its result is still the one that was written.
+    pub fn is_finished(&self, row: &Row, digest: &str) -> bool {
+        let is_result = |entry: &Entry| {
+            let out = row.outputs.first();
+            let now = out.and_then(|out| FileState::of(out));
+            now.is_some() && now == entry.result
+        };
+        let entry = self.last(&row.name);
+        entry.is_some_and(|entry| entry.ok && entry.digest == digest && is_result(entry))
+    }
+
+    /// Notes the end of a row: one write at the end of the file, which no other process's write tears.
+    ///
+    /// # Errors
+    /// `Io` if it cannot be written.
+    pub fn append(&self, entry: &Entry) -> Result<()> {
+        let mut line = serde_json::to_vec(entry).expect("an entry serialises");
+        line.push(b'\n');
+        let mut file = self.file.lock().unwrap_or_else(PoisonError::into_inner);
+        let file = match &mut *file {
+            Some(file) => file,
+            none => none.insert(opened(&self.path)?),
+        };
+        file.write_all(&line).map_err(Error::io(&self.path))
+    }
+}
+
+/// The file, for lines at its end; what a killed process has begun there gets an end of its own.
+fn opened(path: &Path) -> Result<File> {
+    let io = || Error::io(path);
+    if let Some(folder) = path.parent() {
+        fs::create_dir_all(folder).map_err(Error::io(folder))?;
+    }
+    let mut options = OpenOptions::new();
+    let options = options.append(true).read(true).create(true);
+    let mut file = options.open(path).map_err(io())?;
+    if file.seek(SeekFrom::End(-1)).is_ok() {
+        let mut end = [0];
+        file.read_exact(&mut end).map_err(io())?;
+        if end != *b"\n" {
+            file.write_all(b"\n").map_err(io())?;
+        }
+    }
+    Ok(file)
+}
+
+/// Hands every entry of a history to `take`, the oldest first.
+///
+/// # Errors
+/// `Io` if the file is there and cannot be read.
+pub fn each_entry(path: &Path, mut take: impl FnMut(Entry)) -> Result<()> {
+    let file = match File::open(path) {
+        Ok(file) => file,
+        Err(error) if error.kind() == std::io::ErrorKind::NotFound => return Ok(()),
+        Err(error) => return Err(Error::io(path)(error)),
+    };
+    let mut lines = BufReader::new(file);
+    let mut line = Vec::new();
+    loop {
+        line.clear();
+        let count = lines.read_until(b'\n', &mut line);
+        if count.map_err(Error::io(path))? == 0 {
+            return Ok(());
+        }
+        if let Ok(entry) = serde_json::from_slice::<Entry>(&line) {
+            take(entry);
+        }
+    }
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    fn entry(name: &str, ok: bool) -> Entry {
+        Entry {
+            name: name.to_owned(),
+            ok,
+            wave: vec![0.5; 200],
+            ..Entry::default()
+        }
+    }
+
+    #[test]
+    fn the_last_end_of_a_row_counts_and_half_a_line_is_passed_over() {
+        let folder = tempfile::tempdir().unwrap();
+        let ledger = Ledger::open(folder.path()).unwrap();
+        ledger.append(&entry("a", false)).unwrap();
+        ledger.append(&entry("a", true)).unwrap();
+        let path = folder.path().join(HISTORY);
+        let mut file = OpenOptions::new().append(true).open(&path).unwrap();
+        file.write_all(b"{\"name\": \"b\", \"ok\": tr").unwrap();
+        let again = Ledger::open(folder.path()).unwrap();
+        assert!(again.last("a").unwrap().ok && again.last("b").is_none());
+        again.append(&entry("c", true)).unwrap();
+        let third = Ledger::open(folder.path()).unwrap();
+        assert!(third.last("c").unwrap().ok);
+        assert_eq!(third.last("c").unwrap().wave, Vec::<f32>::new());
+    }
+
+    #[test]
+    fn lines_of_many_writers_stay_whole() {
+        let folder = tempfile::tempdir().unwrap();
+        std::thread::scope(|scope| {
+            for writer in 0..4 {
+                let folder = folder.path();
+                scope.spawn(move || {
+                    let ledger = Ledger::open(folder).unwrap();
+                    for line in 0..50 {
+                        let name = format!("{writer}-{line}");
+                        ledger.append(&entry(&name, true)).unwrap();
+                    }
+                });
+            }
+        });
+        let mut count = 0;
+        each_entry(&folder.path().join(HISTORY), |_| count += 1).unwrap();
+        assert_eq!(count, 200);
+    }
+}

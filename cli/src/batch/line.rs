@@ -1,0 +1,89 @@
+//! One line of speech: its options, and what its result may be.
+
+use std::path::Path;
+
+use anyface::{
+    Error, Result,
+    motion::MotionKind,
+    output::{Format, check_motion_path},
+    systems::Registration,
+};
+use clap::{Args, Parser};
+
+use crate::{
+    arguments::{FaceArgs, MotionArgs, SharedArgs, SoundArgs},
+    paths::{InputPath, OutputPath},
+    scene::SceneArgs,
+};
+
+/// One line of speech, as a row and the options of all rows ask for it.
+#[derive(Parser)]
+#[command(name = "anyface batch", no_binary_name = true)]
+pub struct Line {
+    /// The speech
+    #[arg(long, value_name = "A")]
+    pub audio: InputPath,
+    /// The result
+    #[arg(long, value_name = "O")]
+    pub out: OutputPath,
+    #[command(flatten)]
+    pub options: LineOptions,
+    #[command(flatten)]
+    pub shared: SharedArgs,
+}
+
+/// What a row may have, and the command line for all rows.
+#[derive(Args)]
+pub struct LineOptions {
+    /// The mesh of all rows that name none: OBJ, PLY or GLB; without one a row is the motion of landmarks, .npz, or weights of
+    /// a system that makes weights
+    #[arg(long, value_name = "M")]
+    pub mesh: Option<InputPath>,
+    #[command(flatten)]
+    pub sound: SoundArgs,
+    #[command(flatten)]
+    pub face: FaceArgs,
+    #[command(flatten)]
+    pub motion: MotionArgs,
+    #[command(flatten)]
+    pub scene: SceneArgs,
+}
+
+impl Line {
+    /// Whether it is to be weights of its face's shapes.
+    pub fn wants_weights(&self) -> bool {
+        self.options.mesh.is_some() && self.is_table()
+    }
+
+    /// Whether its result is a table.
+    pub fn is_table(&self) -> bool {
+        let out: &Path = &self.out;
+        let ending = out.extension().and_then(|ending| ending.to_str());
+        let is = |table: &&str| ending.is_some_and(|ending| table.eq_ignore_ascii_case(ending));
+        ["csv", "json"].iter().any(is)
+    }
+
+    /// Refuses a result of a kind that the line does not lead to.
+    ///
+    /// # Errors
+    /// `InvalidInput` that names the endings.
+    pub fn check_out(&self) -> Result<()> {
+        let out = &self.out;
+        if self.wants_weights() {
+            return Ok(());
+        }
+        if self.options.mesh.is_none() {
+            let system = Registration::find(self.shared.system())?;
+            let is_weights = system.motion == MotionKind::Weights;
+            return check_motion_path(out, is_weights).map_err(|error| {
+                Error::InvalidInput(format!("{error}; for weights or vertices name a mesh"))
+            });
+        }
+        self.options.scene.check(out).map_err(|error| match error {
+            Error::InvalidInput(told) if Format::from_path(out).is_err() => Error::InvalidInput(
+                format!("{told}; or .csv or .json for weights of ARKit's shapes"),
+            ),
+            other => other,
+        })
+    }
+}

@@ -1,0 +1,141 @@
+//! Paths of another machine, as `--map FROM=TO` translates them.
+
+use std::str::FromStr;
+
+/// Two names of one folder.
+#[derive(Debug, Clone, PartialEq, Eq)]
+pub struct PathMap {
+    from: String,
+    to: String,
+}
+
+impl FromStr for PathMap {
+    type Err = String;
+
+    fn from_str(text: &str) -> Result<Self, String> {
+        let (from, to) = text.split_once('=').unwrap_or_default();
+        match from.is_empty() || to.is_empty() {
+            true => Err(format!(
+                "expected FROM=TO, as in P:\\show=/mnt/show, got {text:?}"
+            )),
+            false => Ok(PathMap {
+                from: from.to_owned(),
+                to: to.to_owned(),
+            }),
+        }
+    }
+}
+
+/// Whether a path is one of Windows: it begins with a drive, or has backslashes.
+pub fn is_of_windows(path: &str) -> bool {
+    let drive = path.as_bytes();
+    let has_drive = drive.len() > 1 && drive[0].is_ascii_alphabetic() && drive[1] == b':';
+    has_drive || path.contains('\\')
+}
+
+impl PathMap {
+    /// A path that begins with one of both folders in the other, where that is the one that this system opens: of a Windows
+    /// path and another one the system decides, of two alike the second is meant.
+    fn translate(&self, path: &str, is_windows: bool) -> Option<String> {
+        let (from, to) = (self.from.as_str(), self.to.as_str());
+        let turned = is_of_windows(from) != is_of_windows(to) && is_of_windows(to) != is_windows;
+        let (foreign, local) = if turned { (to, from) } else { (from, to) };
+        let rest = rest_of(path, foreign)?;
+        let separator = if is_of_windows(local) { "\\" } else { "/" };
+        let local = local.trim_end_matches(['/', '\\']);
+        Some(match rest.is_empty() {
+            true if local.is_empty() => separator.to_owned(),
+            true => local.to_owned(),
+            false => format!("{local}{separator}{}", rest.join(separator)),
+        })
+    }
+}
+
+/// The path as this system opens it: by the first map whose folder it lies in.
+pub fn translated(path: &str, maps: &[PathMap]) -> String {
+    let by_map = |map: &PathMap| map.translate(path, cfg!(windows));
+    maps.iter()
+        .find_map(by_map)
+        .unwrap_or_else(|| path.to_owned())
+}
+
+/// What of a path lies below a folder, component by component; `None` where it is elsewhere.
+fn rest_of<'a>(path: &'a str, folder: &str) -> Option<Vec<&'a str>> {
+    // Windows tells no small letters from large ones, and takes both separators.
+    let of_windows = is_of_windows(folder);
+    let parts = |text: &'a str| -> Vec<&'a str> {
+        let separators: &[char] = if of_windows { &['/', '\\'] } else { &['/'] };
+        text.trim_end_matches(separators)
+            .split(separators)
+            .collect()
+    };
+    let (path, folder) = (parts(path), folder.to_owned());
+    let separators: &[char] = if of_windows { &['/', '\\'] } else { &['/'] };
+    let folder: Vec<&str> = folder
+        .trim_end_matches(separators)
+        .split(separators)
+        .collect();
+    let same = |(a, b): (&&str, &&str)| match of_windows {
+        true => a.eq_ignore_ascii_case(b),
+        false => a == b,
+    };
+    let is_inside = path.len() >= folder.len() && path.iter().zip(&folder).all(same);
+    is_inside.then(|| path[folder.len()..].to_vec())
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    fn map(text: &str, path: &str, is_windows: bool) -> Option<String> {
+        text.parse::<PathMap>().unwrap().translate(path, is_windows)
+    }
+
+    #[test]
+    fn the_path_of_this_system_is_opened_whichever_side_the_row_has() {
+        for map_text in ["P:\\show=/mnt/show", "/mnt/show=P:\\show"] {
+            let unix = |path: &str| map(map_text, path, false);
+            assert_eq!(
+                unix("P:\\show\\a\\b.wav").as_deref(),
+                Some("/mnt/show/a/b.wav")
+            );
+            assert_eq!(unix("p:/Show/b.wav").as_deref(), Some("/mnt/show/b.wav"));
+            assert_eq!(unix("/mnt/show/a.wav"), None);
+            let windows = |path: &str| map(map_text, path, true);
+            assert_eq!(
+                windows("/mnt/show/a/b.wav").as_deref(),
+                Some("P:\\show\\a\\b.wav")
+            );
+            assert_eq!(windows("P:\\show\\b.wav"), None);
+        }
+    }
+
+    #[test]
+    fn of_two_paths_alike_the_second_is_meant() {
+        for is_windows in [true, false] {
+            let unix = |path: &str| map("/old/=/new", path, is_windows);
+            assert_eq!(unix("/old/a.wav").as_deref(), Some("/new/a.wav"));
+            assert_eq!(unix("/older/a.wav"), None);
+            assert_eq!(unix("/OLD/a.wav"), None);
+            assert_eq!(unix("/old").as_deref(), Some("/new"));
+            let windows = |path: &str| map("C:\\old=D:\\new\\", path, is_windows);
+            assert_eq!(
+                windows("c:\\OLD\\x/y.wav").as_deref(),
+                Some("D:\\new\\x\\y.wav")
+            );
+        }
+        assert_eq!(map("/old=/", "/old/a", false).as_deref(), Some("/a"));
+        assert_eq!(
+            map("/=/mnt", "/old/a", false).as_deref(),
+            Some("/mnt/old/a")
+        );
+    }
+
+    #[test]
+    fn half_a_map_is_refused() {
+        for text in ["", "a", "=b", "a="] {
+            let told = text.parse::<PathMap>().unwrap_err();
+            assert!(told.contains("expected FROM=TO"), "{text}: {told}");
+        }
+    }
+}

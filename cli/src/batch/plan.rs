@@ -1,0 +1,163 @@
+//! What a batch would do, without doing it.
+
+use anyface::{Result, audio::SoundFile, job::SILENT, mesh::Mesh, speech::frames_of};
+use serde::Serialize;
+
+use super::{
+    ledger::{Ledger, SOME_FAILED},
+    line::Line,
+    rows::Row,
+};
+use crate::console::Console;
+
+/// So many sounds, spread over all rows, say how long all are.
+const SAMPLED: usize = 50;
+/// What a second of sound takes of one thread where no line was done before: 186 ms for 4 s on a head of 26,719 vertices,
+/// beside other work.
+const COST: f64 = 0.047;
+
+#[derive(Serialize)]
+struct Plan {
+    rows: usize,
+    finished_before: usize,
+    waiting: usize,
+    /// Name and reason.
+    broken: Vec<[String; 2]>,
+    sound_s: f64,
+    estimated_s: f64,
+    estimated_mb: u64,
+}
+
+/// Says how many rows would be done, which cannot, and how long it would take. Returns the exit code.
+///
+/// # Errors
+/// Those of loading the models.
+pub fn tell(
+    rows: &[Row],
+    waiting: &[usize],
+    (finished_before, threads): (usize, usize),
+    ledger: &Ledger,
+    console: &Console,
+) -> Result<u8> {
+    let (mut broken, mut good) = (Vec::new(), Vec::new());
+    for row in waiting.iter().map(|at| &rows[*at]) {
+        match checked(row) {
+            Ok(line) => good.push((row, line)),
+            Err(why) => broken.push([row.name.clone(), why]),
+        }
+    }
+    let step = good.len().div_ceil(SAMPLED).max(1);
+    let sounds = good.iter().step_by(step);
+    let lengths = sounds.filter_map(|(_, line)| length_s(line));
+    let lengths: Vec<f64> = lengths.collect();
+    let mean_s = lengths.iter().sum::<f64>() / lengths.len().max(1) as f64;
+    let sound_s = mean_s * good.len() as f64;
+    let plan = Plan {
+        rows: rows.len(),
+        finished_before,
+        waiting: good.len(),
+        sound_s,
+        estimated_s: sound_s * cost(rows, ledger) / threads as f64,
+        estimated_mb: match good.first() {
+            Some((_, line)) => {
+                memory_mb(line, lengths.iter().copied().fold(0.0, f64::max), threads)?
+            }
+            None => 0,
+        },
+        broken,
+    };
+    console.value(&plan, &text(&plan))?;
+    Ok(match plan.broken.is_empty() {
+        true => 0,
+        false => SOME_FAILED,
+    })
+}
+
+/// A row whose request can be made and whose sound is there.
+fn checked(row: &Row) -> std::result::Result<&Line, String> {
+    let line = row.line.as_ref().map_err(ToString::to_string)?;
+    let request = line.options.motion.request(&line.shared);
+    request.map_err(|error| error.to_string())?;
+    let missing = row.inputs.iter().find(|path| !path.exists());
+    match missing {
+        Some(path) => Err(format!("{}: no such file", path.display())),
+        None => Ok(line),
+    }
+}
+
+fn length_s(line: &Line) -> Option<f64> {
+    let sound = SoundFile::read(&line.audio, true, SILENT).ok()?;
+    Some(sound.levels.duration_s())
+}
+
+/// Seconds of one thread for a second of sound: as in lines that were done before.
+fn cost(rows: &[Row], ledger: &Ledger) -> f64 {
+    let entries = rows.iter().filter_map(|row| ledger.last(&row.name));
+    let entries = entries.filter(|entry| entry.ok && entry.duration_s > 0.0);
+    let mut costs: Vec<f64> = entries.map(|e| e.seconds / e.duration_s).collect();
+    costs.sort_by(f64::total_cmp);
+    costs.get(costs.len() / 2).copied().unwrap_or(COST)
+}
+
+/// Most memory of so many threads, which share face and models.
+fn memory_mb(line: &Line, sound_s: f64, threads: usize) -> Result<u64> {
+    let engine = line.shared.engine()?;
+    let vertices = match &line.options.mesh {
+        Some(mesh) => Mesh::read(mesh)?.positions.len(),
+        None => 0,
+    };
+    let of_weights = line.wants_weights();
+    let fps = line.options.motion.request(&line.shared)?.fps;
+    let frames = match of_weights {
+        true => anyface::rig::SHAPES,
+        false => frames_of(sound_s, fps),
+    };
+    let one = engine.memory_need(vertices, frames, sound_s).bytes();
+    let idle = engine.memory_need(vertices, 0, 0.0).bytes();
+    let more = one.saturating_sub(idle).saturating_mul(threads as u64);
+    Ok((idle + more) >> 20)
+}
+
+fn text(plan: &Plan) -> String {
+    let Plan {
+        rows,
+        finished_before,
+        waiting,
+        broken,
+        sound_s,
+        estimated_s,
+        estimated_mb,
+    } = plan;
+    let mut text = format!(
+        "{rows} rows: {waiting} would be done, {finished_before} are finished, {} cannot be done\n\
+         about {} of speech, {} and {estimated_mb} MB of memory",
+        broken.len(),
+        duration(*sound_s),
+        duration(*estimated_s)
+    );
+    for [name, why] in broken {
+        text += &format!("\n{name}: {why}");
+    }
+    text
+}
+
+/// `75` → `1 min 15 s`.
+pub fn duration(seconds: f64) -> String {
+    let seconds = seconds.round() as u64;
+    match (seconds / 3600, seconds / 60 % 60, seconds % 60) {
+        (0, 0, s) => format!("{s} s"),
+        (0, m, s) => format!("{m} min {s:02} s"),
+        (h, m, _) => format!("{h} h {m:02} min"),
+    }
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    #[test]
+    fn time_left_is_told_in_units_that_people_use() {
+        let told = [5.0, 75.0, 7_260.0].map(duration);
+        assert_eq!(told, ["5 s", "1 min 15 s", "2 h 01 min"]);
+    }
+}

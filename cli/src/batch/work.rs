@@ -1,0 +1,171 @@
+//! One line of a batch: its sound, its motion, its file.
+
+use anyface::{
+    Performance, Result,
+    audio::Waveform,
+    job::ProgressFn,
+    mesh::ibug::INNER_LIPS,
+    motion::{Extent, LandmarkClip, Motion},
+    output::{Format, MotionFile, Report, write_blend_weights},
+    rig::SolvedWeights,
+    speech::frames_of,
+    spread::FrameSink,
+};
+
+use super::{
+    faces::Ready,
+    line::Line,
+    lips::{Gap, LipMotion, peaks},
+};
+use crate::{
+    arguments::shown,
+    scene::{copy_sound, sound_of_scene},
+    stages::{new_report, note_memory, read_sound, spread_into},
+};
+
+/// What came of a line.
+pub struct Done {
+    pub report: Report,
+    pub gap: Gap,
+    pub lips: LipMotion,
+    pub wave: Vec<f32>,
+}
+
+/// Does a line.
+///
+/// # Errors
+/// Those of `anyface animate` and `anyface motion`.
+pub fn perform(line: &Line, ready: &Ready, progress: ProgressFn<'_>) -> Result<Done> {
+    let options = &line.options;
+    let request = options.motion.request(&line.shared)?;
+    let mut report = new_report();
+    let sound = read_sound(&mut report, &line.audio, &options.sound, progress)?;
+    let duration_s = sound.levels.duration_s();
+    let engine = &*ready.engine;
+    check_memory(line, ready, (duration_s, request.fps), &mut report)?;
+    if let Some(face) = &ready.face {
+        let unseen = engine.unseen_events(face, &request.events, duration_s, progress)?;
+        report.warnings.extend(unseen);
+    }
+    let waveform = sound.whole(progress)?;
+    let performance = engine.perform(&waveform, &request, progress)?;
+    let landmarks = engine.landmarks_of(&performance.motion)?;
+    let made = Made {
+        performance,
+        landmarks,
+    };
+    let gap = write(line, ready, &made, &mut report, progress)?;
+    report.frames = made.performance.motion.frames();
+    report.fps = request.fps;
+    report.out = Some(shown(&line.out));
+    Ok(done(report, gap, &waveform))
+}
+
+/// A performance, and its landmarks on the mean face.
+struct Made {
+    performance: Performance,
+    landmarks: LandmarkClip,
+}
+
+/// Refuses a line that does not fit into memory.
+fn check_memory(
+    line: &Line,
+    ready: &Ready,
+    (duration_s, fps): (f64, f64),
+    report: &mut Report,
+) -> Result<()> {
+    let frames = frames_of(duration_s, fps);
+    let face = ready.face.as_ref();
+    let vertices = face.map_or(0, |face| face.mesh.positions.len());
+    let kept = match (line.is_table(), Format::from_path(&line.out)) {
+        (false, Ok(format)) if format.is_scene() => 3 * frames + line.options.scene.kept(&line.out),
+        (false, _) if vertices > 0 => frames,
+        _ => 0,
+    };
+    note_memory(report, &ready.engine, vertices, kept, duration_s)
+}
+
+/// Writes the result; returns the gap between the lips of what it shows.
+fn write(
+    line: &Line,
+    ready: &Ready,
+    made: &Made,
+    report: &mut Report,
+    progress: ProgressFn<'_>,
+) -> Result<Gap> {
+    let (engine, out) = (&*ready.engine, &line.out);
+    let Made {
+        performance,
+        landmarks,
+    } = made;
+    let mut gap = gap_of(landmarks);
+    let fps = performance.motion.fps();
+    let (life, articulation) = (Some(&performance.life), performance.articulation());
+    match (&ready.face, &ready.weights) {
+        (Some(face), Some(weights)) if line.is_table() => {
+            let clip = engine.weights_on(face, weights, performance, progress)?;
+            gap.values = weights.lip_gap_mm(&clip.weights);
+            note_landmarks(report, landmarks, articulation);
+            write_blend_weights(out, &solved(clip.names, clip.weights), fps)?;
+        }
+        (Some(face), _) => {
+            let sound = sound_of_scene(out, &line.audio);
+            let beside = (ready.mesh.as_deref(), sound.as_deref());
+            let scene = &line.options.scene;
+            let file = scene.file(out, beside, (engine, face), progress)?;
+            let spread =
+                |sink: &mut dyn FrameSink| engine.spread(face, performance, sink, progress);
+            spread_into(file, face, fps, articulation, life, report, spread)?;
+            copy_sound(out, &line.audio)?;
+        }
+        (None, _) => {
+            let is_weights = matches!(performance.motion, Motion::Weights(_));
+            let frames = performance.motion.frames();
+            let mut file = MotionFile::new(out, is_weights, frames, fps)?;
+            file.add(&performance.motion, landmarks, life)?;
+            note_landmarks(report, landmarks, articulation);
+            file.finish()?;
+        }
+    }
+    Ok(gap)
+}
+
+fn done(report: Report, mut gap: Gap, waveform: &Waveform) -> Done {
+    let lips = LipMotion::of(&gap, waveform);
+    // A tenth of a millimetre is enough to draw.
+    gap.values
+        .iter_mut()
+        .for_each(|mm| *mm = (10.0 * *mm).round() / 10.0);
+    Done {
+        report,
+        lips,
+        gap,
+        wave: peaks(waveform),
+    }
+}
+
+fn note_landmarks(report: &mut Report, landmarks: &LandmarkClip, articulation: f32) {
+    let extent = Extent::of(None, landmarks.displacements.view());
+    report.note_motion(&extent, 1.0, articulation);
+}
+
+/// The gap between the inner lips of the mean face.
+fn gap_of(landmarks: &LandmarkClip) -> Gap {
+    let of_frame = |frame: ndarray::ArrayView2<'_, f32>| {
+        let gaps = INNER_LIPS.map(|(upper, lower)| frame[[upper, 1]] - frame[[lower, 1]]);
+        1e3 * gaps.iter().sum::<f32>() / gaps.len() as f32
+    };
+    Gap {
+        fps: landmarks.fps,
+        values: landmarks.displacements.outer_iter().map(of_frame).collect(),
+    }
+}
+
+fn solved(names: Vec<String>, weights: ndarray::Array2<f32>) -> SolvedWeights {
+    SolvedWeights {
+        names,
+        weights,
+        residual: Vec::new(),
+        motion: Vec::new(),
+    }
+}

@@ -1,0 +1,135 @@
+//! Products of corrected frames with shapes, without the frames.
+//!
+//! `D_s · x = D_s · (W ℓ) + Σ_v D_sv · (x_v − W_v ℓ)`: the decoder is linear, so that its part is a small matrix, and
+//! corrections change few vertices. What the jaw carries is linear in the twelve numbers of the jaw's pose.
+
+use std::collections::BTreeSet;
+
+use ndarray::{Array2, Array3, ArrayView3, Axis, s};
+
+use super::{Corrected, Corrections};
+use crate::{
+    Result,
+    deform::jaw::POSE_NUMBERS,
+    face::{Deformer, ShapeProducts},
+    job::SILENT,
+};
+
+/// Everything of a mesh and its shapes that products need.
+pub(super) struct CorrectedProducts {
+    /// Of the decoder alone, without the vertices that the jaw carries.
+    linear: Box<dyn ShapeProducts>,
+    /// `[12, S]`, of what the jaw carries.
+    carried: Array2<f64>,
+    /// Of the whole mesh.
+    corrections: Corrections,
+    /// Some vertices: those that are corrected, and those that are shown.
+    few: Corrected<Box<dyn Deformer>>,
+    /// `[few, S]` as `[3 few, S]`: the shapes there, 0 where the jaw carries a vertex.
+    shapes: Array2<f32>,
+    /// Which of the few are shown.
+    shown: Vec<usize>,
+}
+
+impl CorrectedProducts {
+    /// `None` where the decoder is not linear.
+    pub(super) fn new<D: Deformer>(
+        deformer: &Corrected<D>,
+        shapes: ArrayView3<'_, f32>,
+        shown: &[u32],
+    ) -> Option<CorrectedProducts> {
+        let corrections = &deformer.corrections;
+        let touched: BTreeSet<u32> = corrections.touched_vertices().collect();
+        let carried = corrections.carried.iter();
+        let carried: Vec<_> = carried.filter(|(v, ..)| !touched.contains(v)).collect();
+        let mut free = shapes.to_owned();
+        for (v, ..) in &carried {
+            free.slice_mut(s![.., *v as usize, ..]).fill(0.0);
+        }
+        let linear = deformer.decoder.products_with(free.view(), &[])?;
+        let wanted = touched
+            .iter()
+            .chain(shown)
+            .copied()
+            .chain(corrections.rims());
+        let wanted: BTreeSet<u32> = wanted.collect();
+        let few = deformer.decoder.of_vertices(&Vec::from_iter(wanted))?;
+        let numbers: Vec<usize> = few.vertices.iter().map(|v| *v as usize).collect();
+        let at_few = free.select(Axis(1), &numbers);
+        let (count, vertices, _) = at_few.dim();
+        let flat = at_few.to_shape((count, 3 * vertices));
+        let flat = flat.expect("row-major array");
+        Some(CorrectedProducts {
+            linear,
+            carried: of_carried(corrections, shapes, &carried),
+            corrections: corrections.clone(),
+            shown: shown
+                .iter()
+                .map(|v| few.vertices.binary_search(v).ok())
+                .collect::<Option<_>>()?,
+            few: Corrected {
+                corrections: corrections.of_vertices(&few.vertices),
+                decoder: few.deformer,
+            },
+            shapes: flat.t().to_owned(),
+        })
+    }
+}
+
+/// `[12, S]`: what each number of the jaw's pose contributes to each product by way of these vertices.
+fn of_carried(
+    corrections: &Corrections,
+    shapes: ArrayView3<'_, f32>,
+    carried: &[&(u32, f32, [f32; 3])],
+) -> Array2<f64> {
+    let to_canonical = &corrections.to_canonical;
+    let to_mesh = 0.01 * to_canonical.inverse().scale as f32;
+    let mut sums = Array2::<f64>::zeros((POSE_NUMBERS, shapes.len_of(Axis(0))));
+    for (shape, mut sums) in shapes.outer_iter().zip(sums.columns_mut()) {
+        for &&(v, share, from_hinge) in carried {
+            let moved = shape.row(v as usize);
+            let along = to_canonical.rotate([moved[0], moved[1], moved[2]]);
+            for (i, along) in along.into_iter().enumerate() {
+                let along = f64::from(share * to_mesh * along);
+                for (j, from) in from_hinge.into_iter().enumerate() {
+                    sums[3 * i + j] += along * f64::from(from);
+                }
+                sums[9 + i] += along;
+            }
+        }
+    }
+    sums
+}
+
+impl ShapeProducts for CorrectedProducts {
+    fn of(&self, landmarks: ArrayView3<'_, f32>) -> Result<(Array2<f64>, Array3<f32>)> {
+        let asked = self.corrections.asked(landmarks);
+        let asked = asked.as_standard_layout().into_owned();
+        let own = self.corrections.own_landmarks(&asked);
+        let (mut products, _) = self.linear.of(own.view())?;
+        let poses = Array2::from_shape_vec(
+            (asked.len_of(Axis(0)), POSE_NUMBERS),
+            asked
+                .outer_iter()
+                .flat_map(|frame| {
+                    let frame = frame.to_slice().expect("standard layout");
+                    self.corrections.pose(frame).numbers().map(f64::from)
+                })
+                .collect(),
+        );
+        products += &poses.expect("a pose a frame").dot(&self.carried);
+        let free = self.few.decoder.deform(own.view(), SILENT)?;
+        let mut moved = free.clone();
+        self.few
+            .each_frame(asked.view(), &mut moved, |landmarks, frame| {
+                self.few.corrections.apply(landmarks, frame);
+            });
+        let shown = moved.select(Axis(1), &self.shown);
+        moved -= &free;
+        let (frames, vertices, _) = moved.dim();
+        let flat = moved.into_shape_with_order((frames, 3 * vertices));
+        let corrected = flat.expect("row-major array").dot(&self.shapes);
+        products += &corrected.mapv(f64::from);
+        Ok((products, shown))
+    }
+}
