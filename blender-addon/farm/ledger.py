@@ -1,5 +1,8 @@
 """Reports on disk: one JSON file a shot, one history of all tries."""
 
+import contextlib
+import errno
+import hashlib
 import json
 import os
 import socket
@@ -9,8 +12,19 @@ from ..core.errors import AnyfaceError
 from ..core.json_file import read as read_json
 from ..core.json_file import write as write_json
 
+try:
+    import fcntl
+except ImportError:
+    # Windows has another one.
+    import msvcrt
+
+    fcntl = None
+
 # The file beside the reports with a line for each end of a shot.
 HISTORY = "history.jsonl"
+# The file beside it of which a process locks a byte for each shot at work.
+CLAIMS = ".claims"
+_PAUSE_S = 0.1
 
 
 def read(report: str) -> dict | None:
@@ -38,6 +52,39 @@ def brief(report: dict) -> dict:
         for face in report.get("faces", [])
     ]
     return {**report, "faces": faces} if faces else report
+
+
+@contextlib.contextmanager
+def claim(shot: dict):
+    """Keeps a shot for this process: another one that wants it waits until this one ends, however
+    it ends.
+
+    A scheduler that lost sight of a node starts its shots elsewhere while they still run there.
+    """
+    path = os.path.join(os.path.dirname(shot["report"]), CLAIMS)
+    place = int.from_bytes(hashlib.blake2b(shot["name"].encode(), digest_size=3).digest())
+    with contextlib.ExitStack() as stack:
+        # Some network drives lock nothing; there it may be done twice.
+        with contextlib.suppress(OSError):
+            file = stack.enter_context(open(path, "ab"))
+            while not _lock(file.fileno(), place):
+                time.sleep(_PAUSE_S)
+        yield
+
+
+def _lock(file: int, place: int) -> bool:
+    """Locks a byte of a file until it is closed; False where another process has it."""
+    try:
+        if fcntl is not None:
+            fcntl.lockf(file, fcntl.LOCK_EX | fcntl.LOCK_NB, 1, place)
+        else:
+            os.lseek(file, place, os.SEEK_SET)
+            msvcrt.locking(file, msvcrt.LK_NBLCK, 1)
+    except OSError as error:
+        if error.errno in (errno.EACCES, errno.EAGAIN):
+            return False
+        raise
+    return True
 
 
 def forget(shot: dict) -> None:

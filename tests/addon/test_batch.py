@@ -236,3 +236,13 @@ def test_the_page_shows_every_shot_and_what_went_wrong_first(floor):
     assert len(good["wave"]) == 200 and max(good["wave"]) == 1.0
     history = (floor.reports / "history.jsonl").read_text()
     assert "wave" not in history and "sh02" in history
+
+
+def test_a_shot_that_is_at_work_elsewhere_is_waited_for_and_not_done_twice(floor):
+    floor.write(1)
+    first = floor.start(seconds=3.0)
+    floor.wait_begun(1)
+    code, text = floor.run()
+    assert code == 0 and "1 of 1 shots are finished" in text, text
+    assert first.communicate(timeout=60)[0] and first.returncode == 0
+    assert floor.ended() == {"sh00": 1} and len(floor.begun()) == 1

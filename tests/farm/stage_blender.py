@@ -52,6 +52,12 @@ def _read(lines: queue.SimpleQueue) -> None:
 
 def _do(shot: dict) -> None:
     ledger = importlib.import_module(f"{_PACKAGE}.farm.ledger")
+    with ledger.claim(shot):
+        if ledger.finished(shot) is None:
+            _write(shot, ledger)
+
+
+def _write(shot: dict, ledger) -> None:
     beside = importlib.import_module(f"{_PACKAGE}.core.beside")
     beside.remove_all(shot["save"])
     began = time.monotonic()
