@@ -212,7 +212,7 @@ mod tests {
         assert_eq!(covered, 66);
         each_sample(
             [[-9.0; 3], [-5.0, -9.0, 0.0], [-9.0, -5.0, 0.0]],
-            |at, ..| {
+            |at, _, _| {
                 panic!("{at} lies outside");
             },
         );

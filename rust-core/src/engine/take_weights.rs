@@ -89,7 +89,7 @@ mod tests {
     fn weights_without_frames_are_those_of_all_frames() {
         let head = std::path::Path::new(env!("CARGO_MANIFEST_DIR"));
         let head = head.join("../weights/shared/default_head");
-        let mesh = Mesh::read(&head.join("head.obj")).unwrap();
+        let mesh = Mesh::read(head.join("head.obj")).unwrap();
         let landmarks = Some(LandmarkSource::read(&head.join("landmarks.json")).unwrap());
         let options = EngineOptions {
             cache: CachePolicy::Off,
