@@ -72,10 +72,10 @@ class Slurm:
         )
         (folder / "slurm.conf").write_text(text)
         self._environment = {**os.environ, **environment, "SLURM_CONF": str(folder / "slurm.conf")}
-        self._munge = self._start_munge()
-        self.hosts = hosts.Hosts(folder, ["control", *self.nodes])
-        self._daemons = {}
+        self._munge, self.hosts, self._daemons = None, None, {}
         try:
+            self._start_munge()
+            self.hosts = hosts.Hosts(folder, ["control", *self.nodes])
             self.start_control()
             for node in self.nodes:
                 self._start_node(node)
@@ -84,7 +84,7 @@ class Slurm:
             self.close()
             raise
 
-    def _start_munge(self) -> subprocess.Popen:
+    def _start_munge(self):
         key = self.folder / "munge.key"
         key.write_bytes(secrets.token_bytes(128))
         key.chmod(0o600)
@@ -92,9 +92,8 @@ class Slurm:
         for option, name in (("socket", "socket"), ("pid-file", "pid"), ("seed-file", "seed")):
             words.append(f"--{option}={self.folder}/munge.{name}")
         words.append(f"--log-file={self.folder}/munge.log")
-        process = subprocess.Popen([_program("munged"), *words], stderr=subprocess.DEVNULL)
+        self._munge = subprocess.Popen([_program("munged"), *words], stderr=subprocess.DEVNULL)
         _wait(lambda: (self.folder / "munge.socket").exists(), "munged does not start")
-        return process
 
     def start_control(self):
         """Starts the controller, with what it has saved of jobs."""
@@ -181,12 +180,11 @@ class Slurm:
 
     def close(self):
         """Ends everything."""
-        self.hosts.close()
-        self._munge.kill()
-        self._munge.wait()
-        for daemon in self._daemons.values():
-            daemon.kill()
-            daemon.wait()
+        if self.hosts is not None:
+            self.hosts.close()
+        for process in filter(None, [self._munge, *self._daemons.values()]):
+            process.kill()
+            process.wait()
 
 
 def _program(name: str) -> str | None:
