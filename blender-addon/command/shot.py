@@ -30,6 +30,7 @@ def main() -> int:
         with ledger.claim(shot):
             outcome = ledger.finished(shot)
             if outcome is None:
+                ledger.clear(shot)
                 outcome = measured(lambda shot=shot: _do(shot))
                 ledger.close(shot, {**outcome, "memory_mb": memory.peak_mb()})
         tell(outcome)

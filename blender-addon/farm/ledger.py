@@ -2,6 +2,7 @@
 
 import contextlib
 import errno
+import glob
 import hashlib
 import json
 import os
@@ -85,6 +86,14 @@ def _lock(file: int, place: int) -> bool:
             return False
         raise
     return True
+
+
+def clear(shot: dict) -> None:
+    """Takes away what processes that were killed while they wrote its report have left."""
+    folder, name = os.path.split(shot["report"])
+    for path in glob.glob(os.path.join(glob.escape(folder), f".{glob.escape(name)}.*")):
+        with contextlib.suppress(OSError):
+            os.remove(path)
 
 
 def forget(shot: dict) -> None:

@@ -199,6 +199,8 @@ pub fn pytest(python: &Path, folder: &str) -> Command {
     command.args(["-m", "pytest", "-q", "-p", "no:cacheprovider", folder]);
     let processes = std::thread::available_parallelism().map_or(1, |cores| cores.get().min(4));
     command.args(["--dist", "loadfile", "-n", &processes.to_string()]);
+    // Files of tests that passed would fill the disk.
+    command.args(["-o", "tmp_path_retention_policy=failed"]);
     // Otherwise each process of NumPy and PyTorch takes all cores.
     command.env("OMP_NUM_THREADS", "1");
     command.current_dir(machine::root());

@@ -54,6 +54,7 @@ def _do(shot: dict) -> None:
     ledger = importlib.import_module(f"{_PACKAGE}.farm.ledger")
     with ledger.claim(shot):
         if ledger.finished(shot) is None:
+            ledger.clear(shot)
             _write(shot, ledger)
 
 
