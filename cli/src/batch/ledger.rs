@@ -21,6 +21,9 @@ use crate::console::kind;
 /// How the file is called among the reports.
 pub const HISTORY: &str = "history.jsonl";
 
+/// Most bytes of a line that are read at once; an entry with its curves has some thousand.
+const LONGEST_LINE: u64 = 1 << 20;
+
 /// Exit code where some rows failed, as Blender's batch has it.
 pub const SOME_FAILED: u8 = 12;
 
@@ -222,18 +225,25 @@ fn opened(path: &Path) -> Result<File> {
 /// Hands every entry of a history to `take`, the oldest first.
 ///
 /// # Errors
-/// `Io` if the file is there and cannot be read.
+/// `Io` if the file is there and cannot be read; `InvalidInput` for what is no regular file.
 pub fn each_entry(path: &Path, mut take: impl FnMut(Entry)) -> Result<()> {
     let file = match File::open(path) {
         Ok(file) => file,
         Err(error) if error.kind() == std::io::ErrorKind::NotFound => return Ok(()),
         Err(error) => return Err(Error::io(path)(error)),
     };
+    if !file.metadata().map_err(Error::io(path))?.is_file() {
+        let path = path.display();
+        return Err(Error::InvalidInput(format!(
+            "{path}: expected the history of a batch, got no regular file: move it away"
+        )));
+    }
     let mut lines = BufReader::new(file);
     let mut line = Vec::new();
     loop {
         line.clear();
-        let count = lines.read_until(b'\n', &mut line);
+        let part = &mut (&mut lines).take(LONGEST_LINE);
+        let count = part.read_until(b'\n', &mut line);
         if count.map_err(Error::io(path))? == 0 {
             return Ok(());
         }
