@@ -43,7 +43,11 @@ unsafe impl GlobalAlloc for Watched {
 /// Ends the process politely from now on where memory ends.
 #[cfg(unix)]
 pub fn guard(json: bool) {
-    use std::{io::Write, sync::Mutex};
+    use std::{
+        io::Write,
+        panic,
+        sync::{Arc, Mutex},
+    };
 
     use anyface::{Error, job::remove_unfinished};
     use signal_hook::{consts::SIGABRT, low_level};
@@ -58,7 +62,7 @@ pub fn guard(json: bool) {
     let error = Error::OutOfMemory(message.to_owned());
     let code = i32::from(error.exit_code());
     let text = error_text(&error, json) + "\n";
-    let end = move || {
+    let end = Arc::new(move || {
         if !HAS_ENDED.load(Ordering::Relaxed) {
             return;
         }
@@ -68,10 +72,16 @@ pub fn guard(json: bool) {
         remove_unfinished();
         let _ = std::io::stderr().write_all(text.as_bytes());
         low_level::exit(code);
-    };
+    });
+    // A crate that gets no memory may panic instead, as faer does.
+    let (end_of_panic, report) = (Arc::clone(&end), panic::take_hook());
+    panic::set_hook(Box::new(move |info| {
+        end_of_panic();
+        report(info);
+    }));
     // SAFETY: the signal is raised by the thread that found no memory, outside of the allocator and of the lock of
     // standard error; nothing else sends it.
-    let _ = unsafe { low_level::register(SIGABRT, end) };
+    let _ = unsafe { low_level::register(SIGABRT, move || end()) };
 }
 
 #[cfg(not(unix))]

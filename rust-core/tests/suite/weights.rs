@@ -104,7 +104,7 @@ fn the_speech_encoder_of_the_training_is_asked_for() {
     change_config(&ats, |config| config["speech"]["encoder"] = "hubert".into());
     let said = complaint(folder.path());
     assert!(
-        said.contains("trained with features of hubert: expected a checkpoint"),
+        said.contains("trained with features of hubert: expected its Hugging Face checkpoint"),
         "{said}"
     );
     fs::create_dir(folder.path().join("hubert")).unwrap();
