@@ -7,7 +7,7 @@ use std::collections::BTreeSet;
 
 use ndarray::{Array2, Array3, ArrayView3, Axis, s};
 
-use super::{Corrected, Corrections};
+use super::corrections::{Corrected, Corrections};
 use crate::{
     Result,
     deform::jaw::POSE_NUMBERS,
