@@ -61,12 +61,15 @@ class Listed:
     total: int
 
 
-def read(path: Path, reports: Path, paths: PathMap, chosen: range | None = None) -> Listed:
+def read(
+    path: Path, reports: Path, paths: PathMap | None = None, chosen: range | None = None
+) -> Listed:
     """The rows of the file, or those with the numbers `chosen`, from 1; one that cannot be right
     keeps no other from being done.
 
     Raises `AnyfaceError("input")` where the file as a whole, or what its rows share, is wrong.
     """
+    paths = paths or PathMap()
     content = schema.check(str(path), json_file.read(path), schema.OBJECT)
     rows = schema.check(f"{path}: shots", content.get("shots"), schema.LIST)
     defaults = _row(f"{path.name}, defaults", content.get("defaults", {}))
