@@ -3,6 +3,7 @@
 `ANYFACE_COMMAND` names the command; without it that of `cargo build` is run.
 """
 
+import fcntl
 import json
 import os
 import shutil
@@ -157,11 +158,14 @@ def node(code: str, *words, packages: tuple[str, ...]):
     if shutil.which("npm") is None:
         pytest.skip("ignored, needs npm")
     names = [package.rsplit("@", 1)[0] for package in packages]
-    if not all((PACKAGES / "node_modules" / name).is_dir() for name in names):
-        PACKAGES.mkdir(parents=True, exist_ok=True)
-        install = ["npm", "install", "--silent", "--no-audit", "--prefix", str(PACKAGES)]
-        if subprocess.run([*install, *packages], check=False).returncode:
-            pytest.skip(f"ignored, npm cannot fetch {' '.join(packages)}")
+    PACKAGES.mkdir(parents=True, exist_ok=True)
+    with open(PACKAGES / ".lock", "w") as lock:
+        # Tests run in several processes, and a folder is there before its files are.
+        fcntl.flock(lock, fcntl.LOCK_EX)
+        if not all((PACKAGES / "node_modules" / name).is_dir() for name in names):
+            install = ["npm", "install", "--silent", "--no-audit", "--prefix", str(PACKAGES)]
+            if subprocess.run([*install, *packages], check=False).returncode:
+                pytest.skip(f"ignored, npm cannot fetch {' '.join(packages)}")
     done = subprocess.run(
         ["node", "--input-type=module", "-e", code, *words],
         cwd=PACKAGES, capture_output=True, text=True, check=False,
