@@ -157,12 +157,7 @@ fn given(names: Vec<String>, values: &[f32], frames: usize) -> Result<SolvedWeig
     let weights = ArrayView2::from_shape((frames, names.len()), values)
         .map_err(|error| Failure::invalid(format!("weights: {error}")))?
         .to_owned();
-    Ok(SolvedWeights {
-        names,
-        weights,
-        residual: vec![0.0; frames],
-        motion: vec![0.0; frames],
-    })
+    Ok(SolvedWeights::exact(names, weights))
 }
 
 /// Copies the weights into the caller's buffer.

@@ -60,21 +60,14 @@ pub fn translated(path: &str, maps: &[PathMap]) -> String {
 }
 
 /// What of a path lies below a folder, component by component; `None` where it is elsewhere.
-fn rest_of<'a>(path: &'a str, folder: &str) -> Option<Vec<&'a str>> {
+fn rest_of<'a>(path: &'a str, folder: &'a str) -> Option<Vec<&'a str>> {
     // Windows tells no small letters from large ones, and takes both separators.
     let of_windows = is_of_windows(folder);
-    let parts = |text: &'a str| -> Vec<&'a str> {
-        let separators: &[char] = if of_windows { &['/', '\\'] } else { &['/'] };
-        text.trim_end_matches(separators)
-            .split(separators)
-            .collect()
-    };
-    let (path, folder) = (parts(path), folder.to_owned());
     let separators: &[char] = if of_windows { &['/', '\\'] } else { &['/'] };
-    let folder: Vec<&str> = folder
-        .trim_end_matches(separators)
-        .split(separators)
-        .collect();
+    let [path, folder] = [path, folder].map(|text| {
+        let parts = text.trim_end_matches(separators).split(separators);
+        parts.collect::<Vec<&str>>()
+    });
     let same = |(a, b): (&&str, &&str)| match of_windows {
         true => a.eq_ignore_ascii_case(b),
         false => a == b,

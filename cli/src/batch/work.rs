@@ -106,7 +106,7 @@ fn write(
             let clip = engine.weights_on(face, weights, performance, progress)?;
             gap.values = weights.lip_gap_mm(&clip.weights);
             note_landmarks(report, landmarks, articulation);
-            write_blend_weights(out, &solved(clip.names, clip.weights), fps)?;
+            write_blend_weights(out, &SolvedWeights::exact(clip.names, clip.weights), fps)?;
         }
         (Some(face), _) => {
             let sound = sound_of_scene(out, &line.audio);
@@ -158,14 +158,5 @@ fn gap_of(landmarks: &LandmarkClip) -> Gap {
     Gap {
         fps: landmarks.fps,
         values: landmarks.displacements.outer_iter().map(of_frame).collect(),
-    }
-}
-
-fn solved(names: Vec<String>, weights: ndarray::Array2<f32>) -> SolvedWeights {
-    SolvedWeights {
-        names,
-        weights,
-        residual: Vec::new(),
-        motion: Vec::new(),
     }
 }

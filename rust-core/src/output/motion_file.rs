@@ -159,13 +159,7 @@ impl MotionFile {
                 let Some(clip) = clip else {
                     return Ok(());
                 };
-                let still = vec![0.0; clip.weights.nrows()];
-                let weights = SolvedWeights {
-                    names: clip.names,
-                    weights: clip.weights,
-                    residual: still.clone(),
-                    motion: still,
-                };
+                let weights = SolvedWeights::exact(clip.names, clip.weights);
                 write_blend_weights(&self.path, &weights, self.fps)
             }
         }

@@ -86,6 +86,19 @@ pub struct SolvedWeights {
     pub motion: Vec<f32>,
 }
 
+impl SolvedWeights {
+    /// Weights `[T, S]` that come from no solve: they leave nothing unexplained.
+    pub fn exact(names: Vec<String>, weights: Array2<f32>) -> SolvedWeights {
+        let still = vec![0.0; weights.nrows()];
+        SolvedWeights {
+            names,
+            weights,
+            residual: still.clone(),
+            motion: still,
+        }
+    }
+}
+
 /// Solves for the weights of the first `shapes` shapes of `rig`.
 ///
 /// `displacements`: `[T, V, 3]`, of the same mesh and in the same units, without motion of the
