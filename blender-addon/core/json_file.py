@@ -93,7 +93,8 @@ def write_text(path, text: str) -> None:
     try:
         path.parent.mkdir(parents=True, exist_ok=True)
         # Half a character, as names of files may have it, stands there as its number.
-        with open(beside, "w", encoding="utf-8", errors="backslashreplace") as file:
+        # Scripts for other systems have their own line ends wherever they are written.
+        with open(beside, "w", encoding="utf-8", errors="backslashreplace", newline="\n") as file:
             file.write(text)
             file.flush()
             os.fsync(file.fileno())
