@@ -158,13 +158,25 @@ impl Untangle {
     /// By which share each vertex gives way; whether any does.
     fn look(&self, moved: &[Vec3], gives: &mut [f32]) -> bool {
         gives.fill(0.0);
+        let places: Vec<Vec3> = self
+            .places
+            .iter()
+            .zip(moved)
+            .map(|(place, moved)| Vec3::from(*place) + *moved)
+            .collect();
+        let (begins, full) = TURN;
         let mut any = false;
         for (t, rest) in &self.triangles {
             let rest = Vec3::from(*rest);
-            let now = area(t.map(|v| Vec3::from(self.places[v as usize]) + moved[v as usize]));
-            let sizes = now.length() * rest.length();
-            let turned = now.dot(rest) / sizes.max(f32::MIN_POSITIVE);
-            let (begins, full) = TURN;
+            let [a, b, c] = *t;
+            let now = area([places[a as usize], places[b as usize], places[c as usize]]);
+            let along = now.dot(rest);
+            let squares = now.length_squared() * rest.length_squared();
+            // Nearly all triangles have turned by less; they need neither root nor division.
+            if along > 0.0 && along * along > begins * begins * squares {
+                continue;
+            }
+            let turned = along / squares.sqrt().max(f32::MIN_POSITIVE);
             let share = ((turned - begins) / (full - begins)).clamp(0.0, 1.0);
             any |= share > 0.0;
             for &v in t.iter().filter(|v| !self.is_edge[**v as usize]) {
@@ -193,6 +205,7 @@ fn front_view(triangles: &[[u32; 3]], surface: &FaceSurface, reach: f32) -> Fron
 }
 
 /// Twice the area, along the normal.
+#[inline]
 fn area([a, b, c]: [Vec3; 3]) -> Vec3 {
     (b - a).cross(c - a)
 }
