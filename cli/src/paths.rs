@@ -190,6 +190,7 @@ mod tests {
                         let option = option.split_whitespace().next().unwrap().to_owned();
                         let value = match option.as_str() {
                             "--redo" => "1-2".to_owned(),
+                            "--export" => "slurm".to_owned(),
                             other => format!("no{other}"),
                         };
                         words.extend([option.into(), value.into()]);

@@ -155,11 +155,12 @@ fn python_parts(steps: &mut Steps, version: Option<&str>) -> Result<()> {
         let mut page = python::pytest(&Venv::Blender.python(), "tests/web");
         steps.check(
             "library for browsers, and its page",
-            page.env("ANYFACE_COMMAND", command),
+            page.env("ANYFACE_COMMAND", &command),
         )?;
     }
     let engines = Venv::Farm.ensure(steps)?;
     let mut farm = python::pytest(&engines, "tests/farm");
+    farm.env("ANYFACE_COMMAND", command);
     steps.check("engines of farms", farm.env("ANYFACE_EXTENSION", &zip))?;
     let mut site = python::pytest(&Venv::Blender.python(), "tests/site");
     if let Some(blender) = executable {

@@ -15,12 +15,16 @@ LAYER = ("cmd", "range", "chunk", "cores", "threadable", "memory", "env", "servi
 
 def description(farm, *words) -> ElementTree.Element:
     """The job as Cuebot gets it."""
+    return description_of(farm.export("opencue", *words) / "submit.py", farm.folder)
+
+
+def description_of(script, home) -> ElementTree.Element:
+    """The job that a script hands in. OpenCue writes files into the folder `home`."""
     if importlib.util.find_spec("outline") is None:
         pytest.skip("ignored, needs opencue-pyoutline")
-    script = farm.export("opencue", *words) / "submit.py"
     done = subprocess.run(
         [sys.executable, str(script), "--print"],
-        env={**os.environ, "HOME": str(farm.folder)},
+        env={**os.environ, "HOME": str(home)},
         capture_output=True,
         text=True,
         check=False,

@@ -1,7 +1,7 @@
 //! Faces and models that many rows share: each is made once, when its first row comes.
 
 use std::{
-    collections::HashMap,
+    collections::{HashMap, HashSet},
     path::PathBuf,
     sync::{Arc, Mutex, OnceLock, PoisonError},
 };
@@ -67,6 +67,17 @@ impl Faces {
             made.map(Arc::new).map_err(|error| Failure::from(&error))
         });
         made.clone()
+    }
+
+    /// Makes the faces of the first rows, as many as stay in memory; what is wrong with one concerns its rows alone.
+    pub fn prepare(&self, rows: &[Row], progress: ProgressFn<'_>) {
+        let mut known = HashSet::new();
+        let first = rows.iter().filter(|row| known.insert(row.face.as_str()));
+        for row in first.take(MOST) {
+            if let Ok(line) = &row.line {
+                let _ = self.ready(row, line, rows, progress);
+            }
+        }
     }
 
     /// The face of a row where it has been made.

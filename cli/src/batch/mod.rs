@@ -4,6 +4,7 @@
 //! being done, and what is finished is not done again.
 
 mod attention;
+mod export;
 mod faces;
 mod ledger;
 mod line;
@@ -27,10 +28,11 @@ use anyface::{Error, Result};
 use clap::Args;
 
 use crate::{arguments::SharedArgs, console::Console, paths::InputPath, signals};
+use export::{ExportArgs, NodeCommand};
 use faces::Faces;
 use ledger::{Digests, Entry, Failure, FileState, Ledger, SOME_FAILED};
 use path_map::PathMap;
-use plan::duration;
+use plan::{Needs, duration};
 use results::Summary;
 use rows::{Defaults, Row};
 use work::Done;
@@ -62,6 +64,12 @@ pub struct Batch {
     /// Say what would be done, and write nothing
     #[arg(long)]
     dry_run: bool,
+    /// Do no row; write the page and the sum of what has been done, by any process. With --rows neither is written, for others
+    /// do other rows meanwhile
+    #[arg(long, conflicts_with_all = ["rows", "again", "dry_run"])]
+    sum: bool,
+    #[command(flatten)]
+    export: ExportArgs,
     #[command(flatten)]
     defaults: Defaults,
 }
@@ -114,6 +122,9 @@ impl Batch {
         let chosen = self.chosen(&rows)?;
         let folder = self.reports();
         let ledger = Ledger::open(&folder)?;
+        if self.export.is_on() {
+            return self.hand_over(&rows, &ledger, console);
+        }
         let mut digests = Digests::default();
         let digests: Vec<String> = rows.iter().map(|row| digests.of(row)).collect();
         let is_left = |at: &usize| {
@@ -122,6 +133,9 @@ impl Batch {
         };
         let mut waiting: Vec<usize> = chosen.clone().filter(is_left).collect();
         let finished_before = chosen.len() - waiting.len();
+        if self.sum {
+            waiting.clear();
+        }
         // Rows of one face come one after the other.
         waiting.sort_by(|a, b| rows[*a].face.cmp(&rows[*b].face).then(a.cmp(b)));
         let threads = threads(shared);
@@ -158,7 +172,17 @@ impl Batch {
             warnings: job.warnings(),
             results: folder.join("results.html").display().to_string(),
         };
-        results::write(&folder, &rows, &digests, &faces, &mut summary)?;
+        if self.sum {
+            faces.prepare(&rows, &|_| !signals::are_to_end());
+        }
+        let is_part = self.rows.is_some();
+        results::write(
+            &folder,
+            &rows,
+            &digests,
+            (!is_part).then_some(&faces),
+            &mut summary,
+        )?;
         if signals::are_to_end() {
             return Err(Error::Cancelled);
         }
@@ -167,6 +191,21 @@ impl Batch {
             0 => 0,
             _ => SOME_FAILED,
         })
+    }
+
+    /// Writes what the engine of a farm runs.
+    fn hand_over(&self, rows: &[Row], ledger: &Ledger, console: &Console) -> Result<u8> {
+        let needs = Needs::of_all(rows, ledger, self.export.threads())?;
+        let maps = self.map.iter().map(|map| format!("--map={map}"));
+        let threads = format!("--threads={}", self.export.threads());
+        let words = self.defaults.words().into_iter();
+        let node = NodeCommand {
+            table: &self.lines,
+            options: words.chain(maps).chain([threads]).collect(),
+            rows: rows.len(),
+        };
+        self.export.run(&node, &needs, console)?;
+        Ok(0)
     }
 
     /// Places of the rows that this run is about.

@@ -1,6 +1,9 @@
 //! Paths of another machine, as `--map FROM=TO` translates them.
 
-use std::str::FromStr;
+use std::{
+    fmt::{Display, Formatter},
+    str::FromStr,
+};
 
 /// Two names of one folder.
 #[derive(Debug, Clone, PartialEq, Eq)]
@@ -23,6 +26,12 @@ impl FromStr for PathMap {
                 to: to.to_owned(),
             }),
         }
+    }
+}
+
+impl Display for PathMap {
+    fn fmt(&self, f: &mut Formatter<'_>) -> std::fmt::Result {
+        write!(f, "{}={}", self.from, self.to)
     }
 }
 

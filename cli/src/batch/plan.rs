@@ -39,31 +39,15 @@ pub fn tell(
     ledger: &Ledger,
     console: &Console,
 ) -> Result<u8> {
-    let (mut broken, mut good) = (Vec::new(), Vec::new());
-    for row in waiting.iter().map(|at| &rows[*at]) {
-        match checked(row) {
-            Ok(line) => good.push((row, line)),
-            Err(why) => broken.push([row.name.clone(), why]),
-        }
-    }
-    let step = good.len().div_ceil(SAMPLED).max(1);
-    let sounds = good.iter().step_by(step);
-    let lengths = sounds.filter_map(|(_, line)| length_s(line));
-    let lengths: Vec<f64> = lengths.collect();
-    let mean_s = lengths.iter().sum::<f64>() / lengths.len().max(1) as f64;
-    let sound_s = mean_s * good.len() as f64;
+    let (good, broken) = sorted(waiting.iter().map(|at| &rows[*at]));
+    let needs = Needs::of(&good, (rows, ledger), threads)?;
     let plan = Plan {
         rows: rows.len(),
         finished_before,
         waiting: good.len(),
-        sound_s,
-        estimated_s: sound_s * cost(rows, ledger) / threads as f64,
-        estimated_mb: match good.first() {
-            Some((_, line)) => {
-                memory_mb(line, lengths.iter().copied().fold(0.0, f64::max), threads)?
-            }
-            None => 0,
-        },
+        sound_s: needs.sound_s,
+        estimated_s: needs.processor_s / threads as f64,
+        estimated_mb: needs.memory_mb,
         broken,
     };
     console.value(&plan, &text(&plan))?;
@@ -71,6 +55,56 @@ pub fn tell(
         true => 0,
         false => SOME_FAILED,
     })
+}
+
+/// What rows take.
+pub struct Needs {
+    /// Most memory of a process that does so many rows at once, which share face and models.
+    pub memory_mb: u64,
+    /// Time of one thread for all rows.
+    pub processor_s: f64,
+    sound_s: f64,
+}
+
+impl Needs {
+    /// Of all rows of a table that can be done.
+    ///
+    /// # Errors
+    /// Those of loading the models.
+    pub fn of_all(rows: &[Row], ledger: &Ledger, threads: usize) -> Result<Needs> {
+        let (good, _) = sorted(rows.iter());
+        Needs::of(&good, (rows, ledger), threads)
+    }
+
+    /// Of `lines`; what `rows` took before says what these take.
+    fn of(lines: &[&Line], (rows, ledger): (&[Row], &Ledger), threads: usize) -> Result<Needs> {
+        let step = lines.len().div_ceil(SAMPLED).max(1);
+        let sounds = lines.iter().step_by(step);
+        let lengths: Vec<f64> = sounds.filter_map(|line| length_s(line)).collect();
+        let mean_s = lengths.iter().sum::<f64>() / lengths.len().max(1) as f64;
+        let longest_s = lengths.iter().copied().fold(0.0, f64::max);
+        let sound_s = mean_s * lines.len() as f64;
+        Ok(Needs {
+            memory_mb: match lines.first() {
+                Some(line) => memory_mb(line, longest_s, threads)?,
+                None => 0,
+            },
+            processor_s: sound_s * cost(rows, ledger),
+            sound_s,
+        })
+    }
+}
+
+/// Lines that can be done, and name and reason of each row that cannot.
+fn sorted<'a>(rows: impl Iterator<Item = &'a Row>) -> (Vec<&'a Line>, Vec<[String; 2]>) {
+    let (mut good, mut broken) = (Vec::new(), Vec::new());
+    for row in rows {
+        match checked(row) {
+            Ok(line) => good.push(line),
+            Err(why) => broken.push([row.name.clone(), why]),
+        }
+    }
+    (good, broken)
 }
 
 /// A row whose request can be made and whose sound is there.
@@ -99,7 +133,6 @@ fn cost(rows: &[Row], ledger: &Ledger) -> f64 {
     costs.get(costs.len() / 2).copied().unwrap_or(COST)
 }
 
-/// Most memory of so many threads, which share face and models.
 fn memory_mb(line: &Line, sound_s: f64, threads: usize) -> Result<u64> {
     let engine = line.shared.engine()?;
     let vertices = match &line.options.mesh {

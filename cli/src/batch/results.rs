@@ -132,8 +132,8 @@ struct Document<'a> {
     lines: &'a [Shown],
 }
 
-/// Writes `batch.json` and `results.html` from the history, which other processes may have written, too; fills in what
-/// `summary` lacks.
+/// Fills in what `summary` lacks from the history, which other processes may have written, too. With `faces` writes
+/// `batch.json` and `results.html`, whose pictures show these.
 ///
 /// # Errors
 /// `Io` if a file cannot be read or written.
@@ -141,7 +141,7 @@ pub fn write(
     folder: &Path,
     rows: &[Row],
     digests: &[String],
-    faces: &Faces,
+    faces: Option<&Faces>,
     summary: &mut Summary,
 ) -> Result<()> {
     let mut shown = entries(folder, rows, digests)?;
@@ -150,6 +150,9 @@ pub fn write(
     summary.left = rows.len() - shown.len();
     let failed = shown.iter().filter(|row| !row.entry.ok);
     summary.failed = failed.map(|row| row.entry.name.clone()).collect();
+    let Some(faces) = faces else {
+        return Ok(());
+    };
     let document = Document {
         summary,
         lines: &shown,

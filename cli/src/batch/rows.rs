@@ -36,6 +36,24 @@ type Word = (String, String);
 /// Options of the command line, which a row has where it says nothing else.
 pub struct Defaults(Vec<Word>);
 
+impl Defaults {
+    /// The options as a command line has them: `--name=value`, or `--name` for one without a value.
+    pub fn words(&self) -> Vec<String> {
+        let command = Line::command();
+        let is_flag = |long: &str| {
+            let mut args = command.get_arguments();
+            args.any(|arg| {
+                arg.get_long() == Some(long) && matches!(arg.get_action(), ArgAction::SetTrue)
+            })
+        };
+        let words = self.0.iter().map(|(long, value)| match is_flag(long) {
+            true => format!("--{long}"),
+            false => format!("--{long}={value}"),
+        });
+        words.collect()
+    }
+}
+
 impl Args for Defaults {
     fn augment_args(command: Command) -> Command {
         LineOptions::augment_args(command)

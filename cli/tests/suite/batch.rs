@@ -383,3 +383,115 @@ fn two_processes_share_the_rows_of_one_table() {
         (Some(16), Some(0))
     );
 }
+
+/// Fills the template of an engine for three rows, a chunk of two a task.
+fn export(folder: &TempDir, engine: &str) -> String {
+    write(
+        folder,
+        "lines.csv",
+        "audio,out\na.wav,1.npz\na.wav,2.npz\na.wav,3.npz\n",
+    );
+    let words = ["batch", "lines.csv", "--export", engine, "--chunk", "2"];
+    let more = ["--seed", "7", "--map", "/a b=/c", "--no-cache"];
+    done(&anyface(folder.path(), &[&words[..], &more].concat()), 0)
+}
+
+#[cfg(unix)]
+#[test]
+fn tasks_of_an_exported_array_do_all_rows_and_the_last_one_writes_the_page() {
+    let folder = folder(0.4, "");
+    let said = export(&folder, "slurm");
+    assert!(said.contains("3 rows, 2 a task"), "{said}");
+    let exported = folder.path().join("lines.slurm/anyface.sh");
+    assert!(said.contains(exported.to_str().unwrap()), "{said}");
+    assert!(!folder.path().join("lines.reports").exists());
+    let script = |words: &[&str], task: &str| {
+        let mut command = Command::new("bash");
+        command.arg(&exported).args(words);
+        command.env("SLURM_ARRAY_TASK_ID", task);
+        done(&command.current_dir("/").output().unwrap(), 0)
+    };
+    script(&[], "2");
+    let page = folder.path().join("lines.reports/results.html");
+    assert!(!page.exists(), "a part of the rows writes no page");
+    script(&[], "1");
+    let ends = history(folder.path());
+    assert!(ends.len() == 3 && ends.iter().all(|end| end["ok"] == true));
+    script(&["sum"], "0");
+    assert!(page.exists());
+    assert_eq!(summary(folder.path())["ok"].as_u64(), Some(3));
+    // The rows of the command line and of an engine are the same ones.
+    let words = ["batch", "lines.csv", "--seed", "7", "--no-cache"];
+    let said = done(&anyface(folder.path(), &words), 0);
+    assert!(said.contains("0 done now"), "{said}");
+}
+
+#[test]
+fn an_export_fills_in_every_placeholder_and_quotes_what_it_fills_in() {
+    let folder = folder(0.4, "");
+    for (engine, file) in [
+        ("flamenco", "job.json"),
+        ("openjd", "template.yaml"),
+        ("slurm", "anyface.sh"),
+        ("opencue", "submit.py"),
+    ] {
+        export(&folder, engine);
+        let folder = folder.path().join(format!("lines.{engine}"));
+        let text = fs::read_to_string(folder.join(file)).unwrap();
+        for placeholder in [
+            "program",
+            "arguments",
+            "rows",
+            "chunk",
+            "cores",
+            "memory_mb",
+        ] {
+            assert!(!text.contains(&format!("{{{{{placeholder}}}}}")), "{text}");
+        }
+        let quoted = match engine {
+            "slurm" => "'--map=/a b=/c'",
+            "flamenco" => "'--map=/a b=/c'",
+            _ => "\"--map=/a b=/c\"",
+        };
+        assert!(text.contains(quoted), "{text}");
+        if engine == "flamenco" {
+            let job: Value = serde_json::from_str(&text).unwrap();
+            assert_eq!(job["settings"]["rows"].as_u64(), Some(3));
+            assert_eq!(job["settings"]["chunk_size"].as_u64(), Some(2));
+            assert!(folder.join("anyface.js").exists());
+        }
+    }
+}
+
+#[test]
+fn an_export_that_cannot_be_right_is_refused() {
+    let folder = folder(0.4, "audio,out\n");
+    let refused = |words: &[&str], code: i32, why: &str| {
+        let told = done(
+            &anyface(folder.path(), &[&["batch", "lines.csv"], words].concat()),
+            code,
+        );
+        assert!(told.contains(why), "{told}");
+    };
+    let usage = 2;
+    refused(
+        &["--export", "slurm"],
+        INVALID_INPUT,
+        "expected rows to export, got none",
+    );
+    refused(&["--export", "deadline"], usage, "openjd");
+    refused(
+        &["--export", "slurm", "--rows", "1-2"],
+        usage,
+        "cannot be used with",
+    );
+    refused(
+        &["--export", "slurm", "--memory", "0"],
+        usage,
+        "expected more than 0 GB",
+    );
+    refused(&["--chunk", "3"], usage, "--export");
+    write(&folder, "lines.csv", "audio,out\na.wav,1.npz\n");
+    let words = ["--export", "openjd", "--map", "/{{a=/b"];
+    refused(&words, INVALID_INPUT, "Open Job Description");
+}
