@@ -24,11 +24,11 @@ fn main() -> Result<()> {
     let sound = Waveform::from_file(Path::new(voice))?;
     // Frames go into the file as they are made; the clip is never in memory whole.
     let mut file = ClipFile::new(Path::new(out))?;
-    let made = engine.animate(&face, &sound, &request, &mut file, SILENT)?;
-    let largest_mm = 1000.0 * face.metres_per_unit() * f64::from(made.largest);
+    let report = engine.animate(&face, &sound, &request, &mut file, SILENT)?;
+    let largest_mm = 1000.0 * face.metres_per_unit() * f64::from(report.largest);
     println!(
         "{out}: {} frames, {largest_mm:.1} mm at most",
-        made.landmarks.dim().0
+        report.landmarks.dim().0
     );
     Ok(())
 }

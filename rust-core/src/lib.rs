@@ -25,9 +25,9 @@
 //! let face = engine.prepare(&mesh, &FaceOptions::default(), SILENT)?;
 //! let sound = Waveform::from_file(&voice)?;
 //! let happy = MotionRequest { emotion: EmotionCurve::parse("happy:0.7")?, ..Default::default() };
-//! let made = engine.animate(&face, &sound, &happy, &mut ClipFile::new(&out)?, SILENT)?;
-//! assert_eq!(made.landmarks.dim(), (15, 68, 3));
-//! assert!(1000.0 * face.metres_per_unit() * f64::from(made.largest) > 1.0, "millimetres");
+//! let report = engine.animate(&face, &sound, &happy, &mut ClipFile::new(&out)?, SILENT)?;
+//! assert_eq!(report.landmarks.dim(), (15, 68, 3));
+//! assert!(1000.0 * face.metres_per_unit() * f64::from(report.largest) > 1.0, "millimetres");
 //! # Ok::<(), anyface::Error>(())
 //! ```
 //!

@@ -231,11 +231,13 @@ impl NeutralFace<'_> {
             if !line.is_beside(p, marks.reach_cm + REACH_OF_PARTS_CM) {
                 continue;
             }
-            let felt = corners.iter().filter(|(_, w)| *w != 0.0);
-            let felt: f32 = felt.map(|&(v, w)| w * share(self.sewn[v as usize])).sum();
-            if felt != 0.0 {
+            let corners = corners.iter().filter(|(_, w)| *w != 0.0);
+            let gap_share: f32 = corners
+                .map(|&(v, w)| w * share(self.sewn[v as usize]))
+                .sum();
+            if gap_share != 0.0 {
                 let at = line.place(p) * SAMPLES as f32 - 0.5;
-                touched.push((v as u32, at.clamp(0.0, (SAMPLES - 1) as f32), felt));
+                touched.push((v as u32, at.clamp(0.0, (SAMPLES - 1) as f32), gap_share));
             }
         }
         touched
@@ -243,7 +245,7 @@ impl NeutralFace<'_> {
 }
 
 impl Slit {
-    /// Vertices by which the gap is known.
+    /// Vertices from which the gap is computed.
     pub(super) fn rims(&self) -> impl Iterator<Item = u32> {
         let places = self.samples.iter().flat_map(|s| [s.upper, s.lower]);
         places.flatten().map(|(vertex, _)| vertex)
@@ -254,7 +256,8 @@ impl Slit {
         self.touched.iter().map(|(vertex, ..)| *vertex)
     }
 
-    /// The same where only some vertices are left; `new` gives their numbers, also those of the rims.
+    /// The same slit for a mesh of which only some vertices are left. `new` gives the new number of a vertex; every
+    /// vertex of the rims must have one.
     pub(super) fn renumbered(&self, new: impl Fn(u32) -> Option<u32>) -> Slit {
         let all = |of: Between| of.map(|(v, share)| (new(v).expect("rims are left"), share));
         let samples = self.samples.iter().map(|sample| Sample {

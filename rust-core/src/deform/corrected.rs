@@ -18,10 +18,10 @@ use crate::{
 };
 
 impl<D: Deformer> Deformer for Corrected<D> {
-    fn of_vertices(&self, wanted: &[u32]) -> Option<FewVertices> {
+    fn of_vertices(&self, vertices: &[u32]) -> Option<FewVertices> {
         let rims = self.corrections.rims();
-        let wanted: BTreeSet<u32> = wanted.iter().copied().chain(rims).collect();
-        let few = self.decoder.of_vertices(&Vec::from_iter(wanted))?;
+        let vertices: BTreeSet<u32> = vertices.iter().copied().chain(rims).collect();
+        let few = self.decoder.of_vertices(&Vec::from_iter(vertices))?;
         let corrections = self.corrections.of_vertices(&few.vertices);
         Some(FewVertices {
             deformer: Box::new(Corrected {
@@ -63,7 +63,7 @@ impl<D: Deformer> Deformer for Corrected<D> {
     }
 
     fn shut_lids(&self, landmarks: ArrayView3<'_, f32>, moved: &mut Array3<f32>) {
-        let landmarks = self.corrections.asked(landmarks);
+        let landmarks = self.corrections.adapt_landmarks(landmarks);
         self.each_frame(landmarks.view(), moved, |landmarks, frame| {
             self.corrections.shut(landmarks, frame);
         });
@@ -78,7 +78,7 @@ impl<D: Deformer> Deformer for Corrected<D> {
         landmarks: ArrayView3<'_, f32>,
         progress: ProgressFn<'_>,
     ) -> Result<Array3<f32>> {
-        let landmarks = self.corrections.asked(landmarks);
+        let landmarks = self.corrections.adapt_landmarks(landmarks);
         self.decoder.deform(landmarks.view(), progress)
     }
 }

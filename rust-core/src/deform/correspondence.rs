@@ -44,12 +44,12 @@ pub struct FollowingFace<'a> {
     pub landmarks: &'a [[f32; 3]; LANDMARKS],
 }
 
-/// For each vertex of a face the points that it follows and their shares, 1 together or less.
+/// For each vertex of a face the points that it follows and their shares, whose sum is at most 1.
 #[derive(Debug, Clone)]
 pub struct Correspondence(Vec<Vec<(u32, f32)>>);
 
 impl ReferencePoints {
-    /// Two landmarks that lie at one place, between which nothing can be interpolated.
+    /// Two landmarks at the same place: nothing can be interpolated between them.
     pub fn coinciding(&self) -> Option<[usize; 2]> {
         let all = self.landmarks.iter().enumerate();
         let mut pairs = all.filter_map(|(n, at)| {
@@ -74,8 +74,10 @@ impl ReferencePoints {
                 return Vec::new();
             }
             let fade = (GONE_AT_DM - near[0].1) / (GONE_AT_DM - FULL_WITHIN_DM);
-            let share = |found: &(u32, f32)| fade.clamp(0.0, 1.0) * weight(found) / total;
-            near.iter().map(|found| (found.0, share(found))).collect()
+            let share = |neighbour: &(u32, f32)| fade.clamp(0.0, 1.0) * weight(neighbour) / total;
+            near.iter()
+                .map(|neighbour| (neighbour.0, share(neighbour)))
+                .collect()
         };
         let positions = face.positions.par_iter().enumerate();
         Correspondence(positions.map(followed).collect())

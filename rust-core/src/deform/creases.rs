@@ -70,7 +70,8 @@ impl Creases {
     }
 
     fn load(weights: &Weights, config: &str) -> Result<Self> {
-        let wrong = |told: String| Error::Weights(format!("{}/config.json: {told}", MODEL.name));
+        let wrong =
+            |message: String| Error::Weights(format!("{}/config.json: {message}", MODEL.name));
         let config: Config = serde_json::from_str(config).map_err(|e| wrong(e.to_string()))?;
         if config.faces.is_empty() {
             return Err(wrong("expected one face at least, got none".to_owned()));
@@ -197,7 +198,9 @@ mod tests {
         assert_eq!(rows(1), rows(7));
         let (golden, _) = golden();
         let none = Creases::load(&golden.weights(), r#"{"faces": []}"#);
-        assert!(matches!(none, Err(Error::Weights(told)) if told.contains("one face at least")));
+        assert!(
+            matches!(none, Err(Error::Weights(message)) if message.contains("one face at least"))
+        );
     }
 
     #[test]

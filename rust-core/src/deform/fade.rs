@@ -1,26 +1,28 @@
-//! How far vertices follow what moves them beside the landmarks, and where that ends.
+//! By which share vertices follow something that moves them beside the landmarks, and where that share ends.
 //!
-//! Lids and lips keep to their landmarks, which know better when they touch.
+//! Lids and lips follow their landmarks alone, because landmarks say best when lids and lips touch.
 
 use glam::Vec3;
 
-/// How often shares are evened out between neighbours.
+/// How many times shares are averaged over neighbours.
 const EVENED: usize = 6;
 
-/// 1 up to the first of two distances, 0 from the second on.
+/// 1 up to the distance `full`, 0 from the distance `gone` on, smooth in between.
 pub(crate) fn within(distance: f32, (full, gone): (f32, f32)) -> f32 {
     smooth((gone - distance) / (gone - full))
 }
 
-/// 0 nearer to some of the `points` than the first of two distances, 1 farther than the second.
+/// 0 where `p` lies nearer than `near` to any of the `points`, 1 where it lies farther than `far` from all of them.
+/// In between the value rises smoothly.
 pub(crate) fn beyond(points: &[[f32; 3]], p: [f32; 3], (near, far): (f32, f32)) -> f32 {
     let distances = points.iter().map(|q| Vec3::from(p).distance((*q).into()));
     let nearest = distances.fold(f32::INFINITY, f32::min);
     smooth((nearest - near) / (far - near))
 }
 
-/// Means over neighbours, some times, at the vertices `own`; no share grows, so that nothing follows from afar.
-pub(crate) fn even_out(shares: &mut [f32], triangles: &[[u32; 3]], own: &[u32]) {
+/// Replaces the shares of `vertices` by means over their neighbours, several times. A share never grows, so no vertex
+/// begins to follow something far away.
+pub(crate) fn even_out(shares: &mut [f32], triangles: &[[u32; 3]], vertices: &[u32]) {
     for _ in 0..EVENED {
         let mut sums = vec![(0.0, 0.0); shares.len()];
         for triangle in triangles {
@@ -30,7 +32,7 @@ pub(crate) fn even_out(shares: &mut [f32], triangles: &[[u32; 3]], own: &[u32]) 
                 sums[v as usize].1 += 1.0;
             }
         }
-        for &v in own {
+        for &v in vertices {
             let (sum, count) = sums[v as usize];
             if count > 0.0 {
                 shares[v as usize] = shares[v as usize].min(sum / count);

@@ -129,8 +129,8 @@ mod tests {
         let mut moved = Array3::zeros((2, LANDMARKS, 3));
         moved.fill(0.004);
         moved[[1, 48, 0]] = 0.01;
-        let kept = joined.apply(moved.view());
-        for (a, b) in kept.iter().zip(&moved) {
+        let after = joined.apply(moved.view());
+        for (a, b) in after.iter().zip(&moved) {
             assert!((a - b).abs() < 1e-8, "{a} {b}");
         }
     }

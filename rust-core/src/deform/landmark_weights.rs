@@ -21,9 +21,9 @@ const VERTICES_PER_PRODUCT: usize = 4096;
 
 /// `ΔV = mix · ΔL + cross · motion · ΔL`, linear in the landmarks.
 ///
-/// `mix` moves a vertex along with landmarks; `cross` lets the axes of the motion mix, through `R`
-/// shared combinations of all landmark coordinates. A large mesh has such weights for `N` rows alone, and its
-/// vertices take up the motion of a few rows each: weights of their own would be a gigabyte for two million.
+/// `mix` moves a vertex along with landmarks. `cross` lets the axes of the motion mix, through `R` shared combinations
+/// of all landmark coordinates. A large mesh has weights for `N` rows only, and each vertex takes up the motion of a
+/// few rows: weights for each of two million vertices would be a gigabyte.
 #[derive(Debug, Clone, PartialEq)]
 pub struct LandmarkWeights {
     /// `[N, 68]`, unitless; `N` is `V` where vertices follow nothing.
@@ -47,24 +47,24 @@ impl LandmarkWeights {
         self.motion.nrows()
     }
 
-    /// The same with a row for every vertex.
-    pub fn with_own_rows(&self) -> LandmarkWeights {
+    /// The same weights with a row for every vertex.
+    pub fn with_row_per_vertex(&self) -> LandmarkWeights {
         let all: Vec<u32> = (0..self.vertices() as u32).collect();
         self.rows_of(&all)
     }
 
-    /// Weights of `wanted` vertices as rows of their own.
-    fn rows_of(&self, wanted: &[u32]) -> LandmarkWeights {
+    /// Weights of these vertices, a row for each.
+    fn rows_of(&self, vertices: &[u32]) -> LandmarkWeights {
         let select = |of: &Array2<f32>| {
             let Some(follows) = &self.follows else {
-                let rows: Vec<usize> = wanted.iter().map(|&v| v as usize).collect();
+                let rows: Vec<usize> = vertices.iter().map(|&v| v as usize).collect();
                 return of.select(Axis(0), &rows);
             };
             let (rows, columns) = (matrix::values(of), of.ncols());
-            let mut out = Array2::zeros((wanted.len(), columns));
-            let own = out.as_slice_mut().expect("a new array is row-major");
-            let each = own.par_chunks_mut(columns.max(1)).zip(wanted);
-            each.for_each(|(own, &v)| follows.take_up(v as usize, rows, columns, own));
+            let mut out = Array2::zeros((vertices.len(), columns));
+            let values = out.as_slice_mut().expect("a new array is row-major");
+            let each = values.par_chunks_mut(columns.max(1)).zip(vertices);
+            each.for_each(|(row, &v)| follows.take_up(v as usize, rows, columns, row));
             out
         };
         LandmarkWeights {
@@ -215,10 +215,10 @@ fn write_out(tile: &[f32], out: &mut [&mut [f32]]) {
 }
 
 impl Deformer for LandmarkWeights {
-    fn of_vertices(&self, wanted: &[u32]) -> Option<FewVertices> {
+    fn of_vertices(&self, vertices: &[u32]) -> Option<FewVertices> {
         Some(FewVertices {
-            deformer: Box::new(self.rows_of(wanted)),
-            vertices: wanted.to_vec(),
+            deformer: Box::new(self.rows_of(vertices)),
+            vertices: vertices.to_vec(),
         })
     }
 
@@ -332,12 +332,12 @@ mod tests {
             };
             assert_eq!(sparse.vertices(), vertices);
             let all: Vec<u32> = (0..vertices as u32).collect();
-            let own = sparse.rows_of(&all);
-            assert_eq!((own.vertices(), &own.follows), (vertices, &None));
+            let dense = sparse.rows_of(&all);
+            assert_eq!((dense.vertices(), &dense.follows), (vertices, &None));
             let landmarks = random(&mut rng, frames, 204)
                 .into_shape_with_order((frames, LANDMARKS, 3))
                 .unwrap();
-            let expected = own.deform(landmarks.view(), SILENT).unwrap();
+            let expected = dense.deform(landmarks.view(), SILENT).unwrap();
             let got = sparse.deform(landmarks.view(), SILENT).unwrap();
             assert_eq!(got.dim(), expected.dim());
             for (a, b) in got.iter().zip(&expected) {

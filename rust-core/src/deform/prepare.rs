@@ -60,9 +60,9 @@ pub fn static_deformer(
         Ok(solved.corrected(decoder))
     };
     let key = face.cache_key().text("weights of rows").f32s(&[learned]);
-    let encode = |made: &Corrected<LandmarkWeights>| {
-        let mut arrays = weights_to_arrays(&made.decoder);
-        arrays.insert_json("corrections", &made.corrections);
+    let encode = |corrected: &Corrected<LandmarkWeights>| {
+        let mut arrays = weights_to_arrays(&corrected.decoder);
+        arrays.insert_json("corrections", &corrected.corrections);
         arrays
     };
     let decode = |mut arrays: Arrays| {
@@ -74,7 +74,7 @@ pub fn static_deformer(
     cache.get_or_make(&key, decode, encode, solve)
 }
 
-/// A face with the training-free weights of its skin: what decoders of landmark motion start from.
+/// A face with the training-free weights of its skin, from which decoders of landmark motion start.
 pub struct SolvedSkin<'a> {
     face: &'a Face,
     /// The skin, and what every vertex follows.
@@ -91,7 +91,7 @@ impl<'a> SolvedSkin<'a> {
         report(progress, "operators", 0.0)?;
         let surface = face.surface()?;
         report(progress, "weights", 0.0)?;
-        let plate = kept_plate(&surface.skin, cache)?;
+        let plate = cached_plate(&surface.skin, cache)?;
         report(progress, "weights", 0.7)?;
         Ok(SolvedSkin {
             face,
@@ -118,7 +118,7 @@ impl<'a> SolvedSkin<'a> {
         learned.beside(&carried, creases.motion())
     }
 
-    /// How far the learned part is to be relied on.
+    /// How well the learned part knows faces like this one, from the config's floor to 1.
     fn familiarity(&self, weights: &StaticWeights) -> f32 {
         weights.familiarity(&self.surface.decimetres().1)
     }
@@ -145,8 +145,8 @@ impl<'a> SolvedSkin<'a> {
     }
 }
 
-/// The plate's weights, from the cache where they are in it.
-fn kept_plate(skin: &Skin, cache: &Cache) -> Result<PlateWeights> {
+/// The plate's weights: from the cache, or solved and written to the cache.
+fn cached_plate(skin: &Skin, cache: &Cache) -> Result<PlateWeights> {
     let operators = &skin.operators;
     let plate = Plate::default();
     let key = CacheKey::new("plate weights", CACHE_VERSION)
@@ -325,8 +325,8 @@ mod tests {
                 .unwrap()
                 .view(),
         );
-        let own = prepare(&posed, &posed_landmarks, &to, 1.0, &CachePolicy::Off);
-        let got = own
+        let posed_weights = prepare(&posed, &posed_landmarks, &to, 1.0, &CachePolicy::Off);
+        let got = posed_weights
             .deform(to.displacements_to_mesh(motion.view()).view(), SILENT)
             .unwrap();
         for (a, b) in got.iter().zip(&expected) {
@@ -390,14 +390,14 @@ mod tests {
     }
 
     #[test]
-    fn kept_weights_are_the_computed_ones() {
+    fn cached_weights_equal_computed_ones() {
         let (mesh, landmarks) = face();
         let folder = tempfile::tempdir().unwrap();
-        let kept = CachePolicy::Folder(folder.path().into());
+        let folder_cache = CachePolicy::Folder(folder.path().into());
         let run = |cache| prepare(&mesh, &landmarks, &Similarity::IDENTITY, 1.0, cache);
-        assert_eq!(run(&kept), run(&kept));
-        assert_eq!(run(&kept), run(&CachePolicy::Off));
-        let mut arrays = weights_to_arrays(&run(&kept).decoder);
+        assert_eq!(run(&folder_cache), run(&folder_cache));
+        assert_eq!(run(&folder_cache), run(&CachePolicy::Off));
+        let mut arrays = weights_to_arrays(&run(&folder_cache).decoder);
         assert_eq!(weights_from_arrays(&mut arrays, 4), None);
     }
 }

@@ -90,14 +90,16 @@ impl Projection {
     }
 }
 
-/// About `count` vertices, rising, by which the shapes of a basis are well told apart: half of them
-/// where the shapes move, half of them all over the mesh. All of a mesh that has few.
-pub fn telling_vertices(basis: &VertexBasis, count: usize) -> Vec<u32> {
+/// About `count` vertices that tell the shapes of a basis apart, in rising order.
+///
+/// Half of them lie where the shapes move, the other half all over the mesh. A mesh of at most `2 · count` vertices
+/// gives all of them.
+pub fn choose_probes(basis: &VertexBasis, count: usize) -> Vec<u32> {
     let (shapes, vertices, _) = basis.shapes.dim();
     if vertices <= 2 * count || shapes == 0 {
         return (0..vertices as u32).collect();
     }
-    let mut telling = vec![0.0f32; vertices];
+    let mut movement = vec![0.0f32; vertices];
     let mut squares = vec![0.0f32; vertices];
     for shape in basis.shapes.outer_iter() {
         let shape = shape.as_standard_layout();
@@ -107,18 +109,18 @@ pub fn telling_vertices(basis: &VertexBasis, count: usize) -> Vec<u32> {
         }
         let total: f64 = squares.iter().map(|square| f64::from(*square)).sum();
         let share = (1.0 / total.max(f64::MIN_POSITIVE)) as f32;
-        for (telling, square) in telling.iter_mut().zip(&squares) {
-            *telling += share * square;
+        for (movement, square) in movement.iter_mut().zip(&squares) {
+            *movement += share * square;
         }
     }
     let mut place = 0.0;
     let even = 1.0 / vertices as f64;
-    let passes = |(v, telling): (usize, &f32)| {
+    let passes = |(v, movement): (usize, &f32)| {
         let before = f64::floor(place);
-        place += 0.5 * count as f64 * (f64::from(*telling) / shapes as f64 + even);
+        place += 0.5 * count as f64 * (f64::from(*movement) / shapes as f64 + even);
         (place.floor() > before).then_some(v as u32)
     };
-    telling.iter().enumerate().filter_map(passes).collect()
+    movement.iter().enumerate().filter_map(passes).collect()
 }
 
 /// `lhs · rhsᵀ` of `[N, 3S]` and `[K, 3S]`, row blocks in parallel.
@@ -162,10 +164,10 @@ mod tests {
     fn motion_of_the_shapes_has_its_weights_back() {
         let mut basis = basis();
         basis.weights = Array2::from_shape_fn((5, 3), |(t, k)| (t as f32 * 0.7 + k as f32).cos());
-        let found = Projection::new(&basis, &ALL)
+        let weights = Projection::new(&basis, &ALL)
             .unwrap()
             .weights(&basis.displacements());
-        let difference = (&found - &basis.weights).mapv(f32::abs);
+        let difference = (&weights - &basis.weights).mapv(f32::abs);
         assert!(difference.iter().all(|d| *d < 1e-4), "{difference}");
     }
 
@@ -192,10 +194,10 @@ mod tests {
             .index_axis_mut(ndarray::Axis(0), 2)
             .assign(&first);
         basis.weights.column_mut(0).fill(1.0);
-        let found = Projection::new(&basis, &ALL)
+        let weights = Projection::new(&basis, &ALL)
             .unwrap()
             .weights(&basis.displacements());
-        for row in found.rows() {
+        for row in weights.rows() {
             assert!((row[0] + row[2] - 1.0).abs() < 1e-3, "{row}");
         }
     }
@@ -208,10 +210,10 @@ mod tests {
         let moved = basis
             .displacements()
             .select(ndarray::Axis(1), &some.map(|v| v as usize));
-        let found = Projection::new(&basis, &some).unwrap().weights(&moved);
+        let weights = Projection::new(&basis, &some).unwrap().weights(&moved);
         assert!(
-            (&found - &basis.weights).iter().all(|d| d.abs() < 1e-3),
-            "{found}"
+            (&weights - &basis.weights).iter().all(|d| d.abs() < 1e-3),
+            "{weights}"
         );
     }
 
@@ -230,13 +232,13 @@ mod tests {
     }
 
     #[test]
-    fn telling_vertices_lie_where_shapes_move_and_all_over() {
+    fn probes_lie_where_shapes_move_and_all_over() {
         let shapes = Array3::from_shape_fn((2, 9000, 3), |(k, v, _)| match v / 300 {
             7 => (k * 50 + v) as f32,
             _ => 0.0,
         });
         let basis = VertexBasis { shapes, ..basis() };
-        let chosen = telling_vertices(&basis, 400);
+        let chosen = choose_probes(&basis, 400);
         let moving = chosen.iter().filter(|&&v| v / 300 == 7).count();
         assert!(
             chosen.is_sorted() && (390..=400).contains(&chosen.len()),
@@ -244,6 +246,6 @@ mod tests {
             chosen.len()
         );
         assert!((180..240).contains(&moving), "{moving}");
-        assert_eq!(telling_vertices(&basis, 5000).len(), 9000);
+        assert_eq!(choose_probes(&basis, 5000).len(), 9000);
     }
 }

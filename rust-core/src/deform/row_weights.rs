@@ -79,7 +79,7 @@ impl RowWeights {
         };
         match of_rows.vertices() > MANY * of_rows.mix.nrows() {
             true => of_rows,
-            false => of_rows.with_own_rows(),
+            false => of_rows.with_row_per_vertex(),
         }
     }
 }

@@ -4,12 +4,11 @@
 //!
 //! `ΔV = W ΔL + α f (A ΔL + B C ΔL)`
 //!
-//! `W` are the training-free weights of [`PlateWeights`]. `A` mixes landmarks as `W` does; `B` and
-//! `C` let axes mix (an opening jaw pushes the lip back). `f` is the familiarity: the network knows
-//! two kinds of faces and takes their habits for laws, which harms on any other, so it is relied on
-//! as far as the neutral landmarks lie where those of the faces it learned lie. `A` and `B` come from a pointwise network
-//! on features that relate each vertex to the landmarks, run on the mesh and on its mirror image
-//! and averaged, so that a symmetric face moves symmetrically.
+//! `W` are the training-free weights of [`PlateWeights`]. `A` mixes landmarks as `W` does. `B` and `C` let axes mix: an
+//! opening jaw pushes the lip back. `f` is the familiarity. The network learned from two kinds of faces, and on other
+//! kinds it does harm. So `f` falls with the distance of the neutral landmarks from those of the faces that it learned.
+//! `A` and `B` come from a pointwise network on features that relate each vertex to the landmarks. The network runs on
+//! the mesh and on its mirror image, and the mean of both moves a symmetric face symmetrically.
 //!
 //! Lengths are decimetres in the canonical frame.
 
@@ -31,12 +30,12 @@ pub static MODEL: BuiltIn = BuiltIn::new(&anyface_weights_shared::STATIC_WEIGHTS
 
 /// Outputs of the network are multiplied by this, so that training starts near zero.
 const CORRECTION_SCALE: f32 = 0.1;
-/// Remoteness at which the correction has faded to nothing; full up to one less.
+/// Remoteness at which the correction has faded to nothing. Up to 1 less it is full.
 const FADED_AT: f32 = 3.0;
-/// Distance of a face from those that were learned within which it is fully familiar. Of unseen
-/// identities and warps 95 % lie under 0.75.
+/// A face at most this far from those that were learned is fully familiar. 95 % of unseen identities and warps lie
+/// under 0.75.
 const KNOWN: f32 = 0.9;
-/// The same from which on only the floor is left. A face of another kind lies at 1.45 and more.
+/// From this distance on only the floor is left. Faces of another kind lie at 1.45 and more.
 const UNKNOWN: f32 = 1.3;
 /// How far a landmark may lie beside its place, standard deviation, decimetres.
 const SHAPE_NOISE_DM: f32 = 0.007;
@@ -75,7 +74,7 @@ pub struct StaticWeights {
     shape_basis: Vec<Array2<f32>>,
 }
 
-/// What the network may know of the vertices, `R'` rows of a surface.
+/// What the network gets of the vertices, `R'` rows of a surface.
 pub struct VertexGeometry<'a> {
     /// `[R']`, decimetres.
     pub positions: &'a [[f32; 3]],
@@ -89,20 +88,24 @@ pub struct VertexGeometry<'a> {
 pub struct Correction {
     /// `A`: `[R', 68]`.
     pub mix: Array2<f32>,
-    /// `B`: `[R', 3 · 2R]`, axis by axis; seen, then reflected, then what was set [`Self::beside`].
+    /// `B`: `[R', 3 · 2R]`, axis by axis. First the combinations of the face, then those of its mirror image, then
+    /// those that [`Self::beside`] added.
     pub cross: Array2<f32>,
-    /// `C`: `[2R, 204]`, and so on.
+    /// `C`: `[2R, 204]`, with the rows that [`Self::beside`] added.
     pub motion: Array2<f32>,
 }
 
 impl Correction {
-    /// The same with other combinations below its own: `cross` `[R', 3 K]`, `motion` `[K, 204]`.
+    /// The same correction with further combinations: `cross` `[R', 3 K]`, `motion` `[K, 204]`.
     pub fn beside(self, cross: &Array2<f32>, motion: &Array2<f32>) -> Correction {
-        let (old, own) = (self.motion.nrows(), motion.nrows());
-        let mut both = Array2::zeros((cross.nrows(), 3 * (old + own)));
+        let (learned_rank, added_rank) = (self.motion.nrows(), motion.nrows());
+        let mut both = Array2::zeros((cross.nrows(), 3 * (learned_rank + added_rank)));
         for axis in 0..3 {
-            let first = axis * (old + own);
-            let parts = [(&self.cross, old, first), (cross, own, first + old)];
+            let first = axis * (learned_rank + added_rank);
+            let parts = [
+                (&self.cross, learned_rank, first),
+                (cross, added_rank, first + learned_rank),
+            ];
             for (from, rank, first) in parts {
                 let columns = from.slice(s![.., axis * rank..(axis + 1) * rank]);
                 both.slice_mut(s![.., first..first + rank]).assign(&columns);
@@ -167,7 +170,7 @@ impl StaticWeights {
         })
     }
 
-    /// `f`, from the config's floor to 1: how far the network is to be relied on.
+    /// `f`, from the config's floor to 1: by which share the correction counts.
     ///
     /// `landmarks`: of the neutral face, decimetres.
     pub fn familiarity(&self, landmarks: &[[f32; 3]; LANDMARKS]) -> f32 {
@@ -206,11 +209,11 @@ impl StaticWeights {
     /// `A`, `B` and `C` at full strength, mean of the mesh and its mirror image.
     pub fn correction(&self, geometry: &VertexGeometry<'_>) -> Correction {
         let rank = self.config.rank;
-        let (seen_mix, seen_cross) = self.one_sided(geometry, false);
+        let (plain_mix, plain_cross) = self.one_sided(geometry, false);
         let (reflected_mix, reflected_cross) = self.one_sided(geometry, true);
-        let rows = seen_mix.nrows();
+        let rows = plain_mix.nrows();
         let mix = Array2::from_shape_fn((rows, LANDMARKS), |(v, n)| {
-            0.5 * (seen_mix[[v, n]] + reflected_mix[[v, MIRROR[n]]])
+            0.5 * (plain_mix[[v, n]] + reflected_mix[[v, MIRROR[n]]])
         });
         let mut cross = Array2::zeros((rows, 6 * rank));
         for axis in 0..3 {
@@ -219,7 +222,7 @@ impl StaticWeights {
             let first = 2 * axis * rank;
             cross
                 .slice_mut(s![.., first..first + rank])
-                .assign(&(&seen_cross.slice(from) * 0.5));
+                .assign(&(&plain_cross.slice(from) * 0.5));
             cross
                 .slice_mut(s![.., first + rank..first + 2 * rank])
                 .assign(&(&reflected_cross.slice(from) * sign));

@@ -107,13 +107,14 @@ impl Untangle {
         }
     }
 
-    /// Vertices of the mesh that it moves or moves others by.
+    /// Vertices of the mesh that it reads or moves.
     pub(super) fn vertices(&self) -> impl Iterator<Item = u32> {
         let copies = self.copies.iter().map(|(vertex, _)| *vertex);
         self.vertices.iter().copied().chain(copies)
     }
 
-    /// The same where only some vertices are left, all of these among them; `new` gives their numbers.
+    /// The same skin for a mesh of which only some vertices are left. `new` gives the new number of a vertex; every
+    /// vertex of this skin must have one.
     pub(super) fn renumbered(&self, new: impl Fn(u32) -> Option<u32>) -> Untangle {
         let mut skin = self.clone();
         let copies = skin.copies.iter_mut().map(|(vertex, _)| vertex);
@@ -144,18 +145,18 @@ impl Untangle {
         if !touched {
             return;
         }
-        let own = self
+        let originals = self
             .vertices
             .iter()
             .zip(&moved)
             .map(|(v, moved)| (*v, *moved));
         let copies = self.copies.iter().map(|(v, of)| (*v, moved[*of as usize]));
-        for (v, moved) in own.chain(copies) {
+        for (v, moved) in originals.chain(copies) {
             frame[3 * v as usize..][..3].copy_from_slice(&moved.to_array());
         }
     }
 
-    /// By which share each vertex gives way; whether any does.
+    /// Writes into `gives` the share by which each vertex gives way. Returns whether any does.
     fn look(&self, moved: &[Vec3], gives: &mut [f32]) -> bool {
         gives.fill(0.0);
         let places: Vec<Vec3> = self

@@ -25,8 +25,9 @@ impl Performance {
 }
 
 impl Engine {
-    /// A sentence for every event that lies behind the end of the sound at `end_s`, and for every unit that this face
-    /// cannot show: no brows, lips that are one surface, an eye that is not there.
+    /// Sentences about what of the events nobody will see. One for every event behind the end of the sound at `end_s`,
+    /// and one for every unit that this face cannot show, because it has no brows, lips that are one surface or no such
+    /// eye.
     ///
     /// # Errors
     /// Those of [`Engine::rig`].
@@ -41,7 +42,7 @@ impl Engine {
             return Ok(Vec::new());
         }
         let rig = self.rig(face, ShapeSource::Network, progress)?;
-        let told = events.iter().enumerate().map(|(n, event)| {
+        let sentences = events.iter().enumerate().map(|(n, event)| {
             let [start, end] = event.slot_s;
             let name = format!("event {} ({start} to {end} s)", n + 1);
             let late = (start >= end_s)
@@ -50,15 +51,15 @@ impl Engine {
                 .map(move |unit| format!("{name}: this face cannot show {unit}"));
             late.into_iter().chain(unseen).collect::<Vec<_>>()
         });
-        Ok(told.flatten().collect())
+        Ok(sentences.flatten().collect())
     }
 }
 
-/// Names of the units of an event none of whose shapes moves anything.
+/// Names of those units of an event whose shapes all move nothing.
 fn hidden_units<'a>(rig: &'a Rig, event: &'a Event) -> impl Iterator<Item = String> + 'a {
     let is_hidden = |unit: &ActionUnit, side: Side| {
-        let own = |report: &&ShapeReport| unit.shows(side, &report.name);
-        let mut shapes = rig.reports.iter().filter(own);
+        let shows_unit = |report: &&ShapeReport| unit.shows(side, &report.name);
+        let mut shapes = rig.reports.iter().filter(shows_unit);
         shapes.all(|report| !report.present)
     };
     let named = event

@@ -1,4 +1,4 @@
-//! What is said when, as the engine hears it.
+//! Hears what is said when.
 
 use std::sync::Arc;
 
@@ -12,7 +12,7 @@ use crate::{
 };
 
 impl Engine {
-    /// What is heard in speech: where the lips are together for p, b, m and their kin.
+    /// Hears where the lips are together in speech, for p, b, m and their kin.
     ///
     /// # Errors
     /// `Audio` for a sound too short to use.
@@ -20,8 +20,8 @@ impl Engine {
         self.threads(|| Ok(closures_of(&self.hear(waveform, SILENT)?)))
     }
 
-    /// The same, with tiers of phones and, where a text is given, of its words. The tier of closures is
-    /// the one of [`Engine::listen`], and alone says when lips close.
+    /// [`Engine::listen`] with a tier of phones and, for a `text`, a tier of its words. Only the tier of closures says
+    /// when lips close; it is that of [`Engine::listen`].
     ///
     /// # Errors
     /// `Audio` for a sound too short to use; those of [`crate::speech::PhoneModel::said`].
@@ -29,20 +29,20 @@ impl Engine {
         self.threads(|| {
             let heard = self.hear(waveform, SILENT)?;
             let said = self.phone_model.get()?.said(heard.sound(), text)?;
-            let mut found = closures_of(&heard);
-            for tier in &mut found.tiers {
+            let mut annotation = closures_of(&heard);
+            for tier in &mut annotation.tiers {
                 tier.symbols = Symbols::Closures;
             }
-            let mut add = |symbols, intervals| found.tiers.push(Tier { symbols, intervals });
+            let mut add = |symbols, intervals| annotation.tiers.push(Tier { symbols, intervals });
             add(Symbols::Phones, said.phones);
             if text.is_some() {
                 add(Symbols::Words, said.words);
             }
-            Ok(found)
+            Ok(annotation)
         })
     }
 
-    /// Listens to a sound, with what hears phones in it.
+    /// Listens to a sound, and prepares the models that hear phones and emotions in it.
     pub(super) fn hear(&self, waveform: &Waveform, progress: ProgressFn<'_>) -> Result<Heard> {
         let mut heard = Heard::of(waveform, self.encoder.get()?, progress)?;
         heard.phones = Some(Arc::clone(self.phone_model.get()?));

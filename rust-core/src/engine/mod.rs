@@ -93,8 +93,8 @@ impl Default for EngineOptions {
 /// let engine = Engine::new(EngineOptions { cache: CachePolicy::Off, ..Default::default() })?;
 /// let face = engine.prepare(&mesh, &FaceOptions { landmarks, ..Default::default() }, SILENT)?;
 /// let sound = Waveform { samples: (0..8000).map(|i| (i as f32 * 0.08).sin()).collect() };
-/// let asked = MotionRequest::default();
-/// let clip = Collector::collect(|sink| engine.animate(&face, &sound, &asked, sink, SILENT))?;
+/// let request = MotionRequest::default();
+/// let clip = Collector::collect(|sink| engine.animate(&face, &sound, &request, sink, SILENT))?;
 /// assert_eq!(clip.vertices.displacements.dim(), (15, mesh.positions.len(), 3));
 /// # Ok::<(), anyface::Error>(())
 /// ```
@@ -107,17 +107,17 @@ pub struct Engine {
     finder: LandmarkFinder,
     /// How lids go with eyes that look up and down.
     face_modes: FaceModes,
-    /// What hears emotions in a voice.
+    /// Hears emotions in a voice.
     ear: Opened<Arc<EmotionEar>>,
-    /// Another's model that hears emotions instead.
+    /// A model of the user that hears emotions instead.
     user_ear: Option<UserEar>,
     /// Loaded where shapes are asked for.
     rig_model: OnceLock<RigModel>,
-    /// What hears phones: it says when lips touch.
+    /// Hears phones, which say when lips touch.
     phone_model: Opened<Arc<PhoneModel>>,
     model_folder: Option<PathBuf>,
     cache: Cache,
-    /// Names the models in what is kept of a mesh.
+    /// Names the models in the cache entries of a mesh.
     key_of_models: CacheKey,
     pool: Option<rayon::ThreadPool>,
     /// The process that made the engine: threads do not live on in a copy of it.
@@ -128,7 +128,7 @@ pub struct Engine {
 static FIRST_PROCESS: OnceLock<u32> = OnceLock::new();
 
 impl EngineOptions {
-    /// What can be checked of them before anything is loaded.
+    /// Checks what can be checked before anything is loaded.
     ///
     /// # Errors
     /// `InvalidInput` for an unknown system or a number of threads out of range.
@@ -151,9 +151,9 @@ impl Engine {
     /// unknown system or a number of threads out of range.
     pub fn new(options: EngineOptions) -> Result<Self> {
         options.check()?;
-        let given = [&options.models, &options.speech, &options.emotion_model];
-        match given.iter().any(|folder| folder.is_some()) {
-            // Files of others: what their sizes lead to is not known before.
+        let folders = [&options.models, &options.speech, &options.emotion_model];
+        match folders.iter().any(|folder| folder.is_some()) {
+            // Nobody checked files of others before: their sizes may lead to anything, a panic too.
             true => guarded(Error::Weights, || Self::load(options)),
             false => Self::load(options),
         }
@@ -183,7 +183,7 @@ impl Engine {
                 EmotionEar::open(folder).map(Arc::new)
             })?,
             user_ear: match &options.emotion_model {
-                Some(own) => Some(UserEar::open(own, folder)?),
+                Some(model) => Some(UserEar::open(model, folder)?),
                 None => None,
             },
             rig_model: OnceLock::new(),
@@ -192,7 +192,7 @@ impl Engine {
             })?,
             cache: Cache::new(&options.cache),
             key_of_models: key_of_models(folder)?,
-            pool: threads_of_own(options.threads)?,
+            pool: private_pool(options.threads)?,
             process: process_here(),
             model_folder: options.models,
         })
@@ -272,7 +272,7 @@ impl Engine {
         progress: ProgressFn<'_>,
     ) -> Result<&'a Arc<dyn Deformer>> {
         face.deformer(|| match self.system.decoder(&face.options.controls) {
-            Some(own) => own.prepare(face, &self.cache, progress),
+            Some(decoder) => decoder.prepare(face, &self.cache, progress),
             None => {
                 let learned = LEARNED.value(&face.options.controls);
                 self.static_deformer(face, learned, progress)
@@ -287,11 +287,11 @@ impl Engine {
         progress: ProgressFn<'_>,
     ) -> Result<Arc<dyn Deformer>> {
         let models = (&self.static_weights, &self.creases);
-        let made = deform::static_deformer(models, face, learned, &self.cache, progress)?;
-        Ok(Arc::new(made))
+        let deformer = deform::static_deformer(models, face, learned, &self.cache, progress)?;
+        Ok(Arc::new(deformer))
     }
 
-    /// The ARKit shapes and visemes of a face; those of the network are made once for each face.
+    /// The ARKit shapes and visemes of a face. The network's shapes are made once for each face.
     ///
     /// # Errors
     /// `Weights` or `Io` if the engine's folder of models holds a rig that cannot be used, `Mesh`,
@@ -434,7 +434,7 @@ impl Engine {
         }
     }
 
-    /// A motion on its way to a face.
+    /// Prepares a motion for a face.
     fn on_face<'a>(
         &self,
         face: &'a Face,
@@ -444,8 +444,8 @@ impl Engine {
         let deformer = || Ok(self.deformer(face, progress)?.as_ref());
         match motion {
             Motion::Landmarks(clip) => {
-                let own = face.own_motion(clip.displacements.view());
-                Ok(Spread::of_landmarks(face, deformer()?, own, clip.fps))
+                let landmarks = face.own_motion(clip.displacements.view());
+                Ok(Spread::of_landmarks(face, deformer()?, landmarks, clip.fps))
             }
             Motion::Weights(clip) => {
                 let rig = self.rig(face, ShapeSource::Network, progress)?;
@@ -465,8 +465,8 @@ impl Engine {
         }
     }
 
-    /// The system's own motion that follows landmarks of the mean face, metres, whatever made these, on a face with such
-    /// `controls`; the landmarks themselves where the system has no model for that.
+    /// The motion with which the system follows landmarks of the mean face, metres, from any source. `controls`: of the
+    /// face. A system without a model for this returns the landmarks themselves.
     ///
     /// # Errors
     /// `Cancelled`.
@@ -479,8 +479,8 @@ impl Engine {
         self.threads(|| self.system.follow(landmarks, controls, progress))
     }
 
-    /// The surface of the parametric head that is like a face, where the face is, for poses by codes; where none is
-    /// like it that of the mean head, and why. `cells`: along the longest side of the grid.
+    /// The surface of the parametric head that fits a face, at the place of the face, for poses by codes. Where no head
+    /// fits, the surface of the mean head and the reason. `cells`: along the longest side of the grid.
     ///
     /// # Errors
     /// Those of [`HeadSurface::new`]; `Mesh` if the landmarks lie on no usable face.
@@ -493,14 +493,14 @@ impl Engine {
         check_surface_cells(cells)?;
         let head = Arc::new(self.head()?);
         self.threads(|| {
-            let made = |coefficients: &[f32], to_head: &Similarity| {
+            let surface_of = |coefficients: &[f32], to_head: &Similarity| {
                 let to_mesh = to_head.inverse();
                 HeadSurface::new(Arc::clone(&head), coefficients, to_mesh, cells, progress)
             };
             Ok(match head::fit_face(&head, face, &self.cache, progress)? {
-                Ok(fit) => (made(&fit.coefficients, &fit.to_head)?, None),
+                Ok(fit) => (surface_of(&fit.coefficients, &fit.to_head)?, None),
                 Err(complaint) => {
-                    let mean = made(&[0.0; COEFFICIENTS], &face.to_canonical)?;
+                    let mean = surface_of(&[0.0; COEFFICIENTS], &face.to_canonical)?;
                     (
                         mean,
                         Some(unlike("the surface is that of the mean head", &complaint)),
@@ -510,7 +510,7 @@ impl Engine {
         })
     }
 
-    /// What weights of ARKit's shapes ask of a face's landmarks, `[T, 68, 3]`, mesh units and axes.
+    /// The landmark motion of a face that weights of ARKit's shapes describe, `[T, 68, 3]`, mesh units and axes.
     fn landmarks_of_weights(&self, face: &Face, clip: &WeightClip) -> Result<Array3<f32>> {
         let landmarks = clip.of_arkit().landmarks(&self.face_modes)?;
         Ok(face.own_motion(landmarks.displacements.view()))
@@ -538,8 +538,8 @@ impl Engine {
         let shares = self.threads(|| Ok(self.deformer(face, progress)?.attention(landmarks)))?;
         let shares = shares.ok_or_else(|| {
             let known = SYSTEMS.iter().flat_map(|system| system.controls());
-            let own = known.filter(|control| control.name == DECODER);
-            let names = own.flat_map(|control| match control.values {
+            let decoders = known.filter(|control| control.name == DECODER);
+            let names = decoders.flat_map(|control| match control.values {
                 ControlValues::Choice(names) => &names[1..],
                 _ => &[],
             });
@@ -553,7 +553,7 @@ impl Engine {
         Ok(shares)
     }
 
-    /// The whole way: sound and a face to frames in `sink`.
+    /// Makes a face speak a sound: [`Engine::perform`], then [`Engine::spread`] into `sink`.
     ///
     /// # Errors
     /// Those of [`Engine::perform`] and [`Engine::spread`].
@@ -569,8 +569,8 @@ impl Engine {
         self.spread(face, &performance, sink, progress)
     }
 
-    /// Runs `work` on the engine's own threads, if it has any: what the library offers beside the engine, such as
-    /// [`crate::deform::compression::compress`] and [`rig::solve`], takes no more threads than it then.
+    /// Runs `work` on the engine's own threads, if it has any. Functions beside the engine, such as
+    /// [`crate::deform::compression::compress`] and [`rig::solve`], then use no more threads than the engine.
     ///
     /// # Errors
     /// `InvalidInput` in a copy of the process that made the engine, where nobody would do the work;
@@ -591,7 +591,7 @@ impl Engine {
     }
 }
 
-/// Names the code and the models that per-mesh work depends on.
+/// A cache key that names the code and the models on which work for a mesh depends.
 fn key_of_models(folder: Option<&Path>) -> Result<CacheKey> {
     let mut key = CacheKey::new("prepared", 1).text(env!("ANYFACE_SOURCES"));
     let of_meshes = [
@@ -614,14 +614,15 @@ fn process_here() -> u32 {
     }
 }
 
-/// The threads that were asked for. In a copy of the process the shared ones are gone, so that an engine
-/// that is made there has its own.
-fn threads_of_own(asked: Option<usize>) -> Result<Option<rayon::ThreadPool>> {
+/// A pool of `threads` threads. `None`: the engine uses the threads that the process shares.
+///
+/// A copy of the process (`fork`) has lost the shared threads. An engine that is made in a copy always gets a pool.
+fn private_pool(threads: Option<usize>) -> Result<Option<rayon::ThreadPool>> {
     let here = process_here();
     let is_copy = *FIRST_PROCESS.get_or_init(|| here) != here;
     let cores = || std::thread::available_parallelism().map_or(1, usize::from);
-    let wanted = asked.or_else(|| is_copy.then(|| cores().min(MAX_THREADS)));
-    wanted.map(thread_pool).transpose()
+    let threads = threads.or_else(|| is_copy.then(|| cores().min(MAX_THREADS)));
+    threads.map(thread_pool).transpose()
 }
 
 fn thread_pool(threads: usize) -> Result<rayon::ThreadPool> {

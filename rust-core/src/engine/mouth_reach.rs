@@ -127,10 +127,10 @@ impl Engine {
                     mark(face, frame, upper)[1] - mark(face, frame, lower)[1]
                 }))
             };
-        let wanted = drop[[62, 1]] - drop[[66, 1]];
+        let dropped_m = drop[[62, 1]] - drop[[66, 1]];
         let (from_teeth_m, has_teeth) = from_teeth(face, at(2));
         Ok(Some(MouthReach {
-            parted: (height(at(0)) - height(still.index_axis(Axis(0), 0))) / wanted,
+            parted: (height(at(0)) - height(still.index_axis(Axis(0), 0))) / dropped_m,
             apart_m: median(PAIRS.map(|(upper, lower)| {
                 distance(mark(face, at(1), upper), mark(face, at(1), lower))
             })),

@@ -24,7 +24,7 @@ impl Engine {
         Ok(opened)
     }
 
-    /// What the eyes that were cut free do in a blink. `face`: before.
+    /// Makes the eyes that were cut free blink, and measures what they do. `face`: the face before the cut.
     ///
     /// # Errors
     /// Those of [`Engine::prepare`]; `Mesh` where lids still do not close.
@@ -43,7 +43,7 @@ impl Engine {
         let moved = clip.vertices.displacements;
         let joined = (0..2).filter(|&eye| face.lids()[eye] == Lids::Joined);
         let trial = |eye: usize| {
-            match after.openings().own(eye) {
+            match after.openings().of_eye(eye) {
             Some(opening) if opening.lids == Lids::Close => {
                 Ok(EyeTrial::of(&after, opening, moved.index_axis(Axis(0), 0)))
             }

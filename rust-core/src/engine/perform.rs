@@ -243,20 +243,20 @@ impl Engine {
                 "first pose",
             ),
         ];
-        for (_, ability, task) in tasks.into_iter().filter(|(is_asked, ..)| *is_asked) {
+        for (_, ability, task) in tasks.into_iter().filter(|(is_used, ..)| *is_used) {
             self.registration.require(ability, task)?;
         }
         let known = self.registration.controls();
         request.controls.check(known, ControlStage::Motion)
     }
 
-    /// The request with the emotion that is heard in the voice. An emotion that is asked for by name is what a system
-    /// that hears emotion shows, unless another recording says how it is felt.
+    /// The request with the emotion that the voice has, if it asks for that one. A system that hears emotion shows an
+    /// emotion that the request names, unless the request has another recording to hear the emotion in.
     fn resolved(&self, request: &MotionRequest, heard: &Heard) -> MotionRequest {
         let emotion = match &request.emotion {
             EmotionCurve::Auto => heard.emotion_curve(),
             EmotionCurve::Arousal => emotion_from_voice(&heard.prosody),
-            given => given.clone(),
+            named => named.clone(),
         };
         let mut controls = request.controls.clone();
         let by_name = request.emotion.strongest() > 0.0 && request.emotion_of.is_none();

@@ -1,8 +1,8 @@
 //! What a finished take may still change without a new run.
 //!
-//! A slider stands at 1 where the take was made. Its variations are made on the same way as the take,
-//! from the same speech features and noise; what they change on the mesh, by landmarks or by weights of
-//! its shapes, is expressed in the take's own. Between its knots a slider is linear.
+//! A slider at 1 shows the take itself. For every other knot the engine makes a variation from the same speech features
+//! and noise. What the variation changes on the mesh, by landmarks or by weights of shapes, is expressed in the shapes
+//! of the take. Between its knots a slider is linear.
 
 use std::collections::BTreeSet;
 
@@ -15,7 +15,7 @@ use crate::{
     deform::{
         VertexClip,
         compression::VertexBasis,
-        projection::{Projection, telling_vertices},
+        projection::{Projection, choose_probes},
     },
     face::{Deformer, Face},
     job::{Progress, ProgressFn, report},
@@ -38,11 +38,11 @@ const BETWEEN_TONGUE: [f32; 3] = [0.5, 1.2, 1.5];
 const MIDDLE_EMOTION: f32 = 0.5;
 /// The largest value of the controls that are scaled.
 const MAX_CONTROL: f32 = 2.0;
-/// Frames whose vertices are in memory at one time, and vertices by which they are known.
+/// Frames whose vertices are in memory at one time, and the vertices that are compared in each.
 const FRAMES_AT_ONCE: usize = 64;
-const TELLING_VERTICES: usize = 3000;
-/// A host spends time on every shape that moves in a frame. So of the shapes that a frame of the take
-/// leaves at 0 no more than this many move at a knot, those that matter most.
+const PROBES: usize = 3000;
+/// Shapes that a knot may move where the frame of the take leaves them at 0: those that matter most. More would cost
+/// the host time, which it spends on every shape that moves in a frame.
 const MOVED_BESIDE: usize = 4;
 /// A tongue that speaks has shapes of its own: so many more.
 const MOVED_BY_TONGUE: usize = 2;
@@ -178,7 +178,7 @@ impl Performance {
         if ways.iter().all(|(_, knots)| knots.is_empty()) {
             return Ok(Vec::new());
         }
-        let vertices = telling_vertices(basis, TELLING_VERTICES);
+        let vertices = choose_probes(basis, PROBES);
         let way = engine.way(face, vertices, progress)?;
         let speaks = way.tongue.is_some() && self.life.tongue.iter().any(|share| *share != 0.0);
         if speaks {
@@ -247,16 +247,16 @@ struct Way<'a> {
     vertices: Vec<usize>,
     /// The tongue among them, whose vertices all are there.
     tongue: Option<FaceTongue>,
-    /// Places of those among them by which the face is known, and their vertices.
-    telling: Vec<usize>,
-    told: Vec<usize>,
+    /// Vertices whose displacements show how the face moves; and where they stand in `vertices`.
+    probe_indices: Vec<usize>,
+    probes: Vec<usize>,
 }
 
 /// A motion, and head, eyes and tongue beside it.
 type Moving<'a> = (&'a Motion, &'a Life);
 
 impl Way<'_> {
-    /// Where some `frames` of a motion move the vertices by which the face is known, `[F, S, 3]`.
+    /// Displacements of the probes in some `frames` of a motion, `[F, S, 3]`.
     fn frames(
         &self,
         (motion, life): Moving<'_>,
@@ -271,7 +271,7 @@ impl Way<'_> {
         if let Some(tongue) = &self.tongue {
             tongue.speak(life.tongue.select(Axis(0), frames).view(), &mut moved);
         }
-        Ok(moved.select(Axis(1), &self.telling))
+        Ok(moved.select(Axis(1), &self.probe_indices))
     }
 
     fn of_landmarks(
@@ -317,28 +317,28 @@ struct Measure<'a> {
 }
 
 impl Engine {
-    /// The way of motion to the vertices of a face that it is known by: `telling`, or others like them.
+    /// How motion reaches the `probes` of a face, and the tongue, whose vertices must all be there.
     fn way<'a>(
         &'a self,
         face: &'a Face,
-        telling: Vec<u32>,
+        probes: Vec<u32>,
         progress: ProgressFn<'_>,
     ) -> Result<Way<'a>> {
         let deformer = self.threads(|| self.deformer(face, progress))?.as_ref();
         let tongue = FaceTongue::find(face).ok();
         let beside: BTreeSet<usize> = tongue.iter().flat_map(FaceTongue::numbers).collect();
-        let known: BTreeSet<u32> = telling.iter().copied().collect();
+        let known: BTreeSet<u32> = probes.iter().copied().collect();
         // What a tongue does depends on all of it.
-        let wanted = beside.iter().map(|&v| v as u32).chain(telling);
-        let wanted: Vec<u32> = BTreeSet::from_iter(wanted).into_iter().collect();
-        let (few, vertices) = match deformer.of_vertices(&wanted) {
+        let subset = beside.iter().map(|&v| v as u32).chain(probes);
+        let subset: Vec<u32> = BTreeSet::from_iter(subset).into_iter().collect();
+        let (few, vertices) = match deformer.of_vertices(&subset) {
             Some(few) => (Some(few.deformer), few.vertices),
-            None => (None, wanted),
+            None => (None, subset),
         };
         let vertices: Vec<usize> = vertices.iter().map(|&v| v as usize).collect();
-        let tells = |v: &usize| known.contains(&(*v as u32)) || !beside.contains(v);
-        let telling: Vec<usize> = (0..vertices.len())
-            .filter(|&at| tells(&vertices[at]))
+        let is_probe = |v: &usize| known.contains(&(*v as u32)) || !beside.contains(v);
+        let probe_indices: Vec<usize> = (0..vertices.len())
+            .filter(|&at| is_probe(&vertices[at]))
             .collect();
         Ok(Way {
             face,
@@ -346,8 +346,8 @@ impl Engine {
             deformer,
             few,
             tongue: tongue.and_then(|tongue| tongue.among(&vertices)),
-            told: telling.iter().map(|&at| vertices[at]).collect(),
-            telling,
+            probes: probe_indices.iter().map(|&at| vertices[at]).collect(),
+            probe_indices,
             vertices,
         })
     }
@@ -355,7 +355,7 @@ impl Engine {
 
 impl Measure<'_> {
     fn new<'a>(way: Way<'a>, clip: &'a VertexClip, basis: &'a VertexBasis) -> Result<Measure<'a>> {
-        let vertices: Vec<u32> = way.told.iter().map(|&v| v as u32).collect();
+        let vertices: Vec<u32> = way.probes.iter().map(|&v| v as u32).collect();
         let projection = Projection::new(basis, &vertices)?;
         Ok(Measure {
             way,
@@ -422,7 +422,7 @@ impl Measure<'_> {
         let mut moved = self.way.frames(motion, frames, progress)?;
         for (&t, mut frame) in frames.iter().zip(moved.outer_iter_mut()) {
             let clip = self.clip.displacements.index_axis(Axis(0), t);
-            for (mut row, &v) in frame.rows_mut().into_iter().zip(&self.way.told) {
+            for (mut row, &v) in frame.rows_mut().into_iter().zip(&self.way.probes) {
                 row -= &clip.row(v);
             }
         }
@@ -430,11 +430,11 @@ impl Measure<'_> {
     }
 }
 
-/// What is left of the change `[T, K]` with emotion and blinks at 0 when what each does there is taken
-/// away; nothing where nobody blinks.
-fn beyond_each(mut change: Array2<f32>, found: &[SliderChange]) -> Array2<f32> {
+/// The part of the change `[T, K]` with both emotion and blinks at 0 that the two sliders do not explain each by
+/// itself; 0 in frames without a blink.
+fn beyond_each(mut change: Array2<f32>, changes: &[SliderChange]) -> Array2<f32> {
     let at_rest = |slider: Slider| {
-        let one = found.iter().find(|change| change.slider == slider);
+        let one = changes.iter().find(|change| change.slider == slider);
         one.map_or_else(|| Array2::zeros(change.dim()), |change| change.at(0.0))
     };
     let (emotion, blinks) = (at_rest(Slider::Emotion), at_rest(Slider::Blinks));

@@ -105,7 +105,7 @@ impl Engine {
     ) -> Result<()> {
         self.check(request)?;
         let (fps, levels) = (request.fps, sound.levels);
-        // Rounded outwards, so that each has its frames, and perhaps one more.
+        // Ends are rounded outwards, so that each stretch of the sound has all its frames and perhaps one more.
         let sample = |frame: usize| frame as f64 / fps * f64::from(SAMPLE_RATE_HZ);
         let heard: Vec<Range<usize>> = stretches
             .iter()
@@ -128,12 +128,12 @@ impl Engine {
             let mut request = request.after_second(frames.start as f64 / fps);
             request.seed = request.seed.wrapping_add(number as u64);
             request.starts_from = request.starts_from.filter(|_| number == 0);
-            let made = Part::of(self.perform(&waveform, &request, &share)?, frames.start);
+            let part = Part::of(self.perform(&waveform, &request, &share)?, frames.start);
             drop(waveform);
             let shared = before.as_ref().map_or(0, |before| before.motion.frames());
             if let Some(before) = before.take() {
                 let seam = Stretch::after(0.5 * (OVERLAP_S - BLEND_S), BLEND_S);
-                let new = made.rows(0..shared, frames.start);
+                let new = part.rows(0..shared, frames.start);
                 let seam = Part {
                     heard_emotion: before.heard_emotion,
                     motion: before.motion.redone(&new.motion, &seam)?,
@@ -145,17 +145,16 @@ impl Engine {
                 Some((_, next)) => next.start - frames.start,
                 None => frames.len(),
             };
-            before = Some(made.rows(end..frames.len(), frames.start));
-            let made = match shared == 0 && end == made.motion.frames() {
-                true => made,
-                false => made.rows(shared..end, frames.start),
+            before = Some(part.rows(end..frames.len(), frames.start));
+            let part = match shared == 0 && end == part.motion.frames() {
+                true => part,
+                false => part.rows(shared..end, frames.start),
             };
-            take(made, &share)
+            take(part, &share)
         })
     }
 
-    /// Seconds of a sound of so many that lie in memory at once where it is performed in parts; of one whose stretches
-    /// are the longest.
+    /// The most seconds of a sound of `duration_s` that are in memory at once when it is performed in stretches.
     pub fn longest_stretch_s(duration_s: f64) -> f64 {
         match duration_s > WHOLE_S {
             true => STRETCH_S + AROUND_S + OVERLAP_S,
@@ -164,7 +163,7 @@ impl Engine {
     }
 }
 
-/// The frames of stretches of a sound: one of all of them, or several that overlap.
+/// Divides the frames of a sound into one stretch, or into several that overlap.
 ///
 /// `energies`: sums of squares of its hops of 10 ms.
 fn stretches(energies: &[f32], duration_s: f64, fps: f64) -> Vec<Range<usize>> {

@@ -108,11 +108,13 @@ mod tests {
                 emotion: EmotionCurve::parse(emotion).unwrap(),
                 ..MotionRequest::default()
             };
-            let made = engine.perform(&sound(), &request, SILENT).unwrap();
-            let quick = engine.weights_on(&face, &ready, &made, SILENT).unwrap();
-            let clip = Collector::collect(|sink| engine.spread(&face, &made, sink, SILENT));
+            let performance = engine.perform(&sound(), &request, SILENT).unwrap();
+            let quick = engine
+                .weights_on(&face, &ready, &performance, SILENT)
+                .unwrap();
+            let clip = Collector::collect(|sink| engine.spread(&face, &performance, sink, SILENT));
             let frames = clip.unwrap().vertices.displacements;
-            let slow = ready.of_frames(&frames, &made.life).unwrap();
+            let slow = ready.of_frames(&frames, &performance.life).unwrap();
             assert_eq!(quick.weights.dim(), slow.dim());
             assert!(slow.iter().any(|w| *w > 0.2));
             for ((at, a), b) in quick.weights.indexed_iter().zip(&slow) {

@@ -18,29 +18,29 @@ pub trait Deformer: Send + Sync {
         progress: ProgressFn<'_>,
     ) -> Result<Array3<f32>>;
 
-    /// Shuts the lids in frames `moved` `[T, V, 3]` from elsewhere, as far as `landmarks` `[T, 68,
-    /// 3]` ask for, and keeps the eyeballs behind them. Does nothing where no lids are known.
+    /// Shuts the lids in frames `moved` `[T, V, 3]` that something else made, as far as `landmarks` `[T, 68, 3]` say,
+    /// and keeps the eyeballs behind the lids. Does nothing to a face whose lids are unknown.
     fn shut_lids(&self, landmarks: ArrayView3<'_, f32>, moved: &mut Array3<f32>) {
         let _ = (landmarks, moved);
     }
 
-    /// By which share each vertex attends to each landmark, `[T, V, 68]`; `None` for a deformer without
-    /// attention. Vertices that follow no skin have zeros.
+    /// The share by which each vertex attends to each landmark, `[T, V, 68]`; `None` for a deformer without attention.
+    /// Vertices that follow no skin have zeros.
     fn attention(&self, landmarks: ArrayView3<'_, f32>) -> Option<Array3<f32>> {
         let _ = landmarks;
         None
     }
 
-    /// A deformer of `vertices`, ascending, and of those that it needs beside them. `None` where a
-    /// few vertices cost as much as all.
+    /// A deformer of some `vertices`, in ascending order, and of the further vertices that it needs for them. `None`
+    /// where a few vertices cost as much as all.
     fn of_vertices(&self, vertices: &[u32]) -> Option<FewVertices> {
         let _ = vertices;
         None
     }
 
-    /// The products of this mesh's frames with `shapes` `[S, V, 3]`, mesh units and axes, of which a solve for weights is
-    /// made; they cost a small part of the frames. `shown`, rising: vertices whose displacements are wanted beside them.
-    /// `None` where the products cost as much as all frames.
+    /// The products of this mesh's frames with `shapes` `[S, V, 3]`, mesh units and axes. A solve for weights needs
+    /// only these products, and they cost a small part of the frames. `shown`, in rising order: vertices whose
+    /// displacements come with the products. `None` where the products cost as much as all frames.
     fn products_with(
         &self,
         shapes: ArrayView3<'_, f32>,

@@ -174,7 +174,7 @@ impl Face {
     /// are open.
     pub fn own_motion(&self, landmarks: ArrayView3<'_, f32>) -> Array3<f32> {
         let mut motion = landmarks.to_owned();
-        self.openings().to_own(&mut motion);
+        self.openings().to_face(&mut motion);
         self.to_canonical.displacements_to_mesh(motion.view())
     }
 

@@ -47,16 +47,16 @@ impl MemoryNeed {
         // Frames start when most of the memory for speech is free again.
         let moved = of_all(frames.saturating_mul(FRAME));
         let (more, less) = (moved.max(self.speech), moved.min(self.speech));
-        let while_made = of_all(KEPT).saturating_add(more).saturating_add(less / 2);
+        let animation = of_all(KEPT).saturating_add(more).saturating_add(less / 2);
         let any = if vertices > 0 { OF_ANY_MESH } else { 0 };
-        let parts = while_made
+        let parts = animation
             .max(of_all(PREPARED))
             .saturating_add(of_all(shapes.saturating_mul(SHAPE)))
             .saturating_add(BASE + any);
         parts / 100 * AT_ONCE_PERCENT
     }
 
-    /// Warns where that is more than the free memory.
+    /// A warning where the job needs more than the free memory.
     ///
     /// # Errors
     /// `OutOfMemory` where the job does not fit even if the estimate is too high by its largest

@@ -95,10 +95,10 @@ impl Blink {
     }
 }
 
-/// Draws the blinks of a performance, rising and apart from one another.
+/// Draws the blinks of a performance, in rising order. They never overlap.
 ///
-/// `affect`: `[T, 16]` at `fps`, mixture and intensity. `per_minute` counts every closing, those of a
-/// double blink too; crowded rates near 60 come out a little lower because blinks never overlap.
+/// `affect`: `[T, 16]` at `fps`, mixture and intensity. `per_minute` counts every closing, both of a double blink too.
+/// Rates near 60 come out a little lower, because blinks never overlap.
 pub fn blinks(
     affect: ArrayView2<'_, f32>,
     fps: f64,
@@ -118,12 +118,12 @@ pub fn blinks(
     let least_hold_s = (1.0 / fps).clamp(HOLD_S.0, HOLD_S.1);
     let mut time_s = mean_s * chance.unit();
     while time_s < duration_s {
-        let wanted = near_occasion(time_s, mean_s, prosody, &leaps, &mut chance);
+        let occasion_s = near_occasion(time_s, mean_s, prosody, &leaps, &mut chance);
         let count = if chance.unit() < DOUBLE_SHARE { 2 } else { 1 };
         for _ in 0..count {
             let after = blinks.last().map_or(0.0, |last| last.end_s() + BETWEEN_S);
             blinks.push(Blink {
-                start_s: wanted.max(after),
+                start_s: occasion_s.max(after),
                 hold_s: chance.between(least_hold_s, HOLD_S.1),
                 right_later_s: chance.between(-APART_S, APART_S),
             });
@@ -135,8 +135,8 @@ pub fn blinks(
     blinks
 }
 
-/// Closes the lids over what the emotion already closes: `c + w (1 − c)`, so that they meet and never
-/// pass. Moves nothing but lids. `moved`: `[T, 68, 3]`, canonical metres.
+/// Closes the lids further than the emotion already does: `c + w (1 − c)`. So they meet and never pass each other.
+/// Moves nothing but lids. `moved`: `[T, 68, 3]`, canonical metres.
 pub(super) fn close_lids(
     moved: &mut Array3<f32>,
     fps: f64,
@@ -285,8 +285,8 @@ mod tests {
         // 40, 80, 120 and 200 ms after the lids begin to open, tracked: 0.81, 0.39, 0.23 and 0.12.
         let tracked = [(0.04, 0.81), (0.08, 0.39), (0.12, 0.2), (0.2, 0.1)];
         for (after_s, value) in tracked {
-            let made = closed(blink.opens_s() + 0.02 + after_s);
-            assert!((made - value).abs() < 0.1, "{after_s} s: {made}");
+            let closure = closed(blink.opens_s() + 0.02 + after_s);
+            assert!((closure - value).abs() < 0.1, "{after_s} s: {closure}");
         }
         let left = blink.closure(blink.opens_s() + 0.06, false);
         assert!(left < closed(blink.opens_s() + 0.06) - 0.05);

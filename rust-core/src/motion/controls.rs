@@ -46,10 +46,10 @@ macro_rules! performance_controls {
         }
 
         impl From<&Controls> for PerformanceControls {
-            /// Those that are not asked for stand at their defaults.
-            fn from(asked: &Controls) -> Self {
+            /// Controls that are not set get their defaults.
+            fn from(controls: &Controls) -> Self {
                 PerformanceControls {
-                    $($name: asked.get(stringify!($name)).unwrap_or($default),)*
+                    $($name: controls.get(stringify!($name)).unwrap_or($default),)*
                 }
             }
         }
@@ -136,8 +136,8 @@ mod tests {
             assert_eq!(PerformanceControls::from(&named), preset);
             assert!(named.ask_nothing(PERFORMANCE_CONTROLS));
         }
-        let asked = Controls::default().with("asymmetry", 0.5);
-        assert_eq!(PerformanceControls::from(&asked).asymmetry, 0.5);
-        assert!(!asked.ask_nothing(PERFORMANCE_CONTROLS));
+        let controls = Controls::default().with("asymmetry", 0.5);
+        assert_eq!(PerformanceControls::from(&controls).asymmetry, 0.5);
+        assert!(!controls.ask_nothing(PERFORMANCE_CONTROLS));
     }
 }

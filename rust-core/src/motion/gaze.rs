@@ -103,9 +103,9 @@ impl Gaze {
     pub(super) fn at(&self, time_s: f64, head: [f64; 3]) -> [[f64; 2]; 2] {
         let target = point(self.point_deg(time_s));
         EYES.map(|eye| {
-            // Seen from the head, the partner turns the other way.
-            let seen = rotated(target, head.map(|x| -x));
-            let to: [f64; 3] = std::array::from_fn(|i| seen[i] - eye[i]);
+            // In the frame of the head the partner turns the other way.
+            let target_in_head = rotated(target, head.map(|x| -x));
+            let to: [f64; 3] = std::array::from_fn(|i| target_in_head[i] - eye[i]);
             [to[0].atan2(to[2]), to[1].atan2(to[0].hypot(to[2]))]
         })
     }

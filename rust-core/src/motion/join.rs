@@ -4,7 +4,7 @@ use ndarray::{ArrayView1, ArrayView2, ArrayViewMut2, ArrayViewMut3, Axis};
 
 use crate::{mesh::ibug::LANDMARKS, speech::TONGUE_PLACES};
 
-/// How long a motion takes from a pose that it was given to its own.
+/// How long a motion takes from the pose in which it begins to its own frames.
 const LEAVES_WITHIN_S: f64 = 0.4;
 
 /// How a face stands at one moment.
@@ -27,7 +27,7 @@ impl From<[[f32; 3]; LANDMARKS]> for Pose {
 }
 
 impl Pose {
-    /// What landmarks `[68, 3]` and tongue `[4]` are in one frame.
+    /// The pose of one frame: landmarks `[68, 3]` and tongue `[4]`.
     pub fn of_frame(landmarks: ArrayView2<'_, f32>, tongue: ArrayView1<'_, f32>) -> Pose {
         Pose {
             landmarks: std::array::from_fn(|n| std::array::from_fn(|axis| landmarks[[n, axis]])),
@@ -36,8 +36,8 @@ impl Pose {
     }
 }
 
-/// Mixes the tongue `[T, 4]` with that of a pose so that its first frame is the pose's; as [`begin_in`] does it for
-/// landmarks.
+/// Mixes the tongue `[T, 4]` with that of a pose, as [`begin_in`] does for landmarks. The first frame is that of the
+/// pose.
 pub(crate) fn begin_tongue_in(
     pose: &[f32; TONGUE_PLACES],
     mut tongue: ArrayViewMut2<'_, f32>,
@@ -84,35 +84,35 @@ mod tests {
 
     #[test]
     fn a_tongue_begins_in_the_pose_and_stays_within_its_way() {
-        let own = Array2::from_shape_fn((30, TONGUE_PLACES), |(t, place)| {
+        let motion = Array2::from_shape_fn((30, TONGUE_PLACES), |(t, place)| {
             (0.5 + 0.5 * (0.3 * t as f32 + place as f32).sin()).min(1.0)
         });
         let pose = [1.0, 0.0, 0.4, 0.7];
-        let mut joined = own.clone();
+        let mut joined = motion.clone();
         begin_tongue_in(&pose, joined.view_mut(), 25.0);
         assert_eq!(joined.row(0).to_vec(), pose);
         assert!(joined.iter().all(|share| (0.0..=1.0).contains(share)));
         for t in 1..10 {
-            assert!(joined.row(t) != own.row(t), "frame {t}");
+            assert!(joined.row(t) != motion.row(t), "frame {t}");
         }
         assert_eq!(
             joined.slice(ndarray::s![10.., ..]),
-            own.slice(ndarray::s![10.., ..])
+            motion.slice(ndarray::s![10.., ..])
         );
         begin_tongue_in(&pose, Array2::zeros((0, TONGUE_PLACES)).view_mut(), 25.0);
     }
 
     #[test]
     fn the_first_frame_is_the_pose_and_what_follows_the_motion_itself() {
-        let own = Array3::from_shape_fn((30, LANDMARKS, 3), |(t, n, axis)| {
+        let motion = Array3::from_shape_fn((30, LANDMARKS, 3), |(t, n, axis)| {
             1e-3 * (0.2 * t as f32 + n as f32 + axis as f32).sin()
         });
         let pose = std::array::from_fn(|n| [2e-3, -1e-3 * n as f32, 0.0]);
-        let mut joined = own.clone();
+        let mut joined = motion.clone();
         begin_in(&pose, joined.view_mut(), 25.0);
-        let off = (&joined - &own).mapv(f32::abs);
-        for (at, wanted) in joined.index_axis(Axis(0), 0).outer_iter().zip(pose) {
-            assert!((0..3).all(|axis| (at[axis] - wanted[axis]).abs() < 1e-7));
+        let off = (&joined - &motion).mapv(f32::abs);
+        for (at, expected) in joined.index_axis(Axis(0), 0).outer_iter().zip(pose) {
+            assert!((0..3).all(|axis| (at[axis] - expected[axis]).abs() < 1e-7));
         }
         let far = |t: usize| off.index_axis(Axis(0), t).sum();
         assert!((0..10).all(|t| far(t + 1) < far(t)));

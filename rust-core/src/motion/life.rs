@@ -174,13 +174,13 @@ mod tests {
 
     #[test]
     fn a_strength_that_changes_holds_frame_by_frame() {
-        let mut asked = strengths(1.0, 1.0, 0.0);
-        asked[100..].fill(LifeStrengths {
+        let mut changing = strengths(1.0, 1.0, 0.0);
+        changing[100..].fill(LifeStrengths {
             head: 2.0,
             gaze: 0.5,
             breath: 0.0,
         });
-        let (mixed, one) = (performed(&asked), performed(&strengths(1.0, 1.0, 0.0)));
+        let (mixed, one) = (performed(&changing), performed(&strengths(1.0, 1.0, 0.0)));
         for t in 0..270 {
             let factor = if t < 100 { 1.0 } else { 2.0 };
             assert_eq!(mixed.head.row(t), one.head.row(t).mapv(|x| factor * x));

@@ -14,8 +14,8 @@ const BLEND_PART: f64 = 0.25;
 
 /// Seconds of a motion that are made again.
 ///
-/// At its ends the old motion becomes the new one within a tenth of a second, or a quarter of the
-/// stretch where that is less, except at the ends of the sound, which have nothing beyond them.
+/// At both ends the old motion becomes the new one within a tenth of a second, or within a quarter of the stretch where
+/// that is less. An end at the start or end of the sound is not blended.
 ///
 /// ```
 /// use anyface::motion::{LandmarkClip, Motion, Stretch};
@@ -23,8 +23,8 @@ const BLEND_PART: f64 = 0.25;
 /// let of = |x: f32| Motion::Landmarks(LandmarkClip {
 ///     displacements: ndarray::Array3::from_elem((50, 68, 3), x), fps: 25.0,
 /// });
-/// let made = of(0.0).redone(&of(1.0), &Stretch::parse("0.4-1.2")?)?;
-/// assert_eq!([0, 10, 20, 30, 49].map(|t| made.values()[[t, 0, 0]]), [0.0, 0.0, 1.0, 0.0, 0.0]);
+/// let spliced = of(0.0).redone(&of(1.0), &Stretch::parse("0.4-1.2")?)?;
+/// assert_eq!([0, 10, 20, 30, 49].map(|t| spliced.values()[[t, 0, 0]]), [0.0, 0.0, 1.0, 0.0, 0.0]);
 /// # Ok::<(), anyface::Error>(())
 /// ```
 #[derive(Debug, Clone, Copy, PartialEq)]
@@ -52,7 +52,7 @@ impl Stretch {
         }
     }
 
-    /// All from `start_s` on, to which the motion before goes over within `blend_s`.
+    /// Everything from `start_s` on. The motion before blends into it within `blend_s`.
     pub(crate) fn after(start_s: f64, blend_s: f64) -> Stretch {
         Stretch {
             start_s,
@@ -144,8 +144,8 @@ impl Stretch {
 }
 
 impl Motion {
-    /// This motion with `stretch` of it as in `again`, blended at the ends; every frame outside stays to
-    /// the bit.
+    /// This motion with the frames of `stretch` from `again`, blended at the ends. Every frame outside stays the same
+    /// to the bit.
     ///
     /// # Errors
     /// `InvalidInput` for motion of another kind or frame rate, or a stretch without a frame;
@@ -161,25 +161,25 @@ impl Motion {
             )));
         }
         let values = stretch.splice(self.values(), again.values(), self.fps())?;
-        let mut made = self.with_values(values);
-        if let (Motion::Codes(made), Motion::Codes(again)) = (&mut made, again) {
-            let fps = made.landmarks.fps;
-            made.codes = stretch.splice(made.codes.view(), again.codes.view(), fps)?;
+        let mut spliced = self.with_values(values);
+        if let (Motion::Codes(spliced), Motion::Codes(again)) = (&mut spliced, again) {
+            let fps = spliced.landmarks.fps;
+            spliced.codes = stretch.splice(spliced.codes.view(), again.codes.view(), fps)?;
         }
-        if let (Motion::Weights(made), Motion::Weights(again)) = (&mut made, again)
-            && made.together.len() == again.together.len()
+        if let (Motion::Weights(spliced), Motion::Weights(again)) = (&mut spliced, again)
+            && spliced.together.len() == again.together.len()
             && !again.together.is_empty()
         {
-            let [was, new] = [&made.together, &again.together].map(|share| aview1(share));
-            made.together = stretch.splice(was, new, made.fps)?.to_vec();
+            let [was, new] = [&spliced.together, &again.together].map(|share| aview1(share));
+            spliced.together = stretch.splice(was, new, spliced.fps)?.to_vec();
         }
-        Ok(made)
+        Ok(spliced)
     }
 
-    /// Some frames of it.
+    /// A range of its frames.
     ///
     /// # Panics
-    /// If it has fewer.
+    /// If the range ends behind the last frame.
     #[must_use]
     pub fn frames_of(&self, rows: Range<usize>) -> Motion {
         if let Motion::Weights(clip) = self {
@@ -209,10 +209,10 @@ impl Life {
         })
     }
 
-    /// Some frames of it.
+    /// A range of its frames.
     ///
     /// # Panics
-    /// If it has fewer.
+    /// If the range ends behind the last frame.
     #[must_use]
     pub fn frames_of(&self, rows: Range<usize>) -> Life {
         let slice = Slice::from(rows);
@@ -267,23 +267,23 @@ mod tests {
     #[test]
     fn frames_outside_stay_to_the_bit_and_the_middle_is_new_to_the_bit() {
         let (was, new) = (motion(0.0), motion(1.0));
-        let made = was.redone(&new, &Stretch::new(0.5, 1.2).unwrap()).unwrap();
+        let spliced = was.redone(&new, &Stretch::new(0.5, 1.2).unwrap()).unwrap();
         for t in (0..=15).chain(36..60) {
-            assert_eq!(frame(&made, t), frame(&was, t), "{t}");
+            assert_eq!(frame(&spliced, t), frame(&was, t), "{t}");
         }
         for t in 18..=33 {
-            assert_eq!(frame(&made, t), frame(&new, t), "{t}");
+            assert_eq!(frame(&spliced, t), frame(&new, t), "{t}");
         }
         for t in [16, 17, 34, 35] {
-            assert!(frame(&made, t) != frame(&was, t) && frame(&made, t) != frame(&new, t));
+            assert!(frame(&spliced, t) != frame(&was, t) && frame(&spliced, t) != frame(&new, t));
         }
     }
 
     #[test]
     fn the_ends_of_the_sound_are_not_blended() {
         let (was, new) = (motion(0.0), motion(1.0));
-        let made = was.redone(&new, &Stretch::new(0.0, 9.0).unwrap()).unwrap();
-        assert_eq!(made, new);
+        let spliced = was.redone(&new, &Stretch::new(0.0, 9.0).unwrap()).unwrap();
+        assert_eq!(spliced, new);
     }
 
     #[test]
@@ -348,12 +348,12 @@ mod tests {
         };
         let part = together(&of(0.5, 1.0).frames_of(18..22));
         assert_eq!(part, [0.0, 0.0, 1.0, 0.0]);
-        // A stretch that is made again brings its closures, and only there.
+        // A stretch that is made again brings its closures, but none outside of it.
         let stretch = Stretch::parse("0.4-1.2").unwrap();
-        let made = of(0.5, 1.0).redone(&of(0.2, 0.0), &stretch).unwrap();
-        assert!(together(&made).iter().all(|share| *share == 0.0));
+        let spliced = of(0.5, 1.0).redone(&of(0.2, 0.0), &stretch).unwrap();
+        assert!(together(&spliced).iter().all(|share| *share == 0.0));
         let later = Stretch::parse("1.2-1.8").unwrap();
-        let kept = of(0.5, 1.0).redone(&of(0.2, 0.0), &later).unwrap();
-        assert_eq!(together(&kept)[20], 1.0);
+        let outside = of(0.5, 1.0).redone(&of(0.2, 0.0), &later).unwrap();
+        assert_eq!(together(&outside)[20], 1.0);
     }
 }

@@ -106,20 +106,20 @@ impl MotionRequest {
     }
 }
 
-/// The number of the style that is asked for among those that a model knows; of its default where none is.
+/// The number of the style `name` among the `styles` of a model. `None`: the number of `default`.
 ///
 /// # Errors
 /// `InvalidInput` for a name that it does not know.
-pub fn style_number(asked: Option<&str>, styles: &[String], default: &str) -> Result<usize> {
-    let name = asked.unwrap_or(default);
-    let found = styles.iter().position(|known| known == name);
-    found.ok_or_else(|| {
+pub fn style_number(name: Option<&str>, styles: &[String], default: &str) -> Result<usize> {
+    let name = name.unwrap_or(default);
+    let number = styles.iter().position(|known| known == name);
+    number.ok_or_else(|| {
         let known = styles.join(", ");
         Error::InvalidInput(format!("style: expected one of {known}, got {name:?}"))
     })
 }
 
-/// Whether lips can be together then.
+/// Checks that the closures are intervals of a sound.
 ///
 /// # Errors
 /// `InvalidInput` for a time that is not finite or below 0, or an end before its start.

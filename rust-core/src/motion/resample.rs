@@ -93,9 +93,9 @@ mod tests {
     fn lines_stay_lines_inside_the_clip() {
         let motion = clip(25.0, |s| 3.0 * s as f32, 26).at_rate(30.0, 28);
         for t in 2..28 {
-            let wanted = 3.0 * t as f32 / 30.0;
+            let expected = 3.0 * t as f32 / 30.0;
             assert!(
-                (motion.displacements[[t, 5, 1]] - wanted).abs() < 1e-5,
+                (motion.displacements[[t, 5, 1]] - expected).abs() < 1e-5,
                 "frame {t}"
             );
         }

@@ -4,9 +4,10 @@
 //!
 //! `|D w − x|² + Σ_s g_s (ρ w_s² + μ (w_s − w′_s)²) + σ Σ_pairs g (w_l − w_r)²` with `0 ≤ w ≤ 1`
 //!
-//! `D` the shapes at the landmarks, `x` a frame, `w′` the weights of the frame before, `g_s = |d_s|²`. The gaps between the
-//! lips count beside the landmarks themselves, since a mouth that should be shut is seen first. Cyclic coordinate
-//! descent begins at the frame before, as in [`crate::rig::solve`], which sees all frames at once.
+//! `D` the shapes at the landmarks, `x` a frame, `w′` the weights of the frame before, `g_s = |d_s|²`. The gaps between
+//! the lips count beside the landmarks, because people notice first when a mouth that should be shut is open. Cyclic
+//! coordinate descent starts from the weights of the frame before. [`crate::rig::solve`] does the same with all frames
+//! at once.
 
 use ndarray::{Array2, Array3, ArrayView1};
 
@@ -44,7 +45,7 @@ impl ShapeFit {
         let mut rows = Array2::zeros((count, ROWS));
         for (mut row, shape) in rows.outer_iter_mut().zip(shapes.outer_iter()) {
             let shape = shape.as_standard_layout();
-            row.assign(&seen(shape.as_slice().expect("standard layout")));
+            row.assign(&measurements(shape.as_slice().expect("standard layout")));
         }
         let wide = rows.mapv(f64::from);
         ShapeFit {
@@ -57,26 +58,27 @@ impl ShapeFit {
 
     /// The weights `[S]` of the next frame; `frame`: `[204]`, canonical metres.
     pub(super) fn next(&mut self, frame: &[f32]) -> &[f64] {
-        let seen = seen(frame);
+        let measured = measurements(frame);
         let right: Vec<f64> = (self.shapes.outer_iter())
-            .map(|shape| f64::from(dot(shape, seen.view())))
+            .map(|shape| f64::from(dot(shape, measured.view())))
             .collect();
         let before = self.last.clone();
         for _ in 0..MOST_SWEEPS {
             let mut moved: f64 = 0.0;
             for s in 0..right.len() {
-                let own = self.gram[[s, s]];
-                if own < 1e-6 {
+                let square = self.gram[[s, s]];
+                if square < 1e-6 {
                     continue;
                 }
                 let row = self.gram.row(s);
                 let all: f64 = row.iter().zip(&self.last).map(|(g, w)| g * w).sum();
-                let others = all - own * self.last[s];
-                let (mut pull, mut weight) = (right[s] - others, own * (1.0 + RIDGE + SMOOTHNESS));
-                pull += SMOOTHNESS * own * before[s];
+                let others = all - square * self.last[s];
+                let (mut pull, mut weight) =
+                    (right[s] - others, square * (1.0 + RIDGE + SMOOTHNESS));
+                pull += SMOOTHNESS * square * before[s];
                 if let Some(other) = self.mirror[s] {
-                    pull += SYMMETRY * own * self.last[other];
-                    weight += SYMMETRY * own;
+                    pull += SYMMETRY * square * self.last[other];
+                    weight += SYMMETRY * square;
                 }
                 let best = (pull / weight).clamp(0.0, 1.0);
                 moved = moved.max((best - self.last[s]).abs());
@@ -94,8 +96,8 @@ fn dot(a: ArrayView1<'_, f32>, b: ArrayView1<'_, f32>) -> f32 {
     a.iter().zip(b).map(|(x, y)| x * y).sum()
 }
 
-/// What counts of a frame `[204]`: its coordinates and the gaps between its lips, millimetres.
-fn seen(frame: &[f32]) -> ndarray::Array1<f32> {
+/// What the fit compares of a frame `[204]`: its coordinates and the weighted gaps between its lips, millimetres.
+fn measurements(frame: &[f32]) -> ndarray::Array1<f32> {
     let gap = |&(upper, lower): &(usize, usize)| frame[3 * upper + 1] - frame[3 * lower + 1];
     let gaps = INNER_LIPS.iter().map(|pair| GAP * gap(pair));
     frame.iter().copied().chain(gaps).map(|x| MM * x).collect()

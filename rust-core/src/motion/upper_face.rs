@@ -108,13 +108,13 @@ impl<'a> Lids<'a> {
         (gap(a) + gap(b)) / (full(a) + full(b))
     }
 
-    /// Lets one pair of lids be no further ahead of the other on the way to closing than `most`, metres:
-    /// then a blink closes both. The mean gap stays.
+    /// Lets one pair of lids be ahead of the other on the way to closing by at most `most`, metres, so that a blink
+    /// closes both. The mean gap stays.
     pub(super) fn even(&self, frame: &mut ArrayViewMut2<'_, f32>, most: f32) {
         let closure = self.closure(frame);
         let [(up, low), (other, _)] = self.eye.pairs;
-        let wanted = closure * (self.mode[[up, 1]] - self.mode[[low, 1]]);
-        let ahead = frame[[up, 1]] - frame[[low, 1]] - wanted;
+        let even_gap = closure * (self.mode[[up, 1]] - self.mode[[low, 1]]);
+        let ahead = frame[[up, 1]] - frame[[low, 1]] - even_gap;
         let excess = ahead - ahead.clamp(-most, most);
         frame[[up, 1]] -= excess;
         frame[[other, 1]] += excess;

@@ -59,9 +59,9 @@ impl Modulated<'_> {
             for (t, row) in values.chunks_exact_mut(width).enumerate() {
                 normalise(row);
                 let (shift, scale) = (self.part(t, 0), self.part(t, 1));
-                let (own_shift, own_scale) = (self.layer_part(0), self.layer_part(1));
+                let (layer_shift, layer_scale) = (self.layer_part(0), self.layer_part(1));
                 for c in 0..width {
-                    row[c] = row[c] * (1.0 + scale[c] + own_scale[c]) + shift[c] + own_shift[c];
+                    row[c] = row[c] * (1.0 + scale[c] + layer_scale[c]) + shift[c] + layer_shift[c];
                 }
             }
         });

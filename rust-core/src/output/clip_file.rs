@@ -1,4 +1,4 @@
-//! A clip into a file as its frames are made.
+//! Writes a clip into a file while its frames are made.
 
 use std::{
     fs::File,
@@ -32,7 +32,7 @@ use crate::{
     spread::{Animation, ClipStart, FrameBlock, FrameSink},
 };
 
-/// A file that takes the frames of a clip; it is there when the last one was taken, and never half.
+/// A file that takes the frames of a clip. It appears when the last frame is written, so nobody sees half a file.
 ///
 /// npz: `displacements` `[T, V, 3]`, `landmarks_neutral` `[68, 3]`, `landmark_displacements`
 /// `[T, 68, 3]` as f32 in mesh units, `fps`, and where they are known `head` `[T, 3]`, `gaze` `[T, 2, 2]` and `tongue`
@@ -225,7 +225,7 @@ pub(super) struct Writer<W: Write + Seek> {
     frames: usize,
     vertices: usize,
     fps: f64,
-    taken: usize,
+    frames_written: usize,
 }
 
 enum Body<W: Write + Seek> {
@@ -273,15 +273,15 @@ impl<W: Write + Seek> Writer<W> {
             frames: start.frames,
             vertices,
             fps: start.fps,
-            taken: 0,
+            frames_written: 0,
         })
     }
 
-    /// Appends frames and holds them to what the header has announced.
+    /// Appends frames, and checks their number and sizes against the header.
     pub(super) fn write(&mut self, path: &Path, block: ArrayView3<'_, f32>) -> Result<()> {
         let (frames, vertices, axes) = block.dim();
-        self.taken += frames;
-        if vertices != self.vertices || axes != 3 || self.taken > self.frames {
+        self.frames_written += frames;
+        if vertices != self.vertices || axes != 3 || self.frames_written > self.frames {
             return Err(self.mismatch(vertices));
         }
         match &mut self.body {
@@ -302,7 +302,7 @@ impl<W: Write + Seek> Writer<W> {
         life: Option<&Life>,
         beside: &Beside,
     ) -> Result<()> {
-        if self.taken != self.frames {
+        if self.frames_written != self.frames {
             return Err(self.mismatch(self.vertices));
         }
         let end = match self.body {
@@ -346,7 +346,7 @@ impl<W: Write + Seek> Writer<W> {
         Error::ShapeMismatch {
             what: "displacements",
             expected: format!("[{}, {}, 3]", self.frames, self.vertices),
-            got: format!("[{}, {vertices}, 3]", self.taken),
+            got: format!("[{}, {vertices}, 3]", self.frames_written),
         }
     }
 }

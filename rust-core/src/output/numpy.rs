@@ -70,11 +70,11 @@ impl NumpyArchive {
         let values = numbers(&stored, |x| x as f32).map_err(|e| self.bad(name, &e))?;
         let shape = IxDyn(&stored.shape).set_f(stored.is_fortran);
         let array = Array::from_shape_vec(shape, values).map_err(|e| self.bad(name, &e))?;
-        let (shape, wanted) = (stored.shape, D::NDIM.unwrap_or_default());
+        let (shape, dimensions) = (stored.shape, D::NDIM.unwrap_or_default());
         array.into_dimensionality::<D>().map_err(|_| {
             self.bad(
                 name,
-                &format!("expected {wanted} dimensions, got {shape:?}"),
+                &format!("expected {dimensions} dimensions, got {shape:?}"),
             )
         })
     }
@@ -131,18 +131,18 @@ fn read_entry(zip: &mut ZipArchive<BufReader<Input>>, name: &str) -> Result<Vec<
         ));
     }
     let mut bytes = Vec::new();
-    let wanted = usize::try_from(size).map_err(|e| e.to_string())?;
+    let length = usize::try_from(size).map_err(|e| e.to_string())?;
     if entry.compressed_size() == size {
-        // What is stored plainly lies in the file, or reading ends early.
+        // An entry without compression is as long as it claims, or reading ends early.
         bytes
-            .try_reserve(wanted.min(1 << 24))
+            .try_reserve(length.min(1 << 24))
             .map_err(|e| e.to_string())?;
     }
     let read = entry.by_ref().take(size).read_to_end(&mut bytes);
     read.map_err(|e| e.to_string())?;
-    match bytes.len() == wanted {
+    match bytes.len() == length {
         true => Ok(bytes),
-        false => Err(format!("expected {wanted} bytes, got {}", bytes.len())),
+        false => Err(format!("expected {length} bytes, got {}", bytes.len())),
     }
 }
 

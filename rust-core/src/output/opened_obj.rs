@@ -1,5 +1,5 @@
-//! A mesh whose mouth was opened as OBJ: what the old file says of texture, normals, materials, objects
-//! and groups stays.
+//! Writes a mesh whose mouth was opened as OBJ. Texture coordinates, normals, materials, objects and groups of the old
+//! file stay.
 
 use std::{fmt::Write as _, path::Path};
 
@@ -19,8 +19,8 @@ const BAG: &str = "mouth_inside";
 /// Words of an OBJ file for vertices, texture coordinates and normals.
 const KINDS: [&str; 3] = ["v", "vt", "vn"];
 
-/// Writes the new mesh. `source`: the bytes of the old file where that was OBJ: its lines stay but for
-/// the faces at the mouth; untouched polygons stay polygons.
+/// Writes the new mesh. `source`: the bytes of the old file if that was OBJ. All its lines stay except the faces at the
+/// mouth, and polygons that were not cut stay polygons.
 ///
 /// # Errors
 /// `Io` if the file cannot be written.
@@ -159,16 +159,16 @@ impl<'a> Rewriter<'a> {
         out
     }
 
-    /// Writes one polygon, or its pieces where it was cut; `first`: the number of its first triangle.
-    /// Returns that of the next polygon.
+    /// Writes one polygon, or its pieces if it was cut. `first`: the number of its first triangle. Returns the number
+    /// of the next polygon's first triangle.
     fn add_polygon(&mut self, corners: &[Corner], first: usize, text: &mut String) -> usize {
         let polygon: Vec<u32> = corners.iter().map(|c| c[0].unwrap_or(0) as u32).collect();
         let mut triangles = Vec::new();
         triangulate(&self.old.positions, &polygon, &mut triangles);
         let next = first + triangles.len();
-        let own: Vec<usize> = self.pieces[first..next].iter().flatten().copied().collect();
+        let pieces: Vec<usize> = self.pieces[first..next].iter().flatten().copied().collect();
         let is_skin = |number: usize| number < self.opened.first_lining_triangle;
-        let of_skin = own.iter().filter(|&&n| is_skin(n));
+        let of_skin = pieces.iter().filter(|&&n| is_skin(n));
         let is_whole = of_skin.count() == triangles.len();
         if is_whole {
             let renamed: Vec<Corner> = corners
@@ -177,7 +177,7 @@ impl<'a> Rewriter<'a> {
                 .collect();
             write_face(text, &renamed);
         }
-        for number in own {
+        for number in pieces {
             let in_bag = number >= self.opened.first_inside_triangle;
             if is_whole && is_skin(number) {
                 continue;
@@ -205,7 +205,7 @@ impl<'a> Rewriter<'a> {
         next
     }
 
-    /// Writes the bag as a group of its own, and what was in force before behind it.
+    /// Writes the bag as a separate group. Behind it the group and the material before apply again.
     fn add_bag(&mut self, text: &mut String) {
         let bag = std::mem::take(&mut self.bag);
         let _ = writeln!(text, "g {BAG}");
@@ -221,13 +221,13 @@ impl<'a> Rewriter<'a> {
         text.push_str(if self.material.is_some() { "\n" } else { "" });
     }
 
-    /// A corner of a polygon that was not cut, with the number of its vertex now.
+    /// A corner of a polygon that was not cut, with the new number of its vertex.
     fn renamed(&self, corner: &Corner, triangles: std::ops::Range<usize>) -> Corner {
-        let own = triangles.flat_map(|t| {
+        let corners = triangles.flat_map(|t| {
             let new = self.opened.mesh.triangles[self.pieces[t][0]];
             self.old.triangles[t].into_iter().zip(new)
         });
-        let now = own
+        let now = corners
             .into_iter()
             .find(|(old, _)| Some(*old as usize) == corner[0]);
         [
@@ -237,7 +237,7 @@ impl<'a> Rewriter<'a> {
         ]
     }
 
-    /// A corner between those of a triangle; adds texture coordinates and normals that are in between.
+    /// A corner between those of a triangle. Adds texture coordinates and a normal in between.
     fn mixed(&mut self, vertex: usize, around: &[Corner; 3], shares: [f32; 3]) -> Corner {
         let mut out = [Some(vertex), None, None];
         for kind in 1..3 {
@@ -313,7 +313,7 @@ f 1/1 2/2 4/3
     /// The second face cut in two between vertices 2 and 5, and one face of a bag.
     fn opened() -> (Mesh, OpenedFace) {
         let old = Mesh::parse(SOURCE.as_bytes()).unwrap();
-        let own = [[1.0, 0.0, 0.0], [0.0, 1.0, 0.0], [0.0, 0.0, 1.0]];
+        let whole = [[1.0, 0.0, 0.0], [0.0, 1.0, 0.0], [0.0, 0.0, 1.0]];
         let half = [0.5, 0.5, 0.0];
         let source = |triangle: u32, corners: [[f32; 3]; 3]| TriangleSource { triangle, corners };
         let mut positions = old.positions.clone();
@@ -337,11 +337,11 @@ f 1/1 2/2 4/3
             },
             vertex_sources: Vec::new(),
             triangle_sources: vec![
-                source(0, own),
-                source(1, own),
-                source(2, [own[0], half, own[2]]),
-                source(2, [half, own[1], own[2]]),
-                source(3, own),
+                source(0, whole),
+                source(1, whole),
+                source(2, [whole[0], half, whole[2]]),
+                source(2, [half, whole[1], whole[2]]),
+                source(3, whole),
                 source(2, [half; 3]),
             ],
             first_inside_vertex: 6,

@@ -90,31 +90,31 @@ pub fn warnings_of_sound(levels: &Levels) -> Vec<String> {
 impl Report {
     /// Notes how far things move, and warns where nobody sees a face speak.
     ///
-    /// `extent`: mesh units, with which `metres_per_unit` goes. `articulation`: what the lips were asked for.
+    /// `extent`: mesh units, `metres_per_unit` long. `articulation`: the control's value.
     pub fn note_motion(&mut self, extent: &Extent, metres_per_unit: f64, articulation: f32) {
         let to_mm = 1000.0 * metres_per_unit as f32;
         let moved_mm = to_mm * extent.landmarks;
         self.largest_displacement = extent.largest;
         self.largest_displacement_mm = extent.largest.map(|units| units * to_mm);
         self.largest_landmark_displacement_mm = Some(moved_mm);
-        let seen_mm = self.largest_displacement_mm.unwrap_or(moved_mm);
+        let mesh_mm = self.largest_displacement_mm.unwrap_or(moved_mm);
         let lips_mm = to_mm * extent.lips;
         let face_mm = 1000.0 * DISPLACEMENT.face;
-        if seen_mm.max(moved_mm) > face_mm {
-            let farthest = seen_mm.max(moved_mm);
+        if mesh_mm.max(moved_mm) > face_mm {
+            let farthest = mesh_mm.max(moved_mm);
             self.warnings.push(format!(
                 "something moves by {farthest:.0} mm on a human head, which no face does (up to {face_mm:.0}); is the \
                  motion in another unit, or the face smaller than it was found?"
             ));
         }
-        self.warnings.extend(match Visibility::of(seen_mm, lips_mm, articulation) {
+        self.warnings.extend(match Visibility::of(mesh_mm, lips_mm, articulation) {
             Visibility::Speaks => None,
             Visibility::Nothing if moved_mm >= VISIBLE_MM => Some(format!(
-                "the landmarks move by up to {moved_mm:.2} mm but the mesh by {seen_mm:.3} mm only; are \
+                "the landmarks move by up to {moved_mm:.2} mm but the mesh by {mesh_mm:.3} mm only; are \
                  the landmarks on the face?"
             )),
             Visibility::Nothing => Some(format!(
-                "nothing moves visibly: by {seen_mm:.3} mm on a human head at most; is there speech in \
+                "nothing moves visibly: by {mesh_mm:.3} mm on a human head at most; is there speech in \
                  the sound, and on the channel that carries it?"
             )),
             Visibility::LipsRest => Some(format!(

@@ -1,8 +1,8 @@
 //! Takes of one face as weights of ARKit's shapes, without the frames in between.
 //!
-//! The weights are those that [`TakeShapes`] solves on all vertices. A solve sees the motion through its products with the
-//! shapes alone, and the deformer knows these for landmarks ([`ShapeProducts`]), so that a take costs the same on a mesh of
-//! any size but for the vertices about mouth and eyes.
+//! The weights are those that [`TakeShapes`] solves on all vertices. A solve needs only the products of the motion with
+//! the shapes, and the deformer computes these from landmarks ([`ShapeProducts`]). So a take costs the same on a mesh
+//! of any size, except for the vertices about mouth and eyes.
 
 use std::{collections::BTreeSet, sync::Arc};
 
@@ -23,7 +23,7 @@ pub struct TakeWeights {
     shapes: TakeShapes,
     rig: Arc<Rig>,
     solver: ShapeSolver,
-    /// Numbers of the shapes that are solved for where the eyes' are known.
+    /// Numbers of the shapes that remain to be solved for when the weights of looks are known.
     without_eyes: Vec<usize>,
     /// `[52]`, by how much each shape parts the lips, millimetres on a human head.
     opening_mm: Vec<f32>,
@@ -46,8 +46,8 @@ struct ShownTongue {
 }
 
 impl TakeWeights {
-    /// Makes everything that does not depend on a take: some passes over the vertices. `rig`: of `face`, whose first shapes are
-    /// [`ARKIT`].
+    /// Computes everything that does not depend on a take, in a few passes over the vertices. `rig`: of `face`; its
+    /// first shapes are [`ARKIT`].
     pub(crate) fn new(face: &Face, rig: Arc<Rig>, deformer: &dyn Deformer) -> TakeWeights {
         let shapes = TakeShapes::new(Arc::clone(&rig), &face.landmarks.vertices);
         let deltas = rig.deltas.slice(ndarray::s![..ARKIT.len(), .., ..]);
@@ -72,12 +72,12 @@ impl TakeWeights {
         &self.rig
     }
 
-    /// How far the lips are apart beyond the face at rest under weights `[T, 52]`: `[T]`, millimetres on a human head.
+    /// By how much weights `[T, 52]` part the lips further than at rest: `[T]`, millimetres on a human head.
     pub fn lip_gap_mm(&self, weights: &Array2<f32>) -> Vec<f32> {
         weights.dot(&ndarray::aview1(&self.opening_mm)).to_vec()
     }
 
-    /// Weights `[T, 52]` of a take of landmarks on the mean face; `None` where that needs all its frames.
+    /// Weights `[T, 52]` of a take of landmarks on the mean face; `None` where the solve needs all frames.
     ///
     /// # Errors
     /// Those of [`crate::rig::solve`].
@@ -91,8 +91,8 @@ impl TakeWeights {
         let Some(quick) = &self.quick else {
             return Ok(None);
         };
-        let own = face.own_motion(clip.displacements.view());
-        let mut sums = quick.sums(&own, life)?;
+        let landmarks = face.own_motion(clip.displacements.view());
+        let mut sums = quick.sums(&landmarks, life)?;
         let mut weights = looks(clip.displacements.len_of(Axis(0)), Some(life));
         let options = SolveOptions::default();
         if weights.iter().all(|w| *w == 0.0) {
@@ -117,7 +117,7 @@ impl TakeWeights {
         self.shapes.arkit(frames.view(), Some(life))
     }
 
-    /// Weights `[T, 52]` of a take that is weights already, with lips that meet on this face.
+    /// Weights `[T, 52]` of a take that consists of weights, changed so that lips meet on this face.
     pub(crate) fn of_weights(&self, face: &Face, clip: &WeightClip, life: &Life) -> Array2<f32> {
         let closed = closed_on(face, &self.rig, clip);
         let mut weights = looks(closed.weights.nrows(), Some(life));
@@ -156,9 +156,9 @@ impl Quick {
         })
     }
 
-    /// Of motion `[T, 68, 3]` of the face's own landmarks, with the tongue that goes with it.
-    fn sums(&self, own: &Array3<f32>, life: &Life) -> Result<MotionSums> {
-        let (mut products, mut moved) = self.products.of(own.view())?;
+    /// The sums of a solve for the motion `landmarks` `[T, 68, 3]` of the face, mesh units, with the tongue of `life`.
+    fn sums(&self, landmarks: &Array3<f32>, life: &Life) -> Result<MotionSums> {
+        let (mut products, mut moved) = self.products.of(landmarks.view())?;
         if let Some(ShownTongue { tongue, shapes }) = &self.tongue {
             let before = moved.clone();
             tongue.speak(life.tongue.view(), &mut moved);
@@ -175,7 +175,8 @@ impl Quick {
     }
 }
 
-/// The mean over pairs of lip vertices of the height that each shape brings between them; `gaps`: `[52, 3 N]`, mesh units.
+/// By how much each shape parts the lips: the mean over pairs of lip vertices, millimetres on a human head. `gaps`:
+/// `[52, 3 N]`, mesh units.
 fn opening_mm(face: &Face, gaps: &Array2<f64>) -> Vec<f32> {
     let to_mm = 1e3 * face.metres_per_unit();
     let pairs = (gaps.ncols() / 3).max(1) as f64;

@@ -1,8 +1,9 @@
 //! A clip or a rig as morph targets: sparse shapes, each with a weight from 0 to 1 in every frame.
 //!
-//! Files of scenes hold no vertex positions over time, or hold them so that few programs read them; all read shapes and
-//! weights. Many programs cut weights below 0 off, so the weights of a component are raised until none is below, and one more
-//! shape of weight 1 takes back what that adds: all weights at 0 are the mesh at rest, half of all weights half the motion.
+//! Files of scenes hold no vertex positions over time, or hold them so that few programs can read them. All programs
+//! read shapes and weights. Many set weights below 0 to 0. So the weights of a component are raised until none is below
+//! 0, and one more shape of weight 1 takes back what that adds. All weights at 0 give the mesh at rest, and half of all
+//! weights gives half the motion.
 
 use ndarray::{Array1, Array2, ArrayView2, Axis, concatenate};
 
@@ -15,9 +16,10 @@ use crate::{
     rig::{ARKIT, EyeLook},
 };
 
-/// Every vertex comes this near to its place in every frame by the shapes of a clip, metres on a head of human size.
+/// Largest distance of a vertex from its place, in any frame under the shapes of a clip, metres on a head of human
+/// size.
 const MAX_ERROR_M: f32 = 7e-6;
-/// By so much more at most what shapes leave out of a vertex moves it, all together.
+/// Largest further distance from displacements that all shapes together leave out at a vertex.
 const MAX_LEFT_OUT_M: f32 = 2e-6;
 /// A shape of a rig holds a vertex that it moves by more than this.
 const LEAST_M: f32 = 2e-6;
@@ -86,12 +88,13 @@ impl Targets {
         })
     }
 
-    /// The same with eyes that look, by weights `[T, 52]` of [`ARKIT`]; those that never look stay out.
+    /// Adds shapes of eyes that look, with their weights from `[T, 52]` of [`ARKIT`]. Looks whose weight stays 0 are
+    /// left out.
     pub(super) fn with_looks(mut self, eyes: &[EyeLook], weights: ArrayView2<'_, f32>) -> Targets {
         for look in eyes {
             let place = ARKIT.iter().position(|name| *name == look.name);
             let column = place.map(|place| weights.column(place));
-            if let Some(column) = column.filter(|own| own.iter().any(|w| *w > 0.0)) {
+            if let Some(column) = column.filter(|column| column.iter().any(|w| *w > 0.0)) {
                 let with = concatenate![Axis(1), self.weights, column.insert_axis(Axis(1))];
                 self.weights = with;
                 self.shapes.push(Target {
@@ -103,8 +106,8 @@ impl Targets {
         self
     }
 
-    /// The shapes of a rig of these names, in their order, which do not play yet; those that it lacks and those that move
-    /// nothing are left out.
+    /// The shapes of a rig with these names, in this order, without weights over time. Shapes that the rig lacks and
+    /// shapes that move nothing are left out.
     pub(super) fn of_rig<'a>(
         rig: &Rig,
         names: impl IntoIterator<Item = &'a str>,
@@ -126,24 +129,24 @@ impl Targets {
         }
     }
 
-    /// The same with weights over time: `[T, S]` of shapes of these names.
+    /// Adds weights over time, `[T, S]`, of shapes with these names. Shapes without a name in the list stay at 0.
     pub(super) fn playing(self, names: &[&str], weights: ArrayView2<'_, f32>, fps: f64) -> Targets {
-        let mut own = Array2::zeros((weights.nrows(), self.shapes.len()));
-        for (mut column, shape) in own.axis_iter_mut(Axis(1)).zip(&self.shapes) {
+        let mut target_weights = Array2::zeros((weights.nrows(), self.shapes.len()));
+        for (mut column, shape) in target_weights.axis_iter_mut(Axis(1)).zip(&self.shapes) {
             if let Some(place) = names.iter().position(|name| *name == shape.name) {
                 column.assign(&weights.column(place));
             }
         }
         Targets {
-            weights: own,
+            weights: target_weights,
             fps,
             ..self
         }
     }
 }
 
-/// Takes the least displacements out of shapes `[K, V, 3]` whose weights are within −1 to 1, so that no vertex
-/// loses more than `most` in any frame.
+/// Sets the smallest displacements of shapes `[K, V, 3]` to 0 so that no vertex loses more than `most` in any frame.
+/// The weights are within −1 to 1.
 fn leave_out(shapes: &mut ndarray::Array3<f32>, most: f32) {
     for mut vertex in shapes.axis_iter_mut(Axis(1)) {
         let length = |row: ndarray::ArrayView1<'_, f32>| row.dot(&row).sqrt();

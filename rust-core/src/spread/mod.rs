@@ -65,7 +65,7 @@ impl<'a> From<&'a Motion> for Movement<'a> {
     }
 }
 
-/// Motion on its way to one mesh.
+/// A motion that is prepared for one mesh.
 pub struct Spread<'a> {
     face: &'a Face,
     fps: f64,
@@ -85,7 +85,7 @@ enum Way<'a> {
     Mixed(Box<[(Spread<'a>, Vec<f32>); 2]>),
 }
 
-/// Landmarks on their way to one mesh.
+/// Landmark motion that is prepared for one mesh.
 struct SpreadLandmarks<'a> {
     deformer: &'a dyn Deformer,
     /// `[T, 68, 3]`, mesh units and axes.
@@ -113,16 +113,16 @@ impl SpreadLandmarks<'_> {
     }
 }
 
-/// Weights on their way to one mesh. Shapes add up in straight lines, which neither meet at the lids under every
-/// expression nor slide over an eyeball: what shuts the lids of landmark motion shuts them here.
+/// Weights that are prepared for one mesh. Shapes add up in straight lines, so lids that they close neither meet under
+/// every expression nor slide over the eyeball. The deformer shuts the lids here, as it does under landmark motion.
 pub struct WeightedShapes<'a> {
-    /// Shapes of the mesh; those that it has no shape for move nothing.
+    /// Shapes of the mesh. Weights of shapes that it lacks move nothing.
     pub rig: Arc<Rig>,
     /// Their weights.
     pub clip: Cow<'a, WeightClip>,
-    /// What knows the lids of the mesh.
+    /// Shuts the lids of the mesh.
     pub deformer: &'a dyn Deformer,
-    /// What the weights ask of the landmarks, `[T, 68, 3]`, mesh units and axes.
+    /// The landmark motion that the weights describe, `[T, 68, 3]`, mesh units and axes.
     pub landmarks: Array3<f32>,
 }
 
@@ -161,7 +161,7 @@ impl<'a> Spread<'a> {
         }
     }
 
-    /// The same for the landmarks of codes, which move vertices by their own field as well where the face has one.
+    /// Motion of codes: their landmarks move the mesh, and where the face has a field of codes, that field does too.
     ///
     /// # Errors
     /// `ShapeMismatch` for another number of frames.
@@ -174,8 +174,8 @@ impl<'a> Spread<'a> {
         let CodeClip {
             codes, landmarks, ..
         } = clip;
-        let own = face.own_motion(landmarks.displacements.view());
-        let mut spread = Spread::of_landmarks(face, deformer, own, landmarks.fps);
+        let motion = face.own_motion(landmarks.displacements.view());
+        let mut spread = Spread::of_landmarks(face, deformer, motion, landmarks.fps);
         if codes.nrows() != spread.frames {
             return Err(Error::ShapeMismatch {
                 what: "codes of a motion",
@@ -251,20 +251,20 @@ impl<'a> Spread<'a> {
             return Ok(self);
         }
         match FaceTongue::find(self.face) {
-            Ok(found) => self.speak(&found, tongue),
+            Ok(face_tongue) => self.speak(&face_tongue, tongue),
             Err(complaint) => self.notes.push(complaint.into()),
         }
         Ok(self)
     }
 
-    /// Lets the tongue speak; in a mixture beside the jaw of each part, so that parts add up.
-    fn speak(&mut self, found: &FaceTongue, track: ArrayView2<'_, f32>) {
+    /// Lets the tongue speak. In a mixture it speaks beside the jaw of each part, so that the parts add up.
+    fn speak(&mut self, tongue: &FaceTongue, track: ArrayView2<'_, f32>) {
         match &mut self.way {
             Way::Mixed(parts) => parts
                 .iter_mut()
-                .for_each(|(part, _)| part.speak(found, track)),
+                .for_each(|(part, _)| part.speak(tongue, track)),
             Way::Landmarks(_) | Way::Shapes(_) => {
-                self.tongue = Some((found.clone(), track.to_owned()))
+                self.tongue = Some((tongue.clone(), track.to_owned()))
             }
         }
     }
@@ -302,7 +302,7 @@ impl<'a> Spread<'a> {
         }
     }
 
-    /// What moves the mesh where that is landmarks, `[T, 68, 3]`.
+    /// The landmarks `[T, 68, 3]` that move the mesh; `None` where something else does.
     fn landmarks(&self) -> Option<&Array3<f32>> {
         match &self.way {
             Way::Landmarks(way) => Some(&way.landmarks),
@@ -310,7 +310,7 @@ impl<'a> Spread<'a> {
         }
     }
 
-    /// Makes all frames and hands them to `sink`, the next block while the last one is taken.
+    /// Makes all frames and hands them to `sink`. While the sink takes one block, the next one is made.
     ///
     /// # Errors
     /// Those of [`Spread::frames`] and of the sink.
@@ -320,12 +320,12 @@ impl<'a> Spread<'a> {
         progress: ProgressFn<'_>,
     ) -> Result<SpreadReport> {
         sink.begin(&self.start())?;
-        let made = self.part_into_sink(sink, progress)?;
+        let report = self.part_into_sink(sink, progress)?;
         sink.finish()?;
-        Ok(made)
+        Ok(report)
     }
 
-    /// Makes all frames and hands them to a sink that has begun and expects more than these.
+    /// Makes all frames and hands them to a sink that has begun and expects further frames beside these.
     ///
     /// # Errors
     /// Those of [`Spread::frames`] and of the sink.
@@ -341,16 +341,16 @@ impl<'a> Spread<'a> {
         let make = |stretch: Range<usize>| Block::make(&self, stretch, progress);
         let mut landmarks = Array3::zeros((self.frames, LANDMARKS, 3));
         let mut largest = 0.0f32;
-        let mut made = stretches.next().map(make);
-        while let Some(block) = made {
+        let mut pending = stretches.next().map(make);
+        while let Some(block) = pending {
             let block = block?;
             largest = largest.max(block.largest);
             let mut target = landmarks.slice_axis_mut(Axis(0), Slice::from(block.stretch));
             target.assign(&block.frames.landmarks);
             let following = stretches.next();
-            let (taken, next) = rayon::join(|| sink.take(block.frames), || following.map(make));
-            taken?;
-            made = next;
+            let (written, next) = rayon::join(|| sink.take(block.frames), || following.map(make));
+            written?;
+            pending = next;
         }
         Ok(SpreadReport {
             largest,
@@ -404,27 +404,27 @@ pub(crate) fn of_shapes(rig: &Rig, vertices: &[usize], clip: &WeightClip) -> Arr
     mixed(&part, clip, 0..clip.weights.nrows())
 }
 
-/// Where the weights of a clip stand, and the shapes of the mesh that they move.
+/// Columns of the weights of a clip with the numbers of the shapes of the mesh that they move.
 fn pairs(rig: &Rig, clip: &WeightClip) -> Vec<(usize, usize)> {
     let shape_of = |name: &String| rig.names.iter().position(|known| known == name);
-    let found = clip.names.iter().enumerate();
-    found
+    let names = clip.names.iter().enumerate();
+    names
         .filter_map(|(w, name)| Some((w, shape_of(name)?)))
         .collect()
 }
 
-/// The clip with lips that meet on this very face where they have to; lips that are one surface stay.
+/// The clip with lips that meet on this face wherever the clip says so. Lips that are one surface stay as they are.
 pub(crate) fn closed_on<'a>(face: &Face, rig: &Rig, clip: &'a WeightClip) -> Cow<'a, WeightClip> {
     if clip.together.is_empty() || face.mouth() == Mouth::Welded {
         return Cow::Borrowed(clip);
     }
-    let own = face
+    let landmark_deltas = face
         .to_canonical
         .displacements_to_canonical(at_landmarks(face, &rig.deltas).view());
     let mut shapes = Array3::zeros((clip.names.len(), LANDMARKS, 3));
     for (name, mut shape) in clip.names.iter().zip(shapes.outer_iter_mut()) {
         if let Some(known) = rig.names.iter().position(|known| known == name) {
-            shape.assign(&own.index_axis(Axis(0), known));
+            shape.assign(&landmark_deltas.index_axis(Axis(0), known));
         }
     }
     let mut closed = clip.clone();

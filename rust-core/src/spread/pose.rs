@@ -5,8 +5,8 @@ use ndarray::{ArrayView2, Axis};
 use super::FaceTongue;
 use crate::{Result, face::Face, job::SILENT, motion::Pose};
 
-/// The pose in which the vertices of a face are displaced by `moved` `[V, 3]`, mesh units and axes: a pose that a motion
-/// may start from. What the tongue does beside the jaw is found on a face that was prepared; on others it rests.
+/// The pose of a face whose vertices are displaced by `moved` `[V, 3]`, mesh units and axes. A motion may start from
+/// it. The pose has the tongue's part beside the jaw if the face was prepared. On other faces the tongue rests.
 ///
 /// # Errors
 /// Those of [`Face::pose_of`].
@@ -14,8 +14,8 @@ pub fn pose_on(face: &Face, moved: ArrayView2<'_, f32>) -> Result<Pose> {
     let mut pose = Pose::from(face.pose_of(moved)?);
     if let (Some(deformer), Ok(tongue)) = (face.known_deformer(), FaceTongue::find(face)) {
         let landmarks = ArrayView2::from(&pose.landmarks).insert_axis(Axis(0));
-        let own = face.own_motion(landmarks);
-        let jaw = deformer.deform(own.view(), SILENT)?;
+        let motion = face.own_motion(landmarks);
+        let jaw = deformer.deform(motion.view(), SILENT)?;
         pose.tongue = tongue.shares_of(moved, jaw.index_axis(Axis(0), 0));
     }
     Ok(pose)

@@ -1,8 +1,8 @@
-//! The vertices of a template on the mesh of a face: what follows its surface, and how far.
+//! Lays a template on the mesh of a face: which vertices follow its surface, and by which share.
 //!
-//! The template is bent onto the face as [`ReferencePoints`] are, by its landmarks. Every row of the skin takes what the
-//! nearest place of that surface that faces the same way does; less the farther it lies from it, where the template ends,
-//! and about lips and lids, which keep to their landmarks.
+//! The template is bent onto the face by its landmarks, as [`ReferencePoints`] are. Every row of the skin follows the
+//! nearest place of the bent surface that faces the same way. It follows less the farther it lies from that place, near
+//! the border of the template, and near lips and lids, which follow their landmarks.
 
 use glam::Vec3;
 use ndarray::{Array3, ArrayView3, Axis};
@@ -20,10 +20,11 @@ use crate::{
 };
 
 const CM_PER_M: f32 = 100.0;
-/// Nearer to the template's surface than the first a row follows wholly, farther than the second not at all;
-/// centimetres, as everywhere below.
+/// A row within the first distance of the template's surface follows it wholly, beyond the second not at all. All
+/// lengths are centimetres.
 const NEAR_CM: (f32, f32) = (1.0, 2.0);
-/// The same for where the template ends, and for lips and lids, where nothing follows nearer than the first.
+/// Within the first distance of the template's border, of the lips and of the lids nothing follows; beyond the second
+/// rows follow wholly.
 const BORDER_CM: (f32, f32) = (0.0, 0.5);
 const LIPS_CM: (f32, f32) = (0.2, 1.0);
 const LIDS_CM: (f32, f32) = (0.2, 0.8);
@@ -34,9 +35,9 @@ const SAME_WAY: f32 = 0.2;
 pub struct TemplateOnFace {
     to_canonical: Similarity,
     landmarks: [usize; LANDMARKS],
-    /// `[V]`, vertices of the template and by which shares each is followed.
+    /// `[V]`, the vertices of the template that each vertex follows, with their shares.
     followed: Vec<Vec<(u32, f32)>>,
-    /// `[V]`, by which share the template is followed, 0 to 1.
+    /// `[V]`, the share by which each vertex follows the template, 0 to 1.
     shares: Vec<f32>,
 }
 
@@ -65,16 +66,16 @@ impl TemplateOnFace {
         let all: Vec<u32> = (0..row_shares.len() as u32).collect();
         fade::even_out(&mut row_shares, &rows.triangles, &all);
         let of_vertex = |v: usize| {
-            let (mut followed, mut felt, mut whole) = (Vec::new(), 0.0, 0.0);
+            let (mut followed, mut share_sum, mut total) = (Vec::new(), 0.0, 0.0);
             for (row, by) in surface.rows_followed(v) {
                 let (place, by_row) = (&places[row], by * share * row_shares[row]);
-                whole += by;
-                felt += by_row;
+                total += by;
+                share_sum += by_row;
                 let corners = place.corners.iter().zip(place.weights);
                 followed.extend(corners.map(|(&corner, weight)| (corner, by_row * weight)));
             }
-            match felt > 0.0 {
-                true => (followed, felt / whole),
+            match share_sum > 0.0 {
+                true => (followed, share_sum / total),
                 false => (Vec::new(), 0.0),
             }
         };
@@ -98,21 +99,21 @@ impl TemplateOnFace {
         motion.select(Axis(1), &self.landmarks)
     }
 
-    /// What is to be added to `base` `[t, V, 3]`, motion of the mesh, so that vertices that follow the template move
-    /// as it does under `motion` `[t, V', 3]`, canonical metres: `[t, V, 3]`, mesh units and axes.
+    /// The displacements `[t, V, 3]`, mesh units and axes, that must be added to the motion `base` `[t, V, 3]` of the
+    /// mesh so that the vertices follow the template under `motion` `[t, V', 3]`, canonical metres.
     pub fn beyond(&self, motion: ArrayView3<'_, f32>, base: &Array3<f32>) -> Array3<f32> {
-        let own = self.to_canonical.displacements_to_mesh(motion);
+        let motion = self.to_canonical.displacements_to_mesh(motion);
         let mut out = Array3::zeros(base.dim());
         let frames = out.axis_iter_mut(Axis(0)).into_par_iter();
-        let made = own.axis_iter(Axis(0)).into_par_iter();
+        let moved = motion.axis_iter(Axis(0)).into_par_iter();
         let bases = base.axis_iter(Axis(0)).into_par_iter();
         frames
-            .zip(made.zip(bases))
-            .for_each(|(mut out, (own, base))| {
+            .zip(moved.zip(bases))
+            .for_each(|(mut out, (motion, base))| {
                 for (v, followed) in self.followed.iter().enumerate() {
                     let mut row = out.row_mut(v);
                     for &(corner, share) in followed {
-                        row.scaled_add(share, &own.row(corner as usize));
+                        row.scaled_add(share, &motion.row(corner as usize));
                     }
                     row.scaled_add(-self.shares[v], &base.row(v));
                 }
@@ -133,13 +134,13 @@ struct Bent {
 impl Bent {
     fn new(template: &Template, landmarks: &[[f32; 3]; LANDMARKS]) -> Bent {
         let cm = |p: [f32; 3]| p.map(|x| CM_PER_M * x);
-        let own = ReferencePoints {
+        let reference = ReferencePoints {
             points: template.mesh.positions.iter().map(|&p| cm(p)).collect(),
             normals: Vec::new(),
             landmarks: template.landmark_positions().map(cm),
         };
         let mesh = Mesh {
-            positions: own.warped(landmarks),
+            positions: reference.warped(landmarks),
             triangles: template.mesh.triangles.clone(),
         };
         let ends = boundary_edges(&mesh.triangles);
@@ -164,15 +165,15 @@ impl Bent {
                 side * facing.dot(normals[row].into()) > SAME_WAY * facing.length()
             };
             let p = rows.positions[row];
-            let found = tree.closest_where(p, same)?;
+            let closest = tree.closest_where(p, same)?;
             let (lids, lips) = (&landmarks[36..48], &landmarks[48..]);
-            let share = fade::within(found.distance, NEAR_CM)
-                * fade::beyond(&self.border, found.position, BORDER_CM)
+            let share = fade::within(closest.distance, NEAR_CM)
+                * fade::beyond(&self.border, closest.position, BORDER_CM)
                 * fade::beyond(lids, p, LIDS_CM)
                 * fade::beyond(lips, p, LIPS_CM);
-            let corners = self.mesh.triangles[found.triangle];
+            let corners = self.mesh.triangles[closest.triangle];
             let at = corners.map(|v| self.mesh.point(v));
-            let weights = closest_weights(Vec3::from(found.position).as_dvec3(), at);
+            let weights = closest_weights(Vec3::from(closest.position).as_dvec3(), at);
             Some(Place {
                 corners,
                 weights: weights.map(|w| w as f32),

@@ -1,7 +1,7 @@
-//! What a tongue that is a part of its own does beside its jaw.
+//! Moves a tongue that is a separate part, beside the motion of its jaw.
 //!
-//! Fields over its own length raise its tip, middle and back, and bring its tip forward. Lengths are canonical
-//! centimetres, on a mouth 5 cm wide; +y is up, +z out of the face.
+//! Fields over the length of the tongue raise its tip, middle and back, and bring its tip forward. Lengths are
+//! canonical centimetres, on a mouth 5 cm wide. +y is up, +z out of the face.
 
 use std::{array, ops::Range};
 
@@ -27,7 +27,7 @@ const TIP_TOP: f32 = 0.88;
 const PLACE: f32 = 0.15;
 /// Half the length that counts as one cut across it.
 const SLICE: f32 = 0.1;
-/// Share of a rise that the tongue's underside takes part in: the floor of the mouth holds it.
+/// The tongue's underside rises by this share only, because the floor of the mouth holds it.
 const UNDERSIDE: f32 = 0.35;
 /// The farthest that a place rises or the tip goes down and back.
 const RISE_CM: f32 = 1.5;
@@ -36,14 +36,15 @@ const BACKWARD_CM: f32 = 0.3;
 /// palate about 1.5 cm deep.
 const RIDGE_CM: f32 = 0.6;
 const PALATE_CM: f32 = 1.5;
-/// The skin of the tongue stays so far off teeth and palate.
+/// The skin of the tongue stays at least this far from teeth and palate.
 const CLEAR_CM: f32 = 0.03;
-/// Where no upper teeth are found, their inner face lies so far behind the lips.
+/// On a face without upper teeth their inner face is assumed this far behind the lips.
 const INNER_CM: f32 = 1.15;
 /// How far apart the faces of the front teeth are at most.
 const THICK_CM: f32 = 1.2;
 
-/// Height of the inner face of front teeth that is known, at so many heights, and at so many places beside the middle.
+/// Height up to which the inner face of front teeth is sampled, at so many heights and so many places beside the
+/// middle.
 const WALL_CM: f32 = 1.5;
 const WALL_HEIGHTS: usize = 16;
 const WALL_SIDES: usize = 9;
@@ -52,7 +53,7 @@ const SLOPE: f32 = 1.0;
 /// Parts of the side of a triangle between points on it.
 const SAMPLES: usize = 8;
 
-/// Steps by which the shares of a tongue that stands somewhere are found.
+/// First and last step of the search for the shares of a tongue from its vertices.
 const FIRST_STEP: f32 = 0.25;
 const LAST_STEP: f32 = 1e-4;
 
@@ -110,12 +111,11 @@ struct Room {
 }
 
 impl FaceTongue {
-    /// The tongue of a face, or why it has none that moves.
+    /// Finds the tongue of a face, or says why the face has none that moves.
     pub(crate) fn find(face: &Face) -> Result<FaceTongue, &'static str> {
         let (positions, landmarks) = centimetres(face);
-        let found = tongue(&positions, &face.parts, &landmarks);
-        let found = match found {
-            TongueFound::Own(found) => found,
+        let tongue = match tongue(&positions, &face.parts, &landmarks) {
+            TongueFound::Own(tongue) => tongue,
             other => return Err(other.complaint().unwrap_or_default()),
         };
         let lips = middle_of_lips(&landmarks);
@@ -124,11 +124,11 @@ impl FaceTongue {
             .sum::<f32>()
             .sqrt()
             / 5.0;
-        let vertices = vertices(&positions, &found.vertices);
+        let vertices = vertices(&positions, &tongue.vertices);
         let of_role = |role: PartRole| -> Vec<usize> {
             let lists = face.parts.connected.vertices().into_iter();
             let parts = face.parts.parts.iter().zip(lists);
-            let parts = parts.filter(|(part, list)| part.role == role && *list != found.vertices);
+            let parts = parts.filter(|(part, list)| part.role == role && *list != tongue.vertices);
             let numbers = parts.flat_map(|(_, list)| list);
             numbers.map(|v| v as usize).collect()
         };
@@ -158,14 +158,15 @@ impl FaceTongue {
         })
     }
 
-    /// The numbers of its vertices in the mesh, and of those teeth that it depends on.
+    /// Numbers in the mesh of its vertices and of the vertices of the teeth that limit it.
     pub(crate) fn numbers(&self) -> impl Iterator<Item = usize> + '_ {
         let teeth = self.lower.iter().flat_map(|teeth| &teeth.numbers);
-        let own = self.vertices.iter().map(|vertex| vertex.number);
-        own.chain(teeth.copied())
+        let tongue = self.vertices.iter().map(|vertex| vertex.number);
+        tongue.chain(teeth.copied())
     }
 
-    /// The same where the mesh is known by some of its vertices alone, rising; `None` where these lack one of the tongue's.
+    /// The tongue among some vertices of the mesh, `known`, in rising order. `None` if a vertex of the tongue or its
+    /// teeth is missing.
     pub(crate) fn among(mut self, known: &[usize]) -> Option<FaceTongue> {
         for vertex in &mut self.vertices {
             vertex.number = known.binary_search(&vertex.number).ok()?;
@@ -176,7 +177,7 @@ impl FaceTongue {
         Some(self)
     }
 
-    /// Adds what the tongue does, `rows` `[t, 4]`, to the displacements `[t, V, 3]` of the mesh, its own units.
+    /// Adds the motion of the tongue, `rows` `[t, 4]`, to the displacements `[t, V, 3]` of the mesh, mesh units.
     pub(crate) fn speak(&self, rows: ArrayView2<'_, f32>, moved: &mut Array3<f32>) {
         let frames = moved.axis_iter_mut(Axis(0)).into_par_iter();
         frames
@@ -185,7 +186,7 @@ impl FaceTongue {
             .for_each(|(frame, row)| self.speak_frame(frame, row));
     }
 
-    /// Where displacements `[V, 3]` of the mesh, its own units, take the tongue.
+    /// Positions of the tongue under displacements `[V, 3]` of the mesh, mesh units.
     fn now(&self, frame: ArrayView2<'_, f32>) -> Vec<[f32; 3]> {
         let per_unit = 100.0 * self.to_canonical.scale as f32;
         let now = self.vertices.iter().map(|vertex| {
@@ -301,7 +302,7 @@ impl FaceTongue {
                 at_tip * of_tip[0] + at_middle * middle + at_back * back,
                 forward * of_tip[1],
             ];
-            self.room.kept_inside(*now, by, below)
+            self.room.keep_inside(*now, by, below)
         });
         each.collect()
     }
@@ -376,16 +377,16 @@ fn vertices(positions: &[[f32; 3]], numbers: &[u32]) -> Vec<TongueVertex> {
         .iter()
         .map(|&v| {
             let along = share(of(v)[2], (root, tip));
-            let taken = UNDERSIDE + (1.0 - UNDERSIDE) * share(of(v)[1], slice(along));
+            let height_share = UNDERSIDE + (1.0 - UNDERSIDE) * share(of(v)[1], slice(along));
             let of_tip = smooth_step(share(along, TIP));
             TongueVertex {
                 number: v as usize,
                 rest: of(v),
                 along,
                 shares: [
-                    taken * of_tip,
-                    taken * bump(along, MIDDLE),
-                    taken * bump(along, BACK),
+                    height_share * of_tip,
+                    height_share * bump(along, MIDDLE),
+                    height_share * bump(along, BACK),
                     of_tip,
                 ],
             }
@@ -483,8 +484,9 @@ impl Room {
         }
     }
 
-    /// A displacement that brings no vertex farther through roof, upper teeth or the teeth `below` than it is.
-    fn kept_inside(&self, now: [f32; 3], mut by: [f32; 3], below: Option<&Wall>) -> [f32; 3] {
+    /// Shortens a displacement so that it brings the vertex no farther through the roof, the upper teeth or the teeth
+    /// `below` than it already is.
+    fn keep_inside(&self, now: [f32; 3], mut by: [f32; 3], below: Option<&Wall>) -> [f32; 3] {
         let clear = CLEAR_CM * self.unit;
         by[1] = by[1].min((self.roof_at(now[2] + by[2]) - now[1]).max(0.0));
         let height = now[1] + by[1];

@@ -36,8 +36,8 @@ pub(super) fn sparsify(
     let largest = |errors: &[f32]| errors.iter().copied().fold(0.0, f32::max);
     let full = weights.clone();
     let frames: Vec<usize> = (0..weights.nrows()).collect();
-    let telling = Rows::farthest(shapes);
-    telling.sparsify(flat, weights, &frames, &bounds);
+    let farthest = Rows::farthest(shapes);
+    farthest.sparsify(flat, weights, &frames, &bounds);
     let errors = errors_of_frames(flat, weights, shapes);
     // Frames in which a vertex that was not measured went too far are done again with all vertices.
     let mut again = frames;
@@ -240,8 +240,8 @@ mod tests {
                 "{moving} of {}",
                 before.len()
             );
-            let own = weights.iter().zip(&before);
-            assert!(own.into_iter().all(|(w, b)| *w == 0.0 || w == b));
+            let pairs = weights.iter().zip(&before);
+            assert!(pairs.into_iter().all(|(w, b)| *w == 0.0 || w == b));
         }
     }
 
@@ -268,8 +268,8 @@ mod tests {
     #[test]
     fn shapes_that_all_matter_stay() {
         let (flat, weights, shapes) = motion(10, 30);
-        let mut kept = weights.clone();
-        sparsify(&flat, &mut kept, &shapes, 0.0, 0.0);
-        assert_eq!(kept, weights);
+        let mut sparse = weights.clone();
+        sparsify(&flat, &mut sparse, &shapes, 0.0, 0.0);
+        assert_eq!(sparse, weights);
     }
 }

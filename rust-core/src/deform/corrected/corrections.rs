@@ -25,20 +25,20 @@ pub struct Corrections {
     jaw: Jaw,
     /// Vertex, share and offset from the jaw's hinge (canonical centimetres) of what the jaw carries.
     pub(super) carried: Vec<(u32, f32, [f32; 3])>,
-    /// By which share each landmark moves, where the face lacks a feature.
+    /// The share by which each landmark moves; `None` for a face with all features.
     moving: Option<Vec<f32>>,
-    /// The mouth, where its rims were found.
+    /// The mouth; `None` without two rims.
     mouth: Option<Slit>,
-    /// Where the lips are one surface.
+    /// Lips that are one surface.
     joined: Option<JoinedLips>,
-    /// The eyes, where their lids were found.
+    /// The eyes that have lids.
     lids: Vec<Eyelids>,
-    /// The skin about them.
+    /// The skin about the eyes.
     about_eyes: Untangle,
 }
 
 impl Corrections {
-    /// Of a face with its surface.
+    /// The corrections that this face needs.
     pub fn new(face: &Face, surface: &FaceSurface) -> Corrections {
         let to_canonical = &face.to_canonical;
         let FaceSurface {
@@ -86,20 +86,23 @@ impl Corrections {
         }
     }
 
-    /// What the landmarks ask of a face that lacks what this one lacks, of lips that are as these are.
-    /// `landmarks`: `[T, 68, 3]`.
-    pub(super) fn asked<'a>(&self, landmarks: ArrayView3<'a, f32>) -> CowArray<'a, f32, Ix3> {
+    /// Landmarks `[T, 68, 3]` without what this face cannot do: features that it lacks rest, and lips that are one
+    /// surface move as one.
+    pub(super) fn adapt_landmarks<'a>(
+        &self,
+        landmarks: ArrayView3<'a, f32>,
+    ) -> CowArray<'a, f32, Ix3> {
         if landmarks.dim().1 != LANDMARKS {
             return landmarks.into();
         }
-        let mut asked = CowArray::from(landmarks);
+        let mut adapted = CowArray::from(landmarks);
         if let Some(moving) = &self.moving {
             let shares = ArrayView1::from(moving).insert_axis(Axis(1));
-            asked = (&asked * &shares).into();
+            adapted = (&adapted * &shares).into();
         }
         match &self.joined {
-            Some(joined) => joined.apply(asked.view()).into(),
-            None => asked,
+            Some(joined) => joined.apply(adapted.view()).into(),
+            None => adapted,
         }
     }
 
@@ -112,7 +115,7 @@ impl Corrections {
         self.shut(landmarks, frame);
     }
 
-    /// Closes lids, and keeps the skin about them from turning over.
+    /// Closes the lids and keeps the skin about them from turning over.
     pub(super) fn shut(&self, landmarks: &[f32], frame: &mut [f32]) {
         for lids in &self.lids {
             lids.apply(landmarks, frame);
@@ -120,17 +123,17 @@ impl Corrections {
         self.about_eyes.apply(frame);
     }
 
-    /// Landmarks `[T, 68, 3]` for the decoder: lids that cannot close rest.
-    pub(super) fn own_landmarks(&self, landmarks: &Array3<f32>) -> Array3<f32> {
-        let mut own = landmarks.clone();
-        for mut frame in own.outer_iter_mut() {
+    /// The landmarks `[T, 68, 3]` that the decoder gets: those that would move no skin of this face rest.
+    pub(super) fn landmarks_for_decoder(&self, landmarks: &Array3<f32>) -> Array3<f32> {
+        let mut for_decoder = landmarks.clone();
+        for mut frame in for_decoder.outer_iter_mut() {
             let frame = frame.as_slice_mut().expect("standard layout");
-            self.lids.iter().for_each(|lids| lids.own_landmarks(frame));
+            self.lids.iter().for_each(|lids| lids.clear_silent(frame));
         }
-        own
+        for_decoder
     }
 
-    /// Vertices by which the openings of mouth and eyes are known, and the skin about these.
+    /// Vertices from which the openings of mouth and eyes are computed, and the skin about them.
     pub(super) fn rims(&self) -> impl Iterator<Item = u32> {
         let mouth = self.mouth.iter().flat_map(Slit::rims);
         let lids = self.lids.iter().flat_map(Eyelids::rims);
@@ -181,17 +184,17 @@ pub struct Corrected<D> {
 }
 
 impl<D: Deformer> Corrected<D> {
-    /// What the decoder makes of landmarks `[T, 68, 3]`, with displacements `[T, V, 3]` beside it, corrected.
+    /// Decodes landmarks `[T, 68, 3]`, adds the displacements `beside` `[T, V, 3]` and corrects the sum.
     pub(super) fn corrected(
         &self,
         landmarks: ArrayView3<'_, f32>,
         beside: Option<&Array3<f32>>,
         progress: ProgressFn<'_>,
     ) -> Result<Array3<f32>> {
-        let asked = self.corrections.asked(landmarks);
-        let landmarks = asked.as_standard_layout().into_owned();
-        let own = self.corrections.own_landmarks(&landmarks);
-        let mut out = self.decoder.deform(own.view(), progress)?;
+        let adapted = self.corrections.adapt_landmarks(landmarks);
+        let landmarks = adapted.as_standard_layout().into_owned();
+        let for_decoder = self.corrections.landmarks_for_decoder(&landmarks);
+        let mut out = self.decoder.deform(for_decoder.view(), progress)?;
         if let Some(beside) = beside {
             out += beside;
         }

@@ -1,7 +1,7 @@
 //! Products of corrected frames with shapes, without the frames.
 //!
-//! `D_s · x = D_s · (W ℓ) + Σ_v D_sv · (x_v − W_v ℓ)`: the decoder is linear, so that its part is a small matrix, and
-//! corrections change few vertices. What the jaw carries is linear in the twelve numbers of the jaw's pose.
+//! `D_s · x = D_s · (W ℓ) + Σ_v D_sv · (x_v − W_v ℓ)`. The decoder is linear, so its part is a small matrix.
+//! Corrections change few vertices. What the jaw carries is linear in the twelve numbers of the jaw's pose.
 
 use std::collections::BTreeSet;
 
@@ -17,17 +17,17 @@ use crate::{
 
 /// Everything of a mesh and its shapes that products need.
 pub(super) struct CorrectedProducts {
-    /// Of the decoder alone, without the vertices that the jaw carries.
+    /// Products of the decoder alone, without the vertices that the jaw carries.
     linear: Box<dyn ShapeProducts>,
-    /// `[12, S]`, of what the jaw carries.
+    /// `[12, S]`, products of what the jaw carries.
     carried: Array2<f64>,
-    /// Of the whole mesh.
+    /// Corrections of the whole mesh.
     corrections: Corrections,
-    /// Some vertices: those that are corrected, and those that are shown.
+    /// The deformer of some vertices: those that are corrected and those that are shown.
     few: Corrected<Box<dyn Deformer>>,
-    /// `[few, S]` as `[3 few, S]`: the shapes there, 0 where the jaw carries a vertex.
+    /// `[3 · few, S]`: the shapes at these vertices, 0 where the jaw carries a vertex.
     shapes: Array2<f32>,
-    /// Which of the few are shown.
+    /// Places among the few vertices of those that are shown.
     shown: Vec<usize>,
 }
 
@@ -47,13 +47,15 @@ impl CorrectedProducts {
             free.slice_mut(s![.., *v as usize, ..]).fill(0.0);
         }
         let linear = deformer.decoder.products_with(free.view(), &[])?;
-        let wanted = touched
+        let few_vertices = touched
             .iter()
             .chain(shown)
             .copied()
             .chain(corrections.rims());
-        let wanted: BTreeSet<u32> = wanted.collect();
-        let few = deformer.decoder.of_vertices(&Vec::from_iter(wanted))?;
+        let few_vertices: BTreeSet<u32> = few_vertices.collect();
+        let few = deformer
+            .decoder
+            .of_vertices(&Vec::from_iter(few_vertices))?;
         let numbers: Vec<usize> = few.vertices.iter().map(|v| *v as usize).collect();
         let at_few = free.select(Axis(1), &numbers);
         let (count, vertices, _) = at_few.dim();
@@ -103,13 +105,13 @@ fn of_carried(
 
 impl ShapeProducts for CorrectedProducts {
     fn of(&self, landmarks: ArrayView3<'_, f32>) -> Result<(Array2<f64>, Array3<f32>)> {
-        let asked = self.corrections.asked(landmarks);
-        let asked = asked.as_standard_layout().into_owned();
-        let own = self.corrections.own_landmarks(&asked);
-        let (mut products, _) = self.linear.of(own.view())?;
+        let adapted = self.corrections.adapt_landmarks(landmarks);
+        let adapted = adapted.as_standard_layout().into_owned();
+        let for_decoder = self.corrections.landmarks_for_decoder(&adapted);
+        let (mut products, _) = self.linear.of(for_decoder.view())?;
         let poses = Array2::from_shape_vec(
-            (asked.len_of(Axis(0)), POSE_NUMBERS),
-            asked
+            (adapted.len_of(Axis(0)), POSE_NUMBERS),
+            adapted
                 .outer_iter()
                 .flat_map(|frame| {
                     let frame = frame.to_slice().expect("standard layout");
@@ -118,10 +120,10 @@ impl ShapeProducts for CorrectedProducts {
                 .collect(),
         );
         products += &poses.expect("a pose a frame").dot(&self.carried);
-        let free = self.few.decoder.deform(own.view(), SILENT)?;
+        let free = self.few.decoder.deform(for_decoder.view(), SILENT)?;
         let mut moved = free.clone();
         self.few
-            .each_frame(asked.view(), &mut moved, |landmarks, frame| {
+            .each_frame(adapted.view(), &mut moved, |landmarks, frame| {
                 self.few.corrections.apply(landmarks, frame);
             });
         let shown = moved.select(Axis(1), &self.shown);

@@ -1,4 +1,4 @@
-//! Which vertices the lids of an eye carry along, and by which share: looked for once in the neutral face.
+//! Finds, once in the neutral face, which vertices the lids of an eye carry along and by which share.
 //!
 //! Lengths are canonical centimetres.
 
@@ -18,7 +18,7 @@ use crate::{
     mesh::{Parts, Similarity, canonical_landmarks, ibug::EYES},
 };
 
-/// Lids keep at least this distance from the ball, and at most so much of it is added to what they had.
+/// Least distance of the lids from the ball, and the most that is added to the distance that they have.
 const CLEAR_CM: (f32, f32) = (0.01, 0.04);
 /// A part whose roots mostly lie so near to the edge of one lid, on an eye of usual size, is lashes.
 const LASH_CM: f32 = 0.35;
@@ -26,10 +26,10 @@ const LASH_SHARE: f32 = 0.6;
 /// An edge of the lids has its vertex within this distance, in widths of the eye.
 const RIM_OF_WIDTH: f32 = 0.2;
 
-/// Finds the lids of a face; an eye without skin about it is left out.
+/// Finds the lids of a face. An eye without skin about it has none.
 pub(in crate::deform) fn eyelids(face: &Face, surface: &FaceSurface) -> Vec<Eyelids> {
     let drives = face.openings().drives();
-    let found = drives.iter().filter_map(|drive| {
+    let lids = drives.iter().filter_map(|drive| {
         let neutral = Neutral {
             surface,
             parts: &face.parts.connected,
@@ -37,7 +37,7 @@ pub(in crate::deform) fn eyelids(face: &Face, surface: &FaceSurface) -> Vec<Eyel
         };
         neutral.eyelids(drive, &face.to_canonical)
     });
-    found.collect()
+    lids.collect()
 }
 
 /// One eye of a neutral head.
@@ -127,14 +127,14 @@ impl Neutral<'_> {
             let Some((place, whole)) = self.root(v) else {
                 continue;
             };
-            let own = self.opening.frame.local(self.surface.positions[v]);
+            let p = self.opening.frame.local(self.surface.positions[v]);
             let part = self.parts.of_vertex[v] as usize;
             let lash = match self.surface.skin.is_skin[v] {
                 true => None,
                 false => lashes.get(part).copied().flatten(),
             };
             let (lid, place, share) = match lash {
-                Some(lid) => (lid, self.on_edge(lid, own[0]), 1.0),
+                Some(lid) => (lid, self.on_edge(lid, p[0]), 1.0),
                 None => {
                     let lid = match self.opening.is_between(place) {
                         true => BETWEEN_LIDS,
@@ -144,7 +144,7 @@ impl Neutral<'_> {
                 }
             };
             let stem = (!self.surface.skin.is_skin[v]).then(|| Stem {
-                offset: std::array::from_fn(|i| own[i] - place[i]),
+                offset: std::array::from_fn(|i| p[i] - place[i]),
                 is_lash: lash.is_some(),
             });
             if share > 0.0 {
@@ -161,19 +161,20 @@ impl Neutral<'_> {
         touched
     }
 
-    /// The place of the skin that moves a vertex near the eye, in the eye's frame, and by which share it does.
+    /// The place of the skin that moves a vertex near the eye, in the eye's frame, and the share by which the vertex
+    /// follows it.
     fn root(&self, v: usize) -> Option<([f32; 3], f32)> {
         let local = |v: usize| self.opening.frame.local(self.surface.positions[v]);
         let Follows::Skin(corners) = self.surface.follows[v] else {
             return None;
         };
-        let own = local(v);
+        let p = local(v);
         let whole: f32 = corners.iter().map(|(_, share)| share).sum();
-        if whole <= 0.0 || Vec3::from(own).length_squared() > (3.0 * self.opening.width).powi(2) {
+        if whole <= 0.0 || Vec3::from(p).length_squared() > (3.0 * self.opening.width).powi(2) {
             return None;
         }
         if self.surface.skin.is_skin[v] {
-            return Some((own, whole));
+            return Some((p, whole));
         }
         let along = |i: usize| {
             corners

@@ -1,11 +1,12 @@
 //! Lids that close by a share of their own eye's opening and slide over its ball.
 //!
-//! Landmarks say by which share of its opening an eye is closed: the opening of a head is its own, that of
-//! canonical motion is the canonical face's. The share counts. [`Face::own_motion`](crate::face::Face::own_motion)
-//! lets the landmarks of the lids travel as far as a head's eyes are open; what a decoder makes of them is then turned about the
-//! eye's own centre, parallel to the line from corner to corner, until the edges of the lids are as far apart as
-//! the share says. A turn keeps the distance from the centre; where the decoder lost some of it, skin is
-//! pushed out to where it lay over the ball. Lashes turn with the edge. Lids that are sculpted shut or one with the eye rest.
+//! Landmarks say by which share of its opening an eye is closed. Each head has eyes that are open by another height, so
+//! only the share carries over from the canonical face. [`Face::own_motion`](crate::face::Face::own_motion) lets the
+//! landmarks of the lids travel as far as the eyes of this head are open. The lids that a decoder moved are then turned
+//! about the centre of the eye, parallel to the line from corner to corner, until their edges are as far apart as the
+//! share says. A turn keeps the distance from the centre. Where the decoder lost some of that distance, skin is pushed
+//! out to where it lay over the ball. Lashes turn with the edge. Lids that are sculpted shut or are one surface with
+//! the eye rest.
 //!
 //! Lengths are canonical centimetres.
 
@@ -27,11 +28,11 @@ const MOST_WIDE: f32 = 0.4;
 const OVERLAP_CM: f32 = 0.03;
 /// The upper lid then lies this far before the lower one: two edges at one depth would cross in a zigzag.
 const BEFORE_CM: f32 = 0.03;
-/// From this share of closing on they begin to.
+/// From this share of closing on they begin to overlap.
 const OVERLAP_FROM: f32 = 0.6;
 
-/// Within so many samples of a corner lids do less and less of their own: the landmarks know better where both meet;
-/// and where there are none.
+/// Within so many samples of a corner the landmarks alone move the lids more and more, because they say best where both
+/// lids meet. The second value is for eyes away from the landmarks.
 const FROM_CORNER: f32 = 4.0;
 const FROM_CORNER_ALONE: f32 = 1.0;
 
@@ -148,13 +149,13 @@ impl Lift {
 }
 
 impl Eyelids {
-    /// Vertices by which the opening is known.
+    /// Vertices from which the opening is computed.
     pub(super) fn rims(&self) -> impl Iterator<Item = u32> {
         let both = self.rims.iter().flat_map(|rim| &rim.vertices);
         both.map(|v| v.vertex)
     }
 
-    /// Those of them that lie between the corners of the eye, and not at these.
+    /// The rim vertices between the corners of the eye, without those at the corners.
     pub(super) fn edges(&self) -> impl Iterator<Item = u32> {
         let corner = FROM_CORNER as usize;
         self.rims.iter().flat_map(move |rim| {
@@ -171,7 +172,8 @@ impl Eyelids {
         self.touched.iter().map(|touched| touched.vertex)
     }
 
-    /// The same where only some vertices are left; `new` gives their numbers, also those of the rims.
+    /// The same lids for a mesh of which only some vertices are left. `new` gives the new number of a vertex; every
+    /// vertex of the rims must have one.
     pub(super) fn renumbered(&self, new: impl Fn(u32) -> Option<u32>) -> Eyelids {
         let mut lids = self.clone();
         for v in lids.rims.iter_mut().flat_map(|rim| &mut rim.vertices) {
@@ -186,8 +188,8 @@ impl Eyelids {
         lids
     }
 
-    /// Takes away, in one frame `[204]`, what landmarks do that move no skin.
-    pub(super) fn own_landmarks(&self, landmarks: &mut [f32]) {
+    /// Sets the landmarks of one frame `[204]` that move no skin to 0.
+    pub(super) fn clear_silent(&self, landmarks: &mut [f32]) {
         landmarks[3 * self.silent.start..3 * self.silent.end].fill(0.0);
     }
 
@@ -216,7 +218,7 @@ impl Eyelids {
         }
     }
 
-    /// By which share the lids are asked to close: 0 as in the neutral face, 1 shut, below 0 wide open.
+    /// The share by which the landmarks close the lids: 0 as in the neutral face, 1 shut, below 0 wide open.
     fn closed(&self, landmarks: &[f32]) -> f32 {
         let share = |(pairs, openings): &(LidPairs, [f32; 2])| {
             let closing = |&(upper, lower): &(usize, usize)| {
@@ -233,7 +235,7 @@ impl Eyelids {
         of_all.unwrap_or(0.0).min(1.0)
     }
 
-    /// What a place among the samples has of what these lids do of their own.
+    /// By which share the lids move by their own rules at a place among the samples: less near the corners.
     fn off_corners(&self, at: f32) -> f32 {
         let from_corner = match self.alone {
             true => FROM_CORNER_ALONE,
@@ -259,13 +261,13 @@ impl Eyelids {
             out: before + hold * self.lift,
             hug: shut,
         });
-        let made = self.rims.each_ref().map(|rim| self.elevations(rim, frame));
-        let shortfall = self.shortfall(closed, shut, &made);
+        let elevations = self.rims.each_ref().map(|rim| self.elevations(rim, frame));
+        let shortfall = self.shortfall(closed, shut, &elevations);
         let change: [f32; SAMPLES] =
             std::array::from_fn(|k| hold * self.off_corners(k as f32) * shortfall[k]);
         let added = [UPPER_SHARE, UPPER_SHARE - 1.0].map(|share| change.map(|x| share * x));
         let whole: [[f32; SAMPLES]; 2] = std::array::from_fn(|lid| {
-            std::array::from_fn(|k| made[lid][k] + added[lid][k] - self.rims[lid].rest[k])
+            std::array::from_fn(|k| elevations[lid][k] + added[lid][k] - self.rims[lid].rest[k])
         });
         let edges = std::array::from_fn(|lid| {
             std::array::from_fn(|k| {
@@ -288,14 +290,19 @@ impl Eyelids {
         }
     }
 
-    /// What the openings that a decoder made lack to those that are asked for, radians; `made`: elevations of
-    /// both edges.
-    fn shortfall(&self, closed: f32, shut: f32, made: &[[f32; SAMPLES]; 2]) -> [f32; SAMPLES] {
+    /// By how much the decoder's openings differ from the requested ones, radians. `elevations`: of both edges, as the
+    /// decoder moved them.
+    fn shortfall(
+        &self,
+        closed: f32,
+        shut: f32,
+        elevations: &[[f32; SAMPLES]; 2],
+    ) -> [f32; SAMPLES] {
         let overlap = shut * OVERLAP_CM / self.ball.radius;
         let change: [f32; SAMPLES] = std::array::from_fn(|k| {
             let rest = self.rims[0].rest[k] - self.rims[1].rest[k];
-            let wanted = rest * (1.0 - closed) - overlap.min(0.5 * rest.max(0.0));
-            wanted - (made[0][k] - made[1][k])
+            let opening = rest * (1.0 - closed) - overlap.min(0.5 * rest.max(0.0));
+            opening - (elevations[0][k] - elevations[1][k])
         });
         // Where lids shut, nothing between the samples stays open.
         let most = beside(&change, |before, here, after| {
@@ -306,7 +313,7 @@ impl Eyelids {
         })
     }
 
-    /// What the decoder made of a place of an edge: its displacement in the eye's frame.
+    /// How the decoder displaces sample `k` of an edge, in the eye's frame.
     fn edge_moved(&self, rim: &Rim, k: usize, frame: &[f32]) -> [f32; 3] {
         let mut moved = [0.0f32; 3];
         for (number, share) in rim.samples[k] {
@@ -317,7 +324,7 @@ impl Eyelids {
         moved
     }
 
-    /// Where the decoder has put the edge of a lid: elevations, radians.
+    /// Elevations of the edge of a lid as the decoder moved it, radians.
     fn elevations(&self, rim: &Rim, frame: &[f32]) -> [f32; SAMPLES] {
         std::array::from_fn(|k| {
             let moved = self.edge_moved(rim, k, frame);

@@ -143,8 +143,8 @@ impl Openings {
         drives.chain(more).collect()
     }
 
-    /// The right (0) or left (1) eye of the landmarks, where these are corners of an eye.
-    pub(crate) fn own(&self, eye: usize) -> Option<&Opening> {
+    /// The right (0) or left (1) eye of the landmarks; `None` where their corners are not those of an eye.
+    pub(crate) fn of_eye(&self, eye: usize) -> Option<&Opening> {
         self.of_landmarks[eye].as_ref()
     }
 
@@ -159,10 +159,12 @@ impl Openings {
         self.of_landmarks.each_ref().map(lids)
     }
 
-    /// Lets lids travel as far as these eyes are open. Where lids rest, the brow is lowered instead.
-    /// One eye in the middle has one brow.
-    /// `moved`: `[T, 68, 3]`, canonical metres.
-    pub(crate) fn to_own(&self, moved: &mut Array3<f32>) {
+    /// Converts landmark motion of the canonical face, `moved` `[T, 68, 3]`, canonical metres, to motion for these
+    /// eyes.
+    ///
+    /// Lids travel as far as these eyes are open. Where the lids rest, the brow is lowered instead. One eye in the
+    /// middle has one brow.
+    pub(crate) fn to_face(&self, moved: &mut Array3<f32>) {
         match self.is_one {
             true => moved.outer_iter_mut().for_each(join_brows),
             false => {
@@ -172,7 +174,7 @@ impl Openings {
         }
     }
 
-    /// The inverse of [`Openings::to_own`], except for lids that rest.
+    /// The inverse of [`Openings::to_face`], except for lids that rest.
     pub(crate) fn to_canonical(&self, moved: &mut Array3<f32>) {
         self.travel(moved, |height| CANONICAL_WAY_CM / height);
     }
@@ -184,12 +186,12 @@ impl Openings {
         !self.more.is_empty() && !self.of_landmarks.iter().any(closes)
     }
 
-    /// Lowers the brows above lids that rest, by the share that the lids should close.
+    /// Lowers the brows above lids that rest, by the share by which the lids should close.
     fn squint(&self, moved: &mut Array3<f32>) {
         for mut frame in moved.outer_iter_mut() {
             for (eye, marks) in self.of_landmarks.iter().zip(&EYES) {
-                let is_seen = eye.as_ref().is_none_or(|eye| eye.lids == Lids::Close);
-                if is_seen || self.is_elsewhere() {
+                let can_close = eye.as_ref().is_none_or(|eye| eye.lids == Lids::Close);
+                if can_close || self.is_elsewhere() {
                     continue;
                 }
                 let ways = marks.pairs.map(|(u, l)| frame[[l, 1]] - frame[[u, 1]]);
@@ -293,7 +295,7 @@ mod tests {
             more: Vec::new(),
             is_one: false,
         };
-        openings.to_own(&mut moved);
+        openings.to_face(&mut moved);
         let closing = |u: usize, l: usize| moved[[0, l, 1]] - moved[[0, u, 1]];
         assert!((closing(37, 41) - 0.008f32).abs() < 1e-6 && moved[[0, 19, 1]] == 0.002);
         assert_eq!(closing(43, 47), 0.0);

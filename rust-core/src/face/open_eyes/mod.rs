@@ -48,7 +48,7 @@ pub fn open_eyes(face: &Face) -> Result<OpenedFace> {
     for &eye in &joined {
         let opening = face
             .openings()
-            .own(eye)
+            .of_eye(eye)
             .expect("joined lids have an opening");
         let space = EyeSpace {
             frame: opening.frame,

@@ -92,7 +92,7 @@ pub(super) fn agree(
 }
 
 impl Agreed {
-    /// Trusts what the views say of landmarks only as far as they see a face: on a cup they take any edge for a lip.
+    /// Lowers the confidence of all landmarks where the views see no face: on a cup they take any edge for a lip.
     pub fn trust_by_presence(&mut self) {
         let presence = self.presence;
         self.confidence
@@ -100,7 +100,7 @@ impl Agreed {
             .for_each(|sure| *sure *= presence);
     }
 
-    /// Puts landmarks that the caller fixed (in the frame they were seen in) where they are.
+    /// Sets the landmarks that the caller fixed, in the frame of the views.
     pub fn pin(&mut self, fixed: &[(usize, [f32; 3])]) {
         for (i, position) in fixed {
             self.positions[*i] = *position;
@@ -108,13 +108,14 @@ impl Agreed {
         }
     }
 
-    /// A better way to the canonical frame, from the landmarks in the frame they were seen in.
-    pub fn fit(&self, seen_in: &Similarity) -> Option<Similarity> {
+    /// Fits the way from the mesh to the canonical frame again, from the landmarks. `to_frame`: from the mesh to the
+    /// frame of the views, in which the landmarks are.
+    pub fn fit(&self, to_frame: &Similarity) -> Option<Similarity> {
         let points: Vec<(usize, [f32; 3])> = self.positions.iter().copied().enumerate().collect();
         let weights: Vec<f64> = (0..LANDMARKS)
             .map(|i| stability(i) * f64::from(self.confidence[i].max(0.02)))
             .collect();
-        Some(robust_fit(&points, &weights)?.compose(seen_in))
+        Some(robust_fit(&points, &weights)?.compose(to_frame))
     }
 }
 

@@ -304,8 +304,8 @@ mod tests {
     #[test]
     fn lips_that_stream_close_at_once_and_part_along_the_path() {
         let mut parting = Parting::new(25.0);
-        let asked = [0.0, 0.0, 1.0, 0.0, 0.0, 0.0, 0.0];
-        let left: Vec<f32> = asked
+        let shares = [0.0, 0.0, 1.0, 0.0, 0.0, 0.0, 0.0];
+        let left: Vec<f32> = shares
             .iter()
             .map(|share| 0.012 * (1.0 - parting.next(0.012, *share)))
             .collect();

@@ -208,12 +208,12 @@ mod tests {
     fn corners_and_the_rest_of_the_face_stay() {
         let mut clip = open(1, 25.0);
         close_lips(&mut clip, &LipClosures::heard(&[1.0], 25.0));
-        let (made, before) = (clip.displacements, open(1, 25.0).displacements);
-        let found: Vec<usize> = (0..68)
-            .filter(|n| made[[0, *n, 1]] != before[[0, *n, 1]])
+        let (after, before) = (clip.displacements, open(1, 25.0).displacements);
+        let moved: Vec<usize> = (0..68)
+            .filter(|n| after[[0, *n, 1]] != before[[0, *n, 1]])
             .collect();
         assert_eq!(
-            found,
+            moved,
             [
                 49, 50, 51, 52, 53, 55, 56, 57, 58, 59, 61, 62, 63, 65, 66, 67
             ]

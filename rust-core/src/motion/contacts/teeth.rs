@@ -94,8 +94,8 @@ mod tests {
         there.displacements.fill(0.0);
         let mut depth = there.displacements.index_axis_mut(ndarray::Axis(2), 2);
         depth.fill(-3e-3);
-        let kept = there.clone();
+        let expected = there.clone();
         reach_teeth(&mut there, &LipClosures::heard(&probability, 25.0));
-        assert_eq!(there, kept);
+        assert_eq!(there, expected);
     }
 }

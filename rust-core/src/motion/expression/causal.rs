@@ -68,13 +68,13 @@ impl CausalExpression {
         })
     }
 
-    /// Adds the expression to the next frame; `quiet_s` is how long nobody has spoken.
+    /// Adds the expression to the next frame. `quiet_s`: for how long nobody has spoken.
     pub fn add(&mut self, frame: &mut LandmarkFrame, emotion: &Emotion, quiet_s: f64) {
         let time_s = frame.index as f64 / self.fps;
         let flat = frame.displacements.as_flattened_mut();
         let mut frame = ArrayViewMut2::from_shape((LANDMARKS, 3), flat).expect("68 landmarks");
-        let asked = emotion.mixture.map(|share| share * emotion.intensity);
-        let strengths = self.follower.step(&asked, &self.table, self.fps);
+        let targets = emotion.mixture.map(|share| share * emotion.intensity);
+        let strengths = self.follower.step(&targets, &self.table, self.fps);
         self.hear(&frame, quiet_s);
         let moment = Moment {
             strengths,

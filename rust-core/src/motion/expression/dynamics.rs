@@ -16,7 +16,7 @@ use crate::{
 
 /// A critically damped motion has done nine tenths of its way after so many time constants.
 const TIME_CONSTANTS: f64 = 3.89;
-/// A strength below this that is not asked for is none.
+/// A strength below this whose target is 0 becomes 0.
 const NOTHING: f32 = 1e-3;
 /// Numbers of the wandering among the streams of a seed: the first, one for each region.
 const STREAM: u64 = u64::MAX - 100;
@@ -24,8 +24,9 @@ const STREAM: u64 = u64::MAX - 100;
 const WANDER_S: f64 = 0.8;
 /// How far a region wanders from the level that all share, at most.
 const WANDER: f32 = 0.06;
-/// Shares of what is asked: the expression stands at an apex, sinks to a lull and comes back. A felt expression
-/// rarely stays at its height for longer than four seconds (Ekman & Friesen 1982); the mean over time is what is asked.
+/// Shares of the requested strength: the expression stands at an apex, sinks to a lull and comes back. A felt
+/// expression rarely stays at its height for longer than four seconds (Ekman & Friesen 1982). The mean over time is the
+/// requested strength.
 const APEX: (f64, f64) = (1.04, 1.2);
 const LULL: (f64, f64) = (0.62, 0.86);
 /// How long it stands at each, how long it takes to sink and to rise, least and most, seconds.
@@ -39,7 +40,7 @@ const MOST_ACCENT: f32 = 0.14;
 /// Brows; lids; nose; jaw and mouth.
 const REGIONS: usize = 4;
 
-/// Strengths on their way to what is asked; each starts settled.
+/// Strengths that move towards their targets. They start at the first targets, at rest.
 #[derive(Debug, Clone, Default)]
 pub(super) struct Follower {
     state: Option<[Damped; EMOTIONS.len()]>,
@@ -53,50 +54,50 @@ struct Damped {
 }
 
 impl Follower {
-    /// One frame later.
-    pub(super) fn step(&mut self, asked: &Strengths, table: &Expressions, fps: f64) -> Strengths {
+    /// The strengths one frame later.
+    pub(super) fn step(&mut self, targets: &Strengths, table: &Expressions, fps: f64) -> Strengths {
         let state = self.state.get_or_insert_with(|| {
-            asked.map(|value| Damped {
+            targets.map(|value| Damped {
                 value: f64::from(value),
                 per_s: 0.0,
             })
         });
-        for ((damped, asked), manner) in state.iter_mut().zip(asked).zip(&table.manners) {
-            let is_rising = f64::from(*asked) > damped.value;
+        for ((damped, target), manner) in state.iter_mut().zip(targets).zip(&table.manners) {
+            let is_rising = f64::from(*target) > damped.value;
             let slower = if is_rising {
                 1.0
             } else {
                 table.offset_over_onset
             };
-            damped.step(*asked, slower * manner.onset_s / TIME_CONSTANTS, 1.0 / fps);
+            damped.step(*target, slower * manner.onset_s / TIME_CONSTANTS, 1.0 / fps);
         }
         state.map(|damped| damped.value as f32)
     }
 }
 
 impl Damped {
-    /// The exact solution of `x'' = (asked − x) / τ² − 2 x' / τ` over `step_s`.
-    fn step(&mut self, asked: f32, time_constant_s: f64, step_s: f64) {
-        let target = f64::from(asked);
+    /// The exact solution of `x'' = (target − x) / τ² − 2 x' / τ` over `step_s`.
+    fn step(&mut self, target: f32, time_constant_s: f64, step_s: f64) {
+        let target = f64::from(target);
         let away = self.value - target;
         let pull = self.per_s + away / time_constant_s;
         let decay = (-step_s / time_constant_s).exp();
         self.value = (target + (away + pull * step_s) * decay).max(0.0);
         self.per_s = (self.per_s - pull * step_s / time_constant_s) * decay;
-        if asked == 0.0 && self.value < f64::from(NOTHING) && self.per_s <= 0.0 {
+        if target == 0.0 && self.value < f64::from(NOTHING) && self.per_s <= 0.0 {
             (self.value, self.per_s) = (0.0, 0.0);
         }
     }
 }
 
-/// How strong an expression is over time against what is asked: all of the face goes from apex to lull and back, and
-/// each region wanders a little by itself. The same seed, the same way.
+/// The strength of an expression over time as a share of the requested strength. The whole face goes from apex to lull
+/// and back, and each region wanders a little by itself. The same seed gives the same values.
 pub(super) struct Wandering {
     level: Level,
     regions: [Wanderer; REGIONS],
 }
 
-/// Apexes and lulls in turn; asked for at rising times.
+/// Apexes and lulls in turn, read at rising times.
 struct Level {
     chance: Chance,
     is_apex: bool,
@@ -144,7 +145,7 @@ impl Level {
     }
 }
 
-/// A smooth curve through random values; asked for at rising times.
+/// A smooth curve through random values, read at rising times.
 struct Wanderer {
     chance: Chance,
     /// Number of the value before now.
@@ -225,7 +226,7 @@ pub(super) fn accent_at(accents: &[BrowAccent], time_s: f64) -> f32 {
 }
 
 impl Expressions {
-    /// What the face shows of what is asked, `affect` `[T, 16]`: `[T]`, settled at the start.
+    /// The strengths `[T]` that the face shows of `affect` `[T, 16]`, at rest at the start.
     pub(in crate::motion) fn followed(
         &self,
         affect: ArrayView2<'_, f32>,
@@ -233,8 +234,8 @@ impl Expressions {
     ) -> Vec<Strengths> {
         let mut follower = Follower::default();
         let kinds = EMOTIONS.len();
-        let asked = &affect.slice(s![.., ..kinds]) * &affect.slice(s![.., kinds..]);
-        asked
+        let targets = &affect.slice(s![.., ..kinds]) * &affect.slice(s![.., kinds..]);
+        targets
             .outer_iter()
             .map(|row| follower.step(&std::array::from_fn(|e| row[e]), self, fps))
             .collect()

@@ -48,8 +48,8 @@ impl Expressions {
         let config: Config =
             serde_json::from_str(&files.config).map_err(|error| wrong(error.to_string()))?;
         let manner = |emotion: &&str| {
-            let found = config.emotions.get(*emotion).copied();
-            let manner = found.ok_or_else(|| wrong(format!("expected {emotion}, got none")))?;
+            let manner = config.emotions.get(*emotion).copied();
+            let manner = manner.ok_or_else(|| wrong(format!("expected {emotion}, got none")))?;
             match manner.onset_s > 0.0 && config.offset_over_onset > 0.0 {
                 true => Ok(manner),
                 false => Err(wrong(format!(

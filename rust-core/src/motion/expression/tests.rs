@@ -30,7 +30,7 @@ fn silence() -> Prosody {
     })
 }
 
-fn asked(text: &str) -> EmotionCurve {
+fn curve(text: &str) -> EmotionCurve {
     EmotionCurve::parse(text).unwrap()
 }
 
@@ -74,8 +74,8 @@ fn with(clip: &LandmarkClip, emotion: &EmotionCurve, prosody: &Prosody, seed: u6
     out
 }
 
-fn felt(clip: &LandmarkClip, emotion: &str) -> Array3<f32> {
-    with(clip, &asked(emotion), &silence(), 3).displacements
+fn add_emotion(clip: &LandmarkClip, emotion: &str) -> Array3<f32> {
+    with(clip, &curve(emotion), &silence(), 3).displacements
 }
 
 fn prototype(emotion: &str) -> Array2<f32> {
@@ -83,9 +83,9 @@ fn prototype(emotion: &str) -> Array2<f32> {
     table().whole(&EMOTIONS.map(named))
 }
 
-/// How much of `wanted` is in `shown`.
-fn projection(shown: ArrayView2<'_, f32>, wanted: ArrayView2<'_, f32>) -> f32 {
-    (&shown * &wanted).sum() / (&wanted * &wanted).sum()
+/// How much of `expression` is in `shown`.
+fn projection(shown: ArrayView2<'_, f32>, expression: ArrayView2<'_, f32>) -> f32 {
+    (&shown * &expression).sum() / (&expression * &expression).sum()
 }
 
 fn mean(motion: &Array3<f32>, frames: Range<usize>) -> Array2<f32> {
@@ -157,17 +157,17 @@ fn any_two_emotions_differ() {
 fn neutral_changes_no_bit() {
     let clip = talking(2.0);
     for emotion in ["neutral:0", "neutral:1", "off"] {
-        assert_eq!(felt(&clip, emotion), clip.displacements, "{emotion}");
+        assert_eq!(add_emotion(&clip, emotion), clip.displacements, "{emotion}");
     }
 }
 
 #[test]
 fn a_resting_face_shows_all_that_is_asked_and_half_more_of_it_at_one_and_a_half() {
     for emotion in &EMOTIONS[1..] {
-        let wanted = prototype(emotion);
+        let expression = prototype(emotion);
         let shown = |strength: f32| {
-            let moved = felt(&still(300), &format!("{emotion}:{strength}"));
-            projection(mean(&moved, 0..300).view(), wanted.view())
+            let moved = add_emotion(&still(300), &format!("{emotion}:{strength}"));
+            projection(mean(&moved, 0..300).view(), expression.view())
         };
         let [full, most] = [1.0, 1.5].map(shown);
         assert!((0.95..1.06).contains(&full), "{emotion}: {full}");
@@ -180,10 +180,10 @@ fn a_resting_face_shows_all_that_is_asked_and_half_more_of_it_at_one_and_a_half(
 fn what_does_not_speak_shows_the_whole_expression_while_the_mouth_speaks() {
     let clip = talking(6.0);
     for emotion in &EMOTIONS[1..] {
-        let moved = felt(&clip, &format!("{emotion}:1")) - &clip.displacements;
+        let moved = add_emotion(&clip, &format!("{emotion}:1")) - &clip.displacements;
         let upper = s![17..48, ..];
-        let (shown, wanted) = (mean(&moved, 0..180), prototype(emotion));
-        let share = projection(shown.slice(upper), wanted.slice(upper));
+        let (shown, expression) = (mean(&moved, 0..180), prototype(emotion));
+        let share = projection(shown.slice(upper), expression.slice(upper));
         assert!((0.95..1.06).contains(&share), "{emotion}: {share}");
     }
 }
@@ -192,7 +192,7 @@ fn what_does_not_speak_shows_the_whole_expression_while_the_mouth_speaks() {
 fn closed_lips_stay_closed_and_none_pass() {
     let clip = talking(4.0);
     for (emotion, strength) in EMOTIONS[1..].iter().flat_map(|e| [(e, 1.0), (e, 1.5)]) {
-        let moved = felt(&clip, &format!("{emotion}:{strength}"));
+        let moved = add_emotion(&clip, &format!("{emotion}:{strength}"));
         for (spoken, shown) in clip.displacements.outer_iter().zip(moved.outer_iter()) {
             for (had, has) in inner_gaps(spoken).into_iter().zip(inner_gaps(shown)) {
                 assert!(has > -0.51e-3, "{emotion}:{strength} lips pass: {has}");
@@ -207,7 +207,7 @@ fn closed_lips_stay_closed_and_none_pass() {
 
 #[test]
 fn lips_that_rest_may_part() {
-    let surprised = felt(&still(90), "surprised:1");
+    let surprised = add_emotion(&still(90), "surprised:1");
     assert!(inner_gaps(surprised.index_axis(Axis(0), 45))[1] > 4e-3);
 }
 
@@ -219,7 +219,7 @@ fn lids_never_cross_even_where_they_blink_at_full_strength() {
         ..PerformanceControls::as_sampled()
     };
     for emotion in &EMOTIONS[1..] {
-        let affect = asked(&format!("{emotion}:1.5")).sample(240, FPS);
+        let affect = curve(&format!("{emotion}:1.5")).sample(240, FPS);
         let cues = Cues {
             affect: affect.view(),
             blink_affect: affect.view(),
@@ -229,9 +229,9 @@ fn lids_never_cross_even_where_they_blink_at_full_strength() {
             prosody: &silence(),
             seed: 5,
         };
-        let made = modes.perform(&still(240), &cues, &controls).unwrap();
+        let clip = modes.perform(&still(240), &cues, &controls).unwrap();
         let mut least = f32::INFINITY;
-        for frame in made.displacements.outer_iter() {
+        for frame in clip.displacements.outer_iter() {
             for (eye, gaps) in EYES.iter().zip(LID_GAPS_M) {
                 for (pair, open) in eye.pairs.into_iter().zip(gaps) {
                     least = least.min(open + gap(frame, pair));
@@ -301,7 +301,7 @@ fn onsets_take_as_long_at_any_frame_rate_and_none_overshoots() {
 fn the_apex_is_not_frozen_and_follows_the_seed() {
     let clip = still(600);
     let brow = |seed| {
-        let moved = with(&clip, &asked("angry:1"), &silence(), seed).displacements;
+        let moved = with(&clip, &curve("angry:1"), &silence(), seed).displacements;
         moved.slice(s![.., 22, 1]).to_vec()
     };
     let track = brow(1);
@@ -334,7 +334,7 @@ fn stressed_syllables_make_it_grow() {
         nuclei: (0..20).map(|k| 50 * k + 25).collect(),
         pauses: Vec::new(),
     };
-    let (clip, sad) = (still(300), asked("sad:1"));
+    let (clip, sad) = (still(300), curve("sad:1"));
     let plain = with(&clip, &sad, &silence(), 4).displacements;
     let stressed = with(&clip, &sad, &prosody, 4).displacements;
     let grown = |t: usize| stressed[[t, 21, 1]] / plain[[t, 21, 1]];
@@ -346,7 +346,7 @@ fn stressed_syllables_make_it_grow() {
 fn anger_and_joy_speak_larger_and_faster_and_sadness_smaller_as_speakers_do() {
     let clip = talking(4.0);
     let measures = |emotion: &str| {
-        let moved = felt(&clip, emotion);
+        let moved = add_emotion(&clip, emotion);
         let gaps: Vec<f32> = moved
             .outer_iter()
             .map(|frame| inner_gaps(frame)[1])
@@ -362,16 +362,16 @@ fn anger_and_joy_speak_larger_and_faster_and_sadness_smaller_as_speakers_do() {
         ("happy:1", 1.08, 1.4),
         ("sad:1", 0.65, 0.95),
     ] {
-        let (own, own_speed) = measures(emotion);
+        let (emotional_range, emotional_speed) = measures(emotion);
         assert!(
-            (least..most).contains(&(own / range)),
+            (least..most).contains(&(emotional_range / range)),
             "{emotion}: {}",
-            own / range
+            emotional_range / range
         );
         assert!(
-            (least..1.6).contains(&(own_speed / speed)),
+            (least..1.6).contains(&(emotional_speed / speed)),
             "{emotion}: {}",
-            own_speed / speed
+            emotional_speed / speed
         );
     }
 }

@@ -118,8 +118,8 @@ fn as_sampled_changes_nothing_and_without_variety_the_default_adds_blinks_and_br
         effort: 0.0,
         ..Default::default()
     };
-    let made = performed(&clip, "happy:0.6", controls);
-    let moved = changed(&made, &clip.displacements);
+    let displacements = performed(&clip, "happy:0.6", controls);
+    let moved = changed(&displacements, &clip.displacements);
     assert!(!moved.is_empty());
     assert!(
         moved
@@ -194,14 +194,14 @@ fn each_control_moves_its_own_landmarks() {
             &sides,
         ),
     ];
-    for (controls, own) in cases {
+    for (controls, may_move) in cases {
         let moved = changed(
             &performed(&clip, "surprised:0.5", controls),
             &clip.displacements,
         );
         assert!(!moved.is_empty(), "{controls:?} moves nothing");
         assert!(
-            moved.iter().all(|n| own(*n)),
+            moved.iter().all(|n| may_move(*n)),
             "{controls:?} moves {moved:?}"
         );
     }
@@ -240,9 +240,9 @@ fn closures_survive_articulation_jaw_width_and_smoothing() {
                     smoothing_s,
                     ..plain()
                 };
-                let made = performed(&clip, emotion, controls);
+                let displacements = performed(&clip, emotion, controls);
                 for (t, pair) in (0..FRAMES).flat_map(|t| PAIRS.map(|pair| (t, pair))) {
-                    let (had, has) = (gap(sampled, t, pair), gap(&made, t, pair));
+                    let (had, has) = (gap(sampled, t, pair), gap(&displacements, t, pair));
                     assert!(
                         has >= had.min(0.0) - 1e-6,
                         "{controls:?}: lips pass, frame {t}"
@@ -266,8 +266,8 @@ fn jaw_rounding_and_width_each_scale_their_own_part() {
         face.scaled_add(0.4, &pucker);
     }
     let measure = |controls| {
-        let made = performed(&clip, "neutral:0", controls);
-        let each = made.outer_iter().map(|face| {
+        let displacements = performed(&clip, "neutral:0", controls);
+        let each = displacements.outer_iter().map(|face| {
             let forward = (48..68).map(|n| face[[n, 2]]).sum::<f32>() / 20.0;
             [-face[[8, 1]], forward, face[[54, 0]] - face[[48, 0]]]
         });
@@ -309,9 +309,9 @@ fn lids_never_pass_through_one_another() {
         blinks_per_minute: 60.0,
         ..plain()
     };
-    let made = performed(&clip, "drunk:1.5", controls);
+    let displacements = performed(&clip, "drunk:1.5", controls);
     let eyes = upper_face::lids(&modes).unwrap();
-    let closures = made
+    let closures = displacements
         .outer_iter()
         .flat_map(|frame| [eyes[0].closure(&frame), eyes[1].closure(&frame)]);
     let most = closures.fold(0.0, f32::max);
@@ -335,14 +335,18 @@ fn off_leaves_speech_alone() {
         effort: 0.0,
         ..Default::default()
     };
-    let made = modes().perform(&clip, &cues, &controls).unwrap();
-    for (n, motion) in made.displacements.axis_iter(ndarray::Axis(1)).enumerate() {
+    let performance = modes().perform(&clip, &cues, &controls).unwrap();
+    for (n, motion) in performance
+        .displacements
+        .axis_iter(ndarray::Axis(1))
+        .enumerate()
+    {
         let upper = (17..31).contains(&n) || (36..48).contains(&n);
-        let wanted = clip.displacements.index_axis(ndarray::Axis(1), n);
+        let speech = clip.displacements.index_axis(ndarray::Axis(1), n);
         assert!(if upper {
             motion.iter().all(|x| *x == 0.0)
         } else {
-            motion == wanted
+            motion == speech
         });
     }
 }
@@ -367,8 +371,8 @@ fn silence_has_blinks_and_no_accents() {
         blinks_per_minute: 40.0,
         ..Default::default()
     };
-    let made = modes.perform(&still, &cues, &controls).unwrap();
-    let moved = changed(&made.displacements, &still.displacements);
+    let performance = modes.perform(&still, &cues, &controls).unwrap();
+    let moved = changed(&performance.displacements, &still.displacements);
     assert!(!moved.is_empty() && moved.iter().all(|n| (36..48).contains(n)));
 }
 
@@ -437,10 +441,10 @@ fn odd_lengths_and_rates_are_fine() {
             blinks_per_minute: 60.0,
             ..Default::default()
         };
-        let made = modes
+        let performance = modes
             .perform(&LandmarkClip { displacements, fps }, &cues, &controls)
             .unwrap();
-        assert_eq!(made.displacements.dim(), (frames, 68, 3));
-        assert!(made.displacements.iter().all(|x| x.is_finite()));
+        assert_eq!(performance.displacements.dim(), (frames, 68, 3));
+        assert!(performance.displacements.iter().all(|x| x.is_finite()));
     }
 }

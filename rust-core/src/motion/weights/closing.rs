@@ -56,11 +56,10 @@ impl LipGaps {
             let (upper, lower) = INNER_LIPS[pair];
             shapes[[s, upper, axis + 1]] - shapes[[s, lower, axis + 1]]
         };
-        let named = |wanted: &str| names.iter().position(|name| name == wanted);
         LipGaps {
             gaps: Array3::from_shape_fn((names.len(), PAIRS, 2), gap),
             corners: corners_of(shapes),
-            close: named(CLOSE),
+            close: names.iter().position(|name| name == CLOSE),
         }
     }
 
@@ -70,12 +69,12 @@ impl LipGaps {
         gaps.iter().copied().fold(f32::NEG_INFINITY, f32::max)
     }
 
-    /// Brings the lips of a clip together where `closures` says so, except where an event is `over_speech`, and
-    /// keeps with the clip how far.
+    /// Brings the lips of a clip together where `closures` says so, except where an event is `over_speech`. Stores in
+    /// the clip how far.
     ///
-    /// Every inner pair goes its share ([`approach`]) of the way to where lips touch, in height and in depth:
-    /// shapes that part them give way and `mouthClose` comes, by least squares with bounds (coordinate descent,
-    /// as in [`crate::rig::solve`]). It never opens.
+    /// Every inner pair goes its share ([`approach`]) of the way to where lips touch, in height and in depth. Shapes
+    /// that part the lips get less weight and `mouthClose` gets more, by least squares with bounds (coordinate descent,
+    /// as in [`crate::rig::solve`]). The lips never open.
     pub fn close(&self, clip: &mut WeightClip, closures: &LipClosures, over_speech: &[bool]) {
         let rows = clip.weights.outer_iter();
         let openings: Vec<f32> = rows
@@ -206,8 +205,11 @@ mod tests {
                 let (mut clip, gaps) = clip(&[vowel, &event[..]].concat());
                 gaps.close(&mut clip, &LipClosures::heard(&[0.9], 25.0), &[false]);
                 let heights = gaps.opening(&clip.weights.row_mut(0)).map(|pair| pair[0]);
-                let told = format!("{event:?} in {vowel:?}: {heights:?}");
-                assert!(heights.iter().all(|h| (-1.5e-3..0.0).contains(h)), "{told}");
+                let message = format!("{event:?} in {vowel:?}: {heights:?}");
+                assert!(
+                    heights.iter().all(|h| (-1.5e-3..0.0).contains(h)),
+                    "{message}"
+                );
             }
         }
     }
@@ -227,9 +229,9 @@ mod tests {
                 gaps.close(&mut clip, &LipClosures::heard(&[0.9], 25.0), &[false]);
                 let left = gaps.largest(clip.weights.row(0));
                 let after = width(&clip);
-                let told = format!("{strength} {vowel:?}: {before} to {after}, gap {left}");
+                let message = format!("{strength} {vowel:?}: {before} to {after}, gap {left}");
                 let most = if strength > 1.0 { 0.3e-3 } else { 0.0 };
-                assert!(after > 0.6 * before && left < most, "{told}");
+                assert!(after > 0.6 * before && left < most, "{message}");
             }
         }
     }

@@ -90,22 +90,22 @@ impl FaceModes {
 
     fn of_shape(&self, name: &str) -> Result<Array2<f32>> {
         let sided = |stem: &str, side: &str| self.mode(&format!("{stem}{side}"));
-        if let Ok(own) = self.mode(name) {
-            return Ok(own.to_owned());
+        if let Ok(mode) = self.mode(name) {
+            return Ok(mode.to_owned());
         }
         for (ending, side) in [("Left", "_L"), ("Right", "_R")] {
-            if let Some(Ok(own)) = name.strip_suffix(ending).map(|stem| sided(stem, side)) {
-                return Ok(own.to_owned());
+            if let Some(Ok(mode)) = name.strip_suffix(ending).map(|stem| sided(stem, side)) {
+                return Ok(mode.to_owned());
             }
         }
         Ok(&sided(name, "_L")? + &sided(name, "_R")?)
     }
 }
 
-/// Rows of weights with their names, for work on single frames.
-fn columns(names: &[String], is_wanted: impl Fn(&str) -> bool) -> Vec<usize> {
-    let wanted = names.iter().enumerate().filter(|(_, name)| is_wanted(name));
-    wanted.map(|(column, _)| column).collect()
+/// Numbers of the columns whose names are chosen.
+fn columns(names: &[String], is_chosen: impl Fn(&str) -> bool) -> Vec<usize> {
+    let chosen = names.iter().enumerate().filter(|(_, name)| is_chosen(name));
+    chosen.map(|(column, _)| column).collect()
 }
 
 fn starts(name: &str, stems: &[&str]) -> bool {

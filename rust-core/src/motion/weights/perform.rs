@@ -159,20 +159,20 @@ impl WeightClip {
         }
     }
 
-    /// More on the subject's left for positive `asymmetry`.
+    /// Makes one side of the face move more than the other: the subject's left for positive `asymmetry`.
     fn lean(&mut self, asymmetry: f32) {
         for (side, sign) in [("Left", 1.0), ("Right", -1.0)] {
-            let own = columns(&self.names, |name| {
+            let side_columns = columns(&self.names, |name| {
                 name.ends_with(side) && starts(name, &LOPSIDED)
             });
-            scale(&mut self.weights, &own, |_| {
+            scale(&mut self.weights, &side_columns, |_| {
                 1.0 + sign * MOST_LOPSIDED * asymmetry
             });
         }
     }
 
-    /// Closes the lids over what closes them already, so that they meet and never pass; what holds them wide
-    /// open gives way.
+    /// Adds to what closes the lids already, so that they meet and never pass each other. Shapes that open the lids
+    /// wide get less weight.
     fn blink(&mut self, modes: &FaceModes, blinks: &[Blink]) -> Result<()> {
         let closing = closing_of(modes, &self.names)?;
         let (frames, fps) = (self.weights.nrows(), self.fps);

@@ -4,9 +4,9 @@ use ndarray::{Array2, ArrayView1, ArrayView3, ArrayViewMut1};
 
 /// What it costs to change a weight by 1, beside an aim that is missed by so many square millimetres.
 const PRICE: f32 = 0.05;
-/// What it costs to move a corner of the mouth by a millimetre, beside an aim that is missed by so many: who says m
-/// goes on smiling.
-const KEPT: f32 = 0.02;
+/// What it costs to move a corner of the mouth by a millimetre, beside an aim that is missed by so many. The cost keeps
+/// a smile while the lips close for an m.
+const HOLD: f32 = 0.02;
 /// Sweeps over all shapes, after which nothing moves any more.
 const SWEEPS: usize = 30;
 /// The corners of the mouth.
@@ -40,29 +40,29 @@ pub(super) fn corners_of(shapes: ArrayView3<'_, f32>) -> Array2<f32> {
     Array2::from_shape_fn((shapes.dim().0, 3 * CORNERS.len()), corner)
 }
 
-/// Moves the weights `[S]` of a frame, each of `moving` between 0 and its most, so that the `aims` are met, at as small
-/// a change as can be; `kept` `[S, K]` metres holds still what should stay where it was. Coordinate descent, as in
-/// [`crate::rig::solve`].
+/// Changes the weights `[S]` of a frame as little as possible so that they meet the `aims`. Each weight of `moving`
+/// stays between 0 and its maximum. `fixed`: `[S, K]`, metres, what each shape does to lengths that should stay the
+/// same. Coordinate descent, as in [`crate::rig::solve`].
 pub(super) fn reach(
     weights: &mut ArrayViewMut1<'_, f32>,
     aims: &[Aim<'_>],
-    kept: &Array2<f32>,
+    fixed: &Array2<f32>,
     moving: &[(usize, f32)],
 ) {
     let start = weights.to_owned();
-    // How far each length is from its goal and how far what is kept has gone, in millimetres. Every step brings both
-    // up to date: to sum over all shapes at each step took more than half of the time of a job.
+    // The distance of each length from its goal and the drift of each fixed length, in millimetres. Every step updates
+    // both. Sums over all shapes at each step took more than half of the time of a job.
     let from_goal = |aim: &Aim<'_>| MM * (weights.dot(&aim.by) - aim.goal);
     let mut off: Vec<f32> = aims.iter().map(from_goal).collect();
-    let mut gone = vec![0.0; kept.ncols()];
+    let mut drift = vec![0.0; fixed.ncols()];
     for _ in 0..SWEEPS {
         let mut has_moved = false;
         for &(s, most) in moving {
             let mut pull = PRICE * (weights[s] - start[s]);
             let mut slope = PRICE;
-            for (by, gone) in kept.row(s).iter().zip(&gone) {
-                pull += KEPT * MM * by * gone;
-                slope += KEPT * MM * by * MM * by;
+            for (by, drift) in fixed.row(s).iter().zip(&drift) {
+                pull += HOLD * MM * by * drift;
+                slope += HOLD * MM * by * MM * by;
             }
             for (aim, off) in aims.iter().zip(&off) {
                 let (by, missed) = (MM * aim.by[s], aim.missed_mm(*off));
@@ -78,9 +78,10 @@ pub(super) fn reach(
             off.iter_mut()
                 .zip(aims)
                 .for_each(|(off, aim)| *off += step * aim.by[s]);
-            gone.iter_mut()
-                .zip(kept.row(s))
-                .for_each(|(gone, by)| *gone += step * by);
+            drift
+                .iter_mut()
+                .zip(fixed.row(s))
+                .for_each(|(drift, by)| *drift += step * by);
         }
         if !has_moved {
             break;

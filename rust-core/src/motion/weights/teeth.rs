@@ -131,12 +131,12 @@ mod tests {
             let heard = LipClosures::heard(&[0.0, 0.0, 0.9, 0.0, 0.0], 25.0);
             lip.reach_teeth(&mut clip, &heard, &[]);
             let [down, forward] = place(&clip, &lip, 2);
-            let told = format!("{open:?}: {down} {forward}");
+            let message = format!("{open:?}: {down} {forward}");
             assert!(
                 down < AT_TEETH_M[0] + 0.6e-3 && forward < AT_TEETH_M[1] + 0.6e-3,
-                "{told}"
+                "{message}"
             );
-            assert!(down > AT_TEETH_M[0] - SLACK_M - 1e-3, "{told}");
+            assert!(down > AT_TEETH_M[0] - SLACK_M - 1e-3, "{message}");
             let tucks = lip.tucks.unwrap();
             for (s, (now, was)) in clip.weights.row(2).iter().zip(before.row(2)).enumerate() {
                 assert!(
@@ -152,9 +152,9 @@ mod tests {
                     .map(|axis| (place[axis] - AT_TEETH_M[axis]).max(0.0))
                     .sum::<f32>()
             };
-            assert!(missed(2) < missed(1) && missed(1) < missed(0), "{told}");
+            assert!(missed(2) < missed(1) && missed(1) < missed(0), "{message}");
             let moved = (&clip.weights.row(0) - &before.row(0)).mapv(f32::abs).sum();
-            assert!(moved < 0.06, "{told}: {moved}");
+            assert!(moved < 0.06, "{message}: {moved}");
         }
     }
 

@@ -62,13 +62,13 @@ impl TwoWays {
         let mut left = by.abs();
         let (columns, moved) = &self.ways[other];
         if *moved > 0.0 {
-            let held = columns
+            let lowest = columns
                 .iter()
                 .map(|column| row[*column])
                 .fold(f32::INFINITY, f32::min);
-            let gone = (left / moved).min(held.max(0.0));
-            columns.iter().for_each(|column| row[*column] -= gone);
-            left -= gone * moved;
+            let fall = (left / moved).min(lowest.max(0.0));
+            columns.iter().for_each(|column| row[*column] -= fall);
+            left -= fall * moved;
         }
         let (columns, moved) = &self.ways[mine];
         if *moved > 0.0 {

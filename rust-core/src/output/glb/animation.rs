@@ -46,25 +46,26 @@ pub fn times(buffer: &mut Buffer, frames: usize, fps: f64) -> Result<usize> {
     buffer.floats(&times, "SCALAR", bounds)
 }
 
-/// The sampler of the weights of some targets; `before`: weights of targets that the mesh had.
+/// The sampler of the weights of some targets. `before`: constant weights of the targets that the mesh already had.
+/// `columns`: of the new targets in `targets`.
 pub(super) fn weights(
     buffer: &mut Buffer,
     times: usize,
     targets: &Targets,
-    (before, own): (&[f32], &[usize]),
+    (before, columns): (&[f32], &[usize]),
 ) -> Result<Value> {
     let frames = targets.weights.outer_iter();
     let values = frames.flat_map(|row| {
-        let own = own.iter().map(move |&k| row[k]);
-        before.iter().copied().chain(own)
+        let added = columns.iter().map(move |&k| row[k]);
+        before.iter().copied().chain(added)
     });
     let values: Vec<f32> = values.collect();
     let output = buffer.floats(&values, "SCALAR", None)?;
     Ok(json!({"input": times, "output": output, "interpolation": "LINEAR"}))
 }
 
-/// A node that turns what is below it about the place between the jaw's hinges: the node, the one below it that takes the
-/// place back, and the sampler of the turns. Nothing where the head is still.
+/// Nodes that turn everything below them about the middle between the jaw's hinges: the node that turns, the node below
+/// it that takes the offset back, and the sampler of the turns. `None` if the head is still.
 pub(super) fn head(
     buffer: &mut Buffer,
     times: usize,

@@ -48,8 +48,8 @@ pub(super) fn add(source: &[u8], scene: &Scene<'_>, targets: &Targets) -> Result
     let (mut tracks, mut bound) = (Vec::new(), Vec::new());
     for (mesh, parts) in by_mesh(&parts)? {
         let node = parts[0].node;
-        let own = targets_of(&parts, targets);
-        if own.is_empty() {
+        let shapes = targets_of(&parts, targets);
+        if shapes.is_empty() {
             continue;
         }
         let before = old_weights(&document["meshes"][mesh], &document["nodes"][node])?;
@@ -62,18 +62,23 @@ pub(super) fn add(source: &[u8], scene: &Scene<'_>, targets: &Targets) -> Result
                 None => &Value::Null,
             };
             let count = count.as_u64().unwrap_or(0) as usize;
-            let new = add_targets(&mut buffer, (part, count), targets, &own);
+            let new = add_targets(&mut buffer, (part, count), targets, &shapes);
             let primitive = &mut document["meshes"][mesh]["primitives"][part.primitive];
             list(primitive, "targets")?.extend(new);
         }
-        name_targets(&mut document["meshes"][mesh], before.len(), &own, targets)?;
-        document["meshes"][mesh]["weights"] = json!(all_weights(&before, own.len()));
+        name_targets(
+            &mut document["meshes"][mesh],
+            before.len(),
+            &shapes,
+            targets,
+        )?;
+        document["meshes"][mesh]["weights"] = json!(all_weights(&before, shapes.len()));
         if document["nodes"][node].get("weights").is_some() {
-            document["nodes"][node]["weights"] = json!(all_weights(&before, own.len()));
+            document["nodes"][node]["weights"] = json!(all_weights(&before, shapes.len()));
         }
         if let Some(times) = times {
             tracks.push(Track {
-                sampler: weights(&mut buffer, times, targets, (&before, &own))?,
+                sampler: weights(&mut buffer, times, targets, (&before, &shapes))?,
                 node,
                 path: "weights",
             });
@@ -82,7 +87,7 @@ pub(super) fn add(source: &[u8], scene: &Scene<'_>, targets: &Targets) -> Result
             node,
             mesh,
             before: before.len(),
-            shapes: own,
+            shapes,
         });
     }
     // Bones turn a head that has them; a node above would turn the body.
@@ -141,18 +146,18 @@ fn by_mesh(parts: &[GlbPart]) -> Result<BTreeMap<usize, Vec<&GlbPart>>> {
     }
     match meshes
         .values()
-        .find(|own| own.iter().any(|part| part.node != own[0].node))
+        .find(|parts| parts.iter().any(|part| part.node != parts[0].node))
     {
         None => Ok(meshes),
-        Some(own) => Err(wrong(format!(
+        Some(parts) => Err(wrong(format!(
             "expected each mesh at one node, got mesh {} at several, which would all speak; give the one that speaks a \
              mesh of its own",
-            own[0].mesh
+            parts[0].mesh
         ))),
     }
 }
 
-/// Numbers of the targets that move a vertex of these parts.
+/// Numbers of the shapes that move a vertex of these parts.
 fn targets_of(parts: &[&GlbPart], targets: &Targets) -> Vec<usize> {
     let moves = |shape: &Target| parts.iter().any(|part| !within(shape, part).is_empty());
     let shapes = targets.shapes.iter().enumerate();
@@ -162,18 +167,18 @@ fn targets_of(parts: &[&GlbPart], targets: &Targets) -> Vec<usize> {
         .collect()
 }
 
-/// What a shape moves of a part.
+/// The vertices of a part that a shape moves, with their displacements.
 fn within<'a>(shape: &'a Target, part: &GlbPart) -> &'a [(u32, [f32; 3])] {
     let at = |vertex: usize| shape.moved.partition_point(|(v, _)| (*v as usize) < vertex);
     &shape.moved[at(part.vertices.start)..at(part.vertices.end)]
 }
 
-/// Targets of one primitive of so many vertices, in their own axes and units.
+/// Adds the targets of one primitive of `count` vertices, in the axes and units of its node.
 fn add_targets(
     buffer: &mut Buffer,
     (part, count): (&GlbPart, usize),
     targets: &Targets,
-    own: &[usize],
+    shapes: &[usize],
 ) -> Vec<Value> {
     let column = |c: usize| DVec3::from_slice(&[0, 1, 2].map(|r| f64::from(part.placed[c][r])));
     let placed = DMat3::from_cols(column(0), column(1), column(2));
@@ -182,7 +187,7 @@ fn add_targets(
         false => DMat3::ZERO,
     };
     let mut added = Vec::new();
-    for &k in own {
+    for &k in shapes {
         let moved = within(&targets.shapes[k], part).iter().map(|(v, d)| {
             let local = back * DVec3::from_slice(&d.map(f64::from));
             (v - part.vertices.start as u32, local.as_vec3().to_array())
@@ -194,7 +199,7 @@ fn add_targets(
     added
 }
 
-/// Weights of the targets that the mesh has already.
+/// The weights of the targets that the mesh already has.
 fn old_weights(mesh: &Value, node: &Value) -> Result<Vec<f32>> {
     let primitives = mesh["primitives"].as_array().into_iter().flatten();
     let counts: BTreeSet<usize> = primitives
@@ -217,9 +222,14 @@ fn all_weights(before: &[f32], new: usize) -> Vec<f32> {
     before.iter().copied().chain(new).collect()
 }
 
-/// Names of the new targets behind those of the old ones.
-fn name_targets(mesh: &mut Value, before: usize, own: &[usize], targets: &Targets) -> Result<()> {
-    // Names have to stand in an object; what stands there and is none is kept in it.
+/// Writes the names of the new targets behind those of the old ones.
+fn name_targets(
+    mesh: &mut Value,
+    before: usize,
+    shapes: &[usize],
+    targets: &Targets,
+) -> Result<()> {
+    // Names need an object. Any other value that stands there moves into a new object.
     match mesh["extras"].take() {
         Value::Null => mesh["extras"] = json!({}),
         object @ Value::Object(_) => mesh["extras"] = object,
@@ -230,11 +240,11 @@ fn name_targets(mesh: &mut Value, before: usize, own: &[usize], targets: &Target
         names.push(json!(format!("{k}")));
     }
     names.truncate(before);
-    names.extend(own.iter().map(|&k| json!(targets.shapes[k].name)));
+    names.extend(shapes.iter().map(|&k| json!(targets.shapes[k].name)));
     Ok(())
 }
 
-/// Puts all that the scene shows below a node that turns as the head does.
+/// Puts everything that the scene shows below a node that turns with the head.
 fn turn_scene(
     document: &mut Value,
     buffer: &mut Buffer,

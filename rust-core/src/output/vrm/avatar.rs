@@ -67,11 +67,16 @@ pub fn write_avatar(
     Ok(replaced)
 }
 
-/// The file, and the names of its own expressions that became new ones.
+/// The document with expressions, and the names of its former expressions that were replaced.
 pub(super) fn avatar(rig: &Rig, scene: &Scene<'_>, name: &str) -> Result<(Document, Vec<String>)> {
     let targets = Targets::of_rig(rig, shapes_of_expressions(), scene.landmarks);
     let mut avatar = document(scene, &targets)?;
-    let place = |shape: &str| targets.shapes.iter().position(|own| own.name == shape);
+    let place = |shape: &str| {
+        targets
+            .shapes
+            .iter()
+            .position(|target| target.name == shape)
+    };
     let expressions = expressions(|shape| place(shape).is_some());
     let extensions = &avatar.json["extensions"];
     let replaced = if extensions["VRMC_vrm"].is_object() {

@@ -47,17 +47,17 @@ pub(super) fn add(
 
 /// Targets of all meshes that show an expression.
 fn binds(
-    bound: &[Bound],
+    bounds: &[Bound],
     expression: &Expression,
     place: impl Fn(&str) -> Option<usize>,
 ) -> Vec<Value> {
     let mut binds = Vec::new();
     for (shape, weight) in &expression.parts {
-        for own in bound {
-            let number = place(shape).and_then(|k| own.shapes.iter().position(|s| *s == k));
+        for bound in bounds {
+            let number = place(shape).and_then(|k| bound.shapes.iter().position(|s| *s == k));
             if let Some(number) = number {
-                let index = own.before + number;
-                binds.push(json!({"node": own.node, "index": index, "weight": weight}));
+                let index = bound.before + number;
+                binds.push(json!({"node": bound.node, "index": index, "weight": weight}));
             }
         }
     }

@@ -28,11 +28,13 @@ pub(super) fn add(
     for expression in expressions {
         let mut binds = Vec::new();
         for (shape, weight) in &expression.parts {
-            for own in &avatar.bound {
-                let number = place(shape).and_then(|k| own.shapes.iter().position(|s| *s == k));
+            for bound in &avatar.bound {
+                let number = place(shape).and_then(|k| bound.shapes.iter().position(|s| *s == k));
                 if let Some(number) = number {
-                    let index = own.before + number;
-                    binds.push(json!({"mesh": own.mesh, "index": index, "weight": 100.0 * weight}));
+                    let index = bound.before + number;
+                    binds.push(
+                        json!({"mesh": bound.mesh, "index": index, "weight": 100.0 * weight}),
+                    );
                 }
             }
         }

@@ -208,9 +208,9 @@ fn a_vrm_keeps_all_that_is_not_a_new_expression() {
     let ears = &before["extensions"]["VRMC_vrm"]["expressions"]["custom"]["Ears"];
     assert_eq!(&vrm["expressions"]["custom"]["Ears"], ears);
     for list in ["accessors", "bufferViews"] {
-        let kept = before[list].as_array().unwrap().len();
+        let length = before[list].as_array().unwrap().len();
         let after = after[list].as_array_mut().unwrap();
-        assert_eq!(before[list].as_array().unwrap()[..], after[..kept]);
+        assert_eq!(before[list].as_array().unwrap()[..], after[..length]);
     }
     // What is left after what had to change is the same.
     for json in [&mut before, &mut after] {

@@ -68,12 +68,12 @@ fn life(rows: &[[f32; 4]]) -> Life {
 /// Displacements `[T, V, 3]` and notes.
 fn spread(engine: &Engine, face: &Face, movement: Movement<'_>) -> (Array3<f32>, Vec<String>) {
     let mut notes = Vec::new();
-    let made = Collector::collect(|sink| {
-        let made = engine.spread(face, movement, sink, SILENT)?;
-        notes.clone_from(&made.notes);
-        Ok(made)
+    let clip = Collector::collect(|sink| {
+        let report = engine.spread(face, movement, sink, SILENT)?;
+        notes.clone_from(&report.notes);
+        Ok(report)
     });
-    (made.unwrap().vertices.displacements, notes)
+    (clip.unwrap().vertices.displacements, notes)
 }
 
 #[test]
@@ -200,8 +200,8 @@ fn frames_that_do_not_fit_are_refused() {
     let face = face(&engine, true);
     let (motion, life) = (jaw(&[0.0, 0.01]), life(&[L]));
     let movement = Movement::from(&motion).with_tongue(&life);
-    let made = Collector::collect(|sink| engine.spread(&face, movement, sink, SILENT));
-    assert!(made.is_err());
+    let refused = Collector::collect(|sink| engine.spread(&face, movement, sink, SILENT));
+    assert!(refused.is_err());
 }
 
 #[test]
@@ -217,9 +217,13 @@ fn the_shares_of_a_pose_are_those_that_made_it() {
             tongue: ndarray::arr2(&[pose.tongue]),
             ..Life::still(1)
         };
-        let found = jaw(&[0.006]);
-        let (made, _) = spread(&engine, &face, Movement::from(&found).with_tongue(&again));
-        let off = &made.index_axis(Axis(0), 0) - &shown.index_axis(Axis(0), t);
+        let jaw_motion = jaw(&[0.006]);
+        let (repeated, _) = spread(
+            &engine,
+            &face,
+            Movement::from(&jaw_motion).with_tongue(&again),
+        );
+        let off = &repeated.index_axis(Axis(0), 0) - &shown.index_axis(Axis(0), t);
         let off =
             1000.0 * face.metres_per_unit() as f32 * off.fold(0.0f32, |most, x| most.max(x.abs()));
         assert!(off < 0.2, "{row:?} {:?}: {off} mm", pose.tongue);

@@ -208,8 +208,8 @@ impl System for CafeTalk {
                 progress(Progress { fraction, ..now })
             }
         };
-        let is_asked = events.mask.iter().any(|strength| *strength != 0.0);
-        let mut weights = match is_asked && !guidance.is_printed {
+        let has_events = events.mask.iter().any(|strength| *strength != 0.0);
+        let mut weights = match has_events && !guidance.is_printed {
             false => sample(&events, progress)?,
             true => {
                 let plain = sample(&plain_events, &half(0.0))?;

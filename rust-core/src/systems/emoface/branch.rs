@@ -1,7 +1,7 @@
 //! One branch: computes the next frame from the frames before and the current features
 //! (FaceFormer's decoder of one layer).
 //!
-//! Attention to only the own frame is a linear layer of that frame, and is implemented as one.
+//! Attention of a frame to itself alone is a linear layer, and is implemented as one.
 
 use super::EmoFaceConfig;
 use crate::{

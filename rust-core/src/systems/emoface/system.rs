@@ -240,8 +240,8 @@ impl EmoFace {
     /// Whether the branch shows the emotion. Otherwise it is added to the speech as in FreeTalk,
     /// because the branch does not know all of it.
     fn emotion_origin(&self, request: &MotionRequest) -> EmotionOrigin {
-        let is_asked = EMOTION_FROM.value(&request.controls) as usize == EMOTION;
-        match is_asked && !self.branch_knows(&request.emotion) {
+        let shows_request = EMOTION_FROM.value(&request.controls) as usize == EMOTION;
+        match shows_request && !self.branch_knows(&request.emotion) {
             true => EmotionOrigin::Added,
             false => EmotionOrigin::Learned,
         }

@@ -41,7 +41,7 @@ pub struct Sampling {
     pub spacing: Spacing,
     /// Scale of the starting noise; 0 gives the same motion for every seed.
     pub temperature: f32,
-    /// Over how many seconds that noise stays alike (standard deviation); 0 for noise of its own in every frame.
+    /// Over how many seconds that noise stays alike (standard deviation). 0: every frame has independent noise.
     #[serde(default)]
     pub noise_s: f64,
 }

@@ -37,9 +37,9 @@ pub struct PaperFace {
     to_canonical: Similarity,
 }
 
-/// Prepares the decoder for one face: operators and eigenbasis of the skin around it (kept in `cache`) and the
-/// features of the neutral mesh. Units and axes are the mesh's own. Every vertex there is worked on: the face has no
-/// proxy.
+/// Prepares the decoder for one face: operators and eigenbasis of the skin around it, which go into `cache`, and the
+/// features of the neutral mesh. Units and axes are those of the mesh. The face has no proxy, so the work covers every
+/// vertex there.
 ///
 /// # Errors
 /// `Mesh` if the landmarks lie on no usable face, `Numerics` if a solve fails, `Cancelled`.

@@ -43,11 +43,7 @@ fn hum(samples: usize) -> Vec<f32> {
     (0..samples).map(sample).collect()
 }
 
-fn felt_at_once(
-    model: &Arc<CausalModel>,
-    samples: &[f32],
-    emotion: &Emotion,
-) -> Vec<LandmarkFrame> {
+fn run_at_once(model: &Arc<CausalModel>, samples: &[f32], emotion: &Emotion) -> Vec<LandmarkFrame> {
     let mut stream = of(model);
     stream.set_emotion(emotion).unwrap();
     stream.push(samples).unwrap();
@@ -56,7 +52,7 @@ fn felt_at_once(
 }
 
 fn all_at_once(model: &Arc<CausalModel>, samples: &[f32]) -> Vec<LandmarkFrame> {
-    felt_at_once(model, samples, &Emotion::default())
+    run_at_once(model, samples, &Emotion::default())
 }
 
 #[test]
@@ -73,7 +69,7 @@ fn samples_one_by_one_and_all_at_once_give_the_same_bits_with_the_built_in_weigh
     }
     stream.finish().unwrap();
     frames.extend(stream.drain());
-    assert_eq!(frames, felt_at_once(&model, &samples, &angry));
+    assert_eq!(frames, run_at_once(&model, &samples, &angry));
 }
 
 #[test]
