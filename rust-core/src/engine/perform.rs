@@ -351,7 +351,7 @@ impl Engine {
         };
         let strengths: Vec<LifeStrengths> = (0..frames).map(strengths).collect();
         let affect = emotion.sample(frames, fps);
-        Life::perform(&heard.prosody, affect.view(), request.seed, fps, &strengths)
+        Life::of_speech(&heard.prosody, affect.view(), request.seed, fps, &strengths)
     }
 
     /// What a control is asked to be at a time; 0 where the system has no such control.
@@ -385,7 +385,7 @@ impl Engine {
     ) -> Result<(Motion, Life)> {
         let base = self
             .system
-            .perform(sampled, heard, request, blink_emotion)?;
+            .apply_controls(sampled, heard, request, blink_emotion)?;
         let mut moved = Cow::Borrowed(&base);
         let on_motion = |control: &&Control| ![HEAD, GAZE, TONGUE].contains(&control.name);
         for control in self.registration.controls().filter(on_motion) {
@@ -396,7 +396,8 @@ impl Engine {
                         controls,
                         ..request.clone()
                     };
-                    self.system.perform(sampled, heard, &request, blink_emotion)
+                    self.system
+                        .apply_controls(sampled, heard, &request, blink_emotion)
                 };
                 moved = Cow::Owned(along(&base, &moved, curve, at)?);
             }

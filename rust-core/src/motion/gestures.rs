@@ -478,7 +478,7 @@ mod tests {
             fps: FPS,
         };
         modes
-            .perform(&still, &cues, &controls)
+            .apply_controls(&still, &cues, &controls)
             .unwrap()
             .displacements
     }

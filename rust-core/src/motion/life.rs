@@ -59,7 +59,7 @@ impl Life {
     ///
     /// `affect` `[T, 16]`, mixture and intensity, carries the head: its posture, how far and how fast it moves.
     /// The eyes turn against the head as far as it really turns. Same seed, same tracks.
-    pub fn perform(
+    pub fn of_speech(
         prosody: &Prosody,
         affect: ArrayView2<'_, f32>,
         seed: u64,
@@ -130,7 +130,7 @@ mod tests {
 
     fn performed(strengths: &[LifeStrengths]) -> Life {
         let affect = EmotionCurve::default().sample(270, FPS);
-        Life::perform(&speaking(9, 60), affect.view(), 4, FPS, strengths)
+        Life::of_speech(&speaking(9, 60), affect.view(), 4, FPS, strengths)
     }
 
     #[test]
@@ -161,7 +161,7 @@ mod tests {
         ];
         let averted = |emotion: &str| {
             let affect = EmotionCurve::parse(emotion).unwrap().sample(1800, FPS);
-            let life = Life::perform(&speaking(60, 60), affect.view(), 4, FPS, &strengths);
+            let life = Life::of_speech(&speaking(60, 60), affect.view(), 4, FPS, &strengths);
             let down = life.gaze.index_axis(Axis(1), 0);
             down.outer_iter().filter(|eye| eye[1] < -0.075).count() as f64 / 1800.0
         };

@@ -3,6 +3,7 @@
 //! [`Motion`] has a case for each kind of motion that a system may think in. Landmarks have the tools
 //! of this folder: resampling, smoothing, and an artist's controls over a sampled clip.
 
+mod apply_controls;
 mod articulation;
 mod blinks;
 pub mod bounds;
@@ -23,7 +24,6 @@ mod join;
 mod life;
 mod liveliness;
 mod mood;
-mod perform;
 mod phrases;
 mod redo;
 mod request;
@@ -45,6 +45,7 @@ use ndarray::{Array2, Array3, ArrayD, ArrayViewD};
 
 use crate::{Result, deform::CodeSpace};
 
+pub use apply_controls::{Cues, LandmarkController};
 pub use blinks::{Blink, blinks};
 pub use brow_accents::{BrowAccent, brow_accents};
 pub(crate) use contacts::{Parting, narrow, opening};
@@ -59,7 +60,6 @@ pub use idle::{Idle, IdleMotion};
 pub use join::Pose;
 pub(crate) use join::{begin_in, begin_tongue_in};
 pub use life::{Life, LifeStrengths};
-pub use perform::{Cues, Performer};
 pub use redo::Stretch;
 pub use request::{FPS, MotionRequest, check_closures, check_fps, style_number};
 pub(crate) use resample::at_rate;

@@ -91,7 +91,7 @@ pub struct Description<'a> {
     pub speech: Option<&'a SpeechInput>,
     /// Whether [`Heard::voice`] has to keep the sound, for an encoder of the system's own.
     pub keeps_sound: bool,
-    /// Whether another emotion needs another [`System::sample`], or [`System::perform`] adds it.
+    /// Whether another emotion needs another [`System::sample`], or [`System::apply_controls`] adds it.
     pub emotion: EmotionOrigin,
     /// Names of the speaking styles that its models know.
     pub styles: &'a [String],
@@ -125,7 +125,7 @@ pub trait EmotionMask: Send + Sync {
 
 /// Turns what was heard and asked into motion.
 ///
-/// A performance has two halves: [`System::sample`] runs the networks, [`System::perform`] puts
+/// A performance has two halves: [`System::sample`] runs the networks, [`System::apply_controls`] puts
 /// controls on the result and may be called again with others.
 pub trait System: Send + Sync {
     /// What is known of its models.
@@ -152,7 +152,7 @@ pub trait System: Send + Sync {
     ///
     /// # Errors
     /// Those of the system.
-    fn perform(
+    fn apply_controls(
         &self,
         sampled: &Motion,
         heard: &Heard,

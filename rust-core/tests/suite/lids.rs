@@ -52,7 +52,7 @@ fn blinking(emotion: &str) -> LandmarkClip {
         ..PerformanceControls::default()
     };
     let modes = FaceModes::open(None).unwrap();
-    modes.perform(&still, &cues, &controls).unwrap()
+    modes.apply_controls(&still, &cues, &controls).unwrap()
 }
 
 /// By which share both eyes should close.

@@ -229,7 +229,7 @@ fn lids_never_cross_even_where_they_blink_at_full_strength() {
             prosody: &silence(),
             seed: 5,
         };
-        let clip = modes.perform(&still(240), &cues, &controls).unwrap();
+        let clip = modes.apply_controls(&still(240), &cues, &controls).unwrap();
         let mut least = f32::INFINITY;
         for frame in clip.displacements.outer_iter() {
             for (eye, gaps) in EYES.iter().zip(LID_GAPS_M) {

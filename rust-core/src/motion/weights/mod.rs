@@ -1,7 +1,7 @@
 //! Motion that is weights of ARKit's shapes: what an artist may change of it, and lips that meet.
 
+mod apply_controls;
 mod closing;
-mod perform;
 mod reach;
 mod rounding;
 mod teeth;
@@ -14,8 +14,8 @@ use ndarray::{Array2, Array3, Axis};
 use super::{FaceModes, LandmarkClip, WeightClip};
 use crate::{Result, rig::ARKIT};
 
+pub use apply_controls::WeightCues;
 pub use closing::LipGaps;
-pub use perform::WeightCues;
 pub use teeth::LowerLip;
 
 /// A shape of ARKit's that the mean face has no motion for.

@@ -232,7 +232,7 @@ impl System for CafeTalk {
         Ok(Motion::Weights(clip.at_rate(request.fps, frames)).into())
     }
 
-    fn perform(
+    fn apply_controls(
         &self,
         sampled: &Motion,
         heard: &Heard,
@@ -259,7 +259,7 @@ impl System for CafeTalk {
         let over_speech = &events.over_speech;
         let mut rounded = clip.clone();
         rounded.round_lips(&contacts.rounding, &self.modes, over_speech)?;
-        let mut performed = rounded.perform(&self.modes, &cues, &controls)?;
+        let mut performed = rounded.apply_controls(&self.modes, &cues, &controls)?;
         self.lower_lip
             .reach_teeth(&mut performed, &contacts.at_teeth, over_speech);
         self.gaps

@@ -23,9 +23,9 @@ use crate::{
     mesh::ibug::LANDMARKS,
     models::{BuiltIn, Weights},
     motion::{
-        self, CodeClip, EmotionOrigin, Expressions, FaceModes, LandmarkClip, Motion, MotionKind,
-        MotionRequest, MotionStream, PERFORMANCE_CONTROLS, Performer, Template, TemplateMask,
-        style_number,
+        self, CodeClip, EmotionOrigin, Expressions, FaceModes, LandmarkClip, LandmarkController,
+        Motion, MotionKind, MotionRequest, MotionStream, PERFORMANCE_CONTROLS, Template,
+        TemplateMask, style_number,
     },
     speech::{self, COMPACT_MODEL, CausalModel, EmotionEar, Heard},
     spread::TemplateOnFace,
@@ -372,7 +372,7 @@ impl System for EmoFace {
         })
     }
 
-    fn perform(
+    fn apply_controls(
         &self,
         sampled: &Motion,
         heard: &Heard,
@@ -384,13 +384,13 @@ impl System for EmoFace {
             Layer::Content => &EmotionCurve::default(),
             Layer::Both | Layer::Emotion => &request.emotion,
         };
-        let performer = Performer {
+        let controller = LandmarkController {
             modes: &self.modes,
             expressions: &self.expressions,
             emotion_origin: self.emotion_origin(request),
             prosody: &heard.prosody,
         };
-        performer.perform(sampled, request, emotion, blink_emotion)
+        controller.apply(sampled, request, emotion, blink_emotion)
     }
 
     fn stream(&self) -> Option<Box<dyn MotionStream>> {

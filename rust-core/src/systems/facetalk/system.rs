@@ -17,8 +17,8 @@ use crate::{
     mesh::ibug::LANDMARKS,
     models::Weights,
     motion::{
-        self, CodeClip, EmotionOrigin, Expressions, FaceModes, LandmarkClip, Motion, MotionKind,
-        MotionRequest, PERFORMANCE_CONTROLS, Performer,
+        self, CodeClip, EmotionOrigin, Expressions, FaceModes, LandmarkClip, LandmarkController,
+        Motion, MotionKind, MotionRequest, PERFORMANCE_CONTROLS,
     },
     speech::{Heard, frames_of},
     systems::{Ability, Description, Registration, Sampled, Slider, System},
@@ -300,19 +300,19 @@ impl System for FaceTalk {
         Ok(self.motion(codes, clip.clone()))
     }
 
-    fn perform(
+    fn apply_controls(
         &self,
         sampled: &Motion,
         heard: &Heard,
         request: &MotionRequest,
         blink_emotion: &EmotionCurve,
     ) -> Result<Motion> {
-        let performer = Performer {
+        let controller = LandmarkController {
             modes: &self.modes,
             expressions: &self.expressions,
             emotion_origin: EmotionOrigin::Added,
             prosody: &heard.prosody,
         };
-        performer.perform(sampled, request, &request.emotion, blink_emotion)
+        controller.apply(sampled, request, &request.emotion, blink_emotion)
     }
 }

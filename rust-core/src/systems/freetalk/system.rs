@@ -20,8 +20,8 @@ use crate::{
     job::ProgressFn,
     models::{BuiltIn, Opened},
     motion::{
-        CausalExpression, EmotionOrigin, Expressions, FaceModes, LandmarkClip, Motion, MotionKind,
-        MotionRequest, MotionStream, PERFORMANCE_CONTROLS, Performer,
+        CausalExpression, EmotionOrigin, Expressions, FaceModes, LandmarkClip, LandmarkController,
+        Motion, MotionKind, MotionRequest, MotionStream, PERFORMANCE_CONTROLS,
     },
     speech::{CausalModel, Heard},
     systems::{Description, Registration, Sampled, Slider, System},
@@ -164,20 +164,20 @@ impl System for FreeTalk {
         Ok(Motion::Landmarks(clip).into())
     }
 
-    fn perform(
+    fn apply_controls(
         &self,
         sampled: &Motion,
         heard: &Heard,
         request: &MotionRequest,
         blink_emotion: &EmotionCurve,
     ) -> Result<Motion> {
-        let performer = Performer {
+        let controller = LandmarkController {
             modes: &self.modes,
             expressions: &self.expressions,
             emotion_origin: self.config.emotion,
             prosody: &heard.prosody,
         };
-        performer.perform(sampled, request, &request.emotion, blink_emotion)
+        controller.apply(sampled, request, &request.emotion, blink_emotion)
     }
 
     fn decoder(&self, controls: &Controls) -> Option<&dyn Decoder> {

@@ -118,7 +118,7 @@ fn blinking(emotion: &str) -> Result<LandmarkClip> {
         blinks_per_minute: BLINKS_PER_MINUTE,
         ..PerformanceControls::default()
     };
-    FaceModes::open(None)?.perform(&still, &cues, &controls)
+    FaceModes::open(None)?.apply_controls(&still, &cues, &controls)
 }
 
 /// How far the lids rise apart in each frame, metres.

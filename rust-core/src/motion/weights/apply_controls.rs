@@ -75,7 +75,7 @@ impl WeightClip {
     ///
     /// # Errors
     /// `InvalidInput` for a control out of range, `Weights` for a name that is none of ARKit's.
-    pub fn perform(
+    pub fn apply_controls(
         &self,
         modes: &FaceModes,
         cues: &WeightCues<'_>,

@@ -84,7 +84,7 @@ fn performed(clip: &LandmarkClip, emotion: &str, controls: PerformanceControls) 
         seed: 5,
     };
     modes()
-        .perform(clip, &cues, &controls)
+        .apply_controls(clip, &cues, &controls)
         .unwrap()
         .displacements
 }
@@ -335,7 +335,7 @@ fn off_leaves_speech_alone() {
         effort: 0.0,
         ..Default::default()
     };
-    let performance = modes().perform(&clip, &cues, &controls).unwrap();
+    let performance = modes().apply_controls(&clip, &cues, &controls).unwrap();
     for (n, motion) in performance
         .displacements
         .axis_iter(ndarray::Axis(1))
@@ -371,7 +371,7 @@ fn silence_has_blinks_and_no_accents() {
         blinks_per_minute: 40.0,
         ..Default::default()
     };
-    let performance = modes.perform(&still, &cues, &controls).unwrap();
+    let performance = modes.apply_controls(&still, &cues, &controls).unwrap();
     let moved = changed(&performance.displacements, &still.displacements);
     assert!(!moved.is_empty() && moved.iter().all(|n| (36..48).contains(n)));
 }
@@ -391,7 +391,7 @@ fn the_same_seed_gives_the_same_and_another_seed_another_performance() {
             seed,
         };
         modes
-            .perform(&clip, &cues, &PerformanceControls::default())
+            .apply_controls(&clip, &cues, &PerformanceControls::default())
             .unwrap()
     };
     assert_eq!(with(3), with(3));
@@ -415,7 +415,7 @@ fn controls_out_of_range_are_refused() {
         articulation: 2.1,
         ..plain()
     };
-    let refused = modes().perform(&clip, &cues, &controls);
+    let refused = modes().apply_controls(&clip, &cues, &controls);
     assert!(matches!(refused, Err(Error::InvalidInput(text)) if text.contains("0 to 2, got 2.1")));
 }
 
@@ -442,7 +442,7 @@ fn odd_lengths_and_rates_are_fine() {
             ..Default::default()
         };
         let performance = modes
-            .perform(&LandmarkClip { displacements, fps }, &cues, &controls)
+            .apply_controls(&LandmarkClip { displacements, fps }, &cues, &controls)
             .unwrap();
         assert_eq!(performance.displacements.dim(), (frames, 68, 3));
         assert!(performance.displacements.iter().all(|x| x.is_finite()));

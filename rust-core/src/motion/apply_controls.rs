@@ -42,7 +42,7 @@ pub struct Cues<'a> {
 
 /// Puts what is asked on landmarks that a system has sampled.
 #[derive(Debug, Clone, Copy)]
-pub struct Performer<'a> {
+pub struct LandmarkController<'a> {
     /// How the landmarks move together.
     pub modes: &'a FaceModes,
     /// The expressions of the emotions.
@@ -53,13 +53,13 @@ pub struct Performer<'a> {
     pub prosody: &'a Prosody,
 }
 
-impl Performer<'_> {
+impl LandmarkController<'_> {
     /// The controls of `request` on `sampled`, under `emotion`; blinks come as often as under `blink_emotion`.
     /// Motion of another kind stays as it is.
     ///
     /// # Errors
-    /// Those of [`FaceModes::perform`].
-    pub fn perform(
+    /// Those of [`FaceModes::apply_controls`].
+    pub fn apply(
         &self,
         sampled: &Motion,
         request: &MotionRequest,
@@ -81,8 +81,8 @@ impl Performer<'_> {
             seed: request.seed,
         };
         let controls = PerformanceControls::from(&request.controls);
-        let performed = self.modes.perform(clip, &cues, &controls)?;
-        Ok(sampled.with_values(performed.displacements.into_dyn()))
+        let clip = self.modes.apply_controls(clip, &cues, &controls)?;
+        Ok(sampled.with_values(clip.displacements.into_dyn()))
     }
 }
 
@@ -97,7 +97,7 @@ impl FaceModes {
     ///
     /// # Errors
     /// `InvalidInput` for a control out of range.
-    pub fn perform(
+    pub fn apply_controls(
         &self,
         sampled: &LandmarkClip,
         cues: &Cues<'_>,
