@@ -1,4 +1,4 @@
-"""The library's calls that make few vectors of a clip, and what of them may still change."""
+"""The library's calls that turn a clip into few vectors, and the sliders that change these."""
 
 from ctypes import POINTER, c_float
 
@@ -14,10 +14,10 @@ _FLOATS = POINTER(c_float)
 
 
 class BasisCalls:
-    """What `native.Engine` knows of bases and their sliders."""
+    """The calls of `native.Engine` for bases and their sliders."""
 
     def _layers(self, handles, results, limit: float, watch) -> Basis:
-        """What is said and what is felt beyond it, each within half of `limit`, as one basis."""
+        """Speech, and what emotion adds to it, as one basis. Each is within half of `limit`."""
         face, motion, clip = results
         arguments = (self._handle, motion, watch.handle)
         content = self._own(handles, "motion", "anyface_motion_new_content", *arguments)

@@ -13,13 +13,13 @@ from .library import library_path, load
 
 _FLOATS, _INDICES = POINTER(c_float), POINTER(c_uint32)
 FARTHEST = 4.0
-"""How far a slider goes."""
+"""Largest value of a slider; the smallest is its negative."""
 
 
 @dataclass
 class Recipe:
-    """Which head: that of `seed`, `share` of the way to that of `other`; `changes` are added to how
-    far it lies along each direction."""
+    """Which head: that of `seed`, moved by `share` (0 to 1) towards that of `other`. Then `changes`
+    are added to its coordinates along the directions."""
 
     seed: int = 0
     other: int = 0
@@ -29,9 +29,9 @@ class Recipe:
 
 @dataclass
 class MadeHead:
-    """`positions` `[V, 3]` metres (+x subject's left, +y up, +z forward), `faces` `[F, 4]`, skin
-    first, the last corner of a triangle twice; `uv` `[S, 4, 2]` of the skin's faces; `materials`
-    `[F]`, numbers of `material_names`; `landmark_vertices` `[68]`."""
+    """`positions` `[V, 3]` metres (+x subject's left, +y up, +z forward); `faces` `[F, 4]`, skin
+    first, a triangle with its last corner twice; `uv` `[S, 4, 2]` of the skin's faces;
+    `materials` `[F]`, numbers of `material_names`; `landmark_vertices` `[68]`."""
 
     positions: np.ndarray
     faces: np.ndarray
@@ -42,16 +42,16 @@ class MadeHead:
 
 
 class HeadCalls:
-    """What `native.Engine` knows of heads."""
+    """The calls of `native.Engine` for heads."""
 
     def head_like(
         self, positions, triangles, landmarks, landmark_vertices, progress: Progress
     ) -> tuple[MadeHead, float, float]:
-        """The head that is like a mesh at rest, how far the mesh lies from it (mean, millimetres
-        on a head of human size), and metres per unit of the mesh.
+        """The head that is like a mesh at rest, the mean distance between both (millimetres on a
+        head of human size), and metres per unit of the mesh.
 
-        The other arguments are those of `native.Engine.find`. Raises `AnyfaceError`, where no head
-        is like it too, or `Cancelled`.
+        The arguments are those of `native.Engine.find`. Raises `AnyfaceError`, also if no head is
+        like the mesh, or `Cancelled`.
         """
         with ExitStack() as handles:
             watch = handles.enter_context(self._watch(progress))
@@ -97,7 +97,7 @@ class HeadCalls:
 
 
 class Heads(Calls, HeadCalls):
-    """The model of heads; no speech is loaded for it."""
+    """The model of heads. It loads no model of speech."""
 
     def __init__(self):
         """Raises `AnyfaceError` where there is no library."""
@@ -105,8 +105,8 @@ class Heads(Calls, HeadCalls):
 
     @cache  # noqa: B019 - one object lives as long as Blender
     def directions(self) -> tuple[str, ...]:
-        """What each slider changes most: traits such as age, then the directions in which heads
-        differ, the one that moves the surface furthest first."""
+        """What each slider changes most. Traits such as age come first, then the directions in
+        which heads differ, in the order of how far they move the surface."""
         with ExitStack() as handles:
             head = self._of_seed(handles, 0)
             count = self._library.anyface_head_direction_count(head)

@@ -1,4 +1,4 @@
-//! What files of scenes and avatars hold of a take.
+//! What files of scenes and avatars hold of a take: shapes, expressions and the sound beside them.
 
 use std::{
     path::{Path, PathBuf},
@@ -16,8 +16,8 @@ use clap::{Args, ValueEnum};
 /// Options of scenes and avatars.
 #[derive(Args)]
 pub struct SceneArgs {
-    /// What the shapes of a .glb or .usda are: basis, as few as move every vertex as the take does, or arkit, the mesh's 52 of
-    /// ARKit with solved weights
+    /// Shapes of a .glb or .usda: basis has as few as reproduce the take, arkit has the mesh's 52 ARKit shapes with
+    /// solved weights
     #[arg(long, value_enum, value_name = "SHAPES", default_value = "basis")]
     targets: Shapes,
     /// Which expressions a .vrma moves: those of Perfect Sync (ARKit's), of VRM, or all
@@ -35,13 +35,15 @@ enum Shapes {
 enum Names {
     /// Both
     All,
-    /// The 52 of Perfect Sync alone, for an avatar that has those of VRM as well and would move twice
+    /// The 52 of Perfect Sync alone: an avatar that also has those of VRM would move twice
     PerfectSync,
     /// Those of VRM alone
     Vrm,
 }
 
-/// The sound beside a scene `out`, which has none itself; none of a pipe, which is read once.
+/// Path of the sound beside the scene `out`, because a scene holds no sound itself.
+///
+/// `None` if `out` is no scene, or if `audio` is a pipe, which can be read only once.
 pub fn sound_of_scene(out: &Path, audio: &Path) -> Option<PathBuf> {
     let is_scene = Format::from_path(out).is_ok_and(Format::is_scene);
     let is_scene = is_scene && audio.is_file();
@@ -49,7 +51,7 @@ pub fn sound_of_scene(out: &Path, audio: &Path) -> Option<PathBuf> {
     is_scene.then(|| out.with_extension(ending))
 }
 
-/// The same where it is another file than the sound that is read.
+/// The same path, if it is another file than `audio`.
 pub fn sound_copy(out: &Path, audio: &Path) -> Option<PathBuf> {
     let sound = sound_of_scene(out, audio);
     sound.filter(|path| Place::of(path) != Place::of(audio))
@@ -67,10 +69,10 @@ pub fn copy_sound(out: &Path, audio: &Path) -> Result<()> {
 }
 
 impl SceneArgs {
-    /// Refuses options that the kind of a result has no use for.
+    /// Refuses options that do not apply to the format of the result.
     ///
     /// # Errors
-    /// `InvalidInput` for these and for an unknown ending.
+    /// `InvalidInput` for such an option, and for an unknown ending.
     pub fn check(&self, out: &Path) -> Result<()> {
         let format = Format::from_path(out)?;
         let is_shown = matches!(format, Format::Glb | Format::Usda);
@@ -88,7 +90,7 @@ impl SceneArgs {
         }
     }
 
-    /// Copies of a frame that lie in memory beside the take: the shapes of the mesh, and those of a solve.
+    /// How much memory the shapes take beside the take, in frames: the shapes of the mesh, and those of a solve.
     pub fn kept(&self, out: &Path) -> usize {
         let is_avatar = Format::from_path(out).is_ok_and(|format| format == Format::Vrma);
         match is_avatar || self.targets == Shapes::Arkit {
@@ -97,7 +99,7 @@ impl SceneArgs {
         }
     }
 
-    /// The file of a result: a scene mentions its sound, and a GLB keeps all else of the GLB that the mesh came from.
+    /// The file of a result. A scene names its sound. A GLB keeps everything else of the GLB that the mesh came from.
     ///
     /// # Errors
     /// Those of the mesh's file and of its rig.
@@ -110,7 +112,7 @@ impl SceneArgs {
     ) -> Result<ClipFile> {
         let mut file = ClipFile::new(out)?;
         let format = Format::from_path(out)?;
-        // A pipe is read once.
+        // A pipe can be read only once, and the mesh was read from it.
         if let Some(mesh) = mesh.filter(|path| format.is_scene() && path.is_file()) {
             file = file.of_file(&read_file(mesh, InputKind::Mesh)?);
         }

@@ -1,4 +1,4 @@
-"""The picture of README.md: a head says the same with five emotions.
+"""The picture of emotions in docs/command-line.md: a head says the same with five of them.
 
     target/venvs/bpy/bin/python packaging/demo/emotions.py --extension target/anyface-….zip \
         --audio demo-output/voice.wav --out docs/images/emotions.jpg

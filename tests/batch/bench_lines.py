@@ -3,7 +3,7 @@
 `python tests/batch/bench_lines.py --command target/demo/anyface --lines 10000` makes a head of 26,719
 vertices and lines of 4 s from `../shared/data`, lets the command write a table of ARKit weights for
 each, and prints lines a second, processor seconds and the resident memory after some of the lines.
-docs/farm.md has its numbers. Needs Python alone, and Linux.
+docs/measured/speed.md has its numbers. Needs Python alone, and Linux.
 """
 
 import argparse

@@ -12,6 +12,7 @@ import wave
 from pathlib import Path
 
 import pytest
+
 import slurm
 from test_flamenco import compile_job, perform
 from test_opencue import description_of, frames

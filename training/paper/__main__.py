@@ -10,6 +10,7 @@ import json
 import math
 import tempfile
 from pathlib import Path
+from textwrap import fill
 from typing import Annotated
 
 from training.corpus.folder import CorpusFolder
@@ -34,20 +35,25 @@ compare with each other, not with other tables.
 """
 
 
-def page(tables: list[Table], ablated: list[Table], figures: list[Path], out: Path, command: str) -> str:
+def page(
+    tables: list[Table], ablated: list[Table], figures: list[tuple[Path, str]], out: Path, command: str
+) -> str:
     """The whole page."""
     parts = [HEAD, f"```\n{command}\n```\n"]
     for table in [*tables, *ablated]:
         parts.append(f"## {table.corpus}: {table.what}\n\n{table.clips} clips, {table.points} points.\n")
         parts.append(rows_of(table))
-    for figure in figures:
+    if figures:
+        parts.append("## Figures\n")
+    for figure, numbers in figures:
         parts.append(f"![{CAPTIONS[figure.stem]}]({figure.relative_to(out.parent)})\n")
+        parts += [fill(numbers, 100) + "\n"] if numbers else []
     return "\n".join([*parts, combinations(ablated), printed()]).rstrip() + "\n"
 
 
 CAPTIONS = {
     "decoder_errors": "Figure 6 of the paper: true landmark motion through each decoder, how far it is off",
-    "attention": "Figure 7 of the paper: by which share each vertex of the mesh attends to a landmark",
+    "attention": "Figure 7 of the paper: the share of its attention that each vertex gives to a landmark",
 }
 
 

@@ -12,13 +12,16 @@ from matplotlib.collections import PolyCollection
 from training.corpus.folder import CorpusFolder
 from training.corpus.topology import read_obj
 from training.engine import Engine
-from training.paper.tables import DECODERS, MM, spoken_meshes
+from training.paper.tables import DECODERS, LIPS, MM, spoken_meshes
 
 SHOWN_LANDMARKS = {8: "chin", 54: "corner of the mouth", 62: "upper lip", 66: "lower lip", 19: "brow"}
 
 
-def draw(folder: CorpusFolder, engine: Engine, place: Path, images: Path) -> list[Path]:
-    """Both figures from the first held-out clip with vertices; none where there is no such clip."""
+def draw(folder: CorpusFolder, engine: Engine, place: Path, images: Path) -> list[tuple[Path, str]]:
+    """Both figures from the first held-out clip with vertices, and what they show in numbers.
+
+    Returns none where there is no such clip.
+    """
     clip = next(spoken_meshes(folder, 1, place), None)
     if clip is None:
         return []
@@ -36,10 +39,25 @@ def draw(folder: CorpusFolder, engine: Engine, place: Path, images: Path) -> lis
     _faces(first, shape, triangles, errors, "distance from the truth, mm", 3.0)
     shares = engine.attention(motion[frame], neutral, clip.mesh, clip.marks)
     columns = {name: shares[:, n] for n, name in SHOWN_LANDMARKS.items()}
-    highest = max(float(np.quantile(share, 0.999)) for share in columns.values())
+    titles = {f"{name}\nat most {share.max():.2f}": share for name, share in columns.items()}
     second = images / "attention.png"
-    _faces(second, shape, triangles, columns, "share of a vertex's attention", highest)
-    return [first, second]
+    highest = max(map(np.max, columns.values()))
+    _faces(second, shape, triangles, titles, "share of a vertex's attention", highest)
+    return [(first, ""), (second, attention_in_numbers(shares))]
+
+
+def attention_in_numbers(shares: np.ndarray) -> str:
+    """How far the attention [V, 68] of the vertices is from equal shares, in sentences."""
+    shares = shares[shares.sum(1) > 0.5]
+    entropy = -(shares * np.log(np.maximum(shares, 1e-12))).sum(1)
+    count, largest = np.median(np.exp(entropy)), np.median(shares.max(1))
+    total = shares.shape[1]
+    return (
+        f"The colours of figure 7 have one scale that begins at 0. Equal shares would be {1 / total:.3f} "
+        f"everywhere. The median vertex attends to {count:.1f} of {total} landmarks (e to the entropy of "
+        f"its shares) and gives {largest:.2f} to the first of them. No vertex gives more than "
+        f"{shares[:, LIPS].max():.2f} to a landmark of the lips."
+    )
 
 
 def _faces(path: Path, shape: np.ndarray, triangles: np.ndarray, values: dict[str, np.ndarray], label: str,

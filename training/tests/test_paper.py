@@ -13,6 +13,7 @@ from training.corpus.folder import CorpusFolder
 from training.engine import Engine
 from training.paper import ablations
 from training.paper.__main__ import page
+from training.paper.figures import attention_in_numbers
 from training.paper.metrics import NAMES, measure
 from training.paper.printed import WHOLE, combinations
 from training.paper.tables import Table, landmark_table, mesh_tables
@@ -70,6 +71,19 @@ def test_the_page_names_units_and_leaves_out_what_was_not_seen(tmp_path):
     table = Table("mine", "landmarks", {"Anyface": scores}, 3, 68)
     text = page([table], [], [], tmp_path / "paper.md", "python -m training.paper")
     assert "| Anyface | 1.23 |" in text and "| – |" in text and "LVE mm²" in text
+
+
+def test_equal_shares_of_attention_read_as_all_landmarks_and_one_landmark_as_one():
+    equal = attention_in_numbers(np.full((5, 68), 1 / 68))
+    assert "Equal shares would be 0.015" in equal and "attends to 68.0 of 68" in equal
+    one = attention_in_numbers(np.eye(68)[[50, 50, 8]])
+    assert "attends to 1.0 of 68" in one and "gives 1.00 to the first" in one
+
+
+def test_a_figure_is_followed_by_its_numbers(tmp_path):
+    image = tmp_path / "images/attention.png"
+    text = page([], [], [(image, "One sentence.")], tmp_path / "paper.md", "made")
+    assert "## Figures" in text and "(images/attention.png)\n\nOne sentence.\n" in text
 
 
 def test_ablations_stand_beside_the_printed_shares(tmp_path):

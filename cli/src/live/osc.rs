@@ -6,18 +6,18 @@ use rosc::{OscBundle, OscMessage, OscPacket, OscTime, OscType, encoder};
 
 use super::frame::{Frame, capital};
 
-/// Which expressions an avatar is sent by name.
+/// Which expressions an avatar receives.
 #[derive(Debug, Clone, Copy, PartialEq, ValueEnum)]
 pub enum VmcNames {
     /// The 52 of Perfect Sync, and those of VRM 0 and 1
     All,
-    /// The 52 of Perfect Sync alone, for an avatar that has those of VRM as well and would move twice
+    /// The 52 of Perfect Sync alone: an avatar that also has those of VRM would move twice
     PerfectSync,
     /// Those of VRM 0 and 1 alone
     Vrm,
 }
 
-/// A datagram whose messages belong to one instant, which is now.
+/// A datagram whose messages all belong to the instant at which it arrives.
 fn bundle(messages: Vec<OscMessage>) -> Vec<u8> {
     let bundle = OscBundle {
         timetag: OscTime {
@@ -52,10 +52,10 @@ pub fn plain(frame: &Frame) -> Vec<u8> {
     bundle(messages)
 }
 
-/// What the VMC protocol has of a face: that it is there, the time, expressions by name, the bone of the head.
+/// A frame in the VMC protocol: that a face is there, the time, expressions by name, and the bone of the head.
 ///
-/// The protocol has Unity's axes: x to the face's right, y up, z out of the face, left-handed. The bone's place is
-/// that in which it rests, which only the receiver knows; it is sent as zero.
+/// The protocol has Unity's axes: x to the face's right, y up, z out of the face, left-handed. Only the receiver
+/// knows where the bone rests, so its place is sent as zero.
 pub fn vmc(frame: &Frame, names: VmcNames) -> Vec<u8> {
     let mut messages = vec![
         message("/VMC/Ext/OK", vec![OscType::Int(1)]),
@@ -86,7 +86,8 @@ pub fn vmc(frame: &Frame, names: VmcNames) -> Vec<u8> {
 
 /// Expressions by their names in VRM 0 and VRM 1.
 ///
-/// Avatars add what they are sent: a blink of both eyes is sent as one, and each eye what it closes beyond.
+/// An avatar adds up what it receives. So `Blink` is as far as both eyes close, and `Blink_L` and `Blink_R` are how
+/// much further each eye closes.
 fn expressions(frame: &Frame) -> [(&'static str, &'static str, f32); 13] {
     let [left, right] = ["eyeBlinkLeft", "eyeBlinkRight"].map(|name| frame.shape(name));
     let both = left.min(right);
@@ -126,7 +127,7 @@ mod tests {
         bundle.content.into_iter().map(message).collect()
     }
 
-    /// The weight that is sent by that name, if it is sent once.
+    /// The weight of that name, if the messages have it exactly once.
     fn weight(messages: &[OscMessage], name: &str) -> Option<f32> {
         let name = OscType::String(name.into());
         let mut found = messages.iter().filter(|m| m.args.first() == Some(&name));

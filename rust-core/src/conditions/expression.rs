@@ -1,12 +1,12 @@
-//! What a face is asked to do, in units or in words of a menu: the one grammar of events.
+//! The grammar of events: which units a face shows, how strongly, and whether over the speech.
 //!
-//! The command, C, Python and the strips and markers of Blender read expressions here. What is neither a unit nor a word
-//! of the menu is left to [`crate::text::Reader`].
+//! The command, C, Python and the strips and markers of Blender read expressions here. [`crate::text::Reader`] reads
+//! texts that are neither units nor words of the menu.
 
 use super::action_units::{ACTION_UNITS, ActionUnit, Side};
 use crate::{Error, Result};
 
-/// Words whose units are laid down, whatever a model of texts makes of them: what animators call them, and the units.
+/// Words with fixed units: what animators call an expression, and its units. No model of texts reads these words.
 pub const MENU: [(&str, &str); 30] = [
     ("smile", "6,12"),
     ("smirk", "12L,14L"),
@@ -40,7 +40,7 @@ pub const MENU: [(&str, &str); 30] = [
     ("look down", "64"),
 ];
 
-/// Largest strength of an event; 1 is the model's own.
+/// Largest strength of an event. 1 is the strength of the model itself.
 pub const MAX_EVENT_STRENGTH: f32 = 2.0;
 
 /// What stands between two units.
@@ -51,20 +51,21 @@ const SEPARATORS: &[char] = &[' ', '\t', '\r', '\n', ',', ';', '+', '&'];
 pub struct Expression {
     /// The expression without strength and `!`.
     pub said: String,
-    /// Numbers in [`ACTION_UNITS`], each with its side and once; none where a model of texts has to read `said`.
+    /// Each unit once: its number in [`ACTION_UNITS`], and its side. Empty if a model of texts has to read `said`.
     pub units: Vec<(usize, Side)>,
-    /// 0 to [`MAX_EVENT_STRENGTH`]: what is written behind the expression, 1 where nothing is.
+    /// 0 to [`MAX_EVENT_STRENGTH`]: the number behind the expression, 1 if there is none.
     pub strength: f32,
     /// Whether a `!` puts it over the speech.
     pub over_speech: bool,
 }
 
 impl Expression {
-    /// Reads `12,6L`, `smile`, `left wink`, `right 9,10` or a text; behind it `:0.5` may give the strength, and a `!`
-    /// before or behind that puts it over the speech.
+    /// Reads `12,6L`, `smile`, `left wink`, `right 9,10` or a text.
+    ///
+    /// `:0.5` behind it is the strength. A `!` before or behind the strength puts the expression over the speech.
     ///
     /// # Errors
-    /// `InvalidInput` where nothing is said, with a unit that there is not, or a strength out of range.
+    /// `InvalidInput` if the text says nothing, a unit does not exist, or the strength is out of range.
     pub fn parse(text: &str) -> Result<Expression> {
         let (text, behind) = without_sign(text);
         let number = text.rsplit_once(':');
@@ -99,11 +100,12 @@ fn without_sign(text: &str) -> (&str, bool) {
         .map_or((text, false), |rest| (rest.trim_end(), true))
 }
 
-/// Reads units with separators between them: `12,6L`, `AU45 L`, `au01 + AU02`; a side that stands first is that of all.
-/// A unit that has no sides is on both. `None` for any other text.
+/// Reads units with separators between them: `12,6L`, `AU45 L`, `au01 + AU02`. `None` for any other text.
+///
+/// A side before the first unit counts for all units. A unit without sides is on both.
 ///
 /// # Errors
-/// `InvalidInput` with the first unit that there is not.
+/// `InvalidInput` names the first unit that does not exist.
 fn read_units(text: &str) -> Result<Option<Vec<(usize, Side)>>> {
     let text = text.trim().to_lowercase();
     let (word, behind) = split_word(&text);
@@ -149,7 +151,7 @@ fn read_units(text: &str) -> Result<Option<Vec<(usize, Side)>>> {
 /// Reads one unit, with `L` or `R` behind for one side: `45L`.
 ///
 /// # Errors
-/// `InvalidInput` with what was expected and what came.
+/// `InvalidInput` if the text is anything but one unit.
 pub fn read_unit(text: &str) -> Result<(usize, Side)> {
     match read_units(text)?.as_deref() {
         Some([unit]) => Ok(*unit),
@@ -175,7 +177,8 @@ fn side_of(word: &str) -> Option<Side> {
     }
 }
 
-/// The units of a word of [`MENU`], on the side that is named anywhere beside it; `None` for other words.
+/// The units of a word of [`MENU`]. A side before, within or behind the word counts for all of them. `None` for other
+/// words.
 fn of_menu(text: &str) -> Result<Option<Vec<(usize, Side)>>> {
     let text = text.to_lowercase();
     let words = text

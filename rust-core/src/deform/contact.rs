@@ -1,12 +1,11 @@
 //! Lips that touch: their rims neither pass through one another nor stay apart.
 //!
-//! Weights over landmarks do not know that two rims face each other. The rims of the mouth
-//! are found once: of the vertices near the landmarks of a rim the lowest of the upper
-//! one and the highest of the lower one, from corner to corner. In each frame the gap between them is
-//! looked at in [`SAMPLES`] places; where it is less than nothing (or than it was in the neutral face)
-//! both rims give way by half, and where the landmarks have met and the rims have not, both come
-//! together. The change fades over the skin beside the rims. A slit that nothing crosses stays as it
-//! was, bit for bit.
+//! Weights over landmarks do not know that two rims face each other. So the rims of the mouth are found
+//! once, from corner to corner. The upper rim is the lowest vertices near its landmarks, the lower rim the
+//! highest ones near its own. In each frame the gap between the rims is measured at [`SAMPLES`] places. Where
+//! it is negative, and smaller than in the neutral face, each rim gives way by half. Where the landmarks have
+//! met and the rims have not, the rims come together. The change fades over the skin beside the rims. Lips
+//! that neither cross nor have to meet keep their displacements, bit for bit.
 //!
 //! Lengths are canonical centimetres.
 
@@ -24,22 +23,22 @@ use crate::{
 
 /// Beards stick out from the rim by no more than this.
 const REACH_OF_PARTS_CM: f32 = 2.0;
-/// Places from corner to corner at which a gap is looked at.
+/// Places from corner to corner at which the gap is measured.
 const SAMPLES: usize = 24;
-/// Pieces from corner to corner that have one rim vertex each.
+/// Pieces from corner to corner. In each a rim has one vertex at most.
 const PIECES: usize = 32;
 /// A rim lies no further than this from its landmarks' line.
 const RIM_CM: f32 = 0.3;
-/// Two landmarks have met when they are nearer than this, or nearer than half their neutral distance.
+/// Two landmarks have met when they are nearer than this and nearer than half their neutral distance.
 const MET_CM: f32 = 0.05;
-/// Rims further apart than this are not brought together: the landmarks are not on them.
+/// Rims further apart than this stay apart, because their landmarks do not lie on them.
 const PULL_CM: f32 = 0.3;
 
 /// A slit by its landmarks.
 struct Marks {
     upper: &'static [usize],
     lower: &'static [usize],
-    /// Skin this far from the rims still moves a little with a correction; further away none does.
+    /// A correction fades to nothing at this distance from the rims.
     reach_cm: f32,
 }
 
@@ -70,19 +69,19 @@ pub(super) struct Slit {
     /// Mesh units to centimetres.
     to_cm: f32,
     samples: Vec<Sample>,
-    /// Vertex, its place among the samples, and the share of a gap's change that it makes: half for
-    /// the upper rim, minus half for the lower one.
+    /// Vertex, its place among the samples, and its share of the change of the gap there. The share is half
+    /// at the upper rim and minus half at the lower one.
     touched: Vec<(u32, f32, f32)>,
 }
 
-/// Everything about the neutral face that rims are found with, canonical centimetres.
+/// What the search for rims needs of the neutral face, canonical centimetres.
 struct NeutralFace<'a> {
     /// The skin with its seams sewn up.
     mesh: &'a Mesh,
     landmarks: &'a [[f32; 3]; LANDMARKS],
     /// Vertex of the skin at each landmark.
     vertices: &'a [u32; LANDMARKS],
-    /// `[V]`, the vertex of the skin that stands for each.
+    /// `[V]`, for each vertex the vertex of `mesh` that stands for it.
     sewn: &'a [u32],
     follows: &'a [Follows],
 }
@@ -245,7 +244,7 @@ impl NeutralFace<'_> {
 }
 
 impl Slit {
-    /// Vertices from which the gap is computed.
+    /// Vertices between which the gap is measured.
     pub(super) fn rims(&self) -> impl Iterator<Item = u32> {
         let places = self.samples.iter().flat_map(|s| [s.upper, s.lower]);
         places.flatten().map(|(vertex, _)| vertex)
@@ -256,8 +255,8 @@ impl Slit {
         self.touched.iter().map(|(vertex, ..)| *vertex)
     }
 
-    /// The same slit for a mesh of which only some vertices are left. `new` gives the new number of a vertex; every
-    /// vertex of the rims must have one.
+    /// The same slit on a mesh with fewer vertices. `new` gives the new number of a vertex, or `None` if the mesh
+    /// has it no longer. All vertices of the rims must still be there.
     pub(super) fn renumbered(&self, new: impl Fn(u32) -> Option<u32>) -> Slit {
         let all = |of: Between| of.map(|(v, share)| (new(v).expect("rims are left"), share));
         let samples = self.samples.iter().map(|sample| Sample {
@@ -290,7 +289,7 @@ impl Slit {
         }
     }
 
-    /// By how much the gap of each sample changes: never less than what opens a crossing.
+    /// How much wider each sample's gap becomes, centimetres: negative where the rims come together.
     fn changes(&self, landmarks: &[f32], frame: &[f32]) -> [f32; SAMPLES] {
         let mut push = [0.0f32; SAMPLES];
         let mut pull = [0.0f32; SAMPLES];
@@ -334,7 +333,7 @@ fn sample_place(k: usize) -> f32 {
     (k as f32 + 0.5) / SAMPLES as f32
 }
 
-/// Each value with its two neighbours; the ends have themselves for a neighbour.
+/// Calls `of` with each value between its two neighbours. At an end the value is its own neighbour.
 fn spread(values: &[f32; SAMPLES], of: impl Fn(f32, f32, f32) -> f32) -> [f32; SAMPLES] {
     std::array::from_fn(|k| {
         let (before, after) = (k.saturating_sub(1), (k + 1).min(SAMPLES - 1));
@@ -342,7 +341,7 @@ fn spread(values: &[f32; SAMPLES], of: impl Fn(f32, f32, f32) -> f32) -> [f32; S
     })
 }
 
-/// The two of a rim between which `place` lies, with their shares.
+/// The two points of a rim between which `place` lies, with their shares.
 fn between(rim: &[(f32, u32)], place: f32) -> Between {
     let after = rim
         .partition_point(|(s, _)| *s < place)
@@ -397,7 +396,7 @@ impl Line {
     }
 }
 
-/// Distance from a point to the straight way between two others.
+/// Distance from a point to the straight line that joins two others.
 fn from_piece(p: [f32; 3], a: [f32; 3], b: [f32; 3]) -> f32 {
     let [p, a, b] = [p, a, b].map(Vec3::from);
     p.distance(nearest_between(p, a, b))

@@ -1,4 +1,5 @@
-// Plays a sound file: host SOUND SECONDS EMOTION. A line a frame: weights of two shapes, and the turn of the head.
+// Plays a sound file (host SOUND SECONDS EMOTION). Prints a line for each frame: the weights of two shapes, and the
+// turn of the head.
 #include "AnyfaceSpeaker.h"
 
 #include <cstdlib>

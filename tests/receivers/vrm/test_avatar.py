@@ -1,8 +1,7 @@
 """The page docs/examples/three-vrm.html in a browser: a VRM avatar that speaks with `anyface live`.
 
-Needs chromium and npm, which fetches three and @pixiv/three-vrm into target/vrm; is skipped where
-they cannot be had.
-Pictures of the mouth at its sounds lie in target/vrm after a run.
+It needs chromium and npm, which fetches three and @pixiv/three-vrm into target/vrm; without them it
+is ignored. A run leaves pictures of the mouth at each sound in target/vrm.
 """
 
 import functools
@@ -85,7 +84,7 @@ def test_an_avatar_speaks_blinks_and_shuts_its_mouth(place):
 
 
 def speak(pipe, is_over: threading.Event) -> None:
-    """Sends the sounds by the clock, over and over."""
+    """Sends the sounds in real time, again and again, until `is_over` is set."""
     sound, block = vowels(), 2 * RATE_HZ // 50
     begun = time.monotonic()
     for number in range(10**6):
