@@ -6,6 +6,7 @@ mod chroot;
 mod cross;
 mod debian;
 mod demo;
+mod docs;
 mod elsewhere;
 mod extension;
 mod header;
@@ -44,6 +45,8 @@ enum Task {
     Addon(addon::Addon),
     /// A talking head in a .blend, a contact sheet and a film, from nothing.
     Demo(demo::Demo),
+    /// What makes the numbers and pictures of the documents, and which are older than the models.
+    Docs(docs::Docs),
     /// The Blender extension as a zip.
     Extension(extension::Extension),
     /// include/anyface.h from the C interface's sources.
@@ -70,6 +73,7 @@ fn main() -> Result<()> {
     match Cli::parse().task {
         Task::Addon(addon) => addon.run(),
         Task::Demo(demo) => demo.run(),
+        Task::Docs(docs) => docs.run(),
         Task::Extension(extension) => extension.run(),
         Task::Header(header) => header.run(),
         Task::Install(install) => install.run(),

@@ -6,7 +6,7 @@ use anyhow::Result;
 use clap::Args;
 
 use crate::{
-    addon, apt, chroot, elsewhere, extension, machine,
+    addon, apt, chroot, docs, elsewhere, extension, machine,
     platform::Platform,
     prepare,
     python::{self, Venv},
@@ -81,6 +81,7 @@ impl Test {
             &mut steps,
             &[TOOLS, apt::SOUND, &page, &web::packages()?].concat(),
         )?;
+        documents(&mut steps)?;
         if self.rust_only {
             rust(&mut steps)?;
             steps.ignore("extension in headless Blender", "--rust-only");
@@ -101,6 +102,16 @@ fn cargo() -> Command {
     let mut command = Command::new(std::env::var_os("CARGO").unwrap_or("cargo".into()));
     command.current_dir(machine::root());
     command
+}
+
+fn documents(steps: &mut Steps) -> Result<()> {
+    let name = "what makes the documents";
+    if let Some(why) = docs::missing() {
+        steps.ignore(name, why);
+        return Ok(());
+    }
+    let mut check = Command::new(std::env::current_exe()?);
+    steps.check(name, check.args(["docs", "--check"]))
 }
 
 fn rust(steps: &mut Steps) -> Result<()> {

@@ -17,13 +17,13 @@ const FIRST: [&str; 2] = ["README.md", "CHANGELOG.md"];
 const BESIDE: &str = "repository";
 
 /// A document as a page.
-struct Page {
+pub struct Page {
     title: String,
     body: String,
     /// What addresses with a # may name.
-    anchors: BTreeSet<String>,
+    pub anchors: BTreeSet<String>,
     /// Paths in the repository that it links to, each with the anchor, "" for none.
-    links: Vec<(String, String)>,
+    pub links: Vec<(String, String)>,
 }
 
 /// Writes the documents of the repository `root` into the folder `out`; returns how many.
@@ -108,7 +108,7 @@ fn place(path: &str) -> String {
 }
 
 /// The document at `path` of the repository as HTML.
-fn render(path: &str, text: &str) -> Page {
+pub fn render(path: &str, text: &str) -> Page {
     let options =
         Options::ENABLE_TABLES | Options::ENABLE_STRIKETHROUGH | Options::ENABLE_FOOTNOTES;
     let mut events: Vec<Event> = Parser::new_ext(text, options).collect();

@@ -1,6 +1,6 @@
 //! `cargo xtask site`: all that is handed out as one folder, which any host of files can serve.
 
-mod documents;
+pub mod documents;
 mod frame;
 mod front;
 mod parts;
