@@ -114,7 +114,9 @@ class ShotProcess:
         self.close()
         environment = dict(os.environ)
         if self._threads:
-            environment.setdefault("RAYON_NUM_THREADS", str(self._threads))
+            # numpy's threads spin while they wait, which takes the cores from other processes.
+            for name in ("RAYON_NUM_THREADS", "OPENBLAS_NUM_THREADS"):
+                environment.setdefault(name, str(self._threads))
         try:
             self._process = subprocess.Popen(
                 self._command,

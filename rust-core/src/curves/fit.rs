@@ -39,7 +39,7 @@ pub fn evaluate(values: &[f64], curve: &[Key]) -> Vec<f64> {
     let mut drawn = values.to_vec();
     for pair in curve.windows(2) {
         let (from, to) = (pair[0], pair[1]);
-        let table = segment::Table::new(to.row - from.row);
+        let table = segment::Table::of(to.row - from.row);
         for at in 1..table.length {
             let ends = table.ends(at, values[from.row], values[to.row]);
             drawn[from.row + at] = ends + table.slopes(at, from.slope, to.slope);

@@ -18,7 +18,6 @@ pub fn rows(values: &[f64], limits: &[f64], fixed: &[bool]) -> Vec<usize> {
     if count < 2 {
         return (0..count).collect();
     }
-    let tables: Vec<Table> = (0..=LONGEST.min(count)).map(Table::new).collect();
     let slopes = natural(values);
     let (mut cost, mut from) = (vec![f64::INFINITY; count], vec![0; count]);
     cost[0] = 0.0;
@@ -28,7 +27,7 @@ pub fn rows(values: &[f64], limits: &[f64], fixed: &[bool]) -> Vec<usize> {
         for length in 1..=LONGEST.min(to) {
             let first = to - length;
             let (part, room) = (&values[first..=to], &limits[first..=to]);
-            let excess = tables[length].excess(part, room, [slopes[first], slopes[to]]);
+            let excess = Table::of(length).excess(part, room, [slopes[first], slopes[to]]);
             if excess <= 1.0 {
                 missed = 0;
                 let total = cost[first] + key + ERROR * excess * excess;

@@ -1,6 +1,8 @@
 //! A Bézier segment between two keys, as tools evaluate it: the frame gives the parameter, the
 //! parameter the value.
 
+use std::{borrow::Cow, sync::LazyLock};
+
 /// How far handles reach, as a share of the way to the next key; about as far as those that tools
 /// set themselves. At a third the equation for the parameter would lose its cubic term, which
 /// solvers in single precision do not bear.
@@ -11,14 +13,26 @@ pub const LONGEST: usize = 64;
 const NATURAL: f64 = 1e-3;
 
 /// What keys and slopes are worth in each frame of a segment of `length` frames.
+#[derive(Clone)]
 pub struct Table {
     pub length: usize,
     /// Weights of the first key, of its slope and of the second key's, by frame.
     shares: Vec<[f64; 3]>,
 }
 
+/// Tables of all lengths that are fitted. A take asks for each of them thousands of times.
+static TABLES: LazyLock<Vec<Table>> = LazyLock::new(|| (0..=LONGEST).map(Table::new).collect());
+
 impl Table {
-    pub fn new(length: usize) -> Self {
+    /// The table of a length.
+    pub fn of(length: usize) -> Cow<'static, Table> {
+        match TABLES.get(length) {
+            Some(table) => Cow::Borrowed(table),
+            None => Cow::Owned(Table::new(length)),
+        }
+    }
+
+    fn new(length: usize) -> Self {
         let reach = REACH * length as f64;
         let share = |at: usize| {
             let t = parameter(at as f64 / length.max(1) as f64);
@@ -46,23 +60,30 @@ impl Table {
     }
 
     /// The largest error, as a share of `limits`, of the slopes that come nearest to `values`
-    /// `[length + 1]`; where nothing decides, of those near `natural`.
+    /// `[length + 1]`; where nothing decides, of those near `natural`. The length is [`LONGEST`] at most.
     pub fn excess(&self, values: &[f64], limits: &[f64], natural: [f64; 2]) -> f64 {
         let (first, last) = (values[0], values[self.length]);
-        let rest = |at: usize| values[at] - self.ends(at, first, last);
         let (mut gram, mut right) = ([0.0; 3], [0.0; 2]);
-        for at in 1..self.length {
-            let [u, v] = self.of_slopes(at);
-            let weight = limits[at].powi(-2);
-            gram[0] += weight * u * u;
-            gram[1] += weight * u * v;
-            gram[2] += weight * v * v;
-            right[0] += weight * u * rest(at);
-            right[1] += weight * v * rest(at);
+        // In units of the limits, so that a frame counts the more the less it may miss.
+        let mut rows = [[0.0; 3]; LONGEST];
+        let inner = 1..self.length;
+        let frames = self.shares[inner.clone()].iter().zip(&values[inner.clone()]);
+        let frames = frames.zip(&limits[inner]);
+        for (row, ((share, value), limit)) in rows.iter_mut().zip(frames) {
+            let unit = 1.0 / limit;
+            let rest = value - (last + share[0] * (first - last));
+            let [u, v, rest] = [unit * share[1], unit * share[2], unit * rest];
+            gram[0] += u * u;
+            gram[1] += u * v;
+            gram[2] += v * v;
+            right[0] += u * rest;
+            right[1] += v * rest;
+            *row = [u, v, rest];
         }
         let [from, to] = solve(gram, right, natural);
-        let error = |at: usize| (rest(at) - self.slopes(at, from, to)).abs() / limits[at];
-        (1..self.length).map(error).fold(0.0, f64::max)
+        let error = |&[u, v, rest]: &[f64; 3]| (rest - u * from - v * to).abs();
+        let rows = &rows[..self.length.saturating_sub(1)];
+        rows.iter().map(error).fold(0.0, f64::max)
     }
 }
 

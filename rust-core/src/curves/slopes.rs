@@ -1,5 +1,7 @@
 //! The slopes of handles: one for both sides of a key, so that it can be moved without a corner.
 
+use std::borrow::Cow;
+
 use super::segment::Table;
 
 /// Weight of the slopes of the values themselves against the fit.
@@ -33,7 +35,7 @@ pub fn through(values: &[f64], limits: &[f64], rows: &[usize]) -> Curve {
     let natural_slopes = natural(values);
     let mut rows = rows.to_vec();
     loop {
-        let tables: Vec<Table> = rows.windows(2).map(|p| Table::new(p[1] - p[0])).collect();
+        let tables: Vec<_> = rows.windows(2).map(|p| Table::of(p[1] - p[0])).collect();
         let slopes = shared(values, limits, &rows, &tables, &natural_slopes);
         let more = worst(&rows, &excess(values, limits, &rows, &tables, &slopes));
         if more.is_empty() {
@@ -50,7 +52,7 @@ fn excess(
     values: &[f64],
     limits: &[f64],
     rows: &[usize],
-    tables: &[Table],
+    tables: &[Cow<'_, Table>],
     slopes: &[f64],
 ) -> Vec<f64> {
     let mut off = vec![0.0; values.len()];
@@ -87,7 +89,7 @@ fn shared(
     values: &[f64],
     limits: &[f64],
     rows: &[usize],
-    tables: &[Table],
+    tables: &[Cow<'_, Table>],
     natural_slopes: &[f64],
 ) -> Vec<f64> {
     let count = rows.len();
