@@ -27,9 +27,8 @@ pub struct Open {
     /// The mesh: OBJ, PLY or GLB
     #[arg(long, value_name = "M")]
     mesh: InputPath,
-    /// The new mesh, .obj: the old vertices keep their numbers and places; texture coordinates,
-    /// normals, materials and groups of an OBJ stay. Its landmarks are written beside it, O.landmarks.json,
-    /// where every command finds them
+    /// The new mesh, .obj. The old vertices keep their numbers and places. An OBJ keeps its texture coordinates, normals,
+    /// materials and groups. The landmarks are written beside it, to O.landmarks.json, where every command finds them
     #[arg(long, value_name = "O.obj")]
     out: OutputPath,
     #[command(flatten)]

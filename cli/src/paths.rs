@@ -243,11 +243,11 @@ mod tests {
                         let Some(files) = files(name, read, written) else {
                             continue;
                         };
-                        let told = refusal(&files);
-                        let named = told.contains(&input) && told.contains(&output);
+                        let message = refusal(&files);
+                        let named = message.contains(&input) && message.contains(&output);
                         assert!(
-                            named && told.contains("would replace"),
-                            "{name} {input} {output}: {told:?}"
+                            named && message.contains("would replace"),
+                            "{name} {input} {output}: {message:?}"
                         );
                         pairs += 1;
                     }
@@ -272,8 +272,11 @@ mod tests {
                         let Some(files) = files(subcommand.get_name(), written, too) else {
                             continue;
                         };
-                        let told = refusal(&files);
-                        assert!(told.contains("is written, too"), "{one} {other}: {told:?}");
+                        let message = refusal(&files);
+                        assert!(
+                            message.contains("is written, too"),
+                            "{one} {other}: {message:?}"
+                        );
                         pairs += 1;
                     }
                 }
