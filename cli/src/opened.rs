@@ -1,4 +1,4 @@
-//! `anyface open-mouth` and `anyface open-eyes`: lips, or lids and eyes, that are one surface, cut apart.
+//! `anyface open-mouth` and `anyface open-eyes`: cut apart lips, or lids and eyes, that are one surface.
 
 use std::{
     io::Write,
@@ -103,8 +103,8 @@ fn check_name(path: &Path) -> Result<()> {
     }
 }
 
-/// Writes an opened mesh, and its landmarks beside it; `source`: the file that the old one was read from. `mouth`: how
-/// its lips meet.
+/// Writes an opened mesh, and its landmarks beside it. `source`: the file of the old mesh. `mouth`: how the lips of the new
+/// one meet.
 pub fn write(
     out: &Path,
     source: &Path,
@@ -122,7 +122,7 @@ pub fn write(
     Ok(())
 }
 
-/// Where `animate` puts the opened mesh: beside its result.
+/// The path at which `animate` writes the opened mesh, beside its result.
 pub fn beside(result: &Path) -> PathBuf {
     let stem = result.file_stem().unwrap_or_default().to_string_lossy();
     result.with_file_name(format!("{stem}_open_mouth.obj"))

@@ -169,7 +169,7 @@ impl ExportArgs {
             write_atomically(&path, |file| file.write_all(content.as_bytes()))?;
         }
         let next = engine.hint(&shell([text(&folder)?])?);
-        let said = format!(
+        let summary = format!(
             "{} rows, {} a task, {memory_mb} MB and {cores} cores each, in {}; now\n{next}",
             node.rows,
             self.chunk,
@@ -183,7 +183,7 @@ impl ExportArgs {
             cores,
             next,
         };
-        console.value(&exported, &said)
+        console.value(&exported, &summary)
     }
 }
 
