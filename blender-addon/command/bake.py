@@ -87,7 +87,7 @@ def _settings(ob, scene, options) -> bake.Settings:
     for name, value in values.items():
         if value is not None:
             setattr(settings, name, value)
-    settings.held = {
+    settings.fixed_controls = {
         control.name: control.number(value)
         for control in systems.controls()
         if (value := getattr(options, control.name)) is not None

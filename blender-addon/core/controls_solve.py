@@ -30,12 +30,12 @@ class Response:
     """How the skin answers to `C` controls.
 
     `directions` `[K, C, P, 3]` is the motion of each point for a unit of each control, while the
-    control `jaw` stands at `knots` `[K]`, which rise; `own` `[K, P, 3]` is its motion there. With
-    one knot, at 0, all is linear.
+    control `jaw` stands at `knots` `[K]`, which rise. `jaw_motion` `[K, P, 3]` is the motion of the
+    jaw at the knots. With one knot, at 0, the response is linear.
     """
 
     directions: np.ndarray
-    own: np.ndarray
+    jaw_motion: np.ndarray
     knots: np.ndarray
     jaw: int = 0
 
@@ -50,7 +50,7 @@ class Response:
         shares = hats(values[:, self.jaw], self.knots)
         others = values.copy()
         others[:, self.jaw] = 0.0
-        moved = np.einsum("tk,kpx->tpx", shares, self.own)
+        moved = np.einsum("tk,kpx->tpx", shares, self.jaw_motion)
         if len(self.knots) == 1:
             moved = moved + values[:, self.jaw, None, None] * self.directions[0, self.jaw]
         for knot, directions in enumerate(self.directions):
@@ -123,7 +123,7 @@ class _Products:
         """The products, yielding between blocks of frames."""
         points = task.target.shape[1]
         flat = response.directions.reshape(-1, points, 3)
-        rows = task.observe(np.concatenate([flat, response.own]))
+        rows = task.observe(np.concatenate([flat, response.jaw_motion]))
         aim, largest = np.empty((len(rows), len(task.target))), 0.0
         for first in range(0, len(task.target), _BLOCK):
             target = task.observe(task.target[first : first + _BLOCK])

@@ -25,7 +25,7 @@ def find(
     space = face.space
     fixed_points = {number: space.points(place[None])[0] for number, place in fixed.items()}
     with naming(face) if fixed_points else searching(face):
-        face_found = find_in(*space.seen(face), fixed_points, face.roles, progress)
+        face_found = find_in(*space.to_library(face), fixed_points, face.roles, progress)
     face_found.positions = space.points_to_object(face_found.positions)
     return face_found
 

@@ -89,7 +89,7 @@ def hold(take: Take, holds: Holds) -> bool:
     rows = np.flatnonzero(np.diff(source, prepend=-1))
     if is_rig:
         motion.frames = motion.frames[source]
-        motion.held = rows[np.searchsorted(rows, np.arange(count), side="right") - 1]
+        motion.pose_frames = rows[np.searchsorted(rows, np.arange(count), side="right") - 1]
     else:
         _hold_weights(motion, source, rows)
     return True

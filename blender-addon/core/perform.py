@@ -25,7 +25,7 @@ def perform(
     if request.starts_from is not None:
         request = replace(request, starts_from=space.moved(request.starts_from))
     with finding.searching(face):
-        animation = animate(*space.seen(face), sound, request, progress)
+        animation = animate(*space.to_library(face), sound, request, progress)
     # Category 0 is neutral.
     intensity = max((sum(row[1:]) for _, row in request.emotion), default=0.0)
     verdict.check_seen(animation, sound, intensity)
@@ -34,7 +34,7 @@ def perform(
     if motion is not None and animation.landmarks is not None and request.named_keys:
         tongue = animation.life.tongue if animation.life is not None else None
         # In the frame in which the library saw the face.
-        positions, *_ = space.seen(face)
+        positions, *_ = space.to_library(face)
         basis_names.arrange(motion, positions, animation.landmarks.neutral, tongue)
     if animation.clip is not None:
         motion = ClipMotion(animation.clip, space.back)

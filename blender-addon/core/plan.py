@@ -234,7 +234,7 @@ def _arkit(face, engine, progress) -> tuple[Rig, Rig]:
 
 def make_rig(face: FaceMesh, engine, progress: Progress, by: ShapesBy = NETWORK) -> Rig:
     """The shapes of a face in object space."""
-    rig = engine.rig(*face.space.seen(face), face.roles, progress, by)
+    rig = engine.rig(*face.space.to_library(face), face.roles, progress, by)
     rig.vectors = face.space.to_object(rig.vectors)
     return rig
 

@@ -81,7 +81,7 @@ class Portraits:
 
     def _faces(self, progress: Progress):
         """Points `[15, V, 3]` as a viewer sees them, triangles, and what the pictures show."""
-        positions, triangles, *marks = self.face.space.seen(self.face)
+        positions, triangles, *marks = self.face.space.to_library(self.face)
         silence = np.zeros(_HOLD_S * len(EMOTIONS) * _RATE_HZ, dtype=np.float32)
         keys = []
         for number, name in enumerate(EMOTIONS):

@@ -27,11 +27,11 @@ class FaceSpace:
         """Positions `[N, 3]` from object space, float32."""
         return (positions @ self.matrix.T + self.offset).astype(np.float32)
 
-    def seen(self, face) -> tuple:
-        """A `take.FaceMesh` as the library is given it.
+    def to_library(self, face) -> tuple:
+        """The arrays of a `take.FaceMesh` in the frame of the library.
 
-        Positions `[V, 3]`, triangles `[F, 3]` in their true winding, and its landmarks as positions
-        `[68, 3]` and as vertex numbers `[68]`, None where the artist gave none.
+        Positions `[V, 3]`, triangles `[F, 3]` in their true winding, and the landmarks as positions
+        `[68, 3]` and as vertex numbers `[68]`, or None where the artist has set none.
         """
         landmarks = None if face.landmarks is None else self.points(face.landmarks)
         triangles = face.triangles[:, ::-1] if self.mirrored else face.triangles

@@ -516,8 +516,8 @@ class ControlMotion(Motion):
     `vertices` `[P]` are numbers of vertices near the 68 landmarks, `frames` `[T, P, 3]` their
     motion in object space, `regions` `[P]` numbers into `controls_plan.REGIONS`. `pairs` `[N, 2]`
     are points of the upper and the lower lip that meet. An object unit is `mm` long, on a head of
-    human size. `fitted` is what the controls of a rig do, once they have been tried. Where poses
-    are held, `held` `[T]` is the first frame of that which each frame shows.
+    human size. `fitted` is what the controls of a rig do, once they have been tried. Where curves
+    hold poses, `pose_frames` `[T]` is for each frame the first frame of its pose.
     """
 
     vertices: np.ndarray
@@ -526,7 +526,7 @@ class ControlMotion(Motion):
     pairs: np.ndarray
     mm: float
     fitted: object = None
-    held: np.ndarray | None = None
+    pose_frames: np.ndarray | None = None
 
     @property
     def frame_count(self):

@@ -55,7 +55,7 @@ class Settings:
     fps: float = 0.0
     system: str = ""
     controls: dict[str, float] = field(default_factory=dict)
-    held: dict[str, float] = field(default_factory=dict)
+    fixed_controls: dict[str, float] = field(default_factory=dict)
     mode: str = outputs.MODES[0]
     error_mm: float = 0.1
     # Whether new keys follow controls and are named after them.
@@ -141,7 +141,7 @@ class Snapshot:
     def ask(self, function, progress: Progress, *more):
         """Calls a `function` of the engine with the face and its sound, and returns the result."""
         voice, request = self.heard(progress)
-        return function(*self.face.space.seen(self.face), voice, request, *more, progress)
+        return function(*self.face.space.to_library(self.face), voice, request, *more, progress)
 
     def perform(self, progress: Progress, rows: range | None = None) -> Take:
         """The motion before its plan, of all frames or those of `rows`; raises `AnyfaceError`."""
@@ -181,7 +181,7 @@ def read(ob, scene, settings: Settings, engine) -> Snapshot:
     output.check(ob, settings.output)
     head_and_eyes.check(ob, settings)
     off = {name: 0.0 for name in settings.life.controls_off if name in settings.controls}
-    settings.held = off | settings.held
+    settings.fixed_controls = off | settings.fixed_controls
     notes = _leave_out_foreign(ob, settings)
     face = read_face(ob, settings)
     source = find_sound(scene, settings, engine)
@@ -196,7 +196,7 @@ def read(ob, scene, settings: Settings, engine) -> Snapshot:
         style=settings.style,
         error_mm=settings.error_mm if output.as_basis else None,
         emotion_source=settings.emotion_source,
-        controls=settings.controls | settings.held,
+        controls=settings.controls | settings.fixed_controls,
         control_keys=emotion.control_keys(ob, scene, settings, *when),
         roles=face.roles,
         events=asked_for.events,

@@ -46,7 +46,7 @@ Only what you record is kept"""
         # Whatever the output, listening needs one key of its own.
         settings.mode = "basis"
         face, request = bake.read_still(ob, scene, settings)
-        engine, mesh = running.engine(settings.system), face.space.seen(face)
+        engine, mesh = running.engine(settings.system), face.space.to_library(face)
         device = preferences.microphone(), preferences.look_ahead()
         return Work(
             lambda progress: engine.live_microphone(*mesh, *device, request, progress), face

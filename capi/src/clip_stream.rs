@@ -35,12 +35,13 @@ pub type AnyfaceFramesFn = Option<
     ) -> c_int,
 >;
 
-/// Hands blocks on to the host.
+/// Hands each block of frames to the host.
 struct HostSink {
     take: unsafe extern "C" fn(*mut c_void, usize, usize, *const f32) -> c_int,
     user: *mut c_void,
     frames_at_once: usize,
-    taken: usize,
+    /// Number of the next block's first frame.
+    next_frame: usize,
 }
 
 // The caller vouches for `user` and the function: the header says that they are used from the
@@ -59,8 +60,8 @@ impl FrameSink for HostSink {
     fn take(&mut self, block: FrameBlock) -> anyface::Result<()> {
         let block = block.displacements.as_standard_layout();
         let frames = block.len_of(Axis(0));
-        let first = self.taken;
-        self.taken += frames;
+        let first = self.next_frame;
+        self.next_frame += frames;
         match unsafe { (self.take)(self.user, first, frames, block.as_ptr()) } {
             0 => Ok(()),
             _ => Err(Error::Cancelled),
@@ -103,7 +104,7 @@ pub unsafe extern "C" fn anyface_clip_stream(
             take,
             user,
             frames_at_once,
-            taken: 0,
+            next_frame: 0,
         };
         let life = motion.life();
         let spread = |watch: ProgressFn<'_>| {

@@ -94,7 +94,7 @@ mod tests {
     use super::*;
     use crate::{
         clip::{anyface_clip_free, anyface_clip_new},
-        motion::Made,
+        motion::MotionSource,
     };
 
     #[test]
@@ -116,7 +116,7 @@ mod tests {
         let face = AnyfaceFace(engine.prepare(&narrow.mesh, &options, SILENT).unwrap());
         let samples = (0..8000).map(|i| (i as f32 * 0.08).sin()).collect();
         let spoken = engine.perform(&Waveform { samples }, &MotionRequest::default(), SILENT);
-        let motion = AnyfaceMotion::new(Made::Spoken(Box::new(spoken.unwrap())));
+        let motion = AnyfaceMotion::new(MotionSource::Spoken(Box::new(spoken.unwrap())));
         let engine = AnyfaceEngine(engine);
         let notes = || unsafe {
             let mut notes = null_mut();

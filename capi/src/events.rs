@@ -217,7 +217,7 @@ mod tests {
     use crate::error::{anyface_error_free, anyface_error_message};
     use std::{ffi::CStr, ptr::null_mut};
 
-    unsafe fn made(events: &[AnyfaceEvent]) -> Result<*mut AnyfaceEvents, String> {
+    unsafe fn make_events(events: &[AnyfaceEvent]) -> Result<*mut AnyfaceEvents, String> {
         let (mut out, mut error) = (null_mut(), null_mut());
         let status =
             unsafe { anyface_events_new(events.as_ptr(), events.len(), &mut out, &mut error) };
@@ -246,7 +246,7 @@ mod tests {
         let units = [c"12".as_ptr(), c"AU6L".as_ptr()];
         let json = cr#"[{"start_s": 1.2, "end_s": 2, "units": ["12", "6L"], "strength": 0.8}]"#;
         unsafe {
-            let (from_arrays, mut from_json) = (made(&[event(&units)]).unwrap(), null_mut());
+            let (from_arrays, mut from_json) = (make_events(&[event(&units)]).unwrap(), null_mut());
             let status = anyface_events_parse(null(), json.as_ptr(), &mut from_json, null_mut());
             assert_eq!(status, AnyfaceStatus::Ok);
             let expected = [Event::parse("1.2-2:12,6L:0.8").unwrap()];
@@ -299,14 +299,14 @@ mod tests {
             (of(|event| event.strength = f32::NAN), "strength"),
             (of(|event| event.over_speech = 2), "over_speech"),
         ] {
-            let message = unsafe { made(&[event(&good), wrong]) }.unwrap_err();
+            let message = unsafe { make_events(&[event(&good), wrong]) }.unwrap_err();
             assert!(
                 message.contains("event 2") && message.contains(reason),
                 "{message}"
             );
         }
         let missing = of(|event| event.units = null());
-        assert!(unsafe { made(&[missing]) }.is_err());
+        assert!(unsafe { make_events(&[missing]) }.is_err());
     }
 
     #[test]

@@ -375,7 +375,7 @@ mod tests {
         mesh::{anyface_mesh_free, anyface_mesh_vertex_count},
     };
 
-    fn made(seed: u64) -> *mut AnyfaceHead {
+    fn make_head(seed: u64) -> *mut AnyfaceHead {
         let mut head = null_mut();
         let status = unsafe { anyface_head_new(null(), null(), 0, seed, &mut head, null_mut()) };
         assert_eq!(status, AnyfaceStatus::Ok);
@@ -385,7 +385,7 @@ mod tests {
     #[test]
     fn a_head_is_mixed_moved_and_made() {
         unsafe {
-            let (a, b) = (made(1), made(2));
+            let (a, b) = (make_head(1), make_head(2));
             let (mut mixed, mut moved, mut mesh) = (null_mut(), null_mut(), null_mut());
             assert_eq!(
                 anyface_head_new_mixed(a, b, 0.5, &mut mixed, null_mut()),
@@ -446,7 +446,7 @@ mod tests {
     #[test]
     fn coefficients_make_the_same_head_and_wrong_ones_are_told() {
         unsafe {
-            let (head, mut again) = (made(1), null_mut());
+            let (head, mut again) = (make_head(1), null_mut());
             let (mut first, mut second) = ([0.0f32; 100], [1.0f32; 100]);
             let status = anyface_head_copy_coefficients(head, first.as_mut_ptr(), 100, null_mut());
             assert_eq!(status, AnyfaceStatus::Ok);

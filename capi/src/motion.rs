@@ -32,7 +32,7 @@ use crate::{
 /// Motion before any mesh is known, of landmarks or of what else the system moves. Fits every face; never
 /// changes after it was made.
 pub struct AnyfaceMotion {
-    pub(crate) made: Made,
+    pub(crate) source: MotionSource,
     /// What the weights of a motion of weights are called.
     pub(crate) names: Vec<CString>,
     /// The emotion that was heard, as JSON, where the motion depends on it.
@@ -40,65 +40,65 @@ pub struct AnyfaceMotion {
 }
 
 /// Where a motion comes from.
-pub(crate) enum Made {
-    /// Spoken, with all that variations of it need.
+pub(crate) enum MotionSource {
+    /// Speech, with everything that variations of it need.
     Spoken(Box<Performance>),
-    /// Spoken, a stretch of it in another way.
+    /// Speech, of which a stretch was made again.
     Redone(Motion, Box<Life>),
-    /// Brought by the caller, with a tongue that rests but in a pose.
-    Given(Motion, Box<Life>),
+    /// Handed in by the caller. The tongue rests, except in a pose.
+    Imported(Motion, Box<Life>),
 }
 
-impl Made {
+impl MotionSource {
     fn motion(&self) -> &Motion {
         match self {
-            Made::Spoken(performance) => &performance.motion,
-            Made::Redone(motion, _) | Made::Given(motion, _) => motion,
+            MotionSource::Spoken(performance) => &performance.motion,
+            MotionSource::Redone(motion, _) | MotionSource::Imported(motion, _) => motion,
         }
     }
 }
 
 impl AnyfaceMotion {
-    pub(crate) fn new(made: Made) -> AnyfaceMotion {
-        let names = AnyfaceMotion::shape_names(made.motion());
-        let heard = match &made {
-            Made::Spoken(performance) => performance.heard_emotion(),
-            Made::Redone(..) | Made::Given(..) => None,
+    pub(crate) fn new(source: MotionSource) -> AnyfaceMotion {
+        let names = AnyfaceMotion::shape_names(source.motion());
+        let heard = match &source {
+            MotionSource::Spoken(performance) => performance.heard_emotion(),
+            MotionSource::Redone(..) | MotionSource::Imported(..) => None,
         };
         AnyfaceMotion {
             heard_emotion: heard.map(|heard| pointer::c_text(&heard.to_json())),
-            made,
+            source,
             names,
         }
     }
 
-    /// What a caller brought, whose head, eyes and tongue rest.
-    pub(crate) fn brought(motion: Motion) -> AnyfaceMotion {
+    /// A motion that the caller hands in. Its head, eyes and tongue rest.
+    pub(crate) fn import(motion: Motion) -> AnyfaceMotion {
         let life = Box::new(Life::still(motion.frames()));
-        AnyfaceMotion::new(Made::Given(motion, life))
+        AnyfaceMotion::new(MotionSource::Imported(motion, life))
     }
 
     /// The motion itself.
     pub(crate) fn motion(&self) -> &Motion {
-        self.made.motion()
+        self.source.motion()
     }
-    /// What it comes from, where it was spoken.
+    /// The performance, if the motion comes from speech.
     pub(crate) fn performance(&self) -> Option<&Performance> {
-        match &self.made {
-            Made::Spoken(performance) => Some(performance),
-            Made::Redone(..) | Made::Given(..) => None,
+        match &self.source {
+            MotionSource::Spoken(performance) => Some(performance),
+            MotionSource::Redone(..) | MotionSource::Imported(..) => None,
         }
     }
 
-    /// Head, eyes and tongue; head and eyes are still where the caller brought the motion.
+    /// Motion of head, eyes and tongue. Head and eyes rest if the caller handed in the motion.
     pub(crate) fn life(&self) -> &Life {
-        match &self.made {
-            Made::Spoken(performance) => &performance.life,
-            Made::Redone(_, life) | Made::Given(_, life) => life,
+        match &self.source {
+            MotionSource::Spoken(performance) => &performance.life,
+            MotionSource::Redone(_, life) | MotionSource::Imported(_, life) => life,
         }
     }
 
-    /// What it comes from, which must be speech.
+    /// The performance, or an error if the motion does not come from speech.
     pub(crate) fn spoken(&self) -> Result<&Performance, Failure> {
         self.performance().ok_or_else(|| {
             Failure::invalid(
@@ -383,8 +383,10 @@ pub unsafe extern "C" fn anyface_motion_new(
         let (engine, audio) = handles!(engine, audio);
         let request = unsafe { versioned_options::read(options)?.to_library() }?;
         let perform = |watch: ProgressFn<'_>| engine.0.perform(&audio.0, &request, watch);
-        let made = Made::Spoken(Box::new(unsafe { watched(progress, perform) }?));
-        Ok(AnyfaceMotion::new(made))
+        let performance = unsafe { watched(progress, perform) }?;
+        Ok(AnyfaceMotion::new(MotionSource::Spoken(Box::new(
+            performance,
+        ))))
     };
     unsafe { guard::give(out, error, make) }
 }
@@ -409,7 +411,7 @@ pub unsafe extern "C" fn anyface_motion_new_again(
         let (engine, motion) = handles!(engine, motion);
         let request = unsafe { versioned_options::read(options)?.to_library() }?;
         let again = motion.spoken()?.again(&engine.0, &request)?;
-        Ok(AnyfaceMotion::new(Made::Spoken(Box::new(again))))
+        Ok(AnyfaceMotion::new(MotionSource::Spoken(Box::new(again))))
     };
     unsafe { guard::give(out, error, make) }
 }
@@ -432,8 +434,10 @@ pub unsafe extern "C" fn anyface_motion_new_content(
         let (engine, motion) = handles!(engine, motion);
         let performance = motion.spoken()?;
         let perform = |watch: ProgressFn<'_>| performance.content(&engine.0, watch);
-        let made = Made::Spoken(Box::new(unsafe { watched(progress, perform) }?));
-        Ok(AnyfaceMotion::new(made))
+        let performance = unsafe { watched(progress, perform) }?;
+        Ok(AnyfaceMotion::new(MotionSource::Spoken(Box::new(
+            performance,
+        ))))
     };
     unsafe { guard::give(out, error, make) }
 }
@@ -457,15 +461,19 @@ pub unsafe extern "C" fn anyface_motion_new_redone(
 ) -> AnyfaceStatus {
     let make = || {
         let (motion, again) = handles!(motion, again);
-        let brought = |made: &AnyfaceMotion| matches!(made.made, Made::Given(..));
-        if brought(motion) || brought(again) {
+        let is_imported =
+            |motion: &AnyfaceMotion| matches!(motion.source, MotionSource::Imported(..));
+        if is_imported(motion) || is_imported(again) {
             let message = "motion: expected motion that was spoken, got the caller's own";
             return Err(Failure::invalid(message));
         }
         let stretch = Stretch::new(start_s, end_s)?;
         let moved = motion.motion().redone(again.motion(), &stretch)?;
         let life = motion.life().redone(again.life(), &stretch, moved.fps())?;
-        Ok(AnyfaceMotion::new(Made::Redone(moved, Box::new(life))))
+        Ok(AnyfaceMotion::new(MotionSource::Redone(
+            moved,
+            Box::new(life),
+        )))
     };
     unsafe { guard::give(out, error, make) }
 }
@@ -493,8 +501,8 @@ pub unsafe extern "C" fn anyface_motion_new_frames(
         }
         let moved = motion.motion().frames_of(first..end);
         let life = motion.life().frames_of(first..end);
-        let made = Made::Redone(moved, Box::new(life));
-        Ok(AnyfaceMotion::new(made))
+        let source = MotionSource::Redone(moved, Box::new(life));
+        Ok(AnyfaceMotion::new(source))
     };
     unsafe { guard::give(out, error, make) }
 }
@@ -518,7 +526,7 @@ pub unsafe extern "C" fn anyface_motion_new_displacements(
         let values =
             unsafe { pointer::slice("displacements", displacements, frame_count, columns) }?;
         let motion = motion_from(values, frame_count, fps)?;
-        Ok(AnyfaceMotion::brought(motion))
+        Ok(AnyfaceMotion::import(motion))
     };
     unsafe { guard::give(out, error, make) }
 }
@@ -555,8 +563,8 @@ pub unsafe extern "C" fn anyface_motion_new_pose(
             displacements: displacements.to_owned(),
             fps: MotionRequest::default().fps,
         };
-        let made = Made::Given(Motion::Landmarks(clip), Box::new(life));
-        Ok(AnyfaceMotion::new(made))
+        let source = MotionSource::Imported(Motion::Landmarks(clip), Box::new(life));
+        Ok(AnyfaceMotion::new(source))
     };
     unsafe { guard::give(out, error, make) }
 }
@@ -638,7 +646,7 @@ mod tests {
             gaze: ndarray::Array3::zeros((5, 2, 2)),
             tongue: ndarray::Array2::zeros((5, 4)),
         };
-        let whole = AnyfaceMotion::new(Made::Redone(
+        let whole = AnyfaceMotion::new(MotionSource::Redone(
             motion_from(&values, 5, 30.0).unwrap(),
             Box::new(life),
         ));

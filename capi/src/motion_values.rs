@@ -8,7 +8,7 @@ use crate::{
     error::AnyfaceError,
     face::AnyfaceFace,
     guard,
-    motion::{AnyfaceMotion, Made},
+    motion::{AnyfaceMotion, MotionSource},
     pointer::{self, handles},
     status::AnyfaceStatus,
 };
@@ -148,8 +148,8 @@ pub unsafe extern "C" fn anyface_motion_write(
     let work = || {
         let motion = unsafe { pointer::handle("motion", motion) }?;
         let path = unsafe { pointer::path("path", path) }?;
-        let life = match &motion.made {
-            Made::Given(..) => None,
+        let life = match &motion.source {
+            MotionSource::Imported(..) => None,
             _ => Some(motion.life()),
         };
         let moved = motion.motion();

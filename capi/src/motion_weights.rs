@@ -76,7 +76,7 @@ mod tests {
         ptr::{null, null_mut},
     };
 
-    fn given() -> AnyfaceMotion {
+    fn weight_motion() -> AnyfaceMotion {
         let clip = WeightClip {
             names: vec!["jawOpen".to_owned(), "mouthClose".to_owned()],
             // Columns lie behind each other in memory.
@@ -84,12 +84,12 @@ mod tests {
             fps: 25.0,
             together: Vec::new(),
         };
-        AnyfaceMotion::brought(Motion::Weights(clip))
+        AnyfaceMotion::import(Motion::Weights(clip))
     }
 
     #[test]
     fn weights_and_names_come_as_they_are() {
-        let (motion, mut buffer) = (given(), [0.0; 6]);
+        let (motion, mut buffer) = (weight_motion(), [0.0; 6]);
         assert_eq!(unsafe { anyface_motion_weight_count(&motion) }, 2);
         let name = unsafe { CStr::from_ptr(anyface_motion_weight_name(&motion, 1)) };
         assert_eq!(name.to_str(), Ok("mouthClose"));
@@ -108,7 +108,7 @@ mod tests {
             displacements: Array3::zeros((1, 68, 3)),
             fps: 25.0,
         };
-        let motion = AnyfaceMotion::brought(Motion::Landmarks(clip));
+        let motion = AnyfaceMotion::import(Motion::Landmarks(clip));
         assert_eq!(unsafe { anyface_motion_weight_count(&motion) }, 0);
         let failure = motion.weights().unwrap_err();
         assert!(failure.message().contains("got landmarks"));

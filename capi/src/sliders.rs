@@ -9,7 +9,7 @@ use crate::{
     error::{AnyfaceError, Failure},
     face::AnyfaceFace,
     guard,
-    motion::{AnyfaceMotion, Made},
+    motion::{AnyfaceMotion, MotionSource},
     pointer::{self, handles},
     progress::{AnyfaceProgress, watched},
     status::AnyfaceStatus,
@@ -81,11 +81,11 @@ pub unsafe extern "C" fn anyface_sliders_new(
         let (engine, face, motion) = handles!(engine, face, motion);
         let clip = &unsafe { pointer::handle("clip", clip) }?.animation.vertices;
         let basis = &unsafe { pointer::handle("basis", basis) }?.0;
-        let find = |watch: anyface::job::ProgressFn<'_>| match &motion.made {
-            Made::Spoken(performance) => {
+        let find = |watch: anyface::job::ProgressFn<'_>| match &motion.source {
+            MotionSource::Spoken(performance) => {
                 performance.slider_changes(&engine.0, &face.0, clip, basis, watch)
             }
-            Made::Redone(..) | Made::Given(..) => Ok(Vec::new()),
+            MotionSource::Redone(..) | MotionSource::Imported(..) => Ok(Vec::new()),
         };
         let changes = unsafe { watched(progress, find) }?;
         Ok(AnyfaceSliders(changes))

@@ -141,14 +141,18 @@ pub unsafe extern "C" fn anyface_weights_new_given(
     let make = || {
         let names = unsafe { texts("names", names, shape_count) }?;
         let values = unsafe { pointer::slice("weights", weights, frame_count, shape_count) }?;
-        let given = given(names, values, frame_count)?;
-        Ok(AnyfaceWeights(given))
+        let weights = copy_weights(names, values, frame_count)?;
+        Ok(AnyfaceWeights(weights))
     };
     unsafe { guard::give(out, error, make) }
 }
 
-/// Weights of which nothing is known to be left out.
-fn given(names: Vec<String>, values: &[f32], frames: usize) -> Result<SolvedWeights, Failure> {
+/// Copies the caller's weights `[frames, names]` and checks that they are finite. They count as exact: nothing is left out.
+fn copy_weights(
+    names: Vec<String>,
+    values: &[f32],
+    frames: usize,
+) -> Result<SolvedWeights, Failure> {
     if let Some(at) = values.iter().position(|x| !x.is_finite()) {
         let (frame, shape) = (at / names.len(), at % names.len());
         let message = format!("weights: not finite at frame {frame}, shape {shape}");
@@ -395,9 +399,9 @@ mod tests {
     #[test]
     fn weights_of_the_caller_are_kept_as_they_are() {
         let names = || vec!["jawOpen".to_owned(), "mouthClose".to_owned()];
-        let kept = given(names(), &[0.1, 0.2, 0.3, 0.4], 2).unwrap();
-        assert_eq!((kept.weights[[1, 0]], kept.names), (0.3, names()));
-        let failure = given(names(), &[0.1, 0.2, f32::NAN, 0.4], 2).unwrap_err();
+        let copy = copy_weights(names(), &[0.1, 0.2, 0.3, 0.4], 2).unwrap();
+        assert_eq!((copy.weights[[1, 0]], copy.names), (0.3, names()));
+        let failure = copy_weights(names(), &[0.1, 0.2, f32::NAN, 0.4], 2).unwrap_err();
         assert!(failure.message().contains("frame 1, shape 0"));
     }
 

@@ -37,13 +37,13 @@ pub struct Animate {
     /// The speech: WAV, MP3, FLAC, Ogg, WebM, M4A, AAC, CAF or AIFF
     #[arg(long, value_name = "A")]
     audio: InputPath,
-    /// The result: .npz (arrays, with the rotation of head and eyes and the tongue beside them), .pc2 or .mdd (point
-    /// caches), .glb or .usda (shapes with their weights over time, the head as a node that turns; what else a GLB has
-    /// stays, the sound is put beside it), .vrma (expressions, head and eyes of avatars); with --surface a new folder
+    /// The result: .npz (arrays of the motion, the rotation of head and eyes, and the tongue), .pc2 or .mdd (point caches),
+    /// .glb or .usda (shapes with their weights over time, and the head as a node that turns), .vrma (expressions, head and
+    /// eyes of avatars). A GLB keeps everything else of the mesh's GLB. The sound is copied beside a .glb or .usda. With
+    /// --surface the result is a new folder
     #[arg(long, value_name = "O")]
     out: OutputPath,
-    /// Part lips that are one surface first; the new mesh is written beside the result, its name with
-    /// _open_mouth.obj behind it
+    /// First part lips that are one surface. The new mesh is written beside the result; its name ends in _open_mouth.obj
     #[arg(long)]
     open_mouth: bool,
     #[command(flatten)]
@@ -88,7 +88,7 @@ impl Animate {
         }
         self.layers.check()?;
         let request = self.motion.request(shared)?;
-        let redo = self.redo.asked()?;
+        let redo = self.redo.request()?;
         let options = self.face.options(&self.mesh, None)?;
         let mut report = new_report();
         let progress = &|p| console.progress(p);
@@ -105,12 +105,15 @@ impl Animate {
             };
             let frames = frames_of(heard_s, request.fps);
             let vertices = mesh.positions.len();
-            let kept = match Format::from_path(&self.out)?.is_scene() {
+            let frames_in_memory = match Format::from_path(&self.out)?.is_scene() {
                 // Shapes are made of all frames, and of two copies of them.
-                true => 3 * frames_of(duration_s, request.fps) + self.scene.kept(&self.out),
-                false => self.layers.kept(frames, &mesh),
+                true => {
+                    3 * frames_of(duration_s, request.fps)
+                        + self.scene.count_shape_frames(&self.out)
+                }
+                false => self.layers.count_frames_in_memory(frames, &mesh),
             };
-            note_memory(&mut report, &engine, vertices, kept, heard_s)?;
+            note_memory(&mut report, &engine, vertices, frames_in_memory, heard_s)?;
         }
         let mut face = timed(&mut report, "prepare", || {
             match self.open_mouth || self.surface.is_asked() {
@@ -157,7 +160,7 @@ impl Animate {
         self.surface.tell(&report, console)
     }
 
-    /// Writes the result, or an earlier one with a stretch of this.
+    /// Writes the result, or with --redo the earlier result with a new stretch.
     fn spread(
         &self,
         layered: &Layered<'_>,
@@ -178,15 +181,16 @@ impl Animate {
         } = *layered;
         let motion = &performance.motion;
         let (fps, articulation) = (motion.fps(), performance.articulation());
-        let mut made = Frames::default();
-        made.add(timed(report, "deform", || {
+        let mut result = Frames::default();
+        result.add(timed(report, "deform", || {
             redo.animate(engine, face, performance, file, progress)
         })?);
-        note_result(report, &self.out, face, fps, articulation, made);
+        note_result(report, &self.out, face, fps, articulation, result);
         copy_sound(&self.out, &self.audio)
     }
 
-    /// The result. A mesh whose mouth was opened is not that of its file.
+    /// Opens the file of the result. If the mouth `is_opened`, the mesh is not that of its file, and the result takes nothing
+    /// from that file.
     fn clip_file(
         &self,
         way: (&Engine, &Face),
@@ -199,7 +203,7 @@ impl Animate {
             .file(&self.out, (mesh, sound.as_deref()), way, progress)
     }
 
-    /// The same face with lips that part; its mesh is written beside the result.
+    /// Prepares the same face with lips that part, and writes its mesh beside the result.
     fn opened(
         &self,
         engine: &Engine,

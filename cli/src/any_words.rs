@@ -104,15 +104,15 @@ pub fn words(bytes: &[u8], folder: &Path) -> Vec<OsString> {
     // Models are those of the folder, whatever is asked for; help and version print and end.
     let of_ours = |arg: &&Arg| !["weights", "help", "version"].contains(&arg.get_id().as_str());
     let options: Vec<&Arg> = subcommand.get_arguments().filter(of_ours).collect();
-    let mut seen = Vec::new();
-    while let Some(choice) = bytes.next().filter(|_| seen.len() < MOST_OPTIONS) {
+    let mut named = Vec::new();
+    while let Some(choice) = bytes.next().filter(|_| named.len() < MOST_OPTIONS) {
         let option = options[usize::from(choice) % options.len()];
         words.push(word(option, &mut bytes, &places));
-        seen.push(option.get_id());
+        named.push(option.get_id());
     }
     // Without these the rest would never be looked at.
     for option in options.iter().filter(|option| option.is_required_set()) {
-        if !seen.contains(&option.get_id()) {
+        if !named.contains(&option.get_id()) {
             words.push(word(option, &mut [0, 0].into_iter(), &places));
         }
     }
@@ -152,9 +152,9 @@ fn value(option: &Arg, bytes: &mut impl Iterator<Item = u8>, places: &Places) ->
         let length = usize::from(bytes.next().unwrap_or_default()) % LONGEST;
         return text(bytes.take(length).filter(|byte| *byte != 0).collect());
     }
-    let own = option.get_possible_values();
-    let own = own.iter().map(|value| value.get_name().to_owned());
-    let known: Vec<String> = own.chain(VALUES.map(str::to_owned)).collect();
+    let choices = option.get_possible_values();
+    let choices = choices.iter().map(|value| value.get_name().to_owned());
+    let known: Vec<String> = choices.chain(VALUES.map(str::to_owned)).collect();
     known[usize::from(choice) % known.len()].clone().into()
 }
 

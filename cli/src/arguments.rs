@@ -29,7 +29,7 @@ use clap::Args;
 use crate::controls::{EmotionArgs, FaceControls, MotionControls};
 use crate::paths::{CachePath, InputPath, landmarks_beside};
 
-/// A coarser skin than this has no lips to speak of.
+/// Least vertices of a proxy. A coarser skin has no usable lips.
 const LEAST_PROXY: usize = 500;
 
 /// Options of every subcommand.
@@ -38,21 +38,21 @@ pub struct SharedArgs {
     /// What turns speech into motion [default: the first that `anyface info` lists]
     #[arg(long, global = true, value_name = "NAME")]
     system: Option<String>,
-    /// Folder of models (folders such as ats_paper, stm_paper, hubert) that override the embedded ones
+    /// Folder of models (folders such as ats_paper, stm_paper, hubert) that replace the built-in ones
     #[arg(long, global = true, value_name = "DIR")]
     weights: Option<InputPath>,
-    /// Folder with a HuBERT or wav2vec2 config.json and model.safetensors or pytorch_model.bin,
-    /// instead of the embedded speech encoder
+    /// Folder of a HuBERT or wav2vec2 speech encoder (config.json, and model.safetensors or pytorch_model.bin) that
+    /// replaces the built-in one
     #[arg(long, global = true, value_name = "DIR")]
     speech: Option<InputPath>,
-    /// Folder of Whisper base (openai/whisper-base), or of a classifier of emotions on HuBERT or wav2vec2 (config.json
-    /// with labels, weights), that hears emotions instead of the embedded ear where the emotion is `auto`
+    /// Folder of a model that hears the emotion where it is `auto`, instead of the built-in one: Whisper base
+    /// (openai/whisper-base), or an emotion classifier on HuBERT or wav2vec2 (config.json with labels, weights)
     #[arg(long, global = true, value_name = "DIR")]
     emotion_model: Option<InputPath>,
-    /// Folder that keeps per-mesh work between runs [default: the user's cache folder]
+    /// Folder that stores the work for each mesh between runs [default: the user's cache folder]
     #[arg(long, global = true, value_name = "DIR", conflicts_with = "no_cache")]
     cache: Option<CachePath>,
-    /// Keep no per-mesh work between runs
+    /// Store no work between runs
     #[arg(long, global = true)]
     no_cache: bool,
     /// Worker threads [default: one per core]
@@ -68,27 +68,27 @@ impl SharedArgs {
         Engine::new(self.options())
     }
 
-    /// The system that was asked for.
+    /// The name of --system.
     pub fn system(&self) -> Option<&str> {
         self.system.as_deref()
     }
 
-    /// How many threads were asked for.
+    /// The number of --threads.
     pub fn threads(&self) -> Option<usize> {
         self.threads
     }
 
-    /// What tells engines apart.
+    /// A text that is the same for options that make the same engine.
     pub fn key(&self) -> String {
         format!("{:?}", self.options())
     }
 
-    /// The folder of models that was given.
+    /// The folder of --weights.
     pub fn weights(&self) -> Option<&Path> {
         self.weights.as_deref()
     }
 
-    /// Whether an engine can be made of them, before any work is done.
+    /// Checks the options before any work starts.
     pub fn check(&self) -> Result<()> {
         self.options().check()
     }
@@ -109,7 +109,7 @@ impl SharedArgs {
     }
 }
 
-/// Whether a result of this name is a folder: it has no ending, ends in a separator or is one already.
+/// Whether a result of this name is a folder: the name has no ending, ends in a separator, or the folder exists.
 pub fn is_folder(out: &Path) -> bool {
     let is_plain = out.extension().is_none_or(|ending| ending.is_empty());
     is_plain || out.is_dir() || shown(out).ends_with(std::path::is_separator)
@@ -118,7 +118,7 @@ pub fn is_folder(out: &Path) -> bool {
 /// How a sound is read.
 #[derive(Args)]
 pub struct SoundArgs {
-    /// Use a damaged sound file even where more than a fifth of it is missing
+    /// Use a damaged sound file even if more than a fifth of it is missing
     #[arg(long)]
     any_damage: bool,
 }
@@ -137,31 +137,31 @@ impl SoundArgs {
 /// How the face is found and moved.
 #[derive(Args)]
 pub struct FaceArgs {
-    /// Landmarks as JSON: 68 positions or 68 vertex numbers [default: M.landmarks.json beside the mesh
-    /// M.obj, else found on it]
+    /// Landmarks as JSON: 68 positions or 68 vertex numbers [default: M.landmarks.json beside the mesh M.obj; if there
+    /// is none, they are detected]
     #[arg(long, value_name = "L.json")]
     landmarks: Option<InputPath>,
-    /// Some landmarks as JSON that stay where they are; the others follow
+    /// Fixed landmarks as JSON. They stay where they are, and the detected ones are fitted to them
     #[arg(long, value_name = "F.json")]
     fix: Option<InputPath>,
-    /// Five points that say where the face is, as x,y,z in the mesh's own units with spaces between: outer corner of its
-    /// right eye, outer corner of its left eye, tip of its nose, right and left corner of its mouth. Right is the face's
-    /// own right, which is on the left for who looks at it
+    /// Five points that say where the face is, each as x,y,z in units of the mesh, with spaces between them: outer corner
+    /// of the right eye, outer corner of the left eye, tip of the nose, right corner and left corner of the mouth. Right is
+    /// the right side of the person, which a viewer sees on the left
     #[arg(long, value_name = "POINTS", allow_hyphen_values = true)]
     points: Option<FivePoints>,
-    /// Axis out of the face where several places look alike: x, -x, y, -y, z or -z
+    /// Axis that points out of the face: x, -x, y, -y, z or -z. It decides where several places look like a face
     #[arg(long, default_value = "z", value_parser = axis, allow_hyphen_values = true)]
     forward: Axis,
-    /// Axis to the top of the head
+    /// Axis that points to the top of the head
     #[arg(long, default_value = "y", value_parser = axis, allow_hyphen_values = true)]
     up: Axis,
     #[command(flatten)]
     controls: FaceControls,
-    /// What a part of the mesh is, by number or by name of its object (see `anyface parts`): skin,
-    /// jaw, skull, mouth, nearest, gaze or still; may be repeated
+    /// Role of a part of the mesh: skin, jaw, skull, mouth, nearest, gaze or still. The part is a number or the name of its
+    /// object (see `anyface parts`). May be repeated
     #[arg(long = "part", value_name = "PART=ROLE", value_parser = part)]
     parts: Vec<(PartSelector, PartRole)>,
-    /// Work on a skin of more vertices through a coarser one of N; "off": on every vertex
+    /// A skin of more than N vertices follows a coarser copy of N vertices. "off" works on every vertex
     #[arg(long, value_name = "N", default_value_t = ProxySize(Some(DEFAULT_PROXY)))]
     proxy: ProxySize,
 }
@@ -225,8 +225,8 @@ impl Display for ProxySize {
 }
 
 impl FaceArgs {
-    /// `mesh`: the file that names the objects. `known`: landmarks that the caller has from elsewhere,
-    /// used unless the user gave others.
+    /// `mesh`: the file that names the objects. `known`: landmarks that the caller has from elsewhere. Those of --landmarks
+    /// come first.
     pub fn options(&self, mesh: &Path, known: Option<LandmarkSource>) -> Result<FaceOptions> {
         let landmarks = match &self.landmarks {
             Some(path) => Some(LandmarkSource::read(path)?),
@@ -287,7 +287,7 @@ fn part(text: &str) -> std::result::Result<(PartSelector, PartRole), String> {
     Ok((selector, role))
 }
 
-/// What the performance is asked to be.
+/// Options of the performance.
 #[derive(Args)]
 pub struct MotionArgs {
     #[command(flatten)]
@@ -297,33 +297,33 @@ pub struct MotionArgs {
     /// Frames per second
     #[arg(long, default_value_t = 30.0)]
     fps: f64,
-    /// Same seed, same motion
+    /// The same seed makes the same motion
     #[arg(long, default_value_t = 0)]
     seed: u64,
     /// Speaking style by name [default: the model's own]
     #[arg(long, value_name = "NAME")]
     style: Option<String>,
-    /// Where lips close, instead of where it is heard: the p, b and m of a .TextGrid, .tsv, .json, .pgo,
-    /// .dat (which counts frames of --fps) or .txt, such as `anyface sounds` writes
+    /// File that says where lips close, instead of what is heard: the p, b and m of a .TextGrid, .tsv, .json, .pgo, .dat
+    /// (which counts frames of --fps) or .txt. `anyface sounds` writes such files
     #[arg(long, value_name = "S")]
     sounds: Option<InputPath>,
-    /// What the face does and when (cafe-talk): seconds, action units with L or R for one side or words, and
-    /// strength, as in 1.2-2.0:12,6:0.8 or 2.4-2.8:left wink; a ! at the end puts it over the speech; may be
-    /// repeated. `anyface units` lists the words whose units are laid down
+    /// What the face does and when (cafe-talk), as in 1.2-2.0:12,6:0.8 or 2.4-2.8:left wink: seconds, then action units
+    /// (with L or R for one side) or words, then the strength. A ! at the end puts it over the speech. May be repeated.
+    /// `anyface units` lists the words with fixed units
     #[arg(long = "event", value_name = "E")]
     event: Vec<String>,
-    /// Events of a JSON file, a list of {"start_s", "end_s", "units": ["12", "45L"] or "left wink", "strength",
+    /// JSON file of such events: a list of {"start_s", "end_s", "units": ["12", "45L"] or "left wink", "strength",
     /// "over_speech"}
     #[arg(long, value_name = "E.json")]
     events: Option<InputPath>,
-    /// Another recording of which the emotion is taken (emoface), stretched to the length of the sound
+    /// Take the emotion from this other recording (emoface). It is stretched to the length of the sound
     #[arg(long, value_name = "OTHER")]
     emotion_of: Option<InputPath>,
-    /// A recording in which the same person speaks neutrally, ten seconds or more: the emotion of the voice is heard as
-    /// what differs from it
+    /// A recording of ten seconds or more in which the same person speaks neutrally. The emotion of the voice is then
+    /// heard as the difference from it
     #[arg(long, value_name = "FILE")]
     neutral_voice: Option<InputPath>,
-    /// Motion of `anyface motion` in whose last frame the face begins (emoface)
+    /// Begin with the last frame of this motion, which `anyface motion` wrote (emoface)
     #[arg(long, value_name = "M.npz")]
     starts_from: Option<InputPath>,
 }
@@ -381,8 +381,8 @@ impl MotionArgs {
         VoiceTrack::neutral(&sound).map(|voice| Some(Arc::new(voice)))
     }
 
-    /// What the file of --sounds says.
-    pub fn said(&self) -> Result<Option<Annotation>> {
+    /// Reads the file of --sounds.
+    pub fn read_sounds(&self) -> Result<Option<Annotation>> {
         let read = |path: &InputPath| Annotation::read(path, self.fps);
         self.sounds.as_ref().map(read).transpose()
     }
@@ -390,7 +390,10 @@ impl MotionArgs {
     pub fn request(&self, shared: &SharedArgs) -> Result<MotionRequest> {
         check_fps(self.fps)?;
         let system = Registration::find(shared.system.as_deref())?;
-        let closures = self.said()?.map(|said| said.closures()).transpose()?;
+        let closures = self
+            .read_sounds()?
+            .map(|sounds| sounds.closures())
+            .transpose()?;
         Ok(MotionRequest {
             emotion: self
                 .emotion

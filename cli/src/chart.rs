@@ -24,27 +24,27 @@ enum Mouths {
     PrestonBlair,
 }
 
-/// Write which of nine or ten drawn mouths stands when, for cut-out and drawn animation
+/// Write which of nine or ten drawn mouths to show when, for cut-out and drawn animation
 #[derive(Args)]
 pub struct Chart {
     /// The speech: WAV, MP3, FLAC, Ogg, WebM, M4A, AAC, CAF or AIFF
     #[arg(long, value_name = "A")]
     audio: InputPath,
     /// The result: .tsv or .json (Rhubarb), .pgo (Papagayo), .dat (Moho), .TextGrid (Praat) or .txt (lines of start, end
-    /// and label). .tsv and .json hold Rhubarb's mouths, .pgo and .dat Preston Blair's: others are written as the one
-    /// that is most like them
+    /// and label). .tsv and .json hold Rhubarb's mouths, .pgo and .dat Preston Blair's. A mouth that the format does not
+    /// have is written as the most similar one
     #[arg(long, value_name = "O")]
     out: OutputPath,
     /// The mouths that are drawn
     #[arg(long, value_enum, default_value_t = Mouths::Rhubarb)]
     mouths: Mouths,
-    /// Mouths change at every so many frames of --fps: 2 for poses on twos
+    /// Mouths may change only on every FRAMES-th frame of --fps: 2 for poses on twos
     #[arg(long, value_name = "FRAMES", default_value_t = 1)]
     on: usize,
-    /// The fewest frames for which a mouth stands
+    /// Fewest frames for which a mouth is shown
     #[arg(long, value_name = "FRAMES", default_value_t = 2)]
     hold: usize,
-    /// The fewest frames for which lips stay closed for p, b and m, instead of --hold
+    /// Fewest frames for which lips stay closed for p, b and m, instead of --hold
     #[arg(
         long,
         value_name = "FRAMES",
@@ -52,7 +52,7 @@ pub struct Chart {
         hide_default_value = true
     )]
     hold_closures: usize,
-    /// The fewest frames for which the mouth of a vowel stands, instead of --hold
+    /// Fewest frames for which the mouth of a vowel is shown, instead of --hold
     #[arg(
         long,
         value_name = "FRAMES",
@@ -60,7 +60,7 @@ pub struct Chart {
         hide_default_value = true
     )]
     hold_vowels: usize,
-    /// The words that are said, which tell more surely when lips close
+    /// The words that are said. With them it is more certain when lips close
     #[arg(long, value_name = "W", conflicts_with = "sounds")]
     text: Option<String>,
     #[command(flatten)]
@@ -91,15 +91,15 @@ impl Chart {
         let engine: Engine = shared.engine()?;
         note_memory(&mut report, &engine, 0, 0, sound.levels.duration_s())?;
         let waveform = sound.whole(progress)?;
-        let said = match self.motion.said()? {
-            Some(said) => said,
+        let sounds = match self.motion.read_sounds()? {
+            Some(sounds) => sounds,
             None => engine.listen_to_phones(&waveform, self.text.as_deref())?,
         };
         let performance = engine.perform(&waveform, &request, progress)?;
         let landmarks = engine.landmarks_of(&performance.motion)?;
         let moved = landmarks.displacements.view();
         let neutral = canonical_landmarks();
-        let chart = draw(neutral, moved, landmarks.fps, Some(&said), &options)?;
+        let chart = draw(neutral, moved, landmarks.fps, Some(&sounds), &options)?;
         chart.write(&self.out, landmarks.fps)?;
         let intervals = chart.intervals(mouths);
         let out = shown(&self.out);

@@ -1,4 +1,4 @@
-//! Talking to the person or the machine at the other end.
+//! Prints results, progress and errors for people, or as JSON for programs.
 
 use std::{
     fmt::Display,
@@ -36,8 +36,8 @@ impl Console {
         Console { json, bar }
     }
 
-    /// Shows the library's own log on standard error, as much as `ANYFACE_LOG` asks for; beside JSON nothing
-    /// that was not asked for.
+    /// Shows the log of the library on standard error, at the level of `ANYFACE_LOG`. With `--json` it shows nothing unless
+    /// `ANYFACE_LOG` is set.
     pub fn listen(&self) {
         let usual = if self.json { "off" } else { "error" };
         let filter = tracing_subscriber::EnvFilter::try_from_env("ANYFACE_LOG")
@@ -66,7 +66,7 @@ impl Console {
         if self.json {
             return self.json(report);
         }
-        said(summary)?;
+        print_line(summary)?;
         self.warn(&report.warnings);
         Ok(())
     }
@@ -76,24 +76,24 @@ impl Console {
         if !self.json {
             warnings
                 .iter()
-                .for_each(|warning| complained(&format!("warning: {warning}")));
+                .for_each(|warning| print_error_line(&format!("warning: {warning}")));
         }
     }
 
-    /// Prints on standard error what goes on, as `{"note"}` with `--json`.
+    /// Prints a note on standard error, as `{"note"}` with `--json`.
     pub fn note(&self, text: &str) {
         self.bar.finish_and_clear();
         match self.json {
-            true => complained(&serde_json::json!({ "note": text })),
-            false => complained(&text),
+            true => print_error_line(&serde_json::json!({ "note": text })),
+            false => print_error_line(&text),
         }
     }
 
     /// Prints on standard error beside the bar, which goes on, as `{"note"}` with `--json`.
     pub fn aside(&self, text: &str) {
         self.bar.suspend(|| match self.json {
-            true => complained(&serde_json::json!({ "note": text })),
-            false => complained(&text),
+            true => print_error_line(&serde_json::json!({ "note": text })),
+            false => print_error_line(&text),
         });
     }
 
@@ -104,7 +104,7 @@ impl Console {
         self.bar.set_message(text.to_owned());
     }
 
-    /// Prints a line of a result that goes on; false where nobody reads it any more.
+    /// Prints a line of a result that goes on. Returns false if the reader has left.
     ///
     /// # Errors
     /// `Io` if standard output cannot be written to.
@@ -120,19 +120,19 @@ impl Console {
         self.bar.finish_and_clear();
         match self.json {
             true => self.json(value),
-            false => said(text.trim_end()),
+            false => print_line(text.trim_end()),
         }
     }
 
     fn json(&self, value: &impl Serialize) -> Result<()> {
         let text = serde_json::to_string_pretty(value).map_err(io::Error::from);
-        said(&text.map_err(Error::io(STANDARD_OUTPUT))?)
+        print_line(&text.map_err(Error::io(STANDARD_OUTPUT))?)
     }
 
     /// Prints an error, as `{"error": {"kind", "code", "message"}}` with `--json`.
     pub fn error(&self, error: &Error) {
         self.bar.finish_and_clear();
-        complained(&error_text(error, self.json));
+        print_error_line(&error_text(error, self.json));
     }
 }
 
@@ -153,15 +153,15 @@ pub fn error_text(error: &Error, json: bool) -> String {
 
 const STANDARD_OUTPUT: &str = "standard output";
 
-/// A line on standard output; a reader that has left, such as `head`, wants no more of it.
+/// Prints a line on standard output. If the reader has left, as `head` does, that is no error.
 ///
 /// # Errors
 /// `Io` if it cannot be written, as where a disk is full.
-fn said(text: &str) -> Result<()> {
+fn print_line(text: &str) -> Result<()> {
     line(text).map(|_| ())
 }
 
-/// The same; false where nobody reads it any more.
+/// Prints a line on standard output. Returns false if the reader has left.
 fn line(text: &str) -> Result<bool> {
     let mut out = io::stdout().lock();
     match writeln!(out, "{text}").and_then(|()| out.flush()) {
@@ -170,8 +170,8 @@ fn line(text: &str) -> Result<bool> {
     }
 }
 
-/// A line on standard error; nobody is left to hear that this fails.
-fn complained(text: &impl Display) {
+/// Prints a line on standard error. Nobody could be told that this fails, so a failure is ignored.
+fn print_error_line(text: &impl Display) {
     let _ = writeln!(io::stderr().lock(), "{text}");
 }
 

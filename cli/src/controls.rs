@@ -1,4 +1,4 @@
-//! Flags for the controls of systems, drawn from their registry, and for emotion.
+//! Flags for emotion, and for the controls of all systems as the registry lists them.
 
 use std::{collections::BTreeMap, path::Path};
 
@@ -13,22 +13,21 @@ use clap::{Arg, ArgMatches, Args, Command, FromArgMatches};
 /// What the emotion is.
 #[derive(Args)]
 pub struct EmotionArgs {
-    /// Emotion and intensity: happy:0.7, a blend happy:0.4,surprised:0.3, auto (the emotion
-    /// that is heard in the voice), auto-arousal (how excited it sounds, not which emotion it has) or off
-    /// (speech alone: no blinks, no brows); cafe-talk
-    /// takes other words too, such as relieved, as what lies nearest among the categories
+    /// Emotion and intensity, as in happy:0.7, or a blend, as in happy:0.4,surprised:0.3. auto takes the emotion that is
+    /// heard in the voice, auto-arousal only how excited the voice sounds. off is speech alone, without blinks and brows.
+    /// cafe-talk also takes other words, such as relieved, and uses the nearest emotions
     #[arg(long, default_value = "neutral:0")]
     emotion: String,
-    /// Emotion over time: "0:neutral 2.5:happy:0.8 4:sad:0.5", seconds and emotions, linear between
+    /// Emotion over time as seconds and emotions, as in "0:neutral 2.5:happy:0.8 4:sad:0.5". It changes linearly between them
     #[arg(long, value_name = "KEYS", conflicts_with = "emotion")]
     emotion_keys: Option<String>,
 }
 
 impl EmotionArgs {
-    /// What was asked for; words that are no category through the text space of `models`, for a system that takes
-    /// them.
+    /// The requested emotion over time. If the system `takes_words`, the text model of `models` turns words that name no
+    /// emotion category into a blend of categories.
     pub fn curve(&self, takes_words: bool, models: Option<&Path>) -> Result<EmotionCurve> {
-        // Loaded for such a word alone.
+        // The text model is loaded only for such a word.
         let of = |word: &str| TextUnits::open(models)?.emotion(word);
         match (&self.emotion_keys, takes_words) {
             (Some(keys), true) => EmotionCurve::parse_keys_with(keys, &of),
@@ -40,15 +39,15 @@ impl EmotionArgs {
 }
 
 /// Flags of the controls that act on a face.
-pub struct FaceControls(Asked);
+pub struct FaceControls(ControlFlags);
 /// Flags of the controls that act on a performance.
-pub struct MotionControls(Asked);
+pub struct MotionControls(ControlFlags);
 
-/// Controls that were asked for, and the words that the user wrote.
+/// The controls that the command line sets, each with its text.
 #[derive(Default)]
-struct Asked(Vec<(&'static Control, String)>);
+struct ControlFlags(Vec<(&'static Control, String)>);
 
-/// Every control of any system that acts on `stage`, by its flag.
+/// The controls of all systems that act on `stage`, by flag.
 fn flags(stage: ControlStage) -> BTreeMap<String, &'static Control> {
     let all = SYSTEMS.iter().flat_map(|system| system.controls_of(stage));
     all.map(|control| (control.short_name().replace('_', "-"), control))
@@ -93,14 +92,14 @@ fn help(control: &Control) -> String {
     )
 }
 
-impl Asked {
-    fn read(matches: &ArgMatches, stage: ControlStage) -> Asked {
-        let known = flags(stage).into_values();
-        let asked = known.filter_map(|control| {
+impl ControlFlags {
+    fn read(matches: &ArgMatches, stage: ControlStage) -> ControlFlags {
+        let controls = flags(stage).into_values();
+        let set_controls = controls.filter_map(|control| {
             let text = matches.get_one::<String>(control.name)?;
             Some((control, text.clone()))
         });
-        Asked(asked.collect())
+        ControlFlags(set_controls.collect())
     }
 
     fn controls(&self) -> Result<Controls> {
@@ -112,7 +111,7 @@ impl Asked {
     }
 }
 
-/// The same for both stages: clap asks for a type of its own where flags are flattened.
+/// Implements clap's traits for the flags of a stage. Both stages need a type, because clap flattens flags by type.
 macro_rules! control_flags {
     ($name:ident, $stage:expr) => {
         impl $name {
@@ -123,7 +122,7 @@ macro_rules! control_flags {
 
         impl FromArgMatches for $name {
             fn from_arg_matches(matches: &ArgMatches) -> Result<Self, clap::Error> {
-                Ok($name(Asked::read(matches, $stage)))
+                Ok($name(ControlFlags::read(matches, $stage)))
             }
 
             fn update_from_arg_matches(&mut self, matches: &ArgMatches) -> Result<(), clap::Error> {

@@ -27,7 +27,7 @@ use crate::{
     surface::SurfaceArgs,
 };
 
-/// Frame rate of motion files that do not state theirs.
+/// Frame rate of motion files that name none.
 const DEFAULT_FPS: f64 = 30.0;
 
 /// Put motion from a file on a mesh
@@ -37,17 +37,16 @@ pub struct Deform {
     /// The mesh: OBJ, PLY or GLB
     #[arg(long, value_name = "M")]
     mesh: InputPath,
-    /// Motion, .npz: landmarks_neutral [68, 3] and landmark_displacements [T, 68, 3] in mesh
-    /// units; without landmarks_neutral, the displacements are metres on a human head, as
-    /// `anyface motion` writes them. Where it holds weights, these move the mesh's own ARKit shapes; where it holds
-    /// tongue [T, 4] beside head and gaze, the mesh's tongue speaks
+    /// Motion, .npz: landmarks_neutral [68, 3] and landmark_displacements [T, 68, 3] in mesh units. Without
+    /// landmarks_neutral the displacements are in metres on a human head, as `anyface motion` writes them. If the file has
+    /// weights, they move the ARKit shapes of the mesh. If it has head, gaze and tongue [T, 4], the tongue of the mesh moves
     #[arg(long, value_name = "L.npz")]
     motion: InputPath,
     /// The result: .npz (arrays), .pc2 or .mdd (point caches), .glb or .usda (shapes with their weights over time), .vrma
-    /// (expressions of avatars); for --surface a new folder
+    /// (expressions of avatars). With --surface the result is a new folder
     #[arg(long, value_name = "O")]
     out: OutputPath,
-    /// Also write by which share each vertex attends to each landmark, mean over the frames: .npz with
+    /// Also write how much each vertex attends to each landmark, as shares and as a mean over the frames: .npz with
     /// attention [V, 68]. Needs --decoder paper and motion in mesh units
     #[arg(long, value_name = "A.npz")]
     attention: Option<OutputPath>,

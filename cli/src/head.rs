@@ -1,4 +1,4 @@
-//! `anyface head`: a head made from numbers.
+//! `anyface head`: makes a head from numbers.
 
 use std::{
     io::Write,
@@ -25,40 +25,39 @@ use crate::{
 /// Make a head: at random, from sliders, a mixture of two, or like a scan
 #[derive(Args)]
 pub struct MakeHead {
-    /// The result: .obj of quads with the objects skin, eyes, teeth, tongue, lashes and brows;
-    /// NAME.landmarks.json is written beside it
+    /// The result: .obj of quads with the objects skin, eyes, teeth, tongue, lashes and brows. Its landmarks are written
+    /// beside it, to NAME.landmarks.json
     #[arg(long, value_name = "HEAD.obj")]
     out: OutputPath,
-    /// Which random head
+    /// Number of a random head. The same number makes the same head
     #[arg(long, value_name = "N", conflicts_with_all = ["mix", "code", "like"])]
     seed: Option<u64>,
-    /// A head between those of two seeds, half of each or another share of the second, as in 7,12 or 7,12,0.3
+    /// A mixture of the heads of two seeds, half of each, as in 7,12, or with a share of the second, as in 7,12,0.3
     #[arg(long, value_name = "A,B[,SHARE]", value_parser = mixture, conflicts_with_all = ["code", "like"])]
     mix: Option<Mixture>,
-    /// Its numbers as a JSON list, such as --code-out writes: 100 coefficients, and traits where they are not 0
+    /// Numbers of the head as a JSON list, as --code-out writes them: 100 coefficients, then traits if they are not 0
     #[arg(long, value_name = "C.json", conflicts_with = "like")]
     code: Option<InputPath>,
     /// A clean head like this scan or model: OBJ, PLY or GLB
     #[arg(long, value_name = "SCAN")]
     like: Option<InputPath>,
-    /// Landmarks of the scan as JSON [default: found on it]
+    /// Landmarks of the scan as JSON [default: they are detected]
     #[arg(long, value_name = "L.json", requires = "like")]
     like_landmarks: Option<InputPath>,
-    /// A slider such as age or face-width, -4 to 4, 0 is the average head; see `anyface info --json`; may be
-    /// repeated
+    /// A slider such as age or face-width, from -4 to 4. 0 is the average head. Every run of `anyface head` prints all sliders
+    /// and where they stand. May be repeated
     #[arg(long, value_name = "NAME=VALUE", value_parser = direction, allow_hyphen_values = true)]
     direction: Vec<(String, f32)>,
-    /// Bring coefficients that are far from any that were learned back to those
+    /// Bring coefficients that lie far outside the training heads back to those
     #[arg(long)]
     pull_back: bool,
-    /// Write the surface of the field instead, which has no traits and no eyes, from a grid of N cells along its
-    /// longest side
+    /// Write the surface of the field instead, on a grid of N cells along its longest side. It has no traits and no eyes
     #[arg(long, value_name = "N")]
     surface: Option<usize>,
-    /// The skin alone, without eyes, teeth, tongue, lashes and brows
+    /// Only the skin, without eyes, teeth, tongue, lashes and brows
     #[arg(long)]
     skin_only: bool,
-    /// Also write its numbers as JSON
+    /// Also write the numbers of the head as JSON
     #[arg(long, value_name = "C.json")]
     code_out: Option<OutputPath>,
 }
@@ -100,7 +99,7 @@ impl MakeHead {
             }
             maker.set_along(&mut numbers, direction, *value)?;
         }
-        let made = timed(&mut report, "surface", || match self.surface {
+        let head = timed(&mut report, "surface", || match self.surface {
             Some(cells) => maker.surface(&numbers, cells, &progress),
             None => maker.mesh(&numbers, !self.skin_only),
         })?;
@@ -110,10 +109,10 @@ impl MakeHead {
         }
         let landmarks = self.landmarks_path();
         timed(&mut report, "write", || {
-            self.write(&made, &landmarks, &numbers)
+            self.write(&head, &landmarks, &numbers)
         })?;
         report.out = Some(shown(&self.out));
-        report.vertices = Some(made.mesh.positions.len());
+        report.vertices = Some(head.mesh.positions.len());
         let names = maker.directions().map(str::to_owned);
         let full = HeadReport {
             run: &report,
@@ -123,7 +122,7 @@ impl MakeHead {
             fit,
         };
         console.warn(&report.warnings);
-        console.value(&full, &summary(&full, &made))
+        console.value(&full, &summary(&full, &head))
     }
 
     /// Results whose names come from that of the head.
@@ -201,16 +200,16 @@ impl MakeHead {
         Ok((numbers, None))
     }
 
-    fn write(&self, made: &MadeHead, landmarks: &Path, numbers: &[f32]) -> Result<()> {
+    fn write(&self, head: &MadeHead, landmarks: &Path, numbers: &[f32]) -> Result<()> {
         let write = |path: &Path, text: &str| {
             write_atomically(path, |file| file.write_all(text.as_bytes()))
         };
-        write(landmarks, &made.landmarks.to_json())?;
+        write(landmarks, &head.landmarks.to_json())?;
         if let Some(path) = &self.code_out {
             let text = serde_json::to_string(numbers).expect("numbers serialise");
             write(path, &text)?;
         }
-        write(&self.out, &made.to_obj())
+        write(&self.out, &head.to_obj())
     }
 }
 
@@ -253,14 +252,14 @@ fn direction(text: &str) -> std::result::Result<(String, f32), String> {
     ))
 }
 
-fn summary(report: &HeadReport<'_>, made: &MadeHead) -> String {
+fn summary(report: &HeadReport<'_>, head: &MadeHead) -> String {
     let total: f64 = report.run.seconds.values().sum();
     let mut text = format!(
         "wrote {} and {}: {} vertices, of them {} skin, in {total:.2} s\n",
         report.run.out.as_deref().unwrap_or("nothing"),
         report.landmarks,
-        made.mesh.positions.len(),
-        made.skin_vertices()
+        head.mesh.positions.len(),
+        head.skin_vertices()
     );
     if let Some(fit) = &report.fit {
         text += &format!(

@@ -25,20 +25,20 @@ impl Info {
         }
         let version = env!("CARGO_PKG_VERSION");
         let threads = rayon::current_num_threads();
-        // Weights that would not load are told here rather than in the middle of work.
-        let own = shared.weights();
-        if own.is_some() {
+        // Weights that do not load are refused here, not later in the middle of work.
+        let requested_weights = shared.weights();
+        if requested_weights.is_some() {
             shared.engine()?;
         }
         let mut models = Vec::new();
         let mut lines = String::new();
         for model in built_in_models() {
-            let place = model.place(own)?;
-            let told = match &place {
+            let place = model.place(requested_weights)?;
+            let source = match &place {
                 Some(place) => format!("from {}", place.display()),
                 None => title(model.card).to_owned(),
             };
-            lines += &format!("  {:<16} {told}\n", model.name);
+            lines += &format!("  {:<16} {source}\n", model.name);
             models.push(serde_json::json!({"name": model.name, "card": model.card, "from": place}));
         }
         let value = serde_json::json!({
@@ -71,8 +71,8 @@ fn title(card: &str) -> &str {
 
 fn card(name: &str) -> Result<&'static str> {
     let known: Vec<&BuiltIn> = built_in_models().collect();
-    let found = known.iter().find(|model| model.name == name);
-    found.map(|model| model.card).ok_or_else(|| {
+    let model = known.iter().find(|model| model.name == name);
+    model.map(|model| model.card).ok_or_else(|| {
         let known: Vec<&str> = known.iter().map(|model| model.name).collect();
         anyface::Error::InvalidInput(format!(
             "model: expected one of {}, got {name:?}",

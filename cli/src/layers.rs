@@ -1,4 +1,4 @@
-//! What is said and how it is felt, apart: two layers, a mask between them, and what the model believes.
+//! Speech and emotion as two layers of a performance, the user's mask between them, and the mask that the model computes.
 
 use std::path::{Path, PathBuf};
 
@@ -17,12 +17,12 @@ use crate::stages::spread_into;
 /// Options of layers.
 #[derive(Args)]
 pub struct LayerArgs {
-    /// Where emotion acts (emoface): a JSON list of a share from 0 to 1 for each vertex; where it is 0 only what is
-    /// said moves the face
+    /// Where emotion acts (emoface): a JSON list with a share from 0 to 1 for each vertex. Where the share is 0, speech
+    /// alone moves the face
     #[arg(long, value_name = "M.json", conflicts_with = "redo")]
     mask: Option<InputPath>,
-    /// Also write layers (emoface): content, what is said alone, and emotion, what is felt beyond it, beside the
-    /// result with _content and _emotion in their names
+    /// Also write layers (emoface): content is the motion of speech alone, emotion is the motion that emotion adds. Their
+    /// files lie beside the result, with _content and _emotion in their names
     #[arg(
         long,
         value_name = "LAYERS",
@@ -30,7 +30,7 @@ pub struct LayerArgs {
         conflicts_with = "redo"
     )]
     layers: Vec<Layer>,
-    /// Also write how far emotion is believed in each vertex and frame (emoface): .npz with mask [T, V]
+    /// Also write how far the model lets emotion act in each frame and vertex (emoface): .npz with mask [T, V]
     #[arg(long, value_name = "W.npz", conflicts_with = "redo")]
     mask_out: Option<OutputPath>,
 }
@@ -41,12 +41,13 @@ enum Layer {
     Emotion,
 }
 
-/// A performance with what is said of it alone.
+/// A performance, and beside it the layer of speech alone.
 pub struct Layered<'a> {
     pub engine: &'a Engine,
     pub face: &'a Face,
     pub performance: &'a Performance,
-    said: Option<Performance>,
+    /// The layer of speech alone, where an option needs it.
+    content: Option<Performance>,
     /// `[V]`, 1 without a mask.
     mask: Vec<f32>,
 }
@@ -73,13 +74,14 @@ impl LayerArgs {
             .collect()
     }
 
-    /// Whether anything is asked that needs the performance whole.
+    /// Whether any option needs the whole performance at once.
     pub fn are_asked(&self) -> bool {
-        self.parts() || self.mask_out.is_some()
+        self.needs_content() || self.mask_out.is_some()
     }
 
-    /// Frames that lie in memory at once: two blocks, and the mask, whose shares are a third of a vertex's motion.
-    pub fn kept(&self, frames: usize, mesh: &Mesh) -> usize {
+    /// Frames that are in memory at once: two blocks, and the mask. A frame of the mask is a third of a frame of motion,
+    /// because it has one number a vertex instead of three.
+    pub fn count_frames_in_memory(&self, frames: usize, mesh: &Mesh) -> usize {
         let mask = match self.mask_out {
             Some(_) => frames / 3,
             None => 0,
@@ -87,12 +89,12 @@ impl LayerArgs {
         mask + frames.min(2 * spread::frames_at_once(mesh))
     }
 
-    /// Whether anything needs what is said alone.
-    fn parts(&self) -> bool {
+    /// Whether an option needs the layer of speech alone.
+    fn needs_content(&self) -> bool {
         self.mask.is_some() || !self.layers.is_empty()
     }
 
-    /// The performance, and beside it what is said alone where that is needed.
+    /// The performance, and beside it the layer of speech alone where an option needs it.
     pub fn of<'a>(
         &self,
         engine: &'a Engine,
@@ -105,7 +107,7 @@ impl LayerArgs {
             Some(path) => read_mask(path, vertices)?,
             None => vec![1.0; vertices],
         };
-        let said = match self.parts() {
+        let content = match self.needs_content() {
             true => Some(performance.content(engine, progress)?),
             false => None,
         };
@@ -113,7 +115,7 @@ impl LayerArgs {
             engine,
             face,
             performance,
-            said,
+            content,
             mask,
         })
     }
@@ -137,7 +139,7 @@ impl LayerArgs {
             write_mask(path, performance.emotion_mask(engine, face, frames)?.view())?;
         }
         for layer in &self.layers {
-            layered.part(*layer, &beside(out, *layer), progress)?;
+            layered.write_layer(*layer, &beside(out, *layer), progress)?;
         }
         let (fps, articulation) = (performance.motion.fps(), performance.articulation());
         let life = Some(&performance.life);
@@ -147,17 +149,17 @@ impl LayerArgs {
 }
 
 impl Layered<'_> {
-    /// Both layers under the mask.
+    /// Moves the face by both layers, emotion scaled by the mask.
     fn spread(
         &self,
         sink: &mut dyn FrameSink,
         progress: ProgressFn<'_>,
     ) -> Result<anyface::spread::SpreadReport> {
         let whole = self.performance;
-        match &self.said {
-            Some(said) if self.mask.iter().any(|share| *share != 1.0) => {
+        match &self.content {
+            Some(content) if self.mask.iter().any(|share| *share != 1.0) => {
                 let rest = self.mask.iter().map(|share| 1.0 - share).collect();
-                let parts = [(&said.motion, rest), (&whole.motion, self.mask.clone())];
+                let parts = [(&content.motion, rest), (&whole.motion, self.mask.clone())];
                 let mixed = Movement::Mixed(parts).with_tongue(&whole.life);
                 self.engine.spread(self.face, mixed, sink, progress)
             }
@@ -165,20 +167,20 @@ impl Layered<'_> {
         }
     }
 
-    /// One layer into a file of its own.
-    fn part(&self, layer: Layer, out: &Path, progress: ProgressFn<'_>) -> Result<()> {
-        let said = self.said.as_ref().map_or(self.performance, |said| said);
+    /// Writes one layer to the file `out`.
+    fn write_layer(&self, layer: Layer, out: &Path, progress: ProgressFn<'_>) -> Result<()> {
+        let content = self.content.as_ref().unwrap_or(self.performance);
         let negative = self.mask.iter().map(|share| -share).collect();
         let spread = |sink: &mut dyn FrameSink| match layer {
-            Layer::Content => self.engine.spread(self.face, said, sink, progress),
+            Layer::Content => self.engine.spread(self.face, content, sink, progress),
             Layer::Emotion => {
                 let whole = (&self.performance.motion, self.mask.clone());
-                let parts = [(&said.motion, negative), whole];
-                let mixed = Movement::Mixed(parts).with_tongue(&said.life);
+                let parts = [(&content.motion, negative), whole];
+                let mixed = Movement::Mixed(parts).with_tongue(&content.life);
                 self.engine.spread(self.face, mixed, sink, progress)
             }
         };
-        let fps = said.motion.fps();
+        let fps = content.motion.fps();
         let mut report = crate::stages::new_report();
         let file = ClipFile::new(out)?;
         spread_into(file, self.face, fps, 0.0, None, &mut report, spread)
@@ -198,7 +200,7 @@ fn beside(out: &Path, layer: Layer) -> PathBuf {
 
 /// The shares of a mask.
 fn read_mask(path: &Path, vertices: usize) -> Result<Vec<f32>> {
-    let wrong = |told: String| Error::InvalidInput(format!("{}: {told}", path.display()));
+    let wrong = |message: String| Error::InvalidInput(format!("{}: {message}", path.display()));
     let text = read_text(path, InputKind::Numbers)?;
     let mask: Vec<f32> = serde_json::from_str(&text)
         .map_err(|error| wrong(format!("mask: expected a list of numbers: {error}")))?;
@@ -230,7 +232,7 @@ mod tests {
             read_mask(&path, 3)
         };
         assert_eq!(read("[0, 0.5, 1]").unwrap(), [0.0, 0.5, 1.0]);
-        for (text, told) in [
+        for (text, words) in [
             ("[0, 1]", "each of 3 vertices, got 2"),
             ("[0, 1.5, 1]", "got 1.5 at vertex 1"),
             ("[0, -0.1, 1]", "got -0.1 at vertex 1"),
@@ -238,7 +240,7 @@ mod tests {
             ("[0, null, 1]", "expected a list of numbers"),
         ] {
             let message = read(text).unwrap_err().to_string();
-            assert!(message.contains(told), "{text}: {message}");
+            assert!(message.contains(words), "{text}: {message}");
         }
     }
 

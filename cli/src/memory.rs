@@ -1,12 +1,12 @@
-//! What the command does where memory ends: it removes what is half written, says so, and exits with the code of that
-//! error. Rust ends such a process by SIGABRT, which would leave the files and tell scripts nothing.
+//! What the command does when memory runs out. It removes half-written files, prints the error, and exits with its code.
+//! Without this, Rust would end the process by SIGABRT, leave the files, and tell scripts nothing.
 
 use std::{
     alloc::{GlobalAlloc, Layout, System},
     sync::atomic::{AtomicBool, Ordering},
 };
 
-/// The system's allocator, which notes that memory has ended.
+/// The system's allocator, which also notes when memory runs out.
 struct Watched;
 
 #[global_allocator]

@@ -24,14 +24,14 @@ pub struct Motion {
     #[arg(long, value_name = "A")]
     audio: InputPath,
     /// The result, .npz: landmark_displacements [T, 68, 3], head [T, 3], gaze [T, 2, 2], tongue [T, 4] and fps.
-    /// Of a system that makes weights also weights [T, S] and their names [S]; or these alone: .csv (Live Link Face),
-    /// .json
+    /// A system that makes weights adds weights [T, S] and their names [S]. .csv (Live Link Face) and .json hold only the
+    /// weights
     #[arg(long, value_name = "O")]
     out: OutputPath,
     /// Also write a report of the run
     #[arg(long, value_name = "R.json")]
     report: Option<OutputPath>,
-    /// As the stream hears it: each frame knows a fifth of a second ahead; one style, no noise
+    /// Make the motion as the live stream does: each frame hears a fifth of a second ahead, in one style and without noise
     #[arg(long, conflicts_with_all = ["style", "sounds", "redo"])]
     causal: bool,
     #[command(flatten)]
@@ -47,7 +47,7 @@ impl Motion {
         // Which kind it is, the system says; a name that fits none is refused before anything is loaded.
         check_motion_path(&self.out, true)?;
         let request = self.motion.request(shared)?;
-        let redo = self.redo.asked()?;
+        let redo = self.redo.request()?;
         let mut report = new_report();
         let progress = &|p| console.progress(p);
         let sound = read_sound(&mut report, &self.audio, &self.sound, progress)?;

@@ -1,4 +1,4 @@
-//! `anyface open-mouth` and `anyface open-eyes`: lips, or lids and eyes, that are one surface, cut apart.
+//! `anyface open-mouth` and `anyface open-eyes`: cut apart lips, or lids and eyes, that are one surface.
 
 use std::{
     io::Write,
@@ -27,9 +27,8 @@ pub struct Open {
     /// The mesh: OBJ, PLY or GLB
     #[arg(long, value_name = "M")]
     mesh: InputPath,
-    /// The new mesh, .obj: the old vertices keep their numbers and places; texture coordinates,
-    /// normals, materials and groups of an OBJ stay. Its landmarks are written beside it, O.landmarks.json,
-    /// where every command finds them
+    /// The new mesh, .obj. The old vertices keep their numbers and places. An OBJ keeps its texture coordinates, normals,
+    /// materials and groups. The landmarks are written beside it, to O.landmarks.json, where every command finds them
     #[arg(long, value_name = "O.obj")]
     out: OutputPath,
     #[command(flatten)]
@@ -104,8 +103,8 @@ fn check_name(path: &Path) -> Result<()> {
     }
 }
 
-/// Writes an opened mesh, and its landmarks beside it; `source`: the file that the old one was read from. `mouth`: how
-/// its lips meet.
+/// Writes an opened mesh, and its landmarks beside it. `source`: the file of the old mesh. `mouth`: how the lips of the new
+/// one meet.
 pub fn write(
     out: &Path,
     source: &Path,
@@ -123,7 +122,7 @@ pub fn write(
     Ok(())
 }
 
-/// Where `animate` puts the opened mesh: beside its result.
+/// The path at which `animate` writes the opened mesh, beside its result.
 pub fn beside(result: &Path) -> PathBuf {
     let stem = result.file_stem().unwrap_or_default().to_string_lossy();
     result.with_file_name(format!("{stem}_open_mouth.obj"))

@@ -1,7 +1,7 @@
 //! Which files a command reads and which it writes.
 //!
-//! The type of an option says it, so that no option can be forgotten: before work begins, every result is compared with
-//! every file that is read and with every other result.
+//! The type of an option says whether it reads or writes, so that no option can be forgotten. Before work begins, the
+//! command compares every result with every file that it reads and with every other result.
 
 use std::{
     ffi::OsString,
@@ -53,9 +53,9 @@ path_type! {
     CachePath
 }
 
-/// The landmarks that every command reads with a mesh, where they are there.
+/// The path of the landmarks that every command reads with a mesh, if the file exists.
 ///
-/// Of an opened mouth they are more than a help: a search that sees its lips closed might put them on the wrong lip.
+/// An opened mouth needs them: a search for landmarks sees its closed lips and might put a landmark on the wrong one.
 pub fn landmarks_beside(mesh: &Path) -> PathBuf {
     mesh.with_extension("landmarks.json")
 }
@@ -73,7 +73,7 @@ pub struct Files {
 }
 
 impl Files {
-    /// Those of all options. `beside`: results whose names come from those of other results.
+    /// The files of all options. `beside`: results whose names come from those of other results.
     pub fn new(command: &Command, matches: &ArgMatches, beside: Vec<PathBuf>) -> Files {
         let mut files = Files {
             inputs: Vec::new(),
@@ -137,7 +137,7 @@ impl Files {
         Ok(())
     }
 
-    /// The paths of what is read.
+    /// The paths of all files that are read.
     pub fn inputs(&self) -> Vec<PathBuf> {
         self.inputs.iter().map(|input| input.path.clone()).collect()
     }
@@ -247,11 +247,11 @@ mod tests {
                         let Some(files) = files(name, read, written) else {
                             continue;
                         };
-                        let told = refusal(&files);
-                        let named = told.contains(&input) && told.contains(&output);
+                        let message = refusal(&files);
+                        let named = message.contains(&input) && message.contains(&output);
                         assert!(
-                            named && told.contains("would replace"),
-                            "{name} {input} {output}: {told:?}"
+                            named && message.contains("would replace"),
+                            "{name} {input} {output}: {message:?}"
                         );
                         pairs += 1;
                     }
@@ -276,8 +276,11 @@ mod tests {
                         let Some(files) = files(subcommand.get_name(), written, too) else {
                             continue;
                         };
-                        let told = refusal(&files);
-                        assert!(told.contains("is written, too"), "{one} {other}: {told:?}");
+                        let message = refusal(&files);
+                        assert!(
+                            message.contains("is written, too"),
+                            "{one} {other}: {message:?}"
+                        );
                         pairs += 1;
                     }
                 }

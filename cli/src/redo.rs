@@ -1,4 +1,4 @@
-//! A stretch of an earlier result made again.
+//! Makes a stretch of an earlier result again.
 
 use std::path::Path;
 
@@ -16,10 +16,10 @@ use ndarray::Array3;
 
 use crate::paths::InputPath;
 
-/// Options of a stretch that is made again.
+/// Options for making a stretch again.
 #[derive(Args)]
 pub struct RedoArgs {
-    /// Make only these seconds again, blended at the ends; every frame outside stays to the bit
+    /// Make only these seconds again, blended at the ends. Every frame outside stays the same to the bit
     #[arg(long, value_name = "S-S", requires = "from", value_parser = Stretch::parse)]
     redo: Option<Stretch>,
     /// The earlier result, .npz, of the same mesh, sound and frame rate
@@ -27,15 +27,15 @@ pub struct RedoArgs {
     from: Option<InputPath>,
 }
 
-/// What is made again, and of which file.
+/// The stretch to make again, and the file of the earlier result.
 pub struct Redo<'a> {
     stretch: Stretch,
     from: &'a Path,
 }
 
 impl RedoArgs {
-    /// What is asked for; checks what is cheap to check.
-    pub fn asked(&self) -> Result<Option<Redo<'_>>> {
+    /// The stretch and its file, `None` without --redo. Checks the name of the file, and does not open it.
+    pub fn request(&self) -> Result<Option<Redo<'_>>> {
         let (Some(stretch), Some(from)) = (self.redo, self.from.as_deref()) else {
             return Ok(None);
         };
@@ -74,9 +74,9 @@ impl Redo<'_> {
         let mut notes = Vec::new();
         let new = Collector::collect(|sink| {
             let part = Movement::from(&part).with_tongue(&life);
-            let made = engine.spread(face, part, sink, progress)?;
-            notes.clone_from(&made.notes);
-            Ok(made)
+            let spread = engine.spread(face, part, sink, progress)?;
+            notes.clone_from(&spread.notes);
+            Ok(spread)
         })?;
         let splice = |was: &mut Array3<f32>, new: Array3<f32>| -> Result<()> {
             let mut whole = was.clone();
@@ -104,14 +104,14 @@ impl Redo<'_> {
             _ => Motion::Landmarks(self.landmarks(new)?),
         };
         self.check(was.frames(), was.fps(), new.frames(), new.fps())?;
-        let made = match new {
+        let redone = match new {
             // Files of motion hold no codes.
             Motion::Codes(new) => {
                 was.redone(&Motion::Landmarks(new.landmarks.clone()), &self.stretch)?
             }
             _ => was.redone(new, &self.stretch)?,
         };
-        Ok((made, self.life(&performance.life, new.fps())?))
+        Ok((redone, self.life(&performance.life, new.fps())?))
     }
 
     /// The weights of the file, in the order of `new`.

@@ -35,14 +35,14 @@ pub struct MakeRig {
     /// The mesh: OBJ, PLY, GLB or VRM
     #[arg(long, value_name = "M")]
     mesh: InputPath,
-    /// The result: .npz (names, deltas [S, V, 3], neutral), .vrm (an avatar with expressions: VRM's presets, and the 52 as
-    /// Perfect Sync calls them; of a VRM all else stays), or a folder for one OBJ a shape
+    /// The result: .npz (names, deltas [S, V, 3], neutral), .vrm (an avatar with the expressions of VRM and the 52 of
+    /// Perfect Sync), or a folder with one OBJ for each shape. A VRM keeps everything else of the mesh's VRM
     #[arg(long, value_name = "R")]
     out: OutputPath,
-    /// What moves the skin of each shape: network, or field for that of a head that is like the mesh
+    /// What moves the skin of each shape: network, or the field of a head that is like the mesh
     #[arg(long, value_enum, default_value_t = By::Network)]
     by: By,
-    /// Also make each of ARKit's shapes at half its weight, NAME_half, which need not lie halfway (--by field)
+    /// Also make each ARKit shape at half its weight, as NAME_half. It need not lie halfway (--by field)
     #[arg(long)]
     in_betweens: bool,
     /// Also write a report of every shape
@@ -104,8 +104,8 @@ impl MakeRig {
             match form {
                 Form::Archive => write_rig(&self.out, &rig, &mesh)?,
                 Form::Avatar => {
-                    let own = (&mesh, &face.landmarks);
-                    return write_avatar(&self.out, &rig, own, Some(&bytes()?));
+                    let landmarked_mesh = (&mesh, &face.landmarks);
+                    return write_avatar(&self.out, &rig, landmarked_mesh, Some(&bytes()?));
                 }
                 Form::Folder => {
                     let source = Some(bytes()?).filter(|bytes| is_obj(bytes));

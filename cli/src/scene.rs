@@ -1,4 +1,4 @@
-//! What files of scenes and avatars hold of a take: shapes, expressions and the sound beside them.
+//! Options of scene and avatar files, and the sound beside them.
 
 use std::{
     path::{Path, PathBuf},
@@ -16,11 +16,11 @@ use clap::{Args, ValueEnum};
 /// Options of scenes and avatars.
 #[derive(Args)]
 pub struct SceneArgs {
-    /// Shapes of a .glb or .usda: basis has as few as reproduce the take, arkit has the mesh's 52 ARKit shapes with
-    /// solved weights
+    /// Which shapes a .glb or .usda has: basis, the fewest that reproduce the take at every vertex; or arkit, the 52 ARKit
+    /// shapes of the mesh with solved weights
     #[arg(long, value_enum, value_name = "SHAPES", default_value = "basis")]
     targets: Shapes,
-    /// Which expressions a .vrma moves: those of Perfect Sync (ARKit's), of VRM, or all
+    /// Which expressions a .vrma moves: those of Perfect Sync (ARKit's), those of VRM, or all
     #[arg(long, value_enum, value_name = "NAMES", default_value = "all")]
     expressions: Names,
 }
@@ -35,15 +35,14 @@ enum Shapes {
 enum Names {
     /// Both
     All,
-    /// The 52 of Perfect Sync alone: an avatar that also has those of VRM would move twice
+    /// Only the 52 of Perfect Sync. An avatar that has both kinds would otherwise move twice
     PerfectSync,
-    /// Those of VRM alone
+    /// Only those of VRM
     Vrm,
 }
 
-/// Path of the sound beside the scene `out`, because a scene holds no sound itself.
-///
-/// `None` if `out` is no scene, or if `audio` is a pipe, which can be read only once.
+/// The path of the sound file that lies beside the scene `out`, because a scene holds no sound. `None` for other results,
+/// and for sound from a pipe, which can be read only once.
 pub fn sound_of_scene(out: &Path, audio: &Path) -> Option<PathBuf> {
     let is_scene = Format::from_path(out).is_ok_and(Format::is_scene);
     let is_scene = is_scene && audio.is_file();
@@ -51,13 +50,13 @@ pub fn sound_of_scene(out: &Path, audio: &Path) -> Option<PathBuf> {
     is_scene.then(|| out.with_extension(ending))
 }
 
-/// The same path, if it is another file than `audio`.
+/// [`sound_of_scene`], but `None` if that is the sound file itself.
 pub fn sound_copy(out: &Path, audio: &Path) -> Option<PathBuf> {
     let sound = sound_of_scene(out, audio);
     sound.filter(|path| Place::of(path) != Place::of(audio))
 }
 
-/// Puts the sound beside a scene.
+/// Copies the sound beside a scene.
 ///
 /// # Errors
 /// `Audio` or `Io` if it cannot be copied.
@@ -69,10 +68,10 @@ pub fn copy_sound(out: &Path, audio: &Path) -> Result<()> {
 }
 
 impl SceneArgs {
-    /// Refuses options that do not apply to the format of the result.
+    /// Refuses options that the format of the result does not have.
     ///
     /// # Errors
-    /// `InvalidInput` for such an option, and for an unknown ending.
+    /// `InvalidInput` for these and for an unknown ending.
     pub fn check(&self, out: &Path) -> Result<()> {
         let format = Format::from_path(out)?;
         let is_shown = matches!(format, Format::Glb | Format::Usda);
@@ -90,8 +89,8 @@ impl SceneArgs {
         }
     }
 
-    /// How much memory the shapes take beside the take, in frames: the shapes of the mesh, and those of a solve.
-    pub fn kept(&self, out: &Path) -> usize {
+    /// How many frames of memory the shapes take beside the take: those of the mesh, and those of a solve.
+    pub fn count_shape_frames(&self, out: &Path) -> usize {
         let is_avatar = Format::from_path(out).is_ok_and(|format| format == Format::Vrma);
         match is_avatar || self.targets == Shapes::Arkit {
             true => 3 * SHAPES,
@@ -99,7 +98,7 @@ impl SceneArgs {
         }
     }
 
-    /// The file of a result. A scene names its sound. A GLB keeps everything else of the GLB that the mesh came from.
+    /// Opens the file of a result. A scene names its sound. A GLB keeps everything else of the GLB that the mesh came from.
     ///
     /// # Errors
     /// Those of the mesh's file and of its rig.
@@ -112,7 +111,7 @@ impl SceneArgs {
     ) -> Result<ClipFile> {
         let mut file = ClipFile::new(out)?;
         let format = Format::from_path(out)?;
-        // A pipe can be read only once, and the mesh was read from it.
+        // A pipe can be read only once.
         if let Some(mesh) = mesh.filter(|path| format.is_scene() && path.is_file()) {
             file = file.of_file(&read_file(mesh, InputKind::Mesh)?);
         }

@@ -18,10 +18,10 @@ pub fn are_to_end() -> bool {
 }
 
 /// Listens for SIGINT, SIGTERM and SIGHUP from now on. The first makes the next report of progress cancel the
-/// job, which removes what it has half written; the second does not wait for that.
+/// job, which then removes its half-written files. The second ends the process without waiting for that.
 ///
-/// SIGXFSZ, which ends a process whose file grows beyond `ulimit -f`, is nothing but noted: the write fails then, like
-/// any other.
+/// SIGXFSZ would end a process whose file grows beyond `ulimit -f`. The command only notes the signal, so that the write
+/// fails like any other.
 #[cfg(unix)]
 pub fn listen() {
     use signal_hook::{

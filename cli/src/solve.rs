@@ -28,26 +28,26 @@ pub struct Solve {
     /// The mesh: OBJ or PLY
     #[arg(long, value_name = "M")]
     mesh: InputPath,
-    /// Motion of its vertices: .npz (displacements [T, V, 3]), .pc2 or .mdd
+    /// Motion of the mesh's vertices: .npz (displacements [T, V, 3]), .pc2 or .mdd
     #[arg(long, value_name = "A")]
     animation: InputPath,
-    /// Its shapes, as `anyface rig` writes them
+    /// Shapes of the mesh, as `anyface rig` writes them
     #[arg(long, value_name = "R.npz")]
     rig: InputPath,
-    /// Landmarks of the mesh as JSON, which say where its lips are: where these meet in the animation, they meet under the
-    /// weights, too
+    /// Landmarks of the mesh as JSON. They say where the lips are. Lips that meet in the animation then also meet under the
+    /// weights
     #[arg(long, value_name = "L.json")]
     landmarks: Option<InputPath>,
     /// The result: .csv (Live Link Face) or .json
     #[arg(long, value_name = "W")]
     out: OutputPath,
-    /// Frames per second [default: what the animation says, else 30]
+    /// Frames per second [default: those of the animation, or 30 if it names none]
     #[arg(long)]
     fps: Option<f64>,
-    /// How strongly a weight is held to its value in the frames beside
+    /// How strongly a weight keeps to its value in the neighbouring frames
     #[arg(long, default_value_t = SolveOptions::default().smoothness)]
     smoothness: f64,
-    /// How strongly left and right are held together
+    /// How strongly left and right keep to the same value
     #[arg(long, default_value_t = SolveOptions::default().symmetry)]
     symmetry: f64,
     /// Also write a report of the run

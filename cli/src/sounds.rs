@@ -1,4 +1,4 @@
-//! `anyface sounds`: what is heard, as a file that can be mended, or one such file as another.
+//! `anyface sounds`: writes what is heard in speech to a file that people can correct, or converts one such file to another.
 
 use anyface::{
     Result,
@@ -15,20 +15,20 @@ use crate::{
     stages::{new_report, read_sound},
 };
 
-/// Write where the lips are heard to be together (p, b, m), to be mended and given to `animate --sounds`;
-/// with --phones or a text also which phones are heard, and when the words of the text are said
+/// Write where the lips are heard to be together (p, b, m). Correct the file and hand it to `animate --sounds`. With
+/// --phones or a text it also has the phones that are heard, and the times of the text's words
 #[derive(Args)]
 pub struct Sounds {
     /// The speech: WAV, MP3, FLAC, Ogg, WebM, M4A, AAC, CAF or AIFF
     #[arg(long, value_name = "A", required_unless_present = "sounds")]
     audio: Option<InputPath>,
-    /// Turn this file of times into another kind instead of listening
+    /// Convert this file of times to another format, and listen to nothing
     #[arg(long, value_name = "S", conflicts_with = "audio")]
     sounds: Option<InputPath>,
-    /// Write the phones that are heard, too (IPA)
+    /// Also write the phones that are heard (IPA)
     #[arg(long, conflicts_with = "sounds")]
     phones: bool,
-    /// The words that are said: written with their times, and with the phones in them
+    /// The words that are said. The file gets their times and their phones
     #[arg(long, value_name = "W", conflicts_with_all = ["sounds", "text_file"])]
     text: Option<String>,
     /// The same from a file in UTF-8
@@ -50,7 +50,7 @@ impl Sounds {
         AnnotationFormat::from_path(&self.out)?;
         check_fps(self.fps)?;
         let mut report = new_report();
-        let found = match (&self.sounds, &self.audio) {
+        let annotation = match (&self.sounds, &self.audio) {
             (Some(path), _) => Annotation::read(path, self.fps)?,
             (None, path) => {
                 let path = path.as_deref().unwrap_or(&self.out);
@@ -65,20 +65,24 @@ impl Sounds {
                 }
             }
         };
-        found.write(&self.out, self.fps)?;
-        let intervals: usize = found.tiers.iter().map(|tier| tier.intervals.len()).sum();
+        annotation.write(&self.out, self.fps)?;
+        let intervals: usize = annotation
+            .tiers
+            .iter()
+            .map(|tier| tier.intervals.len())
+            .sum();
         let out = shown(&self.out);
         let text = format!("wrote {out}: {intervals} intervals");
         let mut value = serde_json::json!({
             "out": out,
             "intervals": intervals,
-            "duration_s": found.duration_s,
-            "closures": found.closures().unwrap_or_default(),
+            "duration_s": annotation.duration_s,
+            "closures": annotation.closures().unwrap_or_default(),
             "warnings": report.warnings,
         });
         if self.asks_for_phones() {
             for symbols in [Symbols::Phones, Symbols::Words] {
-                let rows = found.intervals(symbols).iter();
+                let rows = annotation.intervals(symbols).iter();
                 value[symbols.name()] = rows
                     .map(|i| serde_json::json!([i.start_s, i.end_s, i.label]))
                     .collect();

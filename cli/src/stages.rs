@@ -42,7 +42,7 @@ fn note(report: &mut Report, stage: &str, spent: Duration) {
     *report.seconds.entry(stage.into()).or_default() += spent.as_secs_f64();
 }
 
-/// Decodes the sound and notes what is odd about it.
+/// Decodes the sound, and notes its length and what is wrong with it.
 pub fn read_sound(
     report: &mut Report,
     path: &Path,
@@ -65,8 +65,8 @@ pub fn add_heard(all: &mut Option<HeardEmotion>, part: Option<HeardEmotion>) {
     }
 }
 
-/// Notes what a job takes of memory before it starts: on a mesh of so many vertices, with `kept` frames that lie in memory
-/// at once, where `sound_s` seconds of sound are performed at once.
+/// Notes how much memory a job will need, before it starts. The mesh has `vertices` vertices, `frames` frames of it are in
+/// memory at once, and `sound_s` seconds of sound are performed at once.
 ///
 /// # Errors
 /// `OutOfMemory` where it does not fit.
@@ -74,10 +74,10 @@ pub fn note_memory(
     report: &mut Report,
     engine: &Engine,
     vertices: usize,
-    kept: usize,
+    frames: usize,
     sound_s: f64,
 ) -> Result<()> {
-    let need = engine.memory_need(vertices, kept, sound_s);
+    let need = engine.memory_need(vertices, frames, sound_s);
     report.memory_mb = Some(need.bytes() >> 20);
     report.warnings.extend(need.check()?);
     Ok(())
@@ -90,14 +90,12 @@ fn note_landmarks(report: &mut Report, confidence: &[f32; 68]) {
     report.landmark_confidence = Some([least, mean]);
     let doubtful: Vec<String> = REGIONS
         .into_iter()
-        .map(|(name, own)| {
-            (
-                name,
-                confidence[own.clone()].iter().sum::<f32>() / own.len() as f32,
-            )
+        .map(|(name, indices)| {
+            let sum: f32 = confidence[indices.clone()].iter().sum();
+            (name, sum / indices.len() as f32)
         })
-        .filter(|(_, sure)| *sure < DOUBTFUL)
-        .map(|(name, sure)| format!("{name} {sure:.2}"))
+        .filter(|(_, mean)| *mean < DOUBTFUL)
+        .map(|(name, mean)| format!("{name} {mean:.2}"))
         .collect();
     if !doubtful.is_empty() {
         report.warnings.push(format!(
@@ -156,8 +154,8 @@ impl<S: FrameSink> FrameSink for TimedSink<S> {
     }
 }
 
-/// Runs `spread` into a file, and notes what it did and how long it took; `articulation` is
-/// what the lips were asked for, `life` what is written beside the frames.
+/// Runs `spread` into a file. Notes in the report what it did and how long it took. `articulation` is the requested
+/// articulation of the lips, and `life` is written beside the frames.
 pub fn spread_into(
     file: ClipFile,
     face: &Face,
@@ -171,7 +169,7 @@ pub fn spread_into(
     let path = file.path().to_owned();
     let mut sink = TimedSink::new(file);
     life.into_iter().for_each(|life| sink.inner.add_life(life));
-    let made = spread(&mut sink)?;
+    let spread_report = spread(&mut sink)?;
     note(report, "write", sink.spent);
     note(
         report,
@@ -179,12 +177,12 @@ pub fn spread_into(
         started.elapsed().saturating_sub(sink.spent),
     );
     let mut result = Frames::default();
-    result.add(made);
+    result.add(spread_report);
     note_result(report, &path, face, fps, articulation, result);
     Ok(())
 }
 
-/// Speech on a face into a file, a stretch of a long sound at a time.
+/// Writes speech on a face to a file. A long sound is performed one stretch after the other.
 pub fn speak_into(
     file: ClipFile,
     (engine, face): (&Engine, &Face),
@@ -222,7 +220,7 @@ pub fn speak_into(
     Ok(())
 }
 
-/// What was made of frames.
+/// Count, extent and notes of the frames that were written.
 #[derive(Default)]
 pub struct Frames {
     count: usize,
@@ -231,12 +229,12 @@ pub struct Frames {
 }
 
 impl Frames {
-    /// Counts those that follow.
-    pub fn add(&mut self, made: SpreadReport) {
-        let landmarks = made.landmarks.view();
-        self.count += made.landmarks.dim().0;
-        self.extent = self.extent.with(Extent::of(Some(made.largest), landmarks));
-        self.notes = made.notes;
+    /// Adds the frames of the next part.
+    pub fn add(&mut self, part: SpreadReport) {
+        let landmarks = part.landmarks.view();
+        self.count += part.landmarks.dim().0;
+        self.extent = self.extent.with(Extent::of(Some(part.largest), landmarks));
+        self.notes = part.notes;
     }
 }
 
@@ -247,17 +245,17 @@ pub fn note_result(
     face: &Face,
     fps: f64,
     articulation: f32,
-    made: Frames,
+    frames: Frames,
 ) {
-    report.note_motion(&made.extent, face.metres_per_unit(), articulation);
-    report.warnings.extend(made.notes);
+    report.note_motion(&frames.extent, face.metres_per_unit(), articulation);
+    report.warnings.extend(frames.notes);
     report.out = Some(path.display().to_string());
-    report.frames = made.count;
+    report.frames = frames.count;
     report.fps = fps;
     report.vertices = Some(face.mesh.positions.len());
 }
 
-/// Notes what was found of a face.
+/// Notes what the user should know about a face: sure landmarks, mouth, pose and eyes.
 pub fn note_face(report: &mut Report, face: &Face) {
     note_landmarks(report, &face.landmarks.confidence);
     note_mouth(report, face.mouth());
@@ -298,12 +296,14 @@ pub fn lids_sentence(face: &Face) -> Option<String> {
     }
 }
 
-/// Probability from which an emotion has a line in the summary, and the letters of a line.
+/// Least probability of an emotion that gets a line in the summary.
 const LIKELY: f64 = 0.25;
+/// Letters of a line, from low to high.
 const BARS: [char; 8] = ['▁', '▂', '▃', '▄', '▅', '▆', '▇', '█'];
+/// Most letters of a line.
 const LINE: usize = 40;
 
-/// What was heard, a line an emotion: its probability over time, and where it is likeliest.
+/// One line for each likely emotion: its probability over time, and the time of its peak.
 fn heard_lines(heard: &HeardEmotion) -> Vec<String> {
     let mut lines: Vec<(f64, String)> = Vec::new();
     for (name, of) in &heard.probability {

@@ -1,5 +1,5 @@
-//! Where an animation of a mesh goes: its vertices into a file, or the surface of the head that it is like into a file
-//! for each frame; and the report of the run.
+//! Options that say where an animation goes: the vertices of the mesh to one file, or the surface of the head that is like
+//! the mesh to one file a frame. And the report of the run.
 
 use std::path::Path;
 
@@ -20,14 +20,14 @@ use crate::{
     stages::{summary, timed},
 };
 
-/// Options of what is written.
+/// Options of the report and of the surface.
 #[derive(Args)]
 pub struct SurfaceArgs {
     /// Also write a report of the run
     #[arg(long, value_name = "R.json")]
     report: Option<OutputPath>,
-    /// Write the surface of the head that is like the mesh instead (facetalk), a PLY for each frame: cells along
-    /// its longest side, 32 to 512
+    /// Write the surface of the head that is like the mesh instead (facetalk), one PLY for each frame, on a grid of N cells
+    /// along its longest side, 32 to 512
     #[arg(long, value_name = "N")]
     surface: Option<usize>,
 }
@@ -60,7 +60,7 @@ impl SurfaceArgs {
         }
     }
 
-    /// Writes the report, and tells it.
+    /// Writes the report to its file and to the console.
     pub fn tell(&self, report: &Report, console: &Console) -> Result<()> {
         if let Some(path) = &self.report {
             write_json(path, report)?;

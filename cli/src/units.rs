@@ -12,7 +12,7 @@ use crate::{arguments::SharedArgs, console::Console};
 /// Show the action units that an expression asks for, such as "a sarcastic laugh" or "left wink"
 #[derive(Args)]
 pub struct Units {
-    /// Units or English words, as `--event` takes them [default: the words whose units are laid down, each with them]
+    /// Units or English words, as `--event` takes them [default: all words with fixed units, and their units]
     text: Option<String>,
 }
 

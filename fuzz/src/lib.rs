@@ -296,7 +296,7 @@ pub fn heads(bytes: &[u8]) {
     };
     let maker = HEADS.get_or_init(|| HeadMaker::open(None).unwrap());
     let cells = RESOLUTIONS[usize::from(*resolution) % RESOLUTIONS.len()];
-    let made = match kind % 3 {
+    let numbers = match kind % 3 {
         0 => {
             let read = serde_json::from_slice::<Vec<f32>>(rest);
             read.ok()
@@ -305,22 +305,22 @@ pub fn heads(bytes: &[u8]) {
         1 => head_of_numbers(maker, rest),
         _ => head_like(maker, kind / 3, rest),
     };
-    let Some(numbers) = made else {
+    let Some(numbers) = numbers else {
         return;
     };
     assert!(numbers.len() == maker.count() && numbers.iter().all(|x| x.is_finite()));
     let quads = maker.mesh(&numbers, resolution % 2 == 1).unwrap();
     let surface = maker.surface(&numbers, cells, SILENT).ok();
-    for made in std::iter::once(quads).chain(surface) {
-        made.mesh.check().unwrap();
+    for head in std::iter::once(quads).chain(surface) {
+        head.mesh.check().unwrap();
         assert!(
-            made.mesh
+            head.mesh
                 .positions
                 .as_flattened()
                 .iter()
                 .all(|x| x.is_finite())
         );
-        assert!(!made.to_obj().is_empty() && !made.landmarks.to_json().is_empty());
+        assert!(!head.to_obj().is_empty() && !head.landmarks.to_json().is_empty());
     }
 }
 

@@ -45,10 +45,10 @@ fn sizes(folder: &Path) -> Vec<(PathBuf, u64)> {
 /// A folder with small files for all options that read one, and models that cannot be loaded; made once.
 fn folder() -> &'static Path {
     static FOLDER: OnceLock<tempfile::TempDir> = OnceLock::new();
-    FOLDER.get_or_init(made).path()
+    FOLDER.get_or_init(make_folder).path()
 }
 
-fn made() -> tempfile::TempDir {
+fn make_folder() -> tempfile::TempDir {
     let folder = tempfile::tempdir().unwrap();
     let inputs = folder.path().join("in");
     fs::create_dir(&inputs).unwrap();

@@ -173,15 +173,15 @@ def change_moods(ob, scene) -> None:
 
 def material(name: str, colour: tuple, roughness: float):
     """A principled material."""
-    made = bpy.data.materials.new(name)
-    made.use_nodes = True
-    finish(made, roughness).inputs["Base Color"].default_value = colour
-    return made
+    new = bpy.data.materials.new(name)
+    new.use_nodes = True
+    set_roughness(new, roughness).inputs["Base Color"].default_value = colour
+    return new
 
 
-def finish(made, roughness: float):
+def set_roughness(principled, roughness: float):
     """Sets the roughness of a material and returns its shader."""
-    shader = next(node for node in made.node_tree.nodes if node.type == "BSDF_PRINCIPLED")
+    shader = next(node for node in principled.node_tree.nodes if node.type == "BSDF_PRINCIPLED")
     shader.inputs["Roughness"].default_value = roughness
     return shader
 

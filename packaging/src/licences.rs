@@ -51,7 +51,7 @@ impl Licences {
         let mut fetch = Command::new(std::env::var_os("CARGO").unwrap_or("cargo".into()));
         fetch.args(["fetch", "--locked"]);
         steps.run("fetch the crates", fetch.current_dir(machine::root()))?;
-        let found = machine::target().join("licences.json");
+        let report = machine::target().join("licences.json");
         let mut about = Command::new("cargo-about");
         about.current_dir(machine::root()).args([
             "generate",
@@ -66,9 +66,9 @@ impl Licences {
             "json",
             "--output-file",
         ]);
-        steps.run("collect the licences", about.arg(&found))?;
+        steps.run("collect the licences", about.arg(&report))?;
         let template = fs::read_to_string(machine::root().join("packaging/third-party.md.in"))?;
-        let page = third_party::page(&template, &serde_json::from_slice(&fs::read(found)?)?)?;
+        let page = third_party::page(&template, &serde_json::from_slice(&fs::read(report)?)?)?;
         let file = machine::root().join(THIRD_PARTY);
         fs::write(&file, page)?;
         println!("wrote {}", file.display());

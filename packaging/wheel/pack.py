@@ -23,13 +23,13 @@ EXECUTABLE, PLAIN = 0o100755 << 16, 0o100644 << 16
 def core_of(package: Path, core: Path) -> list[Path]:
     """The modules of `core` that those of `package` import, directly or through one another."""
     waiting = [name for path in package.glob("*.py") for name in imported(path, "core")]
-    found: dict[str, Path] = {"__init__": core / "__init__.py"}
+    modules: dict[str, Path] = {"__init__": core / "__init__.py"}
     while waiting:
         name = waiting.pop()
-        if name not in found:
-            found[name] = core / f"{name}.py"
-            waiting += imported(found[name], "")
-    return [found[name] for name in sorted(found)]
+        if name not in modules:
+            modules[name] = core / f"{name}.py"
+            waiting += imported(modules[name], "")
+    return [modules[name] for name in sorted(modules)]
 
 
 def imported(path: Path, package: str) -> list[str]:

@@ -32,9 +32,9 @@ PACKAGE = "bl_ext.user_default.anyface"
 
 def zip_path() -> Path:
     """The zip under test."""
-    given = os.environ.get("ANYFACE_EXTENSION")
-    if given:
-        return Path(given)
+    extension = os.environ.get("ANYFACE_EXTENSION")
+    if extension:
+        return Path(extension)
     path = Path(_RESOURCES) / "anyface.zip"
     command = ["cargo", "xtask", "extension", "--out", str(path)]
     subprocess.run(command, cwd=ROOT, check=True)

@@ -24,9 +24,9 @@ def test_every_shot_has_its_file_and_its_report(floor):
     assert code == 0, text
     assert "3 of 3 shots are finished" in text
     for name in ("sh00", "sh01", "sh02"):
-        told = floor.report(name)
-        assert told["ok"] and told["exit_code"] == 0 and told["faces"][0]["frames"] == 48
-        assert told["faces"][0]["object"] == "Head"
+        report = floor.report(name)
+        assert report["ok"] and report["exit_code"] == 0 and report["faces"][0]["frames"] == 48
+        assert report["faces"][0]["object"] == "Head"
     bpy.ops.wm.open_mainfile(filepath=str(floor.folder / "out" / "sh02.blend"))
     blocks = bpy.data.objects["Head"].data.shape_keys.key_blocks
     assert blocks[1].name == "Anyface.001"
@@ -96,8 +96,8 @@ def test_a_crash_is_tried_again(floor):
     floor.write(1)
     (floor.marks / "crash").touch()
     assert floor.run("--retries", 0)[0] == 12
-    told = floor.report("sh00")
-    assert told["exit_code"] == 10 and "sh00.log" in told["message"]
+    report = floor.report("sh00")
+    assert report["exit_code"] == 10 and "sh00.log" in report["message"]
     (floor.marks / "crash").touch()
     assert floor.run("--retries", 1)[0] == 0
     assert floor.report("sh00")["ok"]

@@ -29,8 +29,8 @@ class Cluster:
         self.workers = [self._worker(number) for number in range(count)]
 
     def _worker(self, number):
-        own = ("--local-directory", str(self._folder / f"worker{number}"))
-        return self._dask("worker", "--no-nanny", "--nthreads", "1", *own)
+        local_directory = ("--local-directory", str(self._folder / f"worker{number}"))
+        return self._dask("worker", "--no-nanny", "--nthreads", "1", *local_directory)
 
     def _dask(self, role, *words):
         command = [sys.executable, "-m", "dask", role, "--no-dashboard", "--scheduler-file"]
@@ -57,8 +57,8 @@ def floor(tmp_path, installed):
 @pytest.fixture
 def cluster(floor):
     """Three workers; each shot takes two seconds on them."""
-    own = floor.environment(seconds=2.0)
-    cluster = Cluster(floor.folder, {**os.environ, **own}, 3)
+    environment = floor.environment(seconds=2.0)
+    cluster = Cluster(floor.folder, {**os.environ, **environment}, 3)
     yield cluster
     cluster.close()
 

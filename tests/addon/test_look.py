@@ -63,17 +63,17 @@ def test_pictures_show_the_widest_lips_the_nearest_and_the_most(addon, look):
     weights = np.array([[0.0, 0.0], [1.0, 0.0], [0.1, 0.0], [0.8, 0.0], [0.0, 1.0]])
     life = take.Life(np.zeros((5, 3)), np.zeros((5, 2, 2)), np.eye(4)[:3], None, None)
     motion = take.Basis(vectors, weights, 0.0)
-    made = take.Take(FPS, 20.0, "BASIS", motion, life)
-    made.opening = np.array([0.0, 10.0, 1.0, 8.0, 0.0])
+    basis_take = take.Take(FPS, 20.0, "BASIS", motion, life)
+    basis_take.opening = np.array([0.0, 10.0, 1.0, 8.0, 0.0])
     face = take.FaceMesh("Head", points, triangles.astype(np.uint32), np.eye(4))
-    assert look._rows(made) == [1, 2]
-    shown = look.pictures(face, made)
+    assert look._rows(basis_take) == [1, 2]
+    shown = look.pictures(face, basis_take)
     assert len(shown) == 2 and shown[0] != shown[1]
     for address in shown:
         kind, _, data = address.partition(",")
         assert kind == "data:image/png;base64" and base64.b64decode(data)[:4] == b"\x89PNG"
-    own = take.Take(FPS, 20.0, "KEYS", take.ClipMotion(None, np.eye(3)), life)
-    assert look.pictures(face, own) == []
-    fields = look.of_take(face, speech(addon, [(0.2, 0.5)]), made)
+    key_take = take.Take(FPS, 20.0, "KEYS", take.ClipMotion(None, np.eye(3)), life)
+    assert look.pictures(face, key_take) == []
+    fields = look.of_take(face, speech(addon, [(0.2, 0.5)]), basis_take)
     assert fields["gap"] == {"fps": FPS, "values": [0.0, 10.0, 1.0, 8.0, 0.0]}
     assert fields["duration_s"] == 0.2 and len(fields["pictures"]) == 2

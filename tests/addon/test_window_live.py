@@ -14,9 +14,9 @@ IS_LIVE = "any('Anyface Live' in keys.key_blocks for keys in bpy.data.shape_keys
 # How often the picture changed while it played, and how far the face lies behind the playhead.
 WATCH = """
 import time
-seen = bpy.app.driver_namespace.setdefault("seen", [])
+frames = bpy.app.driver_namespace.setdefault("frames", [])
 def note(scene, *_):
-    seen.append((scene.frame_current, time.perf_counter()))
+    frames.append((scene.frame_current, time.perf_counter()))
 bpy.app.handlers.frame_change_post.append(note)
 answer = True
 """
@@ -36,12 +36,12 @@ def test_the_face_follows_what_plays(screen: Screen, photographs):  # noqa: F811
     screen.wait(IS_LIVE)
     screen.ask(WATCH)
     screen.ask("bpy.ops.screen.animation_play()\nanswer = True")
-    screen.wait("len(bpy.app.driver_namespace['seen']) > 40")
+    screen.wait("len(bpy.app.driver_namespace['frames']) > 40")
     screen.photograph(photographs / "live.png")
     screen.ask("bpy.ops.screen.animation_cancel(restore_frame=False)\nanswer = True")
     screen.ask("bpy.context.scene.frame_set(24)\nanswer = True")
     assert screen.ask(MOVED) > 1e-3
-    frames = screen.ask("answer = bpy.app.driver_namespace['seen']")
+    frames = screen.ask("answer = bpy.app.driver_namespace['frames']")
     played = [b[1] - a[1] for a, b in pairwise(frames) if b[0] > a[0]]
     assert played
     print("median time from frame to frame:", sorted(played)[len(played) // 2])

@@ -38,21 +38,21 @@ fn without_comments(text: &str) -> String {
     lines.flatten().collect::<Vec<_>>().join("\n")
 }
 
-/// Files of a folder and the folders in it whose names end so.
+/// Files with these endings in a folder and the folders in it.
 fn files(folder: &Path, endings: &[&str]) -> Vec<PathBuf> {
-    let mut found = Vec::new();
+    let mut paths = Vec::new();
     for entry in std::fs::read_dir(folder).expect("the folder is there") {
         let path = entry.expect("the folder can be read").path();
         if path.is_dir() {
-            found.extend(files(&path, endings));
+            paths.extend(files(&path, endings));
         } else if path
             .extension()
-            .is_some_and(|own| endings.iter().any(|ending| own == *ending))
+            .is_some_and(|of_path| endings.iter().any(|ending| of_path == *ending))
         {
-            found.push(path);
+            paths.push(path);
         }
     }
-    found
+    paths
 }
 
 /// What Python calls: names as attributes or as texts. The table of signatures calls nothing.
@@ -82,9 +82,9 @@ fn every_function_is_called_by_the_extension_the_wheel_or_an_example() {
     let functions = functions();
     assert!(functions.len() > 100, "{functions:?}");
     // The extension frees what it makes by the noun of its name.
-    let made = |noun: &str| names.iter().any(|name| name.starts_with(noun));
+    let is_made = |noun: &str| names.iter().any(|name| name.starts_with(noun));
     let is_called =
-        |name: &String| names.contains(name) || name.strip_suffix("free").is_some_and(made);
+        |name: &String| names.contains(name) || name.strip_suffix("free").is_some_and(is_made);
     let uncalled: Vec<_> = functions.iter().filter(|name| !is_called(name)).collect();
     assert!(
         uncalled.is_empty(),

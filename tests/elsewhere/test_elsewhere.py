@@ -52,8 +52,8 @@ def system(tmp_path_factory):
     """The environment of programs of the other system: for Windows' a Windows of their own."""
     folder = tmp_path_factory.mktemp("system")
     hidden = {"DISPLAY", "ANYFACE_CACHE"}
-    kept = {name: value for name, value in os.environ.items() if name not in hidden}
-    environment = {**kept, "LANG": "C.UTF-8", "XDG_CACHE_HOME": str(folder / "cache")}
+    inherited = {name: value for name, value in os.environ.items() if name not in hidden}
+    environment = {**inherited, "LANG": "C.UTF-8", "XDG_CACHE_HOME": str(folder / "cache")}
     if IS_WINDOWS:
         environment |= {"WINEPREFIX": str(folder), "WINEDEBUG": "-all", "XDG_RUNTIME_DIR": "/tmp"}
         run([*RUNNER, "wineboot", "--init"], environment)
@@ -136,10 +136,10 @@ def test_results_are_kept_where_the_system_keeps_them(programs, system, voice, t
     for name in ("one.npz", "two.npz"):
         run([*RUNNER, programs / PROGRAM, *words, named(tmp_path / name)], system)
     if IS_WINDOWS:
-        kept = list(Path(system["WINEPREFIX"]).glob("drive_c/users/*/AppData/Local/anyface*"))
+        caches = list(Path(system["WINEPREFIX"]).glob("drive_c/users/*/AppData/Local/anyface*"))
     else:
-        kept = list(Path(system["XDG_CACHE_HOME"]).glob("anyface*"))
-    assert kept and any(path.is_file() for path in kept[0].rglob("*"))
+        caches = list(Path(system["XDG_CACHE_HOME"]).glob("anyface*"))
+    assert caches and any(path.is_file() for path in caches[0].rglob("*"))
     # What was read from there is what was computed.
     assert (tmp_path / "one.npz").read_bytes() == (tmp_path / "two.npz").read_bytes()
     left = [path.name for path in tmp_path.iterdir()]

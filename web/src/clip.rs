@@ -1,4 +1,4 @@
-//! A whole sound as motion.
+//! Motion of a whole sound.
 
 use std::sync::Arc;
 
@@ -23,8 +23,8 @@ pub struct Clip {
     fps: f64,
     shapes: Arc<Shapes>,
     events: Vec<Event>,
-    /// What the events ask of ARKit's shapes, `[T, 52]`.
-    asked: Array2<f32>,
+    /// Weights of ARKit's shapes that the events add, `[T, 52]`.
+    event_weights: Array2<f32>,
 }
 
 impl Clip {
@@ -38,14 +38,14 @@ impl Clip {
             fps: speaker.fps(),
             shapes: Arc::clone(speaker.shapes()),
             events: Vec::new(),
-            asked: Array2::default((0, 0)),
+            event_weights: Array2::default((0, 0)),
         };
-        clip.ask();
+        clip.update_event_weights();
         Ok(clip)
     }
 
-    fn ask(&mut self) {
-        self.asked = weights_of(&self.events, self.frames.len(), self.fps);
+    fn update_event_weights(&mut self) {
+        self.event_weights = weights_of(&self.events, self.frames.len(), self.fps);
     }
 
     /// Displacements of the landmarks in a frame.
@@ -57,8 +57,8 @@ impl Clip {
             )));
         };
         let mut landmarks = spoken.landmarks;
-        let asked = std::array::from_fn(|s| self.asked[[frame, s]]);
-        self.shapes.add(&asked, &mut landmarks);
+        let weights = std::array::from_fn(|s| self.event_weights[[frame, s]]);
+        self.shapes.add(&weights, &mut landmarks);
         Ok(landmarks)
     }
 
@@ -74,13 +74,13 @@ impl Clip {
     }
 }
 
-/// What events ask of ARKit's shapes, `[frames, 52]`.
+/// Weights of ARKit's shapes that events ask for, `[frames, 52]`.
 pub(crate) fn weights_of(events: &[Event], frames: usize, fps: f64) -> Array2<f32> {
     let shapes = ARKIT.map(str::to_owned);
     let EventTrack { mask, put_on, .. } = EventTrack::of(events, &shapes, frames, fps, EDGE_S);
-    let mut asked = put_on;
-    asked.zip_mut_with(&mask, |to, strength| *to = to.max(*strength));
-    asked
+    let mut weights = put_on;
+    weights.zip_mut_with(&mask, |to, strength| *to = to.max(*strength));
+    weights
 }
 
 #[wasm_bindgen]
@@ -109,7 +109,7 @@ impl Clip {
     #[wasm_bindgen(js_name = addEvent)]
     pub fn add_event(&mut self, event: &str) -> Result<(), JsError> {
         self.events.push(Event::parse(event)?);
-        self.ask();
+        self.update_event_weights();
         Ok(())
     }
 
@@ -117,6 +117,6 @@ impl Clip {
     #[wasm_bindgen(js_name = clearEvents)]
     pub fn clear_events(&mut self) {
         self.events.clear();
-        self.ask();
+        self.update_event_weights();
     }
 }

@@ -18,8 +18,8 @@ use crate::{
 #[wasm_bindgen]
 pub struct Live {
     speaker: Speaker,
-    /// What events ask of ARKit's shapes, from the next frame on.
-    asked: VecDeque<Weights>,
+    /// Weights of ARKit's shapes that events ask for, from the next frame on.
+    event_weights: VecDeque<Weights>,
     head: [f32; 3],
 }
 
@@ -27,7 +27,7 @@ impl Live {
     pub(crate) fn new(speaker: Speaker) -> Live {
         Live {
             speaker,
-            asked: VecDeque::new(),
+            event_weights: VecDeque::new(),
             head: [0.0; 3],
         }
     }
@@ -36,8 +36,8 @@ impl Live {
         let Some(mut spoken) = self.speaker.next()? else {
             return Ok(None);
         };
-        if let Some(asked) = self.asked.pop_front() {
-            self.speaker.shapes().add(&asked, &mut spoken.landmarks);
+        if let Some(weights) = self.event_weights.pop_front() {
+            self.speaker.shapes().add(&weights, &mut spoken.landmarks);
         }
         self.head = spoken.head;
         Ok(Some(spoken.landmarks))
@@ -71,12 +71,12 @@ impl Live {
         let until_s = EDGE_S + seconds;
         let event = Event::parse(&format!("{EDGE_S}-{until_s}:{expression}"))?;
         let frames = ((until_s + EDGE_S) * self.speaker.fps()).ceil() as usize;
-        let asked = weights_of(&[event], frames, self.speaker.fps());
-        for (t, row) in asked.outer_iter().enumerate() {
-            if self.asked.len() == t {
-                self.asked.push_back([0.0; _]);
+        let weights = weights_of(&[event], frames, self.speaker.fps());
+        for (t, row) in weights.outer_iter().enumerate() {
+            if self.event_weights.len() == t {
+                self.event_weights.push_back([0.0; _]);
             }
-            let both = self.asked[t].iter_mut().zip(row);
+            let both = self.event_weights[t].iter_mut().zip(row);
             both.for_each(|(to, weight)| *to = to.max(*weight));
         }
         Ok(())

@@ -32,10 +32,10 @@ impl Shapes {
         Ok(Shapes(shapes.to_vec()))
     }
 
-    /// Adds what the weights ask for.
+    /// Adds the motion of the shapes at these weights to the landmarks.
     pub fn add(&self, weights: &Weights, to: &mut Landmarks) {
-        let asked = weights.iter().zip(&self.0);
-        for (weight, shape) in asked.filter(|(weight, _)| **weight != 0.0) {
+        let shapes = weights.iter().zip(&self.0);
+        for (weight, shape) in shapes.filter(|(weight, _)| **weight != 0.0) {
             to.iter_mut()
                 .zip(shape)
                 .for_each(|(to, by)| *to += weight * by);

@@ -45,10 +45,10 @@ def emotion_keys(ob, scene, settings, start_frame: float, duration_s: float | No
 def control_keys(ob, scene, settings, start_frame: float, duration_s: float | None = None):
     """Times `[N]` in seconds and values `[N]` of every control with a curve or a driver.
 
-    Controls that `settings.held` fixes are left out.
+    Controls that `settings.fixed_controls` fixes are left out.
     """
     names = [control.name for control in systems.controls() if control.is_animatable]
-    names = sliders.animated(ob, [name for name in names if name not in settings.held])
+    names = sliders.animated(ob, [name for name in names if name not in settings.fixed_controls])
     if not names:
         return {}
     scene_fps = scene.render.fps / scene.render.fps_base

@@ -51,7 +51,7 @@ class Likeness:
 
         Raises `AnyfaceError`.
         """
-        face_arrays = self.face.space.seen(self.face)
+        face_arrays = self.face.space.to_library(self.face)
         with finding.naming(self.face):
             head, far, metres = self.engine.head_like(*face_arrays, progress)
         return head, far, float(np.ptp(head.positions[:, 1])) / metres

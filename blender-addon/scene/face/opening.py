@@ -79,7 +79,7 @@ class Opening:
                 lids=face_points.lids,
             )
         with finding.naming(self.face):
-            opened = opens(*space.seen(self.face), progress)
+            opened = opens(*space.to_library(self.face), progress)
         opened.positions = space.points_to_object(opened.positions)
         opened.landmarks = space.points_to_object(opened.landmarks)
         if space.mirrored:

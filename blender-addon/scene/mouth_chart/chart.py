@@ -58,7 +58,7 @@ class Snapshot:
         note = ""
         if self.face is not None:
             try:
-                return Chart(self._draw(self.face.space.seen(self.face), voice, progress))
+                return Chart(self._draw(self.face.space.to_library(self.face), voice, progress))
             except AnyfaceError as error:
                 if error.kind != "face":
                     raise

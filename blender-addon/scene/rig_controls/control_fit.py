@@ -102,8 +102,8 @@ def fit(
     if jaw is not None:
         response = yield from _turned(bench, handles, values, jaw)
     values = yield from controls_solve.solve(response, task, values)
-    if motion.held is not None:
-        values = values[motion.held]
+    if motion.pose_frames is not None:
+        values = values[motion.pose_frames]
     if not judged:
         fitted = Fitted(_together(handles, values), _sizes(handles, motion.mm))
         return replace(take, motion=replace(motion, fitted=fitted))

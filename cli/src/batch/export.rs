@@ -12,12 +12,13 @@ use serde_json::to_string;
 use super::plan::Needs;
 use crate::{console::Console, paths::OutputPath};
 
-/// Cores of a task where nobody says how many.
+/// Cores of a task if --cores does not say.
 const CORES: usize = 2;
-/// What a task may take beyond what its rows are expected to take.
+/// Memory of a task as a multiple of the estimate for its rows.
 const MEMORY_MARGIN: f64 = 1.25;
+/// Time limit of a task as a multiple of the estimate for its rows.
 const TIME_MARGIN: f64 = 4.0;
-/// To start the command and to prepare a face, on a slow disk.
+/// Seconds to start the command and to prepare a face, on a slow disk.
 const START_S: f64 = 300.0;
 
 /// What runs the rows.
@@ -60,19 +61,19 @@ impl Engine {
 /// Options of an export.
 #[derive(Args)]
 pub struct ExportArgs {
-    /// Write what the engine of a farm runs, and do no row
+    /// Write the job files of a render farm's engine, and do no row
     #[arg(long, value_enum, value_name = "ENGINE", conflicts_with_all = ["rows", "again", "dry_run", "sum"])]
     export: Option<Engine>,
-    /// How many rows one task does
+    /// Rows of a task
     #[arg(long, requires = "export", default_value_t = 200, value_parser = count)]
     chunk: usize,
-    /// Cores of a task, which does so many rows at once [default: 2]
+    /// Cores of a task. It does this many rows at once [default: 2]
     #[arg(long, requires = "export", value_parser = count)]
     cores: Option<usize>,
-    /// Memory of a task in GB [default: what its rows are expected to take, and a quarter more]
+    /// Memory of a task in GB [default: the estimate for its rows and a quarter more]
     #[arg(long, requires = "export", value_name = "GB", value_parser = gigabytes)]
     memory: Option<f64>,
-    /// What a node runs as `anyface` [default: this program's path]
+    /// Program that a node runs as `anyface` [default: the path of this program]
     #[arg(long, requires = "export", value_name = "PATH")]
     program: Option<String>,
     /// The folder of the export [default: LINES.ENGINE beside the table]
@@ -168,7 +169,7 @@ impl ExportArgs {
             write_atomically(&path, |file| file.write_all(content.as_bytes()))?;
         }
         let next = engine.hint(&shell([text(&folder)?])?);
-        let said = format!(
+        let summary = format!(
             "{} rows, {} a task, {memory_mb} MB and {cores} cores each, in {}; now\n{next}",
             node.rows,
             self.chunk,
@@ -182,7 +183,7 @@ impl ExportArgs {
             cores,
             next,
         };
-        console.value(&exported, &said)
+        console.value(&exported, &summary)
     }
 }
 

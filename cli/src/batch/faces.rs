@@ -1,4 +1,4 @@
-//! Faces and models that many rows share: each is made once, when its first row comes.
+//! Faces and models that many rows share. Each is prepared once, when the first of its rows is due.
 
 use std::{
     collections::{HashMap, HashSet},
@@ -11,7 +11,7 @@ use anyface::{Engine, Error, Face, Result, job::ProgressFn, mesh::Mesh, output::
 use super::{ledger::Failure, line::Line, rows::Row};
 use crate::stages::{new_report, note_face};
 
-/// So many faces stay in memory; rows of one face come one after the other.
+/// This many faces stay in memory. A few are enough, because the rows of one face come one after the other.
 const MOST: usize = 4;
 
 /// A face with the models that move it.
@@ -21,9 +21,9 @@ pub struct Ready {
     pub face: Option<Face>,
     /// The file of its mesh.
     pub mesh: Option<PathBuf>,
-    /// Where a row is to be weights of the face's shapes.
+    /// `Some` where a row of the face asks for weights of its shapes.
     pub weights: Option<TakeWeights>,
-    /// What is odd about the face.
+    /// What the user should know about the face.
     pub warnings: Vec<String>,
 }
 
@@ -32,17 +32,17 @@ type Slot<T> = Arc<OnceLock<std::result::Result<Arc<T>, Failure>>>;
 /// All faces of a batch.
 #[derive(Default)]
 pub struct Faces {
-    /// By what tells them apart, the last used one at the end.
+    /// By [`Row::face`], the most recently used one last.
     faces: Mutex<Vec<(String, Slot<Ready>)>>,
-    /// By the words for them.
+    /// By the options that choose them.
     engines: Mutex<HashMap<String, Slot<Engine>>>,
 }
 
 impl Faces {
-    /// The face of a row; who comes while it is made waits. `rows`: all that may move it.
+    /// The face of a row. The first caller prepares it, and callers that come meanwhile wait. `rows`: all that may move it.
     ///
     /// # Errors
-    /// Why it cannot be made, which is so for all its rows.
+    /// Why the face cannot be prepared. All its rows get the same error.
     pub fn ready(
         &self,
         row: &Row,
@@ -61,15 +61,15 @@ impl Faces {
             }
             slot
         };
-        let made = slot.get_or_init(|| {
+        let ready = slot.get_or_init(|| {
             let engine = self.engine(line)?;
-            let made = make(engine, row, line, rows, progress);
-            made.map(Arc::new).map_err(|error| Failure::from(&error))
+            let ready = make(engine, row, line, rows, progress);
+            ready.map(Arc::new).map_err(|error| Failure::from(&error))
         });
-        made.clone()
+        ready.clone()
     }
 
-    /// Makes the faces of the first rows, as many as stay in memory; what is wrong with one concerns its rows alone.
+    /// Prepares the faces of the first rows, as many as stay in memory. A face that cannot be prepared is skipped.
     pub fn prepare(&self, rows: &[Row], progress: ProgressFn<'_>) {
         let mut known = HashSet::new();
         let first = rows.iter().filter(|row| known.insert(row.face.as_str()));
@@ -80,7 +80,7 @@ impl Faces {
         }
     }
 
-    /// The face of a row where it has been made.
+    /// The face of a row, if it is prepared and still in memory.
     pub fn at_hand(&self, row: &Row) -> Option<Arc<Ready>> {
         let faces = self.faces.lock().unwrap_or_else(PoisonError::into_inner);
         let (_, slot) = faces.iter().find(|(key, _)| *key == row.face)?;
@@ -95,8 +95,8 @@ impl Faces {
             Arc::clone(engines.entry(key).or_default())
         };
         let open = || line.shared.engine().map(Arc::new);
-        let made = slot.get_or_init(|| open().map_err(|error: Error| Failure::from(&error)));
-        made.clone()
+        let engine = slot.get_or_init(|| open().map_err(|error: Error| Failure::from(&error)));
+        engine.clone()
     }
 }
 

@@ -83,7 +83,7 @@ pub struct Entry {
     pub wave: Vec<f32>,
 }
 
-/// By what a change of a file is known.
+/// Size and time of a file. If either differs, the file has changed.
 #[derive(Debug, Clone, Copy, PartialEq, Eq, Serialize, Deserialize)]
 pub struct FileState {
     pub bytes: u64,
@@ -91,19 +91,19 @@ pub struct FileState {
 }
 
 impl FileState {
-    /// Of a file; of a folder its newest file's. `None` where nothing is there.
+    /// The state of a file, or of a folder: then the sum of all sizes and the newest time in it. `None` if nothing is there.
     pub fn of(path: &Path) -> Option<FileState> {
-        let found = fs::metadata(path).ok()?;
-        let own = FileState {
-            bytes: found.len(),
-            modified_ns: since_1970_ns(found.modified().ok()?),
+        let metadata = fs::metadata(path).ok()?;
+        let state = FileState {
+            bytes: metadata.len(),
+            modified_ns: since_1970_ns(metadata.modified().ok()?),
         };
-        if !found.is_dir() {
-            return Some(own);
+        if !metadata.is_dir() {
+            return Some(state);
         }
         let files = fs::read_dir(path).ok()?.flatten();
         let files = files.filter_map(|file| FileState::of(&file.path()));
-        Some(files.fold(own, |all, file| FileState {
+        Some(files.fold(state, |all, file| FileState {
             bytes: all.bytes.wrapping_add(file.bytes),
             modified_ns: all.modified_ns.max(file.modified_ns),
         }))

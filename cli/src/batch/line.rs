@@ -35,8 +35,8 @@ pub struct Line {
 /// What a row may have, and the command line for all rows.
 #[derive(Args)]
 pub struct LineOptions {
-    /// The mesh of all rows that name none: OBJ, PLY or GLB; without one a row is the motion of landmarks, .npz, or weights of
-    /// a system that makes weights
+    /// The mesh of all rows that name none: OBJ, PLY or GLB. A row without a mesh becomes landmark motion (.npz), or weights
+    /// if its system makes weights
     #[arg(long, value_name = "M")]
     pub mesh: Option<InputPath>,
     #[command(flatten)]
@@ -50,12 +50,12 @@ pub struct LineOptions {
 }
 
 impl Line {
-    /// Whether it is to be weights of its face's shapes.
+    /// Whether the result is weights of the face's shapes.
     pub fn wants_weights(&self) -> bool {
         self.options.mesh.is_some() && self.is_table()
     }
 
-    /// Whether its result is a table.
+    /// Whether the result is a table.
     pub fn is_table(&self) -> bool {
         let out: &Path = &self.out;
         let ending = out.extension().and_then(|ending| ending.to_str());
@@ -63,7 +63,7 @@ impl Line {
         ["csv", "json"].iter().any(is)
     }
 
-    /// Refuses a result of a kind that the line does not lead to.
+    /// Refuses a kind of result that this line cannot have.
     ///
     /// # Errors
     /// `InvalidInput` that names the endings.
@@ -80,8 +80,8 @@ impl Line {
             });
         }
         self.options.scene.check(out).map_err(|error| match error {
-            Error::InvalidInput(told) if Format::from_path(out).is_err() => Error::InvalidInput(
-                format!("{told}; or .csv or .json for weights of ARKit's shapes"),
+            Error::InvalidInput(message) if Format::from_path(out).is_err() => Error::InvalidInput(
+                format!("{message}; or .csv or .json for weights of ARKit's shapes"),
             ),
             other => other,
         })

@@ -1,7 +1,7 @@
 //! `anyface batch`: many lines of speech on one face, or on a few, in one process.
 //!
-//! A face and its shapes are made once; then each thread does a line at a time, alone. A row that fails keeps no other from
-//! being done, and what is finished is not done again.
+//! The batch prepares each face and its shapes once. Then each thread does one line at a time. A row that fails does not
+//! stop the others. A later run skips the rows that are finished.
 
 mod attention;
 mod export;
@@ -39,33 +39,33 @@ use work::Done;
 
 /// Exit code and kind of a defect.
 const DEFECT: (u8, &str) = (10, "internal");
-/// What a line may take of the stack.
+/// Stack of a thread that does lines.
 const STACK_BYTES: usize = 8 << 20;
 
 /// Animate many lines of speech on one face: a row a line, in a table
 #[derive(Args)]
 pub struct Batch {
-    /// The lines: .csv or .tsv (tabs) with a header. The columns audio and out are needed; name and every option of
-    /// `animate` that stands below may be others, a column of notes begins with #. Paths count from this file. What out
-    /// ends in says what it is: .csv or .json weights of the mesh's ARKit shapes over time, .npz, .pc2, .mdd, .glb, .usda or .vrma
-    /// as `animate` writes them
+    /// The lines of speech: a .csv or .tsv table (tabs) with a header. It needs the columns audio and out. It may also have
+    /// the column name and one for each option of `animate` that is listed below. A column whose name begins with # holds
+    /// notes. Relative paths start at the folder of this table. The ending of out chooses the kind of result: .csv or .json
+    /// for weights of the mesh's ARKit shapes over time; .npz, .pc2, .mdd, .glb, .usda or .vrma as `animate` writes them
     #[arg(value_name = "LINES")]
     lines: InputPath,
-    /// Do these rows alone, 1 is the first below the header, as in 1-500 or 7
+    /// Do only these rows, as in 1-500 or 7. Row 1 is the first one below the header
     #[arg(long, value_name = "A-B")]
     rows: Option<RowRange>,
-    /// A folder that has another name on this machine; may be repeated. Of a path of Windows and another one that of this
-    /// system is opened, whichever a row has; of two alike the second
+    /// A folder of the table that has another name on this machine. May be repeated. If one of the two is a Windows path
+    /// and the other is not, the one of this system is opened, whichever of them a row has. Otherwise TO is opened
     #[arg(long, value_name = "FROM=TO")]
     map: Vec<PathMap>,
-    /// Do finished rows again
+    /// Also do the rows that are finished
     #[arg(long)]
     again: bool,
-    /// Say what would be done, and write nothing
+    /// Print what would be done, and write nothing
     #[arg(long)]
     dry_run: bool,
-    /// Do no row; write the page and the sum of what has been done, by any process. With --rows neither is written, for others
-    /// do other rows meanwhile
+    /// Do no row. Write the page and the summary of all that any process has done. A run with --rows writes neither,
+    /// because other processes may still be doing other rows
     #[arg(long, conflicts_with_all = ["rows", "again", "dry_run"])]
     sum: bool,
     #[command(flatten)]
@@ -98,16 +98,16 @@ impl FromStr for RowRange {
 /// A batch, read and compared with what was done before.
 struct Job<'a> {
     rows: &'a [Row],
-    /// Of each row.
+    /// One a row, in their order.
     digests: &'a [String],
     ledger: &'a Ledger,
     faces: &'a Faces,
-    /// Places of the rows that are to be done, in the order in which they are.
+    /// Indices of the rows to do, in the order in which threads take them.
     waiting: &'a [usize],
     console: &'a Console,
 }
 
-/// What a run has done.
+/// Rows that this run has done, and how many of them failed.
 #[derive(Default)]
 struct Counts {
     done: AtomicUsize,
@@ -208,7 +208,7 @@ impl Batch {
         Ok(0)
     }
 
-    /// Places of the rows that this run is about.
+    /// Indices of the rows that --rows chooses, or of all.
     fn chosen(&self, rows: &[Row]) -> Result<std::ops::Range<usize>> {
         let Some(RowRange { first, last }) = self.rows else {
             return Ok(0..rows.len());
@@ -228,7 +228,7 @@ impl Batch {
     }
 }
 
-/// How many lines are done at once.
+/// How many lines run at once: --threads, or one a core.
 fn threads(shared: &SharedArgs) -> usize {
     let cores = || std::thread::available_parallelism().map_or(1, usize::from);
     shared.threads().unwrap_or_else(cores)
@@ -261,7 +261,7 @@ fn text(summary: &Summary) -> String {
 }
 
 impl Job<'_> {
-    /// Does all rows that wait, so many at once.
+    /// Does all waiting rows on this number of threads.
     fn run(&self, threads: usize) -> Result<Counts> {
         let (next, counts, started) = (AtomicUsize::new(0), Counts::default(), Instant::now());
         self.prepare_first();
@@ -291,7 +291,7 @@ impl Job<'_> {
         Ok(counts)
     }
 
-    /// Makes the first face while all cores have nothing else to do.
+    /// Prepares the face of the first row before the threads start, so that all cores can work on it.
     fn prepare_first(&self) {
         let rows = self.waiting.iter().map(|at| &self.rows[*at]);
         let first = rows.filter_map(|row| Some((row, row.line.as_ref().ok()?)));
@@ -304,7 +304,7 @@ impl Job<'_> {
         }
     }
 
-    /// What is odd about the faces.
+    /// The warnings of all faces that are still in memory, each once.
     fn warnings(&self) -> Vec<String> {
         let faces = self.waiting.iter();
         let faces = faces.filter_map(|at| self.faces.at_hand(&self.rows[*at]));
@@ -314,7 +314,7 @@ impl Job<'_> {
         warnings
     }
 
-    /// Does one row, and notes its end; a row that was cancelled has none.
+    /// Does one row and writes how it ended to the ledger. A row that was cancelled gets no entry.
     fn close(&self, at: usize, counts: &Counts) {
         let row = &self.rows[at];
         let started = Instant::now();
@@ -345,9 +345,9 @@ impl Job<'_> {
         }
         counts.done.fetch_add(1, Ordering::Relaxed);
         if let Err(error) = self.ledger.append(&entry) {
-            let told = format!("{}: its end could not be noted: {error}", row.name);
+            let message = format!("{}: its end could not be noted: {error}", row.name);
             counts.failed.fetch_add(1, Ordering::Relaxed);
-            self.console.aside(&told);
+            self.console.aside(&message);
         }
     }
 
@@ -370,8 +370,8 @@ impl Job<'_> {
     }
 }
 
-/// A pool of this thread alone: what a line does in parallel elsewhere is done by its own thread here, while others do other
-/// lines.
+/// Makes a thread pool of the calling thread alone. The parallel loops of a line then stay on its thread, because the other
+/// threads are busy with other lines.
 fn alone() -> std::result::Result<rayon::ThreadPool, rayon::ThreadPoolBuildError> {
     let builder = rayon::ThreadPoolBuilder::new().num_threads(1);
     builder.use_current_thread().build()
@@ -392,7 +392,7 @@ fn note(entry: &mut Entry, row: &Row, done: Done) {
     entry.wave = done.wave;
 }
 
-/// What a panic says.
+/// The failure of a row whose code panicked, with the panic's message.
 fn defect(panic: &(dyn std::any::Any + Send)) -> Failure {
     let text = panic.downcast_ref::<String>().map(String::as_str);
     let text = text.or_else(|| panic.downcast_ref::<&str>().copied());

@@ -136,8 +136,8 @@ mod tests {
     #[test]
     fn half_a_map_is_refused() {
         for text in ["", "a", "=b", "a="] {
-            let told = text.parse::<PathMap>().unwrap_err();
-            assert!(told.contains("expected FROM=TO"), "{text}: {told}");
+            let message = text.parse::<PathMap>().unwrap_err();
+            assert!(message.contains("expected FROM=TO"), "{text}: {message}");
         }
     }
 }

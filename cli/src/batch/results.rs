@@ -1,4 +1,4 @@
-//! What is found after a batch: a summary for machines and a page for people.
+//! What a batch leaves behind: a summary for machines and a page for people.
 
 use std::{
     collections::{HashMap, HashSet},
@@ -21,11 +21,11 @@ use super::{
     rows::Row,
 };
 
-/// So many rows have curves and pictures: those that need an eye most.
+/// The page has curves and pictures for this many rows: those that most need a human eye.
 const SHOWN: usize = 100;
 /// Pictures of a row.
 const PICTURES: usize = 3;
-/// The page, whose rows stand in place of this.
+/// The page. The rows replace the mark [`ROWS`] in it.
 const PAGE: &str = include_str!("../../farm/results.html");
 const ROWS: &str = "{{ROWS}}";
 
@@ -42,7 +42,7 @@ struct Shown {
     pictures: Vec<String>,
 }
 
-/// What the page needs of a row: ten thousand of them are to stay small.
+/// What the page needs of a row. It leaves out the rest, so that a page of ten thousand rows stays small.
 #[derive(Serialize)]
 struct PageRow<'a> {
     name: &'a str,
@@ -132,8 +132,8 @@ struct Document<'a> {
     lines: &'a [Shown],
 }
 
-/// Fills in what `summary` lacks from the history, which other processes may have written, too. With `faces` writes
-/// `batch.json` and `results.html`, whose pictures show these.
+/// Counts the rows of `summary` from the history, to which other processes may have written, too. With `faces` it also
+/// writes `batch.json` and `results.html`. The pictures of the page show these faces.
 ///
 /// # Errors
 /// `Io` if a file cannot be read or written.
@@ -170,7 +170,7 @@ pub fn write(
     })
 }
 
-/// The last end of each row as it stands now, in the order of the table.
+/// The latest entry of each row that has not changed since, in the order of the table.
 fn entries(folder: &Path, rows: &[Row], digests: &[String]) -> Result<Vec<Shown>> {
     let ledger = Ledger::open(folder)?;
     let known = rows.iter().zip(digests);
@@ -199,7 +199,7 @@ fn entries(folder: &Path, rows: &[Row], digests: &[String]) -> Result<Vec<Shown>
     Ok(shown.collect())
 }
 
-/// The curves of the first rows, which stay in the history until here.
+/// Reads the curves of the first rows from the history. Only these are ever in memory.
 fn add_curves(folder: &Path, shown: &mut [Shown]) -> Result<()> {
     let first = shown.iter().take(SHOWN).enumerate();
     let places: HashMap<String, usize> = first
@@ -215,12 +215,14 @@ fn add_curves(folder: &Path, shown: &mut [Shown]) -> Result<()> {
 
 /// Pictures of the first rows whose faces are at hand and whose results are weights.
 fn add_pictures(rows: &[Row], faces: &Faces, shown: &mut [Shown]) {
-    let wanted: HashSet<&str> = shown
+    let shown_names: HashSet<&str> = shown
         .iter()
         .take(SHOWN)
         .map(|row| row.entry.name.as_str())
         .collect();
-    let rows = rows.iter().filter(|row| wanted.contains(row.name.as_str()));
+    let rows = rows
+        .iter()
+        .filter(|row| shown_names.contains(row.name.as_str()));
     let mut pictures: HashMap<String, Vec<String>> = HashMap::new();
     for row in rows {
         let Some(ready) = faces.at_hand(row) else {
@@ -278,16 +280,16 @@ fn weights_of(out: &Path, frames: &[usize]) -> Result<Vec<Vec<(String, f32)>>> {
         .iter()
         .map(small)
         .collect();
-    let mut found = Vec::new();
+    let mut weights = Vec::new();
     for (t, record) in table.records().enumerate() {
         if frames.contains(&t) {
             let record = record.map_err(|_| wrong())?;
             let cells = names.iter().zip(record.iter());
             let known = cells.filter_map(|(name, cell)| Some((name.clone(), cell.parse().ok()?)));
-            found.push(known.collect());
+            weights.push(known.collect());
         }
     }
-    Ok(found)
+    Ok(weights)
 }
 
 /// `JawOpen` → `jawOpen`.

@@ -1,6 +1,7 @@
-//! The rows of a batch: a table whose columns are options, each row as the words of a command line.
+//! The rows of a batch: a table whose columns are options of the command.
 //!
-//! A row is read by the same parsers as the command line, so that it takes what the command takes, with the same errors.
+//! Each row becomes the words of a command line, and the same parsers read it. So a row takes what the command takes, and
+//! has the same errors.
 
 use std::{
     any::TypeId,
@@ -24,7 +25,7 @@ use crate::{
     scene::sound_copy,
 };
 
-/// The column that no option has.
+/// The one column that is no option.
 const NAME: &str = "name";
 /// A column that begins so holds notes.
 const NOTE: char = '#';
@@ -33,7 +34,7 @@ const LONGEST_NAME: usize = 200;
 /// An option and the text of its value.
 type Word = (String, String);
 
-/// Options of the command line, which a row has where it says nothing else.
+/// Options of the command line. A row has them unless it sets them itself.
 pub struct Defaults(Vec<Word>);
 
 impl Defaults {
@@ -71,7 +72,7 @@ impl FromArgMatches for Defaults {
             let (id, Some(long)) = (arg.get_id().as_str(), arg.get_long()) else {
                 continue;
             };
-            // What a batch shares out itself.
+            // The batch itself decides these.
             let is_of_batch = ["threads", "json"].contains(&id);
             let is_known = matches.try_contains_id(id).unwrap_or(false);
             if is_of_batch
@@ -89,7 +90,7 @@ impl FromArgMatches for Defaults {
             for value in raw.flatten() {
                 let is_path = is_path(arg);
                 let value = match is_path {
-                    // Those of the command line count from where it is typed.
+                    // Paths of the command line start at the folder in which it is typed.
                     true => std::path::absolute(value).unwrap_or_else(|_| value.into()),
                     false => value.into(),
                 };
@@ -122,7 +123,7 @@ pub struct Row {
     /// 1 is the first below the header.
     pub number: usize,
     pub name: String,
-    /// The options as they stand in table and command line, which mean the same on every machine.
+    /// The options as table and command line spell them, so that they are the same on every machine.
     pub words: Vec<Word>,
     /// The line, or why there is none.
     pub line: Result<Line>,
@@ -130,14 +131,14 @@ pub struct Row {
     pub inputs: Vec<PathBuf>,
     /// Files that it writes, the result first.
     pub outputs: Vec<PathBuf>,
-    /// Rows that are alike in this move the same face by the same models.
+    /// Options of face and models. Rows with the same text share a face.
     pub face: String,
 }
 
 /// Reads rows.
 struct Reader<'a> {
     command: Command,
-    /// Options that tell faces and models apart.
+    /// The options of [`options_of_face`].
     of_face: HashSet<String>,
     defaults: &'a [Word],
     maps: &'a [PathMap],
@@ -151,10 +152,11 @@ struct Reader<'a> {
 /// All rows of a table.
 ///
 /// # Errors
-/// `Io` if it cannot be read, `InvalidInput` where its header is no header of a batch. What is wrong with a row stands in it.
+/// `Io` if the table cannot be read, `InvalidInput` if its header is not that of a batch. An error of one row is in
+/// [`Row::line`].
 pub fn read(path: &Path, defaults: &Defaults, maps: &[PathMap]) -> Result<Vec<Row>> {
     let bytes = read_file(path, InputKind::Numbers)?;
-    let wrong = |told: String| Error::InvalidInput(format!("{}: {told}", path.display()));
+    let wrong = |message: String| Error::InvalidInput(format!("{}: {message}", path.display()));
     let is_tabs = path
         .extension()
         .is_some_and(|ending| ending.eq_ignore_ascii_case("tsv"));
@@ -203,7 +205,7 @@ pub fn read(path: &Path, defaults: &Defaults, maps: &[PathMap]) -> Result<Vec<Ro
     Ok(rows)
 }
 
-/// The options of the command line, whose paths count from the table where they lie beside it: so a row is the same on
+/// The options of the command line, with paths below the folder of the table made relative to it. So a row is the same on
 /// machines that have the folder elsewhere.
 fn beside(words: &[Word], folder: &Path) -> Vec<Word> {
     let words = words.iter().map(|(long, value)| {
@@ -215,7 +217,7 @@ fn beside(words: &[Word], folder: &Path) -> Vec<Word> {
     words.collect()
 }
 
-/// Options that tell faces and models apart.
+/// Names of the options that choose the face and the models.
 fn options_of_face() -> HashSet<String> {
     let command = SharedArgs::augment_args(FaceArgs::augment_args(Command::new("")));
     let options = command.get_arguments().filter_map(|arg| arg.get_long());
@@ -283,10 +285,12 @@ impl Reader<'_> {
 
     fn parsed(&mut self, number: usize, record: &csv::ByteRecord) -> Result<Row> {
         let cells = self.cells(record)?;
-        let own = self.columns.iter().zip(&cells);
-        let own = own.filter_map(|(column, cell)| Some((column.clone()?, (*cell).to_owned())));
-        let own: Vec<Word> = own.filter(|(_, cell)| !cell.is_empty()).collect();
-        let out = own.iter().find(|(long, _)| long == "out");
+        let row_words = self.columns.iter().zip(&cells);
+        let row_words = row_words.filter(|(_, cell)| !cell.is_empty());
+        let row_words =
+            row_words.filter_map(|(column, cell)| Some((column.clone()?, (*cell).to_owned())));
+        let row_words: Vec<Word> = row_words.collect();
+        let out = row_words.iter().find(|(long, _)| long == "out");
         let out = out.map_or("", |(_, out)| out.as_str());
         let name = self.name.and_then(|at| cells.get(at));
         let name = name.copied().filter(|name| !name.is_empty());
@@ -297,8 +301,8 @@ impl Reader<'_> {
                 name.chars().take(60).collect::<String>()
             )));
         }
-        let mut words = self.defaults_beside(&own);
-        words.extend(own);
+        let mut words = self.defaults_beside(&row_words);
+        words.extend(row_words);
         self.of_words(number, name, words)
     }
 
@@ -316,7 +320,7 @@ impl Reader<'_> {
         cells.map_err(|_| Error::InvalidInput("expected text in UTF-8".to_owned()))
     }
 
-    /// The row that asks for these words.
+    /// Parses the words of a row as the command line does.
     fn of_words(&mut self, number: usize, name: String, words: Vec<Word>) -> Result<Row> {
         let (mut inputs, mut outputs) = (Vec::new(), Vec::new());
         let (mut typed, mut face) = (Vec::new(), Vec::new());
@@ -325,10 +329,9 @@ impl Reader<'_> {
             let arg = args.find(|arg| arg.get_long() == Some(long));
             let arg = arg.expect("columns are options");
             if matches!(arg.get_action(), ArgAction::SetTrue) {
-                let is_asked = is_yes(value);
-                let is_asked =
-                    is_asked.map_err(|told| Error::InvalidInput(format!("{long}: {told}")))?;
-                typed.extend(is_asked.then(|| format!("--{long}")));
+                let is_on = is_yes(value)
+                    .map_err(|message| Error::InvalidInput(format!("{long}: {message}")))?;
+                typed.extend(is_on.then(|| format!("--{long}")));
                 continue;
             }
             let mut value = value.clone();
@@ -362,14 +365,14 @@ impl Reader<'_> {
         })
     }
 
-    /// The options of the command line that a row leaves as they are: it has neither them nor what excludes them.
-    fn defaults_beside(&self, own: &[Word]) -> Vec<Word> {
+    /// The options of the command line that hold for a row: those that `row_words` neither sets nor excludes.
+    fn defaults_beside(&self, row_words: &[Word]) -> Vec<Word> {
         let arg = |long: &str| {
             let mut args = self.command.get_arguments();
             args.find(|arg| arg.get_long() == Some(long))
         };
         let is_replaced = |default: &str| {
-            own.iter().any(|(long, _)| {
+            row_words.iter().any(|(long, _)| {
                 let excluded = |one: &str, other: &str| {
                     let conflicts = arg(one).map(|arg| self.command.get_arg_conflicts_with(arg));
                     let mut conflicts = conflicts.into_iter().flatten();
@@ -426,7 +429,8 @@ fn plain(error: &clap::Error) -> String {
         .to_owned()
 }
 
-/// Rows run in any order and at once: none may write what another one writes or reads, and no two may have one name.
+/// Refuses rows that write what another row writes or reads, and rows that share a name. Rows run at once and in any order,
+/// so the result of such a pair would depend on chance.
 fn refuse_clashes(rows: &mut [Row], table: &Path) {
     let mut names: HashMap<String, Vec<usize>> = HashMap::new();
     let mut written: HashMap<Place, Vec<usize>> = HashMap::new();
@@ -443,22 +447,22 @@ fn refuse_clashes(rows: &mut [Row], table: &Path) {
             read.entry(place.clone()).or_insert_with(|| path.clone());
         }
     }
-    let others = |numbers: &[usize], own: usize| {
-        let others = numbers.iter().filter(|n| **n != own).take(3);
+    let others = |numbers: &[usize], number: usize| {
+        let others = numbers.iter().filter(|n| **n != number).take(3);
         let others: Vec<String> = others.map(ToString::to_string).collect();
         (!others.is_empty()).then(|| others.join(", "))
     };
-    let mut wrong: Vec<(usize, String)> = Vec::new();
+    let mut clashes: Vec<(usize, String)> = Vec::new();
     for (at, row) in rows.iter().enumerate().filter(|(_, row)| row.line.is_ok()) {
         for path in &row.outputs {
             let place = Place::of(path);
             if let Some(others) = others(&written[&place], row.number) {
                 let path = path.display();
-                wrong.push((at, format!("out {path}: row {others} writes it, too")));
+                clashes.push((at, format!("out {path}: row {others} writes it, too")));
             }
             if let Some(input) = read.get(&place) {
                 let input = input.display();
-                wrong.push((
+                clashes.push((
                     at,
                     format!("out {input}: expected another file than one that is read"),
                 ));
@@ -466,10 +470,10 @@ fn refuse_clashes(rows: &mut [Row], table: &Path) {
         }
         if let Some(others) = others(&names[&row.name], row.number) {
             let name = &row.name;
-            wrong.push((at, format!("name {name:?}: row {others} has it, too")));
+            clashes.push((at, format!("name {name:?}: row {others} has it, too")));
         }
     }
-    for (at, told) in wrong {
+    for (at, message) in clashes {
         let row = &mut rows[at];
         // Its report needs a name of its own.
         if names
@@ -478,6 +482,6 @@ fn refuse_clashes(rows: &mut [Row], table: &Path) {
         {
             row.name = format!("row-{}", row.number);
         }
-        row.line = Err(Error::InvalidInput(told));
+        row.line = Err(Error::InvalidInput(message));
     }
 }

@@ -23,7 +23,7 @@ use crate::{
     stages::{new_report, note_memory, read_sound, spread_into},
 };
 
-/// What came of a line.
+/// The result of a line.
 pub struct Done {
     pub report: Report,
     pub gap: Gap,
@@ -50,19 +50,19 @@ pub fn perform(line: &Line, ready: &Ready, progress: ProgressFn<'_>) -> Result<D
     let waveform = sound.whole(progress)?;
     let performance = engine.perform(&waveform, &request, progress)?;
     let landmarks = engine.landmarks_of(&performance.motion)?;
-    let made = Made {
+    let take = Take {
         performance,
         landmarks,
     };
-    let gap = write(line, ready, &made, &mut report, progress)?;
-    report.frames = made.performance.motion.frames();
+    let gap = write(line, ready, &take, &mut report, progress)?;
+    report.frames = take.performance.motion.frames();
     report.fps = request.fps;
     report.out = Some(shown(&line.out));
     Ok(done(report, gap, &waveform))
 }
 
 /// A performance, and its landmarks on the mean face.
-struct Made {
+struct Take {
     performance: Performance,
     landmarks: LandmarkClip,
 }
@@ -77,27 +77,35 @@ fn check_memory(
     let frames = frames_of(duration_s, fps);
     let face = ready.face.as_ref();
     let vertices = face.map_or(0, |face| face.mesh.positions.len());
-    let kept = match (line.is_table(), Format::from_path(&line.out)) {
-        (false, Ok(format)) if format.is_scene() => 3 * frames + line.options.scene.kept(&line.out),
+    let frames_in_memory = match (line.is_table(), Format::from_path(&line.out)) {
+        (false, Ok(format)) if format.is_scene() => {
+            3 * frames + line.options.scene.count_shape_frames(&line.out)
+        }
         (false, _) if vertices > 0 => frames,
         _ => 0,
     };
-    note_memory(report, &ready.engine, vertices, kept, duration_s)
+    note_memory(
+        report,
+        &ready.engine,
+        vertices,
+        frames_in_memory,
+        duration_s,
+    )
 }
 
-/// Writes the result; returns the gap between the lips of what it shows.
+/// Writes the result. Returns the gap between the lips that it shows.
 fn write(
     line: &Line,
     ready: &Ready,
-    made: &Made,
+    take: &Take,
     report: &mut Report,
     progress: ProgressFn<'_>,
 ) -> Result<Gap> {
     let (engine, out) = (&*ready.engine, &line.out);
-    let Made {
+    let Take {
         performance,
         landmarks,
-    } = made;
+    } = take;
     let mut gap = gap_of(landmarks);
     let fps = performance.motion.fps();
     let (life, articulation) = (Some(&performance.life), performance.articulation());

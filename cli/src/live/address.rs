@@ -48,13 +48,13 @@ impl Display for Address {
 }
 
 impl Address {
-    /// Where it is; `option` is what the user wrote it behind.
+    /// Looks up the machine's address. `option` is the option that named it, for the error.
     ///
     /// # Errors
     /// `InvalidInput` for a name that nobody knows.
     pub fn find(&self, option: &str) -> Result<SocketAddr> {
-        let found = (self.host.as_str(), self.port).to_socket_addrs();
-        let first = found.map(|mut all| all.next());
+        let addresses = (self.host.as_str(), self.port).to_socket_addrs();
+        let first = addresses.map(|mut all| all.next());
         let why = match first {
             Ok(Some(address)) => return Ok(address),
             Ok(None) => "it has no address".to_owned(),

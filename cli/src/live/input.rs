@@ -13,14 +13,14 @@ use super::sound_devices::Microphone;
 
 /// Samples that a file hands over at a time, 20 ms.
 const BLOCK: usize = 320;
-/// Bytes that are taken from standard input at most at a time.
+/// Most bytes that are read from standard input at a time.
 const BYTES: usize = 2 * BLOCK;
-/// Blocks that wait before whoever writes has to.
+/// Blocks that may queue before the writer of standard input has to wait.
 const WAITING: usize = 16;
-/// How files begin that are no raw samples.
+/// First bytes of sound files, which are no raw samples.
 const OF_FILES: [&[u8]; 4] = [b"RIFF", b"OggS", b"fLaC", b"ID3"];
 
-/// What has come of the sound.
+/// What [`Input::next`] returns.
 #[derive(Debug)]
 pub enum Heard {
     /// Samples, mono, 16 kHz.
@@ -35,7 +35,8 @@ pub enum Heard {
 
 /// A sound in progress.
 pub enum Input {
-    /// Samples of a file, how many were handed over, and when the first was; none without a clock.
+    /// The samples of a file, the index of the next one to hand over, and when the first was handed over. The time is
+    /// `None` if the file plays without a clock.
     File(Vec<f32>, usize, Option<Instant>),
     /// What a thread reads.
     Pipe(Receiver<Result<Vec<f32>>>),
@@ -44,7 +45,7 @@ pub enum Input {
 }
 
 impl Input {
-    /// `samples`, mono, 16 kHz, at the speed at which they are heard, or without waiting.
+    /// `samples`, mono, 16 kHz, at the speed of a clock, or with `is_fast` without waiting.
     pub fn of_samples(samples: Vec<f32>, is_fast: bool) -> Input {
         Input::File(samples, 0, (!is_fast).then(Instant::now))
     }
@@ -71,15 +72,15 @@ impl Input {
         Input::Microphone(microphone, false)
     }
 
-    /// What has come, after `patience` at the latest.
+    /// Waits up to `patience` for sound and returns what has come.
     ///
     /// # Errors
     /// `Io` where standard input cannot be read, `Audio` where it holds no raw samples.
     pub fn next(&mut self, patience: Duration) -> Result<Heard> {
         match self {
-            Input::File(samples, taken, began) => {
-                let end = samples.len().min(*taken + BLOCK);
-                if *taken == end {
+            Input::File(samples, next, began) => {
+                let end = samples.len().min(*next + BLOCK);
+                if *next == end {
                     return Ok(Heard::End);
                 }
                 if let Some(began) = began {
@@ -90,8 +91,8 @@ impl Input {
                         return Ok(Heard::Nothing);
                     }
                 }
-                let block = samples[*taken..end].to_vec();
-                *taken = end;
+                let block = samples[*next..end].to_vec();
+                *next = end;
                 Ok(Heard::Samples(block))
             }
             Input::Pipe(receiver) => match receiver.recv_timeout(patience) {
@@ -118,13 +119,13 @@ impl Input {
     }
 }
 
-/// Hands over what comes of `pipe` until it ends, or until nobody wants more.
+/// Sends the samples of `pipe` until it ends or the receiver is dropped.
 fn read(mut pipe: impl Read, sender: &SyncSender<Result<Vec<f32>>>) {
-    let (mut bytes, mut kept, mut is_first) = ([0; BYTES], 0, true);
+    let (mut bytes, mut left_over, mut is_first) = ([0; BYTES], 0, true);
     loop {
-        let count = match pipe.read(&mut bytes[kept..]) {
+        let count = match pipe.read(&mut bytes[left_over..]) {
             Ok(0) => return,
-            Ok(count) => kept + count,
+            Ok(count) => left_over + count,
             Err(error) if error.kind() == io::ErrorKind::Interrupted => continue,
             Err(error) => {
                 let _ = sender.send(Err(Error::io("standard input")(error)));
@@ -151,7 +152,7 @@ fn read(mut pipe: impl Read, sender: &SyncSender<Result<Vec<f32>>>) {
             pairs.map(|pair| f32::from(i16::from_le_bytes([pair[0], pair[1]])) / 32_768.0);
         let samples: Vec<f32> = samples.collect();
         bytes.copy_within(whole..count, 0);
-        kept = count - whole;
+        left_over = count - whole;
         if !samples.is_empty() && sender.send(Ok(samples)).is_err() {
             return;
         }

@@ -44,31 +44,31 @@ use pace::{Pace, Paced, Weights};
 use sound_devices::{DeviceArgs, Monitor, print_devices};
 use targets::{TargetArgs, Targets};
 
-/// How long nothing is looked at, a signal to end included.
+/// Longest time between two looks at sound and signals.
 const PATIENCE: Duration = Duration::from_millis(20);
 
-/// Send a face that speaks to other programs: avatars (VMC), Unreal Engine (Live Link), OSC, WebSocket, lines of JSON
-/// (--json); of a microphone, or of a file at the speed at which it is heard
+/// Send a speaking face to other programs: avatars (VMC), Unreal Engine (Live Link), OSC, WebSocket or lines of JSON
+/// (--json). The sound comes from a microphone, or from a file at playback speed
 #[derive(Args)]
 pub struct Live {
-    /// The sound in place of a microphone: WAV, MP3, FLAC, Ogg, WebM, M4A, AAC, CAF or AIFF, or - for raw samples on
-    /// standard input, 16 bit little-endian, mono, 16 kHz, as ffmpeg … -f s16le -ar 16000 -ac 1 - writes them
+    /// Sound file instead of a microphone: WAV, MP3, FLAC, Ogg, WebM, M4A, AAC, CAF or AIFF. - reads raw samples from
+    /// standard input: 16 bit little-endian, mono, 16 kHz, as ffmpeg … -f s16le -ar 16000 -ac 1 - writes them
     #[arg(long, value_name = "FILE", allow_hyphen_values = true)]
     input: Option<InputPath>,
-    /// Go through a file as fast as it can be done
+    /// Play a file as fast as the computer can, not at playback speed
     #[arg(long, requires = "input")]
     fast: bool,
-    /// Move the face by any sound, singing, music and noise too: else it rests where nobody speaks
+    /// Let any sound move the face, also singing, music and noise. Otherwise the face rests where nobody speaks
     #[arg(long)]
     any_sound: bool,
-    /// Seconds of sound after a frame that it waits for, at most: 0.19, 0.07 or 0 with freetalk; with less the face is sooner, and
-    /// less sure of what it says
+    /// Most seconds of sound that a frame waits for: 0.19, 0.07 or 0 with freetalk. With less the face is earlier, but less
+    /// accurate
     #[arg(long, value_name = "S", allow_negative_numbers = true)]
     look_ahead: Option<f64>,
     #[command(flatten)]
     devices: DeviceArgs,
-    /// Frames per second, interpolated where they are others than the stream's own, a frame of which later [default:
-    /// the stream's 25]
+    /// Frames per second. Another rate than that of the stream is interpolated and comes one frame of the stream later
+    /// [default: the stream's 25]
     #[arg(long)]
     fps: Option<f64>,
     #[command(flatten)]
@@ -127,7 +127,7 @@ impl Live {
             stream,
             next: 0,
             emotion,
-            felt: Emotion::default(),
+            shown_emotion: Emotion::default(),
             waiting: VecDeque::new(),
             is_fast: self.fast,
             targets,
@@ -160,8 +160,8 @@ struct Show<'a> {
     /// Number of the stream's next frame.
     next: usize,
     emotion: EmotionCurve,
-    /// What the newest frame feels.
-    felt: Emotion,
+    /// Emotion of the newest frame.
+    shown_emotion: Emotion,
     pace: Pace,
     /// Frames that are not due yet.
     waiting: VecDeque<Paced>,
@@ -212,7 +212,7 @@ impl Show<'_> {
         }
     }
 
-    /// Takes all frames that are ready.
+    /// Pulls all frames that the stream has ready.
     fn pull(&mut self) -> Result<()> {
         loop {
             if !matches!(self.emotion, EmotionCurve::Auto) {
@@ -222,7 +222,7 @@ impl Show<'_> {
             let Some(frame) = self.stream.pull() else {
                 return Ok(());
             };
-            (self.next, self.felt) = (frame.index + 1, frame.emotion);
+            (self.next, self.shown_emotion) = (frame.index + 1, frame.emotion);
             let weights = Weights {
                 shapes: frame.shapes,
                 visemes: frame.visemes,
@@ -251,7 +251,7 @@ impl Show<'_> {
                 shapes: paced.weights.shapes,
                 visemes: paced.weights.visemes,
                 head: paced.weights.head,
-                feelings: feelings(&self.felt),
+                feelings: feelings(&self.shown_emotion),
             };
             self.targets.send(&frame, self.console)?;
             self.meter.show(&frame);
@@ -263,7 +263,7 @@ impl Show<'_> {
     }
 }
 
-/// What VRM has of an emotion.
+/// The five feelings of VRM for an emotion, each 0 to 1.
 fn feelings(emotion: &Emotion) -> Feelings {
     let of = |names: &[&str]| {
         let all = EMOTIONS.iter().zip(emotion.mixture);
@@ -288,10 +288,10 @@ mod tests {
 
     #[test]
     fn emotions_are_the_feelings_of_vrm_as_strong_as_they_are() {
-        let felt = |text: &str| feelings(&Emotion::parse(text).unwrap());
-        assert_eq!(felt("neutral:1"), Feelings::default());
-        let mixed = felt("happy:0.4,surprised:0.2");
+        let feelings_of = |text: &str| feelings(&Emotion::parse(text).unwrap());
+        assert_eq!(feelings_of("neutral:1"), Feelings::default());
+        let mixed = feelings_of("happy:0.4,surprised:0.2");
         assert!((mixed.happy - 0.4).abs() < 1e-6 && (mixed.surprised - 0.2).abs() < 1e-6);
-        assert_eq!(felt("happy:1.5").happy, 1.0);
+        assert_eq!(feelings_of("happy:1.5").happy, 1.0);
     }
 }

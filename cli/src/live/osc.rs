@@ -130,9 +130,9 @@ mod tests {
     /// The weight of that name, if the messages have it exactly once.
     fn weight(messages: &[OscMessage], name: &str) -> Option<f32> {
         let name = OscType::String(name.into());
-        let mut found = messages.iter().filter(|m| m.args.first() == Some(&name));
-        let weight = found.next()?.args[1].clone().float();
-        weight.filter(|_| found.next().is_none())
+        let mut matches = messages.iter().filter(|m| m.args.first() == Some(&name));
+        let weight = matches.next()?.args[1].clone().float();
+        weight.filter(|_| matches.next().is_none())
     }
 
     #[test]

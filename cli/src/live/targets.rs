@@ -23,7 +23,7 @@ pub struct TargetArgs {
     /// To avatars by the VMC protocol, such as VSeeFace, Warudo, VMC, VNyan [default: 127.0.0.1:39539]
     #[arg(long, value_name = "HOST:PORT", num_args = 0..=1, default_missing_value = "127.0.0.1:39539")]
     vmc: Option<Address>,
-    /// Which expressions an avatar is sent: those of Perfect Sync (ARKit's), of VRM, or all
+    /// Which expressions avatars get: those of Perfect Sync (ARKit's), those of VRM, or all
     #[arg(
         long,
         value_name = "NAMES",
@@ -35,7 +35,7 @@ pub struct TargetArgs {
     /// To Unreal Engine and others, as the app Live Link Face sends [default: 127.0.0.1:11111]
     #[arg(long, value_name = "HOST:PORT", num_args = 0..=1, default_missing_value = "127.0.0.1:11111")]
     live_link: Option<Address>,
-    /// What the face is called for Live Link
+    /// Name of the face in Live Link
     #[arg(
         long,
         value_name = "NAME",
@@ -46,16 +46,16 @@ pub struct TargetArgs {
     /// Plain OSC: /anyface/jawOpen and so on, /anyface/viseme_aa and so on, /anyface/head
     #[arg(long, value_name = "HOST:PORT")]
     osc: Option<Address>,
-    /// Lines of JSON to who connects by WebSocket, such as a page in a browser [default: 127.0.0.1:8765]
+    /// Lines of JSON for clients that connect by WebSocket, such as a web page [default: 127.0.0.1:8765]
     #[arg(long, value_name = "HOST:PORT", num_args = 0..=1, default_missing_value = "127.0.0.1:8765")]
     websocket: Option<Address>,
 }
 
 impl TargetArgs {
-    /// Whether frames go anywhere.
+    /// Checks that frames go somewhere. With `is_json` they go to standard output.
     ///
     /// # Errors
-    /// `InvalidInput` where they do not; `is_json`: they go to standard output.
+    /// `InvalidInput` if they go nowhere.
     pub fn check(&self, is_json: bool) -> Result<()> {
         let all = [&self.vmc, &self.live_link, &self.osc, &self.websocket];
         match is_json || all.iter().any(|address| address.is_some()) {
@@ -67,7 +67,7 @@ impl TargetArgs {
         }
     }
 
-    /// Opens them; frames come at `fps` per second.
+    /// Opens all targets. Frames will come at `fps` per second.
     ///
     /// # Errors
     /// `InvalidInput` for an address that cannot be used.
@@ -97,7 +97,7 @@ impl TargetArgs {
     }
 }
 
-/// Where frames are sent, open.
+/// The open targets.
 pub struct Targets {
     datagrams: Vec<Datagrams>,
     broadcast: Option<Broadcast>,
@@ -114,7 +114,7 @@ impl Targets {
         }
     }
 
-    /// Sends a frame to all.
+    /// Sends a frame to all targets.
     ///
     /// # Errors
     /// `Io` if standard output cannot be written to.

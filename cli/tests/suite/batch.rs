@@ -30,10 +30,10 @@ fn anyface(folder: &Path, arguments: &[&str]) -> Output {
 }
 
 fn done(output: &Output, code: i32) -> String {
-    let told = String::from_utf8_lossy(&output.stderr).into_owned();
-    let said = String::from_utf8_lossy(&output.stdout).into_owned();
-    assert_eq!(output.status.code(), Some(code), "{told}{said}");
-    told + &said
+    let errors = String::from_utf8_lossy(&output.stderr).into_owned();
+    let results = String::from_utf8_lossy(&output.stdout).into_owned();
+    assert_eq!(output.status.code(), Some(code), "{errors}{results}");
+    errors + &results
 }
 
 /// A folder with a short voice in `a.wav` and these rows.
@@ -197,7 +197,7 @@ fn a_broken_row_fails_alone_with_its_reason() {
                 last,a.wav,last.npz,,\n";
     let folder = folder(0.4, rows);
     let sound = fs::read(folder.path().join("a.wav")).unwrap();
-    let told = done(
+    let errors = done(
         &anyface(folder.path(), &["batch", "lines.csv"]),
         SOME_FAILED,
     );
@@ -217,7 +217,7 @@ fn a_broken_row_fails_alone_with_its_reason() {
             entry["ok"] == false && message.contains(words),
             "{name}: {message}"
         );
-        assert!(told.contains(message), "{told}");
+        assert!(errors.contains(message), "{errors}");
     }
     let at = |name: &str| folder.path().join(name);
     assert!(at("good.npz").exists() && at("last.npz").exists() && !at("same.npz").exists());
@@ -239,16 +239,16 @@ fn a_table_that_is_none_is_refused_before_anything_is_written() {
         ("audio,out,moood\na.wav,o.npz,happy\n", "column \"moood\""),
     ] {
         let folder = folder(0.2, lines);
-        let told = done(
+        let errors = done(
             &anyface(folder.path(), &["batch", "lines.csv"]),
             INVALID_INPUT,
         );
-        assert!(told.contains(words), "{told}");
+        assert!(errors.contains(words), "{errors}");
         assert_eq!(fs::read_dir(folder.path()).unwrap().count(), 2);
     }
     let folder = folder(0.2, "audio,out\na.wav,o.npz\n");
-    let told = anyface(folder.path(), &["batch", "lines.csv", "--rows", "2-3"]);
-    assert!(done(&told, INVALID_INPUT).contains("expected some of 1 rows"));
+    let output = anyface(folder.path(), &["batch", "lines.csv", "--rows", "2-3"]);
+    assert!(done(&output, INVALID_INPUT).contains("expected some of 1 rows"));
 }
 
 #[test]
@@ -284,8 +284,8 @@ fn paths_of_another_machine_are_translated() {
     if cfg!(windows) {
         return;
     }
-    let told = done(&anyface(folder.path(), &words), SOME_FAILED);
-    assert!(told.contains("--map Q:=FOLDER"), "{told}");
+    let errors = done(&anyface(folder.path(), &words), SOME_FAILED);
+    assert!(errors.contains("--map Q:=FOLDER"), "{errors}");
     assert!(folder.path().join("new.npz").exists() && folder.path().join("sub/b.npz").exists());
 }
 
@@ -467,11 +467,11 @@ fn an_export_fills_in_every_placeholder_and_quotes_what_it_fills_in() {
 fn an_export_that_cannot_be_right_is_refused() {
     let folder = folder(0.4, "audio,out\n");
     let refused = |words: &[&str], code: i32, why: &str| {
-        let told = done(
+        let errors = done(
             &anyface(folder.path(), &[&["batch", "lines.csv"], words].concat()),
             code,
         );
-        assert!(told.contains(why), "{told}");
+        assert!(errors.contains(why), "{errors}");
     };
     let usage = 2;
     refused(

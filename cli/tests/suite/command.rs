@@ -126,7 +126,7 @@ fn surfaces_over_time_are_refused_where_they_cannot_be_and_say_what_they_would_t
     let folder = folder_with_sound(&hum(0.5), 16_000);
     let head = crate::model("default_head").join("head.obj");
     let head = head.to_str().unwrap();
-    let asked = |system: &'static str, cells: &'static str, out: &'static str| {
+    let arguments = |system: &'static str, cells: &'static str, out: &'static str| {
         let start = ["animate", "--mesh", head, "--audio", "a.wav", "--no-cache"];
         let end = ["--system", system, "--surface", cells, "--out", out];
         [&start[..], &end].concat()
@@ -141,9 +141,18 @@ fn surfaces_over_time_are_refused_where_they_cannot_be_and_say_what_they_would_t
         ("facetalk", "64", "mine", "1 files, such as a.ply"),
         ("freetalk", "64", "frames", "(facetalk), got freetalk"),
     ] {
-        refused(&folder, &asked(system, cells, out), INVALID_INPUT, words);
+        refused(
+            &folder,
+            &arguments(system, cells, out),
+            INVALID_INPUT,
+            words,
+        );
     }
-    let both = [&asked("facetalk", "64", "frames")[..], &["--open-mouth"]].concat();
+    let both = [
+        &arguments("facetalk", "64", "frames")[..],
+        &["--open-mouth"],
+    ]
+    .concat();
     refused(&folder, &both, USAGE, "--open-mouth");
     let moved = |system: &'static str| {
         let start = ["deform", "--mesh", head, "--motion", "m.npz", "--no-cache"];
@@ -152,11 +161,11 @@ fn surfaces_over_time_are_refused_where_they_cannot_be_and_say_what_they_would_t
     };
     let both = [&moved("facetalk")[..], &["--attention", "a.npz"]].concat();
     refused(&folder, &both, USAGE, "--attention");
-    let made = anyface(
+    let output = anyface(
         folder.path(),
         &["motion", "--audio", "a.wav", "--out", "m.npz"],
     );
-    assert!(made.status.success(), "{}", text(&made.stderr));
+    assert!(output.status.success(), "{}", text(&output.stderr));
     refused(
         &folder,
         &moved("freetalk"),
@@ -216,8 +225,8 @@ fn attention_of_the_papers_decoder_is_written_and_other_decoders_have_none() {
         let arguments = [first, &head, &["--no-cache"], rest].concat();
         anyface(folder.path(), &arguments)
     };
-    let made = on_head(&["animate", "--audio", "a.wav", "--out", "o.npz"], &[]);
-    assert!(made.status.success(), "{}", text(&made.stderr));
+    let output = on_head(&["animate", "--audio", "a.wav", "--out", "o.npz"], &[]);
+    assert!(output.status.success(), "{}", text(&output.stderr));
     let deform = [
         "deform",
         "--motion",
@@ -234,8 +243,8 @@ fn attention_of_the_papers_decoder_is_written_and_other_decoders_have_none() {
         "{}",
         text(&refused.stderr)
     );
-    let made = on_head(&deform, &["--decoder", "paper"]);
-    assert!(made.status.success(), "{}", text(&made.stderr));
+    let output = on_head(&deform, &["--decoder", "paper"]);
+    assert!(output.status.success(), "{}", text(&output.stderr));
     let file = fs::File::open(folder.path().join("a.npz")).unwrap();
     let mut npz = ndarray_npy::NpzReader::new(file).unwrap();
     let shares: ndarray::Array2<f32> = npz.by_name("attention").unwrap();
@@ -270,8 +279,8 @@ fn shoulders_do_not_silence_the_papers_decoder() {
     let moved = |mesh: &Path| {
         let mesh = ["--mesh", mesh.to_str().unwrap()];
         let marks = ["--landmarks", marks.to_str().unwrap(), "--no-cache"];
-        let made = ["animate", "--audio", "a.wav", "--out", "o.npz"];
-        let line = [&made[..], &mesh, &marks, &["--decoder", "paper"]].concat();
+        let animate = ["animate", "--audio", "a.wav", "--out", "o.npz"];
+        let line = [&animate[..], &mesh, &marks, &["--decoder", "paper"]].concat();
         let ended = anyface(folder.path(), &line);
         assert!(ended.status.success(), "{}", text(&ended.stderr));
         let file = fs::File::open(folder.path().join("o.npz")).unwrap();
@@ -392,8 +401,8 @@ fn five_points_say_where_a_face_is() {
     let five = "0.2,0.8,1 0.8,0.8,1 0.5,0.5,1 0.3,0.3,1 0.7,0.3,1";
     done(&folder, &[&find[..], &["--points", five]].concat());
     let written = fs::read_to_string(folder.path().join("l.json")).unwrap();
-    let found: serde_json::Value = serde_json::from_str(&written).unwrap();
-    let corner = &found["landmarks"][48];
+    let landmarks: serde_json::Value = serde_json::from_str(&written).unwrap();
+    let corner = &landmarks["landmarks"][48];
     let place: [f64; 3] = serde_json::from_value(corner["position"].clone()).unwrap();
     assert!(
         place
@@ -699,9 +708,9 @@ fn a_emotion_in_a_word_that_is_no_category_is_for_a_system_that_takes_words() {
     let happy = weights("happy.npz", &["--emotion-keys", "0:joyful"]);
     let apart = |other: &ndarray::Array2<f32>| (other - &angry).mapv(f32::abs).sum();
     assert!(apart(&furious) > 0.0 && apart(&furious) < 0.3 * apart(&happy));
-    let asked = [&motion[..], &["o.npz", "--emotion", "furious"]].concat();
+    let furious_line = [&motion[..], &["o.npz", "--emotion", "furious"]].concat();
     let known = "expected one of neutral, happy";
-    refused(&folder, &asked, INVALID_INPUT, known);
+    refused(&folder, &furious_line, INVALID_INPUT, known);
     let nothing = [&motion[..], &["o.npz", "--emotion", "bicycle"], &cafe].concat();
     refused(
         &folder,

@@ -337,10 +337,10 @@ fn no_file_is_read_without_end() {
 #[test]
 fn a_signal_ends_the_wait_for_a_pipe() {
     let folder = stage();
-    let made = Command::new("mkfifo")
+    let status = Command::new("mkfifo")
         .arg(folder.path().join("pipe"))
         .status();
-    assert!(made.unwrap().success());
+    assert!(status.unwrap().success());
     for arguments in [
         &["parts", "--mesh", "pipe"][..],
         &["parts", "--mesh", "grid.obj", "--landmarks", "pipe"],
@@ -368,9 +368,9 @@ fn a_signal_ends_the_wait_for_a_pipe() {
             .args(["-TERM", &child.id().to_string()])
             .status();
         assert!(sent.unwrap().success());
-        let asked = Instant::now();
+        let signalled = Instant::now();
         while child.try_wait().unwrap().is_none() {
-            if asked.elapsed() > LONGEST {
+            if signalled.elapsed() > LONGEST {
                 child.kill().unwrap();
                 panic!("{arguments:?} waits on");
             }
@@ -632,10 +632,10 @@ fn interrupted(folder: &Path, arguments: &[&str], signal: &str, is_time: impl Fn
         .args([signal, &child.id().to_string()])
         .status();
     assert!(sent.unwrap().success());
-    let asked = Instant::now();
+    let signalled = Instant::now();
     let output = child.wait_with_output().unwrap();
     let message = String::from_utf8_lossy(&output.stderr);
-    let spent = asked.elapsed();
+    let spent = signalled.elapsed();
     assert_eq!(
         output.status.code(),
         Some(9),
@@ -743,16 +743,19 @@ fn the_memory_that_is_told_is_that_which_is_taken() {
         ];
         let how = ["--system", system, "--report", "r.json"];
         let mut child = start(folder.path(), &[&job[..], &face, &how].concat());
-        let mut taken = 0;
+        let mut peak_mb = 0;
         while child.try_wait().unwrap().is_none() {
-            taken = taken.max(peak(child.id()) >> 20);
+            peak_mb = peak_mb.max(peak(child.id()) >> 20);
             std::thread::sleep(Duration::from_millis(2));
         }
         let report = fs::read_to_string(folder.path().join("r.json")).unwrap();
         let report: serde_json::Value = serde_json::from_str(&report).unwrap();
-        let told = report["memory_mb"].as_u64().unwrap();
-        let is_near = told.abs_diff(taken) as f64 <= 0.4 * taken as f64;
-        assert!(is_near, "{system}, {cuts}: told {told} MB, took {taken} MB");
+        let reported_mb = report["memory_mb"].as_u64().unwrap();
+        let is_near = reported_mb.abs_diff(peak_mb) as f64 <= 0.4 * peak_mb as f64;
+        assert!(
+            is_near,
+            "{system}, {cuts}: reported {reported_mb} MB, took {peak_mb} MB"
+        );
     }
 }
 

@@ -225,15 +225,15 @@ fn another_rate_is_interpolated() {
         assert_eq!(code, Some(0), "{notes}");
         lines(&text)
     };
-    let (own, twice) = (at("25"), at("50"));
+    let (usual, twice) = (at("25"), at("50"));
     assert_eq!(
-        (own.len(), twice.len()),
+        (usual.len(), twice.len()),
         (SECONDS * FPS, 2 * SECONDS * FPS - 1)
     );
     let jaw = |frame: &Value| frame["shapes"]["jawOpen"].as_f64().unwrap();
-    for n in 0..own.len() - 1 {
-        assert_eq!(own[n]["shapes"], twice[2 * n]["shapes"]);
-        let middle = 0.5 * (jaw(&own[n]) + jaw(&own[n + 1]));
+    for n in 0..usual.len() - 1 {
+        assert_eq!(usual[n]["shapes"], twice[2 * n]["shapes"]);
+        let middle = 0.5 * (jaw(&usual[n]) + jaw(&usual[n + 1]));
         assert!((jaw(&twice[2 * n + 1]) - middle).abs() < 1e-6);
     }
 }
@@ -294,11 +294,8 @@ fn a_signal_ends_it() {
 fn what_cannot_be_sent_or_heard_is_refused_with_what_helps() {
     let folder = folder_with_sound(&spoken(), 16_000);
     std::fs::write(folder.path().join("no.wav"), b"no sound at all").unwrap();
-    let taken = std::net::TcpListener::bind("127.0.0.1:0").unwrap();
-    let taken = taken
-        .local_addr()
-        .map(|at| (at.to_string(), taken))
-        .unwrap();
+    let listener = std::net::TcpListener::bind("127.0.0.1:0").unwrap();
+    let port_in_use = listener.local_addr().unwrap().to_string();
     for (arguments, code, words) in [
         (vec!["--input", "a.wav"], 3, "name one or more of --vmc"),
         (
@@ -312,7 +309,7 @@ fn what_cannot_be_sent_or_heard_is_refused_with_what_helps() {
             "expected a machine that can be found",
         ),
         (
-            vec!["--input", "a.wav", "--websocket", &taken.0],
+            vec!["--input", "a.wav", "--websocket", &port_in_use],
             3,
             "got one that is in use",
         ),

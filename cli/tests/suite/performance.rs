@@ -77,10 +77,10 @@ fn speech_opens_the_mouth_and_the_same_seed_gives_the_same_file() {
         bytes("a.npz") == bytes("b.npz"),
         "threads changed the result"
     );
-    let made = motion(&folder, "a.npz");
-    assert_eq!(made.displacements.dim(), (30, 68, 3));
-    assert_eq!((made.fps, made.neutral), (Some(30.0), None));
-    let most = largest(&made.displacements);
+    let clip = motion(&folder, "a.npz");
+    assert_eq!(clip.displacements.dim(), (30, 68, 3));
+    assert_eq!((clip.fps, clip.neutral), (Some(30.0), None));
+    let most = largest(&clip.displacements);
     assert!((0.002..0.05).contains(&most), "{most} m");
 }
 
@@ -145,9 +145,9 @@ fn silence_keeps_still_and_says_so() {
     let folder = folder_with_sound(&[0.0; 16_000], 16_000);
     let (_, warning) = done(&folder, "motion --audio a.wav --out o.npz --blinks 0");
     assert!(warning.contains("the sound is silent"), "{warning}");
-    let made = motion(&folder, "o.npz");
-    assert_eq!(made.displacements.dim(), (30, 68, 3));
-    let most = largest(&made.displacements);
+    let clip = motion(&folder, "o.npz");
+    assert_eq!(clip.displacements.dim(), (30, 68, 3));
+    let most = largest(&clip.displacements);
     assert!(most < 0.004, "silence moves a landmark by {most} m");
 }
 
@@ -156,8 +156,8 @@ fn silence_blinks_by_default_and_not_when_emotion_is_off() {
     let folder = folder_with_sound(&[0.0; 10 * 16_000], 16_000);
     let lids = |line: &str| {
         done(&folder, &format!("motion --audio a.wav --out o.npz {line}"));
-        let made = motion(&folder, "o.npz").displacements;
-        let upper = made.slice(ndarray::s![.., 36..48, ..]).to_owned();
+        let displacements = motion(&folder, "o.npz").displacements;
+        let upper = displacements.slice(ndarray::s![.., 36..48, ..]).to_owned();
         largest(&upper)
     };
     assert!(lids("") > 0.007);
@@ -181,29 +181,29 @@ fn odd_but_usable_sounds_give_sane_motion() {
             &folder,
             "motion --audio a.wav --out o.npz --emotion happy:0.7",
         );
-        let made = motion(&folder, "o.npz");
-        assert_eq!(made.displacements.dim(), (frames, 68, 3));
-        assert!(largest(&made.displacements) < 0.05);
+        let clip = motion(&folder, "o.npz");
+        assert_eq!(clip.displacements.dim(), (frames, 68, 3));
+        assert!(largest(&clip.displacements) < 0.05);
     }
 }
 
 #[test]
 fn damaged_weights_are_refused() {
     let folder = folder_with_sound(&babble(0.2, 16_000), 16_000);
-    let own = folder.path().join("own/ats_compact");
-    fs::create_dir_all(&own).unwrap();
+    let models = folder.path().join("own/ats_compact");
+    fs::create_dir_all(&models).unwrap();
     let weights = fs::read(model("ats_compact").join("model.planes.gz")).unwrap();
     fs::copy(
         model("ats_compact").join("config.json"),
-        own.join("config.json"),
+        models.join("config.json"),
     )
     .unwrap();
     let line = "motion --audio a.wav --out o.npz --weights own";
     for length in [0, 5, weights.len() / 2, weights.len() - 1] {
-        fs::write(own.join("model.planes.gz"), &weights[..length]).unwrap();
+        fs::write(models.join("model.planes.gz"), &weights[..length]).unwrap();
         refused(&folder, line, 7, "weights: ");
     }
-    fs::write(own.join("model.planes.gz"), &weights).unwrap();
+    fs::write(models.join("model.planes.gz"), &weights).unwrap();
     done(&folder, line);
 }
 
@@ -297,8 +297,8 @@ fn landmarks_of_the_default_head_are_found_and_written() {
     let (said, _) = done(&folder, &line);
     assert!(said.contains("68 landmarks"), "{said}");
     let text = fs::read_to_string(folder.path().join("l.json")).unwrap();
-    let found: serde_json::Value = serde_json::from_str(&text).unwrap();
-    assert_eq!(found["landmarks"].as_array().unwrap().len(), 68);
+    let landmarks: serde_json::Value = serde_json::from_str(&text).unwrap();
+    assert_eq!(landmarks["landmarks"].as_array().unwrap().len(), 68);
     fs::create_dir_all(folder.path().join("own/landmarks")).unwrap();
     let again = format!(
         "landmarks --mesh {} --out m.json --weights own",

@@ -17,7 +17,7 @@ use crate::{model, voice::babble};
 /// Part of the largest number of an array by which a number may differ.
 const TOLERANCE: f32 = 1e-5;
 /// Numbers that are kept of an array, spread over all of it.
-const KEPT: usize = 48;
+const SAMPLES: usize = 48;
 
 /// Name of the file that a run writes, and its command line; `HEAD` stands for the default head with
 /// its landmarks.
@@ -94,10 +94,10 @@ fn numbers(path: &Path, line: &str, mesh: &Mesh) -> Vec<f32> {
     }
 }
 
-/// Some of them, and the largest.
-fn kept(numbers: &[f32]) -> Vec<f32> {
+/// Sums up a run for its golden: the count, the largest magnitude, and `SAMPLES` numbers spread over all.
+fn sample(numbers: &[f32]) -> Vec<f32> {
     let largest = numbers.iter().fold(0.0f32, |most, x| most.max(x.abs()));
-    let some = (0..KEPT).map(|i| numbers[(2 * i + 1) * numbers.len() / (2 * KEPT)]);
+    let some = (0..SAMPLES).map(|i| numbers[(2 * i + 1) * numbers.len() / (2 * SAMPLES)]);
     [numbers.len() as f32, largest]
         .into_iter()
         .chain(some)
@@ -117,7 +117,7 @@ fn ten_runs_give_the_numbers_that_they_gave() {
         head.join("landmarks.json").display()
     );
     let program = env::var("ANYFACE_COMMAND").unwrap_or(env!("CARGO_BIN_EXE_anyface").into());
-    let mut found = BTreeMap::new();
+    let mut samples = BTreeMap::new();
     for (name, line) in RUNS {
         let filled = line.replace("HEAD", &words);
         let arguments =
@@ -138,18 +138,21 @@ fn ten_runs_give_the_numbers_that_they_gave() {
             "{line}: {}",
             String::from_utf8_lossy(&output.stderr)
         );
-        found.insert(name, kept(&numbers(&folder.path().join(name), line, &mesh)));
+        samples.insert(
+            name,
+            sample(&numbers(&folder.path().join(name), line, &mesh)),
+        );
     }
     let golden = Path::new(env!("CARGO_MANIFEST_DIR")).join("../tests/goldens/runs.json");
     if env::var_os("ANYFACE_REFRESH_GOLDENS").is_some() {
-        fs::write(&golden, serde_json::to_string(&found).unwrap() + "\n").unwrap();
+        fs::write(&golden, serde_json::to_string(&samples).unwrap() + "\n").unwrap();
     }
     let text = fs::read_to_string(golden).unwrap();
     let expected: BTreeMap<String, Vec<f32>> = serde_json::from_str(&text).unwrap();
     assert_eq!(expected.len(), RUNS.len());
     for (name, numbers) in &expected {
         let limit = TOLERANCE * numbers[1];
-        for (i, (got, want)) in found[name.as_str()].iter().zip(numbers).enumerate() {
+        for (i, (got, want)) in samples[name.as_str()].iter().zip(numbers).enumerate() {
             assert!(
                 (got - want).abs() <= limit,
                 "{name} {i}: expected {want}, got {got}"

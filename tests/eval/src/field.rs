@@ -179,8 +179,8 @@ impl Field {
         };
         for (channel, sums) in channels.iter().zip(&sums) {
             println!("  {channel:>20}: {}", line(sums));
-            for (all, own) in all.iter_mut().flatten().zip(sums.iter().flatten()) {
-                *all += own;
+            for (all, sum) in all.iter_mut().flatten().zip(sums.iter().flatten()) {
+                *all += sum;
             }
         }
         println!("  {:>20}: {}", "all", line(&all));

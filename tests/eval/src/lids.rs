@@ -43,8 +43,8 @@ pub(super) struct Lids {
     #[arg(long, value_name = "DIR")]
     also: Vec<PathBuf>,
     /// Heads that `anyface head` makes, of the seeds from 1 on
-    #[arg(long, value_name = "N", default_value_t = 12)]
-    made: u64,
+    #[arg(long = "made", value_name = "N", default_value_t = 12)]
+    seeds: u64,
     /// Strength of each emotion
     #[arg(long, value_name = "X", default_value_t = 1.5)]
     strength: f32,
@@ -61,8 +61,9 @@ const HALF_HEIGHT_M: f32 = 0.032;
 const NEAR: f32 = 1.2;
 /// Triangles whose normal leans to the front by less than this are rims.
 const LEAST_FRONT: f32 = 0.25;
-/// A triangle is seen where nothing lies before its centre by more than this, and side of a cell, metres.
+/// A triangle is visible if nothing lies further than this in front of its centre, metres.
 const BEFORE_M: f32 = 3e-4;
+/// Side of a cell of the view, metres.
 const CELL_M: f32 = 2e-4;
 /// A triangle may grow so many times.
 const MOST_GROWTH: f32 = 4.0;
@@ -87,7 +88,7 @@ impl Lids {
     pub(super) fn run(&self, shared: &SharedArgs, console: &Console) -> Result<()> {
         let engine = shared.engine()?;
         let mut subjects = vec![subjects::default_head(&self.head)?];
-        subjects.extend(subjects::of_seeds(shared.weights.as_deref(), self.made)?);
+        subjects.extend(subjects::of_seeds(shared.weights.as_deref(), self.seeds)?);
         let data = self.data.folder()?;
         subjects.extend(subjects::of_known_faces(&data)?);
         subjects.extend(subjects::of_folder(&data.join("meshes"))?);
@@ -129,7 +130,7 @@ impl Lids {
                 let each = each.map(|(frame, of)| cells.marked(Some(frame), &of.0, &view));
                 columns.push(under(&each.collect::<Vec<_>>()));
             }
-            let in_sight = blinks::seen(&face, frames.index_axis(Axis(0), 2));
+            let in_sight = blinks::eyeball_share(&face, frames.index_axis(Axis(0), 2));
             row.in_sight = row.in_sight.into_iter().chain(in_sight).reduce(f64::max);
         }
         if let Some(album) = album {
@@ -235,13 +236,13 @@ fn near_eyes(face: &Face) -> NearEyes {
 }
 
 impl NearEyes {
-    /// Those that turn over and are seen so in a frame `[V, 3]`, and how many grow.
+    /// The visible triangles that turn over in a frame `[V, 3]`, and how many grow.
     fn changed(&self, face: &Face, frame: ArrayView2<'_, f32>) -> Changed {
         let places = canonical(face, &pose(&face.mesh, frame).positions);
-        let now_seen = seen(&self.triangles, &places);
+        let visible = find_visible(&self.triangles, &places);
         let mut changed = (Vec::new(), 0);
         for (k, t) in self.triangles.iter().enumerate() {
-            if now_seen[k] {
+            if visible[k] {
                 let now = normal(t.map(|v| places[v as usize]));
                 changed
                     .0
@@ -260,8 +261,8 @@ fn canonical(face: &Face, positions: &[[f32; 3]]) -> Vec<[f32; 3]> {
         .collect()
 }
 
-/// Whether each triangle's centre is seen from the front before the others.
-fn seen(triangles: &[[u32; 3]], places: &[[f32; 3]]) -> Vec<bool> {
+/// Whether the centre of each triangle is visible from the front.
+fn find_visible(triangles: &[[u32; 3]], places: &[[f32; 3]]) -> Vec<bool> {
     let corners = |t: &[u32; 3]| t.map(|v| places[v as usize]);
     let mut bounds = ([f32::INFINITY; 2], [f32::NEG_INFINITY; 2]);
     for p in triangles.iter().flat_map(corners) {
@@ -272,12 +273,12 @@ fn seen(triangles: &[[u32; 3]], places: &[[f32; 3]]) -> Vec<bool> {
     }
     let mut view = FrontView::new(bounds.0, bounds.1, CELL_M);
     triangles.iter().for_each(|t| view.draw(corners(t), 1));
-    let is_seen = |t: &[u32; 3]| {
+    let is_visible = |t: &[u32; 3]| {
         let [x, y, z] = centre(corners(t));
         let [column, row] = view.cell_at([x, y]);
         z > view.depth(column, row) - BEFORE_M
     };
-    triangles.iter().map(is_seen).collect()
+    triangles.iter().map(is_visible).collect()
 }
 
 fn centre(corners: [[f32; 3]; 3]) -> [f32; 3] {

@@ -35,8 +35,8 @@ pub(super) struct Turned {
     #[arg(long, value_name = "DIR")]
     also: Vec<PathBuf>,
     /// Heads that `anyface head` makes, of the seeds from 1 on
-    #[arg(long, value_name = "N", default_value_t = 3)]
-    made: u64,
+    #[arg(long = "made", value_name = "N", default_value_t = 3)]
+    seeds: u64,
     /// Only heads whose title has this in it
     #[arg(long, value_name = "TEXT")]
     only: Option<String>,
@@ -78,7 +78,7 @@ impl Turned {
     pub(super) fn run(&self, shared: &SharedArgs, console: &Console) -> Result<()> {
         let finder = LandmarkFinder::load(shared.weights.as_deref())?;
         let mut subjects = vec![subjects::default_head(&self.head)?];
-        subjects.extend(subjects::of_seeds(shared.weights.as_deref(), self.made)?);
+        subjects.extend(subjects::of_seeds(shared.weights.as_deref(), self.seeds)?);
         let mut folders = vec![self.data.folder()?.join("meshes")];
         folders.extend(self.also.iter().cloned());
         for folder in &folders {

@@ -68,7 +68,7 @@ pub(super) fn blinks(engine: &Engine, subject: &Subject) -> Result<Blinks> {
         for (row, frame) in rows.iter_mut().zip(frames.outer_iter()) {
             row.push(cells.close_up(Some(frame), &view));
         }
-        in_sight.extend(seen(&face, frames.index_axis(Axis(0), 2)));
+        in_sight.extend(eyeball_share(&face, frames.index_axis(Axis(0), 2)));
     }
     let rows: Vec<Picture> = rows.iter().map(|row| beside(row)).collect();
     Ok(Blinks {
@@ -134,9 +134,9 @@ fn openings(clip: &LandmarkClip) -> Vec<f32> {
     frames.map(of).collect()
 }
 
-/// What is seen of the eyeballs in a frame to what is seen at rest; `None` without eyeballs. The mesh is
+/// Visible area of the eyeballs in a frame, as a share of that at rest. `None` without eyeballs. The mesh must be
 /// upright with +z out of the face, as the heads of a gallery are.
-pub(crate) fn seen(face: &Face, frame: ArrayView2<'_, f32>) -> Option<f64> {
+pub(crate) fn eyeball_share(face: &Face, frame: ArrayView2<'_, f32>) -> Option<f64> {
     let of = |role| -> Vec<[u32; 3]> {
         let all = face.mesh.triangles.iter().copied();
         all.filter(|t| face.parts.is(t[0] as usize, role)).collect()

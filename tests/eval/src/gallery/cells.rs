@@ -65,15 +65,15 @@ impl View {
         let view = View { yaw, ..self };
         let count = marks.len() as f32;
         let marks = &face.landmarks.positions[marks];
-        let positions_in_view = marks.iter().map(|p| view.seen(face, *p));
+        let positions_in_view = marks.iter().map(|p| view.project(face, *p));
         let middle_m = positions_in_view.fold([0.0; 2], |sum, [x, y, _]| {
             [sum[0] + x / count, sum[1] + y / count]
         });
         View { middle_m, ..view }
     }
 
-    /// A point of the mesh in the picture's space.
-    fn seen(&self, face: &Face, point: [f32; 3]) -> [f32; 3] {
+    /// Moves a point of the mesh into the space of the picture: metres, x right, y up, z towards the viewer.
+    fn project(&self, face: &Face, point: [f32; 3]) -> [f32; 3] {
         let [x, y, z] = face.to_canonical.apply(point);
         let (sin, cos) = self.yaw.sin_cos();
         // The face lies some centimetres before the axis: keeps it in the middle.
@@ -131,7 +131,7 @@ impl Cells<'_> {
         let (width, height) = (view.size.0 as f32, view.size.1 as f32);
         let pixels = 0.5 * height / view.half_height_m;
         for landmark in self.face.landmarks.positions {
-            let [x, y, _] = view.seen(self.face, landmark);
+            let [x, y, _] = view.project(self.face, landmark);
             let column = (0.5 * width + (x - view.middle_m[0]) * pixels) as isize;
             let row = (0.5 * height - (y - view.middle_m[1]) * pixels) as isize;
             for (dx, dy) in (-MARK..=MARK).flat_map(|x| (-MARK..=MARK).map(move |y| (x, y))) {
@@ -176,7 +176,7 @@ impl Cells<'_> {
             None => self.mesh.clone(),
         };
         for point in &mut mesh.positions {
-            *point = view.seen(self.face, *point);
+            *point = view.project(self.face, *point);
         }
         let scene = Scene {
             normals: &mesh.vertex_normals(),

@@ -17,8 +17,8 @@ use anyface::{Error, Result, audio::Waveform};
 /// The effortful emotion, and those it is held against.
 const LOUD: &str = "anger";
 const SOFT: [&str; 3] = ["sadness", "boredom", "neutral"];
-/// At most so many recordings are whispered and shouted.
-const MADE: usize = 16;
+/// Most recordings that are turned into a whisper and a shout.
+const SYNTHETIC_PAIRS: usize = 16;
 const FPS: f64 = 25.0;
 const CHIN: usize = 8;
 const WIDE: f64 = 0.95;
@@ -44,14 +44,14 @@ pub(super) fn measure(
         default_controls: true,
         ..wish.clone()
     };
-    let mut out = acted(speaker, &wish, data, limit)?;
-    out.push(made(speaker, &wish, spoken)?);
+    let mut out = score_acted(speaker, &wish, data, limit)?;
+    out.push(score_synthetic(speaker, &wish, spoken)?);
     Ok(out)
 }
 
-/// A shout against a whisper, both made of the same recording.
-fn made(speaker: &Speaker, wish: &Wish, spoken: &[&Clip]) -> Result<Row> {
-    let pairs = spaced(spoken, MADE).map(|clip| {
+/// Scores shouts against whispers that are synthesised from the same recordings.
+fn score_synthetic(speaker: &Speaker, wish: &Wish, spoken: &[&Clip]) -> Result<Row> {
+    let pairs = spaced(spoken, SYNTHETIC_PAIRS).map(|clip| {
         let loud = fall_mm(speaker, wish, &shouted(&clip.waveform))?;
         Ok([loud, fall_mm(speaker, wish, &whispered(&clip.waveform))?])
     });
@@ -59,8 +59,13 @@ fn made(speaker: &Speaker, wish: &Wish, spoken: &[&Clip]) -> Result<Row> {
     Ok(score("a made shout against a made whisper".into(), &pairs))
 }
 
-/// Anger against the other emotions.
-fn acted(speaker: &Speaker, wish: &Wish, data: &Path, limit: Option<usize>) -> Result<Vec<Row>> {
+/// Scores acted anger against the other emotions.
+fn score_acted(
+    speaker: &Speaker,
+    wish: &Wish,
+    data: &Path,
+    limit: Option<usize>,
+) -> Result<Vec<Row>> {
     let folder = data.join("speech/emodb_de");
     let said = by_actor_and_sentence(read(&folder.join("clips.tsv"))?);
     let mut falls: BTreeMap<&'static str, Vec<[f64; 2]>> = BTreeMap::new();

@@ -41,7 +41,7 @@ struct Track {
     /// `[T, 68, 3]` centimetres, filled and smoothed.
     landmarks: Array3<f64>,
     /// `[T]`, whether the tracker saw the face.
-    found: Vec<bool>,
+    tracked: Vec<bool>,
 }
 
 /// Every tenth clip by name is held out; the first `limit` of them are read.
@@ -72,7 +72,7 @@ pub(super) fn read(data: &Path, ict: &IctLandmarks, limit: Option<usize>) -> Res
             neutral: ict.neutral.clone(),
             fps: FPS,
             observed: (0..LANDMARKS).filter(|n| !EYES.contains(n)).collect(),
-            judged: longest_run(&track.found),
+            judged: longest_run(&track.tracked),
             phones: None,
         })
     };
@@ -111,30 +111,30 @@ pub(crate) fn spans(file: &TensorFile, clips: usize) -> Result<Vec<Range<usize>>
 
 fn read_tracks(file: &TensorFile, clips: usize) -> Result<Vec<Track>> {
     let (values, shape) = file.floats("landmarks")?;
-    let (found, _) = file.floats("found")?;
+    let (tracked, _) = file.floats("found")?;
     let spans = spans(file, clips)?;
     let frames = spans.last().map_or(0, |span| span.end);
-    if shape != [frames, LANDMARKS, 3] || found.len() != frames {
+    if shape != [frames, LANDMARKS, 3] || tracked.len() != frames {
         return Err(file.bad(&format!(
             "expected landmarks [{frames}, 68, 3] and found [{frames}], got {shape:?} and [{}]",
-            found.len()
+            tracked.len()
         )));
     }
     let values = values.into_iter().map(|x| f64::from(x) / UNITS_PER_CM);
     let all = Array3::from_shape_vec((frames, LANDMARKS, 3), values.collect())
         .map_err(|e| file.bad(&e.to_string()))?;
     let track = |span: Range<usize>| {
-        let found: Vec<bool> = found[span.clone()].iter().map(|x| *x > 0.0).collect();
+        let tracked: Vec<bool> = tracked[span.clone()].iter().map(|x| *x > 0.0).collect();
         let raw = all.slice_axis(Axis(0), Slice::from(span)).to_owned();
         Track {
-            landmarks: smoothed(&filled(&raw, &found)),
-            found,
+            landmarks: smoothed(&filled(&raw, &tracked)),
+            tracked,
         }
     };
     Ok(spans.into_iter().map(track).collect())
 }
 
-/// The longest stretch of frames that were found.
+/// The longest stretch of frames that were tracked.
 fn longest_run(tracked: &[bool]) -> Range<usize> {
     let mut best = 0..0;
     let mut start = 0;
@@ -194,9 +194,9 @@ fn smoothed(track: &Array3<f64>) -> Array3<f64> {
 fn rest_template(tracks: &[Track]) -> Array2<f64> {
     let mut edges = Vec::new();
     for track in tracks {
-        let frames = track.found.len();
+        let frames = track.tracked.len();
         let ends = (0..EDGE_FRAMES.min(frames)).chain(frames.saturating_sub(EDGE_FRAMES)..frames);
-        let tracked = ends.filter(|t| track.found[*t]);
+        let tracked = ends.filter(|t| track.tracked[*t]);
         edges.extend(tracked.map(|t| track.landmarks.index_axis(Axis(0), t)));
     }
     let gap = |face: &ArrayView2<'_, f64>| {
@@ -278,14 +278,14 @@ mod tests {
         }
         let clean = Track {
             landmarks: face.clone(),
-            found: vec![true; 40],
+            tracked: vec![true; 40],
         };
         face.index_axis_mut(Axis(0), 0).fill(50.0);
-        let mut found = vec![true; 40];
-        found[0] = false;
+        let mut tracked = vec![true; 40];
+        tracked[0] = false;
         let broken = Track {
             landmarks: face,
-            found,
+            tracked,
         };
         let difference = rest_template(&[clean]) - rest_template(&[broken]);
         assert!(difference.iter().all(|x| x.abs() < 0.05));

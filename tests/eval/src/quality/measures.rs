@@ -23,9 +23,9 @@ pub(super) struct Measure {
 fn scatter(clips: &[&ClipScores], feature: usize) -> [f64; 3] {
     clips.iter().fold([0.0; 3], |sum, clip| {
         let moments = &clip.features[feature];
-        let [made, recorded] = moments.scatter();
-        let own = [made, recorded, moments.joint_scatter()];
-        std::array::from_fn(|k| sum[k] + own[k])
+        let [predicted, recorded] = moments.scatter();
+        let scatter = [predicted, recorded, moments.joint_scatter()];
+        std::array::from_fn(|k| sum[k] + scatter[k])
     })
 }
 

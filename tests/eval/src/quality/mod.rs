@@ -59,7 +59,7 @@ use figures::Figures;
 use heads::Head;
 use labiodentals::Mouth;
 use measures::{FEATURE_ROWS, Measure, measures, scores};
-use predictors::{Asked, Performed};
+use predictors::{Evaluation, Performed};
 use results::{PredictorScores, Results, SourceScores, WeightsHash};
 use scores::ClipScores;
 use speaker::{Speaker, Wish};
@@ -190,7 +190,7 @@ impl Quality {
         console: &Console,
     ) -> Result<()> {
         let wish = self.wish();
-        let run = self.asked(speaker, others, &wish);
+        let run = self.evaluation(speaker, others, &wish);
         let [ends, whole] = facegood::read(data, ict, self.limit)?;
         let mut performed = vec![
             run.perform_plainly(grid::read(data, ict, self.limit)?)?,
@@ -204,13 +204,13 @@ impl Quality {
         Ok(())
     }
 
-    fn asked<'a>(
+    fn evaluation<'a>(
         &'a self,
         speaker: &'a Speaker,
         others: &'a [(String, Speaker)],
         wish: &'a Wish,
-    ) -> Asked<'a> {
-        Asked {
+    ) -> Evaluation<'a> {
+        Evaluation {
             speaker,
             others,
             wish,
@@ -244,7 +244,7 @@ impl Quality {
             aligned::attach(folder, &mut corpora, ict, limit)?;
         }
         let wish = self.wish();
-        let run = self.asked(speaker, others, &wish);
+        let run = self.evaluation(speaker, others, &wish);
         let count = corpora.len() as f32;
         let each = corpora.into_iter().enumerate();
         let performed = each.map(|(k, corpus): (usize, Corpus)| {

@@ -86,8 +86,8 @@ impl Performed {
     }
 }
 
-/// How the model is asked, and where other predictors lie.
-pub(super) struct Asked<'a> {
+/// The model with the request for it, and where the other predictors lie.
+pub(super) struct Evaluation<'a> {
     pub speaker: &'a Speaker,
     /// Other systems by name.
     pub others: &'a [(String, Speaker)],
@@ -97,7 +97,7 @@ pub(super) struct Asked<'a> {
     pub also: Option<&'a Path>,
 }
 
-impl Asked<'_> {
+impl Evaluation<'_> {
     /// All predictors on `corpus`; `fallback` are baselines for a corpus without training clips.
     pub(super) fn perform(
         &self,

@@ -128,7 +128,7 @@ fn recorded_source(page: &mut Page, source: &SourceScores) {
         let cells = source.predictors.iter();
         let cells = cells.map(|p| match (measure.key, p.scores.get(measure.key)) {
             ("clips", Some(count)) => number(count.value, 0),
-            (_, found) => cell(found, measure.digits),
+            (_, score) => cell(score, measure.digits),
         });
         [measure.title.to_owned()]
             .into_iter()
