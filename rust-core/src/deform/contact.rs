@@ -1,11 +1,37 @@
 //! Lips that touch: their rims neither pass through one another nor stay apart.
 //!
-//! Weights over landmarks do not know that two rims face each other. So the rims of the mouth are found
-//! once, from corner to corner. The upper rim is the lowest vertices near its landmarks, the lower rim the
-//! highest ones near its own. In each frame the gap between the rims is measured at [`SAMPLES`] places. Where
-//! it is negative, and smaller than in the neutral face, each rim gives way by half. Where the landmarks have
-//! met and the rims have not, the rims come together. The change fades over the skin beside the rims. Lips
-//! that neither cross nor have to meet keep their displacements, bit for bit.
+//! Weights over landmarks do not know that two rims face each other. A mouth whose landmarks meet may therefore show a
+//! gap, or its lips may overlap. This module measures the gap between both rims in every frame and moves the skin
+//! beside them to mend it.
+//!
+//! Once, in the neutral face:
+//! 1. The line between the inner corners of the mouth gives each point a place along it, from 0 to 1, and a height.
+//! 2. Dijkstra along the edges, from the inner landmarks of both lips, says which vertices belong to which lip.
+//! 3. The line is divided into [`PIECES`]. The rim of the upper lip has the lowest vertex of each piece, that of the
+//!    lower lip the highest. Only vertices within [`RIM_CM`] of their lip's landmarks count.
+//! 4. [`SAMPLES`] places along the line note the two rim vertices of each lip beside them, and the neutral gap.
+//! 5. Skin beside the rims, and what follows this skin, gets its share of a change of the gap. The share is half at the
+//!    upper rim and minus half at the lower one. It fades to 0 at the reach of the slit.
+//!
+//! In each frame:
+//! 1. Where the gap is less than 0, the rims are pushed apart by what is missing. A neutral face whose rims overlap
+//!    already may keep that overlap.
+//! 2. Where the landmarks have met but the rims have not, the rims are pulled together. The pull grows as the landmarks
+//!    come nearer to one another. It ends at gaps of [`PULL_CM`], because rims so far apart are not what the landmarks
+//!    lie on.
+//! 3. Both are smoothed along the line, and every vertex moves up or down by its share of the change at its place.
+//!
+//! The preparation costs a few passes over V, and up to [`PIECES`] distances for each vertex near the mouth. A frame
+//! costs one pass over the samples and one over the vertices with a share. Nothing iterates.
+//!
+//! Not obvious: a push is spread by the maximum over its neighbours before it is smoothed. The smooth push is then
+//! nowhere less than what opens the crossing. A pull leaves a part of the gap, the larger the wider the gap is, and is
+//! only smoothed. Beside a place with a larger pull it may go slightly too far. A frame whose gaps all stay is not
+//! touched, bit for bit.
+//!
+//! What can go wrong: the corners lie less than a millimetre apart or one above the other, or a lip has fewer than two
+//! rim vertices. Then there is no [`Slit`], and the mouth follows its landmarks alone. A lip that no edge joins to the
+//! landmarks' skin belongs to neither side and gets no share.
 //!
 //! Lengths are canonical centimetres.
 

@@ -1,8 +1,31 @@
 //! Skin about the eyes that would turn over goes with the skin beside it.
 //!
-//! Lids, brows and cheeks each keep to their own landmarks; where two of them press on few triangles these would fold. A
-//! triangle counts the more the further its normal has turned, so what is done to it begins smoothly in time. Which way
-//! the corners of a triangle are ordered does not matter: it is compared with itself at rest.
+//! Lids, brows and cheeks each keep to their own landmarks. Where two of them press on few triangles, triangles turn
+//! over and the skin shows folds. This module looks for such triangles in every frame and evens out the displacements
+//! of their corners.
+//!
+//! Once: all triangles of the skin within reach of the lids' landmarks give vertices and neighbours. Of these triangles
+//! only those are watched that one sees from the front and that lean to the front. Rims of lids roll, and the linings
+//! behind them fold, as they should.
+//!
+//! In each frame, up to [`ROUNDS`] times ([`Untangle::apply`]):
+//! 1. For each watched triangle, the cosine between its normal and its normal at rest says how far it has turned. Its
+//!    corners give way by a share that grows from 0 to 1 between the two cosines of [`TURN`].
+//! 2. Every vertex that gives way goes [`RATE`] times its share of the way to the mean displacement of its
+//!    neighbours. All vertices use the displacements from before the round, so that their order does not matter.
+//! 3. The rounds end as soon as no triangle has turned so far.
+//!
+//! A frame without folds, as nearly all are, costs one pass over the watched triangles without roots or divisions. A
+//! frame with folds costs up to [`ROUNDS`] passes.
+//!
+//! Not obvious: displacements are evened out, not places, so that the sculpted shape of the lids stays. Each triangle
+//! is compared with itself at rest, so the order of its corners does not matter. The share begins at 0, so what is
+//! done to a triangle begins without a jump in time. The edges of the lids never give way, because `eyelids` has just
+//! put them where they meet.
+//!
+//! What can go wrong: a fold may be left after the last round, for example between two edges that stay. The frame then
+//! keeps it. A triangle that collapses to a line has no normal. It counts as turned by a right angle and
+//! gives way by half.
 //!
 //! Lengths are canonical centimetres.
 
@@ -66,20 +89,7 @@ impl Untangle {
         vertices.sort_unstable();
         vertices.dedup();
         let number = |v: u32| vertices.binary_search(&v).ok().map(|k| k as u32);
-        let mut neighbours = vec![Vec::new(); vertices.len()];
-        for t in near
-            .iter()
-            .filter_map(|t| Some([number(t[0])?, number(t[1])?, number(t[2])?]))
-        {
-            for (a, b) in [(0, 1), (1, 2), (2, 0)] {
-                neighbours[t[a] as usize].push(t[b]);
-                neighbours[t[b] as usize].push(t[a]);
-            }
-        }
-        for list in &mut neighbours {
-            list.sort_unstable();
-            list.dedup();
-        }
+        let numbered = |t: &[u32; 3]| Some([number(t[0])?, number(t[1])?, number(t[2])?]);
         let view = front_view(&near, surface, reach);
         let is_outer = |t: &&[u32; 3]| {
             let corners = t.map(|v| Vec3::from(at[v as usize]));
@@ -90,7 +100,7 @@ impl Untangle {
         };
         let triangles = near.iter().filter(is_outer).filter_map(|t| {
             let rest = area(t.map(|v| positions[v as usize].into()));
-            Some(([number(t[0])?, number(t[1])?, number(t[2])?], rest.into()))
+            Some((numbered(t)?, rest.into()))
         });
         let triangles = triangles.collect();
         let copies = skin.sewn.iter().enumerate();
@@ -101,7 +111,7 @@ impl Untangle {
                 .collect(),
             places: vertices.iter().map(|&v| positions[v as usize]).collect(),
             is_edge: vertices.iter().map(|v| edges.contains(v)).collect(),
-            neighbours,
+            neighbours: neighbours(near.iter().filter_map(numbered), vertices.len()),
             triangles,
             vertices,
         }
@@ -186,6 +196,22 @@ impl Untangle {
         }
         any
     }
+}
+
+/// For each of `count` vertices those that share a triangle with it, rising.
+fn neighbours(triangles: impl Iterator<Item = [u32; 3]>, count: usize) -> Vec<Vec<u32>> {
+    let mut neighbours = vec![Vec::new(); count];
+    for t in triangles {
+        for (a, b) in [(0, 1), (1, 2), (2, 0)] {
+            neighbours[t[a] as usize].push(t[b]);
+            neighbours[t[b] as usize].push(t[a]);
+        }
+    }
+    for list in &mut neighbours {
+        list.sort_unstable();
+        list.dedup();
+    }
+    neighbours
 }
 
 /// What is seen of triangles at rest, within `reach` of the lids: a single one may be as large as a house.

@@ -1,14 +1,29 @@
-//! What a part that is not skin is, told by its shape and its place beside the landmarks.
+//! What a part that is not skin is, judged by its shape and its place beside the landmarks.
 //!
-//! Simple rules of thumb, in this order:
+//! A mesh names its parts in any language or not at all, so names say nothing. Most rules compare the box about a part
+//! with the landmarks. They are rules of thumb, and the first one that fits counts:
 //!
-//! - round and in a socket: an eye, with what lies on it or in it (see `eye_parts`);
-//! - behind the lips: below the line between the lips it follows the jaw, above it the skull; taller
-//!   than [`TALL_CM`], such as gums with a tongue, it holds both;
-//! - a plate before an eye, or a frame across both that hangs below them: glasses;
-//! - large and reaching well above the brows: hair, a hat;
-//! - out of reach of any skin: nothing of the face;
-//! - anything else follows the skin nearest to its roots.
+//! 1. Round and in a socket: an eye, with what lies on it or in it ([`EyeParts`]).
+//! 2. Within the mouth's width and behind the lips: a part of the mouth. A part taller than [`TALL_CM`], such as gums
+//!    with a tongue, holds both jaws. Else its middle decides: below the line between the lips it follows the jaw,
+//!    above it the skull.
+//! 3. A frame across both eyes that hangs below them, or a plate before one eye: glasses, which rest with the skull.
+//! 4. Large and reaching well above the brows: hair or a hat, which rest with the skull.
+//! 5. Any vertex within [`REACH_CM`] of the skin: lashes, brows, beards. The part follows the skin nearest to its
+//!    roots.
+//! 6. Anything else is no part of the face and stays still.
+//!
+//! The cost of rules 2 to 4 is one pass over the vertices of a part. Only rule 5, and eyes away from the landmarks,
+//! ask for the nearest skin. The search tree is therefore a closure that builds it for the first part that needs it,
+//! and rule 5 stops at the first vertex within reach.
+//!
+//! Not obvious: the order is part of the rules. Eyeballs, teeth and glasses lie within reach of the skin and would
+//! follow it by rule 5, so that rule comes after theirs. A moustache stands out before the lips. It is therefore no
+//! part of the mouth and reaches rule 5. Glasses and hair have the same role, so their order does not matter.
+//!
+//! What can go wrong: a rule can only see boxes. Long hair that ends below the brows' height follows the skin, and a
+//! lamp near the cheek counts as a beard. A caller's choice of a role ([`PartChoices`](crate::mesh::PartChoices))
+//! overrides every rule.
 //!
 //! Lengths are canonical centimetres; those inside the mouth grow with the mouth's width.
 

@@ -1,10 +1,8 @@
 //! Fits a head to a scan: finds coefficients for which the scan's points lie on the surface, eq. 17
 //! without time.
 //!
-//! Gauss-Newton on robust distances under the prior N(0, 1) of the coefficients, with the 68
-//! landmarks as a start and as a guide. The backward field brings points of a face at rest to the
-//! canonical pose. The chain rule gives the slopes of the distance with the coefficients. Twin of
-//! `training/systems/facetalk/fit_codes.py`, which takes differences and neither poses nor aligns.
+//! [`Head::fit_scan`] says how; `identity::slopes` has the slopes. Twin of `training/systems/facetalk/fit_codes.py`,
+//! which takes differences and neither poses nor aligns.
 
 use faer::{Mat, Side, linalg::solvers::Solve};
 use rand_chacha::{
@@ -93,8 +91,74 @@ pub struct ScanFit {
     pub warnings: Vec<String>,
 }
 
+impl ScanFit {
+    /// Of a head whose surface lies `distances` away from the points of the scan's face, metres.
+    ///
+    /// # Errors
+    /// `InvalidInput` where they are too large or the coefficients are those of no head.
+    fn checked(
+        coefficients: Vec<f32>,
+        mut distances: Vec<f32>,
+        to_head: Similarity,
+    ) -> Result<ScanFit> {
+        distances.iter_mut().for_each(|s| *s = 1e3 * s.abs());
+        distances.sort_by(f32::total_cmp);
+        let mean_mm = distances.iter().sum::<f32>() / distances.len() as f32;
+        let most_mm = distances[distances.len() * 9 / 10];
+        if mean_mm > MOST_MM {
+            return Err(wrong(format!(
+                "expected a face within {MOST_MM} mm of a head that was learned, got {mean_mm:.1} mm on average and \
+                 {most_mm:.1} mm at one point of ten"
+            )));
+        }
+        let spread = rms(&coefficients);
+        if spread > MOST_SPREAD {
+            return Err(wrong(format!(
+                "expected a face, got a shape that only a head {spread:.1} times as far from the mean as usual comes \
+                 near to, to {mean_mm:.1} mm (at most {MOST_SPREAD} times)"
+            )));
+        }
+        Ok(ScanFit {
+            coefficients,
+            mean_mm,
+            most_mm,
+            points: distances.len(),
+            metres_per_unit: to_head.scale,
+            warnings: unit_note(to_head.scale).into_iter().collect(),
+            to_head,
+        })
+    }
+}
+
+fn wrong(complaint: String) -> Error {
+    Error::InvalidInput(format!("scan: {complaint}"))
+}
+
 impl Head {
     /// The head that is like a scan of a face at rest. `points`: `[P]` in the scan's units and axes.
+    ///
+    /// The unknowns are 100 coefficients, which have the prior N(0, 1), and a similarity of seven numbers from the
+    /// scan to the head. Gauss-Newton finds both together, so that the scan lies on the head's surface.
+    ///
+    /// 1. The landmarks give the first similarity. Points within 3.5 cm of a landmark are the face; hair, neck and
+    ///    shoulders are left out.
+    /// 2. The first step uses the landmarks alone: where the head's own landmarks lie at rest, less those of the scan.
+    ///    It brings the head near enough for distances to mean something.
+    /// 3. Each of the next `steps` draws `options.points` of the face anew. The backward field brings them to the
+    ///    canonical pose. Their signed distance there is what is to become 0, and the chain rule gives its slopes.
+    /// 4. Every residual adds a row to the normal equations of the 107 unknowns, which Cholesky solves. Points count by
+    ///    Cauchy's weight, so that far ones count less and less. The landmarks stay in every step as a guide.
+    /// 5. The distances of all points of the face decide in the end whether the fit is good.
+    ///
+    /// A step costs one evaluation of the field with its slopes for each drawn point, in blocks on all cores, and 107²
+    /// products for each residual. The last check costs one distance for each point of the face.
+    ///
+    /// Not obvious: the slopes neglect how the forward and backward fields change with the coefficients, and how the
+    /// backward field turns and stretches. The residuals are exact, so this costs steps and no accuracy where the
+    /// steps converge. Neighbouring points are not independent. So each counts only a twentieth, or the prior would
+    /// have no effect. The prior of the similarity acts on each step and not on their sum.
+    ///
+    /// The same seed gives the same points and the same fit.
     ///
     /// # Errors
     /// `InvalidInput` for points that are not finite, for fewer than 300 points on the face, and,
@@ -107,21 +171,14 @@ impl Head {
         options: &ScanOptions,
         progress: ProgressFn<'_>,
     ) -> Result<ScanFit> {
-        let wrong = |complaint: String| Err(Error::InvalidInput(format!("scan: {complaint}")));
         if let Some(bad) = points.iter().position(|p| !p.iter().all(|x| x.is_finite())) {
-            return wrong(format!(
-                "expected finite points, got {:?} at {bad}",
-                points[bad]
-            ));
+            let point = points[bad];
+            return Err(wrong(format!(
+                "expected finite points, got {point:?} at {bad}"
+            )));
         }
         let mut to_head = align_to_canonical(landmarks)?;
-        let face = face_points(points, landmarks, &to_head);
-        if face.len() < LEAST_POINTS {
-            let (face, all) = (face.len(), points.len());
-            return wrong(format!(
-                "expected at least {LEAST_POINTS} points on the face, got {face} of {all}"
-            ));
-        }
+        let face = face_points(points, landmarks, &to_head)?;
         let mut random = ChaCha8Rng::seed_from_u64(options.seed);
         let mut coefficients = vec![0.0; COEFFICIENTS];
         let slopes = IdentitySlopes::new(&self.identity);
@@ -139,36 +196,9 @@ impl Head {
             self.step(&slopes, &mut coefficients, &mut to_head, &some, landmarks)?;
         }
         report(progress, "fit", 1.0)?;
-        let mut off = self.rest_distances(
-            &coefficients,
-            &face.iter().map(|p| to_head.apply(*p)).collect::<Vec<_>>(),
-        )?;
-        off.iter_mut().for_each(|s| *s = 1e3 * s.abs());
-        off.sort_by(f32::total_cmp);
-        let mean_mm = off.iter().sum::<f32>() / off.len() as f32;
-        let most_mm = off[off.len() * 9 / 10];
-        if mean_mm > MOST_MM {
-            return wrong(format!(
-                "expected a face within {MOST_MM} mm of a head that was learned, got {mean_mm:.1} mm on average and \
-                 {most_mm:.1} mm at one point of ten"
-            ));
-        }
-        let spread = rms(&coefficients);
-        if spread > MOST_SPREAD {
-            return wrong(format!(
-                "expected a face, got a shape that only a head {spread:.1} times as far from the mean as usual comes \
-                 near to, to {mean_mm:.1} mm (at most {MOST_SPREAD} times)"
-            ));
-        }
-        Ok(ScanFit {
-            coefficients,
-            mean_mm,
-            most_mm,
-            points: off.len(),
-            metres_per_unit: to_head.scale,
-            warnings: unit_note(to_head.scale).into_iter().collect(),
-            to_head,
-        })
+        let places: Vec<[f32; 3]> = face.iter().map(|p| to_head.apply(*p)).collect();
+        let off = self.rest_distances(&coefficients, &places)?;
+        ScanFit::checked(coefficients, off, to_head)
     }
 
     /// Signed distance in metres at points `[Q]` of the face at rest.
@@ -279,7 +309,14 @@ impl OneHead<'_> {
 }
 
 /// Points of the scan that lie near its landmarks, in its own units.
-fn face_points(points: &[[f32; 3]], landmarks: &Landmarks, to_head: &Similarity) -> Vec<[f32; 3]> {
+///
+/// # Errors
+/// `InvalidInput` for too few of them.
+fn face_points(
+    points: &[[f32; 3]],
+    landmarks: &Landmarks,
+    to_head: &Similarity,
+) -> Result<Vec<[f32; 3]>> {
     let reach = (f64::from(FACE_M) / to_head.scale) as f32;
     let near = |p: &&[f32; 3]| {
         landmarks.positions.iter().any(|mark| {
@@ -289,7 +326,15 @@ fn face_points(points: &[[f32; 3]], landmarks: &Landmarks, to_head: &Similarity)
                 < reach * reach
         })
     };
-    points.iter().filter(near).copied().collect()
+    let face: Vec<[f32; 3]> = points.iter().filter(near).copied().collect();
+    match face.len() < LEAST_POINTS {
+        false => Ok(face),
+        true => Err(wrong(format!(
+            "expected at least {LEAST_POINTS} points on the face, got {} of {}",
+            face.len(),
+            points.len()
+        ))),
+    }
 }
 
 /// How a point moves under small turns about the axes, under moves along them and under growth.

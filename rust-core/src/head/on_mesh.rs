@@ -1,9 +1,34 @@
 //! The field on the vertices of a mesh: where each vertex lies in the canonical pose of the head
 //! most like the mesh, and how far an expression moves it from there.
 //!
-//! A vertex is a point of the face at rest, so its canonical point is the root of `forward(x) = p`. Lips at rest lie in
-//! one place: the search starts at the point of the head's own surface that is nearest and looks the same way, so
-//! that a vertex of the upper lip starts above the mouth.
+//! FaceTalk's codes move a head that has no vertices: its forward field takes any canonical point to where an
+//! expression has it. A mesh follows the field once it is known which canonical point each of its vertices is.
+//!
+//! Once for a face ([`Placed`], which the cache keeps):
+//! 1. [`Head::fit_scan`] finds the head most like the face at rest, and the similarity from the mesh to that head.
+//! 2. [`canonical_points`] finds the canonical point of each vertex of the skin.
+//! 3. Each vertex gets a share by which it follows the field. The share falls to 0 between [`NEAR_M`] and [`FAR_M`]
+//!    away from the head's surface, and towards the landmarks of lids and lips, as [`BEYOND_M`] says. It is evened
+//!    out over neighbours. Copies at seams, lashes and brows follow the skin that they are bound to.
+//!
+//! In each frame ([`CodeField::beyond`]): the field's displacement of a vertex is where it takes the canonical point
+//! under the code, less where it takes it at rest, turned back to the mesh's axes and units and scaled by the
+//! smoothing of eq. 15. The result is the share of this, less the same share of the motion that the code's own
+//! landmarks give. The caller adds it to the motion of landmarks, so that a vertex goes from following landmarks to
+//! following the field as its share grows.
+//!
+//! The code joins the forward field only before its last activation. All layers up to there are evaluated once for
+//! each vertex ([`Trunks`]), and a frame costs this activation and the last layer for each follower. Frames are
+//! independent and run on all cores.
+//!
+//! Not obvious: the displacement is a difference of two values of the forward field, so that a face at rest stays
+//! exactly at rest, however well the head fits. Lids and lips keep to their landmarks, because landmarks say best
+//! when they touch, and contacts are corrected after the sum. The landmarks of a code are those of the mean head, not
+//! of the fitted one: landmark motion is canonical everywhere.
+//!
+//! What can go wrong: a face unlike every head of the model is refused with a sentence, which the cache keeps too. It
+//! then moves by its landmarks alone. Vertices far from the head's surface (ears, hair, neck), or whose canonical point
+//! was not found, have the share 0.
 
 use std::sync::Arc;
 
@@ -410,8 +435,34 @@ fn carried(follows: &[Follows], sewn: &[u32], followers: &[u32]) -> Vec<(u32, Ve
         .collect()
 }
 
-/// Where points `[P]` of the face at rest, with their normals, lie in the canonical pose, and
-/// whether the search reached them.
+/// Where points `[P]` of the face at rest, with their normals, lie in the canonical pose, and whether the search
+/// reached them: the roots `x` of `forward(x) = p`, where `forward` is the head's field in the pose at rest.
+///
+/// The field goes from the canonical pose to any other, but a vertex is known in the pose at rest alone. The backward
+/// field is a second network that was learned beside the forward one. Its error would put a vertex beside its place on
+/// the face, so the search inverts the forward field itself.
+///
+/// 1. Marching cubes on a grid of [`STARTS`] cells along its longest side find the surface of the head in the
+///    canonical pose, whose mouth is open. The forward field moves the vertices of this surface to the pose at rest.
+/// 2. Each point looks among the [`LOOKED_AT`] nearest of these vertices within [`FAR_M`] for the nearest one whose
+///    normal points the same way. The search starts at the canonical place of that vertex, plus the offset of the
+///    point from the vertex at rest.
+/// 3. [`SIMPLE_STEPS`] fixed-point steps `x += p − forward(x)` follow. They need no slopes and converge where the field
+///    is close to a translation nearby, as it is on most of the face.
+/// 4. [`NEWTON_STEPS`] steps of Newton follow for the points that are left, with slopes by central differences. They
+///    are for skin that the field turns or stretches. No step is longer than [`NEAR_M`] along an axis.
+///
+/// The cost for each point that is left is one evaluation of the field in a fixed-point step, and seven in a Newton
+/// step, six of them for the differences. Points within [`FOUND_M`] leave the search. The surface costs as many
+/// distances as marching cubes ask for on the grid, whatever the mesh.
+///
+/// Not obvious: lips at rest lie in one place, so the root of a vertex of the lips is not unique. Only the start
+/// decides on which lip the vertex lies, and the normals decide the start. A scan may be turned inside out. So all
+/// starts are found for both signs of the normals, and the sign with more starts counts.
+///
+/// What can go wrong: a point may have no start (hair, an ear that the head lacks), and a search may end more than
+/// [`ROOT_M`] away from its point, or diverge. Both are reported as not reached, and such a vertex does not follow the
+/// field. Where the slopes hardly span space, Newton's step becomes a fixed-point step.
 fn canonical_points(
     one: &OneHead<'_>,
     places: &[[f32; 3]],
@@ -425,6 +476,38 @@ fn canonical_points(
         positions: one.mover(surface.positions.clone()).at(&rest)?,
         triangles: surface.triangles,
     };
+    let mut search = RootSearch {
+        one,
+        rest,
+        places,
+        roots: places.to_vec(),
+        reached: vec![false; places.len()],
+        left: Vec::new(),
+    };
+    for (n, start) in starts(&at_rest, places, normals).into_iter().enumerate() {
+        let Some(start) = start.map(|start| start as usize) else {
+            continue;
+        };
+        search.roots[n] = std::array::from_fn(|axis| {
+            surface.positions[start][axis] + places[n][axis] - at_rest.positions[start][axis]
+        });
+        search.left.push(n);
+    }
+    let steps = SIMPLE_STEPS + NEWTON_STEPS;
+    for step in 0..steps {
+        report(progress, "points", step as f32 / steps as f32)?;
+        if search.left.is_empty() {
+            break;
+        }
+        search.step(step >= SIMPLE_STEPS)?;
+    }
+    search.judge_rest()?;
+    report(progress, "points", 1.0)?;
+    Ok((search.roots, search.reached))
+}
+
+/// For each point the nearest vertex of the head `at_rest` that looks the same way, where one is near.
+fn starts(at_rest: &Mesh, places: &[[f32; 3]], normals: &[[f32; 3]]) -> Vec<Option<u32>> {
     let towards = at_rest.vertex_normals();
     let grid = PointGrid::new(&at_rest.positions, NEAR_M);
     let start = |side: f32| -> Vec<Option<u32>> {
@@ -442,40 +525,44 @@ fn canonical_points(
     // Triangles of a scan may be turned inside out.
     let (out, inside_out) = (start(1.0), start(-1.0));
     let count = |starts: &[Option<u32>]| starts.iter().flatten().count();
-    let starts = match count(&out) >= count(&inside_out) {
+    match count(&out) >= count(&inside_out) {
         true => out,
         false => inside_out,
-    };
-    let rows: Vec<usize> = (0..places.len()).filter(|&n| starts[n].is_some()).collect();
-    let mut roots: Vec<[f32; 3]> = places.to_vec();
-    for &n in &rows {
-        let start = starts[n].expect("rows have a start") as usize;
-        roots[n] = std::array::from_fn(|axis| {
-            surface.positions[start][axis] + places[n][axis] - at_rest.positions[start][axis]
-        });
     }
-    let mut reached = vec![false; places.len()];
-    let mut left = rows;
-    for step in 0..SIMPLE_STEPS + NEWTON_STEPS {
-        report(
-            progress,
-            "points",
-            step as f32 / (SIMPLE_STEPS + NEWTON_STEPS) as f32,
-        )?;
-        if left.is_empty() {
-            break;
-        }
-        let is_newton = step >= SIMPLE_STEPS;
-        let here: Vec<[f32; 3]> = left.iter().map(|&n| roots[n]).collect();
-        let moved = one.mover(here.clone()).at(&rest)?;
+}
+
+/// The search for the roots of many points at once.
+struct RootSearch<'a> {
+    one: &'a OneHead<'a>,
+    /// Code of the pose at rest.
+    rest: Vec<f32>,
+    /// `[P]`, the points at rest.
+    places: &'a [[f32; 3]],
+    /// `[P]`, canonical.
+    roots: Vec<[f32; 3]>,
+    /// `[P]`, whether the root lies within [`ROOT_M`] of its point.
+    reached: Vec<bool>,
+    /// Numbers of the points whose roots may still come nearer.
+    left: Vec<usize>,
+}
+
+impl RootSearch<'_> {
+    /// The roots of the points that are left.
+    fn here(&self) -> Vec<[f32; 3]> {
+        self.left.iter().map(|&n| self.roots[n]).collect()
+    }
+
+    fn step(&mut self, is_newton: bool) -> Result<()> {
+        let here = self.here();
+        let moved = self.one.mover(here.clone()).at(&self.rest)?;
         let slopes = is_newton
-            .then(|| slopes_of(one, &here, &rest))
+            .then(|| slopes_of(self.one, &here, &self.rest))
             .transpose()?;
         let mut still = Vec::new();
-        for (row, &n) in left.iter().enumerate() {
-            let off = Vec3::from(places[n]) - Vec3::from(moved[row]);
+        for (row, &n) in self.left.iter().enumerate() {
+            let off = Vec3::from(self.places[n]) - Vec3::from(moved[row]);
             let size = off.length();
-            reached[n] = size < ROOT_M;
+            self.reached[n] = size < ROOT_M;
             if size < FOUND_M {
                 continue;
             }
@@ -483,20 +570,24 @@ fn canonical_points(
                 Some(slopes) => solve(slopes[row], off).unwrap_or(off),
                 None => off,
             };
-            (0..3).for_each(|axis| roots[n][axis] += by[axis].clamp(-NEAR_M, NEAR_M));
+            (0..3).for_each(|axis| self.roots[n][axis] += by[axis].clamp(-NEAR_M, NEAR_M));
             still.push(n);
         }
-        left = still;
+        self.left = still;
+        Ok(())
     }
-    if !left.is_empty() {
-        let here: Vec<[f32; 3]> = left.iter().map(|&n| roots[n]).collect();
-        let moved = one.mover(here).at(&rest)?;
-        for (&n, moved) in left.iter().zip(moved) {
-            reached[n] = Vec3::from(places[n]).distance(moved.into()) < ROOT_M;
+
+    /// Looks where the last step has taken the points that are left.
+    fn judge_rest(&mut self) -> Result<()> {
+        if self.left.is_empty() {
+            return Ok(());
         }
+        let moved = self.one.mover(self.here()).at(&self.rest)?;
+        for (&n, moved) in self.left.iter().zip(moved) {
+            self.reached[n] = Vec3::from(self.places[n]).distance(moved.into()) < ROOT_M;
+        }
+        Ok(())
     }
-    report(progress, "points", 1.0)?;
-    Ok((roots, reached))
 }
 
 /// Columns of the forward field's slope at points `[P]`, by differences.

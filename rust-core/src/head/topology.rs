@@ -42,6 +42,25 @@ struct PartConfig {
     faces: usize,
 }
 
+impl Config {
+    /// Names of the skin and the parts with their vertices.
+    fn objects(&self) -> Vec<(String, Range<usize>)> {
+        let mut end = self.skin_vertices;
+        let mut objects = vec![("skin".to_owned(), 0..end)];
+        for part in &self.parts {
+            let first = end;
+            end = first.saturating_add(part.vertices);
+            objects.push((part.name.clone(), first..end));
+        }
+        objects
+    }
+
+    /// K: a coefficient each, then a trait's right and left.
+    fn numbers(&self) -> usize {
+        COEFFICIENTS + 2 * self.traits.len()
+    }
+}
+
 /// What a part follows.
 enum Leader {
     /// The skin: corners of triangles and their shares, a row for each vertex.
@@ -91,14 +110,11 @@ impl Topology {
     }
 
     fn new(config: &Config, weights: &Weights) -> Result<Self> {
-        let (mut vertices, mut faces) = (config.skin_vertices, config.skin_faces);
-        let mut objects = vec![("skin".to_owned(), 0..vertices)];
-        for part in &config.parts {
-            let end = vertices.saturating_add(part.vertices);
-            objects.push((part.name.clone(), vertices..end));
-            (vertices, faces) = (end, faces.saturating_add(part.faces));
-        }
-        let numbers = COEFFICIENTS + 2 * config.traits.len();
+        let objects = config.objects();
+        let vertices = objects[objects.len() - 1].1.end;
+        let part_faces = config.parts.iter().map(|part| part.faces);
+        let faces = part_faces.fold(config.skin_faces, usize::saturating_add);
+        let numbers = config.numbers();
         let largest = vertices.max(faces).max(numbers);
         if largest > MOST || config.skin_vertices == 0 {
             return Err(Error::Weights(format!(
@@ -106,19 +122,8 @@ impl Topology {
             )));
         }
         let skin = config.skin_vertices;
-        let parts = config.parts.iter().zip(&objects[1..]);
-        let parts = parts.map(|(part, (name, rows))| {
-            let (weights, count) = (weights.pp(name), part.vertices);
-            let leader = match weights.contains("moves") {
-                true => Leader::Numbers(weights.matrix("moves", numbers, 4)?),
-                false => Leader::Skin(
-                    indices(&weights.values("corners", &[count, 3])?, skin, "corners")?,
-                    rows_of(&weights.values("shares", &[count, 3])?),
-                ),
-            };
-            let vertices = rows.clone();
-            Ok(Part { vertices, leader })
-        });
+        let parts = objects[1..].iter();
+        let parts = parts.map(|(name, rows)| Part::load(&weights.pp(name), config, rows));
         let parts: Result<Vec<Part>> = parts.collect();
         let marks: Vec<[u32; 1]> = indices(
             &weights.values("landmarks", &[LANDMARKS])?,
@@ -226,6 +231,22 @@ impl Topology {
 }
 
 impl Part {
+    /// The part of these vertices.
+    fn load(weights: &Weights, config: &Config, vertices: &Range<usize>) -> Result<Part> {
+        let (count, skin) = (vertices.len(), config.skin_vertices);
+        let leader = match weights.contains("moves") {
+            true => Leader::Numbers(weights.matrix("moves", config.numbers(), 4)?),
+            false => Leader::Skin(
+                indices(&weights.values("corners", &[count, 3])?, skin, "corners")?,
+                rows_of(&weights.values("shares", &[count, 3])?),
+            ),
+        };
+        Ok(Part {
+            vertices: vertices.clone(),
+            leader,
+        })
+    }
+
     fn follow(&self, positions: &mut [[f32; 3]], skin: &[[f32; 3]], numbers: ArrayView1<'_, f32>) {
         match &self.leader {
             Leader::Skin(corners, shares) => {

@@ -285,6 +285,8 @@ impl<'a> Machine<'a> {
     }
 
     /// Runs one instruction. Returns whether it was the last.
+    ///
+    /// Each arm is one instruction that `torch.save` writes, by its byte in Python's `pickletools`. Any other is refused.
     fn step(&mut self) -> Result<bool, String> {
         match self.byte()? {
             b'.' => return Ok(true),

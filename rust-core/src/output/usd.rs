@@ -65,19 +65,33 @@ fn write(
     targets: &Targets,
     joint: &Joint,
 ) -> io::Result<()> {
-    let frames = targets.weights.nrows();
     let names: Vec<String> = targets
         .shapes
         .iter()
         .map(|shape| shape.name.replace(' ', "_"))
         .collect();
     let quoted = listed(names.iter().map(|name| format!("\"{name}\"")));
+    header(file, scene, targets, joint)?;
+    writeln!(file, "def SkelRoot \"Anyface\"\n{{")?;
+    mesh(file, scene, targets, (&names, &quoted))?;
+    skeleton(file, joint)?;
+    animation(file, targets, joint, &quoted)?;
+    writeln!(file, "}}")
+}
+
+/// Units, axes and times of the file, and the name of its sound.
+fn header(
+    file: &mut impl Write,
+    scene: &Scene<'_>,
+    targets: &Targets,
+    joint: &Joint,
+) -> io::Result<()> {
     writeln!(
         file,
         "#usda 1.0\n(\n    defaultPrim = \"Anyface\"\n    metersPerUnit = 1\n    upAxis = \"{}\"\n    \
          startTimeCode = 0\n    endTimeCode = {}\n    timeCodesPerSecond = {fps}\n    framesPerSecond = {fps}",
         joint.up,
-        frames.saturating_sub(1),
+        targets.weights.nrows().saturating_sub(1),
         fps = targets.fps,
     )?;
     if let Some(sound) = scene.sound {
@@ -87,8 +101,11 @@ fn write(
             text(sound)
         )?;
     }
-    writeln!(file, ")\n\ndef SkelRoot \"Anyface\"\n{{")?;
-    mesh(file, scene, targets, (&names, &quoted))?;
+    writeln!(file, ")\n")
+}
+
+/// The joint at rest.
+fn skeleton(file: &mut impl Write, joint: &Joint) -> io::Result<()> {
     let [x, y, z] = joint.place;
     let placed = format!("[((1, 0, 0, 0), (0, 1, 0, 0), (0, 0, 1, 0), ({x}, {y}, {z}, 1))]");
     writeln!(
@@ -96,7 +113,16 @@ fn write(
         "    def Skeleton \"Skeleton\" (\n        prepend apiSchemas = [\"SkelBindingAPI\"]\n    )\n    {{\n        \
          uniform token[] joints = [\"Head\"]\n        uniform matrix4d[] bindTransforms = {placed}\n        \
          uniform matrix4d[] restTransforms = {placed}\n        rel skel:animationSource = </Anyface/Animation>\n    }}\n"
-    )?;
+    )
+}
+
+/// The weights of the blend shapes and the turns of the joint over time.
+fn animation(
+    file: &mut impl Write,
+    targets: &Targets,
+    joint: &Joint,
+    quoted: &str,
+) -> io::Result<()> {
     writeln!(
         file,
         "    def SkelAnimation \"Animation\"\n    {{\n        uniform token[] blendShapes = {quoted}"
@@ -109,6 +135,7 @@ fn write(
             listed(row.iter().map(f32::to_string))
         )?;
     }
+    let [x, y, z] = joint.place;
     writeln!(
         file,
         "        }}\n        uniform token[] joints = [\"Head\"]\n        half3[] scales = [(1, 1, 1)]\n        \
@@ -128,7 +155,7 @@ fn write(
             writeln!(file, "        }}")?;
         }
     }
-    writeln!(file, "    }}\n}}")
+    writeln!(file, "    }}")
 }
 
 /// The mesh with its blend shapes.

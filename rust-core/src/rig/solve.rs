@@ -6,11 +6,31 @@
 //! ` + λ Σ_t Σ_s 2 g_s w_ts` with `0 ≤ w ≤ 1`
 //!
 //! `D` are the shapes, `x_t` the displacements and `g_s = |d_s|²`, so that every term has the same
-//! unit. Where lips meet, their gap counts too ([`super::closures`]). The motion enters only
-//! through `Dᵀ x_t`: one product a frame, after which the number of vertices no longer matters. The
-//! problem is strictly convex, so that cyclic coordinate descent with clamping (Bertsekas 1999,
-//! §2.7) converges to its only minimum. The result does not depend on chance or on the number of
-//! threads.
+//! unit. Where lips meet, their gap counts too ([`super::closures`]).
+//!
+//! 1. The motion enters only through `Dᵀ x_t` and `|x_t|²`. [`FRAMES_PER_BLOCK`] frames at a time are multiplied with
+//!    the shapes, and the shapes with one another. This costs `3 V S (T + S)` products. From here on V no longer
+//!    matters.
+//! 2. Cyclic coordinate descent with clamping (Bertsekas 1999, §2.7) sweeps over the frames, forth and back in turn.
+//!    Each weight in turn goes [`RELAXATION`] times the way to its best value while all others stay, and is clamped
+//!    to 0 and 1. Going beyond the best value saves a fifth of the sweeps.
+//! 3. Where only one of two shapes that undo each other may move, [`opposing::resting`] says which one rests in a
+//!    frame. Its weight becomes 0, and the descent goes on from there without it.
+//!
+//! The slopes `[T, S]` follow each weight that changes, which costs S products. A weight that stays, as most do at a
+//! bound, costs one comparison. Only the frames before and after are coupled to a frame, by the memory `μ`. So a frame
+//! rests while neither it nor one beside it changed by [`ARRIVED`] in its last visit, and most sweeps visit the few
+//! frames that still change. Changes too small to wake a frame could add up. The descent therefore ends only after a
+//! sweep that visits all frames and changes no weight by as much.
+//!
+//! With `ρ > 0` the problem is strictly convex, so the descent converges to its only minimum. Neither chance nor the
+//! number of threads changes the result. In step 3 this holds for each of the two descents, but which shapes rest is a
+//! choice that the first one makes.
+//!
+//! What can go wrong: after [`MOST_SWEEPS`] the descent returns what it has, still within the bounds. A shape that
+//! hardly moves anything would divide by nearly 0 and keeps the weight 0. Motion that is not finite, or too large for
+//! single precision, is refused with its frame. The residual comes from `|x|² − 2 w Dᵀ x + w Dᵀ D w` alone. It is a
+//! difference of large numbers where the fit is nearly exact, so values below 0 become 0.
 
 use ndarray::{Array2, ArrayView3, Axis, aview1};
 
@@ -30,8 +50,8 @@ const STILL_SHARE: f64 = 1e-7;
 /// The descent ends when no weight changes by more than this, or after this many sweeps.
 const ARRIVED: f64 = 1e-6;
 const MOST_SWEEPS: usize = 3000;
-/// `ω`: each step goes this share of the way to the best value of its weight. Over-relaxation saves a fifth of the sweeps and converges
-/// for every `0 < ω < 2` (Cryer 1971).
+/// `ω`: each step goes this share of the way to the best value of its weight. Over-relaxation saves a fifth of the
+/// sweeps and converges for every `0 < ω < 2` (Cryer 1971).
 const RELAXATION: f64 = 1.2;
 /// Frames of one product.
 const FRAMES_PER_BLOCK: usize = 32;
@@ -120,37 +140,17 @@ pub fn solve(
     progress: ProgressFn<'_>,
 ) -> Result<SolvedWeights> {
     options.check()?;
-    let (frames, vertices, axes) = displacements.dim();
-    let expected = rig.deltas.dim().1;
-    if (vertices, axes) != (expected, 3) {
-        return Err(Error::ShapeMismatch {
-            what: "animation",
-            expected: format!("[T, {expected}, 3], the rig's vertices"),
-            got: format!("[{frames}, {vertices}, {axes}]"),
-        });
-    }
-    if let Some(lip) = lips.iter().flatten().find(|lip| **lip as usize >= vertices) {
-        return Err(Error::InvalidInput(format!(
-            "lips: expected vertices below {vertices}, got {lip}"
-        )));
-    }
+    check_motion(rig, displacements, lips)?;
+    let (frames, vertices, _) = displacements.dim();
     let shapes = shapes.min(rig.names.len());
     report(progress, "solve", 0.0)?;
-    let flat = |rows: usize| (rows, 3 * vertices);
     let shown = rig.deltas.slice(ndarray::s![..shapes, .., ..]);
     let solver = ShapeSolver::new(&rig.names[..shapes], shown, lips);
-    let deltas = shown
-        .to_shape(flat(shapes))
-        .expect("row-major array")
-        .into_owned();
+    let deltas = rows_of(shown);
     let (mut right, mut energy) = (Array2::zeros((frames, shapes)), vec![0.0; frames]);
     for first in (0..frames).step_by(FRAMES_PER_BLOCK) {
         let last = (first + FRAMES_PER_BLOCK).min(frames);
-        let block = displacements.slice(ndarray::s![first..last, .., ..]);
-        let block = block
-            .to_shape(flat(last - first))
-            .expect("row-major array")
-            .into_owned();
+        let block = rows_of(displacements.slice(ndarray::s![first..last, .., ..]));
         for (t, row) in block.rows().into_iter().enumerate() {
             energy[first + t] = row.iter().map(|x| f64::from(*x).powi(2)).sum();
         }
@@ -159,21 +159,7 @@ pub fn solve(
             .assign(&products(&block, &deltas));
         report(progress, "solve", 0.5 * last as f32 / frames as f32)?;
     }
-    if let Some(frame) = energy.iter().position(|x: &f64| !x.is_finite()) {
-        return Err(Error::InvalidInput(format!(
-            "animation: expected finite numbers, got NaN or infinity in frame {frame}"
-        )));
-    }
-    if let Some(frame) = right
-        .rows()
-        .into_iter()
-        .position(|row| row.iter().any(|x: &f64| !x.is_finite()))
-    {
-        return Err(Error::InvalidInput(format!(
-            "animation: expected motion of the size of a face, got more than single precision holds in frame \
-             {frame}"
-        )));
-    }
+    check_sums(&energy, &right)?;
     let problem = solver.problem(right, &gaps(lips, displacements), options)?;
     let weights = problem.solve(options.exclusive, progress)?;
     let solved = SolvedWeights {
@@ -190,6 +176,49 @@ pub fn solve(
         check_result("residual", aview1(rest).into_dyn())?;
     }
     Ok(solved)
+}
+
+/// Checks that motion and lips are those of the rig's mesh.
+fn check_motion(rig: &Rig, displacements: ArrayView3<'_, f32>, lips: &[[u32; 2]]) -> Result<()> {
+    let (frames, vertices, axes) = displacements.dim();
+    let expected = rig.deltas.dim().1;
+    if (vertices, axes) != (expected, 3) {
+        return Err(Error::ShapeMismatch {
+            what: "animation",
+            expected: format!("[T, {expected}, 3], the rig's vertices"),
+            got: format!("[{frames}, {vertices}, {axes}]"),
+        });
+    }
+    match lips.iter().flatten().find(|lip| **lip as usize >= vertices) {
+        None => Ok(()),
+        Some(lip) => Err(Error::InvalidInput(format!(
+            "lips: expected vertices below {vertices}, got {lip}"
+        ))),
+    }
+}
+
+/// Checks the energy of each frame `[T]` and its products with the shapes `[T, S]` for numbers that are not finite.
+fn check_sums(energy: &[f64], products: &Array2<f64>) -> Result<()> {
+    if let Some(frame) = energy.iter().position(|x| !x.is_finite()) {
+        return Err(Error::InvalidInput(format!(
+            "animation: expected finite numbers, got NaN or infinity in frame {frame}"
+        )));
+    }
+    let mut rows = products.rows().into_iter();
+    match rows.position(|row| row.iter().any(|x| !x.is_finite())) {
+        None => Ok(()),
+        Some(frame) => Err(Error::InvalidInput(format!(
+            "animation: expected motion of the size of a face, got more than single precision holds in frame \
+             {frame}"
+        ))),
+    }
+}
+
+/// `[N, V, 3]` as rows `[N, 3 V]`.
+fn rows_of(displacements: ArrayView3<'_, f32>) -> Array2<f32> {
+    let (rows, vertices, axes) = displacements.dim();
+    let flat = displacements.to_shape((rows, vertices * axes));
+    flat.expect("row-major array").into_owned()
 }
 
 /// Shapes as a solve knows them: made once, then solved for any number of motions.
@@ -209,9 +238,7 @@ impl ShapeSolver {
         deltas: ArrayView3<'_, f32>,
         lips: &[[u32; 2]],
     ) -> ShapeSolver {
-        let (count, vertices, _) = deltas.dim();
-        let flat = deltas.to_shape((count, 3 * vertices));
-        let flat = flat.expect("row-major array").into_owned();
+        let flat = rows_of(deltas);
         ShapeSolver {
             names: names.to_vec(),
             gram: products(&flat, &flat),

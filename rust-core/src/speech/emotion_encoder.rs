@@ -210,6 +210,7 @@ impl VoiceTrack {
         ends.map(window).collect()
     }
 
+    /// Measures the frames from `first` to `end`. `cepstra` `[T, 20]`: theirs.
     fn of_window(&self, cepstra: ArrayView2<'_, f64>, first: usize, end: usize) -> VoiceWindow {
         let mel = self.mel.slice(s![first..end, ..]);
         let level: Vec<f64> = mel
@@ -222,55 +223,18 @@ impl VoiceTrack {
         let voiced: Vec<bool> = periodic
             .map(|(x, active)| *x > PERIODIC && *active)
             .collect();
-        let which =
-            |chosen: &[bool]| -> Vec<usize> { (0..chosen.len()).filter(|t| chosen[*t]).collect() };
-        let (heard, sung) = (which(&active), which(&voiced));
         let relative = mel.mapv(|x| x - loud);
-        let mut moved = cepstra.to_owned();
-        moved
-            .column_mut(0)
-            .mapv_inplace(|x| x - loud * (BANDS as f64).sqrt());
-        let change = &moved.slice(s![1.., ..]) - &moved.slice(s![..-1, ..]);
-        let spoken = relative.select(Axis(0), &heard);
-        let part = |from: usize, to: usize| {
-            let part = spoken.slice(s![.., from..to]);
-            part.sum() / part.len().max(1) as f64
+        let spoken = relative.select(Axis(0), &true_places(&active));
+        let mut numbers = pitch(&self.octave[first..end], &voiced);
+        numbers.extend(loudness(&level, loud, &active));
+        numbers.extend(tilt(&spoken));
+        numbers.extend(timbre(cepstra, loud, &active));
+        let sung = true_places(&voiced);
+        let coloured = match sung.len() >= LEAST_VOICED {
+            true => relative.select(Axis(0), &sung),
+            false => spoken,
         };
-        let under: Vec<f64> = level.iter().map(|x| x - loud).collect();
-        let steps: Vec<f64> = level
-            .windows(2)
-            .map(|pair| (pair[1] - pair[0]).abs())
-            .collect();
-        let mut out = pitch(&self.octave[first..end], &voiced);
-        out.push(deviation(
-            &heard.iter().map(|t| level[*t]).collect::<Vec<_>>(),
-        ));
-        out.push(heard.len() as f64 / level.len() as f64);
-        out.extend([0.1, 0.25, 0.5, 0.75].map(|share| quantile(&under, share)));
-        out.push(mean(&steps));
-        out.push(part(BANDS / 2, BANDS) - part(0, BANDS / 2));
-        out.push(part(BANDS - BANDS / 4, BANDS) - part(0, BANDS / 4));
-        let columns = |x: &Array2<f64>, of: fn(&[f64]) -> f64| -> Vec<f64> {
-            x.columns()
-                .into_iter()
-                .map(|column| of(&column.to_vec()))
-                .collect()
-        };
-        let chosen = moved.select(Axis(0), &heard);
-        out.extend(columns(&chosen, mean));
-        out.extend(columns(&chosen, deviation));
-        out.extend(columns(&change.mapv(f64::abs), mean));
-        out.extend(columns(
-            &change.select(Axis(0), &which(&active[1..])),
-            deviation,
-        ));
-        let coloured = if sung.len() >= LEAST_VOICED {
-            &sung
-        } else {
-            &heard
-        };
-        let colour = columns(&relative.select(Axis(0), coloured), mean);
-        out.extend(colour.into_iter().step_by(4));
+        numbers.extend(columns(&coloured, mean).into_iter().step_by(4));
         VoiceWindow {
             relative,
             loud,
@@ -278,7 +242,7 @@ impl VoiceTrack {
             periodic: self.periodic[first..end].to_vec(),
             active,
             voiced,
-            numbers: out,
+            numbers,
             frames: first..end,
             middle_s: (first + end) as f64 / (2.0 * FRAMES_HZ),
         }
@@ -534,6 +498,58 @@ fn pitch(octave: &[f64], voiced: &[bool]) -> Vec<f64> {
     }
     out.extend(rate);
     out
+}
+
+/// How the level of a window `[T]` varies below its `loud` level, 7 numbers.
+fn loudness(level: &[f64], loud: f64, active: &[bool]) -> Vec<f64> {
+    let heard: Vec<f64> = true_places(active).iter().map(|t| level[*t]).collect();
+    let under: Vec<f64> = level.iter().map(|x| x - loud).collect();
+    let steps = level.windows(2).map(|pair| (pair[1] - pair[0]).abs());
+    let mut out = vec![deviation(&heard), heard.len() as f64 / level.len() as f64];
+    out.extend([0.1, 0.25, 0.5, 0.75].map(|share| quantile(&under, share)));
+    out.push(mean(&steps.collect::<Vec<_>>()));
+    out
+}
+
+/// By how much high bands are louder than low ones in frames `[T, 64]`: halves, then the outer quarters.
+fn tilt(spoken: &Array2<f64>) -> [f64; 2] {
+    let part = |from: usize, to: usize| {
+        let part = spoken.slice(s![.., from..to]);
+        part.sum() / part.len().max(1) as f64
+    };
+    [
+        part(BANDS / 2, BANDS) - part(0, BANDS / 2),
+        part(BANDS - BANDS / 4, BANDS) - part(0, BANDS / 4),
+    ]
+}
+
+/// Means and deviations of the cepstra `[T, 20]` of a window and of their changes from frame to frame, 80 numbers.
+/// The first cepstrum is relative to the `loud` level.
+fn timbre(cepstra: ArrayView2<'_, f64>, loud: f64, active: &[bool]) -> Vec<f64> {
+    let mut cepstra = cepstra.to_owned();
+    cepstra
+        .column_mut(0)
+        .mapv_inplace(|x| x - loud * (BANDS as f64).sqrt());
+    let change = &cepstra.slice(s![1.., ..]) - &cepstra.slice(s![..-1, ..]);
+    let heard = cepstra.select(Axis(0), &true_places(active));
+    let heard_change = change.select(Axis(0), &true_places(&active[1..]));
+    [
+        columns(&heard, mean),
+        columns(&heard, deviation),
+        columns(&change.mapv(f64::abs), mean),
+        columns(&heard_change, deviation),
+    ]
+    .concat()
+}
+
+/// One number for each column.
+fn columns(x: &Array2<f64>, of: fn(&[f64]) -> f64) -> Vec<f64> {
+    let columns = x.columns().into_iter();
+    columns.map(|column| of(&column.to_vec())).collect()
+}
+
+fn true_places(values: &[bool]) -> Vec<usize> {
+    (0..values.len()).filter(|t| values[*t]).collect()
 }
 
 /// The mean; 0 without values.

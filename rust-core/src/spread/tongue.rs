@@ -5,6 +5,7 @@
 
 use std::{array, ops::Range};
 
+use glam::Vec3;
 use ndarray::{Array3, ArrayView1, ArrayView2, ArrayViewMut2, Axis};
 use rayon::prelude::*;
 
@@ -70,6 +71,15 @@ fn centimetres(face: &Face) -> (Vec<[f32; 3]>, [[f32; 3]; 68]) {
     (positions, face.landmarks.positions.map(cm))
 }
 
+/// Vertices of the parts with a role, without the part that is the `tongue`.
+fn vertices_of_role(face: &Face, role: PartRole, tongue: &[u32]) -> Vec<usize> {
+    let lists = face.parts.connected.vertices().into_iter();
+    let parts = face.parts.parts.iter().zip(lists);
+    let parts = parts.filter(|(part, list)| part.role == role && list != tongue);
+    let numbers = parts.flat_map(|(_, list)| list);
+    numbers.map(|v| v as usize).collect()
+}
+
 /// The tongue of a face, which may move by itself.
 #[derive(Debug, Clone)]
 pub(crate) struct FaceTongue {
@@ -111,7 +121,30 @@ struct Room {
 }
 
 impl FaceTongue {
-    /// Finds the tongue of a face, or says why the face has none that moves.
+    /// Finds the tongue of a face and the room in which it moves, or says why the face has none that moves.
+    ///
+    /// The tongue moves by its own shape and by the space about it, so that it touches palate and teeth on any mesh
+    /// without passing through them.
+    ///
+    /// 1. The tongue is the part that follows the jaw and runs deep along the midline ([`tongue`]).
+    /// 2. Each of its vertices gets a place along its length, from the root to the tip, and a share of the rise of tip,
+    ///    middle and back there. The underside rises less, because the floor of the mouth holds it ([`vertices`]).
+    /// 3. Parts that rest with the skull, near the lips, are upper teeth, gums and palate. They give the height of the
+    ///    teeth's edge, the roof over three places of the tongue, and the inner face of the front teeth as a grid of
+    ///    depths ([`Room::find`], [`Wall::of`]).
+    /// 4. Parts that follow the jaw, except the tongue, give the inner face of the lower front teeth, which moves
+    ///    with the jaw ([`LowerTeeth::find`]).
+    ///
+    /// The cost is one pass over the triangles of the mesh for skull and for jaw. Each triangle near the lips becomes
+    /// 45 points, because the inside of a large triangle may be the only part of a tooth in a cell of the grid.
+    /// Memory is these points, until the walls are known.
+    ///
+    /// Not obvious: all lengths grow with the width of the mouth (`unit`), and the room is that of the neutral face.
+    /// Only the lower teeth move later. Where several parts lie in front, the innermost points make the wall.
+    ///
+    /// What can go wrong: a tongue that is sewn to the gums, or none at all, is an error with a sentence. Without upper
+    /// teeth the edge lies at the height of the lips, the wall is flat and [`INNER_CM`] behind them, and the roof has
+    /// the height that people have. Without lower teeth nothing holds the tongue back below.
     pub(crate) fn find(face: &Face) -> Result<FaceTongue, &'static str> {
         let (positions, landmarks) = centimetres(face);
         let tongue = match tongue(&positions, &face.parts, &landmarks) {
@@ -119,19 +152,8 @@ impl FaceTongue {
             other => return Err(other.complaint().unwrap_or_default()),
         };
         let lips = middle_of_lips(&landmarks);
-        let unit = (0..3)
-            .map(|i| (landmarks[48][i] - landmarks[54][i]).powi(2))
-            .sum::<f32>()
-            .sqrt()
-            / 5.0;
+        let unit = Vec3::from(landmarks[48]).distance(landmarks[54].into()) / 5.0;
         let vertices = vertices(&positions, &tongue.vertices);
-        let of_role = |role: PartRole| -> Vec<usize> {
-            let lists = face.parts.connected.vertices().into_iter();
-            let parts = face.parts.parts.iter().zip(lists);
-            let parts = parts.filter(|(part, list)| part.role == role && *list != tongue.vertices);
-            let numbers = parts.flat_map(|(_, list)| list);
-            numbers.map(|v| v as usize).collect()
-        };
         let is_near_lips = |p: [f32; 3]| {
             let away = |axis: usize| (p[axis] - lips[axis]).abs() / unit;
             away(0) < 1.5 && away(1) < 3.0 && away(2) < 3.5
@@ -144,11 +166,11 @@ impl FaceTongue {
                 .collect();
             surface(&positions, &face.mesh.triangles, &near)
         };
-        let skull = of_role(PartRole::Skull);
+        let skull = vertices_of_role(face, PartRole::Skull, &tongue.vertices);
         let points = surface(&skull);
         let skull: Vec<[f32; 3]> = skull.iter().map(|&v| positions[v]).collect();
         let room = Room::find(&vertices, (&skull, &points), lips, unit);
-        let jaw = of_role(PartRole::Jaw);
+        let jaw = vertices_of_role(face, PartRole::Jaw, &tongue.vertices);
         let lower = LowerTeeth::find(&positions, &jaw, &surface(&jaw), &room);
         Ok(FaceTongue {
             lower,
@@ -401,8 +423,18 @@ fn smooth_step(x: f32) -> f32 {
 }
 
 impl Room {
-    /// Measures it by the parts that rest with the `skull`: upper teeth, gums and palate. Where none are found they lie as
-    /// they do behind the lips of people.
+    /// Measures it by the parts that rest with the `skull`: upper teeth, gums and palate, by their vertices and
+    /// points on their `surface`.
+    ///
+    /// 1. Vertices in the middle of the mouth, from the tip of the tongue to the lips, are front teeth. The lowest is
+    ///    their edge.
+    /// 2. Points no further than [`THICK_CM`] behind the foremost of these are both faces of the teeth. The hindmost
+    ///    one in each cell of a grid over width and height is the inner face.
+    /// 3. The roof over tip, middle and back is as high above the edge as in people, or just below the lowest vertex
+    ///    over the tongue there where that is lower.
+    ///
+    /// One pass over the vertices and one over the points. Where no front teeth lie behind the lips, the edge is at the
+    /// height of the lips and the inner face is flat, [`INNER_CM`] behind them.
     fn find(
         vertices: &[TongueVertex],
         (skull, surface): (&[[f32; 3]], &[[f32; 3]]),
@@ -440,35 +472,42 @@ impl Room {
             true => Wall::flat(lips[0], edge, anywhere, unit),
             false => Wall::of(&front, lips[0], edge, unit),
         };
-        let heights = [
-            edge + RIDGE_CM * unit,
-            edge + PALATE_CM * unit,
-            edge + PALATE_CM * unit,
-        ];
+        let palate = edge + PALATE_CM * unit;
+        let mut room = Room {
+            roof: [edge + RIDGE_CM * unit, palate, palate],
+            places,
+            edge,
+            upper,
+            unit,
+        };
+        room.lower_roof((vertices, &rest), skull, lips);
+        room
+    }
+
+    /// Lowers the roof to the points of the `skull` over each of the three places of the tongue, which is at `rest`.
+    fn lower_roof(
+        &mut self,
+        (vertices, rest): (&[TongueVertex], &[[f32; 3]]),
+        skull: &[[f32; 3]],
+        lips: [f32; 3],
+    ) {
+        let unit = self.unit;
         let stretches = [
             TIP_TOP..2.0,
             MIDDLE.0 - PLACE..MIDDLE.0 + PLACE,
             BACK.0 - PLACE..BACK.0 + PLACE,
         ];
-        let mut roof = heights;
         for (k, stretch) in stretches.into_iter().enumerate() {
-            let top = top(vertices, &rest, stretch);
+            let top = top(vertices, rest, stretch);
             let above = skull.iter().filter(|p| {
                 (p[0] - lips[0]).abs() < 0.6 * unit
-                    && (p[2] - places[k]).abs() < 0.5 * unit
+                    && (p[2] - self.places[k]).abs() < 0.5 * unit
                     && (top..lips[1] + 2.5 * unit).contains(&p[1])
             });
             let lowest = above
                 .map(|p| p[1] - CLEAR_CM * unit)
                 .fold(f32::INFINITY, f32::min);
-            roof[k] = roof[k].min(lowest);
-        }
-        Room {
-            roof,
-            places,
-            edge,
-            upper,
-            unit,
+            self.roof[k] = self.roof[k].min(lowest);
         }
     }
 

@@ -1,7 +1,29 @@
 //! Products of corrected frames with shapes, without the frames.
 //!
-//! `D_s · x = D_s · (W ℓ) + Σ_v D_sv · (x_v − W_v ℓ)`. The decoder is linear, so its part is a small matrix.
-//! Corrections change few vertices. What the jaw carries is linear in the twelve numbers of the jaw's pose.
+//! A solve for the weights of shapes needs only `D_s · x`, the product of each frame `x` with each shape `D_s`. A frame
+//! comes from landmarks `ℓ` through a linear decoder `W`, plus corrections that are not linear. The corrections change
+//! few vertices `v`, so the product splits:
+//!
+//! `D_s · x = D_s · (W ℓ) + Σ_v D_sv · (x_v − W_v ℓ)`
+//!
+//! 1. The decoder multiplies the shapes with its weights once, in one pass over V. Its part of a frame is then a matrix
+//!    `[204, S]` times the coordinates of the landmarks ([`Deformer::products_with`]).
+//! 2. Vertices that only the jaw carries do not follow the decoder. Their motion is linear in the [`POSE_NUMBERS`] of
+//!    the jaw's pose, though the pose is not linear in the landmarks. Their part is a matrix `[12, S]` times these
+//!    numbers.
+//! 3. Vertices beside lips and eyes are decoded with corrections and without them. The difference times the shapes at
+//!    these vertices is the rest.
+//!
+//! A frame costs the decoding of these few vertices and S products for each of their coordinates, instead of both for
+//! all of V. The few are the skin about mouth and eyes, and the vertices that are shown.
+//!
+//! Not obvious: every vertex must count once. What the jaw carries has shapes of 0 in parts 1 and 3, unless a
+//! correction also touches it. Such a vertex leaves part 2: part 1 takes the decoder's motion for it, and the
+//! difference of part 3 replaces that by the true one. Rims are among the few vertices because corrections read them,
+//! even where they do not move them.
+//!
+//! What can go wrong: a decoder that is not linear, or that cannot decode a few vertices alone, has no products. Then
+//! [`CorrectedProducts::new`] returns `None`, and the caller decodes whole frames.
 
 use std::collections::BTreeSet;
 

@@ -1,5 +1,25 @@
 //! Finds, once in the neutral face, which vertices the lids of an eye carry along and by which share.
 //!
+//! 1. The edges of both lids come with the eye's opening, at [`SAMPLES`] places. The rim of a lid has the skin vertex
+//!    nearest to each of these places, if it lies within [`RIM_OF_WIDTH`] widths of the eye. A place of the edge
+//!    moves as the two rim vertices beside it do, so no vertex has to lie on the edge itself.
+//! 2. Every vertex that follows skin within three widths of the eye's centre may be carried along. Its root is its own
+//!    place if it is skin, and else the place of the skin that it follows.
+//! 3. A root between both edges is the eye itself. Any other root belongs to the lid on whose side of the middle
+//!    between the edges it lies.
+//! 4. The share falls with the distance from the edge. It falls more slowly behind the edge, where the lining of the
+//!    lid must come along ([`follow_share`]). Distances are relative to the size of the eye.
+//! 5. A part is lashes if at least [`LASH_SHARE`] of its vertices have their root within [`LASH_CM`] of the edge of one
+//!    lid. It then follows that lid fully, wherever its single vertices lie.
+//! 6. The lids are lifted off the ball by the sagitta of their widest step between two rim vertices, because flat
+//!    triangles cut into a ball. The clearance that they have already is subtracted.
+//!
+//! The cost is a few passes over V, and a few times [`SAMPLES`] distances for each vertex near the eye.
+//!
+//! What can go wrong: a lid may have fewer than two rim vertices, as on a very coarse mesh or where the landmarks lie
+//! off the eye. Such an eye has no lids. A few outliers among the rim do not change the lift, since the lower quarter
+//! of the clearances counts and the lift is at most the second value of [`CLEAR_CM`].
+//!
 //! Lengths are canonical centimetres.
 
 use glam::Vec3;

@@ -2,11 +2,37 @@
 //!
 //! Landmarks say by which share of its opening an eye is closed. Each head has eyes that are open by another height, so
 //! only the share carries over from the canonical face. [`Face::own_motion`](crate::face::Face::own_motion) lets the
-//! landmarks of the lids travel as far as the eyes of this head are open. The lids that a decoder moved are then turned
-//! about the centre of the eye, parallel to the line from corner to corner, until their edges are as far apart as the
-//! share says. A turn keeps the distance from the centre. Where the decoder lost some of that distance, skin is pushed
-//! out to where it lay over the ball. Lashes turn with the edge. Lids that are sculpted shut or are one surface with
-//! the eye rest.
+//! landmarks of the lids travel as far as the eyes of this head are open. A decoder then moves the skin, but it knows
+//! neither the edges of the lids nor the ball behind them. This module turns the lids that it moved about the centre of
+//! the eye until their edges are as far apart as the share says.
+//!
+//! Once, in the neutral face, [`find`] notes the edges of both lids and what they carry along. Then for each eye and
+//! frame ([`Eyelids::apply`]):
+//! 1. The rise and fall of the landmarks of the lids, over the opening of the eye, is the share by which it is closed.
+//! 2. Each of the [`SAMPLES`] places of an edge has an elevation, its angle above the eye's middle seen from the
+//!    centre. The difference between both lids is the opening there.
+//! 3. The opening that the share asks for, less the one that the decoder left, is the angle that both lids lack. The
+//!    upper lid turns by [`UPPER_SHARE`] of it and the lower lid by the rest, the other way. The axis runs from
+//!    corner to corner.
+//! 4. Every vertex of a lid turns by its share of the angle at its place. A turn keeps the distance from the centre.
+//!    Where the decoder lost some of that distance, the vertex is pushed out to where it lay over the ball at rest.
+//! 5. A row of lashes moves with the edge and rolls as one. Other things on a lid turn with the skin under them. An eye
+//!    that is skin itself goes back to rest as the lids close.
+//!
+//! The cost of a frame is one pass over the samples and one over the vertices that the lids carry along.
+//!
+//! Not obvious:
+//! - Up to [`EXACT_FROM`] of closing the turn fades in, so that an open eye keeps the opening that its landmarks gave
+//!   it. Lids without landmarks are turned fully at all times.
+//! - Towards the corners the turn fades out, because both lids meet there and their landmarks say best where.
+//! - Shut lids overlap by [`OVERLAP_CM`], the upper one lies [`BEFORE_CM`] before the lower one, and each sample closes
+//!   as far as the one beside it that closes furthest. Otherwise slivers between the vertices of both edges would stay
+//!   open.
+//! - Nearly shut lids are also drawn in where the decoder has them further out than that.
+//!
+//! What can go wrong: an eye whose lids have fewer than two rim vertices has no [`Eyelids`] and follows its
+//! landmarks. Lids that are sculpted shut, or are one surface with the eye, rest: nothing is corrected, and the
+//! decoder does not get the motion of their landmarks ([`Eyelids::clear_silent`]).
 //!
 //! Lengths are canonical centimetres.
 

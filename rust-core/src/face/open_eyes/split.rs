@@ -1,9 +1,22 @@
 //! Cuts the skin along a closed line around an eye, and frees the piece inside.
 //!
-//! Every vertex of the sheet around the eye gets its distance from the line. An edge along which
-//! the sign changes gets a vertex, and triangles are cut there. Pieces inside get vertices of their
-//! own along the line, so that lids and eye are two surfaces that touch. A line that crosses a hole
-//! or itself is no single loop: such an eye is refused.
+//! 1. [`sheet`] gathers the triangles about the eye that are connected with the foremost one in its middle. Parts that
+//!    only lie behind it are not among them.
+//! 2. Every vertex of the sheet gets its distance from the line, below 0 inside ([`Cut::of`]). The line is a polygon
+//!    seen from the front, so no edge of the mesh has to follow it.
+//! 3. An edge along which the sign changes gets a vertex there, and its triangles are cut ([`split`]). A crossing
+//!    near the end of an edge goes through the vertex instead, so that no slivers arise.
+//! 4. [`set_free`] gives the pieces inside vertices of their own along the line. Lids and eye are then two surfaces
+//!    that touch.
+//!
+//! The cost is the number of vertices of the sheet times the corners of the polygon, then one pass over the triangles
+//! of the mesh.
+//!
+//! Not obvious: places are compared by their bits, because vertices along a texture seam have one place. A new vertex
+//! on an edge is computed from the smaller place on, so that both sides of a seam get the same bits. A piece whose
+//! corners do not say on which side it lies is judged by its middle.
+//!
+//! What can go wrong: the line crosses a hole or itself and is no single loop. Such an eye is refused.
 
 use std::collections::{HashMap, HashSet};
 
@@ -21,6 +34,8 @@ use crate::{
 const SNAP: f32 = 0.18;
 /// The sheet reaches this far beyond the line, in widths.
 const BEYOND: f32 = 0.25;
+/// A line of fewer places is none around an eye.
+const LEAST_PLACES: usize = 8;
 
 /// A place in space, by its bits: vertices along texture seams share one.
 type Place = [u32; 3];
@@ -249,54 +264,109 @@ fn cut_pieces(around: &[Corner]) -> Vec<[Corner; 3]> {
     }
 }
 
-/// Gives the pieces inside vertices of their own along the line. `pieces`: number, whether it lies
-/// inside, and which of its corners lie on the line.
-fn set_free(fine: &mut FineMesh, pieces: &[(usize, bool, [bool; 3])]) -> Result<Vec<RimPlace>> {
-    let mut outside = HashMap::new();
-    // Edges along the line of pieces outside, by their places.
-    let mut banks = HashSet::new();
-    for &(number, _, on_line) in pieces.iter().filter(|piece| !piece.1) {
-        let t = fine.mesh.triangles[number];
-        for k in 0..3 {
-            if on_line[k] {
+/// A piece of the sheet: its number, whether it lies inside, and which of its corners lie on the line.
+type Piece = (usize, bool, [bool; 3]);
+
+/// Gives the pieces inside vertices of their own along the line, so that lids and eye can part. Returns the line.
+///
+/// The sheet has been cut along the line, but the pieces on both sides still share the line's vertices.
+///
+/// 1. [`Bank::outside`] notes the line's places on the lids' side. It also notes each edge along the line as a pair of
+///    places, in the order in which its piece runs around.
+/// 2. [`Bank::inside`] copies the vertices on the line for the pieces inside. Two pieces that share a vertex before
+///    also share its copy, so the eye stays one surface. Two vertices at one place, as along a texture seam, become
+///    two copies.
+/// 3. An edge of a piece inside belongs to the line if a piece outside has the same edge, run the other way. Each such
+///    edge says which place follows which.
+/// 4. [`loop_of`] walks from place to place until it is back at its start.
+///
+/// The places, and not the vertices, are the keys. A texture seam across the line gives one place several vertices,
+/// and by vertices the line would end at the seam. The walk begins at the smallest place, so that the result does not
+/// depend on the order of a hash map.
+///
+/// The cost is linear in the pieces of the sheet.
+///
+/// What can go wrong: the line leaves the sheet at a hole, runs along itself in a fold, or falls into several loops.
+/// Then a place has two successors, the walk ends early, or it leaves places out. The mesh is refused in all these
+/// cases, and so is a loop of fewer than [`LEAST_PLACES`] places.
+fn set_free(fine: &mut FineMesh, pieces: &[Piece]) -> Result<Vec<RimPlace>> {
+    let outside = Bank::outside(fine, pieces);
+    let inside = Bank::inside(fine, pieces, &outside);
+    loop_of(&outside, &inside)
+}
+
+/// The line as the pieces on one of its sides have it.
+#[derive(Default)]
+struct Bank {
+    /// A vertex at each place, and what a triangle that begins there is made of.
+    corners: HashMap<Place, (u32, TriangleSource)>,
+    /// The edges along the line: places one after the other.
+    edges: Vec<[Place; 2]>,
+}
+
+impl Bank {
+    /// The side of the lids.
+    fn outside(fine: &FineMesh, pieces: &[Piece]) -> Bank {
+        let mut bank = Bank::default();
+        for &(number, _, on_line) in pieces.iter().filter(|piece| !piece.1) {
+            let t = fine.mesh.triangles[number];
+            for k in (0..3).filter(|&k| on_line[k]) {
+                let next = (k + 1) % 3;
                 let source = fine.triangle_sources[number].at_corner(k);
-                outside.entry(place(fine, t[k])).or_insert((t[k], source));
-                if on_line[(k + 1) % 3] {
-                    banks.insert([place(fine, t[k]), place(fine, t[(k + 1) % 3])]);
+                let here = place(fine, t[k]);
+                bank.corners.entry(here).or_insert((t[k], source));
+                if on_line[next] {
+                    bank.edges.push([here, place(fine, t[next])]);
                 }
             }
         }
+        bank
     }
-    let (mut copies, mut next, mut inside) = (HashMap::new(), HashMap::new(), HashMap::new());
-    let mut twice = false;
-    for &(number, _, on_line) in pieces.iter().filter(|piece| piece.1) {
-        let t = fine.mesh.triangles[number];
-        for k in 0..3 {
-            if !on_line[k] {
-                continue;
-            }
-            let (here, there) = (place(fine, t[k]), place(fine, t[(k + 1) % 3]));
-            if !outside.contains_key(&here) {
-                continue;
-            }
-            let copy = *copies.entry(t[k]).or_insert_with(|| {
-                fine.mesh.positions.push(fine.mesh.positions[t[k] as usize]);
-                fine.vertex_sources.push(fine.vertex_sources[t[k] as usize]);
-                fine.mesh.positions.len() as u32 - 1
-            });
-            fine.mesh.triangles[number][k] = copy;
-            let source = fine.triangle_sources[number].at_corner(k);
-            inside.entry(here).or_insert((copy, source));
-            if banks.contains(&[there, here]) {
-                twice |= next.insert(here, there).is_some();
+
+    /// The side of the eye, whose pieces get vertices of their own wherever there are lids.
+    fn inside(fine: &mut FineMesh, pieces: &[Piece], outside: &Bank) -> Bank {
+        let edges: HashSet<&[Place; 2]> = outside.edges.iter().collect();
+        let (mut bank, mut copies) = (Bank::default(), HashMap::new());
+        for &(number, _, on_line) in pieces.iter().filter(|piece| piece.1) {
+            let t = fine.mesh.triangles[number];
+            for k in (0..3).filter(|&k| on_line[k]) {
+                let (here, there) = (place(fine, t[k]), place(fine, t[(k + 1) % 3]));
+                if !outside.corners.contains_key(&here) {
+                    continue;
+                }
+                let copy = *copies.entry(t[k]).or_insert_with(|| {
+                    fine.mesh.positions.push(fine.mesh.positions[t[k] as usize]);
+                    fine.vertex_sources.push(fine.vertex_sources[t[k] as usize]);
+                    fine.mesh.positions.len() as u32 - 1
+                });
+                fine.mesh.triangles[number][k] = copy;
+                let source = fine.triangle_sources[number].at_corner(k);
+                bank.corners.entry(here).or_insert((copy, source));
+                if edges.contains(&[there, here]) {
+                    bank.edges.push([here, there]);
+                }
             }
         }
+        bank
     }
+}
+
+/// The line from place to place in the order of the edges inside.
+///
+/// # Errors
+/// `Mesh` where they are no single loop.
+fn loop_of(outside: &Bank, inside: &Bank) -> Result<Vec<RimPlace>> {
+    let next: HashMap<Place, Place> = inside
+        .edges
+        .iter()
+        .map(|[here, there]| (*here, *there))
+        .collect();
     let first = next.keys().min().copied();
     let mut line = Vec::new();
     let mut at = first;
     while let Some(here) = at {
-        let ((lid, lid_source), (eye, eye_source)) = (outside[&here], inside[&here]);
+        let ((lid, lid_source), (eye, eye_source)) =
+            (outside.corners[&here], inside.corners[&here]);
         line.push(RimPlace {
             lid,
             eye,
@@ -311,7 +381,8 @@ fn set_free(fine: &mut FineMesh, pieces: &[(usize, bool, [bool; 3])]) -> Result<
             break;
         }
     }
-    if twice || line.len() < 8 || line.len() != next.len() {
+    let is_branched = next.len() < inside.edges.len();
+    if is_branched || line.len() < LEAST_PLACES || line.len() != next.len() {
         return Err(Error::Mesh(
             "open eyes: expected one line around each eye on the skin, got a surface that ends or folds there; \
              check the landmarks of the eyes (36 to 47)"

@@ -1,4 +1,24 @@
 //! The mesh cut along a line over its surface, and the two banks parted.
+//!
+//! A line of places on vertices, on edges and, at its two ends, inside of triangles crosses the skin between the lips
+//! (`trace`). This module makes it a line of edges and then gives the lips vertices of their own.
+//!
+//! 1. [`Splitter`] cuts every triangle of the patch that the line crosses into pieces. A place on an edge becomes one
+//!    new vertex for each pair of old vertices, so both triangles of that edge get the same one. At a texture seam
+//!    the edge has several pairs of vertices, and each pair gets its own. An end inside of a triangle makes a fan
+//!    about it.
+//! 2. [`Banks`] decides for every corner on the line whether it belongs to the upper or to the lower lip.
+//! 3. [`CutMesh::part`] copies the line's vertices that both banks use. The lower bank gets the copies. Both ends stay
+//!    shared, since a mouth opens between its corners.
+//!
+//! Old vertices keep their numbers and places, and old triangles their order, so that the surface at rest stays the
+//! same. Every new vertex and corner carries shares of the old vertices and triangles that it came from.
+//!
+//! The cost is one pass over the triangles of the mesh (F) and hash look-ups for those of the patch.
+//!
+//! Not obvious: pieces along the line are compared by the points of the patch, where texture seams are sewn up, and
+//! not by their vertices, of which a seam has several. A triangle that the line cuts on all three edges has no rule of
+//! its own and becomes a plain fan. Where the line has skin on one side alone, the mesh is refused.
 
 use std::collections::{HashMap, HashSet};
 
@@ -344,7 +364,26 @@ fn fan_of_all(rim: &[Corner]) -> Vec<[Corner; 3]> {
         .collect()
 }
 
-/// Which side of the line every corner on it belongs to.
+/// Which bank every corner on the line belongs to.
+///
+/// The line has been cut into the triangles, and now one sheet becomes two banks, the upper and the lower lip. The
+/// banks share the line's vertices until [`CutMesh::part`] copies those of the lower bank. For this it needs the bank
+/// of every corner of a piece that lies on the line, and that of pieces which touch the line in one place alone.
+///
+/// 1. Pieces with a side on the line come in two kinds. Triangles run around the same way all over the skin, so the
+///    side of a piece on one bank runs with the line and the side of its neighbour on the other bank runs against it.
+/// 2. The heights above the seam say which kind is the upper bank. The sum over all these pieces decides, because a
+///    single third corner may lie on the wrong side of the smooth seam. If the kind that runs against the line is
+///    higher, the faces of the mesh look inward.
+/// 3. Around each inner place of the line the pieces fall into groups that hang together without crossing the line
+///    ([`fans`]). A group belongs to the bank of its pieces that have a side on the line.
+/// 4. A group that has no such piece, or pieces of both banks, belongs to the bank on whose side the points of its
+///    pieces lie in the mean.
+///
+/// The two ends of the line are corners of the mouth. Both banks keep them, so no corner there is listed.
+///
+/// Costs one pass over the pieces of the patch, and at each place of the line the square of the number of pieces
+/// around it. A side of the line that lacks a piece on one bank is a hole in the skin, and the mesh is refused.
 struct Banks {
     /// Piece, corner of the piece, whether it lies on the lower bank.
     corners: Vec<(u32, usize, bool)>,
@@ -362,96 +401,147 @@ impl Banks {
         in_patch: &[u32],
         above: impl Fn(DVec3) -> f64,
     ) -> Result<Banks> {
-        let count = patch.points.len() as u32;
-        let point = |n: usize| match line[n] {
-            Node::Vertex(v) => v,
-            _ => count + n as u32,
+        let line = CutLine {
+            cut,
+            patch,
+            nodes: line,
         };
-        let place: HashMap<u32, usize> = (0..line.len()).map(|n| (point(n), n)).collect();
-        let position = |p: u32| match p.checked_sub(count) {
-            Some(n) => line[n as usize].position(patch),
-            None => patch.points[p as usize],
-        };
-        // Pieces along the line: those whose side runs with it, and those whose side runs against it.
-        let mut sides = vec![[None; 2]; line.len() - 1];
-        let mut height = 0.0;
-        let mut around = vec![Vec::new(); line.len()];
-        for &number in in_patch {
-            let points = cut.pieces[number as usize].points;
-            for k in 0..3 {
-                let Some(&n) = place.get(&points[k]) else {
-                    continue;
-                };
-                around[n].push((number, k));
-                let Some(&next) = place.get(&points[(k + 1) % 3]) else {
-                    continue;
-                };
-                let third = above(position(points[(k + 2) % 3]));
-                if next == n + 1 {
-                    sides[n][0] = Some(number);
-                    height += third;
-                } else if next + 1 == n {
-                    sides[next][1] = Some(number);
-                    height -= third;
-                }
-            }
-        }
-        let is_inside_out = height < 0.0;
+        let beside = line.pieces_beside(in_patch, &above);
+        let is_inside_out = beside.height < 0.0;
         let [with, against] = match is_inside_out {
             false => [0, 1],
             true => [1, 0],
         };
+        Ok(Banks {
+            upper: line.bank(&beside, with)?,
+            lower: line.bank(&beside, against)?,
+            corners: line.corners(&beside, [with, against], &above),
+            is_inside_out,
+        })
+    }
+}
+
+/// The line, and the pieces that it has cut.
+struct CutLine<'a> {
+    cut: &'a CutMesh,
+    patch: &'a Patch,
+    nodes: &'a [Node],
+}
+
+/// The pieces that touch the line.
+struct Beside {
+    /// For each side of the line the piece whose own side runs with it, and the piece whose own side runs against it.
+    sides: Vec<[Option<u32>; 2]>,
+    /// For each place of the line the pieces around it, with their corner there.
+    around: Vec<Vec<(u32, usize)>>,
+    /// By how much the pieces that run with the line lie higher above the seam than those that run against it, summed.
+    height: f64,
+}
+
+impl CutLine<'_> {
+    /// The point of a place of the line, as pieces number points.
+    fn point(&self, n: usize) -> u32 {
+        match self.nodes[n] {
+            Node::Vertex(v) => v,
+            _ => self.patch.points.len() as u32 + n as u32,
+        }
+    }
+
+    fn position(&self, point: u32) -> DVec3 {
+        match point.checked_sub(self.patch.points.len() as u32) {
+            Some(n) => self.nodes[n as usize].position(self.patch),
+            None => self.patch.points[point as usize],
+        }
+    }
+
+    fn points_of(&self, piece: u32) -> [u32; 3] {
+        self.cut.pieces[piece as usize].points
+    }
+
+    fn pieces_beside(&self, in_patch: &[u32], above: &impl Fn(DVec3) -> f64) -> Beside {
+        let count = self.nodes.len();
+        let place: HashMap<u32, usize> = (0..count).map(|n| (self.point(n), n)).collect();
+        let mut beside = Beside {
+            sides: vec![[None; 2]; count - 1],
+            around: vec![Vec::new(); count],
+            height: 0.0,
+        };
+        for &number in in_patch {
+            let points = self.points_of(number);
+            for k in 0..3 {
+                let Some(&n) = place.get(&points[k]) else {
+                    continue;
+                };
+                beside.around[n].push((number, k));
+                let Some(&next) = place.get(&points[(k + 1) % 3]) else {
+                    continue;
+                };
+                let third = above(self.position(points[(k + 2) % 3]));
+                if next == n + 1 {
+                    beside.sides[n][0] = Some(number);
+                    beside.height += third;
+                } else if next + 1 == n {
+                    beside.sides[next][1] = Some(number);
+                    beside.height -= third;
+                }
+            }
+        }
+        beside
+    }
+
+    /// For each place of the line a piece and its corner on one bank.
+    fn bank(&self, beside: &Beside, side: usize) -> Result<Vec<(u32, usize)>> {
         let hole = || {
             Error::Mesh(
                 "expected skin on both sides of the line between the lips, got a hole".into(),
             )
         };
         let corner_of = |number: u32, n: usize| {
-            let points = cut.pieces[number as usize].points;
-            let k = points.iter().position(|p| *p == point(n));
+            let points = self.points_of(number);
+            let k = points.iter().position(|p| *p == self.point(n));
             (number, k.expect("a piece along the line has its places"))
         };
-        let bank = |side: usize| -> Result<Vec<(u32, usize)>> {
-            (0..line.len())
-                .map(|n| {
-                    sides[n.min(line.len() - 2)][side]
-                        .map(|number| corner_of(number, n))
-                        .ok_or_else(hole)
-                })
-                .collect()
-        };
-        let (upper, lower) = (bank(with)?, bank(against)?);
+        (0..self.nodes.len())
+            .map(|n| {
+                beside.sides[n.min(self.nodes.len() - 2)][side]
+                    .map(|number| corner_of(number, n))
+                    .ok_or_else(hole)
+            })
+            .collect()
+    }
+
+    /// All corners at the inner places of the line, and whether each lies on the lower bank.
+    fn corners(
+        &self,
+        beside: &Beside,
+        [with, against]: [usize; 2],
+        above: &impl Fn(DVec3) -> f64,
+    ) -> Vec<(u32, usize, bool)> {
+        let sides = &beside.sides;
         let mut corners = Vec::new();
-        for n in 1..line.len() - 1 {
-            let ends = [point(n - 1), point(n + 1)];
-            let groups = fans(cut, &around[n], ends);
+        for n in 1..self.nodes.len() - 1 {
+            let ends = [self.point(n - 1), self.point(n + 1)];
+            let groups = fans(self.cut, &beside.around[n], ends);
             let group_of = |piece: Option<u32>| {
                 groups
                     .iter()
                     .position(|g| g.iter().any(|(p, _)| Some(*p) == piece))
             };
-            let seeds = [n - 1, n].map(|s| group_of(sides[s][against]));
-            let others = [n - 1, n].map(|s| group_of(sides[s][with]));
+            let lower = [n - 1, n].map(|s| group_of(sides[s][against]));
+            let upper = [n - 1, n].map(|s| group_of(sides[s][with]));
             for (g, group) in groups.iter().enumerate() {
-                let is_lower = match (seeds.contains(&Some(g)), others.contains(&Some(g))) {
+                let is_lower = match (lower.contains(&Some(g)), upper.contains(&Some(g))) {
                     (true, false) => true,
                     (false, true) => false,
                     _ => {
-                        let thirds = group
-                            .iter()
-                            .flat_map(|&(p, _)| cut.pieces[p as usize].points);
-                        thirds.map(|p| above(position(p))).sum::<f64>() < 0.0
+                        let points = group.iter().flat_map(|&(p, _)| self.points_of(p));
+                        points.map(|p| above(self.position(p))).sum::<f64>() < 0.0
                     }
                 };
                 corners.extend(group.iter().map(|&(piece, k)| (piece, k, is_lower)));
             }
         }
-        Ok(Banks {
-            corners,
-            upper,
-            lower,
-            is_inside_out,
-        })
+        corners
     }
 }
 

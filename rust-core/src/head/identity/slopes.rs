@@ -1,4 +1,6 @@
 //! How the canonical field changes with the point and with the code of the head, by the chain rule.
+//!
+//! [`IdentitySlopes::at`] says how.
 
 use super::{Identity, IdentityField, is_mirrored, network_of};
 use crate::{
@@ -41,38 +43,36 @@ impl IdentitySlopes {
         }
     }
 
-    /// At points `[Q]` of one head, on the calling thread.
+    /// The distance at points `[Q]` of one head, and how it grows with each point and with the code, on the calling
+    /// thread.
+    ///
+    /// The field is `T(x + Σ_n w_n(x, a) D_n(x, a_n, z))`: the distance from the mean head, at the point moved by a
+    /// blend of small networks at anchors `a` (see [`super`]). This is its chain rule backwards, one pass for all
+    /// numbers of the code at once.
+    ///
+    /// 1. Forward: the blend weights, then each network on those points alone where its weight is not 0, with a trace
+    ///    of its layers.
+    /// 2. The mean head `T` gives the distance, and the slope of the distance with the moved point. This slope is the
+    ///    `pull` on everything before it.
+    /// 3. The point itself gets the pull whole. Each network gets its weight times the pull and passes it to its code
+    ///    and to its input ([`IdentitySlopes::through`]). The input is the point relative to the anchor, so the
+    ///    anchor gets the same slope with the other sign.
+    /// 4. The slope with a blend weight is the network's offset along the pull. It goes back through the division by
+    ///    the sum, the threshold and the softmax to points and anchors ([`Blend::through`]).
+    /// 5. Anchors are landmarks, and these are linear in the global part of the code. So their slopes end there.
+    ///
+    /// The cost is a small multiple of evaluating the field at the points, whatever the length Z of the code.
+    /// Differences would cost Z evaluations. Memory is Q times the widths of all layers, so the fit hands over a
+    /// hundred points at a time.
+    ///
+    /// Not obvious: the left one of a pair of anchors asks the right one's network with x mirrored. Its offset and its
+    /// slope along x change their sign, and so do those numbers of the global code that `mirror` names. The threshold
+    /// makes a network's weight exactly 0 away from its anchor. The distance has a kink where that begins, and the
+    /// slope is the one on the side of the point. The background network has no anchor and a frame of its own scale.
     pub fn at(&self, field: &IdentityField<'_>, points: &[[f32; 3]]) -> FieldSlopes {
         let (config, identity, columns) = (field.config, field.identity, field.locals.len());
         let blend = Blend::of(field, points);
-        let mut places = points.to_vec();
-        let mut parts = Vec::with_capacity(columns);
-        for (number, local) in field.locals.iter().enumerate() {
-            let rows: Vec<usize> = (0..points.len())
-                .filter(|row| blend.weights[row * columns + number] > 0.0)
-                .collect();
-            if rows.is_empty() {
-                continue;
-            }
-            let side = if is_mirrored(config, number) {
-                -1.0
-            } else {
-                1.0
-            };
-            let trace = local.trace(&field.framed(number, points, &rows, side), rows.len());
-            for (row, [x, y, z]) in rows.iter().zip(trace.out.as_chunks::<3>().0) {
-                let weight = blend.weights[row * columns + number];
-                for (to, x) in places[*row].iter_mut().zip([side * x, *y, *z]) {
-                    *to += weight * x;
-                }
-            }
-            parts.push(Part {
-                number,
-                side,
-                rows,
-                trace,
-            });
-        }
+        let (places, parts) = on_mean(field, points, &blend.weights);
         let encoded = encode(&places, config.octaves);
         let (distance, of_encoded) = self.template.at(&identity.template, &encoded, points.len());
         let pull = through_encoding(&encoded, &of_encoded, config.octaves);
@@ -96,22 +96,7 @@ impl IdentitySlopes {
             );
         }
         blend.through(field, points, &of_weights, &mut of_anchors, &mut out.place);
-        let codes = config.identity_code();
-        let landmark_weight = identity.landmarks.weight();
-        let marks = config.landmark_numbers();
-        for (code, anchors) in out
-            .code
-            .chunks_exact_mut(codes)
-            .zip(of_anchors.chunks_exact(anchors))
-        {
-            for (mark, slope) in marks.iter().zip(anchors) {
-                for (k, to) in code[..config.global_code].iter_mut().enumerate() {
-                    *to += (0..3)
-                        .map(|a| landmark_weight[(k, 3 * mark + a)] * slope[a])
-                        .sum::<f32>();
-                }
-            }
-        }
+        through_anchors(field, &of_anchors, &mut out.code);
         out
     }
 
@@ -170,6 +155,64 @@ impl IdentitySlopes {
                 .iter_mut()
                 .zip(&of_code[global..])
                 .for_each(|(to, x)| *to += x);
+        }
+    }
+}
+
+/// Where points `[Q]` lie on the mean head, under blend `weights` `[Q, A + 1]`, and the networks' parts in it.
+fn on_mean(
+    field: &IdentityField<'_>,
+    points: &[[f32; 3]],
+    weights: &[f32],
+) -> (Vec<[f32; 3]>, Vec<Part>) {
+    let columns = field.locals.len();
+    let mut places = points.to_vec();
+    let mut parts = Vec::with_capacity(columns);
+    for (number, local) in field.locals.iter().enumerate() {
+        let rows: Vec<usize> = (0..points.len())
+            .filter(|row| weights[row * columns + number] > 0.0)
+            .collect();
+        if rows.is_empty() {
+            continue;
+        }
+        let side = if is_mirrored(field.config, number) {
+            -1.0
+        } else {
+            1.0
+        };
+        let trace = local.trace(&field.framed(number, points, &rows, side), rows.len());
+        for (row, [x, y, z]) in rows.iter().zip(trace.out.as_chunks::<3>().0) {
+            let weight = weights[row * columns + number];
+            for (to, x) in places[*row].iter_mut().zip([side * x, *y, *z]) {
+                *to += weight * x;
+            }
+        }
+        parts.push(Part {
+            number,
+            side,
+            rows,
+            trace,
+        });
+    }
+    (places, parts)
+}
+
+/// Adds slopes with the anchors, `[Q, A]`, to those with the code, `[Q, Z]`: anchors are landmarks, which are linear in
+/// the code's own part.
+fn through_anchors(field: &IdentityField<'_>, of_anchors: &[[f32; 3]], of_code: &mut [f32]) {
+    let config = field.config;
+    let landmark_weight = field.identity.landmarks.weight();
+    let marks = config.landmark_numbers();
+    for (code, anchors) in of_code
+        .chunks_exact_mut(config.identity_code())
+        .zip(of_anchors.chunks_exact(field.anchors.len()))
+    {
+        for (mark, slope) in marks.iter().zip(anchors) {
+            for (k, to) in code[..config.global_code].iter_mut().enumerate() {
+                *to += (0..3)
+                    .map(|a| landmark_weight[(k, 3 * mark + a)] * slope[a])
+                    .sum::<f32>();
+            }
         }
     }
 }

@@ -1,7 +1,7 @@
 //! A file for a mesh that has none: positions, smooth normals, triangles, targets.
 
 use glam::Vec3;
-use serde_json::json;
+use serde_json::{Value, json};
 
 use super::{
     animation::{NAME, Track, animation, head, times, weights},
@@ -24,11 +24,48 @@ const LEAST_TURN: f32 = 0.02;
 /// The document and its bytes.
 pub(super) fn document(scene: &Scene<'_>, targets: &Targets) -> Result<Document> {
     let mut buffer = Buffer::after(0, Vec::new(), 0, 0);
+    let mesh = face(&mut buffer, scene, targets);
+    let all: Vec<usize> = (0..targets.shapes.len()).collect();
+    let mut shown = Shown::moving(&mut buffer, scene, targets, &all)?;
+    if is_z_up(scene)? {
+        shown.stand_up();
+    }
+    let (bytes, views, accessors) = buffer.finish();
+    let mut json = json!({
+        "asset": {"version": "2.0", "generator": concat!("Anyface ", env!("CARGO_PKG_VERSION"))},
+        "scene": 0,
+        "scenes": [{"nodes": [shown.root]}],
+        "nodes": shown.nodes,
+        "meshes": [mesh],
+        "materials": [{
+            "name": NAME, "doubleSided": true,
+            "pbrMetallicRoughness": {"metallicFactor": 0, "roughnessFactor": 0.7},
+        }],
+        "buffers": [{"byteLength": bytes.len().next_multiple_of(4)}],
+        "bufferViews": views,
+        "accessors": accessors,
+    });
+    if !shown.tracks.is_empty() {
+        json["animations"] = json!([animation(shown.tracks, scene.sound)]);
+    }
+    Ok(Document {
+        json,
+        binary: bytes,
+        bound: vec![Bound {
+            node: 0,
+            mesh: 0,
+            before: 0,
+            shapes: all,
+        }],
+    })
+}
+
+/// The mesh with its targets.
+fn face(buffer: &mut Buffer, scene: &Scene<'_>, targets: &Targets) -> Value {
     let corners = scene
         .source
         .and_then(|bytes| texture_coordinates(bytes, scene.mesh));
     let layout = Layout::new(scene.mesh, corners.as_deref());
-    let count = layout.sources.len();
     let positions = buffer.points(&layout.spread(&scene.mesh.positions));
     let mut normals = scene.mesh.vertex_normals();
     // The format knows no normal of length 0, which a vertex without triangles has.
@@ -41,86 +78,94 @@ pub(super) fn document(scene: &Scene<'_>, targets: &Targets) -> Result<Document>
     if let Some(coordinates) = &layout.coordinates {
         attributes["TEXCOORD_0"] = json!(buffer.coordinates(coordinates));
     }
-    let corners = buffer.corners(&layout.triangles, count);
+    let corners = buffer.corners(&layout.triangles, layout.sources.len());
     let mut primitive = json!({"attributes": attributes, "indices": corners, "material": 0});
     let mut mesh = json!({"name": NAME});
-    let all: Vec<usize> = (0..targets.shapes.len()).collect();
-    if !all.is_empty() {
-        let mut accessors = Vec::new();
-        for shape in &targets.shapes {
-            let moved = buffer.displacements(count, &layout.moved(&shape.moved));
-            let mut target = json!({"POSITION": moved});
-            if targets.stand_alone {
-                let turned = turned(scene.mesh, &normals, shape);
-                target["NORMAL"] = json!(buffer.displacements(count, &layout.moved(&turned)));
-            }
-            accessors.push(target);
-        }
-        primitive["targets"] = json!(accessors);
-        let names: Vec<&str> = targets.shapes.iter().map(|shape| &*shape.name).collect();
+    if !targets.shapes.is_empty() {
+        let shapes = targets.shapes.iter();
+        let names: Vec<&str> = shapes.clone().map(|shape| &*shape.name).collect();
+        let accessors = shapes.map(|shape| {
+            let turned = || turned(scene.mesh, &normals, shape);
+            target(buffer, &layout, shape, targets.stand_alone.then(turned))
+        });
+        primitive["targets"] = accessors.collect();
         mesh["weights"] = json!(vec![0; names.len()]);
         mesh["extras"] = json!({"targetNames": names});
     }
-    let mut nodes = vec![json!({"name": NAME, "mesh": 0})];
-    let (mut root, mut tracks) = (0, Vec::new());
-    if targets.weights.nrows() > 0 {
-        let times = times(&mut buffer, targets.weights.nrows(), targets.fps)?;
-        if !all.is_empty() {
-            tracks.push(Track {
-                sampler: weights(&mut buffer, times, targets, (&[], &all))?,
+    mesh["primitives"] = json!([primitive]);
+    mesh
+}
+
+/// One target; `turned`: what it adds to the normals, where they change with it.
+fn target(
+    buffer: &mut Buffer,
+    layout: &Layout,
+    shape: &Target,
+    turned: Option<Vec<(u32, [f32; 3])>>,
+) -> Value {
+    let count = layout.sources.len();
+    let moved = buffer.displacements(count, &layout.moved(&shape.moved));
+    let mut target = json!({"POSITION": moved});
+    if let Some(turned) = turned {
+        target["NORMAL"] = json!(buffer.displacements(count, &layout.moved(&turned)));
+    }
+    target
+}
+
+/// The nodes of the scene and what moves them. The first node shows the mesh.
+struct Shown {
+    nodes: Vec<Value>,
+    /// Number of the node above all others.
+    root: usize,
+    tracks: Vec<Track>,
+}
+
+impl Shown {
+    /// The weights of `shapes`, and a head that turns, over the frames of the targets.
+    fn moving(
+        buffer: &mut Buffer,
+        scene: &Scene<'_>,
+        targets: &Targets,
+        shapes: &[usize],
+    ) -> Result<Shown> {
+        let mut shown = Shown {
+            nodes: vec![json!({"name": NAME, "mesh": 0})],
+            root: 0,
+            tracks: Vec::new(),
+        };
+        if targets.weights.nrows() == 0 {
+            return Ok(shown);
+        }
+        let times = times(buffer, targets.weights.nrows(), targets.fps)?;
+        if !shapes.is_empty() {
+            shown.tracks.push(Track {
+                sampler: weights(buffer, times, targets, (&[], shapes))?,
                 node: 0,
                 path: "weights",
             });
         }
-        if let Some([mut head, mut rest, sampler]) = head(&mut buffer, times, scene)? {
+        if let Some([mut head, mut rest, sampler]) = head(buffer, times, scene)? {
             rest["children"] = json!([0]);
             head["children"] = json!([1]);
-            nodes.extend([rest, head]);
-            root = 2;
-            tracks.push(Track {
+            shown.nodes.extend([rest, head]);
+            shown.root = 2;
+            shown.tracks.push(Track {
                 sampler,
-                node: root,
+                node: shown.root,
                 path: "rotation",
             });
         }
+        Ok(shown)
     }
-    mesh["primitives"] = json!([primitive]);
-    if is_z_up(scene)? {
-        // The format's way up is y.
+
+    /// Turns a scene whose way up is z: that of the format is y.
+    fn stand_up(&mut self) {
         let half = std::f32::consts::FRAC_1_SQRT_2;
-        nodes.push(
-            json!({"name": "Upright", "rotation": [-half, 0.0, 0.0, half], "children": [root]}),
-        );
-        root = nodes.len() - 1;
+        self.nodes.push(json!({
+            "name": "Upright", "rotation": [-half, 0.0, 0.0, half], "children": [self.root],
+        }));
+        self.root = self.nodes.len() - 1;
     }
-    let (bytes, views, accessors) = buffer.finish();
-    let mut json = json!({
-        "asset": {"version": "2.0", "generator": concat!("Anyface ", env!("CARGO_PKG_VERSION"))},
-        "scene": 0,
-        "scenes": [{"nodes": [root]}],
-        "nodes": nodes,
-        "meshes": [mesh],
-        "materials": [{
-            "name": NAME, "doubleSided": true,
-            "pbrMetallicRoughness": {"metallicFactor": 0, "roughnessFactor": 0.7},
-        }],
-        "buffers": [{"byteLength": bytes.len().next_multiple_of(4)}],
-        "bufferViews": views,
-        "accessors": accessors,
-    });
-    if !tracks.is_empty() {
-        json["animations"] = json!([animation(tracks, scene.sound)]);
-    }
-    Ok(Document {
-        json,
-        binary: bytes,
-        bound: vec![Bound {
-            node: 0,
-            mesh: 0,
-            before: 0,
-            shapes: all,
-        }],
-    })
 }
 
 /// By how much the normals differ where a shape is whole.

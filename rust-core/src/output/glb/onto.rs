@@ -23,7 +23,42 @@ use crate::{
 /// The document and its bytes.
 pub(super) fn add(source: &[u8], scene: &Scene<'_>, targets: &Targets) -> Result<Document> {
     let (json, binary) = glb_chunks(source)?;
-    let mut document: Value = serde_json::from_slice(json).map_err(|e| wrong(e.to_string()))?;
+    let document: Value = serde_json::from_slice(json).map_err(|e| wrong(e.to_string()))?;
+    let parts = parts_of(source, scene)?;
+    let place = NewBytes::of(&document);
+    let buffer = place.buffer(&document, binary);
+    let mut file = Extended {
+        document,
+        buffer,
+        targets,
+        times: None,
+        tracks: Vec::new(),
+        bound: Vec::new(),
+    };
+    let frames = targets.weights.nrows();
+    if frames > 0 {
+        file.times = Some(times(&mut file.buffer, frames, targets.fps)?);
+    }
+    for (mesh, parts) in by_mesh(&parts)? {
+        file.bind(mesh, &parts)?;
+    }
+    file.animate(scene)?;
+    let Extended {
+        mut document,
+        buffer,
+        bound,
+        ..
+    } = file;
+    let binary = place.write(&mut document, buffer, binary)?;
+    Ok(Document {
+        json: document,
+        binary,
+        bound,
+    })
+}
+
+/// The parts of the file's mesh, which must be the scene's.
+fn parts_of(source: &[u8], scene: &Scene<'_>) -> Result<Vec<GlbPart>> {
     let parts = glb_parts(source)?;
     let vertices = parts.last().map_or(0, |part| part.vertices.end);
     if vertices != scene.mesh.positions.len() {
@@ -32,37 +67,92 @@ pub(super) fn add(source: &[u8], scene: &Scene<'_>, targets: &Targets) -> Result
             scene.mesh.positions.len()
         )));
     }
-    let old = |name: &str| document[name].as_array().map_or(0, Vec::len);
-    // The chunk of bytes belongs to the first buffer, unless that names its bytes otherwise.
-    let has_chunk = old("buffers") == 0 || document["buffers"][0].get("uri").is_none();
-    let (number, bytes) = match has_chunk {
-        true => (0, binary.to_vec()),
-        false => (old("buffers"), Vec::new()),
-    };
-    let mut buffer = Buffer::after(number, bytes, old("bufferViews"), old("accessors"));
-    let frames = targets.weights.nrows();
-    let times = match frames {
-        0 => None,
-        _ => Some(times(&mut buffer, frames, targets.fps)?),
-    };
-    let (mut tracks, mut bound) = (Vec::new(), Vec::new());
-    for (mesh, parts) in by_mesh(&parts)? {
-        let node = parts[0].node;
-        let shapes = targets_of(&parts, targets);
-        if shapes.is_empty() {
-            continue;
+    Ok(parts)
+}
+
+/// How many items a list of the document has.
+fn length(document: &Value, name: &str) -> usize {
+    document[name].as_array().map_or(0, Vec::len)
+}
+
+/// Where the bytes of the new numbers stand.
+#[derive(Clone, Copy)]
+enum NewBytes {
+    /// Behind those of the file's chunk, which is the first buffer.
+    BehindChunk,
+    /// In a new buffer of this number, as text: the first buffer names other bytes than the chunk.
+    InBuffer(usize),
+}
+
+impl NewBytes {
+    fn of(document: &Value) -> NewBytes {
+        let buffers = length(document, "buffers");
+        match buffers == 0 || document["buffers"][0].get("uri").is_none() {
+            true => NewBytes::BehindChunk,
+            false => NewBytes::InBuffer(buffers),
         }
+    }
+
+    /// The buffer that gets them; `chunk`: the bytes of the file's chunk.
+    fn buffer(self, document: &Value, chunk: &[u8]) -> Buffer {
+        let (number, bytes) = match self {
+            NewBytes::BehindChunk => (0, chunk.to_vec()),
+            NewBytes::InBuffer(number) => (number, Vec::new()),
+        };
+        let views = length(document, "bufferViews");
+        Buffer::after(number, bytes, views, length(document, "accessors"))
+    }
+
+    /// Enters the buffer in the document. Returns the bytes of the file's chunk, which was `chunk`.
+    fn write(self, document: &mut Value, buffer: Buffer, chunk: &[u8]) -> Result<Vec<u8>> {
+        let (bytes, views, accessors) = buffer.finish();
+        list(document, "bufferViews")?.extend(views);
+        list(document, "accessors")?.extend(accessors);
+        let buffers = list(document, "buffers")?;
+        match self {
+            NewBytes::BehindChunk => {
+                if buffers.is_empty() {
+                    buffers.push(json!({}));
+                }
+                buffers[0]["byteLength"] = json!(bytes.len().next_multiple_of(4));
+                Ok(bytes)
+            }
+            NewBytes::InBuffer(_) => {
+                let uri = format!(
+                    "data:application/octet-stream;base64,{}",
+                    STANDARD.encode(&bytes)
+                );
+                buffers.push(json!({"byteLength": bytes.len(), "uri": uri}));
+                Ok(chunk.to_vec())
+            }
+        }
+    }
+}
+
+/// The file's document, and what is added to it.
+struct Extended<'a> {
+    document: Value,
+    buffer: Buffer,
+    targets: &'a Targets,
+    /// Accessor of the times of the frames; `None` without frames.
+    times: Option<usize>,
+    tracks: Vec<Track>,
+    bound: Vec<Bound>,
+}
+
+impl Extended<'_> {
+    /// Adds the shapes that move a mesh to it as targets, and the track of their weights.
+    fn bind(&mut self, mesh: usize, parts: &[&GlbPart]) -> Result<()> {
+        let (node, targets) = (parts[0].node, self.targets);
+        let shapes = targets_of(parts, targets);
+        if shapes.is_empty() {
+            return Ok(());
+        }
+        let document = &mut self.document;
         let before = old_weights(&document["meshes"][mesh], &document["nodes"][node])?;
-        for part in &parts {
-            let primitive = &document["meshes"][mesh]["primitives"][part.primitive];
-            let positions = primitive["attributes"]["POSITION"].as_u64();
-            // Lines and points are no part of the mesh, but have as many targets as its triangles.
-            let count = match positions {
-                Some(accessor) => &document["accessors"][accessor as usize]["count"],
-                None => &Value::Null,
-            };
-            let count = count.as_u64().unwrap_or(0) as usize;
-            let new = add_targets(&mut buffer, (part, count), targets, &shapes);
+        for part in parts {
+            let count = vertices_of(document, part);
+            let new = add_targets(&mut self.buffer, (part, count), targets, &shapes);
             let primitive = &mut document["meshes"][mesh]["primitives"][part.primitive];
             list(primitive, "targets")?.extend(new);
         }
@@ -76,53 +166,47 @@ pub(super) fn add(source: &[u8], scene: &Scene<'_>, targets: &Targets) -> Result
         if document["nodes"][node].get("weights").is_some() {
             document["nodes"][node]["weights"] = json!(all_weights(&before, shapes.len()));
         }
-        if let Some(times) = times {
-            tracks.push(Track {
-                sampler: weights(&mut buffer, times, targets, (&before, &shapes))?,
+        if let Some(times) = self.times {
+            self.tracks.push(Track {
+                sampler: weights(&mut self.buffer, times, targets, (&before, &shapes))?,
                 node,
                 path: "weights",
             });
         }
-        bound.push(Bound {
+        self.bound.push(Bound {
             node,
             mesh,
             before: before.len(),
             shapes,
         });
+        Ok(())
     }
-    // Bones turn a head that has them; a node above would turn the body.
-    if let Some(times) = times.filter(|_| document.get("skins").is_none()) {
-        tracks.extend(turn_scene(&mut document, &mut buffer, times, scene)?);
-    }
-    if !tracks.is_empty() {
-        list(&mut document, "animations")?.push(animation(tracks, scene.sound));
-    }
-    let (bytes, views, accessors) = buffer.finish();
-    list(&mut document, "bufferViews")?.extend(views);
-    list(&mut document, "accessors")?.extend(accessors);
-    let binary = match has_chunk {
-        true => {
-            let buffers = list(&mut document, "buffers")?;
-            if buffers.is_empty() {
-                buffers.push(json!({}));
-            }
-            buffers[0]["byteLength"] = json!(bytes.len().next_multiple_of(4));
-            bytes
+
+    /// Turns the head and adds the animation of all tracks.
+    fn animate(&mut self, scene: &Scene<'_>) -> Result<()> {
+        let document = &mut self.document;
+        // Bones turn a head that has them; a node above would turn the body.
+        if let Some(times) = self.times.filter(|_| document.get("skins").is_none()) {
+            let turns = turn_scene(document, &mut self.buffer, times, scene)?;
+            self.tracks.extend(turns);
         }
-        false => {
-            let uri = format!(
-                "data:application/octet-stream;base64,{}",
-                STANDARD.encode(&bytes)
-            );
-            list(&mut document, "buffers")?.push(json!({"byteLength": bytes.len(), "uri": uri}));
-            binary.to_vec()
+        if !self.tracks.is_empty() {
+            let tracks = std::mem::take(&mut self.tracks);
+            list(document, "animations")?.push(animation(tracks, scene.sound));
         }
+        Ok(())
+    }
+}
+
+/// Vertices of the primitive that a part is. Lines and points are no part of the mesh, but have as many targets as its
+/// triangles.
+fn vertices_of(document: &Value, part: &GlbPart) -> usize {
+    let primitive = &document["meshes"][part.mesh]["primitives"][part.primitive];
+    let count = match primitive["attributes"]["POSITION"].as_u64() {
+        Some(accessor) => &document["accessors"][accessor as usize]["count"],
+        None => &Value::Null,
     };
-    Ok(Document {
-        json: document,
-        binary,
-        bound,
-    })
+    count.as_u64().unwrap_or(0) as usize
 }
 
 fn wrong(message: String) -> Error {

@@ -2,7 +2,7 @@
 
 use std::path::Path;
 
-use ndarray::s;
+use ndarray::{Array2, s};
 
 use super::{
     CafeTalkConfig, Denoiser, Guidance, Request, calibration::calibrate, window_cache::WindowCache,
@@ -148,6 +148,35 @@ impl CafeTalk {
             is_printed: GUIDANCE.value(&request.controls) != GUIDANCE.default,
         }
     }
+
+    /// Samples weights `[T, M]`. Where there are events, samples without them too, and [`calibrate`] scales the
+    /// difference to the strength of each event times `strength`. Guidance as printed is not calibrated.
+    fn calibrated(
+        &self,
+        request: Request<'_>,
+        (plain_events, strength): (&EventTrack, f32),
+        progress: ProgressFn<'_>,
+    ) -> Result<Array2<f32>> {
+        let events = request.events;
+        let has_events = events.mask.iter().any(|strength| *strength != 0.0);
+        if !has_events || request.guidance.is_printed {
+            return self.denoiser.sample(&request, progress);
+        }
+        let half = |done: f32| {
+            move |now: Progress| {
+                let fraction = done + 0.5 * now.fraction;
+                progress(Progress { fraction, ..now })
+            }
+        };
+        let plain = Request {
+            events: plain_events,
+            ..request
+        };
+        let plain = self.denoiser.sample(&plain, &half(0.0))?;
+        let mut weights = self.denoiser.sample(&request, &half(0.5))?;
+        calibrate(&mut weights, &plain, &(strength * &events.mask));
+        Ok(weights)
+    }
 }
 
 impl System for CafeTalk {
@@ -167,63 +196,43 @@ impl System for CafeTalk {
         request: &MotionRequest,
         progress: ProgressFn<'_>,
     ) -> Result<Sampled> {
-        let fps = self.config().fps;
+        let config = self.config();
+        let fps = config.fps;
         let speech = heard.features(fps);
         let affect = request.emotion.sample(speech.nrows(), fps);
-        let mixtures = affect.slice(s![.., ..affect.ncols() - 1]);
-        let steps = STEPS.value(&request.controls) as usize;
         let guidance = self.guidance(request);
         let edge_s = match guidance.is_printed {
             true => 0.0,
             false => EDGE_S,
         };
-        let shapes = &self.config().channels;
+        let shapes = &config.channels;
         let events = EventTrack::of(&request.events, shapes, speech.nrows(), fps, edge_s);
         let plain_events = EventTrack::of(&[], shapes, speech.nrows(), fps, edge_s);
-        let sample = |events: &EventTrack, progress: ProgressFn<'_>| {
-            self.denoiser.sample(
-                &Request {
-                    speech: speech.view(),
-                    style: self.style(request.style.as_deref())?,
-                    emotion: self.denoiser.places(mixtures).view(),
-                    intensity: &affect.column(affect.ncols() - 1).to_vec(),
-                    events,
-                    seed: request.seed,
-                    temperature: NOISE.value(&request.controls)
-                        * self.config().sampling.temperature,
-                    steps: if steps > 0 {
-                        steps
-                    } else {
-                        self.config().sampling.steps
-                    },
-                    guidance,
-                    window_cache: Some(&self.window_cache),
+        let steps = STEPS.value(&request.controls) as usize;
+        let mixtures = affect.slice(s![.., ..affect.ncols() - 1]);
+        let mut weights = self.calibrated(
+            Request {
+                speech: speech.view(),
+                style: self.style(request.style.as_deref())?,
+                emotion: self.denoiser.places(mixtures).view(),
+                intensity: &affect.column(affect.ncols() - 1).to_vec(),
+                events: &events,
+                seed: request.seed,
+                temperature: NOISE.value(&request.controls) * config.sampling.temperature,
+                steps: match steps {
+                    0 => config.sampling.steps,
+                    steps => steps,
                 },
-                progress,
-            )
-        };
-        let half = |done: f32| {
-            move |now: Progress| {
-                let fraction = done + 0.5 * now.fraction;
-                progress(Progress { fraction, ..now })
-            }
-        };
-        let has_events = events.mask.iter().any(|strength| *strength != 0.0);
-        let mut weights = match has_events && !guidance.is_printed {
-            false => sample(&events, progress)?,
-            true => {
-                let plain = sample(&plain_events, &half(0.0))?;
-                let mut weights = sample(&events, &half(0.5))?;
-                let mask = EVENTS.value(&request.controls) * &events.mask;
-                calibrate(&mut weights, &plain, &mask);
-                weights
-            }
-        };
+                guidance,
+                window_cache: Some(&self.window_cache),
+            },
+            (&plain_events, EVENTS.value(&request.controls)),
+            progress,
+        )?;
         // Units that no network has learned.
         weights.zip_mut_with(&events.put_on, |weight, least| *weight = weight.max(*least));
-        let names = shapes.clone();
         let clip = WeightClip {
-            names,
+            names: shapes.clone(),
             weights,
             fps,
             together: Vec::new(),
