@@ -67,7 +67,9 @@ impl Table {
         // In units of the limits, so that a frame counts the more the less it may miss.
         let mut rows = [[0.0; 3]; LONGEST];
         let inner = 1..self.length;
-        let frames = self.shares[inner.clone()].iter().zip(&values[inner.clone()]);
+        let frames = self.shares[inner.clone()]
+            .iter()
+            .zip(&values[inner.clone()]);
         let frames = frames.zip(&limits[inner]);
         for (row, ((share, value), limit)) in rows.iter_mut().zip(frames) {
             let unit = 1.0 / limit;

@@ -96,7 +96,7 @@ impl Speaker {
 
     /// Motion for a clip's sound, as long as the clip.
     pub(super) fn speak(&self, clip: &Clip, wish: &Wish) -> Result<Array3<f64>> {
-        as_long_as(clip, self.apply_controls(&clip.waveform, clip.fps, wish)?)
+        as_long_as(clip, self.perform(&clip.waveform, clip.fps, wish)?)
     }
 
     /// What the causal stream makes of a clip's sound, as long as the clip.
