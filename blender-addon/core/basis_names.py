@@ -184,9 +184,7 @@ def _way(
     named = [name for name in _ORDER if name in directions]
     values, turned = np.linalg.eigh(products)
     rest = left @ turned * np.sqrt(np.maximum(values, 1e-12 * values.max()))
-    _, _, turned_rest = np.linalg.svd(
-        np.concatenate([weights, faint]) @ rest, full_matrices=False
-    )
+    _, _, turned_rest = np.linalg.svd(np.concatenate([weights, faint]) @ rest, full_matrices=False)
     columns = [directions[name][:, None] for name in named]
     into = np.concatenate([*columns, rest @ turned_rest[: count - len(named)].T], axis=1)
     scale = np.linalg.norm(weights @ into, axis=0)
