@@ -170,19 +170,14 @@ impl Batch {
             seconds,
             lines_per_s: done as f64 / seconds,
             warnings: job.warnings(),
-            results: folder.join("results.html").display().to_string(),
+            results: None,
         };
         if self.sum {
             faces.prepare(&rows, &|_| !signals::are_to_end());
         }
-        let is_part = self.rows.is_some();
-        results::write(
-            &folder,
-            &rows,
-            &digests,
-            (!is_part).then_some(&faces),
-            &mut summary,
-        )?;
+        // Other processes do other rows meanwhile: the sum and the page wait for --sum.
+        let faces = self.rows.is_none().then_some(&faces);
+        results::write(&folder, &rows, &digests, faces, &mut summary)?;
         if signals::are_to_end() {
             return Err(Error::Cancelled);
         }
@@ -257,7 +252,10 @@ fn text(summary: &Summary) -> String {
     if *left > 0 {
         text += &format!(", {left} not yet done");
     }
-    text + &format!("; see {results}")
+    text + &match results {
+        Some(page) => format!("; see {page}"),
+        None => "; --sum writes the page when all rows are done".to_owned(),
+    }
 }
 
 impl Job<'_> {

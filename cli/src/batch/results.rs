@@ -121,7 +121,8 @@ pub struct Summary {
     pub lines_per_s: f64,
     /// What concerns all rows of a face.
     pub warnings: Vec<String>,
-    pub results: String,
+    /// The page, where it was written.
+    pub results: Option<String>,
 }
 
 /// The whole summary on disk.
@@ -153,6 +154,8 @@ pub fn write(
     let Some(faces) = faces else {
         return Ok(());
     };
+    let page = folder.join("results.html");
+    summary.results = Some(page.display().to_string());
     let document = Document {
         summary,
         lines: &shown,
@@ -164,10 +167,8 @@ pub fn write(
     let on_page: Vec<PageRow<'_>> = shown.iter().map(Shown::on_page).collect();
     let json = serde_json::to_string(&on_page).expect("rows serialise");
     // Text of a row must not end the script in which it stands.
-    let page = PAGE.replace(ROWS, &json.replace("</", "<\\/"));
-    write_atomically(&folder.join("results.html"), |file| {
-        file.write_all(page.as_bytes())
-    })
+    let content = PAGE.replace(ROWS, &json.replace("</", "<\\/"));
+    write_atomically(&page, |file| file.write_all(content.as_bytes()))
 }
 
 /// The latest entry of each row that has not changed since, in the order of the table.
