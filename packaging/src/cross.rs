@@ -99,7 +99,9 @@ impl Target {
         let python = Venv::Packaging.ensure(steps)?;
         let tools = python.parent().context("venv path")?.to_owned();
         let path = std::env::var_os("PATH").unwrap_or_default();
-        let path = std::env::join_paths([tools].into_iter().chain(std::env::split_paths(&path)))?;
+        let paths = [tools].into_iter().chain(std::env::split_paths(&path));
+        // Rust strips libraries of macOS with a tool of its own, which Debian's lacks and rustup's brings.
+        let path = std::env::join_paths(paths.chain([tools_of_rust()?]))?;
         let target = match self.triple.ends_with("linux-gnu") {
             true => format!("{}.{}.{}", self.triple, GLIBC.0, GLIBC.1),
             false => self.triple.to_owned(),
@@ -179,4 +181,15 @@ impl Target {
         let folder = String::from_utf8_lossy(&folder.stdout);
         Ok(Path::new(folder.trim()).is_dir())
     }
+}
+
+/// The folder of the tools that rustup's compiler brings.
+fn tools_of_rust() -> Result<PathBuf> {
+    let rustc = std::env::var_os("RUSTC").unwrap_or("rustc".into());
+    let folder = Command::new(rustc)
+        .args(["--print", "target-libdir"])
+        .output()
+        .context("asking rustc for its folder")?;
+    let folder = String::from_utf8_lossy(&folder.stdout);
+    Ok(Path::new(folder.trim()).with_file_name("bin"))
 }
