@@ -125,7 +125,7 @@ impl Sources {
     /// Prints every entry with its state.
     fn print(&self) -> Result<()> {
         for entry in &self.entries {
-            let state = match (self.changed(entry)?.is_empty(), &entry.stale) {
+            let state = match (changes(&self.digests(entry)?).is_empty(), &entry.stale) {
                 (true, _) => "current",
                 (false, Some(_)) => "stale",
                 (false, None) => "CHANGED",
@@ -196,14 +196,13 @@ impl Sources {
 
     fn fault_of_age(&self, entry: &Entry) -> Result<Option<String>> {
         let name = &entry.files[..1].concat();
-        for input in entry.inputs.keys() {
-            if self.digest(input)?.is_empty() {
-                return Ok(Some(format!(
-                    "{LIST}: expected {name:?} to be made from files of git, got {input:?}, which is none; correct the name"
-                )));
-            }
+        let digests = self.digests(entry)?;
+        if let Some((input, ..)) = digests.iter().find(|(_, _, now)| now.is_empty()) {
+            return Ok(Some(format!(
+                "{LIST}: expected {name:?} to be made from files of git, got {input:?}, which is none; correct the name"
+            )));
         }
-        let changed = self.changed(entry)?;
+        let changed = changes(&digests);
         Ok(match (changed.is_empty(), &entry.stale) {
             (false, None) => Some(format!(
                 "{name}: expected it to be made from the present inputs; {}; type `cargo xtask docs {name}`, or say in {LIST} by `stale` why it stays as it is",
@@ -216,16 +215,14 @@ impl Sources {
         })
     }
 
-    /// Inputs that are not what they were, each with both digests.
-    fn changed(&self, entry: &Entry) -> Result<Vec<String>> {
-        let mut changed = Vec::new();
-        for (input, before) in &entry.inputs {
+    /// Each input of an entry with its digest when the result was made, and its digest now.
+    fn digests<'a>(&self, entry: &'a Entry) -> Result<Vec<(&'a str, &'a str, String)>> {
+        let inputs = entry.inputs.iter();
+        let digests = inputs.map(|(input, before)| {
             let now = self.digest(input)?;
-            if now != *before {
-                changed.push(format!("{input} was {before:?} and is {now:?}"));
-            }
-        }
-        Ok(changed)
+            Ok((input.as_str(), before.as_str(), now))
+        });
+        digests.collect()
     }
 
     /// Which entry lists a file.
@@ -360,6 +357,14 @@ impl Sources {
         );
         Ok(output.stdout)
     }
+}
+
+/// Inputs that are not what they were, each with both digests.
+fn changes(digests: &[(&str, &str, String)]) -> Vec<String> {
+    let changed = digests.iter().filter(|(_, before, now)| now != before);
+    changed
+        .map(|(input, before, now)| format!("{input} was {before:?} and is {now:?}"))
+        .collect()
 }
 
 fn pathspec(pattern: &str) -> String {

@@ -15,7 +15,7 @@ import pytest
 
 import slurm
 from test_flamenco import compile_job, perform
-from test_opencue import description_of, frames
+from test_opencue import description_of, run_frames
 from test_openjd import openjd
 
 COMMAND = os.environ.get("ANYFACE_COMMAND", "")
@@ -80,10 +80,7 @@ def test_open_job_description_does_every_line(lines):
 def test_opencue_does_every_line(lines):
     job = description_of(lines.export("opencue") / "submit.py", lines.folder)
     for layer in job.iter("layer"):
-        for first, last in frames(layer):
-            text = layer.findtext("cmd")
-            text = text.replace("#FRAME_START#", str(first)).replace("#FRAME_END#", str(last))
-            subprocess.run(["sh", "-c", text], check=True)
+        run_frames(layer, {})
     lines.check_done()
 
 

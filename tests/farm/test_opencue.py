@@ -41,18 +41,21 @@ def frames(layer) -> list[tuple[int, int]]:
     return [(start, start + size - 1) for start in range(first, last + 1, size)]
 
 
+def run_frames(layer, environment: dict):
+    """Runs the command of each chunk of a layer as a host of OpenCue does."""
+    for first, last in frames(layer):
+        text = layer.findtext("cmd")
+        text = text.replace("#FRAME_START#", str(first)).replace("#FRAME_END#", str(last))
+        subprocess.run(["sh", "-c", text], env={**os.environ, **environment}, check=True)
+
+
 def test_frames_that_cuebot_runs_finish_every_row(farm):
     farm.write(5)
     job = description(farm, "--chunk", 2, "--memory", 3, "--cores", 2)
     layers = {layer.get("name"): layer for layer in job.iter("layer")}
     assert list(layers) == ["shots", "rest", "sum"]
     for name, layer in layers.items():
-        for first, last in frames(layer):
-            text = layer.findtext("cmd")
-            text = text.replace("#FRAME_START#", str(first)).replace("#FRAME_END#", str(last))
-            subprocess.run(
-                ["sh", "-c", text], env={**os.environ, **farm.environment(0.05)}, check=True
-            )
+        run_frames(layer, farm.environment(0.05))
         assert name == "sum" or farm.written()
     farm.check_whole(5)
     assert set(farm.written().values()) == {1} and farm.total()["ok"] == 5
