@@ -182,12 +182,14 @@ impl Untangle {
             let [a, b, c] = *t;
             let now = area([places[a as usize], places[b as usize], places[c as usize]]);
             let along = now.dot(rest);
-            let squares = now.length_squared() * rest.length_squared();
-            // Nearly all triangles have turned by less; they need neither root nor division.
-            if along > 0.0 && along * along > begins * begins * squares {
+            // Nearly all triangles have turned by less; they need neither root nor division. Fourth powers of lengths
+            // would leave single precision on meshes in tiny or huge units.
+            let squares = f64::from(now.length_squared()) * f64::from(rest.length_squared());
+            if along > 0.0 && f64::from(along).powi(2) > f64::from(begins).powi(2) * squares {
                 continue;
             }
-            let turned = along / squares.sqrt().max(f32::MIN_POSITIVE);
+            let sizes = now.length() * rest.length();
+            let turned = along / sizes.max(f32::MIN_POSITIVE);
             let share = ((turned - begins) / (full - begins)).clamp(0.0, 1.0);
             any |= share > 0.0;
             for &v in t.iter().filter(|v| !self.is_edge[**v as usize]) {
@@ -235,4 +237,33 @@ fn front_view(triangles: &[[u32; 3]], surface: &FaceSurface, reach: f32) -> Fron
 #[inline]
 fn area([a, b, c]: [Vec3; 3]) -> Vec3 {
     (b - a).cross(c - a)
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    #[test]
+    fn a_triangle_gives_way_by_its_turn_in_any_unit() {
+        for side in [1e-6f32, 1.0, 1e6] {
+            let places = [[0.0, 0.0, 0.0], [side, 0.0, 0.0], [0.0, side, 0.0]];
+            let skin = Untangle {
+                vertices: vec![0, 1, 2],
+                neighbours: vec![Vec::new(); 3],
+                is_edge: vec![false; 3],
+                places: places.to_vec(),
+                triangles: vec![([0, 1, 2], area(places.map(Vec3::from)).into())],
+                copies: Vec::new(),
+            };
+            // The third corner goes round the edge of the other two.
+            for (angle, share) in [(0.0f32, 0.0), (90.0, 0.5), (180.0, 1.0)] {
+                let (sine, cosine) = angle.to_radians().sin_cos();
+                let corner = Vec3::new(0.0, side * (cosine - 1.0), side * sine);
+                let mut gives = [0.0; 3];
+                let any = skin.look(&[Vec3::ZERO, Vec3::ZERO, corner], &mut gives);
+                assert_eq!(any, share > 0.0, "{side} {angle}");
+                assert!((gives[2] - share).abs() < 1e-3, "{side} {angle} {gives:?}");
+            }
+        }
+    }
 }
