@@ -548,12 +548,12 @@ typedef struct {
     /// Number of controls that are set.
     size_t control_count;
     /// `[closure_count, 2]`: start and end in seconds of the intervals in which the lips are together, in rising
-    /// order, where `closures_given` is 1; see `anyface_sounds_copy_closures()`.
+    /// order, where `has_closures` is 1; see `anyface_sounds_copy_closures()`.
     const double *closures_s;
-    /// Number of intervals; 0 with `closures_given` closes the lips nowhere.
+    /// Number of intervals; 0 with `has_closures` closes the lips nowhere.
     size_t closure_count;
     /// 1 closes the lips in these intervals, 0, the default, where that is heard.
-    int32_t closures_given;
+    int32_t has_closures;
     /// Must be 0.
     uint32_t reserved_2;
     /// What the face is to do and when; only until the call returns. NULL, the default, is nothing. A system that
@@ -1823,12 +1823,12 @@ AnyfaceStatus anyface_weights_new_of_clip(const AnyfaceClip *clip,
 ///
 /// `names`: `[shape_count]`, UTF-8. `weights`: `[frame_count, shape_count]`. Both are copied. Free with
 /// `anyface_weights_free()`. Fails with `ANYFACE_STATUS_INVALID_INPUT` for values that are not finite.
-AnyfaceStatus anyface_weights_new_given(const char *const *names,
-                                        const float *weights,
-                                        size_t shape_count,
-                                        size_t frame_count,
-                                        AnyfaceWeights **out,
-                                        AnyfaceError **error);
+AnyfaceStatus anyface_weights_new_from_array(const char *const *names,
+                                             const float *weights,
+                                             size_t shape_count,
+                                             size_t frame_count,
+                                             AnyfaceWeights **out,
+                                             AnyfaceError **error);
 
 /// Copies the weights into the caller's buffer.
 ///

@@ -133,7 +133,7 @@ class MotionOptions(Structure):
         ("control_count", c_size_t),
         ("closures_s", POINTER(c_double)),
         ("closure_count", c_size_t),
-        ("closures_given", c_int32),
+        ("has_closures", c_int32),
         ("reserved_2", c_uint32),
         ("events", c_void_p),
         ("emotion_of", c_void_p),
@@ -308,7 +308,7 @@ SIGNATURES = {
         c_int32,
         [_HANDLE, POINTER(c_char_p), _FLOATS, c_size_t, c_size_t, _FLOATS, *_LIPS, *_OUTS],
     ),
-    "anyface_weights_new_given": (
+    "anyface_weights_new_from_array": (
         c_int32,
         [POINTER(c_char_p), _FLOATS, c_size_t, c_size_t, _OUT, _OUT],
     ),

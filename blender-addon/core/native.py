@@ -414,7 +414,7 @@ class Engine(
         if request.closures is not None:
             closures = np.ascontiguousarray(request.closures, dtype=np.float64)
             options.closures_s, options.closure_count = _doubles(closures), len(closures)
-            options.closures_given = 1
+            options.has_closures = 1
         options.events = self._events(handles, request.events)
         if request.emotion_of is not None:
             options.emotion_of = self._audio(handles, request.emotion_of)

@@ -58,7 +58,7 @@ class EventCalls:
         with ExitStack() as handles:
             values = (weights.ctypes.data_as(_FLOATS), len(names), len(weights))
             weights_handle = self._own(
-                handles, "weights", "anyface_weights_new_given", texts, *values
+                handles, "weights", "anyface_weights_new_from_array", texts, *values
             )
             self._call("anyface_weights_write", weights_handle, os.fsencode(path), fps)
 

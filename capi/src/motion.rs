@@ -181,12 +181,12 @@ pub struct AnyfaceMotionOptions {
     /// Number of controls that are set.
     pub control_count: usize,
     /// `[closure_count, 2]`: start and end in seconds of the intervals in which the lips are together, in rising
-    /// order, where `closures_given` is 1; see `anyface_sounds_copy_closures()`.
+    /// order, where `has_closures` is 1; see `anyface_sounds_copy_closures()`.
     pub closures_s: *const f64,
-    /// Number of intervals; 0 with `closures_given` closes the lips nowhere.
+    /// Number of intervals; 0 with `has_closures` closes the lips nowhere.
     pub closure_count: usize,
     /// 1 closes the lips in these intervals, 0, the default, where that is heard.
-    pub closures_given: i32,
+    pub has_closures: i32,
     /// Must be 0.
     pub reserved_2: u32,
     /// What the face is to do and when; only until the call returns. NULL, the default, is nothing. A system that
@@ -288,17 +288,17 @@ impl AnyfaceMotionOptions {
 
     unsafe fn closures(&self) -> Result<Option<Vec<[f64; 2]>>, Failure> {
         let count = self.closure_count;
-        match self.closures_given {
+        match self.has_closures {
             0 if count == 0 => Ok(None),
             0 => Err(Failure::invalid(format!(
-                "closure_count: expected 0 where closures_given is 0, got {count}"
+                "closure_count: expected 0 where has_closures is 0, got {count}"
             ))),
             1 => {
                 let times = unsafe { pointer::slice("closures_s", self.closures_s, count, 2) }?;
                 Ok(Some(times.as_chunks::<2>().0.to_vec()))
             }
             other => Err(Failure::invalid(format!(
-                "closures_given: expected 0 or 1, got {other}"
+                "has_closures: expected 0 or 1, got {other}"
             ))),
         }
     }

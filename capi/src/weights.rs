@@ -130,7 +130,7 @@ fn solved(
 /// `names`: `[shape_count]`, UTF-8. `weights`: `[frame_count, shape_count]`. Both are copied. Free with
 /// `anyface_weights_free()`. Fails with `ANYFACE_STATUS_INVALID_INPUT` for values that are not finite.
 #[unsafe(no_mangle)]
-pub unsafe extern "C" fn anyface_weights_new_given(
+pub unsafe extern "C" fn anyface_weights_new_from_array(
     names: *const *const c_char,
     weights: *const f32,
     shape_count: usize,

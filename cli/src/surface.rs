@@ -94,7 +94,7 @@ impl SurfaceArgs {
         })?;
         report.warnings.extend(note);
         let landmarks = engine.landmarks_of(motion)?.displacements;
-        let landmarks = face.own_motion(landmarks.view());
+        let landmarks = face.motion_on_mesh(landmarks.view());
         let extent = Extent::of(Some(largest), landmarks.view());
         report.note_motion(&extent, face.metres_per_unit(), articulation);
         report.out = Some(shown(out));

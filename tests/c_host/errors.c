@@ -340,7 +340,7 @@ static void events(void) {
     CHECK_FAILS(anyface_motion_copy_weights(NULL, &value, 1, &error), null_pointer, "motion");
     CHECK(anyface_motion_weight_count(NULL) == 0 && anyface_motion_weight_name(NULL, 0) == NULL);
     AnyfaceWeights *weights = MARK(AnyfaceWeights);
-    CHECK_FAILS(anyface_weights_new_given(units, NULL, 2, 1, &weights, &error), null_pointer,
+    CHECK_FAILS(anyface_weights_new_from_array(units, NULL, 2, 1, &weights, &error), null_pointer,
                 "weights");
     CHECK(value == 7.0f && weights == MARK(AnyfaceWeights));
     CHECK(strcmp(anyface_action_unit_label(8), "lip corner puller") == 0);

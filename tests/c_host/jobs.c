@@ -331,7 +331,7 @@ static void mended(const AnyfaceEngine *engine, const AnyfaceAudio *audio) {
     AnyfaceMotionOptions plain, same, other;
     anyface_motion_options_init(&plain, sizeof plain);
     same = other = plain;
-    same.closures_given = other.closures_given = 1;
+    same.has_closures = other.has_closures = 1;
     same.closures_s = times;
     same.closure_count = closures;
     other.closures_s = own;
@@ -356,7 +356,7 @@ static void mended(const AnyfaceEngine *engine, const AnyfaceAudio *audio) {
                 ANYFACE_STATUS_INVALID_INPUT, "after the start");
     plain.closure_count = 1;
     CHECK_FAILS(anyface_motion_new(engine, audio, &plain, NULL, &none, &error),
-                ANYFACE_STATUS_INVALID_INPUT, "closures_given");
+                ANYFACE_STATUS_INVALID_INPUT, "has_closures");
     free(moved);
     free(times);
     for (int i = 0; i < 4; ++i)

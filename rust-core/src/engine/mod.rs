@@ -444,7 +444,7 @@ impl Engine {
         let deformer = || Ok(self.deformer(face, progress)?.as_ref());
         match motion {
             Motion::Landmarks(clip) => {
-                let landmarks = face.own_motion(clip.displacements.view());
+                let landmarks = face.motion_on_mesh(clip.displacements.view());
                 Ok(Spread::of_landmarks(face, deformer()?, landmarks, clip.fps))
             }
             Motion::Weights(clip) => {
@@ -513,7 +513,7 @@ impl Engine {
     /// The landmark motion of a face that weights of ARKit's shapes describe, `[T, 68, 3]`, mesh units and axes.
     fn landmarks_of_weights(&self, face: &Face, clip: &WeightClip) -> Result<Array3<f32>> {
         let landmarks = clip.of_arkit().landmarks(&self.face_modes)?;
-        Ok(face.own_motion(landmarks.displacements.view()))
+        Ok(face.motion_on_mesh(landmarks.displacements.view()))
     }
 
     /// The landmarks of the mean face under motion of any kind; see [`Motion::on_mean_face`].

@@ -281,7 +281,7 @@ impl Way<'_> {
         progress: ProgressFn<'_>,
     ) -> Result<Array3<f32>> {
         let landmarks = clip.displacements.select(Axis(0), frames);
-        let landmarks = self.face.own_motion(landmarks.view());
+        let landmarks = self.face.motion_on_mesh(landmarks.view());
         match &self.few {
             Some(few) => few.deform(landmarks.view(), progress),
             None => {

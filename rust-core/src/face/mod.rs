@@ -172,7 +172,7 @@ impl Face {
     /// Converts the canonical landmark motion `[T, 68, 3]`, metres, to motion of this face, in the
     /// mesh's units and axes. Lids travel by the requested share of the height by which these eyes
     /// are open.
-    pub fn own_motion(&self, landmarks: ArrayView3<'_, f32>) -> Array3<f32> {
+    pub fn motion_on_mesh(&self, landmarks: ArrayView3<'_, f32>) -> Array3<f32> {
         let mut motion = landmarks.to_owned();
         self.openings().to_face(&mut motion);
         self.to_canonical.displacements_to_mesh(motion.view())
@@ -191,7 +191,7 @@ impl Face {
         codes: ArrayView2<'_, f32>,
         progress: ProgressFn<'_>,
     ) -> Result<Array3<f32>> {
-        let base = self.own_motion(field.landmarks(codes)?.view());
+        let base = self.motion_on_mesh(field.landmarks(codes)?.view());
         let base = deformer.deform_freely(base.view(), progress)?;
         let beside = field.beyond(codes, &base)?;
         deformer.deform_beside(landmarks, &beside, progress)

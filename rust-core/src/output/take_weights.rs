@@ -91,7 +91,7 @@ impl TakeWeights {
         let Some(quick) = &self.quick else {
             return Ok(None);
         };
-        let landmarks = face.own_motion(clip.displacements.view());
+        let landmarks = face.motion_on_mesh(clip.displacements.view());
         let mut sums = quick.sums(&landmarks, life)?;
         let mut weights = looks(clip.displacements.len_of(Axis(0)), Some(life));
         let options = SolveOptions::default();

@@ -119,7 +119,7 @@ impl FieldOfFace<'_> {
             let some = first..(first + AT_ONCE).min(shapes);
             let codes = self.codes(&weights.slice(s![some.clone(), ..]).to_owned())?;
             let marks = self.field.landmarks(codes.view())?;
-            let motion = face.own_motion(marks.view());
+            let motion = face.motion_on_mesh(marks.view());
             let moved = face.under_codes(
                 (self.field, self.deformer),
                 motion.view(),

@@ -174,7 +174,7 @@ impl<'a> Spread<'a> {
         let CodeClip {
             codes, landmarks, ..
         } = clip;
-        let motion = face.own_motion(landmarks.displacements.view());
+        let motion = face.motion_on_mesh(landmarks.displacements.view());
         let mut spread = Spread::of_landmarks(face, deformer, motion, landmarks.fps);
         if codes.nrows() != spread.frames {
             return Err(Error::ShapeMismatch {

@@ -14,7 +14,7 @@ pub fn pose_on(face: &Face, moved: ArrayView2<'_, f32>) -> Result<Pose> {
     let mut pose = Pose::from(face.pose_of(moved)?);
     if let (Some(deformer), Ok(tongue)) = (face.known_deformer(), FaceTongue::find(face)) {
         let landmarks = ArrayView2::from(&pose.landmarks).insert_axis(Axis(0));
-        let motion = face.own_motion(landmarks);
+        let motion = face.motion_on_mesh(landmarks);
         let jaw = deformer.deform(motion.view(), SILENT)?;
         pose.tongue = tongue.shares_of(moved, jaw.index_axis(Axis(0), 0));
     }

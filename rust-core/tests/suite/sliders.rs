@@ -379,7 +379,7 @@ fn some_vertices_move_as_they_do_among_all() {
             .all(|v| few.vertices.binary_search(v).is_ok())
     );
     let clip = take.performance.motion.landmarks().unwrap();
-    let landmarks = take.face.own_motion(clip.displacements.view());
+    let landmarks = take.face.motion_on_mesh(clip.displacements.view());
     let moved = few.deformer.deform(landmarks.view(), SILENT).unwrap();
     let rows: Vec<usize> = few.vertices.iter().map(|&v| v as usize).collect();
     // The tongue's motion is added to all of them.

@@ -21,7 +21,7 @@ use crate::{
         subjects::{self, Subject},
     },
     pictures::{Album, raster::Picture},
-    vertex_motion::own_motion,
+    vertex_motion::motion_on_mesh,
 };
 
 /// Measure lips that are one surface on many heads: how they part when they are opened
@@ -120,8 +120,8 @@ fn row(engine: &Engine, subject: &Subject, album: Option<&Album>) -> Result<Row>
 /// At rest and open, from the front above and turned below, the inside of the mouth red.
 fn picture(engine: &Engine, face: &Face, opened: &OpenedFace) -> Result<Picture> {
     let after = engine.prepare(&opened.mesh, &opened.face_options(face), SILENT)?;
-    let drop: Array3<f32> = after.own_motion(MouthTrial::jaw_drop().view());
-    let frames = own_motion(engine, &after, drop)?;
+    let drop: Array3<f32> = after.motion_on_mesh(MouthTrial::jaw_drop().view());
+    let frames = motion_on_mesh(engine, &after, drop)?;
     let cells = Cells {
         mesh: &opened.mesh,
         face: &after,

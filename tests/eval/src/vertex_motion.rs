@@ -19,7 +19,7 @@ pub(super) fn vertex_motion<'a>(
 }
 
 /// The same under motion `[T, 68, 3]` of the mesh's own landmarks.
-pub(super) fn own_motion(
+pub(super) fn motion_on_mesh(
     engine: &Engine,
     face: &Face,
     landmarks: Array3<f32>,

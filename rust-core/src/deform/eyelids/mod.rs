@@ -1,10 +1,10 @@
 //! Lids that close by a share of their own eye's opening and slide over its ball.
 //!
 //! Landmarks say by which share of its opening an eye is closed. Each head has eyes that are open by another height, so
-//! only the share carries over from the canonical face. [`Face::own_motion`](crate::face::Face::own_motion) lets the
-//! landmarks of the lids travel as far as the eyes of this head are open. A decoder then moves the skin, but it knows
-//! neither the edges of the lids nor the ball behind them. This module turns the lids that it moved about the centre of
-//! the eye until their edges are as far apart as the share says.
+//! only the share carries over from the canonical face. [`Face::motion_on_mesh`](crate::face::Face::motion_on_mesh)
+//! lets the landmarks of the lids travel as far as the eyes of this head are open. A decoder then moves the skin, but
+//! it knows neither the edges of the lids nor the ball behind them. This module turns the lids that it moved about the
+//! centre of the eye until their edges are as far apart as the share says.
 //!
 //! Once, in the neutral face, [`find`] notes the edges of both lids and what they carry along. Then for each eye and
 //! frame ([`Eyelids::apply`]):

@@ -8,7 +8,7 @@ use super::{
 };
 use crate::{
     pictures::raster::Picture,
-    vertex_motion::{distance, own_motion, pose},
+    vertex_motion::{distance, motion_on_mesh, pose},
 };
 use anyface::{Engine, Face, Result, job::SILENT, mesh::Mesh};
 
@@ -34,7 +34,7 @@ pub(super) fn emotions(engine: &Engine, subject: &Subject) -> Result<Option<Emot
         return Ok(None);
     };
     let face = engine.prepare(&subject.mesh, &subject.options, SILENT)?;
-    let prediction = own_motion(engine, &face, truth.of_landmarks())?;
+    let prediction = motion_on_mesh(engine, &face, truth.of_landmarks())?;
     let cells = Cells {
         mesh: &subject.mesh,
         face: &face,
