@@ -10,12 +10,19 @@ from pathlib import Path
 
 DRIVER = Path(__file__).with_name("window_driver.py")
 SIZE = (1280, 800)
+# Parts of the screen for the pages, width x height + left + top.
+HEAD_AND_SIDEBAR = "738x638+319+80"
+WITH_CHANNELS = "834x638+223+80"
+WITHOUT_PROPERTIES = "1057x748+0+28"
+PREFERENCES = "690x545+567+128"
 PATIENCE_S = 120.0
 
 
 def _free_display() -> int:
-    """The number of a display that nobody has; others may be tested at the same time."""
-    return next(n for n in range(77, 200) if not Path(f"/tmp/.X11-unix/X{n}").exists())
+    """The number of a display that nobody has. Each process of tests looks among its own."""
+    worker = int(os.environ.get("PYTEST_XDIST_WORKER", "gw0").removeprefix("gw"))
+    numbers = range(100 + 30 * worker, 130 + 30 * worker)
+    return next(n for n in numbers if not Path(f"/tmp/.X11-unix/X{n}").exists())
 
 
 def install_in(blender: Path, zipped: Path, folder: Path) -> None:
@@ -101,10 +108,12 @@ class Screen:
         command = [str(self.enter), "xdotool", *(str(word) for word in words)]
         subprocess.run(command, env=self.environment, check=True, capture_output=True)
 
-    def photograph(self, path: Path) -> None:
-        """The whole screen as PNG."""
+    def photograph(self, path: Path, part: str | None = None) -> None:
+        """The screen as PNG, or a `part` of it in the 256 colours of a picture for the pages."""
         shot = self.folder / "shot.png"
-        command = [str(self.enter), "import", "-window", "root", str(shot)]
+        crop = ["-crop", part, "+repage", "-colors", "256"] if part else []
+        kind = "PNG8" if part else "PNG24"
+        command = [str(self.enter), "import", "-window", "root", *crop, f"{kind}:{shot}"]
         subprocess.run(command, env=self.environment, check=True, capture_output=True)
         path.parent.mkdir(parents=True, exist_ok=True)
         path.write_bytes(shot.read_bytes())
