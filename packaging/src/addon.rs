@@ -1,11 +1,12 @@
 //! `cargo xtask addon`: the installed extension in headless Blender, whichever version is wanted.
 
 use std::{
+    fs,
     path::{Path, PathBuf},
     process::Command,
 };
 
-use anyhow::Result;
+use anyhow::{Context, Result};
 use clap::Args;
 
 use crate::{
@@ -27,6 +28,9 @@ pub struct Addon {
     /// Measure what the extension costs instead, with the optimised library: docs/measured/speed.md.
     #[arg(long)]
     bench: bool,
+    /// Photograph Blender's window instead, for docs/images/blender.
+    #[arg(long)]
+    photographs: bool,
 }
 
 impl Addon {
@@ -42,7 +46,11 @@ impl Addon {
         if self.bench {
             return bench(&mut steps, &python, &zip);
         }
-        check(&mut steps, &python, &zip, None)?;
+        if self.photographs {
+            photograph(&mut steps, &python, &zip)?;
+        } else {
+            check(&mut steps, &python, &zip, None)?;
+        }
         steps.finish()
     }
 }
@@ -67,6 +75,27 @@ fn bench(steps: &mut Steps, python: &Path, zip: &Path) -> Result<()> {
     let output = steps.run("measure in Blender", &mut measure)?;
     for line in output.lines().filter(|line| line.starts_with('|')) {
         println!("{line}");
+    }
+    Ok(())
+}
+
+/// Runs the tests that drive a window, which photograph it, and keeps what the pages show.
+fn photograph(steps: &mut Steps, python: &Path, zip: &Path) -> Result<()> {
+    let blender = chroot::BLENDER.executable(steps)?;
+    let blender = blender.context("expected a Blender with a display, which needs Debian")?;
+    let folder = machine::target().join("photographs");
+    machine::empty(&folder)?;
+    let mut test = python::pytest(python, "tests/addon");
+    // One window at a time: beside others it would not be drawn when its picture is taken.
+    test.args(["-k", "test_window", "-n", "0"])
+        .env("ANYFACE_EXTENSION", zip)
+        .env("ANYFACE_BLENDER", blender)
+        .env("ANYFACE_PHOTOGRAPHS", folder.canonicalize()?);
+    steps.run("photograph Blender's window", &mut test)?;
+    for picture in fs::read_dir(folder.join("pages"))? {
+        let picture = picture?;
+        let page = machine::root().join("docs/images/blender");
+        fs::copy(picture.path(), page.join(picture.file_name()))?;
     }
     Ok(())
 }

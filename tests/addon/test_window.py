@@ -13,7 +13,7 @@ import pytest
 
 from conftest import zip_path
 from figures import write_wav
-from screen import Screen, install_in
+from screen import HEAD_AND_SIDEBAR, Screen, install_in
 from test_heads import HEAD, voice  # noqa: F401 - a fixture
 
 SCENE = """
@@ -107,7 +107,7 @@ def test_all_of_the_first_screen_is_in_sight_and_more_opens_with_a_click(screen,
             break
     assert screen.ask(open_more)
     assert screen.find("anyface.find_face")[1] > y + below
-    screen.photograph(photographs / "4_more.png")
+    screen.photograph(photographs / "pages/output.png", HEAD_AND_SIDEBAR)
     screen.hand("mousemove", x, y + below, "sleep", "0.1", "click", "1", "sleep", "0.3")
     assert not screen.ask(open_more)
 

@@ -3,6 +3,7 @@
 `ANYFACE_PHOTOGRAPHS` keeps the pictures.
 """
 
+from screen import WITHOUT_PROPERTIES
 from test_heads import voice  # noqa: F401 - a fixture
 from test_window import MORE, REDRAW, TAB, photographs, screen  # noqa: F401 - fixtures
 from test_window_page import OPEN, SEQUENCER, VIEW_ALL
@@ -68,4 +69,4 @@ def test_events_stand_above_the_voice_and_esc_leaves_them(screen, photographs): 
     screen.ask("bpy.context.scene.frame_set(46)")
     screen.scroll(5)
     screen.hand("sleep", "1.5")
-    screen.photograph(photographs / "events.png")
+    screen.photograph(photographs / "pages/events.png", WITHOUT_PROPERTIES)

@@ -3,6 +3,7 @@
 import numpy as np
 import pytest
 
+from screen import HEAD_AND_SIDEBAR
 from test_heads import voice  # noqa: F401 - a fixture
 from test_window import MORE, photographs, screen  # noqa: F401 - fixtures
 
@@ -46,7 +47,7 @@ def test_a_landmark_is_dragged_with_the_mouse_and_undone(screen, photographs):  
     screen.wait("not running()")
     screen.hand("sleep", "0.5")
     (dragged_x, _), after, fixed, _ = look(screen)
-    screen.photograph(photographs / "8_dragged.png")
+    screen.photograph(photographs / "pages/landmarks.png", HEAD_AND_SIDEBAR)
     assert fixed == [48] and dragged_x == pytest.approx(x - 20, abs=2)
     away = np.linalg.norm(np.array(after) - np.array(before), axis=1)
     assert away[60] > 0.3 * away[48] > 10 * away[17]

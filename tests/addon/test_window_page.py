@@ -11,6 +11,7 @@ from pathlib import Path
 import pytest
 
 from conftest import ROOT
+from screen import HEAD_AND_SIDEBAR, PREFERENCES, WITH_CHANNELS
 from test_heads import voice  # noqa: F401 - a fixture
 from test_window import MORE, REDRAW, photographs, screen  # noqa: F401 - fixtures
 
@@ -110,7 +111,7 @@ def test_a_first_talking_head(screen, photographs):  # noqa: F811
     assert screen.ask("answer = bpy.context.scene.sync_mode") == "AUDIO_SYNC"
     screen.ask("bpy.context.scene.frame_set(50)")
     screen.hand("sleep", "1.5")
-    screen.photograph(photographs / "2_first_head.png")
+    screen.photograph(photographs / "pages/generated.png", HEAD_AND_SIDEBAR)
 
 
 def test_sounds_are_shown_mended_redone_and_written(screen, photographs):  # noqa: F811
@@ -130,7 +131,7 @@ def test_sounds_are_shown_mended_redone_and_written(screen, photographs):  # noq
         f"{TEXTS}[0].frame_start += 4\n{HEAD}.anyface.seed = 3\n" + VIEW_ALL + REDRAW
     )
     screen.hand("sleep", "3")
-    screen.photograph(photographs / "3_mend.png")
+    screen.photograph(photographs / "pages/mend.png", WITH_CHANNELS)
     screen.press("anyface.redo")
     screen.wait(f"'redone' in {HEAD}.anyface.report and not running()", 60)
     after = screen.ask(f"answer = {outside}")
@@ -151,7 +152,7 @@ def test_models_of_ones_own_are_named_in_the_panel_and_the_preferences(screen, p
     screen.ask(f"bpy.context.scene.anyface.model_folder = {str(folder)!r}")
     show(screen, "Models", suffix="_b")
     screen.scroll(5)
-    screen.photograph(photographs / "5_models.png")
+    screen.photograph(photographs / "pages/models.png", HEAD_AND_SIDEBAR)
     screen.ask("bpy.context.scene.anyface.model_folder = ''")
     screen.ask(
         f"bpy.ops.preferences.addon_enable(module={PACKAGE!r})\n"
@@ -162,7 +163,7 @@ def test_models_of_ones_own_are_named_in_the_panel_and_the_preferences(screen, p
         f"bpy.ops.preferences.addon_expand(module={PACKAGE!r})\n"
     )
     screen.hand("sleep", "3.0")
-    screen.photograph(photographs / "6_preferences.png")
+    screen.photograph(photographs / "pages/preferences.png", PREFERENCES)
     screen.ask(
         "window = bpy.context.window_manager.windows[-1]\n"
         "with bpy.context.temp_override(window=window):\n    bpy.ops.wm.window_close()\n"
