@@ -46,11 +46,15 @@ class Engine:
         """The arrays that a subcommand writes."""
         with tempfile.TemporaryDirectory() as folder:
             out = Path(folder) / "out.npz"
-            line = [str(self.binary), command, *map(str, arguments), "--out", str(out), *self.options]
-            done = subprocess.run(line, capture_output=True, text=True)
-            if done.returncode:
-                raise RuntimeError(f"{' '.join(line)}: {done.stderr.strip()}")
+            self.call(command, *arguments, "--out", out)
             return dict(np.load(out))
+
+    def call(self, command: str, *arguments) -> None:
+        """Runs a subcommand. Raises `RuntimeError` with what it says where it fails."""
+        line = [str(self.binary), command, *map(str, arguments), *self.options]
+        done = subprocess.run(line, capture_output=True, text=True)
+        if done.returncode:
+            raise RuntimeError(f"{' '.join(line)}: {done.stderr.strip()}")
 
     def _speech(
         self, command: str, samples: np.ndarray, emotion: str, *more, fps: float = FPS

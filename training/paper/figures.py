@@ -36,13 +36,13 @@ def draw(folder: CorpusFolder, engine: Engine, place: Path, images: Path) -> lis
         errors[name] = MM * np.linalg.norm(clip.unit_m * predicted[0] - clip.truth[widest], axis=-1)
     shape = clip.neutral + clip.truth[widest]
     first = images / "decoder_errors.png"
-    _faces(first, shape, triangles, errors, "distance from the truth, mm", 3.0)
+    draw_faces(first, shape, triangles, errors, "distance from the truth, mm", 3.0)
     shares = engine.attention(motion[frame], neutral, clip.mesh, clip.marks)
     columns = {name: shares[:, n] for n, name in SHOWN_LANDMARKS.items()}
     titles = {f"{name}\nat most {share.max():.2f}": share for name, share in columns.items()}
     second = images / "attention.png"
     highest = max(map(np.max, columns.values()))
-    _faces(second, shape, triangles, titles, "share of a vertex's attention", highest)
+    draw_faces(second, shape, triangles, titles, "share of a vertex's attention", highest)
     return [(first, ""), (second, attention_in_numbers(shares))]
 
 
@@ -60,8 +60,8 @@ def attention_in_numbers(shares: np.ndarray) -> str:
     )
 
 
-def _faces(path: Path, shape: np.ndarray, triangles: np.ndarray, values: dict[str, np.ndarray], label: str,
-           highest: float) -> None:  # fmt: skip
+def draw_faces(path: Path, shape: np.ndarray, triangles: np.ndarray, values: dict[str, np.ndarray],
+               label: str, highest: float) -> None:  # fmt: skip
     """One front view for each row of values [V], painted from back to front."""
     figure, places = pyplot.subplots(1, len(values), figsize=(2.6 * len(values), 3.2), layout="constrained")
     corners = shape[triangles]

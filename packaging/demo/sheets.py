@@ -1,0 +1,215 @@
+"""Pictures of the pages, made as an artist would: by the extension in Blender.
+
+    target/venvs/bpy/bin/python packaging/demo/sheets.py --extension target/anyface-….zip \
+        --audio demo-output/voice.wav --out docs/images [--clips ../shared/data/speech/emodb_de] [SHEET …]
+"""
+
+import argparse
+import itertools
+import subprocess
+import tempfile
+from dataclasses import dataclass, replace
+from pathlib import Path
+
+import make_demo
+
+# Which says where Blender keeps its settings before it loads it.
+from make_demo import bpy
+
+FPS = 25
+SUZANNE = Path(__file__).with_name("suzanne_landmarks.json")
+CLOSE, CAMERA = (560, -0.3), {"WOMAN": (205, 0.25), "PLAIN": (250, 0.4), "SUZANNE": (250, 0.2)}
+"""Lens in millimetres and height of the camera, about the mouth and about a whole head."""
+MADE = (250, 0.2)
+"""The same about the whole of a head that *Anyface Head* makes."""
+WIDTH = 220
+"""Of one picture in a sheet, pixels."""
+TRAITS = {"age": 0, "sex": 1, "weight": 2, "african": 3, "asian": 4}
+"""Places among the sliders of *Add > Mesh > Anyface Head*."""
+FELT = ("03a01Wa.ogg", "03a02Fc.ogg", "03a04Ad.ogg", "03a02Ta.ogg")
+"""Anger, joy, fear and sadness of an actor of the Berlin Database of Emotional Speech."""
+
+
+@dataclass(frozen=True)
+class Shot:
+    """One picture: who is seen, what it does, and the second at which it is seen; None is at rest.
+
+    `head` is "PLAIN", "WOMAN", "SUZANNE", the seed of a head, or the trait and value of an average one.
+    `events` are names, begins and lengths in seconds, `feels_as` is a recording among the clips.
+    """
+
+    head: str | int | tuple[str, float] = "PLAIN"
+    second: float | None = None
+    system: str = "freetalk"
+    emotion: str = "neutral"
+    strength: float = 1.0
+    events: tuple[tuple[str, float, float], ...] = ()
+    feels_as: str = ""
+    is_close: bool = False
+
+
+def sheets() -> dict[str, list[list[Shot]]]:
+    """Rows of shots of each file."""
+    woman, cafe = Shot("WOMAN"), Shot(system="cafe-talk")
+    smile, wink, sneer = (("smile", 1.0, 1.2),), (("wink", 1.0, 0.6),), (("sneer", 1.0, 1.2),)
+    frown, laugh = (("frown", 1.0, 1.2),), (("sarcastic laugh", 1.0, 1.2),)
+    frowning = replace(cafe, emotion="happy", strength=0.7, events=frown)
+    performances = [
+        cafe,
+        *(replace(cafe, events=events) for events in (smile, wink)),
+        frowning,
+        replace(cafe, events=laugh),
+    ]
+    events = {
+        f"cafe-talk/{name}.png": [
+            [replace(shot, head=head, second=second) for second in (0.8, 1.0, 1.2, 1.4, 1.6, 1.8, 2.2, 2.6)]
+            for shot in performances
+        ]
+        for name, head in (("default", "PLAIN"), ("seed", 3), ("suzanne", "SUZANNE"))
+    }
+    happy = Shot(10, system="facetalk", emotion="happy", strength=0.7)
+    seconds = (None, 0.5, 1.0, 1.5, 2.0, 2.5)
+    sliders = [("age", -3.0), ("age", 3.0), ("sex", -3.0), ("sex", 3.0)]
+    sliders += [(name, 3.0) for name in ("weight", "african", "asian")]
+    return events | {
+        "emotions.jpg": [
+            [
+                replace(woman, emotion=emotion, second=second)
+                for emotion in ("neutral", "happy", "sad", "angry", "surprised")
+            ]
+            for second in (1.2, 2.4)
+        ],
+        "cafe_talk.png": [
+            [cafe, *(replace(shot, second=1.4) for shot in (
+                performances[1], performances[2], replace(cafe, events=sneer), frowning
+            ))]
+        ],
+        "emoface.png": [
+            [
+                Shot(head, 1.2, "emoface", feels_as=clip)
+                for clip in ("", *FELT)
+            ]
+            for head in ("PLAIN", 3, "SUZANNE")
+        ],
+        "facetalk/heads.png": [
+            [Shot(seed) for seed in range(1, 8)],
+            [Shot(seed) for seed in range(8, 15)],
+            [Shot(trait) for trait in sliders],
+        ],
+        "facetalk/talking.png": [
+            [replace(happy, second=second, is_close=is_close) for second in seconds]
+            for is_close in (False, True)
+        ],
+        "facetalk/sides.png": [
+            [Shot(head, second, system) for head in ("PLAIN", 10, "SUZANNE") for second in (1.2, 2.4)]
+            for system in ("freetalk", "facetalk")
+        ],
+    }  # fmt: skip
+
+
+def performance(shot: Shot) -> Shot:
+    """What a head does in a shot; shots of one performance need it once."""
+    return replace(shot, second=None if shot.second is None else 0.0, is_close=False)
+
+
+class Studio:
+    """Blender with a stage on which one head stands and speaks at a time."""
+
+    def __init__(self, extension: Path, audio: Path, clips: Path | None):
+        make_demo.install(extension.resolve())
+        self.audio, self.clips = audio.resolve(), clips
+        self.performance: Shot | None = None
+
+    def draw(self, shot: Shot, path: Path) -> None:
+        """Renders one shot; what the shot before has made stays where it serves this one, too."""
+        if performance(shot) != self.performance:
+            self._set(shot)
+            if shot.second is not None:
+                self._speak(shot)
+            self.performance = performance(shot)
+        scene = bpy.context.scene
+        lens, height = CLOSE if shot.is_close else CAMERA.get(shot.head, MADE)
+        scene.camera.data.lens, scene.camera.location.z = lens, height
+        scene.frame_set(1 + round(FPS * (shot.second or 0.0)))
+        scene.render.filepath = str(path)
+        bpy.ops.render.render(write_still=True)
+
+    def _set(self, shot: Shot) -> None:
+        bpy.ops.wm.read_homefile(use_empty=True, use_factory_startup=True)
+        scene = bpy.context.scene
+        make_demo.stage(scene, FPS)
+        make_demo.sound(scene, self.audio)
+        scene.render.resolution_x, scene.render.resolution_y = WIDTH, WIDTH * 6 // 5
+        scene.cycles.samples = 16
+        scene.camera.location.x = 0.0
+        self.head = head(shot.head)
+
+    def _speak(self, shot: Shot) -> None:
+        scene, face = bpy.context.scene, self.head.anyface
+        face.system = shot.system
+        for name, begin, length in shot.events:
+            scene.timeline_markers.new(name, frame=1 + round(FPS * begin))
+            self.head.anyface_audio.event_markers = True
+            self.head.anyface_audio.marker_s = length
+        if shot.feels_as:
+            if self.clips is None:
+                raise SystemExit(f"expected --clips DIR with {shot.feels_as}, got none")
+            editor = scene.sequence_editor
+            strips = editor.strips if hasattr(editor, "strips") else editor.sequences
+            path = str((self.clips / shot.feels_as).resolve())
+            strips.new_sound("Feeling", path, channel=2, frame_start=1)
+            self.head.anyface_audio.emotion_strip = "Feeling"
+            face.emotion_source = "VOICE"
+        options = argparse.Namespace(emotion=shot.emotion, intensity=shot.strength)
+        make_demo.animate(self.head, options)
+
+
+def head(which: str | int | tuple[str, float]):
+    """The head of a shot, its face in the middle of the stage."""
+    if which == "SUZANNE":
+        ob = make_demo.suzanne(SUZANNE)
+        ob.location, ob.scale = (0.0, 0.0, 0.2), (1.3,) * 3
+        return ob
+    if isinstance(which, str):
+        return make_demo.character(which, (0.0, 0.0, 0.0))
+    changes = [0.0] * 22
+    if not isinstance(which, int):
+        name, changes[TRAITS[name]] = which[0], which[1]
+    bpy.ops.anyface.add_head(
+        seed=which if isinstance(which, int) else 0, changes=changes, height=2.6, location=(0.0, 0.0, 0.0)
+    )
+    return bpy.context.object
+
+
+def tile(folder: Path, columns: int, rows: int, out: Path) -> None:
+    """All pictures of a folder as one."""
+    out.parent.mkdir(parents=True, exist_ok=True)
+    command = ["ffmpeg", "-y", "-loglevel", "error", "-i", str(folder / "%03d.png")]
+    tiled = f"tile={columns}x{rows}:padding=2"
+    if out.suffix == ".png":
+        # Skin before a wall needs no more colours than a palette has.
+        tiled += ",split[a][b];[a]palettegen[p];[b][p]paletteuse=dither=none"
+    subprocess.run([*command, "-vf", tiled, "-frames:v", "1", "-q:v", "3", str(out)], check=True)
+
+
+def main() -> None:
+    """Draws the sheets."""
+    parser = argparse.ArgumentParser(description=__doc__)
+    for name in ("--extension", "--audio", "--out"):
+        parser.add_argument(name, required=True, type=Path)
+    parser.add_argument("--clips", type=Path, help="recordings that EmoFace feels")
+    parser.add_argument("sheets", nargs="*", metavar="SHEET", help="such as emoface.png; none: all")
+    options = parser.parse_args()
+    studio = Studio(options.extension, options.audio, options.clips)
+    every = sheets()
+    for name in options.sheets or every:
+        rows = every[name]
+        with tempfile.TemporaryDirectory() as folder:
+            shots = enumerate(itertools.chain.from_iterable(rows))
+            for place, shot in sorted(shots, key=lambda placed: str(performance(placed[1]))):
+                studio.draw(shot, Path(folder) / f"{place:03d}.png")
+            tile(Path(folder), len(rows[0]), len(rows), options.out / name)
+
+
+if __name__ == "__main__":
+    main()
