@@ -21,7 +21,8 @@ PATIENCE_S = 120.0
 def _free_display() -> int:
     """The number of a display that nobody has. Each process of tests looks among its own."""
     worker = int(os.environ.get("PYTEST_XDIST_WORKER", "gw0").removeprefix("gw"))
-    numbers = range(100 + 30 * worker, 130 + 30 * worker)
+    # Displays that were killed leave their sockets, so there are many numbers.
+    numbers = range(1000 * (worker + 1), 1000 * (worker + 2))
     return next(n for n in numbers if not Path(f"/tmp/.X11-unix/X{n}").exists())
 
 

@@ -66,9 +66,10 @@ mod tests {
     fn work_is_counted_from_the_start() {
         let stopwatch = Stopwatch::start();
         let mut x = 1.0f64;
-        while stopwatch.elapsed_s() < 1.0 && stopwatch.work_s() == 0.0 {
-            x = (x + 1.0).sqrt();
+        // Asking takes processor time, too; a busy machine may leave this process waiting.
+        while stopwatch.elapsed_s() < 60.0 && stopwatch.work_s() == 0.0 {
+            x = std::hint::black_box((x + 1.0).sqrt());
         }
-        assert!(x > 1.0 && stopwatch.work_s() > 0.0);
+        assert!(stopwatch.work_s() > 0.0);
     }
 }
