@@ -18,14 +18,6 @@ PREFERENCES = "690x545+567+128"
 PATIENCE_S = 120.0
 
 
-def _free_display() -> int:
-    """The number of a display that nobody has. Each process of tests looks among its own."""
-    worker = int(os.environ.get("PYTEST_XDIST_WORKER", "gw0").removeprefix("gw"))
-    # Displays that were killed leave their sockets, so there are many numbers.
-    numbers = range(1000 * (worker + 1), 1000 * (worker + 2))
-    return next(n for n in numbers if not Path(f"/tmp/.X11-unix/X{n}").exists())
-
-
 def install_in(blender: Path, zipped: Path, folder: Path) -> None:
     """Puts the extension into the Blender whose resources lie in `folder`."""
     copy = folder / "anyface.zip"
@@ -40,19 +32,27 @@ class Screen:
     """`enter` runs programs beside Blender's executable (see packaging/chroot.sh)."""
 
     def __init__(self, enter: Path, blender: Path, folder: Path):
-        display = _free_display()
         self.enter, self.folder = enter, folder
         self.environment = {
             **os.environ,
-            "DISPLAY": f":{display}",
             "LIBGL_ALWAYS_SOFTWARE": "1",
             "BLENDER_USER_RESOURCES": str(folder),
             "XDG_RUNTIME_DIR": str(folder),
         }
         (folder / "driver.py").write_text(DRIVER.read_text())
         screen = ("-screen", "0", f"{SIZE[0]}x{SIZE[1]}x24", "-ac", "-nolisten", "tcp")
-        self._server = self._start(enter, "Xvfb", f":{display}", *screen)
-        self._wait_for_display(display)
+        # The server takes a free display and writes its number.
+        command = [str(enter), "Xvfb", "-displayfd", "1", *screen]
+        self._server = subprocess.Popen(
+            command,
+            env=self.environment,
+            stdout=subprocess.PIPE,
+            stderr=subprocess.DEVNULL,
+            start_new_session=True,
+        )
+        display = self._server.stdout.readline().decode().strip()
+        assert display, "Xvfb did not start"
+        self.environment["DISPLAY"] = f":{display}"
         self.log = open(folder / "blender.log", "w")  # noqa: SIM115 - closed in close()
         words = ("--factory-startup", "-p", "0", "0", *SIZE, "--python", folder / "driver.py")
         self._blender = self._start(
@@ -61,23 +61,16 @@ class Screen:
         assert self.ask("answer = bpy.app.background") is False
 
     def _start(self, *words):
-        log = getattr(self, "log", subprocess.DEVNULL)
         command = [str(word) for word in words]
         return subprocess.Popen(
-            command, env=self.environment, stdout=log, stderr=log, start_new_session=True
+            command, env=self.environment, stdout=self.log, stderr=self.log, start_new_session=True
         )
-
-    def _wait_for_display(self, display: int) -> None:
-        socket = Path(f"/tmp/.X11-unix/X{display}")
-        ends = time.monotonic() + 20
-        while not socket.exists():
-            assert time.monotonic() < ends, "Xvfb did not start"
-            time.sleep(0.1)
 
     def close(self) -> None:
         """Ends Blender and the display."""
-        for process in (self._blender, self._server):
-            os.killpg(process.pid, signal.SIGKILL)
+        # A server that is asked to end takes its socket away.
+        for process, end in ((self._blender, signal.SIGKILL), (self._server, signal.SIGTERM)):
+            os.killpg(process.pid, end)
             process.wait()
         self.log.close()
 

@@ -74,11 +74,13 @@ def test_a_batch_that_was_killed_is_resumed(floor):
         wait_gone(child)
     before = floor.ended()
     assert 1 <= sum(before.values()) < 4
+    # Killed between a report and its line in the history, a batch leaves out the line.
+    reported = {path.stem for path in floor.reports.glob("sh*.json")}
     code, text = floor.run("--workers", 2)
     assert code == 0, text
-    assert all(floor.report(f"sh{n:02d}")["ok"] for n in range(4))
-    # A batch that is killed between a report and its line in the history leaves out the line.
-    assert set(floor.ended().values()) == {1}
+    names = {f"sh{n:02d}" for n in range(4)}
+    assert floor.ended() == dict.fromkeys(names - (reported - before.keys()), 1)
+    assert all(floor.report(name)["ok"] for name in names)
 
 
 def test_an_interrupt_ends_the_batch_with_a_word_and_the_next_run_goes_on(floor):
