@@ -29,7 +29,7 @@ pub struct Addon {
     #[arg(long)]
     bench: bool,
     /// Photograph Blender's window instead, for docs/images/blender.
-    #[arg(long)]
+    #[arg(long, conflicts_with = "bench")]
     photographs: bool,
 }
 

@@ -14,7 +14,7 @@ use crate::{
     face_model::FaceModel,
     quality::grid::{TRACK, every_tenth, spans},
     tensors::TensorFile,
-    vertex_motion::{distance, motion_on_mesh},
+    vertex_motion::{distance, spread_landmarks},
 };
 use anyface::{
     Engine, Error, Face, Result,
@@ -107,9 +107,10 @@ impl Field {
                 let codes = Array2::from_shape_fn((rows.len(), rows[0].len()), |(t, n)| rows[t][n]);
                 let still = Array3::zeros(truth.dim());
                 let marks = truth.select(Axis(1), &ict.landmarks.map(|v| v as usize));
-                let decoded = motion_on_mesh(&engine, &face, marks)?;
+                let decoded = spread_landmarks(&engine, &face, marks)?;
                 let mean = field.landmarks(codes.view())?;
-                let landmarked = motion_on_mesh(&engine, &face, face.motion_on_mesh(mean.view()))?;
+                let landmarked =
+                    spread_landmarks(&engine, &face, face.motion_on_mesh(mean.view()))?;
                 let with_field = &landmarked + &field.beyond(codes.view(), &landmarked)?;
                 let of_known = &landmarked + &known.beyond(codes.view(), &landmarked)?;
                 for (n, prediction) in [&still, &decoded, &landmarked, &with_field, &of_known]

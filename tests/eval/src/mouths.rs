@@ -21,7 +21,7 @@ use crate::{
         subjects::{self, Subject},
     },
     pictures::{Album, raster::Picture},
-    vertex_motion::motion_on_mesh,
+    vertex_motion::spread_landmarks,
 };
 
 /// Measure lips that are one surface on many heads: how they part when they are opened
@@ -121,7 +121,7 @@ fn row(engine: &Engine, subject: &Subject, album: Option<&Album>) -> Result<Row>
 fn picture(engine: &Engine, face: &Face, opened: &OpenedFace) -> Result<Picture> {
     let after = engine.prepare(&opened.mesh, &opened.face_options(face), SILENT)?;
     let drop: Array3<f32> = after.motion_on_mesh(MouthTrial::jaw_drop().view());
-    let frames = motion_on_mesh(engine, &after, drop)?;
+    let frames = spread_landmarks(engine, &after, drop)?;
     let cells = Cells {
         mesh: &opened.mesh,
         face: &after,

@@ -14,7 +14,7 @@ use crate::{
     console::Console,
     face_model::FaceModel,
     field::{Distances, UNSEEN_SEED, face_of, lips, spoken},
-    vertex_motion::{distance, motion_on_mesh},
+    vertex_motion::{distance, spread_landmarks},
 };
 use anyface::{
     Error, Face, Result,
@@ -67,7 +67,8 @@ impl Template {
                     .to_canonical
                     .displacements_to_canonical(truth.select(Axis(1), &vertices).view());
                 let marks = on_face.landmarks(motion.view());
-                let landmarked = motion_on_mesh(&engine, &face, face.motion_on_mesh(marks.view()))?;
+                let landmarked =
+                    spread_landmarks(&engine, &face, face.motion_on_mesh(marks.view()))?;
                 let with_template = &landmarked + &on_face.beyond(motion.view(), &landmarked);
                 let still = Array3::zeros(truth.dim());
                 for (sum, prediction) in sums.iter_mut().zip([&still, &landmarked, &with_template])

@@ -19,7 +19,7 @@ pub(super) fn vertex_motion<'a>(
 }
 
 /// The same under motion `[T, 68, 3]` of the mesh's own landmarks.
-pub(super) fn motion_on_mesh(
+pub(super) fn spread_landmarks(
     engine: &Engine,
     face: &Face,
     landmarks: Array3<f32>,

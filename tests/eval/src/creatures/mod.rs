@@ -28,7 +28,7 @@ use crate::{
         subjects::{self, Subject},
     },
     pictures::{Album, raster::Picture},
-    vertex_motion::{distance, motion_on_mesh},
+    vertex_motion::{distance, spread_landmarks},
 };
 
 /// Measure creatures whose faces five points make: how far their mouths part, and what tears
@@ -196,7 +196,7 @@ fn row(engine: &Engine, subject: &Subject, album: Option<&Album>) -> Result<Row>
         }
     }
     let of_pose = |pose: &Array3<f32>| {
-        let frames = motion_on_mesh(engine, &face, face.motion_on_mesh(pose.view()));
+        let frames = spread_landmarks(engine, &face, face.motion_on_mesh(pose.view()));
         frames.map(|frames| frames.index_axis_move(Axis(0), 0))
     };
     let (drop, smile) = (MouthTrial::jaw_drop(), smile());

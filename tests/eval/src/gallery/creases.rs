@@ -8,7 +8,7 @@ use super::{
 };
 use crate::{
     pictures::raster::Picture,
-    vertex_motion::{distance, motion_on_mesh, pose},
+    vertex_motion::{distance, pose, spread_landmarks},
 };
 use anyface::{Engine, Face, Result, job::SILENT, mesh::Mesh};
 
@@ -34,7 +34,7 @@ pub(super) fn emotions(engine: &Engine, subject: &Subject) -> Result<Option<Emot
         return Ok(None);
     };
     let face = engine.prepare(&subject.mesh, &subject.options, SILENT)?;
-    let prediction = motion_on_mesh(engine, &face, truth.of_landmarks())?;
+    let prediction = spread_landmarks(engine, &face, truth.of_landmarks())?;
     let cells = Cells {
         mesh: &subject.mesh,
         face: &face,

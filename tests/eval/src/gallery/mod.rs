@@ -23,7 +23,7 @@ use crate::{
     console::{Console, command_line, write_page},
     face_model::IctLandmarks,
     pictures::{Album, raster::Picture},
-    vertex_motion::{distance, motion_on_mesh, vertex_motion},
+    vertex_motion::{distance, spread_landmarks, vertex_motion},
 };
 use anyface::{
     Engine, Error, Face, Result,
@@ -171,7 +171,7 @@ fn frames(
     motion: &LandmarkClip,
 ) -> Result<Array3<f32>> {
     match &subject.truth {
-        Some(truth) => motion_on_mesh(engine, face, truth.of_landmarks()),
+        Some(truth) => spread_landmarks(engine, face, truth.of_landmarks()),
         None => vertex_motion(engine, face, &Motion::Landmarks(motion.clone())),
     }
 }
