@@ -131,11 +131,16 @@ def light(
 
 def sound(scene, path: Path) -> None:
     """The recording as a strip, and the scene as long as it."""
-    editor = scene.sequence_editor_create()
-    strips = editor.strips if hasattr(editor, "strips") else editor.sequences
-    strip = strips.new_sound("Voice", str(path), channel=1, frame_start=1)
+    strip = add_strip(scene, "Voice", path, channel=1)
     scene.frame_start, scene.frame_end = 1, max(2, int(strip.frame_final_end))
     scene.sync_mode = "AUDIO_SYNC"
+
+
+def add_strip(scene, name: str, path: Path, channel: int):
+    """A strip of a sound from the first frame on."""
+    editor = scene.sequence_editor_create()
+    strips = editor.strips if hasattr(editor, "strips") else editor.sequences
+    return strips.new_sound(name, str(path), channel=channel, frame_start=1)
 
 
 def suzanne(landmarks: Path):

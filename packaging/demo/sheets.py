@@ -20,13 +20,13 @@ FPS = 25
 SUZANNE = Path(__file__).with_name("suzanne_landmarks.json")
 CLOSE, CAMERA = (560, -0.3), {"WOMAN": (205, 0.25), "PLAIN": (250, 0.4), "SUZANNE": (250, 0.2)}
 """Lens in millimetres and height of the camera, about the mouth and about a whole head."""
-MADE = (250, 0.2)
+ANYFACE_HEAD = (250, 0.2)
 """The same about the whole of a head that *Anyface Head* makes."""
 WIDTH = 220
 """Of one picture in a sheet, pixels."""
-TRAITS = {"age": 0, "sex": 1, "weight": 2, "african": 3, "asian": 4}
-"""Places among the sliders of *Add > Mesh > Anyface Head*."""
-FELT = ("03a01Wa.ogg", "03a02Fc.ogg", "03a04Ad.ogg", "03a02Ta.ogg")
+TRAITS, SLIDERS = {"age": 0, "sex": 1, "weight": 2, "african": 3, "asian": 4}, 22
+"""Places among the sliders of *Add > Mesh > Anyface Head*, and how many there are."""
+RECORDINGS = ("03a01Wa.ogg", "03a02Fc.ogg", "03a04Ad.ogg", "03a02Ta.ogg")
 """Anger, joy, fear and sadness of an actor of the Berlin Database of Emotional Speech."""
 
 
@@ -35,7 +35,7 @@ class Shot:
     """One picture: who is seen, what it does, and the second at which it is seen; None is at rest.
 
     `head` is "PLAIN", "WOMAN", "SUZANNE", the seed of a head, or the trait and value of an average one.
-    `events` are names, begins and lengths in seconds, `feels_as` is a recording among the clips.
+    `events` are names, begins and lengths in seconds, `emotion_of` is a recording among the clips.
     """
 
     head: str | int | tuple[str, float] = "PLAIN"
@@ -44,26 +44,22 @@ class Shot:
     emotion: str = "neutral"
     strength: float = 1.0
     events: tuple[tuple[str, float, float], ...] = ()
-    feels_as: str = ""
-    is_close: bool = False
+    emotion_of: str = ""
+    is_close_up: bool = False
 
 
 def sheets() -> dict[str, list[list[Shot]]]:
     """Rows of shots of each file."""
     woman, cafe = Shot("WOMAN"), Shot(system="cafe-talk")
-    smile, wink, sneer = (("smile", 1.0, 1.2),), (("wink", 1.0, 0.6),), (("sneer", 1.0, 1.2),)
-    frown, laugh = (("frown", 1.0, 1.2),), (("sarcastic laugh", 1.0, 1.2),)
-    frowning = replace(cafe, emotion="happy", strength=0.7, events=frown)
-    performances = [
-        cafe,
-        *(replace(cafe, events=events) for events in (smile, wink)),
-        frowning,
-        replace(cafe, events=laugh),
-    ]
+    smile = replace(cafe, events=(("smile", 1.0, 1.2),))
+    wink = replace(cafe, events=(("wink", 1.0, 0.6),))
+    sneer = replace(cafe, events=(("sneer", 1.0, 1.2),))
+    frown = replace(cafe, emotion="happy", strength=0.7, events=(("frown", 1.0, 1.2),))
+    laugh = replace(cafe, events=(("sarcastic laugh", 1.0, 1.2),))
     events = {
         f"cafe-talk/{name}.png": [
             [replace(shot, head=head, second=second) for second in (0.8, 1.0, 1.2, 1.4, 1.6, 1.8, 2.2, 2.6)]
-            for shot in performances
+            for shot in (cafe, smile, wink, frown, laugh)
         ]
         for name, head in (("default", "PLAIN"), ("seed", 3), ("suzanne", "SUZANNE"))
     }
@@ -80,14 +76,12 @@ def sheets() -> dict[str, list[list[Shot]]]:
             for second in (1.2, 2.4)
         ],
         "cafe_talk.png": [
-            [cafe, *(replace(shot, second=1.4) for shot in (
-                performances[1], performances[2], replace(cafe, events=sneer), frowning
-            ))]
+            [cafe, *(replace(shot, second=1.4) for shot in (smile, wink, sneer, frown))]
         ],
         "emoface.png": [
             [
-                Shot(head, 1.2, "emoface", feels_as=clip)
-                for clip in ("", *FELT)
+                Shot(head, 1.2, "emoface", emotion_of=clip)
+                for clip in ("", *RECORDINGS)
             ]
             for head in ("PLAIN", 3, "SUZANNE")
         ],
@@ -97,8 +91,8 @@ def sheets() -> dict[str, list[list[Shot]]]:
             [Shot(trait) for trait in sliders],
         ],
         "facetalk/talking.png": [
-            [replace(happy, second=second, is_close=is_close) for second in seconds]
-            for is_close in (False, True)
+            [replace(happy, second=second, is_close_up=is_close_up) for second in seconds]
+            for is_close_up in (False, True)
         ],
         "facetalk/sides.png": [
             [Shot(head, second, system) for head in ("PLAIN", 10, "SUZANNE") for second in (1.2, 2.4)]
@@ -109,7 +103,7 @@ def sheets() -> dict[str, list[list[Shot]]]:
 
 def performance(shot: Shot) -> Shot:
     """What a head does in a shot; shots of one performance need it once."""
-    return replace(shot, second=None if shot.second is None else 0.0, is_close=False)
+    return replace(shot, second=None if shot.second is None else 0.0, is_close_up=False)
 
 
 class Studio:
@@ -128,7 +122,7 @@ class Studio:
                 self._speak(shot)
             self.performance = performance(shot)
         scene = bpy.context.scene
-        lens, height = CLOSE if shot.is_close else CAMERA.get(shot.head, MADE)
+        lens, height = CLOSE if shot.is_close_up else CAMERA.get(shot.head, ANYFACE_HEAD)
         scene.camera.data.lens, scene.camera.location.z = lens, height
         scene.frame_set(1 + round(FPS * (shot.second or 0.0)))
         scene.render.filepath = str(path)
@@ -141,7 +135,6 @@ class Studio:
         make_demo.sound(scene, self.audio)
         scene.render.resolution_x, scene.render.resolution_y = WIDTH, WIDTH * 6 // 5
         scene.cycles.samples = 16
-        scene.camera.location.x = 0.0
         self.head = head(shot.head)
 
     def _speak(self, shot: Shot) -> None:
@@ -151,14 +144,12 @@ class Studio:
             scene.timeline_markers.new(name, frame=1 + round(FPS * begin))
             self.head.anyface_audio.event_markers = True
             self.head.anyface_audio.marker_s = length
-        if shot.feels_as:
+        if shot.emotion_of:
             if self.clips is None:
-                raise SystemExit(f"expected --clips DIR with {shot.feels_as}, got none")
-            editor = scene.sequence_editor
-            strips = editor.strips if hasattr(editor, "strips") else editor.sequences
-            path = str((self.clips / shot.feels_as).resolve())
-            strips.new_sound("Feeling", path, channel=2, frame_start=1)
-            self.head.anyface_audio.emotion_strip = "Feeling"
+                raise SystemExit(f"expected --clips DIR with {shot.emotion_of}, got none")
+            path = (self.clips / shot.emotion_of).resolve()
+            make_demo.add_strip(scene, "Emotion", path, channel=2)
+            self.head.anyface_audio.emotion_strip = "Emotion"
             face.emotion_source = "VOICE"
         options = argparse.Namespace(emotion=shot.emotion, intensity=shot.strength)
         make_demo.animate(self.head, options)
@@ -172,12 +163,13 @@ def head(which: str | int | tuple[str, float]):
         return ob
     if isinstance(which, str):
         return make_demo.character(which, (0.0, 0.0, 0.0))
-    changes = [0.0] * 22
-    if not isinstance(which, int):
-        name, changes[TRAITS[name]] = which[0], which[1]
-    bpy.ops.anyface.add_head(
-        seed=which if isinstance(which, int) else 0, changes=changes, height=2.6, location=(0.0, 0.0, 0.0)
-    )
+    seed, changes = 0, [0.0] * SLIDERS
+    if isinstance(which, int):
+        seed = which
+    else:
+        trait, value = which
+        changes[TRAITS[trait]] = value
+    bpy.ops.anyface.add_head(seed=seed, changes=changes, height=2.6, location=(0.0, 0.0, 0.0))
     return bpy.context.object
 
 

@@ -18,7 +18,7 @@ from training.engine import Engine
 from training.flags import run_command
 from training.paper.figures import draw_faces
 from training.paper.tables import MM
-from training.systems.cafe_talk.fine_control.curves import LOWER_LIP, UPPER_LIP
+from training.systems.cafe_talk.fine_control.curves import opening
 
 HEAD = Path("weights/shared/default_head")
 IMAGES, ANYFACE = Path("docs/images"), Path("target/release/anyface")
@@ -54,8 +54,7 @@ def draw_seeds(engine: Engine, audio: Path, out: Path) -> None:
         axes.set(title=f"{system}, seeds 0 to {seeds[-1]}", ylabel="lips apart, mm", zorder=2, frame_on=False)
         for seed in seeds:
             take = engine.run("motion", "--system", system, "--audio", audio, "--seed", seed)
-            moved = MM * take["landmark_displacements"][..., 1]
-            gap = moved[:, UPPER_LIP] - moved[:, LOWER_LIP]
+            gap = opening(take)
             axes.plot(np.arange(len(gap)) / take["fps"], gap, linewidth=1.0)
     rows[-1].set(xlabel="seconds")
     figure.savefig(out, dpi=100)
@@ -65,14 +64,14 @@ def draw_seeds(engine: Engine, audio: Path, out: Path) -> None:
 def draw_scan(engine: Engine, scan: Path, out: Path) -> None:
     """How far a scan is from the head that `anyface head` finds for it.
 
-    The head is in metres. Its landmarks, then its nearest vertices, bring the scan there.
+    The head is in metres. Its landmarks, then the nearest places of its surface, bring the scan there.
     """
     places = {}
     with tempfile.TemporaryDirectory() as folder:
-        head, found = Path(folder) / "head.obj", Path(folder) / "scan.json"
+        head, marks = Path(folder) / "head.obj", Path(folder) / "scan.json"
         engine.call("head", "--like", scan, "--out", head)
-        engine.call("landmarks", "--mesh", scan, "--out", found)
-        for name, file in (("head", head.with_suffix(".landmarks.json")), ("scan", found)):
+        engine.call("landmarks", "--mesh", scan, "--out", marks)
+        for name, file in (("head", head.with_suffix(".landmarks.json")), ("scan", marks)):
             places[name] = np.array([mark["position"] for mark in json.loads(file.read_text())["landmarks"]])
         vertices, faces = read_obj(head)
     points, triangles = read_obj(scan)
