@@ -91,7 +91,8 @@ class Farm:
 
     def hosts(self) -> set[str]:
         """The hosts that have written files."""
-        lines = (self.reports / "written.txt").read_text().splitlines()
+        path = self.reports / "written.txt"
+        lines = path.read_text().splitlines() if path.is_file() else []
         return {line.split()[1] for line in lines}
 
     def total(self) -> dict:
