@@ -28,6 +28,7 @@ from training.head_topology import hair, teeth
 from training.head_topology.fit import Fit, Target, Template, carried, cut, fit, shares
 from training.head_topology.makehuman import MakeHuman
 from training.head_topology.quads import normals
+from training.head_topology.shape import neighbour_means
 from training.landmarks.canonical import from_ict
 from training.nn.checkpoint import write_model
 
@@ -246,6 +247,21 @@ def faces_of(followed: list[Follower], first: int) -> tuple[list[np.ndarray], li
     return faces, kinds
 
 
+def coded(faces: np.ndarray, modes: np.ndarray) -> np.ndarray:
+    """Modes `[K, S, 3]` in steps as what each vertex adds to the mean of its earlier neighbours, `[K, 3, S]`.
+
+    The mean is of what was stored before, so that no vertex is more than half a step off.
+    """
+    means = neighbour_means(faces, modes.shape[1])
+    added, stored = np.zeros_like(modes), np.zeros_like(modes)
+    for vertex in range(modes.shape[1]):
+        row = slice(*means.indptr[vertex : vertex + 2])
+        mean = np.einsum("n,knd->kd", means.data[row], stored[:, means.indices[row]])
+        added[:, vertex] = np.round(modes[:, vertex] - mean)
+        stored[:, vertex] = mean + added[:, vertex]
+    return added.transpose(0, 2, 1)
+
+
 def part_config(part: Part) -> dict:
     """A part in the config."""
     faces = sum(len(of_material) for of_material in part.faces.values())
@@ -298,7 +314,7 @@ def build(data: Path) -> tuple[dict[str, np.ndarray], dict]:
     order = np.argsort(kinds, kind="stable")
     state = {
         "positions": from_ict(places),
-        "modes": np.round(skin * 0.01 / STEP_M),
+        "modes": coded(template.mesh.faces, skin * 0.01 / STEP_M),
         "faces": np.concatenate([template.mesh.faces[order], *part_faces]),
         "materials": np.concatenate([kinds[order], *part_kinds]),
         "uv": uv_of(body, template)[order],

@@ -1,11 +1,31 @@
 """A head of the model `head_topology` from its numbers; the twin of `rust-core/src/head/topology.rs`."""
 
 import numpy as np
+from scipy import sparse
+from scipy.sparse.linalg import spsolve_triangular
 
 
 def sides(traits: np.ndarray) -> np.ndarray:
     """Sliders `[T]` as how far each goes to its right and its left, `[2 T]`."""
     return np.stack([np.maximum(traits, 0), np.maximum(-traits, 0)], 1).ravel()
+
+
+def neighbour_means(faces: np.ndarray, count: int) -> sparse.csr_array:
+    """The mean of each vertex's neighbours in `faces` `[F, 4]` that have lower numbers, `[S, S]`.
+
+    A mode is stored as what each vertex adds to that mean, which packs smaller.
+    """
+    faces = faces.astype(int)
+    ends = np.sort(np.stack([faces, np.roll(faces, -1, axis=1)], -1).reshape(-1, 2), axis=1)
+    low, high = np.unique(ends[ends[:, 0] < ends[:, 1]], axis=0).T
+    shares = 1.0 / np.bincount(high, minlength=count)[high]
+    return sparse.csr_array((shares, (high, low)), (count, count))
+
+
+def sum_of_neighbours(faces: np.ndarray, added: np.ndarray) -> np.ndarray:
+    """Displacements `[S, 3]` of what each vertex adds to the mean of its earlier neighbours."""
+    system = sparse.eye_array(len(added)) - neighbour_means(faces, len(added))
+    return spsolve_triangular(system.tocsr(), added, lower=True, unit_diagonal=True)
 
 
 def shape(
@@ -14,7 +34,8 @@ def shape(
     """Places `[V, 3]`, canonical metres, under coefficients `[100]` and sliders `[T]`."""
     points, numbers = state["positions"].copy(), np.r_[coefficients, sides(traits)]
     skin = config["skin_vertices"]
-    moved = np.tensordot(numbers, state["modes"], 1) * config["step_m"]
+    added = np.tensordot(numbers, state["modes"], 1).T * config["step_m"]
+    moved = sum_of_neighbours(state["faces"][: config["skin_faces"]], added)
     points[:skin] += moved
     first = skin
     for part in config["parts"]:

@@ -80,8 +80,12 @@ pub struct Topology {
     traits: Vec<String>,
     /// `[V]` metres, the mean head.
     positions: Vec<[f32; 3]>,
-    /// `[K, 3 S]` in steps; K is a coefficient each, then a trait's right and left.
+    /// `[K, 3 S]` in steps, all x first; K is a coefficient each, then a trait's right and left.
+    ///
+    /// What each vertex adds to the mean of its `earlier` neighbours, which packs smaller than its displacement.
     modes: Array2<f32>,
+    /// Of each vertex of the skin, those of its neighbours that have lower numbers, `[S]`.
+    earlier: Vec<Vec<u32>>,
     /// `[F]`; a triangle's last corner comes twice.
     faces: Vec<[u32; 4]>,
     /// Of the skin's faces.
@@ -133,16 +137,18 @@ impl Topology {
         let kinds = weights.values("materials", &[faces])?;
         let kinds: Vec<[u32; 1]> = indices(&kinds, config.materials.len(), "materials")?;
         let face_materials = kinds.into_iter().flatten().collect::<Vec<u32>>();
+        let faces = indices(&weights.values("faces", &[faces, 4])?, vertices, "faces")?;
         Ok(Topology {
             step_m: config.step_m,
             traits: config.traits.clone(),
             positions: rows_of(&weights.values("positions", &[vertices, 3])?),
             modes: {
-                let values = weights.values("modes", &[numbers, skin, 3])?;
+                let values = weights.values("modes", &[numbers, 3, skin])?;
                 Array2::from_shape_vec((numbers, 3 * skin), values)
                     .map_err(|error| Error::Weights(format!("modes: {error}")))?
             },
-            faces: indices(&weights.values("faces", &[faces, 4])?, vertices, "faces")?,
+            earlier: earlier_neighbours(&faces[..config.skin_faces], skin)?,
+            faces,
             uv: {
                 let flat = weights.values("uv", &[config.skin_faces, 4, 2])?;
                 let corners: Vec<[f32; 2]> = rows_of(&flat);
@@ -183,6 +189,24 @@ impl Topology {
         self.material_names.iter().map(String::as_str)
     }
 
+    /// Of the skin under `numbers` `[K]`, `[S]` metres.
+    fn displacements(&self, numbers: ArrayView1<'_, f32>) -> Vec<[f32; 3]> {
+        let added = numbers.dot(&self.modes) * self.step_m;
+        let skin = self.earlier.len();
+        let mut moved: Vec<[f32; 3]> = Vec::with_capacity(skin);
+        for (vertex, earlier) in self.earlier.iter().enumerate() {
+            let share = 1.0 / earlier.len().max(1) as f32;
+            moved.push(std::array::from_fn(|axis| {
+                let sum: f32 = earlier
+                    .iter()
+                    .map(|&other| moved[other as usize][axis])
+                    .sum();
+                added[axis * skin + vertex] + share * sum
+            }));
+        }
+        moved
+    }
+
     /// The mesh at rest of `numbers` `[100 + T]`: coefficients, then traits.
     ///
     /// # Errors
@@ -197,7 +221,7 @@ impl Topology {
         let sides = traits.iter().flat_map(|t| [t.max(0.0), (-t).max(0.0)]);
         let numbers: Vec<f32> = coefficients.iter().copied().chain(sides).collect();
         let numbers = aview1(&numbers);
-        let moved: Vec<[f32; 3]> = rows_of(&(numbers.dot(&self.modes) * self.step_m).to_vec());
+        let moved = self.displacements(numbers);
         let mut positions = self.positions.clone();
         for (place, by) in positions.iter_mut().zip(&moved) {
             *place = std::array::from_fn(|axis| place[axis] + by[axis]);
@@ -272,6 +296,27 @@ impl Part {
             }
         }
     }
+}
+
+/// Of each of `count` vertices, the neighbours along edges of `faces` that have lower numbers.
+fn earlier_neighbours(faces: &[[u32; 4]], count: usize) -> Result<Vec<Vec<u32>>> {
+    let mut earlier = vec![Vec::new(); count];
+    for face in faces {
+        for (corner, &a) in face.iter().enumerate() {
+            let b = face[(corner + 1) % face.len()];
+            let of_larger = earlier.get_mut(a.max(b) as usize).ok_or_else(|| {
+                Error::Weights(format!(
+                    "head_topology: faces: expected vertices of the skin, below {count}, got {}",
+                    a.max(b)
+                ))
+            })?;
+            if a != b && !of_larger.contains(&a.min(b)) {
+                of_larger.push(a.min(b));
+            }
+        }
+    }
+    earlier.iter_mut().for_each(|others| others.sort_unstable());
+    Ok(earlier)
 }
 
 /// One or two triangles.
