@@ -19,7 +19,7 @@ use crate::{machine, site::documents};
 
 const LIST: &str = "docs/sources.toml";
 /// Files below these belong to an entry.
-const RESULTS: [&str; 3] = ["docs/images", "docs/measured", "weights/**/README.md"];
+const RESULTS: [&str; 3] = ["docs/images", "docs/measured", "weights/*/*/README.md"];
 /// The pictures of these belong to an entry.
 const PAGES: [&str; 3] = ["README.md", "docs/**/*.md", "weights/**/*.md"];
 const PICTURES: [&str; 6] = ["png", "jpg", "jpeg", "webp", "svg", "gif"];
@@ -379,10 +379,10 @@ mod tests {
         [[entry]]\n\
         files = [\"docs/measured/*\", \"docs/page.md#a-table\"]\n\
         command = \"echo 2 > docs/measured/quality.md\"\n\
-        inputs = { \"weights/voice\" = \"@\" } # the model\n\
+        inputs = { \"weights/talk/voice\" = \"@\" } # the model\n\
         \n\
         [[entry]]\n\
-        files = [\"docs/images/a.png\", \"weights/voice/README.md\"]\n\
+        files = [\"docs/images/a.png\", \"weights/talk/voice/README.md\"]\n\
         by_hand = \"drawn\"\n";
 
     /// A repository in which everything has an entry; it goes when dropped.
@@ -403,13 +403,13 @@ mod tests {
                 ("docs/page.md", "# Page\n## A table\n"),
                 ("docs/measured/quality.md", "1"),
                 ("docs/images/a.png", "picture"),
-                ("weights/voice/README.md", "card"),
-                ("weights/voice/model.gz", "numbers"),
+                ("weights/talk/voice/README.md", "card"),
+                ("weights/talk/voice/model.gz", "numbers"),
                 (LIST, ENTRIES),
             ] {
                 repository.write(path, text);
             }
-            let digest = repository.sources().digest("weights/voice").unwrap();
+            let digest = repository.sources().digest("weights/talk/voice").unwrap();
             assert_eq!(digest.len(), 12);
             repository.write(LIST, &ENTRIES.replace('@', &digest));
             repository
@@ -461,7 +461,7 @@ mod tests {
     fn a_complete_list_has_no_fault() {
         let repository = Repository::new("complete");
         assert_eq!(repository.sources().faults().unwrap(), [""; 0]);
-        repository.write("weights/voice/README.md", "the card in other words");
+        repository.write("weights/talk/voice/README.md", "the card in other words");
         assert_eq!(repository.sources().faults().unwrap(), [""; 0]);
         assert_eq!(
             repository.sources().counts(),
@@ -486,11 +486,11 @@ mod tests {
                 .starts_with("site/c.png: expected an entry")
         );
         repository.write("docs/page.md", "# Page\n## A table\n");
-        repository.write("weights/ear/README.md", "card");
+        repository.write("weights/talk/ear/README.md", "card");
         assert!(
             repository
                 .fault()
-                .starts_with("weights/ear/README.md: expected an entry")
+                .starts_with("weights/talk/ear/README.md: expected an entry")
         );
     }
 
@@ -513,35 +513,39 @@ mod tests {
                 .contains("got \"docs/page.md#b\", which is none")
         );
         repository.change_list("docs/page.md#b", "docs/page.md#page");
-        repository.change_list("weights/voice\" =", "weights/gone\" =");
+        repository.change_list("weights/talk/voice\" =", "weights/talk/gone\" =");
         assert!(
             repository
                 .fault()
-                .contains("got \"weights/gone\", which is none")
+                .contains("got \"weights/talk/gone\", which is none")
         );
     }
 
     #[test]
     fn a_result_older_than_its_inputs_says_so() {
         let repository = Repository::new("age");
-        repository.write("weights/voice/model.gz", "other numbers");
+        repository.write("weights/talk/voice/model.gz", "other numbers");
         let fault = repository.fault();
         assert!(fault.starts_with("docs/measured/*: expected"), "{fault}");
-        assert!(fault.contains("weights/voice was \""), "{fault}");
+        assert!(fault.contains("weights/talk/voice was \""), "{fault}");
         repository.change_list(
             "[[entry]]\nfiles = [\"docs/m",
             "[[entry]]\nstale = \"Soon.\"\nfiles = [\"docs/m",
         );
         assert_eq!(repository.sources().faults().unwrap(), [""; 0]);
-        repository.write("weights/voice/model.gz", "numbers");
+        repository.write("weights/talk/voice/model.gz", "numbers");
         assert!(repository.fault().contains("delete `stale`"));
     }
 
     #[test]
     fn a_command_makes_a_result_and_its_inputs_are_noted() {
         let repository = Repository::new("make");
-        let model = repository.0.join("weights/voice/model.gz");
-        fs::write(repository.0.join("weights/voice/README.md"), "other words").unwrap();
+        let model = repository.0.join("weights/talk/voice/model.gz");
+        fs::write(
+            repository.0.join("weights/talk/voice/README.md"),
+            "other words",
+        )
+        .unwrap();
         fs::write(&model, "numbers of tomorrow").unwrap();
         let make = |file, note| {
             let sources = repository.sources();
@@ -554,7 +558,7 @@ mod tests {
                 .to_string()
                 .contains("git add it, then")
         );
-        repository.write("weights/voice/model.gz", "numbers of tomorrow");
+        repository.write("weights/talk/voice/model.gz", "numbers of tomorrow");
         repository.change_list("# the model\n", "# the model\nstale = \"Soon.\"\n");
         made(true).unwrap();
         let page = repository.0.join("docs/measured/quality.md");
