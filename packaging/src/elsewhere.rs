@@ -144,7 +144,8 @@ fn goldens(steps: &mut Steps, platform: Platform, runner: &[String], built: &Pat
     let cargo = env::var_os("CARGO").unwrap_or("cargo".into());
     let mut test = Command::new(cargo);
     test.current_dir(machine::root())
-        .args(["test", "-p", "anyface-cli", "--test", "suite", "runs::"])
+        // All packages, as they were built for this machine before.
+        .args(["test", "--workspace", "--test", "suite", "runs::"])
         .env("ANYFACE_COMMAND", script);
     surround(&mut test)?;
     steps.check(
