@@ -193,6 +193,7 @@ impl EmotionCurve {
     }
 
     /// The curve of a sound of `from_s` seconds, stretched over `to_s` seconds.
+    #[cfg(feature = "emoface")]
     #[must_use]
     pub(crate) fn over(&self, from_s: f64, to_s: f64) -> EmotionCurve {
         match self {

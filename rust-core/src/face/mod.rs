@@ -269,6 +269,7 @@ impl Face {
     }
 
     /// The field of a model on this mesh, or why there is none. Calls `make` the first time.
+    #[cfg(any(feature = "emoface", feature = "facetalk"))]
     pub(crate) fn field(
         &self,
         model: &'static str,

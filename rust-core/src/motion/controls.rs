@@ -103,6 +103,7 @@ performance_controls! {
 }
 
 /// One of [`PERFORMANCE_CONTROLS`] by its name, for systems that have some of them.
+#[cfg(feature = "cafe-talk")]
 pub(crate) const fn control_named(name: &str) -> Control {
     let mut n = 0;
     while !is_same(PERFORMANCE_CONTROLS[n].name.as_bytes(), name.as_bytes()) {
@@ -111,6 +112,7 @@ pub(crate) const fn control_named(name: &str) -> Control {
     PERFORMANCE_CONTROLS[n]
 }
 
+#[cfg(feature = "cafe-talk")]
 const fn is_same(a: &[u8], b: &[u8]) -> bool {
     let mut n = 0;
     while n < a.len() && n < b.len() && a[n] == b[n] {

@@ -29,6 +29,7 @@ mod redo;
 mod request;
 mod resample;
 mod shape_fit;
+#[cfg(feature = "emoface")]
 mod silence;
 mod slow_noise;
 mod smooth;
@@ -49,6 +50,7 @@ pub use apply_controls::{Cues, LandmarkController};
 pub use blinks::{Blink, blinks};
 pub use brow_accents::{BrowAccent, brow_accents};
 pub(crate) use contacts::{Parting, narrow, opening};
+#[cfg(feature = "cafe-talk")]
 pub(crate) use controls::control_named;
 pub use controls::{PERFORMANCE_CONTROLS, PerformanceControls};
 pub use effort::effort_gain;
@@ -62,6 +64,7 @@ pub(crate) use join::{begin_in, begin_tongue_in};
 pub use life::{Life, LifeStrengths};
 pub use redo::Stretch;
 pub use request::{FPS, MotionRequest, check_closures, check_fps, style_number};
+#[cfg(any(feature = "emoface", feature = "facetalk"))]
 pub(crate) use resample::at_rate;
 pub use template::{Template, TemplateMask};
 pub use visibility::{Extent, SPOKEN_MM, VISIBLE_MM, Visibility, lip_travel};
