@@ -49,7 +49,7 @@ const PAGE_TOOLS: [(&str, &[&str]); 3] = [
 /// installed, Blender 3, Godot 1.
 const ROOM: u64 = 21;
 
-/// Runs all tests; about half an hour from a clean checkout on two cores, 8 minutes when built.
+/// Runs all tests; about an hour from a clean checkout on two cores, half of that when built.
 #[derive(Args)]
 pub struct Test {
     /// Leave out the parts that install PyTorch and Blender.
