@@ -247,7 +247,7 @@ def faces_of(followed: list[Follower], first: int) -> tuple[list[np.ndarray], li
     return faces, kinds
 
 
-def coded(faces: np.ndarray, modes: np.ndarray) -> np.ndarray:
+def encode_modes(faces: np.ndarray, modes: np.ndarray) -> np.ndarray:
     """Modes `[K, S, 3]` in steps as what each vertex adds to the mean of its earlier neighbours, `[K, 3, S]`.
 
     The mean is of what was stored before, so that no vertex is more than half a step off.
@@ -314,7 +314,7 @@ def build(data: Path) -> tuple[dict[str, np.ndarray], dict]:
     order = np.argsort(kinds, kind="stable")
     state = {
         "positions": from_ict(places),
-        "modes": coded(template.mesh.faces, skin * 0.01 / STEP_M),
+        "modes": encode_modes(template.mesh.faces, skin * 0.01 / STEP_M),
         "faces": np.concatenate([template.mesh.faces[order], *part_faces]),
         "materials": np.concatenate([kinds[order], *part_kinds]),
         "uv": uv_of(body, template)[order],

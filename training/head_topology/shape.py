@@ -4,6 +4,8 @@ import numpy as np
 from scipy import sparse
 from scipy.sparse.linalg import spsolve_triangular
 
+from training.head_topology.quads import Quads
+
 
 def sides(traits: np.ndarray) -> np.ndarray:
     """Sliders `[T]` as how far each goes to its right and its left, `[2 T]`."""
@@ -15,14 +17,12 @@ def neighbour_means(faces: np.ndarray, count: int) -> sparse.csr_array:
 
     A mode is stored as what each vertex adds to that mean, which packs smaller.
     """
-    faces = faces.astype(int)
-    ends = np.sort(np.stack([faces, np.roll(faces, -1, axis=1)], -1).reshape(-1, 2), axis=1)
-    low, high = np.unique(ends[ends[:, 0] < ends[:, 1]], axis=0).T
+    low, high = Quads(faces.astype(int), count).edges.T
     shares = 1.0 / np.bincount(high, minlength=count)[high]
     return sparse.csr_array((shares, (high, low)), (count, count))
 
 
-def sum_of_neighbours(faces: np.ndarray, added: np.ndarray) -> np.ndarray:
+def decode_displacements(faces: np.ndarray, added: np.ndarray) -> np.ndarray:
     """Displacements `[S, 3]` of what each vertex adds to the mean of its earlier neighbours."""
     system = sparse.eye_array(len(added)) - neighbour_means(faces, len(added))
     return spsolve_triangular(system.tocsr(), added, lower=True, unit_diagonal=True)
@@ -35,7 +35,7 @@ def shape(
     points, numbers = state["positions"].copy(), np.r_[coefficients, sides(traits)]
     skin = config["skin_vertices"]
     added = np.tensordot(numbers, state["modes"], 1).T * config["step_m"]
-    moved = sum_of_neighbours(state["faces"][: config["skin_faces"]], added)
+    moved = decode_displacements(state["faces"][: config["skin_faces"]], added)
     points[:skin] += moved
     first = skin
     for part in config["parts"]:
