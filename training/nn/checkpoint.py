@@ -1,7 +1,7 @@
 """Model folders, config.json beside weights: what training writes and the library reads.
 
 The weights are model.safetensors, or for shipped models model.planes.gz, such a file in gzip whose large
-matrices are 8-bit numbers with scales.
+matrices are 8-bit numbers with scales, column after column.
 """
 
 import gzip
@@ -11,6 +11,7 @@ from pathlib import Path
 from typing import TypeVar
 
 import torch
+import zopfli.gzip
 from safetensors.torch import load
 from safetensors.torch import save as to_bytes
 from torch import Tensor, nn
@@ -38,7 +39,7 @@ def pack(plain: bytes) -> bytes:
     The high bytes of f16 weights are much alike: side by side they take a third less. `unpack` below and in
     rust-core undo it.
     """
-    return gzip.compress(plain[0::2] + plain[1::2], 9, mtime=0)
+    return zopfli.gzip.compress(plain[0::2] + plain[1::2], numiterations=5, blocksplittingmax=0)
 
 
 def unpack(packed: bytes) -> bytes:
@@ -50,15 +51,16 @@ def unpack(packed: bytes) -> bytes:
 
 
 def quantised(values: Tensor) -> tuple[Tensor, Tensor]:
-    """Matrix or kernel [R, ...] as int8 of the same shape, and the scale [R] of each row in bf16.
+    """Matrix or kernel [R, ...] as int8 [..., R], and the scale [R] of each row in bf16.
 
-    The largest magnitude of a row becomes 127. `scaled` in rust-core/src/models/weights.rs and `in_floats`
-    are the way back; what they return becomes the same again.
+    The largest magnitude of a row becomes 127. A column's numbers are much alike: side by side they take 2 %
+    less in gzip, so rows come last. `scaled` in rust-core/src/models/weights.rs and `in_floats` are the way
+    back; what they return becomes the same again.
     """
-    rows = values.float().flatten(1)
-    scales = (rows.abs().amax(1) / 127).bfloat16()
-    steps = torch.where(scales > 0, scales, torch.ones_like(scales)).float()[:, None]
-    return (rows / steps).round().clamp(-127, 127).to(torch.int8).view(values.shape), scales
+    columns = values.float().movedim(0, -1)
+    scales = (columns.abs().flatten(0, -2).amax(0) / 127).bfloat16()
+    steps = torch.where(scales > 0, scales, torch.ones_like(scales)).float()
+    return (columns / steps).round().clamp(-127, 127).to(torch.int8).contiguous(), scales
 
 
 def is_large(value: Tensor) -> bool:
@@ -106,12 +108,12 @@ def read_bytes(folder: Path) -> bytes:
 
 
 def in_floats(stored: dict[str, Tensor]) -> dict[str, Tensor]:
-    """Arrays of a file in f32, those in eight bits multiplied by their scales."""
-    scales = {name + SCALE for name, value in stored.items() if value.dtype == torch.int8}
+    """Arrays of a file in f32, those in eight bits times their scales and with their rows first again."""
+    eight_bits = {name for name, value in stored.items() if value.dtype == torch.int8}
+    scales = {name + SCALE for name in eight_bits}
     arrays = {name: value.float() for name, value in stored.items() if name not in scales}
-    for scale in scales:
-        rows = arrays[scale.removesuffix(SCALE)].view(len(stored[scale]), -1)
-        rows *= stored[scale].float()[:, None]
+    for name in eight_bits:
+        arrays[name] = (arrays[name] * stored[name + SCALE].float()).movedim(-1, 0).contiguous()
     return arrays
 
 

@@ -9,7 +9,7 @@ from training.nn.checkpoint import in_eight_bits, in_floats
 
 
 def write(out: Path, shared: Path) -> Path:
-    """`matrix` [70, 40] with a row of zeros and `kernel` [16, 48, 3] as shipped, `floats.*` as they are read.
+    """`weights.`: `matrix` [70, 40] with a row of zeros, `kernel` [16, 48, 3] as shipped. `floats.`: as read.
 
     `shared` is not used.
     """
@@ -20,5 +20,6 @@ def write(out: Path, shared: Path) -> Path:
     }
     weights["matrix"][3] = 0
     stored = in_eight_bits({name: value.half() for name, value in weights.items()})
+    arrays = {f"weights.{name}": value for name, value in stored.items()}
     floats = {f"floats.{name}": value for name, value in in_floats(stored).items()}
-    return write_golden(out / "eight_bits.safetensors", stored | floats, "eight_bits", tolerance="0")
+    return write_golden(out / "eight_bits.safetensors", arrays | floats, "eight_bits", tolerance="0")

@@ -36,8 +36,8 @@ impl Array {
 /// The arrays of a weights file under a name prefix; cheap to clone.
 ///
 /// Half precision and 8-bit numbers are widened to `f32` when they are read: they save space in storage but cost time on
-/// a CPU. Each 8-bit number is a multiple of a scale: those of `NAME` stand in `NAME.scale`, whose numbers belong to runs
-/// of equal length, such as the rows of a matrix.
+/// a CPU. Each 8-bit number is a multiple of the scale of its row. `NAME.scale` holds the scales of `NAME`, whose numbers
+/// lie column after column: its first axis is the last in the file.
 ///
 /// ```
 /// # use anyface::models::Weights;
@@ -69,13 +69,15 @@ impl Weights {
         })?;
         let mut arrays = HashMap::new();
         for (name, view) in file.iter() {
-            let values = match view.dtype() {
+            let array = match view.dtype() {
                 Dtype::I8 => Some(scaled(&file, name, &view)?),
-                _ => floats(&view),
+                _ => floats(&view).map(|values| Array {
+                    shape: view.shape().to_vec(),
+                    values,
+                }),
             };
-            if let Some(values) = values {
-                let shape = view.shape().to_vec();
-                arrays.insert(name.to_owned(), Array { shape, values });
+            if let Some(array) = array {
+                arrays.insert(name.to_owned(), array);
             }
         }
         Ok(Self::of(arrays))
@@ -184,8 +186,9 @@ impl Weights {
     }
 }
 
-/// 8-bit numbers times their scales. `quantised` in training/nn/checkpoint.py is the way back.
-fn scaled(file: &SafeTensors<'_>, name: &str, view: &TensorView<'_>) -> Result<Vec<f32>> {
+/// An array of 8-bit numbers times their scales, its last axis the first again. `quantised` in
+/// training/nn/checkpoint.py is the way back.
+fn scaled(file: &SafeTensors<'_>, name: &str, view: &TensorView<'_>) -> Result<Array> {
     let expected = |what: String| Error::Weights(format!("{name}.scale: expected {what}"));
     let scales = file
         .tensor(&format!("{name}.scale"))
@@ -196,19 +199,19 @@ fn scaled(file: &SafeTensors<'_>, name: &str, view: &TensorView<'_>) -> Result<V
                 "the scales of the 8-bit numbers of {name}, got none"
             ))
         })?;
-    let (count, rows) = (view.data().len(), scales.len());
-    let length = count
-        .checked_div(rows)
-        .filter(|length| *length > 0 && length * rows == count)
-        .ok_or_else(|| {
-            expected(format!(
-                "scales for equal runs of the {count} numbers of {name}, got {rows}"
-            ))
-        })?;
-    let runs = view.data().chunks_exact(length).zip(scales);
-    Ok(runs
-        .flat_map(|(run, scale)| run.iter().map(move |x| f32::from(x.cast_signed()) * scale))
-        .collect())
+    let (rows, mut shape) = (scales.len(), view.shape().to_vec());
+    if rows == 0 || shape.last() != Some(&rows) {
+        return Err(expected(format!(
+            "one for each of the last axis of {name}, which has the shape {shape:?}, got {rows}"
+        )));
+    }
+    let row = |(row, scale)| {
+        let column_after_column = view.data().iter().skip(row).step_by(rows);
+        column_after_column.map(move |x| f32::from(x.cast_signed()) * scale)
+    };
+    let values = scales.into_iter().enumerate().flat_map(row).collect();
+    shape.rotate_right(1);
+    Ok(Array { shape, values })
 }
 
 /// Widens the numbers of an array to `f32`; `None` for a type that holds no weights by itself.
@@ -268,10 +271,10 @@ mod tests {
         }
     }
 
-    /// A file with the 8-bit matrix `a.weight`, `[2, 2]`, beside such arrays.
+    /// A file with the 8-bit matrix `a.weight`, `[2, 3]`, beside such arrays.
     fn quantised(others: &[(&str, Dtype, &[u8])]) -> Result<Weights> {
-        let eight = [127u8, 0x81, 1, 0]; // 127, -127, 1, 0
-        let matrix = TensorView::new(Dtype::I8, vec![2, 2], &eight).unwrap();
+        let eight = [127u8, 1, 0x81, 0, 2, 3]; // rows 127, -127, 2 and 1, 0, 3
+        let matrix = TensorView::new(Dtype::I8, vec![3, 2], &eight).unwrap();
         let others = others.iter().map(|(name, dtype, data)| {
             let count = data.len() * 8 / dtype.bitsize();
             let view = TensorView::new(*dtype, vec![count], data).unwrap();
@@ -282,23 +285,22 @@ mod tests {
     }
 
     #[test]
-    fn eight_bit_numbers_are_multiples_of_the_scale_of_their_run() {
+    fn eight_bit_numbers_are_multiples_of_the_scale_of_their_row() {
         // 0.5 and 2 in bf16, one for each row.
         let scales: &[u8] = &[0x00, 0x3f, 0x00, 0x40];
         let rows = quantised(&[("a.weight.scale", Dtype::BF16, scales)]).unwrap();
-        let got = rows.values("a.weight", &[2, 2]).unwrap();
-        assert_eq!(got, [63.5, -63.5, 2.0, 0.0]);
-        let one = quantised(&[("a.weight.scale", Dtype::F32, &2f32.to_le_bytes())]).unwrap();
-        let got = one.values("a.weight", &[2, 2]).unwrap();
-        assert_eq!(got, [254.0, -254.0, 2.0, 0.0]);
+        let got = rows.values("a.weight", &[2, 3]).unwrap();
+        assert_eq!(got, [63.5, -63.5, 1.0, 2.0, 0.0, 6.0]);
     }
 
     #[test]
     fn eight_bit_numbers_are_read_as_training_reads_them() {
         let golden = Golden::open("eight_bits");
         for name in ["matrix", "kernel"] {
-            let got = golden.values(name);
-            assert_eq!(got, golden.values(&format!("floats.{name}")), "{name}");
+            let floats = format!("floats.{name}");
+            let got = golden.weights().values(name, &golden.shape(&floats));
+            let got = got.unwrap();
+            assert_eq!(got, golden.values(&floats), "{name}");
             assert!(got.iter().any(|x| *x != 0.0));
         }
     }
@@ -312,17 +314,14 @@ mod tests {
                 "expected the scales of the 8-bit numbers of a.weight",
             ),
             (vec![(name, Dtype::I16, &[0u8; 4][..])], "got none"),
-            (
-                vec![(name, Dtype::BF16, &[])],
-                "the 4 numbers of a.weight, got 0",
-            ),
+            (vec![(name, Dtype::BF16, &[])], "the shape [3, 2], got 0"),
             (
                 vec![(name, Dtype::BF16, &[0; 6])],
-                "the 4 numbers of a.weight, got 3",
+                "the shape [3, 2], got 3",
             ),
             (
                 vec![(name, Dtype::BF16, &[0; 10])],
-                "the 4 numbers of a.weight, got 5",
+                "the shape [3, 2], got 5",
             ),
         ] {
             let message = quantised(&others).unwrap_err().to_string();
@@ -330,7 +329,8 @@ mod tests {
             assert!(is_named, "{message}");
         }
         for scale in [f32::NAN, f32::INFINITY, 1e5] {
-            let damaged = quantised(&[(name, Dtype::F32, &scale.to_le_bytes())]).unwrap();
+            let scales = [scale.to_le_bytes(), 1f32.to_le_bytes()].concat();
+            let damaged = quantised(&[(name, Dtype::F32, &scales)]).unwrap();
             let message = damaged.check_range().unwrap_err().to_string();
             assert!(
                 message.contains("a.weight: expected numbers within"),
