@@ -10,7 +10,7 @@ use anyhow::{Result, ensure};
 use clap::Args;
 
 use crate::{
-    debian, extension, install, licences, machine, platform::Platform, portable, steps::Steps,
+    apt, debian, extension, install, licences, machine, platform::Platform, portable, steps::Steps,
     wheel,
 };
 
@@ -52,6 +52,7 @@ impl Package {
         let library = built.join(platform.shared_library());
         extension::build_zip(&mut steps, &library, &zip)?;
         let wheel = wheel::build(&mut steps, &library, &out)?;
+        pack_tighter(&mut steps, &[&zip, &wheel])?;
         let mut files = vec![zip, wheel, tarball(&mut steps, &built, &out, platform)?];
         if platform.is_linux() && machine::has("dpkg-deb") {
             let package = debian::build(&mut steps, platform, &built, &out)?;
@@ -66,6 +67,20 @@ impl Package {
         }
         steps.finish()
     }
+}
+
+/// Packs what is in zips anew, a hundredth smaller than Python does. Where the program for it is missing they stay.
+fn pack_tighter(steps: &mut Steps, zips: &[&Path]) -> Result<()> {
+    apt::ensure(steps, &["advancecomp"])?;
+    if !machine::has("advzip") {
+        println!("note     no advzip is here: the zip and the wheel stay 1 % larger");
+        return Ok(());
+    }
+    let mut pack = Command::new("advzip");
+    // 7-Zip's coder: Zopfli takes three times as long and saves nothing more.
+    pack.args(["--recompress", "-3", "--quiet"]).args(zips);
+    steps.run("pack the zip and the wheel tighter", &mut pack)?;
+    Ok(())
 }
 
 /// Lays out the tarball: command, library, header, package files of pkg-config and CMake, licences.
