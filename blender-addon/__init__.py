@@ -61,10 +61,10 @@ _MODULES = (
     models, heat, live, listening,
 )  # fmt: skip
 _KINDS = (AddonPreferences, Menu, Operator, Panel, UIList)
-# What has more to add than classes: before them, and after them.
+# Modules with a `register` of their own: _SETTINGS go before the classes, _OTHERS after them.
 _SETTINGS = (pictures, emotion_plot, properties, scene_list)
 _OTHERS = (landmarks, panel, sample_head, command, running, copies, following, usd, stale)
-# In the order in which Blender gets them.
+# In the order in which they are registered.
 _CLASSES = [
     cls
     for module in _MODULES

@@ -4,8 +4,8 @@
     python -m anyface_batch batch jobs.json --workers 4
 
 Put the folder of this file on PYTHONPATH: the extension's folder once it is installed, or the
-unpacked zip. The options are those of `core/options.py`; the word `bake` may be left out. `batch`
-alone needs no bpy where `--blender` names what does the shots.
+unpacked zip. The options are those of `core/options.py`; the word `bake` may be left out. Only
+`batch` works without bpy, if `--blender` names the program that does the shots.
 """
 
 import importlib
@@ -30,7 +30,7 @@ def main(arguments: list[str] | None = None) -> int:
 
 
 def ordered(arguments: list[str]) -> list[str]:
-    """Words with the task first; `shot.blend bake --object …` opens that file."""
+    """The arguments with the task first: `shot.blend bake …` becomes `bake --file shot.blend …`."""
     file = [word for word in arguments[:2] if word.endswith(".blend")][:1]
     rest = [word for word in arguments[:2] if word not in file] + arguments[2:]
     task = "bake" if file and rest[:1] and rest[0].startswith("-") else None
@@ -39,7 +39,10 @@ def ordered(arguments: list[str]) -> list[str]:
 
 
 def _batch(arguments: list[str]) -> int:
-    """Only hands out shots: the package around this file without what needs bpy."""
+    """Runs `batch`, which only distributes shots.
+
+    Imports the package around this file without the modules that need bpy.
+    """
     package = types.ModuleType(_BARE)
     package.__path__ = [str(_FOLDER)]
     sys.modules.setdefault(_BARE, package)
@@ -52,7 +55,7 @@ def _batch(arguments: list[str]) -> int:
 
 
 def load_extension():
-    """The package around this file, with its settings known to Blender."""
+    """Imports the package around this file and registers its settings with Blender."""
     import bpy
 
     if _PACKAGE not in sys.modules:

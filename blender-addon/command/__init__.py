@@ -55,5 +55,5 @@ def register() -> None:
 
 
 def unregister() -> None:
-    """Takes it away."""
+    """Removes the command."""
     bpy.utils.unregister_cli_command(_HANDLE)

@@ -36,14 +36,14 @@ def run(options: argparse.Namespace) -> dict:
     old = stale.everywhere()
     text = " ".join([text, *(f"({note})" for note in old)])
     fields = {"message": text, **_numbers(take), **({"stale_caches": old} if old else {})}
-    # Rows of a batch have no such option: each has a report.
+    # Rows of a batch have no `report` option, because every shot of a batch has a report.
     if getattr(options, "report", True):
         fields["look"] = _look(snapshot, take)
     return fields
 
 
 def _look(snapshot, take) -> dict:
-    """What the page of a batch shows; the shot is done, whatever happens here."""
+    """The `look` of a report, for the page of a batch; an error here does not fail the shot."""
     try:
         sound = snapshot.source.load(decode.decoder(snapshot.engine))
         return look.of_take(snapshot.face, sound, take)
@@ -103,7 +103,7 @@ def _set_emotion(settings: bake.Settings, text: str) -> None:
 
 
 def named(collection, name: str, what: str):
-    """An item of `collection`; raises `AnyfaceError("input")` with those that would do."""
+    """An item of `collection`; raises `AnyfaceError("input")`, which lists the names that fit."""
     match = collection.get(name)
     if match is None:
         fitting = [item.name for item in collection if getattr(item, "type", "MESH") == "MESH"]

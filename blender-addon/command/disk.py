@@ -1,4 +1,4 @@
-"""Opens and saves .blend files; a file is there whole or not at all."""
+"""Opens and saves .blend files; either the whole file appears or none of it."""
 
 import contextlib
 import os
@@ -17,14 +17,14 @@ def open_file(path: str) -> None:
     try:
         bpy.ops.wm.open_mainfile(filepath=full, load_ui=False)
     except RuntimeError as error:
-        # Blender repeats the path.
+        # Blender's message begins with "Error: ".
         text = readable(error).removeprefix("Error: ").strip()
         remedy = "take a .blend that this Blender opens, or a backup of it"
         raise AnyfaceError("file", f"{path}: {text}: {remedy}") from error
 
 
 def make_folder(path: str) -> None:
-    """Makes a folder and those around it; raises `AnyfaceError("file")`."""
+    """Makes a folder and its parents; raises `AnyfaceError("file")`."""
     try:
         os.makedirs(path, exist_ok=True)
     except (FileExistsError, NotADirectoryError) as error:
@@ -33,7 +33,7 @@ def make_folder(path: str) -> None:
 
 
 def save(path: str) -> str:
-    """Writes the open file beside `path` and renames it; returns the whole path."""
+    """Saves the open file under a temporary name, renames it to `path`, returns the full path."""
     full = os.path.abspath(path)
     half = beside.name(full)
     try:
@@ -46,7 +46,7 @@ def save(path: str) -> str:
         remedy = "see that the folder is there, may be written and has room"
         raise AnyfaceError("file", f"{path}: {text}: {remedy}") from error
     finally:
-        # Where all went well it is `path` by now; Blender writes with an @ at the end first.
+        # After success `half` has become `path`. Blender first writes to a name that ends in @.
         for left in (half, f"{half}@"):
             with contextlib.suppress(OSError):
                 os.remove(left)

@@ -14,7 +14,7 @@ from .bake import named
 
 
 def run(options: argparse.Namespace) -> dict:
-    """Finds and stores; with `out` they are also written as JSON."""
+    """Finds and stores the landmarks; with `out`, also writes them as JSON."""
     ob = named(bpy.data.objects, options.object, "object")
     search = search_of(ob, options.weights)
     search.face.axes = options.axes or search.face.axes

@@ -1,4 +1,4 @@
-"""`anyface rig`: the ARKit shapes of a face as shape keys, which are the artist's from then on."""
+"""`anyface rig`: makes ARKit shapes as shape keys, which then belong to the artist."""
 
 import argparse
 
@@ -16,7 +16,7 @@ from .bake import named
 
 
 def run(options: argparse.Namespace) -> dict:
-    """Makes the keys on the object and on those beside it; returns what goes into the report."""
+    """Makes the keys on the object and the parts that move with it; returns the report's fields."""
     ob = named(bpy.data.objects, options.object, "object")
     settings = from_object(ob)
     settings.mode, settings.axes = outputs.Arkit.name, options.axes or settings.axes

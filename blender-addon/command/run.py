@@ -9,7 +9,7 @@ from ..core import json_file
 from ..core.errors import AnyfaceError, plain, readable, say
 from . import bake, disk, landmarks, rig
 
-# What each task does to the open file; it returns what goes into the report.
+# The function of each task: it changes the open file and returns the fields of the report.
 TASKS: dict[str, Callable[[argparse.Namespace], dict]] = {
     "bake": bake.run,
     "rig": rig.run,
@@ -42,7 +42,7 @@ def _do(options) -> dict:
 
 
 def measured(work: Callable[[], dict]) -> dict:
-    """What `work` returned or why it failed, whatever it was, with exit code and seconds."""
+    """The result of `work`, or the reason for any failure, with exit code and seconds."""
     began = time.monotonic()
     try:
         outcome = {"ok": True, **work(), "exit_code": 0}
@@ -59,6 +59,6 @@ def measured(work: Callable[[], dict]) -> dict:
 
 
 def tell(outcome: dict) -> None:
-    """One line for whoever reads along."""
+    """Prints the outcome as one line, a failure on standard error."""
     stream = sys.stdout if outcome["ok"] else sys.stderr
     say(f"anyface: {outcome['message']}", stream)

@@ -1,8 +1,8 @@
-"""The shots of a batch, one after another, in a process that nobody watches but its parent.
+"""Does the shots of a batch, one after another, in a process that only its parent watches.
 
 Each line of standard input is a shot (`farm.jobs.Shot` as JSON); the line `farm.attempt.END` says
-that it has ended. Blender, the models and what is known of faces stay for the next one. Where the
-input ends while a shot is at work this process ends at once: the shot is done elsewhere.
+that it has ended. Blender, the models and what is known of faces stay loaded for the next shot. If
+the input ends during a shot, this process exits at once: another process does that shot.
 """
 
 import json
@@ -23,7 +23,7 @@ _ORPHANED = 70
 
 
 def main() -> int:
-    """Does shots and writes their reports until no more come; returns the exit code of the last."""
+    """Does shots and writes their reports until the input ends; returns the last exit code."""
     lines, code = _Lines(), 0
     while (line := lines.next()) is not None:
         shot = json.loads(line)
@@ -40,21 +40,21 @@ def main() -> int:
 
 
 class _Lines:
-    """The lines of standard input, which a thread reads: it also sees where the input ends."""
+    """The lines of standard input. A thread reads them, so that it notices when the input ends."""
 
     def __init__(self):
         self._lines = queue.SimpleQueue()
-        # Lines that were read, and lines whose work is done.
+        # The number of lines that were read, and the number of lines whose shot has ended.
         self._read_count, self._ended_count = 0, -1
         threading.Thread(target=self._read, name="anyface-parent", daemon=True).start()
 
     def next(self) -> bytes | None:
-        """The next line, once the work of the one before is done; None where there is none."""
+        """Waits for the next line; None at the end. Call it once the previous shot has ended."""
         self._ended_count += 1
         return self._lines.get()
 
     def _read(self) -> None:
-        # Not through the buffer: a thread that holds its lock would break Python's own ending.
+        # Not through sys.stdin's buffer: a thread that holds its lock breaks Python's shutdown.
         rest = b""
         while part := os.read(sys.stdin.fileno(), 1 << 16):
             *lines, rest = (rest + part).split(b"\n")

@@ -1,16 +1,16 @@
-"""How far a long task is, for whoever waits in a terminal."""
+"""Prints the progress of a long task to the terminal."""
 
 import sys
 
 from ..core.errors import say
 from ..core.job import Job
 
-# Seconds between two looks, and the share of a stage after which it is told again.
+# Seconds between two checks of the job, and the share of a stage between two printed lines.
 _LOOK_S, _SHARE = 0.2, 0.1
 
 
 def work(snapshot, quiet: bool):
-    """What `snapshot.work` returns; unless `quiet`, stages are told on standard error."""
+    """Runs `snapshot.work`, returns its result; prints stages to standard error unless `quiet`."""
     job, last = Job(snapshot.work).start(), ("", 0.0)
     try:
         while not job.wait(_LOOK_S):
@@ -23,7 +23,7 @@ def work(snapshot, quiet: bool):
 
 
 def _tell(name: str, now: tuple[str, float], last: tuple[str, float], quiet: bool):
-    """Tells a new stage, or more of the same; returns what was told last."""
+    """Prints a new stage, or progress in the same one; returns what was printed last."""
     stage, share = now
     if quiet or not stage or (stage == last[0] and share < last[1] + _SHARE):
         return last

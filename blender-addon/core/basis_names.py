@@ -1,9 +1,10 @@
-"""New keys named after what they do: jaw, wide, round, brows, blink left, …, rest.
+"""Names new keys after what they do: jaw, wide, round, brows, blink left, …, rest.
 
-The vectors of a basis are mixtures: each moves a bit of everything. `arrange` puts others in their
-place that move the same vertices to the same places. The first follow controls: the weight of "jaw"
-is how far the chin has come down, and its vector what moves along with that, by least squares over
-all frames and controls at once. The others are what the controls leave, in order of size.
+The vectors of a basis are mixtures: each moves a bit of everything. `arrange` replaces them by
+others that move the same vertices to the same places. The first ones follow controls: the weight of
+"jaw" is how far the chin has come down. Its vector is the motion that goes along with that, by
+least squares over all frames and controls at once. The other vectors hold the motion that the
+controls leave, in order of size.
 """
 
 import numpy as np
@@ -11,7 +12,8 @@ import numpy as np
 from .sliders import SliderChange
 from .take import Basis
 
-# Where vertices are near landmarks (iBUG numbers), in shares of the distance between the eyes.
+# The width (sigma) of a region around its landmarks (iBUG numbers), as a share of the distance
+# between the eyes.
 _NEAR = 0.18
 _REGIONS = {
     "chin": range(6, 11),
@@ -27,8 +29,8 @@ _REGIONS = {
     "upper lip": (50, 51, 52, 61, 62, 63),
     "lower lip": (56, 57, 58, 65, 66, 67),
 }
-# Names of keys in their order. Each is a sum of what regions move along an axis: x to the subject's
-# left, y up, z out of the face. The same control may be named by either sign.
+# Names of keys in their order. Each control is a weighted sum of how far regions move along an
+# axis: x to the subject's left, y up, z out of the face. Motion of either sign gets the same name.
 CONTROLS: dict[str, dict[tuple[str, str], float]] = {
     "jaw": {("chin", "y"): 1.0},
     "wide": {("corner left", "x"): 0.5, ("corner right", "x"): -0.5},
@@ -57,25 +59,25 @@ CONTROLS: dict[str, dict[tuple[str, str], float]] = {
     "blink right": {("upper lid right", "y"): 1.0, ("lower lid right", "y"): -1.0},
 }
 REST = "rest"
-# Controls of both sides, with those of each side for where these move apart.
+# Controls of both sides, and the controls of each side that replace them if the sides differ.
 _SIDES = {"brows": ("brow left", "brow right"), "blink": ("blink left", "blink right")}
 # Columns of `Life.tongue`.
 _TONGUE = ("tongue tip", "tongue middle", "tongue back", "tongue at teeth")
-# What moves by itself gets whatever goes along with it while the others of them rest; lips and
-# brows go along with these, and get what is left beside them, one control after the other.
+# These controls move by themselves. Each gets all motion that goes along with it while the others
+# rest. Lips and brows go along with them, and get the motion that is left, one after the other.
 _ALONE = ("jaw", "blink", *_TONGUE)
 _AFTER = (
     "lower lip", "upper lip", "wide", "round", "corners", "mouth side", "jaw side", "nose", "brows",
 )  # fmt: skip
 _ORDER = (*CONTROLS, *_TONGUE)
-# A control has a key where it moves by so much, in distances between the eyes, and where no
-# controls before it have moved alike: so much of it is left beside them.
+# A control gets a key if it moves by at least _LEAST, in distances between the eyes, and if at
+# least the share _OWN of its motion is left once the controls before it have taken theirs.
 _LEAST = 0.012
 _OWN = 0.25
-# New vectors that are nearly alike would need weights that cancel.
+# The largest condition number: new vectors that are nearly alike would need weights that cancel.
 _WORST = 1e8
 _FAINT = 1e-3
-# So many vertices are turned at a time: that is done in double precision.
+# The number of vertices that are transformed at a time, because that takes double precision.
 _BLOCK = 16384
 
 
@@ -83,8 +85,8 @@ def arrange(basis: Basis, positions: np.ndarray, landmarks: np.ndarray, tongue=N
     """Replaces vectors and weights of a basis by named ones that make the same take.
 
     `positions` `[V, 3]` and `landmarks` `[68, 3]` lie in the space of the vectors; `tongue`
-    `[T, 4]` is that of `take.Life`, where it is known. What is said and what is felt stay apart.
-    Names are those of `CONTROLS` and of the tongue; the others are called rest.
+    `[T, 4]` is that of `take.Life`, where it is known. Speech and emotion keep separate vectors.
+    Names are those of `CONTROLS` and of the tongue; all other vectors are called rest.
     """
     axes = _axes(landmarks)
     if axes is None or not len(basis.vectors):
@@ -126,8 +128,10 @@ def _arrange(basis: Basis, part: slice, axes, regions: np.ndarray, tongue) -> li
 
 
 def _of_tongue(weights: np.ndarray, tongue) -> dict[str, np.ndarray]:
-    """How far each vector moves the tongue towards each of its places, `[K]`, for places that the
-    weights know of."""
+    """How far each vector moves the tongue towards each of its places, `[K]`.
+
+    Leaves out places whose motion the weights do not explain.
+    """
     names = {}
     for name, over_time in zip(_TONGUE, () if tongue is None else tongue.T, strict=False):
         amount = np.linalg.lstsq(weights, over_time, rcond=1e-6)[0]
@@ -147,28 +151,28 @@ def _amount(moved: np.ndarray, control: str) -> np.ndarray:
 def _way(
     weights: np.ndarray, products: np.ndarray, amounts: dict[str, np.ndarray]
 ) -> tuple[list[str], np.ndarray]:
-    """The names of controls that move, and the matrix `[K, K]` from weights to new ones, whose
-    first columns are theirs.
+    """The names of the controls that move, and the matrix `[K, K]` from weights to new weights.
 
-    The last columns hold what is left of the motion then, the largest first: `products`
-    `[K, K]` are those of the vectors with one another.
+    Its first columns belong to these controls. The last ones hold the rest of the motion, the
+    largest first. `products` `[K, K]` are the products of the vectors with one another.
     """
     count = len(products)
-    # What changes together belongs together, not what is there together: a smile that stays is no
-    # part of a blink. Vectors of sliders may have no weight in the take itself.
+    # Motions belong together if they change together, not if they are merely there together: a
+    # smile that stays is no part of a blink. `faint` is for vectors that only sliders use, which
+    # may have no weight in the take itself.
     faint = _FAINT * np.eye(count)
     steps = np.concatenate([np.diff(weights, axis=0), faint])
     gram = steps.T @ steps
     left, directions = np.eye(count), {}
 
     def take(names: list[str]) -> np.ndarray:
-        """Takes out of what is left whatever moves with controls, those of `names` at once."""
+        """Removes from `left` all motion that goes along with the controls `names`, at once."""
         columns = left @ np.stack([amounts[name] for name in names], axis=1)
         directions.update(zip(names, columns.T, strict=True))
         return left - columns @ np.linalg.pinv(columns.T @ gram @ columns) @ columns.T @ gram @ left
 
     def is_own(name: str, shape: np.ndarray) -> bool:
-        """Whether a control of which `shape` `[K]` is left moves in a way of its own."""
+        """Whether a control moves in a way of its own; `shape` `[K]` is what is left of it."""
         size, whole = np.linalg.norm(steps @ shape), np.linalg.norm(steps @ amounts[name])
         return np.ptp(weights @ shape) >= _LEAST and size >= _OWN * whole
 
@@ -188,13 +192,13 @@ def _way(
     columns = [directions[name][:, None] for name in named]
     into = np.concatenate([*columns, rest @ turned_rest[: count - len(named)].T], axis=1)
     scale = np.linalg.norm(weights @ into, axis=0)
-    # Of vectors of sliders alone the size is that of the change.
+    # A vector that only sliders use has no size in the take: the size of its change counts.
     scale = np.maximum(scale, 0.1 * np.linalg.norm(into, axis=0))
     return named, into / np.where(scale > 0.0, scale, 1.0)
 
 
 def _moving(names, weights: np.ndarray, amounts: dict[str, np.ndarray]) -> list[str]:
-    """Controls that move: both sides as one, or each where they differ."""
+    """The controls that move: both sides as one, or each side if the two differ."""
     chosen: list[str] = []
     for name in names:
         sides = _SIDES.get(name, ())
@@ -210,8 +214,10 @@ def _products(vectors: np.ndarray) -> np.ndarray:
 
 
 def _axes(landmarks: np.ndarray) -> np.ndarray | None:
-    """Left, up and forward of a face as rows `[3, 3]`, in lengths of the distance between the
-    eyes; None for landmarks without a width."""
+    """Left, up and forward of a face as rows `[3, 3]`, None if the landmarks have no extent.
+
+    The unit of length is the distance between the eyes.
+    """
     right, left = landmarks[36:42].mean(axis=0), landmarks[42:48].mean(axis=0)
     x = left - right
     up = (right + left) / 2.0 - landmarks[48:68].mean(axis=0)
@@ -236,7 +242,7 @@ def _weights(positions: np.ndarray, landmarks: np.ndarray) -> np.ndarray:
         distance = np.min(
             [((positions - landmarks[number]) ** 2).sum(axis=1) for number in numbers], axis=0
         )
-        # Lids and lips lie close to those on the other side: they are told finely.
+        # Upper and lower lids and lips lie close together: narrow regions tell them apart.
         sigma = near * (0.3 if "li" in name else 1.0)
         share = np.exp(-distance / (2.0 * sigma**2))
         weights.append(share / max(share.sum(), 1e-12))
@@ -244,7 +250,7 @@ def _weights(positions: np.ndarray, landmarks: np.ndarray) -> np.ndarray:
 
 
 def _numbered(labels: list[str]) -> list[str]:
-    """The labels, those after the first of a kind with a number: jaw, jaw 2."""
+    """The labels, with a number from the second of a kind on: jaw, jaw 2."""
     numbered, counts = [], {}
     for label in labels:
         counts[label] = counts.get(label, 0) + 1

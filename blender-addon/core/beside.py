@@ -1,4 +1,4 @@
-"""Files that stand beside a .blend while it is written, under names of their own."""
+"""Temporary files beside a .blend while it is written, each process with its own name."""
 
 import contextlib
 import glob
@@ -7,17 +7,17 @@ import socket
 
 
 def name(path: str) -> str:
-    """Where this process writes what will become `path`."""
+    """The temporary file that this process writes first and then renames to `path`."""
     return _name(os.path.abspath(path), f"{socket.gethostname()}-{os.getpid()}")
 
 
 def remove_all(path: str) -> None:
-    """Takes away what processes that were killed while they wrote `path` have left."""
+    """Removes the temporary files of processes that were killed while they wrote `path`."""
     folder, start = os.path.split(_name(os.path.abspath(path), ""))
     start = start.removesuffix(".blend")
-    # Blender itself writes to a name with an @ at its end first.
+    # Blender itself first writes to a name with an @ at its end.
     for left_file in glob.glob(os.path.join(glob.escape(folder), f"{glob.escape(start)}*.blend*")):
-        # What cannot go is in nobody's way: the next try has another name.
+        # A file that cannot be removed does no harm: the next try uses another name.
         with contextlib.suppress(OSError):
             os.remove(left_file)
 

@@ -1,4 +1,4 @@
-"""Calls of the native library: handles that are freed, and failures as errors."""
+"""Calls the native library, frees its handles and turns its failures into errors."""
 
 from contextlib import ExitStack
 from ctypes import POINTER, byref, c_float, c_void_p
@@ -12,7 +12,7 @@ _KINDS = {3: "input", 4: "audio", 5: "mesh", 6: "face", 7: "weights", 8: "file",
 
 
 class Calls:
-    """What every part of the binding does with `self._library`."""
+    """The calls of `self._library` that every part of the binding shares."""
 
     def _own(self, handles: ExitStack, noun: str, function: str, *arguments):
         handle = self._make(function, *arguments)

@@ -1,4 +1,4 @@
-"""Which bones of a face artists' tools call by which names.
+"""The names that artists' tools give to the bones of a face.
 
 A list for each tool lies in `control_names/*.json`: names, in which `*` stands for anything.
 """
@@ -12,13 +12,13 @@ from . import json_file
 from .errors import AnyfaceError
 
 _FOLDER = Path(__file__).resolve().parent.parent / "control_names"
-# Fewer bones than these of a list are a coincidence.
+# A list that names fewer bones than this fits by coincidence.
 _FEWEST = 8
 
 
 @dataclass
 class Row:
-    """A row of an artist's list: a bone, or a number by its data path, of a data-block."""
+    """A row of an artist's list: a bone of a data-block, or a number in it by its data path."""
 
     kind: str
     id_type: str
@@ -34,7 +34,7 @@ def write(rows: list[Row], path: Path) -> None:
 
 
 def read(path: Path) -> list[Row]:
-    """The list of a file; raises `AnyfaceError` where it is none."""
+    """Reads an artist's list from a file; raises `AnyfaceError` if the file holds none."""
     document = json_file.read(path)
     try:
         rows = [Row(**row) for row in document["controls"]]
@@ -59,13 +59,13 @@ def presets() -> dict[str, list[str]]:
 
 
 def fitting(preset: str, bones: list[str]) -> list[str]:
-    """Those of `bones` that a list names."""
+    """The `bones` whose names are in a list."""
     names = presets()[preset]
     return [bone for bone in bones if any(fnmatchcase(bone, name) for name in names)]
 
 
 def guess(bones: list[str]) -> tuple[str, list[str]]:
-    """The list that names most of `bones`, and these; ("", []) where none fits."""
+    """The list that names the most `bones`, and those bones; ("", []) if no list fits."""
     bones_by_preset = {preset: fitting(preset, bones) for preset in presets()}
     best = max(bones_by_preset, key=lambda preset: len(bones_by_preset[preset]))
     return (best, bones_by_preset[best]) if len(bones_by_preset[best]) >= _FEWEST else ("", [])

@@ -1,4 +1,4 @@
-"""What a rig's controls are fitted to: the motion of points of the skin near the 68 landmarks.
+"""The target that a rig's controls are fitted to: motion of skin points near the 68 landmarks.
 
 Runs in the worker thread, without Blender.
 """
@@ -11,20 +11,20 @@ from . import finding
 from .plan import Plan
 from .take import ROLES, ControlMotion, Found
 
-# Where a miss is told, and how much a point there counts.
+# The regions for which misses are reported, and how much a point in each of them counts.
 REGIONS = ("mouth", "eyes", "brows", "jaw", "nose")
 IMPORTANCE = (3.0, 2.0, 1.5, 1.0, 1.0)
 # Landmarks of iBUG 300-W by region: jaw 0-16, brows 17-26, nose 27-35, eyes 36-47, mouth 48-67.
 _REGION_OF = np.repeat([3, 2, 4, 1, 0], [17, 10, 9, 12, 20])
-# Points lie nearer to a landmark than this share of the distance between the temples, and are at
-# most so many: enough for all controls of a face, and little to evaluate.
+# Points lie nearer to a landmark than the share _NEAR of the distance between the temples. At most
+# _MOST points are enough for all controls of a face, and quick to evaluate.
 _NEAR, _MOST = 0.2, 1500
 _BLOCK = 4096
 _SKIN = ROLES.index("skin")
 
 
 class FollowPoints(Plan):
-    """Keeps the motion of the points that controls are fitted to."""
+    """Keeps only the motion of the points that the controls are fitted to."""
 
     def finish(self, face, take, engine, progress):
         landmarks = finding.find(face, {}, engine.find, progress)
@@ -57,7 +57,7 @@ def nearby(positions: np.ndarray, face: Found) -> tuple[np.ndarray, np.ndarray]:
 
 
 def _with_lips(vertices, regions, lips) -> tuple:
-    """The points with those of `lips` `[N, 2]` among them, and their pairs `[N, 2]`."""
+    """Adds the vertices of `lips` `[N, 2]` to the points; returns their pairs `[N, 2]` as well."""
     fresh = np.setdiff1d(lips, vertices)
     every = np.concatenate([vertices, fresh])
     place = {int(vertex): number for number, vertex in enumerate(every)}

@@ -1,10 +1,10 @@
-"""Values of a rig's controls that move the skin as it should move: numbers alone, without Blender.
+"""Solves for the values of a rig's controls that move the skin as it should, without Blender.
 
-Each control moves the skin along a direction, which turns with the jaw. Frame by frame the sum of
-squares of what is missed is made as small as the limits of the controls allow; a small share of the
-same measure keeps values near rest and steps between frames short, so that controls that do the
-same do not fight each other. Solved by coordinate descent with bounds (Hildreth 1957), all even
-frames at once and then all odd ones, in the space of the directions' products.
+Each control moves the skin along a direction, which turns with the jaw. In each frame the solver
+makes the sum of squared misses as small as the limits of the controls allow. A small share of the
+same measure keeps values near rest and steps between frames short, so that controls with the same
+effect do not fight each other. The method is coordinate descent with bounds (Hildreth 1957), on all
+even frames at once and then on all odd ones, in the space of the directions' products.
 """
 
 from collections.abc import Generator
@@ -12,22 +12,22 @@ from dataclasses import dataclass, field
 
 import numpy as np
 
-# Shares of a control's own effect that hold it to rest, and to the frame before and after.
+# Shares of a control's own effect that pull it to rest, and to the frames before and after.
 _TO_REST, _TO_NEXT = 2e-3, 1e-2
-# Descent ends where no value changes the skin by more than this share of the largest motion.
+# Descent ends when no value changes the skin by more than this share of the largest motion.
 _NEAR = 1e-3
-# The same where the solution only tells how far the jaw turns.
+# The same limit for a solution that is only used to tell how far the jaw turns.
 ROUGH = 2e-2
 _MOST_SWEEPS = 60
-# How often the turn of the jaw is taken from the solution before.
+# How often the solver runs anew with the turn of the jaw from the solution before.
 _TURNS = 2
-# Frames that are looked at together, for no longer than some hundredths of a second.
+# The number of frames in a block; a block takes no longer than some hundredths of a second.
 _BLOCK = 64
 
 
 @dataclass
 class Response:
-    """How the skin answers to `C` controls.
+    """How the skin responds to `C` controls.
 
     `directions` `[K, C, P, 3]` is the motion of each point for a unit of each control, while the
     control `jaw` stands at `knots` `[K]`, which rise. `jaw_motion` `[K, P, 3]` is the motion of the
@@ -60,11 +60,11 @@ class Response:
 
 @dataclass
 class Task:
-    """What is to be shown, and how much of it counts.
+    """The motion to reproduce, and how much each part of it counts.
 
-    `target` `[T, P, 3]` is the motion of points, `importance` `[P]` their weights; `pairs` `[N, 2]`
-    are points whose distance counts besides, with the weight `gap`: upper and lower lip.
-    `lowest` and `highest` `[C]` hold the controls.
+    `target` `[T, P, 3]` is the motion of points, `importance` `[P]` their weights. `pairs` `[N, 2]`
+    are points of the upper and the lower lip: the distance of each pair counts too, with the weight
+    `gap`. `lowest` and `highest` `[C]` are the limits of the controls.
     """
 
     target: np.ndarray
@@ -75,7 +75,7 @@ class Task:
     gap: float = 0.0
 
     def observe(self, moved: np.ndarray) -> np.ndarray:
-        """What counts of motions `[N, P, 3]`, as rows `[N, M]` whose squares add up."""
+        """Motions `[N, P, 3]` as weighted rows `[N, M]`, whose squares add up to what counts."""
         shown = moved * np.sqrt(self.importance)[:, None]
         apart = moved[:, self.pairs[:, 0]].astype(np.float64) - moved[:, self.pairs[:, 1]]
         rows = [part.reshape(len(moved), -1) for part in (shown, apart * np.sqrt(self.gap))]
@@ -83,7 +83,7 @@ class Task:
 
 
 def hats(places: np.ndarray, knots: np.ndarray) -> np.ndarray:
-    """Shares `[T, K]` of the knots at each place `[T]`, linear in between, held at the ends."""
+    """The share `[T, K]` of each knot at each place `[T]`: linear in between, held at the ends."""
     return np.stack([np.interp(places, knots, row) for row in np.eye(len(knots))], axis=1)
 
 
@@ -92,8 +92,8 @@ def solve(
 ) -> Generator[None, None, np.ndarray]:
     """Returns values `[T, C]` within the limits; yields between short steps.
 
-    `start` are values of an earlier, coarser response. It ends where no value changes the skin by
-    more than the share `near` of the largest motion.
+    `start` are the values of an earlier, coarser response. The descent ends when no value changes
+    the skin by more than the share `near` of the largest motion.
     """
     frames, controls = len(task.target), response.directions.shape[1]
     values = np.zeros((frames, controls)) if start is None else start.copy()
@@ -111,8 +111,10 @@ def solve(
 
 @dataclass
 class _Products:
-    """Products of all rows, directions `[K·C]` and then motions of the jaw `[K]`, with each other
-    (`gram`) and with the target (`aim` `[K·C + K, T]`)."""
+    """Products of all rows with each other (`gram`) and with the target (`aim` `[K·C + K, T]`).
+
+    The rows are the directions `[K·C]`, followed by the motions of the jaw `[K]`.
+    """
 
     gram: np.ndarray
     aim: np.ndarray
@@ -120,7 +122,7 @@ class _Products:
 
     @classmethod
     def of(cls, response: Response, task: Task) -> Generator[None, None, "_Products"]:
-        """The products, yielding between blocks of frames."""
+        """Computes the products; yields after each block of frames."""
         points = task.target.shape[1]
         flat = response.directions.reshape(-1, points, 3)
         rows = task.observe(np.concatenate([flat, response.jaw_motion]))
@@ -145,14 +147,14 @@ class _Descent:
         self._mixed = np.zeros((len(products.gram), len(values)))
         self._fixed = np.zeros((knots, len(values)))
         if knots > 1:
-            # The motion of the jaw is known where it stands; beyond, its direction leads on.
+            # The jaw's motion is known where the jaw stands; its direction extrapolates from there.
             self._mixed[knots * controls :] = self._shares
             self._fixed = -self._shares * jaw
         self._jaw, self._count = response.jaw, _beside(np.ones(len(values)), slice(None))
         self._squares = np.empty((controls, len(values)))
 
     def begin(self) -> Generator[None, None, None]:
-        """What every sweep needs, yielding between the controls."""
+        """Prepares what every sweep needs; yields after each control."""
         least = 1e-9 * np.diag(self._products.gram).max(initial=1e-12)
         for number, rows in enumerate(self._rows):
             self._mix(number, slice(None))
@@ -172,8 +174,10 @@ class _Descent:
         self._mixed[rows, frames] = mixed
 
     def sweep(self) -> Generator[None, None, float]:
-        """Every value once, yielding after each control; returns the largest change, as a share of
-        the largest motion."""
+        """Improves every value once; yields after each control.
+
+        Returns the largest change, as a share of the largest motion.
+        """
         largest = 0.0
         for number in range(len(self.values)):
             for parity in range(2):
@@ -209,7 +213,7 @@ def _beside(value: np.ndarray, frames: slice) -> np.ndarray:
 
 
 def share_shown(target: np.ndarray, shown: np.ndarray) -> float:
-    """The share of the energy of a motion `[T, P, 3]` that `shown` has."""
+    """The share of the energy of the motion `target` `[T, P, 3]` that `shown` reproduces."""
     every = float((target.astype(np.float64) ** 2).sum())
     return 1.0 - float(((target - shown).astype(np.float64) ** 2).sum()) / max(every, 1e-20)
 
@@ -217,8 +221,10 @@ def share_shown(target: np.ndarray, shown: np.ndarray) -> float:
 def largest_misses(
     target: np.ndarray, shown: np.ndarray, regions: np.ndarray, names: list[str]
 ) -> dict[str, float]:
-    """The largest distance in any frame by region, in the unit of the motion `[T, P, 3]`;
-    `regions` `[P]` are numbers into `names`."""
+    """The largest miss of each region in any frame, in the unit of the motion `[T, P, 3]`.
+
+    `regions` `[P]` are indices into `names`.
+    """
     apart = np.linalg.norm(target - shown, axis=2).max(axis=0, initial=0.0)
     misses = {name: apart[regions == number] for number, name in enumerate(names)}
     return {name: float(some.max()) for name, some in misses.items() if some.size}
@@ -235,8 +241,10 @@ def rigid_motions(rest: np.ndarray) -> np.ndarray:
 
 
 def share_in(motions: np.ndarray, moved: np.ndarray) -> float:
-    """The share of the energy of a motion `[P, 3]` that lies in an orthonormal basis of motions:
-    in `rigid_motions` 1 for a head that nods."""
+    """The share of the energy of a motion `[P, 3]` that lies in an orthonormal basis of motions.
+
+    In the basis of `rigid_motions` the share is 1 for a head that nods.
+    """
     flat = moved.ravel().astype(np.float64)
     energy = float(flat @ flat)
     return float(((flat @ motions) ** 2).sum()) / max(energy, 1e-20)

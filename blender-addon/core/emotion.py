@@ -38,10 +38,10 @@ class Share:
 
 
 def mix(shares: Iterable[Share]) -> list[float]:
-    """The strengths `[15]` of several emotions, each a `Share` or what has its fields.
+    """The strengths `[15]` of several emotions, each a `Share` or an object with its fields.
 
-    Neutral beside another emotion says nothing, and what is stronger together than a face can show
-    is shown as `MAX_INTENSITY`.
+    Neutral counts as 0 beside any other emotion. A sum stronger than a face can show is scaled
+    down to `MAX_INTENSITY`.
     """
     row = [0.0] * len(EMOTIONS)
     for share in shares:
@@ -52,7 +52,7 @@ def mix(shares: Iterable[Share]) -> list[float]:
 
 
 def total(shares: Iterable[Share]) -> float:
-    """How strong several `Share`s are together, neutral left out."""
+    """The summed strength of several `Share`s, without neutral."""
     return sum(share.weight for share in shares if share.emotion != EMOTIONS[0])
 
 
@@ -62,7 +62,7 @@ def write_shares(shares: Iterable[Share]) -> str:
 
 
 def read_shares(text: str) -> list[Share]:
-    """Reads `happy:0.4,surprised:0.3` in its order, whatever the sum. Raises `AnyfaceError`."""
+    """Reads `happy:0.4,surprised:0.3` in order, with any sum. Raises `AnyfaceError`."""
     shares = []
     for item in filter(None, (part.strip() for part in text.split(","))):
         name, _, value = item.partition(":")

@@ -24,7 +24,7 @@ EXIT_CODES = {
 class AnyfaceError(Exception):
     """What went wrong and what would help; `kind` is a key of `EXIT_CODES`.
 
-    `mends` name what the panel offers as buttons, see `ui.mending`.
+    `mends` name the remedies that the panel offers as buttons, see `ui.mending`.
     """
 
     def __init__(self, kind: str, message: str, mends: tuple[str, ...] = ()):
@@ -49,9 +49,9 @@ _LONGEST = 400
 
 
 def plain(error: BaseException) -> AnyfaceError:
-    """Any exception as an error that says what happened and what to do next.
+    """Turns any exception into an error that says what happened and what to do next.
 
-    The traceback of a fault goes to the console, for whoever is asked about it.
+    The traceback of a fault goes to the console, so that it can be reported.
     """
     if isinstance(error, AnyfaceError):
         return error
@@ -69,7 +69,7 @@ def plain(error: BaseException) -> AnyfaceError:
 
 
 def details(error: AnyfaceError) -> str:
-    """The traceback of a fault that `plain` has put into words; "" for what is no fault."""
+    """The traceback of a fault that `plain` has put into words; "" for any other error."""
     cause = error.__cause__
     if error.kind != "internal" or cause is None:
         return ""
@@ -78,7 +78,7 @@ def details(error: AnyfaceError) -> str:
 
 
 def readable(value) -> str:
-    """`value` as text that can be shown and written anywhere, however it is broken."""
+    """`value` as text that can be shown and written anywhere, even if `value` is broken."""
     try:
         text = str(value)
     except Exception:
@@ -88,7 +88,7 @@ def readable(value) -> str:
 
 
 def say(line: str, stream) -> None:
-    """Prints a line for whoever reads along, in letters that the stream knows; nobody need."""
+    """Prints a line in letters that the stream can encode; ignores a stream that cannot print."""
     try:
         encoding = getattr(stream, "encoding", None) or "utf-8"
         text = line.encode(encoding, "backslashreplace").decode(encoding)
@@ -98,7 +98,7 @@ def say(line: str, stream) -> None:
 
 
 def _known(error: BaseException) -> AnyfaceError | None:
-    """What is no fault of the program, in words of its own."""
+    """An error in words of its own if the program is not at fault, otherwise None."""
     if isinstance(error, MemoryError):
         text = "the memory is full: close other programs, or take a shorter sound or a lighter mesh"
         return AnyfaceError("memory", text)

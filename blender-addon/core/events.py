@@ -1,7 +1,7 @@
 """Events: what a face does for a while beside its speech.
 
-An event is made of action units of the Facial Action Coding System. The library reads what an
-artist calls them, and files of them; nobody reads them here.
+An event is made of action units of the Facial Action Coding System. The library parses the words of
+an artist and event files; this module only calls it.
 """
 
 import json
@@ -22,10 +22,10 @@ _END = re.compile(r"end(?:\W+(.*))?", re.IGNORECASE | re.DOTALL)
 
 @dataclass(frozen=True)
 class Event:
-    """Units such as "12" or "45L" from `start_s` to `end_s`, seconds from the begin of the sound.
+    """Units such as "12" or "45L" from `start_s` to `end_s`, seconds from the start of the sound.
 
-    `strength` is 0 to 2; `over_speech` lets lips stay apart that the speech brings together;
-    `name` is what a report calls it.
+    `strength` is 0 to 2. `over_speech` keeps the lips apart where the speech brings them together.
+    `name` is the event's name in a report.
     """
 
     start_s: float
@@ -38,8 +38,10 @@ class Event:
 
 @dataclass(frozen=True)
 class Expression:
-    """What the library reads in a text: `said` is it without strength and `!`; without `units` the
-    `hint` says in words why there are none."""
+    """What the library reads in a text: `said` is the text without strength and `!`.
+
+    If `units` is empty, `hint` says why.
+    """
 
     said: str = ""
     units: tuple[str, ...] = ()
@@ -52,7 +54,7 @@ class Reader(Calls):
     """Reads expressions and events as the `anyface` command does."""
 
     def __init__(self, models: Path | None = None):
-        """`models` is a folder of models that may read texts otherwise than the built-in one.
+        """`models` is a folder of models, which may read texts differently from the built-in model.
 
         Raises `AnyfaceError` where there is no library.
         """
@@ -60,12 +62,14 @@ class Reader(Calls):
         self._models = os.fsencode(models) if models else None
 
     def menu(self) -> list[str]:
-        """The words whose units are laid down."""
+        """The words that have fixed units."""
         return library.texts(self._library.anyface_expression_word)
 
     def expression(self, text: str) -> Expression:
-        """Units such as `12,6L`, words such as `left wink:0.5`, or English. Raises `AnyfaceError`
-        where the model of texts cannot be used."""
+        """Reads units such as `12,6L`, words such as `left wink:0.5`, or English.
+
+        Raises `AnyfaceError` if the model of texts cannot be used.
+        """
         with ExitStack() as handles:
             arguments = self._models, text.encode()
             read = self._own(handles, "expression", "anyface_expression_new", *arguments)
@@ -80,11 +84,11 @@ class Reader(Calls):
             )
 
     def events_of_json(self, text: str) -> list[Event]:
-        """Events of the text of a JSON file. Raises `AnyfaceError`, which names the row."""
+        """Reads events from the text of a JSON file. Raises `AnyfaceError`, which names the row."""
         return self._events("anyface_events_parse", text)
 
     def events_of_lines(self, text: str) -> list[Event]:
-        """Events of lines such as `1.2-2.0:smile:0.8`. Raises `AnyfaceError` with the line."""
+        """Reads events from lines such as `1.2-2.0:smile:0.8`. `AnyfaceError` names the line."""
         return self._events("anyface_events_from_text", text)
 
     def _events(self, function: str, text: str) -> list[Event]:
@@ -98,7 +102,7 @@ class Reader(Calls):
 
 @cache
 def menu() -> tuple[str, ...]:
-    """The words whose units are laid down; none where the library cannot be loaded."""
+    """The words that have fixed units; none if the library cannot be loaded."""
     try:
         return tuple(Reader().menu())
     except AnyfaceError:
@@ -119,7 +123,7 @@ def _expression(text: str, models: Path | None) -> Expression:
 
 
 def of_file(path: str, models: Path | None = None) -> list[Event]:
-    """Events of a JSON file, as `--events` of the command reads it.
+    """Reads the events of a JSON file, as `--events` of the command does.
 
     Raises `AnyfaceError`, "file", or "input" that names the row.
     """
@@ -132,9 +136,10 @@ def of_file(path: str, models: Path | None = None) -> list[Event]:
 
 
 def ended_by(text: str, begun: list[str]) -> int | None:
-    """Which of the expressions that have `begun`, in their order, a marker of this name ends.
+    """The index of the expression in `begun` that a marker named `text` ends.
 
-    `end` ends the last of them, `end smile` the last smile; None for any other name.
+    `end` ends the last expression, `end smile` the last smile. None for any other name, or if no
+    expression fits.
     """
     match = _END.fullmatch(text.strip())
     if match is None:
@@ -145,7 +150,7 @@ def ended_by(text: str, begun: list[str]) -> int | None:
 
 
 def _plain(text: str) -> str:
-    """An expression without case, separators and the sign that puts it over the speech."""
+    """An expression without case, separators and the `!` that puts it over the speech."""
     return " ".join(re.findall(r"\w+", text.lower()))
 
 

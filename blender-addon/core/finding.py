@@ -1,4 +1,4 @@
-"""Where a face is, in the artist's own space, and what to say where none is found."""
+"""Finds where a face is, in the artist's own space, and says what may be wrong if there is none."""
 
 import hashlib
 from collections.abc import Callable
@@ -10,7 +10,7 @@ from .errors import AnyfaceError
 from .job import Progress
 from .take import FaceMesh, Found
 
-# What was said of meshes in which no face was found, by their digests.
+# The error messages of meshes in which no face was found, by digest.
 _failed: dict[str, str] = {}
 
 
@@ -19,8 +19,8 @@ def find(
 ) -> Found:
     """The landmarks of `face` in object space; `fixed` ones `[3]` by number stay where they are.
 
-    `find_in` is `native.Engine.find`, or what stands in for it in a test. Raises
-    `AnyfaceError("face")` where there is no face.
+    `find_in` is `native.Engine.find`, or a stand-in in a test. Raises `AnyfaceError("face")` if
+    there is no face.
     """
     space = face.space
     fixed_points = {number: space.points(place[None])[0] for number, place in fixed.items()}
@@ -32,7 +32,7 @@ def find(
 
 @contextmanager
 def searching(face: FaceMesh):
-    """As `naming`, and what has no face is not searched again: it says so at once."""
+    """As `naming`; a mesh in which no face was found fails again at once, without a search."""
     key = digest(face)
     with naming(face):
         if key in _failed:
@@ -46,7 +46,7 @@ def searching(face: FaceMesh):
 
 
 def digest(face: FaceMesh) -> str:
-    """A digest of all that a search depends on."""
+    """A digest of everything that a search depends on."""
     digest = hashlib.blake2b(face.axes.encode(), digest_size=12)
     roles = face.roles
     role_arrays = [] if roles is None else [roles.object_of_vertex, roles.object_roles]
@@ -60,7 +60,7 @@ def digest(face: FaceMesh) -> str:
 
 @contextmanager
 def naming(face: FaceMesh):
-    """An error that no face was found gets the mesh's name and what may be the reason."""
+    """Adds the mesh's name and possible reasons to the error that no face was found."""
     try:
         yield
     except AnyfaceError as error:

@@ -1,22 +1,22 @@
-"""The emotion that was heard in a voice over time, as the library tells it."""
+"""The emotion that the library hears in a voice over time."""
 
 import json
 from dataclasses import asdict, dataclass, fields
 
 import numpy as np
 
-# An emotion that is nowhere so likely is left out of what artists see.
+# Artists do not see emotions whose probability stays below this.
 LIKELY = 0.25
-# Instants that are kept with a take, which is more than a picture can show.
+# The number of instants that are kept with a take; a picture cannot show more.
 _MOST = 200
 
 
 @dataclass(frozen=True)
 class HeardEmotion:
-    """How likely each emotion is at `time_s` `[N]`, seconds: the `probability` `[N]` by its name.
+    """How likely each emotion is at `time_s` `[N]`, seconds: its `probability` `[N]` by name.
 
     `intensity` `[N]`, 0 to 1, is how strongly the face shows it. `valence` and `arousal` `[N]`,
-    -1 to 1, are derived from the probabilities and not measured by themselves.
+    -1 to 1, are derived from the probabilities, not measured on their own.
     """
 
     time_s: list[float]
@@ -27,12 +27,12 @@ class HeardEmotion:
 
     @classmethod
     def of_json(cls, text: bytes | str | None) -> "HeardEmotion | None":
-        """What the library says; None where it says nothing or heard at no instant."""
+        """Reads the library's JSON; None if there is none or it holds no instant."""
         return cls.of_plain(json.loads(text)) if text else None
 
     @classmethod
     def of_plain(cls, values: dict) -> "HeardEmotion | None":
-        """That of `to_plain`; None for what is none, such as what an earlier version has kept."""
+        """Reads the values of `to_plain`; None for any others, such as an earlier version's."""
         try:
             names = list(values["probability"])
             rows = [values[name] for name in ("time_s", "intensity", "valence", "arousal")]
@@ -46,7 +46,7 @@ class HeardEmotion:
         return cls(times, dict(zip(names, shares, strict=True)), intensity, valence, arousal)
 
     def to_plain(self) -> dict:
-        """As plain values; of a long sound instants that lie evenly."""
+        """Returns plain values; a long sound is thinned to evenly spaced instants."""
         count = len(self.time_s)
         at = np.linspace(0, count - 1, min(count, _MOST)).round().astype(int)
         thinned = lambda row: [round(float(row[k]), 3) for k in at]  # noqa: E731
@@ -59,8 +59,10 @@ class HeardEmotion:
         }
 
     def likely(self) -> list[tuple[str, float, float]]:
-        """The emotions that are likely at any time, the likeliest first: each with its largest
-        probability, and the second of that."""
+        """The emotions that are likely at any time, the likeliest first.
+
+        Each comes with its largest probability and the time of that in seconds.
+        """
         names = []
         for name, row in self.probability.items():
             at = int(np.argmax(row))

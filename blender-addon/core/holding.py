@@ -1,4 +1,4 @@
-"""Poses that are held, as in drawn and stop-motion animation: on twos, threes, fours."""
+"""Holds poses, as in drawn and stop-motion animation: on twos, threes, fours."""
 
 from dataclasses import dataclass, replace
 
@@ -12,8 +12,11 @@ HELD = "HELD"
 
 @dataclass(frozen=True)
 class Holds:
-    """Poses change at every `on` frames of a take; those in which the lips touch stand for
-    `closures` frames or longer, those in which the mouth is widest for `vowels`."""
+    """How long poses are held: they change every `on` frames of a take.
+
+    Poses in which the lips touch last at least `closures` frames, poses in which the mouth is
+    widest at least `vowels` frames.
+    """
 
     on: int = 2
     closures: int = 2
@@ -24,7 +27,7 @@ def poses(opening: np.ndarray, touching: np.ndarray, holds: Holds) -> np.ndarray
     """The frame whose pose is shown in each frame, `[T]`.
 
     `opening` `[T]` is how far the lips are apart, in any unit, `touching` `[T]` where they touch.
-    A pose in which they do is shown wherever they touch in one of its frames.
+    If the lips touch in any frame of a pose, the pose shows such a frame.
     """
     count, on = len(opening), max(holds.on, 1)
     firsts = np.arange(0, count, on)
@@ -33,7 +36,7 @@ def poses(opening: np.ndarray, touching: np.ndarray, holds: Holds) -> np.ndarray
     for number, first in enumerate(firsts):
         here = np.flatnonzero(touching[first : first + on])
         if len(here):
-            # The most firmly closed of them.
+            # The frame in which the lips are closed most firmly.
             source[number] = first + here[opening[first + here].argmin()]
             closed[number] = True
     boundaries = closed.copy()
@@ -51,13 +54,13 @@ def poses(opening: np.ndarray, touching: np.ndarray, holds: Holds) -> np.ndarray
 
 
 def _runs(marks: np.ndarray) -> list[tuple[int, int]]:
-    """Begin and end of each run of marks."""
+    """Start and end of each run of marks."""
     edges = np.flatnonzero(np.diff(np.concatenate([[False], marks, [False]]).astype(int)))
     return list(zip(edges[::2].tolist(), edges[1::2].tolist(), strict=True))
 
 
 def _stretch(source: np.ndarray, boundaries: np.ndarray, runs, least: int) -> None:
-    """Lets each run of poses last for `least` of them, behind it first, as far as others let it."""
+    """Extends each run to `least` poses, at its end first, as far as `boundaries` allow."""
     for begin, end in runs:
         first, last = begin, end
         while last - first < least:
@@ -71,10 +74,10 @@ def _stretch(source: np.ndarray, boundaries: np.ndarray, runs, least: int) -> No
 
 
 def hold(take: Take, holds: Holds) -> bool:
-    """Lets the poses of a take of weights or of a rig's controls be held; False where it has
-    neither, and nothing is done.
+    """Holds the poses of a take of weights or of a rig's controls.
 
-    Sliders change what is shown; head and eyes stand with the poses.
+    Does nothing and returns False if the take has neither. Sliders change the held poses. Head and
+    eyes are held with the poses.
     """
     motion = take.motion
     is_rig = isinstance(motion, ControlMotion)
@@ -96,7 +99,7 @@ def hold(take: Take, holds: Holds) -> bool:
 
 
 def _hold_weights(motion, source: np.ndarray, rows: np.ndarray) -> None:
-    """Shows the frames `source` `[T]`, which change at `rows`."""
+    """Shows in each frame the frame given by `source` `[T]`, which changes at `rows`."""
     motion.weights = motion.weights[source]
     if getattr(motion, "shape_weights", None) is not None:
         motion.shape_weights = motion.shape_weights[source]

@@ -8,9 +8,9 @@ from .errors import AnyfaceError, Cancelled, plain
 
 
 class Progress:
-    """How far a job is, and whether it is to stop; safe to share between threads.
+    """How far a job is, and whether it should stop; safe to share between threads.
 
-    Stages are reported with `check`, or read from a running native call that was attached.
+    A job reports its stages with `check`, or attaches a running native call to read them from.
     """
 
     def __init__(self):
@@ -34,7 +34,7 @@ class Progress:
         return self._stop.is_set()
 
     def check(self, stage: str, fraction: float = 0.0) -> None:
-        """Reports, and raises `Cancelled` once the job is to stop."""
+        """Reports a stage; raises `Cancelled` once the job was asked to stop."""
         self._at = stage, fraction
         if self.cancelled:
             raise Cancelled
@@ -59,8 +59,8 @@ class Progress:
             self._read = self._cancel = None
 
 
-# What a generator that lands a result yields once it has begun to change things: it goes on to its
-# end then, whatever the artist presses, and gives the interface a turn.
+# A generator that writes a result yields this once it has begun to change things. From then on it
+# runs to its end, whatever the artist presses; the yield also gives the interface a turn.
 BEGUN = "begun"
 
 
@@ -75,20 +75,20 @@ def at_once(steps):
 
 @dataclass
 class Work:
-    """What runs in a worker thread, and what it is `about` for whoever writes its result."""
+    """A function for a worker thread; `about` is for the code that writes its result."""
 
     work: Callable[[Progress], object]
     about: object = None
 
 
 def _keep(_outcome) -> None:
-    """Nothing of most results lies elsewhere than in memory."""
+    """Discards nothing: most results lie only in memory."""
 
 
 class Job:
     """Runs `work(progress)` in a thread; the result or the error is fetched with `result`.
 
-    `discard` takes back what a result that nobody fetches has left on disk.
+    `discard` removes what a result has left on disk if nobody fetches it.
     """
 
     def __init__(
@@ -99,7 +99,7 @@ class Job:
         self._outcome: object = None
         self._ended = self._unwanted = False
         self._lock = threading.Lock()
-        # Whatever ends the thread before it has a result is an error.
+        # This error stays if the thread ends without a result.
         self._error: AnyfaceError | None = AnyfaceError(
             "internal", "the work ended without a result: start it again"
         )
@@ -133,7 +133,7 @@ class Job:
         return self._outcome
 
     def discard(self) -> None:
-        """Nobody wants the result: what it leaves on disk is taken back as soon as it is there."""
+        """Drops the result: what it leaves on disk is removed as soon as the work has ended."""
         with self._lock:
             self._unwanted = True
             ended = self._ended
@@ -145,7 +145,7 @@ class Job:
             self._outcome = self._work(self.progress)
             self._error = None
         except BaseException as error:
-            # A thread would swallow it, and the artist would wait for ever.
+            # A thread would swallow the exception, and the artist would wait for ever.
             self._error = plain(error)
         with self._lock:
             self._ended = True

@@ -1,4 +1,4 @@
-"""JSON files that are read with clear errors and never half written. It knows no Blender."""
+"""Reads JSON files with clear errors and never leaves one half written. Needs no Blender."""
 
 import json
 import math
@@ -17,9 +17,9 @@ _MOST_DIGITS = 19
 
 
 def read(path):
-    """What the file holds: text that can be written again, numbers that are finite and fit 64 bits.
+    """The content of a file: text that can be written again, finite numbers that fit 64 bits.
 
-    Raises `AnyfaceError`: "file" where it cannot be read, "input" where it is no such JSON.
+    Raises `AnyfaceError`: "file" if the file cannot be read, "input" if it is no such JSON.
     """
     try:
         return parse(read_text(path))
@@ -28,7 +28,7 @@ def read(path):
 
 
 def read_text(path) -> str:
-    """The text of a JSON file, whatever it holds. Raises `AnyfaceError` as `read` does."""
+    """The text of a JSON file, without parsing it. Raises `AnyfaceError` as `read` does."""
     try:
         with open(path, "rb") as file:
             data = file.read(_LARGEST_BYTES + 1)
@@ -42,10 +42,10 @@ def read_text(path) -> str:
 
 
 def parse(text: str):
-    """What a JSON text holds, as `read` has it. Raises `ValueError`."""
+    """The content of a JSON text, with the checks of `read`. Raises `ValueError`."""
     try:
         value = json.loads(text, parse_int=_whole, parse_float=_real, parse_constant=_no_number)
-        # One half of a pair of surrogates is no text: it could be read but never written.
+        # Half of a surrogate pair is no text: Python could read it but never write it.
         json.dumps(value, ensure_ascii=False).encode("utf-8")
     except RecursionError:
         raise ValueError("expected lists in lists to end, got too many") from None
@@ -55,9 +55,9 @@ def parse(text: str):
 
 
 def known_fields(kind, values: dict):
-    """A dataclass of `kind` with those of `values` that it knows: later versions write more.
+    """A dataclass of `kind` from the `values` that it has fields for: later versions write more.
 
-    Raises `TypeError` or `AttributeError` for what is no such object.
+    Raises `TypeError` or `AttributeError` if `values` is no such object.
     """
     known = {item.name for item in fields(kind)}
     return kind(**{name: value for name, value in values.items() if name in known})
@@ -79,9 +79,9 @@ def _no_number(word: str):
 
 
 def write(path, content) -> None:
-    """Writes beside, then renames: a reader finds the old file or the whole new one.
+    """Writes a temporary file, then renames it: a reader finds the old file or the whole new one.
 
-    Raises `AnyfaceError("file")`; what lay there stays.
+    Raises `AnyfaceError("file")`; the old file then stays.
     """
     write_text(path, json.dumps(content, indent=1, ensure_ascii=False) + "\n")
 
@@ -92,8 +92,8 @@ def write_text(path, text: str) -> None:
     beside = path.with_name(f".{path.name}.{socket.gethostname()}.{os.getpid()}")
     try:
         path.parent.mkdir(parents=True, exist_ok=True)
-        # Half a character, as names of files may have it, stands there as its number.
-        # Scripts for other systems have their own line ends wherever they are written.
+        # File names may hold half a character, which is written as its number. Line ends stay as
+        # they are in `text`, because scripts for other systems bring line ends of their own.
         with open(beside, "w", encoding="utf-8", errors="backslashreplace", newline="\n") as file:
             file.write(text)
             file.flush()

@@ -1,8 +1,8 @@
-"""What shape keys are called in tools that artists use, and which shape each of them shows.
+"""The names of shape keys in the tools that artists use, and the shape that each of them shows.
 
-A list for each tool lies in `key_names/*.json`: a shape of ours, then the names that stand for it,
-the best one first, each alone or with the share that the shape has of the key. "a + b" are keys
-that move together.
+A list for each tool lies in `key_names/*.json`. It maps each of our shapes to the names that stand
+for it, the best one first. A name stands alone or with the key's `factor` (see `Pair`). "a + b" are
+keys that move together.
 """
 
 from dataclasses import dataclass
@@ -13,16 +13,16 @@ from . import json_file, shapes
 from .errors import AnyfaceError
 
 _FOLDER = Path(__file__).resolve().parent.parent / "key_names"
-# Fewer keys than these of a list are a coincidence.
+# A list that names fewer keys than this fits by coincidence.
 _FEWEST = 3
-# Names shorter than this are meant whole, not as the end of a longer one.
+# Names shorter than this match only a whole key name, not the end of a longer one.
 _SHORT = 4
 ARKIT, OCULUS = "ARKit", "Oculus"
 
 
 @dataclass
 class Pair:
-    """A shape that a key shows: at weight 1 of the shape the key stands at `factor`.
+    """A shape and a key that shows it: at weight 1 of the shape the key stands at `factor`.
 
     A key may show several shapes, whose shares add up, and a shape may move several keys.
     """
@@ -52,7 +52,7 @@ def pairs(preset: str, keys: list[str]) -> list[Pair]:
 
 
 def guess(keys: list[str]) -> tuple[str, list[Pair]]:
-    """The list that knows most of the `keys`, and its pairs; ("", []) where none fits."""
+    """The list that names the most `keys`, and its pairs; ("", []) if no list fits."""
     best = "", []
     for preset in presets():
         matches = pairs(preset, keys)
@@ -70,7 +70,7 @@ def write(pairs: list[Pair], path) -> None:
 
 
 def read(path) -> list[Pair]:
-    """Reads what `write` writes and wrote before; raises `AnyfaceError`, "file" or "input"."""
+    """Reads files of `write`, old ones too; raises `AnyfaceError`, "file" or "input"."""
     document = json_file.read(path)
     try:
         rows = document["keys"]
@@ -105,7 +105,7 @@ def _alternative(name: str, factor: float = 1.0) -> tuple[list[str], float]:
 
 
 def _spellings(keys: list[str]) -> dict[str, str]:
-    """Keys by what they may be read as: their name, or its end behind a separator."""
+    """Keys by the texts that stand for them: the whole name, or its end after a separator."""
     keys_by_spelling = {_plain(key): key for key in reversed(keys)}
     for key in keys:
         for text in shapes.suffixes(key)[1:]:

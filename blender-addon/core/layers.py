@@ -1,17 +1,19 @@
-"""A take in two layers: what is said, and what is felt beyond that."""
+"""A take in two layers: the speech, and the emotion on top of it."""
 
 import numpy as np
 
 from .sliders import SliderChange
 from .take import Basis
 
-# Where the slider of the emotion begins and ends.
+# The ends of the emotion slider.
 _KNOTS = (0.0, 1.5)
 
 
 def joined(said: Basis, emotion: Basis) -> Basis:
-    """Both layers as one basis, which keeps its sliders of speech and blinks; that of the emotion
-    scales what is felt."""
+    """Joins both layers into one basis.
+
+    It keeps the sliders of speech and blinks; a new emotion slider scales the emotion layer.
+    """
     first = said.weights.shape[1]
     weights = np.concatenate([said.weights, emotion.weights], axis=1)
     more = ((0, 0), (0, 0), (0, weights.shape[1] - first))

@@ -1,4 +1,4 @@
-"""An engine whose models are loaded by whoever needs them first: a worker, not the interface."""
+"""An engine that loads its models at first use: in a worker thread, not in the interface."""
 
 import threading
 from collections.abc import Callable
@@ -6,10 +6,10 @@ from pathlib import Path
 
 
 class LazyEngine:
-    """Stands for the engine that `load()` makes; everything asked of it is asked of that one.
+    """Stands in for the engine that `load()` makes: every attribute comes from that engine.
 
-    Raises what `load` raises, again at every use until it succeeds. `models` is the folder of its
-    models, known before they are read.
+    Calls `load` at each use until it succeeds, and raises what `load` raises. `models` is the
+    folder of its models, known before they are read.
     """
 
     def __init__(self, load: Callable[[], object], models: Path | None = None):

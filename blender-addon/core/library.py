@@ -1,7 +1,7 @@
-"""The native library as C describes it: its structs, one table of its functions, how it is loaded.
+"""The C interface of the native library: its structs, a table of its functions, how to load it.
 
 The table follows `include/anyface.h`; a test compares the two. ctypes releases Python's lock
-during a call, so the interface of Blender goes on while a thread waits here.
+during a call, so Blender's interface keeps running while a thread waits here.
 """
 
 import ctypes
@@ -144,11 +144,12 @@ class MotionOptions(Structure):
 
 _FLOATS, _INDICES = POINTER(c_float), POINTER(c_uint32)
 _HANDLE, _OUT = c_void_p, POINTER(c_void_p)
-# What is made of a mesh takes: engine, mesh, options, progress, out, error.
+# _OF_MESH is for functions that make something of a mesh: engine, mesh, options, progress, out,
+# error.
 _LIPS, _OUTS = (_INDICES, c_size_t), (_HANDLE, _OUT, _OUT)
 _OF_MESH = [_HANDLE, _HANDLE, POINTER(FaceOptions), _HANDLE, _OUT, _OUT]
 
-# Name: what it returns, what it takes. Handles are untyped pointers.
+# Name: return type and argument types. Handles are untyped pointers.
 SIGNATURES = {
     "anyface_abi_version": (c_uint32, []),
     "anyface_emotion_name": (c_char_p, [c_size_t]),
@@ -398,7 +399,7 @@ def library_path() -> Path:
 
 
 def load(path: Path) -> ctypes.CDLL:
-    """The library with its functions declared; raises `AnyfaceError("weights")`."""
+    """Loads the library and declares its functions; raises `AnyfaceError("weights")`."""
     try:
         library = ctypes.CDLL(str(path))
         for name, (result, arguments) in SIGNATURES.items():
@@ -415,6 +416,6 @@ def load(path: Path) -> ctypes.CDLL:
 
 
 def texts(function: Callable[[int], bytes | None]) -> list[str]:
-    """The texts that a function of the library has for 0, 1, 2 and so on, up to the end."""
+    """The texts that a function of the library returns for 0, 1, 2, …, until it returns none."""
     entries = takewhile(lambda text: text is not None, map(function, count()))
     return [text.decode() for text in entries]

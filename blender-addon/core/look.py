@@ -1,6 +1,6 @@
-"""What somebody sees of a take at a glance: the gap of its lips over the sound, and three pictures.
+"""Shows a take at a glance: the gap of its lips over the sound, and three pictures.
 
-It stands in the report of a shot, for the page of a batch.
+The result goes into the report of a shot, for the page of a batch.
 """
 
 import base64
@@ -10,22 +10,27 @@ import numpy as np
 from . import picture
 from .take import FaceMesh, Frames, Sound, Take
 
-# How many peaks stand for a sound, how wide a picture is in pixels.
+# The number of peaks that show a sound, and the width of a picture in pixels.
 _PEAKS, _SIZE = 200, 112
-# What moves by this share of the most is what a picture is about, and how much of the picture it
-# fills.
+# A picture frames the vertices that move by more than the share _MOVES of the largest motion; they
+# fill the share _FILLS of its width.
 _MOVES, _FILLS = 0.2, 0.5
-# Sound below this share of its peak is a pause, lips this far apart beyond rest are open, mm.
+# Sound below this share of its peak is a pause; lips farther apart than this beyond rest (mm) are
+# open.
 _QUIET, _OPEN_MM = 0.02, 3.0
-# Lips that part or meet by more in a second have jumped, mm.
+# Lips that part or meet faster than this have jumped, mm per second.
 _JUMP_MM_S = 400.0
-# Part of a pause in which open lips are worth a look, and speech in which lips that rest are.
+# Lips that are open for more than the share _SHARE of the pauses are worth a look. So are lips that
+# never open in speech. Pauses and speech must last longer than _LEAST_S seconds in all.
 _SHARE, _LEAST_S = 0.5, 0.5
 
 
 def of_take(face: FaceMesh, sound: Sound, take: Take) -> dict:
-    """Fields of a report: `duration_s`, `wave` (peaks 0 to 1), `gap` (`fps` and `values`, mm beyond
-    rest), `pictures` (`data:` addresses) and `warnings`, each where there is one."""
+    """Fields of a report: `duration_s` and `wave` (peaks 0 to 1), and others if the take has them.
+
+    These are `gap` (`fps` and `values`, mm beyond rest), `pictures` (`data:` addresses) and
+    `warnings`.
+    """
     peaks = wave(sound)
     fields = {"duration_s": round(sound.duration_s, 3), "wave": np.round(peaks, 3).tolist()}
     if take.opening is not None:
@@ -44,7 +49,7 @@ def wave(sound: Sound) -> np.ndarray:
 
 
 def doubts(gap: np.ndarray, fps: float, sound: Sound) -> list[str]:
-    """What is worth a look in the `gap` `[T]` of the lips, mm beyond rest, in words."""
+    """Describes what is worth a look in the `gap` `[T]` of the lips, mm beyond rest."""
     hop = max(1, round(sound.rate_hz / fps))
     loud = np.abs(sound.samples[: len(sound.samples) // hop * hop]).reshape(-1, hop).max(axis=1)
     frames = min(len(gap), len(loud))
@@ -68,8 +73,11 @@ def doubts(gap: np.ndarray, fps: float, sound: Sound) -> list[str]:
 
 
 def pictures(face: FaceMesh, take: Take) -> list[str]:
-    """The face where its lips are farthest apart, where they are nearest between two openings, and
-    where most of it moves; none where the take holds no motion of the mesh itself."""
+    """Draws the face in up to three frames; none if the take holds no motion of the mesh itself.
+
+    The lips are farthest apart in one, nearest between two openings in another; in the third most
+    of the face moves.
+    """
     motion = take.motion
     if getattr(motion, "vectors", None) is None or take.life is None:
         return []
@@ -93,7 +101,7 @@ def pictures(face: FaceMesh, take: Take) -> list[str]:
 
 
 def _rows(take: Take) -> list[int]:
-    """Which frames are drawn, the one with the widest lips first."""
+    """The frames that are drawn, the one with the widest lips first."""
     motion = take.motion
     moves = (
         motion.weights
@@ -111,7 +119,7 @@ def _rows(take: Take) -> list[int]:
 
 
 def _view(points: np.ndarray, moved: np.ndarray) -> picture.View:
-    """What moves, in the middle of a picture."""
+    """The view that has the moving part of the face in its middle."""
     about = points[moved > _MOVES * moved.max(initial=0.0)]
     low, high = about.min(axis=0), about.max(axis=0)
     middle, half = (low + high) / 2.0, float((high - low)[:2].max()) / 2.0

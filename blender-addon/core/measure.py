@@ -5,13 +5,15 @@ import numpy as np
 from .job import Progress
 from .take import Frames, Motion, Piece, Take
 
-# Vertices that are looked at together.
+# The number of vertices that are measured at a time.
 _BLOCK = 256
 
 
 def largest(take: Take, pieces: list[Piece], progress: Progress) -> list[float]:
-    """The largest displacement in any frame of each piece, mm: the largest of all is that of the
-    take. Raises `Cancelled`."""
+    """The largest displacement of each piece in any frame, mm; raises `Cancelled`.
+
+    The largest of all pieces equals that of the take.
+    """
     largest_of = [_largest(take.motion, p.rows, progress) for p in pieces]
     return [take.largest_mm * each / max(*largest_of, 1e-20) for each in largest_of]
 
@@ -23,7 +25,7 @@ def _largest(motion: Motion, rows: slice, progress: Progress) -> float:
         squares = ((frame[rows] ** 2).sum(axis=1).max(initial=0.0) for frame in frames)
         return max(squares, default=0.0) ** 0.5
     vectors = motion.vectors[:, rows]
-    # No vertex goes farther than all its keys together, each at its largest weight.
+    # No vertex moves farther than all its keys move it together, each at its largest weight.
     most = np.abs(motion.weights).max(axis=0, initial=0.0)
     bounds = most @ np.linalg.norm(vectors, axis=2)
     order, best = np.argsort(-bounds), 0.0

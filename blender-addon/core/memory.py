@@ -2,15 +2,15 @@
 
 import sys
 
-# Bytes in what the system counts by; macOS counts single ones.
+# Bytes in the system's unit of memory: macOS counts in bytes, others in 1024 bytes.
 _UNIT = 1 if sys.platform == "darwin" else 1024
 
 
 def peak_mb() -> int | None:
-    """The most that the process has had at once, MB; None where the system does not say."""
+    """The most memory that the process has had at once, MB; None if the system does not say."""
     try:
         import resource
     except ImportError:
-        # Windows has none.
+        # Windows has no such module.
         return None
     return round(resource.getrusage(resource.RUSAGE_SELF).ru_maxrss * _UNIT / 1e6)

@@ -1,4 +1,4 @@
-"""The microphone: a native library of its own, which is opened when somebody wants to be heard."""
+"""The microphone: a native library of its own, which is loaded only when it is needed."""
 
 import ctypes
 import sys
@@ -14,7 +14,7 @@ from .library import library_path
 RATE_HZ = 16000
 # Room for messages and names, bytes.
 _ROOM = 4096
-# Samples that are read at a time at most, four seconds.
+# The most samples that are read at a time, four seconds.
 _MOST = 4 * RATE_HZ
 _SIGNATURES = {
     "anyface_microphone_open": (c_void_p, [c_char_p, c_char_p, c_size_t]),
@@ -29,7 +29,7 @@ _SIGNATURES = {
 
 
 def path() -> Path:
-    """Where the library lies: beside the main one."""
+    """The path of the library, beside the main one."""
     names = {"win32": "anyface_microphone.dll", "darwin": "libanyface_microphone.dylib"}
     return library_path().with_name(names.get(sys.platform, "libanyface_microphone.so"))
 
@@ -45,7 +45,7 @@ def _library() -> ctypes.CDLL:
             function = getattr(library, name)
             function.restype, function.argtypes = result, arguments
     except (OSError, AttributeError) as error:
-        # On Linux it is libasound.so.2 that may be missing.
+        # On Linux libasound.so.2 may be missing.
         raise AnyfaceError(
             "audio", f"microphone: the system's sound library cannot be used: {error}"
         ) from error
@@ -63,7 +63,7 @@ def devices() -> list[str]:
 class Microphone:
     """A device that is being recorded: mono, 16 kHz. Belongs to one thread at a time.
 
-    `name` is that of a device, of which a part is enough; the system's choice where it is empty.
+    `name` is a device's name or a part of it; if it is empty, the system chooses the device.
     Raises `AnyfaceError`.
     """
 
@@ -74,7 +74,7 @@ class Microphone:
         self._handle = self._library.anyface_microphone_open(device, message, len(message))
         if not self._handle:
             raise AnyfaceError("audio", message.value.decode("utf-8", "replace"))
-        # Whether the device is gone; it is silent then, and comes back by itself.
+        # Whether the device is gone. It delivers silence then, and comes back by itself.
         self.is_lost = False
         self._room = np.empty(_MOST, np.float32)
 
@@ -86,7 +86,7 @@ class Microphone:
         return room.value.decode("utf-8", "replace")
 
     def read(self) -> np.ndarray:
-        """The samples `[S]` that have come since the last time, -1 to 1; it waits for none."""
+        """Returns the samples `[S]` since the last call, -1 to 1, without waiting for more."""
         if self._handle is None:
             raise AnyfaceError("input", "microphone: expected an open one, got a closed one")
         is_lost = c_int32()

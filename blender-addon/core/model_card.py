@@ -1,4 +1,4 @@
-"""What a folder of model files holds, and what its cards say of it."""
+"""The models in a folder of model files, and the titles of their cards."""
 
 from dataclasses import dataclass
 from pathlib import Path
@@ -8,9 +8,9 @@ _WEIGHTS, _CARD = ("model.safetensors", "model.planes.gz"), "README.md"
 
 @dataclass(frozen=True)
 class ModelCard:
-    """One model of a folder: its `name`, what its card is headed with, and where that lies.
+    """One model of a folder: its `name`, the `title` of its card and the `path` of the card.
 
-    `path` is None, and `title` the name, where the model came without a card.
+    If the model came without a card, `path` is None and `title` is the name.
     """
 
     name: str
@@ -19,7 +19,7 @@ class ModelCard:
 
 
 def cards(folder: Path) -> list[ModelCard]:
-    """The models of `folder`, a folder each; none where it cannot be read."""
+    """The models of `folder`, one in each subfolder; none if it cannot be read."""
     try:
         names = sorted({path.parent.name for name in _WEIGHTS for path in folder.glob(f"*/{name}")})
     except OSError:

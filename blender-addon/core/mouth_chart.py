@@ -5,8 +5,8 @@ import re
 from .errors import AnyfaceError
 
 RHUBARB, PRESTON_BLAIR = "rhubarb", "preston-blair"
-# The mouths of each chart, the closed ones first and the one at rest last, as the library draws
-# them; each with names that drawings of it have.
+# The mouths of each chart, as the library draws them, the closed ones first and the one at rest
+# last. Each has a list of names that its drawings may have.
 MOUTHS: dict[str, dict[str, tuple[str, ...]]] = {
     RHUBARB: {
         "A": ("a", "mbp", "pbm", "bmp", "mpb", "closed"),
@@ -32,12 +32,12 @@ MOUTHS: dict[str, dict[str, tuple[str, ...]]] = {
         "rest": ("rest", "x", "idle", "neutral", "basis"),
     },
 }
-# The drawing that is shown where one is missing: A to F have to be there, as in Rhubarb itself.
+# The drawing that stands in for a missing one. A to F have to be there, as in Rhubarb itself.
 STAND_INS = {
     RHUBARB: {"G": "B", "H": "C", "X": "A"},
     PRESTON_BLAIR: {"etc": "E", "WQ": "U", "FV": "MBP", "L": "E", "rest": "MBP"},
 }
-# What stands around the name of a mouth in names of drawings.
+# Words that surround the name of a mouth in the name of a drawing.
 _WORDS = {"mouth", "mouths", "lip", "lips", "viseme", "vis", "phoneme", "shape", "key", "rhubarb"}
 
 
@@ -47,10 +47,10 @@ def rest(kind: str) -> str:
 
 
 def guess(kind: str, names: list[str]) -> dict[str, str]:
-    """The drawing of each mouth among `names`, told by its own name; mouths without one lack.
+    """Guesses from `names` of drawings which one shows each mouth; leaves out mouths without one.
 
-    A name that says one letter means the letter where the letters of a chart are named at all:
-    "e" is Rhubarb's E, but the wide mouth of a set of vowels.
+    A name of one letter means that letter of the chart if most letters of the chart are there.
+    Then "e" is Rhubarb's E, but in a set of vowels it is the wide mouth.
     """
     read = {}
     for name in names:
@@ -59,7 +59,7 @@ def guess(kind: str, names: list[str]) -> dict[str, str]:
     spelled = [mouth.lower() for mouth in MOUTHS[kind] if mouth.lower() in read]
     for mouth, spellings in MOUTHS[kind].items():
         spelling, *others = dict.fromkeys((mouth.lower(), *spellings))
-        # Letters of the chart itself, once most of them are there, are nothing else's name.
+        # If most letters of the chart are there, each of them names its own mouth only.
         if len(spelled) > len(MOUTHS[kind]) // 2:
             others = [text for text in others if text not in spelled and len(text) > 1]
         elif kind == RHUBARB:
@@ -71,7 +71,7 @@ def guess(kind: str, names: list[str]) -> dict[str, str]:
 
 
 def _plain(name: str) -> str:
-    """What a name says of a mouth: "Mouth_A.001" is a, "lips M B P" is mbp."""
+    """The mouth that a drawing's name stands for: "Mouth_A.001" is a, "lips M B P" is mbp."""
     name = re.sub(r"\.\d{3,}$", "", name)
     name = re.sub(r"(?<=[a-z])(?=[A-Z])", " ", name)
     parts = [part.lower() for part in re.split(r"[^A-Za-z]+", name) if part]
@@ -81,8 +81,8 @@ def _plain(name: str) -> str:
 def complete(kind: str, drawings: dict[str, object], where: str) -> dict[str, object]:
     """The drawing that shows each mouth, stand-ins included.
 
-    `drawings` are those that are there by mouth, `where` says where they were looked for. Raises
-    `AnyfaceError("input")` where a mouth has none and nothing may stand in for it.
+    `drawings` are the existing drawings by mouth; `where` says in words where we looked.
+    Raises `AnyfaceError("input")` if a mouth has neither a drawing nor a stand-in.
     """
     shown, missing = {}, []
     for mouth in MOUTHS[kind]:
@@ -101,11 +101,11 @@ def complete(kind: str, drawings: dict[str, object], where: str) -> dict[str, ob
 def changes(
     kind: str, chart: list[tuple[float, float, str]], start_frame: float, fps: float, earliest: int
 ) -> list[tuple[int, str]]:
-    """The scene frames at which the mouth changes, in rising order, and to which.
+    """The scene frames at which the mouth changes, in rising order, each with the new mouth.
 
-    `chart` holds start and end in seconds of each mouth, `start_frame` is where its sound begins
-    and `fps` that of the scene. The mouth rests behind it, and before it where that is not before
-    the frame `earliest`.
+    `chart` holds start and end in seconds of each mouth, with its name. Its sound begins at the
+    frame `start_frame`, and `fps` is the scene's. The mouth rests after the chart. It also rests
+    in the frame before the chart, unless that frame lies before `earliest`.
     """
     if not chart:
         return []

@@ -85,11 +85,11 @@ class Engine(
         weights: Path | None = None,
         emotion_model: Path | None = None,
     ):
-        """Loads the models of `system`, by default of the first one.
+        """Loads the models of `system`; the default is the first system.
 
-        `cache` is the folder for work that depends on a mesh alone, else the user's own cache
-        folder is taken; `weights` a folder of model files instead of the built-in ones, and
-        `emotion_model` that of a classifier which hears the emotion of a voice. Raises
+        `cache` is the folder for results that depend only on a mesh; without it the user's own
+        cache folder is used. `weights` is a folder of model files that replace the built-in ones,
+        `emotion_model` the folder of a classifier that hears the emotion of a voice. Raises
         `AnyfaceError`.
         """
         self._library = load(library_path())
@@ -108,13 +108,13 @@ class Engine(
 
     @property
     def controls(self) -> tuple[systems.Control, ...]:
-        """What the system lets its user change."""
+        """The controls that the system offers."""
         return self._controls
 
     def facing(self, forward: str, up: str) -> "Engine":
-        """The same models for meshes with other axes of `AXES`; it lives as long as this engine.
+        """An engine with the same models for meshes with other axes; valid until this one closes.
 
-        Raises `AnyfaceError("input")` for another word.
+        Raises `AnyfaceError("input")` for a word that is not in `AXES`.
         """
         for name, axis in (("forward", forward), ("up", up)):
             if axis not in AXES:
@@ -134,10 +134,10 @@ class Engine(
         return texts(self._library.anyface_emotion_name)
 
     def decode(self, path: str) -> tuple[np.ndarray, float, str]:
-        """Mono samples `[S]` float32 of a sound file, their rate in Hz, and what of the sound is
-        missing where the file is damaged ("" where nothing is).
+        """Mono samples `[S]` float32 of a sound file, their rate in Hz, and a warning.
 
-        Raises `AnyfaceError`: "audio" also where more than a fifth is missing.
+        The warning says which part of the sound is missing because the file is damaged, "" for
+        none. Raises `AnyfaceError`, with "audio" also if more than a fifth is missing.
         """
         with ExitStack() as handles:
             audio = self._own(handles, "audio", "anyface_audio_read", os.fsencode(path))
@@ -148,7 +148,7 @@ class Engine(
             return samples, _DECODED_RATE_HZ, warning.decode()
 
     def is_damaged(self, path: str) -> bool:
-        """Whether a sound file that `decode` refuses could be read but for what is missing."""
+        """Whether `decode` refuses a sound file only because too much of it is missing."""
         with ExitStack() as handles:
             name = "anyface_audio_read_damaged"
             try:
@@ -167,7 +167,7 @@ class Engine(
         request: Request,
         progress: Progress,
     ) -> Animation:
-        """The whole way for one mesh with the axes of this engine, in any units.
+        """Animates one mesh that has the axes of this engine, in any units.
 
         `positions` `[V, 3]` float32, `triangles` `[F, 3]` uint32, `landmarks` `[68, 3]`,
         `landmark_vertices` `[68]`, both or neither. Raises `AnyfaceError`, or `Cancelled`.
@@ -184,7 +184,7 @@ class Engine(
             return animation
 
     def _memory_notes(self, vertices: int, sound: Sound, request: Request) -> list[str]:
-        """That a take may not fit into memory, before it is made; every frame lies there twice."""
+        """A note if a take may not fit into memory, which holds every frame twice; else empty."""
         sound_s = len(sound.samples) / sound.rate_hz
         frames = 2 * math.ceil(request.fps * sound_s)
         left = self._library.anyface_memory_left()
@@ -203,7 +203,7 @@ class Engine(
         return motion, clip
 
     def _face(self, handles, positions, triangles, landmarks, request, watch):
-        """A mesh made ready to be moved; `landmarks` are positions and vertices."""
+        """A mesh prepared for animation; `landmarks` are positions and vertex numbers."""
         mesh = self._mesh(handles, positions, triangles)
         options, _alive = self._face_options(*landmarks, request.roles)
         _set = self._control(options, request, systems.FACE)
@@ -271,9 +271,10 @@ class Engine(
         frame: int,
         progress: Progress,
     ) -> np.ndarray:
-        """How far emotion is believed beside what is said in a frame of a take, `[V]` from 0 to 1.
+        """How far each vertex shows emotion rather than speech in one frame: `[V]`, 0 to 1.
 
-        A frame beyond the take is its nearest. The rest as for `animate`.
+        A frame outside the take counts as its nearest one. The other arguments are those of
+        `animate`.
         """
         with ExitStack() as handles:
             watch = handles.enter_context(_Watch(self._library, progress))
@@ -305,8 +306,8 @@ class Engine(
     ) -> Found:
         """The landmarks of a mesh with the axes of this engine, how its lips meet, and its parts.
 
-        `fixed` are landmarks `[3]` by number that stay there while the others follow; the rest as
-        for `animate`. Raises `AnyfaceError`, or `Cancelled`.
+        `fixed` maps numbers of landmarks to positions `[3]` at which they stay; the other landmarks
+        follow. The other arguments are those of `animate`. Raises `AnyfaceError`, or `Cancelled`.
         """
         with ExitStack() as handles:
             watch = handles.enter_context(_Watch(self._library, progress))
@@ -315,7 +316,7 @@ class Engine(
             return self._found(face, len(positions))
 
     def _found_face(self, handles, positions, triangles, landmarks, watch, roles=None, fixed=None):
-        """A mesh whose face is known; `landmarks` are positions and vertices."""
+        """A mesh with its face found; `landmarks` are positions and vertex numbers."""
         mesh = self._mesh(handles, positions, triangles)
         options, _alive = self._face_options(*landmarks, roles, fixed)
         arguments = (self._handle, mesh, byref(options), watch.handle)
@@ -341,7 +342,7 @@ class Engine(
         return right, left
 
     def _face_options(self, landmarks, vertices, roles, fixed=None):
-        """The options, and the arrays that must live as long as they are used."""
+        """The options, and the arrays that must live as long as the options."""
         options = self._options(FaceOptions, "anyface_face_options_init")
         options.forward, options.up = AXES.index(self.forward), AXES.index(self.up)
         arrays = {}
@@ -368,7 +369,7 @@ class Engine(
         return options, arrays
 
     def _control(self, options, request: Request, stage: int) -> list:
-        """Sets the request's controls of a stage; returns what must live as long as the options."""
+        """Sets the request's controls of a stage; returns what to keep alive with the options."""
         alive, settings = [], []
         for control in self._controls:
             if control.stage != stage:
@@ -437,7 +438,7 @@ class Engine(
 class _Watch:
     """Connects a Python `Progress` with the library's progress handle by polling.
 
-    No Python runs in the library's threads; a cancel reaches them without waiting for one.
+    The library's threads run no Python, and a cancel need not wait for a call back into Python.
     """
 
     def __init__(self, library, progress: Progress):

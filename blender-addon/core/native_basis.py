@@ -1,4 +1,4 @@
-"""The library's calls that turn a clip into few vectors, and the sliders that change these."""
+"""Library calls that turn a clip into a few vectors and make sliders for their weights."""
 
 from ctypes import POINTER, c_float
 
@@ -17,7 +17,7 @@ class BasisCalls:
     """The calls of `native.Engine` for bases and their sliders."""
 
     def _layers(self, handles, results, limit: float, watch) -> Basis:
-        """Speech, and what emotion adds to it, as one basis. Each is within half of `limit`."""
+        """One basis of speech and of what emotion adds to it; each may err by half of `limit`."""
         face, motion, clip = results
         arguments = (self._handle, motion, watch.handle)
         content = self._own(handles, "motion", "anyface_motion_new_content", *arguments)

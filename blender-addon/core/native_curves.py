@@ -1,4 +1,4 @@
-"""The library's calls that find few keys for curves."""
+"""Library calls that reduce curves to few keys."""
 
 from contextlib import ExitStack
 from ctypes import POINTER, c_float, c_uint32, c_void_p
@@ -12,7 +12,7 @@ _FLOATS, _ROWS = POINTER(c_float), POINTER(c_uint32)
 
 
 class CurveCalls:
-    """What `native.Engine` knows of curves."""
+    """The calls of `native.Engine` for curves."""
 
     def few_keys(
         self,
@@ -22,11 +22,11 @@ class CurveCalls:
         touching: np.ndarray | None,
         progress: Progress,
     ) -> list[CurveKeys]:
-        """Keys of the curves of `weights` `[T, K]` of shapes `vectors` `[K, V, 3]`, so that no
-        vertex is farther than `tolerance` from its place in any frame, in the unit of the shapes.
+        """Few keys for the curves of `weights` `[T, K]` of the shapes `vectors` `[K, V, 3]`.
 
-        In frames that are `touching` `[T]` a tenth of that is left. Raises `AnyfaceError`, or
-        `Cancelled`.
+        In every frame each vertex stays within `tolerance` of its place, in the unit of the shapes.
+        In frames that are `touching` `[T]` only a tenth of that is allowed. Raises `AnyfaceError`,
+        or `Cancelled`.
         """
         weights = np.ascontiguousarray(weights, dtype=np.float32)
         vectors = np.ascontiguousarray(vectors, dtype=np.float32)
@@ -39,7 +39,7 @@ class CurveCalls:
             return self._keys(curves, weights.shape[1])
 
     def few_keys_each(self, values: np.ndarray, limits: np.ndarray) -> list[CurveKeys]:
-        """Keys of the curves of `values` `[T, K]`, each within its own of `limits` `[K]`."""
+        """Few keys for curves `values` `[T, K]`; each curve has its own limit in `limits` `[K]`."""
         values = np.ascontiguousarray(values, dtype=np.float32)
         limits = np.ascontiguousarray(limits, dtype=np.float32)
         arguments = (

@@ -1,4 +1,4 @@
-"""The library's calls about events, and about motion that is weights of shapes."""
+"""Library calls about events, and about motion in the form of shape weights."""
 
 import os
 import re
@@ -16,10 +16,10 @@ _FLOATS = POINTER(c_float)
 
 
 class EventCalls:
-    """What `native.Engine` knows of events and of weights that nobody has to solve."""
+    """The calls of `native.Engine` for events, and for weights that the system makes itself."""
 
     def _events(self, handles: ExitStack, events: list[Asked]):
-        """Events as the library keeps them, or None where there are none."""
+        """The library's handle of the events, or None if there are none."""
         if not events:
             return None
         rows = (Event * len(events))()
@@ -31,7 +31,7 @@ class EventCalls:
         return self._own(handles, "events", "anyface_events_new", rows, len(events))
 
     def _unseen(self, handles: ExitStack, face, motion, events: list[Asked], watch) -> list[str]:
-        """What of a motion and its events this face cannot show, in sentences with their names."""
+        """Sentences that say what this face cannot show of a motion and its named events."""
         arguments = self._handle, face, motion, watch.handle
         notes = self._own(handles, "event_notes", "anyface_event_notes_new", *arguments)
         text = self._library.anyface_event_notes_text
@@ -40,7 +40,7 @@ class EventCalls:
         return shortened(list(dict.fromkeys(_named(note, events) for note in said)))
 
     def _shape_weights(self, motion) -> ShapeWeights | None:
-        """The weights of a motion as the system made them; None where it makes others."""
+        """The shape weights that the system made for a motion; None if it made none."""
         count = self._library.anyface_motion_weight_count(motion)
         if count == 0:
             return None
@@ -52,7 +52,7 @@ class EventCalls:
         return ShapeWeights(names, weights)
 
     def write_weights(self, names: list[str], weights: np.ndarray, path: str, fps: float) -> None:
-        """Writes weights `[T, S]` of shapes as they are, as .csv or .json; `AnyfaceError`."""
+        """Writes shape weights `[T, S]` unchanged as .csv or .json; raises `AnyfaceError`."""
         weights = np.ascontiguousarray(weights, dtype=np.float32)
         texts = (c_char_p * len(names))(*(name.encode() for name in names))
         with ExitStack() as handles:
@@ -64,7 +64,7 @@ class EventCalls:
 
 
 def _named(note: str, events: list[Asked]) -> str:
-    """A sentence of the library, which counts events from 1, with the name of its event."""
+    """Puts the event's name for its number, counted from 1, into a sentence of the library."""
     match = re.match(r"event (\d+) \(.*?\)", note)
     name = events[int(match[1]) - 1].name if match else ""
     return f"the event {name}{note[match.end() :]}" if name else note

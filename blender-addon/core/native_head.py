@@ -18,8 +18,8 @@ FARTHEST = 4.0
 
 @dataclass
 class Recipe:
-    """Which head: that of `seed`, moved by `share` (0 to 1) towards that of `other`. Then `changes`
-    are added to its coordinates along the directions."""
+    """The head of `seed`, moved by `share` (0 to 1) towards the head of `other`. Then
+    `changes` are added to its coordinates along the directions."""
 
     seed: int = 0
     other: int = 0
@@ -30,8 +30,8 @@ class Recipe:
 @dataclass
 class MadeHead:
     """`positions` `[V, 3]` metres (+x subject's left, +y up, +z forward); `faces` `[F, 4]`, skin
-    first, a triangle with its last corner twice; `uv` `[S, 4, 2]` of the skin's faces;
-    `materials` `[F]`, numbers of `material_names`; `landmark_vertices` `[68]`."""
+    first, where a triangle repeats its last corner; `uv` `[S, 4, 2]` of the skin's faces;
+    `materials` `[F]`, indices into `material_names`; `landmark_vertices` `[68]`."""
 
     positions: np.ndarray
     faces: np.ndarray
@@ -47,7 +47,7 @@ class HeadCalls:
     def head_like(
         self, positions, triangles, landmarks, landmark_vertices, progress: Progress
     ) -> tuple[MadeHead, float, float]:
-        """The head that is like a mesh at rest, the mean distance between both (millimetres on a
+        """The head most like a mesh at rest, the mean distance between both (millimetres on a
         head of human size), and metres per unit of the mesh.
 
         The arguments are those of `native.Engine.find`. Raises `AnyfaceError`, also if no head is

@@ -1,4 +1,4 @@
-"""A face that follows a voice: one that is played, in any order, or that of a microphone."""
+"""Faces that follow a voice: a loaded sound, at any time in any order, or a microphone."""
 
 import math
 from contextlib import ExitStack
@@ -15,15 +15,15 @@ _LANDMARKS = 68
 FPS = 25.0
 _RATE_HZ = 16000
 _SAMPLES = round(_RATE_HZ / FPS)
-# After a jump the stream starts so many frames before, which its face needs to be in motion.
+# After a jump the stream starts this many frames early, so that the face is already in motion.
 _WARM_FRAMES = 50
-# A jump ahead of so many frames is heard through, a larger one is a new start.
+# The stream plays through jumps of up to this many frames. After a longer jump it starts anew.
 _MOST_AHEAD = 100
 _FLOATS = POINTER(c_float)
 
 
 class LiveCalls:
-    """The part of the engine that makes faces which follow a voice."""
+    """The calls of `native.Engine` for faces that follow a voice."""
 
     def live(
         self,
@@ -35,7 +35,7 @@ class LiveCalls:
         request: Request,
         progress: Progress,
     ) -> "LiveFace":
-        """A mesh made ready to follow `sound`; the arguments are those of `animate`.
+        """A mesh prepared to follow `sound`; the arguments are those of `animate`.
 
         Raises `AnyfaceError`: "input" for a system that needs the whole sound.
         """
@@ -63,12 +63,12 @@ class LiveCalls:
         request: Request,
         progress: Progress,
     ) -> "ListeningFace":
-        """A mesh made ready to follow a microphone, "" for the system's choice.
+        """A mesh prepared to follow a microphone, "" for the system's choice.
 
-        `look_ahead`: seconds of sound that a frame waits for at most, where the system can do with
-        so little.
+        `look_ahead`: the most seconds of later sound that a frame waits for, if the system can work
+        with so little.
 
-        Raises `AnyfaceError`: "audio" where it cannot be recorded.
+        Raises `AnyfaceError`: "audio" if the microphone cannot be recorded.
         """
         with ExitStack() as handles:
             watch = handles.enter_context(self._watch(progress))
@@ -84,7 +84,7 @@ class LiveCalls:
 class StreamedFace:
     """A face and a stream that moves it. Belongs to one thread; `close` it."""
 
-    # Whether it moves by itself, not by the scene's frame.
+    # Whether it follows a microphone instead of the scene's frame.
     listens = False
 
     def __init__(self, engine, face, vertices: int):
@@ -94,7 +94,7 @@ class StreamedFace:
         self._feels_anew = False
 
     def keep(self, handles: ExitStack) -> None:
-        """Takes over what is freed with this face."""
+        """Takes over handles that are freed together with this face."""
         self._handles = handles
 
     def close(self) -> None:
@@ -103,7 +103,7 @@ class StreamedFace:
         self._handles.close()
 
     def feel(self, strengths) -> None:
-        """The emotion from the frame on that is next asked for: `[15]` strengths.
+        """Sets the emotion from the next requested frame on: `[15]` strengths.
 
         Raises `AnyfaceError`.
         """
@@ -113,7 +113,7 @@ class StreamedFace:
             self._set_emotion()
 
     def _open_stream(self) -> None:
-        """A stream from rest in place of the one before."""
+        """Replaces the stream with a new one that starts from rest."""
         self._streams.close()
         engine = self._engine
         self._stream = engine._own(self._streams, "stream", "anyface_stream_new", engine._handle)
@@ -130,7 +130,7 @@ class StreamedFace:
             self._engine._call("anyface_stream_push", self._stream, row, len(samples))
 
     def _next_row(self) -> np.ndarray | None:
-        """Displacements `[68, 3]` of the next frame, or None until more samples are there."""
+        """Displacements `[68, 3]` of the next frame, or None if it needs more samples."""
         row, count = np.empty((1, _LANDMARKS, 3), dtype=np.float32), c_size_t()
         place = row.ctypes.data_as(_FLOATS)
         self._engine._call("anyface_stream_pull", self._stream, place, 1, byref(count))
@@ -161,14 +161,14 @@ class ListeningFace(StreamedFace):
         super().__init__(engine, face, vertices)
         self._microphone = microphone
         self._displacements = np.zeros((vertices, 3), dtype=np.float32)
-        # What was heard since the recording began; None where none goes on.
+        # The samples since the recording began; None if nothing is being recorded.
         self._recorded: list[np.ndarray] | None = None
         self._recorded_from = 0
         self._open_stream()
         try:
             engine._call("anyface_stream_look_ahead", self._stream, look_ahead)
         except AnyfaceError as error:
-            # A system that cannot do with so little looks as far ahead as it must.
+            # The system cannot look so little ahead: the stream keeps its default.
             if error.kind != "input":
                 raise
         self.delay_s = engine._library.anyface_stream_latency_s(self._stream)
@@ -184,8 +184,8 @@ class ListeningFace(StreamedFace):
         return self._microphone.is_lost
 
     def at(self, _seconds: float = 0.0) -> np.ndarray:
-        """Displacements `[V, 3]` of the mesh after all that was heard; the same array until more
-        is. Raises `AnyfaceError`."""
+        """Displacements `[V, 3]` of the mesh in the newest frame; the same array until the next
+        frame is ready. Raises `AnyfaceError`."""
         samples = self._microphone.read()
         if self._recorded is not None:
             self._recorded.append(samples)
@@ -199,48 +199,48 @@ class ListeningFace(StreamedFace):
 
     @property
     def is_recording(self) -> bool:
-        """Whether what is heard is kept."""
+        """Whether incoming sound is being recorded."""
         return self._recorded is not None
 
     def record(self, frame: int) -> None:
-        """Keeps what is heard from now on; the scene stands at `frame`."""
+        """Records incoming sound from now on; the scene is at `frame`."""
         self._push_samples(self._microphone.read())
         self._recorded, self._recorded_from = [], frame
 
     def drop_recording(self) -> None:
-        """Keeps nothing any more."""
+        """Stops recording and discards the samples."""
         self._recorded = None
 
     def recording(self) -> tuple[Sound, int]:
-        """What was heard since `record`, which goes on, and the frame at which it began."""
+        """The sound since `record` and the frame at which it began; the recording goes on."""
         samples = np.concatenate([np.zeros(0, np.float32), *(self._recorded or [])])
         return Sound(samples, float(_RATE_HZ), "recording"), self._recorded_from
 
 
 class LiveFace(StreamedFace):
-    """A face that follows a voice of which all is there."""
+    """A face that follows a voice whose samples are all loaded."""
 
     def __init__(self, engine, face, vertices: int, samples: np.ndarray):
         super().__init__(engine, face, vertices)
         self._samples = samples
-        # Numbers of the frames that `_rows` ends with, and of the sample that is pushed next.
+        # The next frame of the stream, its first frame, and the next sample to push.
         self._next = self._first = self._pushed = 0
         self._ended = False
-        # The instant that was asked for last.
+        # The time that was last requested, in seconds of the voice.
         self._shown_s = -1.0
         self._rows = np.zeros((2, _LANDMARKS, 3), dtype=np.float32)
 
     def at(self, seconds: float) -> np.ndarray:
-        """Displacements `[V, 3]` of the mesh, in its own units, at an instant of the voice.
+        """Displacements `[V, 3]` of the mesh, in its own units, `seconds` into the voice.
 
-        At rest before it begins and after it has ended. Raises `AnyfaceError`.
+        The mesh is at rest before the voice begins and after it has ended. Raises `AnyfaceError`.
         """
         frame = math.floor(seconds * FPS)
         if frame < 0 or frame >= len(self._samples) / _SAMPLES:
             return np.zeros((self._vertices, 3), dtype=np.float32)
         # The last two rows are those of the frames `_next - 2` and `_next - 1`.
         is_behind = frame + 2 < self._next
-        # What stands still and feels anew shows it where it is.
+        # The time has not changed but the emotion has: compute this frame again.
         if seconds == self._shown_s and self._feels_anew:
             is_behind = True
         self._shown_s, self._feels_anew = seconds, False
@@ -252,9 +252,9 @@ class LiveFace(StreamedFace):
         return self._moved(row)
 
     def start(self, frame: int) -> None:
-        """Hears the voice from the sound of `frame` on, with a face at rest."""
+        """Starts the stream at the sound of `frame`, with the face at rest."""
         self._open_stream()
-        # Who chooses a sound wants to see all of it.
+        # An artist who picks a sound expects all of it to move the face, music and noise too.
         self._engine._call("anyface_stream_hear_all", self._stream)
         self._next = self._first = frame
         self._pushed = frame * _SAMPLES
@@ -262,7 +262,7 @@ class LiveFace(StreamedFace):
         self._rows[:] = 0.0
 
     def _pull(self, end: int) -> None:
-        """Hears on until the rows are those of the frames `end - 2` and `end - 1`."""
+        """Feeds the stream until `_rows` holds the frames `end - 2` and `end - 1`."""
         late_s = self._engine._library.anyface_stream_latency_s(self._stream)
         while self._next < end:
             needed = (self._next + 1) * _SAMPLES + math.ceil(late_s * _RATE_HZ)

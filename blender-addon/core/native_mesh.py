@@ -1,4 +1,4 @@
-"""The library's calls about meshes: from arrays, from polygons, from files."""
+"""Library calls about meshes: from arrays, from polygons, from files."""
 
 import os
 from contextlib import ExitStack
@@ -10,7 +10,7 @@ _FLOATS, _INDICES = POINTER(c_float), POINTER(c_uint32)
 
 
 class MeshCalls:
-    """What `native.Engine` knows of meshes."""
+    """The calls of `native.Engine` for meshes."""
 
     def read_mesh(self, path: str) -> tuple[np.ndarray, np.ndarray]:
         """Positions `[V, 3]` float32 and triangles `[F, 3]` uint32 of an OBJ, PLY or GLB file.
@@ -22,8 +22,9 @@ class MeshCalls:
             return self._arrays(mesh)
 
     def triangulate(self, positions, sizes, corners) -> tuple[np.ndarray, np.ndarray]:
-        """The same arrays of a mesh whose polygons have `sizes` `[P]` corners, all in a row.
+        """Positions and triangles, as of `read_mesh`, of a mesh that is made of polygons.
 
+        `sizes` `[P]` counts the corners of each; `corners` lists those of all in a row.
         Raises `AnyfaceError("mesh")`.
         """
         positions = np.ascontiguousarray(positions, dtype=np.float32)

@@ -1,4 +1,4 @@
-"""The library's calls about lips, or lids and eyes, that are one surface: cutting them apart."""
+"""Library calls that cut lips apart, or eyes from their lids, where they are one surface."""
 
 from contextlib import ExitStack
 from ctypes import POINTER, c_float, c_uint32
@@ -12,17 +12,17 @@ _FLOATS, _INDICES = POINTER(c_float), POINTER(c_uint32)
 
 
 class OpeningCalls:
-    """What `native.Engine` knows of faces that are cut open."""
+    """The calls of `native.Engine` that cut faces open."""
 
     def open_mouth(self, positions, triangles, *marks_and_progress) -> OpenedFace:
-        """Parts the lips of a mesh and sews the inside of a mouth behind them; tries it once.
+        """Parts the lips of a mesh and sews the inside of a mouth behind them; opens it as a test.
 
         The arguments are those of `native.Engine.find`. Raises `AnyfaceError`, or `Cancelled`.
         """
         return self._open("anyface_open_mouth", positions, triangles, *marks_and_progress)
 
     def open_eyes(self, positions, triangles, *marks_and_progress) -> OpenedFace:
-        """Cuts free eyes that are one surface with their lids; lets them blink once.
+        """Cuts free eyes that are one surface with their lids; lets them blink as a test.
 
         The arguments are those of `native.Engine.find`. Raises `AnyfaceError`, or `Cancelled`.
         """

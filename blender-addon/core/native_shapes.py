@@ -1,4 +1,4 @@
-"""The library's calls about shapes: a rig of any face, weights of shapes from motion."""
+"""Library calls about shapes: a rig for any face, and shape weights solved from motion."""
 
 import os
 import weakref
@@ -14,7 +14,7 @@ _FLOATS = POINTER(c_float)
 
 
 class ShapeCalls:
-    """What `native.Engine` knows of shapes."""
+    """The calls of `native.Engine` for shapes."""
 
     def rig(
         self,
@@ -31,9 +31,9 @@ class ShapeCalls:
         """The ARKit shapes and visemes of a mesh that faces -Y with +Z up, in any units.
 
         The arguments are those of `native.Engine.find`. With `path` the rig is also written there,
-        as .npz or .vrm, an avatar, which keeps what the mesh's file `source` has. Raises
-        `AnyfaceError`, "input" also where no head of the model is like the face `by` whose field
-        the shapes are to move; `Cancelled`.
+        as .npz or as a .vrm avatar, which keeps everything else in `source`, the mesh's file.
+        Raises `AnyfaceError`, with "input" also if `by` asks for the field of a head and no head
+        of the model is like the face; or `Cancelled`.
         """
         with ExitStack() as handles:
             watch = handles.enter_context(self._watch(progress))
@@ -68,7 +68,7 @@ class ShapeCalls:
         path: str,
         progress: Progress,
     ) -> None:
-        """Writes a clip of a mesh on its ARKit shapes: .glb, .usda, or .vrma, which moves avatars.
+        """Writes a clip as weights of its mesh's ARKit shapes: .glb, .usda, or .vrma for avatars.
 
         The other arguments and errors are those of `rig`.
         """
@@ -92,8 +92,9 @@ class ShapeCalls:
     ) -> Solved:
         """Weights `[T, S]` of the shapes `vectors` `[S, V, 3]` for the motion `moved` `[T, V, 3]`.
 
-        Where that brings vertices `lips` `[N, 2]` of the upper and the lower lip together, the
-        shapes do so as well as they can. With `path` they are also written there, as .csv or .json.
+        `lips` `[N, 2]` are pairs of vertices of the upper and the lower lip. Where the motion
+        brings a pair together, the shapes do so as well as they can. With `path` the weights are
+        also written there, as .csv or .json.
         """
         moved = np.ascontiguousarray(moved, dtype=np.float32)
         motion = (moved.ctypes.data_as(_FLOATS), len(moved), moved.shape[1])
@@ -119,11 +120,11 @@ class ShapeCalls:
 
 
 class Clip:
-    """A clip of `T` frames that lies in the library until nobody needs it, so that weights of
-    shapes are solved on it without a copy."""
+    """A clip of `T` frames that stays in the library as long as this object lives. Shape weights
+    are solved on it there, without a copy."""
 
     def __init__(self, engine, handle):
-        """Takes over the handle; `close` frees it before nobody needs it any more."""
+        """Takes over the handle and frees it with this object; `close` frees it earlier."""
         self._engine, self._handle, library = engine, handle, engine._library
         frames, vertices = library.anyface_clip_frame_count, library.anyface_clip_vertex_count
         self.shape = frames(handle), vertices(handle), 3
@@ -134,7 +135,7 @@ class Clip:
         return self._handle
 
     def displacements(self) -> np.ndarray:
-        """A copy of all displacements `[T, V, 3]`, in the frame in which the mesh was given."""
+        """A copy of all displacements `[T, V, 3]`, in the space in which the mesh was given."""
         moved = np.empty(self.shape, dtype=np.float32)
         self._engine._copy("anyface_clip_copy_displacements", self, moved)
         return moved
@@ -149,9 +150,9 @@ class Clip:
         path: str = "",
         fps: float = 0.0,
     ) -> Solved:
-        """As `ShapeCalls.solve`, with the motion of the first vertices of this clip.
+        """As `ShapeCalls.solve`, for the motion of the clip's first `V` vertices.
 
-        `way` `[3, 3]` leads displacements of the clip to the frame of the shapes.
+        `way` `[3, 3]` takes displacements of the clip into the space of the shapes.
         """
         same = np.array_equal(way, np.eye(3))
         turned = None if same else np.ascontiguousarray(way, np.float32).ctypes.data_as(_FLOATS)

@@ -1,4 +1,4 @@
-"""The library's calls about what is heard, and about a stretch of motion."""
+"""Library calls about sounds of speech, and about a stretch of motion."""
 
 import os
 import tempfile
@@ -20,12 +20,12 @@ MOUTHS = ("rhubarb", "preston-blair")
 
 
 class SoundCalls:
-    """What `native.Engine` knows of sounds of speech."""
+    """The calls of `native.Engine` for sounds of speech."""
 
     def listen(self, sound: Sound) -> np.ndarray:
-        """Where the lips are heard to be together for p, b and m, `[N, 2]`: start and end.
+        """Hears when the lips are closed for p, b and m: `[N, 2]`, start and end in seconds.
 
-        In seconds. Raises `AnyfaceError`.
+        Raises `AnyfaceError`.
         """
         with ExitStack() as handles:
             audio = self._audio(handles, sound)
@@ -35,7 +35,7 @@ class SoundCalls:
     def listen_to_words(
         self, sound: Sound, text: str
     ) -> tuple[np.ndarray, list[tuple[float, float, str]]]:
-        """The same, and start, end in seconds and label of each word of the text that is said."""
+        """As `listen`, and start and end in seconds and label of each word of `text`."""
         with ExitStack() as handles:
             arguments = self._handle, self._audio(handles, sound), text.encode()
             sounds = self._own(handles, "sounds", "anyface_sounds_new_with_text", *arguments)
@@ -58,14 +58,14 @@ class SoundCalls:
         vowel_hold: int = 0,
         text: str = "",
     ) -> list[tuple[float, float, str]]:
-        """Start, end in seconds and name of each drawn mouth of a take, one after the other.
+        """The drawn mouths of a take in order: start and end in seconds, and name of each.
 
-        `mouths` is one of `MOUTHS`; they change at every `on` frames, and each stands for `hold`
-        frames or longer, lips that close for p, b and m `closure_hold` and mouths of vowels
-        `vowel_hold` where these are not 0. `text` are the words that are said, where they are
-        known. Lips close in the closures of the request, where it has any. With `path` the chart
-        is also written there, as `write_sounds` does. The rest as for `native.Engine.animate`.
-        Raises `AnyfaceError`, or `Cancelled`.
+        `mouths` is one of `MOUTHS`. A mouth may change only at every `on`-th frame and stays for
+        `hold` frames or longer. `closure_hold` is the same for lips that close for p, b and m,
+        `vowel_hold` for the mouths of vowels; 0 stands for `hold`. `text` holds the spoken words
+        if they are known. If the request has closures, the lips close in those. With `path` the
+        chart is also written there, as by `write_sounds`. The other arguments are those of
+        `native.Engine.animate`. Raises `AnyfaceError`, or `Cancelled`.
         """
         if mouths not in MOUTHS:
             known = " or ".join(MOUTHS)
@@ -86,13 +86,13 @@ class SoundCalls:
             return self._intervals(drawn, _MOUTHS)
 
     def _mended(self, handles, said, request: Request):
-        """The phones of `said` with the closures of a request instead; None where nothing is
-        left."""
+        """The phones of `said`, with the closures of a request in place of those that close lips;
+        None if no interval is left."""
         rows = [(*ends, "m") for ends in request.closures.tolist()]
         for start_s, end_s, phone in self._intervals(said, _PHONES):
             if self.closes_lips(phone):
                 continue
-            # Intervals of a tier do not overlap.
+            # Phones make room for closures: the intervals of a tier must not overlap.
             after = [b for a, b, _ in rows if a <= start_s < b]
             until = [a for a, _, _ in rows if start_s < a < end_s]
             start_s, end_s = max([start_s, *after]), min([end_s, *until])
@@ -117,7 +117,7 @@ class SoundCalls:
         return [(*ends, text) for ends, text in zip(times.tolist(), labels, strict=True)]
 
     def read_sounds(self, path: str, fps: float) -> np.ndarray:
-        """The same of a file of another tool; `fps` is what frames of .dat count."""
+        """Closures as of `listen`, from a file of another tool; .dat counts frames at `fps`."""
         with ExitStack() as handles:
             arguments = os.fsencode(path), fps
             return self._closures(self._own(handles, "sounds", "anyface_sounds_read", *arguments))
@@ -125,13 +125,13 @@ class SoundCalls:
     def write_sounds(
         self, path: str, labelled: list[tuple[float, float, str]], duration_s: float, fps: float
     ) -> None:
-        """Writes start, end in seconds and label of each interval as a file of another tool.
+        """Writes start and end in seconds and label of each interval to a file for another tool.
 
-        Its ending names the kind; `fps` is what frames of .pgo and .dat count.
+        The ending of `path` selects the kind of file; .pgo and .dat count frames at `fps`.
         """
         rows = [f"{start_s:.6f} {end_s:.6f} {label}" for start_s, end_s, label in labelled]
         if labelled and not path.lower().endswith(".txt"):
-            # A label without a length says where the sound ends.
+            # A label of zero length marks the end of the sound.
             rows.append(f"{duration_s:.6f} {duration_s:.6f} {labelled[-1][2]}")
         with tempfile.TemporaryDirectory() as folder, ExitStack() as handles:
             lines = os.path.join(folder, "sounds.txt")
@@ -162,7 +162,7 @@ class SoundCalls:
         progress: Progress,
         rows: range,
     ) -> Animation:
-        """The displacements of some frames of `native.Engine.animate`, and life there."""
+        """Displacements, head, gaze and tongue of the frames `rows` of `native.Engine.animate`."""
         with ExitStack() as handles:
             watch = handles.enter_context(self._watch(progress))
             marks = landmarks, landmark_vertices
@@ -185,7 +185,7 @@ class SoundCalls:
         return animation
 
     def _stretch_of_weights(self, handles, arguments, weights, rows: range) -> Animation:
-        """The same of weights, which move the mesh as a whole before frames are taken."""
+        """The same for motion that is weights: moves the mesh in all frames, then takes `rows`."""
         face, spoken = arguments
         clip = Clip(self, self._make("anyface_clip_new", self._handle, face, spoken, None))
         handles.callback(clip.close)

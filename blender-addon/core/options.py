@@ -1,5 +1,5 @@
-"""Words and options of the command: of Blender's `--command anyface`, of `python -m anyface_batch`
-and of the rows of a jobs file.
+"""Tasks and options of Blender's `--command anyface`, of `python -m anyface_batch` and of the rows
+of a jobs file.
 """
 
 import argparse
@@ -9,7 +9,10 @@ from . import systems
 
 
 def parser(program: str, modes: str = "") -> argparse.ArgumentParser:
-    """All tasks; a wrong command line ends in `SystemExit` with code 2. `modes` is help."""
+    """The parser of all tasks; `modes` is the help text of `--mode`.
+
+    A wrong command line raises `SystemExit` with code 2.
+    """
     top = argparse.ArgumentParser(prog=program, description="Makes faces talk.")
     tasks = top.add_subparsers(dest="task", required=True)
     for name, (text, add, saves) in _TASKS.items():
@@ -37,7 +40,7 @@ def real(text: str) -> float:
 
 
 def rows(text: str) -> range:
-    """Rows `A-B`, or a single one, from 1; raises `argparse.ArgumentTypeError`."""
+    """Rows `A-B` or a single row, counted from 1; raises `argparse.ArgumentTypeError`."""
     first, dash, last = text.partition("-")
     try:
         numbers = range(int(first), int(last if dash else first) + 1)
@@ -49,9 +52,9 @@ def rows(text: str) -> range:
 
 
 def step_parser(task: str) -> argparse.ArgumentParser:
-    """The options of one task as a row of a jobs file gives them: no file, nothing to save.
+    """The parser of one task in a row of a jobs file, without the file to open or save.
 
-    A wrong one raises `argparse.ArgumentError`.
+    A wrong option raises `argparse.ArgumentError`.
     """
     step = _Step(prog=task, exit_on_error=False, add_help=False)
     _TASKS[task][1](step, "")
@@ -60,10 +63,10 @@ def step_parser(task: str) -> argparse.ArgumentParser:
 
 
 class _Step(argparse.ArgumentParser):
-    """A parser that ends nothing."""
+    """A parser that raises errors and never ends the process."""
 
     def error(self, message):
-        """Raises what is wrong."""
+        """Raises `argparse.ArgumentError` with the message."""
         raise argparse.ArgumentError(None, message)
 
 
@@ -98,7 +101,7 @@ def _add_bake(task: argparse.ArgumentParser, modes: str) -> None:
 
 
 def _add_controls(task: argparse.ArgumentParser) -> None:
-    """What turns speech into motion, and its controls as the library tells of them."""
+    """Adds the choice of system and an option for each control that the library lists."""
     task.add_argument("--system", choices=[system.name for system in systems.known()] or None)
     kinds = {systems.REAL: {"type": real}, systems.WHOLE: {"type": int}}
     for control in systems.controls():
@@ -123,7 +126,7 @@ def _add_rig(task: argparse.ArgumentParser, _modes: str) -> None:
 
 
 def _add_landmarks(task: argparse.ArgumentParser, _modes: str) -> None:
-    """Options of the search; what is found is stored on the object."""
+    """Options of the search; the landmarks are stored on the object."""
     _add_face(task)
     task.add_argument("--out", metavar="FILE", help="write the landmarks as JSON")
 
@@ -170,7 +173,7 @@ def add_batch(task: argparse.ArgumentParser) -> None:
 
 
 def _add_export(task: argparse.ArgumentParser) -> None:
-    """Options of a batch that the engine of a farm runs, --chunk of its rows a task."""
+    """Options of a batch that a farm's engine runs, with `--chunk` rows in each task."""
     export = task.add_argument_group("export", "what a farm's engine runs, instead of running it")
     export.add_argument("--export", choices=("flamenco", "openjd", "slurm", "opencue"))
     export.add_argument("--out", metavar="FOLDER", help="where; default: beside the jobs file")
@@ -180,7 +183,7 @@ def _add_export(task: argparse.ArgumentParser) -> None:
     export.add_argument("--cores", type=int, metavar="N", help="of a task")
 
 
-# What may be done with one open file: help, what adds the options, whether it must be saved.
+# Tasks on one open file: help, the function that adds options, whether --save is required.
 _TASKS = {
     "bake": ("animate one face and save the file", _add_bake, True),
     "rig": ("give a face the 52 ARKit shapes as keys, and save the file", _add_rig, True),

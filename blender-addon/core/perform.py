@@ -1,4 +1,4 @@
-"""The whole way of one character: snapshot in, take out. Runs in a worker thread."""
+"""Turns the snapshot of one character into a take. Runs in a worker thread."""
 
 from collections.abc import Callable
 from dataclasses import replace
@@ -18,7 +18,7 @@ def perform(
 ) -> Take:
     """Animates `face` and returns the take in object space.
 
-    `animate` is `native.Engine.animate`, or what stands in for it in a test.
+    `animate` is `native.Engine.animate`, or its replacement in a test.
     """
     verdict.check_sound(sound)
     space = face.space
@@ -33,7 +33,7 @@ def perform(
     motion = animation.basis
     if motion is not None and animation.landmarks is not None and request.named_keys:
         tongue = animation.life.tongue if animation.life is not None else None
-        # In the frame in which the library saw the face.
+        # The names need positions in the space in which the library saw the face.
         positions, *_ = space.to_library(face)
         basis_names.arrange(motion, positions, animation.landmarks.neutral, tongue)
     if animation.clip is not None:
@@ -47,7 +47,7 @@ def perform(
     take.shape_weights, take.notes = animation.shape_weights, animation.notes
     take.heard_emotion = animation.heard_emotion
     take.mouth, take.lids = animation.mouth, animation.lids
-    # How long a unit of the object is in units of the mesh that the library saw.
+    # Object units in one unit of the mesh that the library saw.
     scale = abs(float(np.linalg.det(space.back.astype(np.float64)))) ** (1.0 / 3.0)
     if animation.landmarks is not None:
         take.opening = sparse.opening(animation.landmarks, animation.unit_mm)

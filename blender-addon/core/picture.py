@@ -6,13 +6,13 @@ from dataclasses import dataclass
 
 import numpy as np
 
-# So many samples a pixel has along each axis.
+# Samples of a pixel along each axis.
 _SAMPLES = 2
 _SKIN = np.array([0.87, 0.69, 0.60])
-# Where light comes from, +x to the right, +y up, +z to the viewer; and how bright each is.
+# Directions of the lights (+x to the right, +y up, +z to the viewer) and their brightness.
 _LIGHTS = ((np.array([-0.45, 0.55, 0.70]), 0.72), (np.array([0.8, -0.1, 0.6]), 0.22))
 _AMBIENT, _BACK = 0.16, 0.12
-# Triangles reach so far beyond their edges that no sample between two of them is missed.
+# Triangles reach this far beyond their edges, so that no sample between two of them is missed.
 _EDGE = -1e-5
 
 
@@ -28,8 +28,8 @@ class View:
 def draw(points: np.ndarray, triangles: np.ndarray, view: View, size: int = 128) -> np.ndarray:
     """A picture `[size, size, 4]` uint8 of a smooth mesh, its background transparent.
 
-    `points` `[V, 3]`, +x to the right, +y up, +z to the viewer; `triangles` `[F, 3]`. What is seen
-    from behind, as the inside of a mouth, is dark.
+    `points` `[V, 3]`, +x to the right, +y up, +z to the viewer; `triangles` `[F, 3]`. Surfaces
+    seen from behind, such as the inside of a mouth, are dark.
     """
     points, triangles = np.asarray(points, np.float32), np.asarray(triangles, np.int64)
     side = _SAMPLES * size
@@ -54,7 +54,7 @@ def draw(points: np.ndarray, triangles: np.ndarray, view: View, size: int = 128)
 
 
 def _reaches(samples, triangles, free, side: int) -> np.ndarray:
-    """Whether the box about each triangle holds one of the samples that are `free`."""
+    """Whether the bounding box of each triangle holds a sample that is `free`."""
     sums = np.zeros((side + 1, side + 1), dtype=np.int32)
     sums[1:, 1:] = free.reshape(side, side).cumsum(axis=0).cumsum(axis=1)
     (left, wide), (low, tall) = (_span(*samples[triangles, axis].T, side) for axis in (0, 1))
@@ -63,8 +63,8 @@ def _reaches(samples, triangles, free, side: int) -> np.ndarray:
 
 
 def _cover(samples, triangles, side: int):
-    """Which samples `[N]` are covered, by which triangle `[N]` in front of all, and the shares
-    `[N, 3]` of its corners; `samples` `[V, 3]` are points in samples, and their depth."""
+    """The covered samples `[N]`, the frontmost triangle `[N]` at each, and the shares `[N, 3]` of
+    its corners. `samples` `[V, 3]` are points: x and y in samples, and depth."""
     (ax, ay, az), (bx, by, bz), (cx, cy, cz) = (samples[triangles[:, k]].T for k in range(3))
     left, wide = _span(ax, bx, cx, side)
     low, tall = _span(ay, by, cy, side)
@@ -74,7 +74,7 @@ def _cover(samples, triangles, side: int):
     row, column = np.divmod(at.astype(np.int32), wide[owners])
     x, y = left[owners] + column, low[owners] + row
     area = (bx - ax) * (cy - ay) - (by - ay) * (cx - ax)
-    # One seen from its edge covers nothing.
+    # A triangle seen edge-on covers nothing.
     scale = np.divide(1.0, area, out=np.full_like(area, np.nan), where=np.abs(area) > 1e-9)
     px, py = x - ax[owners], y - ay[owners]
     second = px * ((cy - ay) * scale)[owners] - py * ((cx - ax) * scale)[owners]
@@ -86,7 +86,7 @@ def _cover(samples, triangles, side: int):
     depth = first * az[owners] + second * bz[owners] + third * cz[owners]
     order = np.argsort(depth, kind="stable")
     front = np.full(side * side, -1, dtype=np.int64)
-    # Of several that are written to one place the last stays.
+    # Of several values written to one place the last one stays, which is the one in front.
     front[pixels[order]] = order
     covered = np.flatnonzero(front >= 0)
     front_triangles = front[covered]
@@ -98,7 +98,7 @@ def _cover(samples, triangles, side: int):
 
 
 def _span(a, b, c, side: int):
-    """The first sample of triangles along an axis and how many there are, `[F]` int32."""
+    """The first sample of each triangle along an axis, and its number of samples, `[F]` int32."""
     first = np.ceil(np.minimum(np.minimum(a, b), c)).clip(0, side)
     last = np.floor(np.maximum(np.maximum(a, b), c)).clip(-1, side - 1)
     return first.astype(np.int32), np.maximum(last - first + 1, 0).astype(np.int32)
@@ -109,7 +109,7 @@ def _normals(points, triangles):
     whether the viewer sees its outside (above 0) or its inside."""
     a, b, c = (points[triangles[:, k]] for k in range(3))
     areas = np.cross(b - a, c - a)
-    # The volume of a mesh is below 0 where its faces look inwards.
+    # The volume of a mesh is negative if its faces look inwards.
     depths = (a[:, 2] + b[:, 2] + c[:, 2]) / 3.0
     volume = float((areas[:, 2] * (depths - depths.mean())).sum())
     areas *= -1.0 if volume < 0.0 else 1.0

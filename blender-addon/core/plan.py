@@ -1,4 +1,4 @@
-"""What is done with a take in the worker thread, once the face has moved and before it is written.
+"""Finishes a take in the worker thread, after the face has moved and before the take is written.
 
 Runs after `core.perform`, without Blender.
 """
@@ -26,28 +26,28 @@ from .take import (
     WrittenFile,
 )
 
-# Below this share of the motion nobody sees that the artist's keys speak.
+# If the artist's keys leave out more than this share of the motion, nobody sees them speak.
 _LARGEST_LEFT_OUT = 0.97
 
 
 class Plan:
-    """The take is written as it is. Other plans put another motion in place of its frames, which
-    stay in the library where a plan `keeps_clip`."""
+    """Writes the take as it is. Other plans replace its frames with another motion; if a plan
+    `keeps_clip`, the frames stay in the library."""
 
     keeps_clip = False
 
     def finish(self, face: FaceMesh, take: Take, engine, progress: Progress) -> Take:
-        """The take as it is to be written; raises `AnyfaceError`, or `Cancelled`."""
+        """The take in the form that is written; raises `AnyfaceError`, or `Cancelled`."""
         return take
 
     def moves(self, take: Take) -> np.ndarray | None:
-        """What the weights of a finished take move, `[K, V, 3]`; None where it has none."""
+        """The vectors `[K, V, 3]` that a finished take's weights move; None without weights."""
         weights = getattr(take.motion, "weights", None)
         return take.motion.vectors if weights is not None else None
 
 
 class PackSliders(Plan):
-    """What the sliders of a basis change is packed, to be kept with the take."""
+    """Packs the changes that the sliders of a basis make, to keep them with the take."""
 
     def finish(self, face, take, engine, progress):
         if take.motion.sliders:
@@ -57,7 +57,7 @@ class PackSliders(Plan):
 
 @dataclass
 class WriteCaches(Plan):
-    """Point caches at `paths`, by object, that come out of rest within `ease` frames."""
+    """Writes point caches to `paths`, by object; `ease` frames lead from rest and back to it."""
 
     paths: dict[str, str]
     ease: int
@@ -76,7 +76,7 @@ class WriteCaches(Plan):
 
 @contextmanager
 def all_or_none(files: list[WrittenFile]):
-    """Where one of the files of a take cannot be written, those before it go."""
+    """If one file of a take cannot be written, deletes those that were written before it."""
     try:
         yield
     except BaseException:
@@ -85,7 +85,7 @@ def all_or_none(files: list[WrittenFile]):
 
 
 def put(file: WrittenFile) -> None:
-    """Puts a file that waits in its place; what lay there waits from now on."""
+    """Moves a waiting file to its path; a file that was there is kept at `earlier`."""
     path = Path(file.path)
     if path.exists():
         earlier = path.with_name(f".{path.stem}.{uuid.uuid4().hex[:8]}.before{path.suffix}")
@@ -96,7 +96,7 @@ def put(file: WrittenFile) -> None:
 
 
 def take_back(files: list[WrittenFile]) -> None:
-    """The files of a take that nobody wants go; what lay in their places lies there again."""
+    """Deletes the files of an unwanted take and puts the earlier files back in their places."""
     for file in files:
         Path(file.waits or file.path).unlink(missing_ok=True)
         if file.earlier:
@@ -105,7 +105,7 @@ def take_back(files: list[WrittenFile]) -> None:
 
 
 def settle(files: list[WrittenFile]) -> None:
-    """The files of a take are in use: what lay in their places goes."""
+    """Deletes the earlier files, because the files of the take are in use now."""
     for file in files:
         if file.earlier:
             Path(file.earlier).unlink(missing_ok=True)
@@ -114,9 +114,9 @@ def settle(files: list[WrittenFile]) -> None:
 
 @dataclass
 class SolveKeys(Plan):
-    """Weights of the artist's `keys` `[K]`, whose displacements are `vectors` `[K, V, 3]` in object
-    space; at weight 1 of a shape of `shapes` `[S]` they stand at `factors` `[S, K]`.
-    `shown` is the shape that each shows most of."""
+    """Finds weights of the artist's `keys` `[K]`, whose displacements in object space are `vectors`
+    `[K, V, 3]`. At weight 1 of each of `shapes` `[S]` the keys have the values `factors` `[S, K]`.
+    `shown` maps each key to the shape that it shows most of."""
 
     shapes: list[str]
     keys: list[str]
@@ -126,7 +126,7 @@ class SolveKeys(Plan):
     keeps_clip = True
 
     def finish(self, face, take, engine, progress):
-        # Existing keys are those of the face; objects beside it have others.
+        # The keys are those of the face's own object; objects beside it have other keys.
         vectors = np.tensordot(self.factors, self.vectors, axes=1).astype(np.float32)
         solved = as_made(take, self.shapes)
         if solved is None:
@@ -151,8 +151,8 @@ class SolveKeys(Plan):
 
 
 def _solved(face, take: Take, engine, names, vectors, progress: Progress, path: str = "") -> Solved:
-    """Weights of the shapes `vectors` `[S, V, 3]` of a face in object space, on the clip where the
-    take has one; with `path` they are written there."""
+    """Solves weights of the shapes `vectors` `[S, V, 3]` of a face, in object space. Uses the clip
+    if the take has one. With `path` the weights are also written there."""
     motion = take.motion
     face_found = finding.find(face, {}, engine.find, progress)
     shapes = names, vectors, face_found.lips(vectors.shape[1])
@@ -163,7 +163,7 @@ def _solved(face, take: Take, engine, names, vectors, progress: Progress, path: 
 
 
 def as_made(take: Take, shapes: list[str]) -> Solved | None:
-    """The weights of `shapes` where the system made them; None where it made none of these."""
+    """The weights of `shapes` that the system made itself; None if it made none of these."""
     weights = take.shape_weights
     if weights is None or not set(shapes) & set(weights.names):
         return None
@@ -171,7 +171,7 @@ def as_made(take: Take, shapes: list[str]) -> Solved | None:
 
 
 def by_key(shapes: list[str], keys: list[str], factors: np.ndarray) -> dict[str, dict[str, float]]:
-    """Where each of `keys` `[K]` stands at weight 1 of those of `shapes` `[S]` that it shows."""
+    """The value of each of `keys` `[K]` at weight 1 of each of `shapes` `[S]` that it shows."""
     columns = zip(keys, factors.T, strict=True)
     rows = {key: zip(shapes, column, strict=True) for key, column in columns}
     return {key: {shape: float(f) for shape, f in row if f} for key, row in rows.items()}
@@ -179,7 +179,7 @@ def by_key(shapes: list[str], keys: list[str], factors: np.ndarray) -> dict[str,
 
 @dataclass
 class MakeKeys(Plan):
-    """The ARKit shapes and their weights; with `visemes` these shapes too, without weights."""
+    """Makes keys of the ARKit shapes, with weights; with `visemes` those too, without weights."""
 
     visemes: bool
     keeps_clip = True
@@ -198,7 +198,7 @@ class MakeKeys(Plan):
 
 @dataclass
 class WriteTable(Plan):
-    """Weights of the ARKit shapes as a table for the object `name`, which waits beside `path`."""
+    """Writes a table of ARKit weights for the object `name`; the file waits beside `path`."""
 
     name: str
     path: str

@@ -3,10 +3,10 @@
 import numpy as np
 
 _BACK, _GRID = (0.11, 0.11, 0.12), 0.24
-# Half of a line, in pixels, and over how many its edge fades.
+# Half the width of a line, and the width in which its edge fades, in pixels.
 _HALF, _EDGE = 1.1, 1.0
 _MARGIN = 6
-# Lines in between, of which the middle one says 0.5.
+# Values of the grid lines.
 _LEVELS = (0.25, 0.5, 0.75)
 
 
@@ -15,8 +15,8 @@ def draw(
 ) -> np.ndarray:
     """A picture `[size, size, 4]` uint8, the top row first, of values 0 to 1 over time.
 
-    `times` `[N]` rise; each curve is its values `[N]` and its colour, 0 to 1. The last one lies
-    over the others. A sound of one instant is a level line.
+    `times` `[N]` are in rising order; each curve is a pair of values `[N]` and colour, 0 to 1. The
+    last curve is drawn over the others. A sound of a single instant gives a level line.
     """
     pixels = np.empty((size, size, 3))
     pixels[:] = _BACK
@@ -30,7 +30,7 @@ def draw(
     rows = columns[:, None]
     for values, colour in curves:
         height = _MARGIN + (1.0 - np.clip(np.interp(at, times, values), 0.0, 1.0)) * side
-        # Steep parts of a line are as wide as level ones.
+        # Makes steep parts of a line as wide as level ones.
         slope = np.gradient(height)
         away = np.abs(rows - height) / np.sqrt(1.0 + slope**2)
         share = np.clip((_HALF + _EDGE - away) / _EDGE, 0.0, 1.0) * inside

@@ -1,4 +1,4 @@
-"""Every emotion drawn on a face: what it does to the mesh in silence, as small pictures on disk."""
+"""Small pictures on disk that show a face in every emotion, without speech."""
 
 import contextlib
 import hashlib
@@ -15,18 +15,20 @@ from .emotion import EMOTIONS, Share, mix
 from .job import Progress
 from .take import FaceMesh, Request, Sound
 
-# An emotion lasts so many seconds, its picture is taken in the middle. A take has a frame a second.
+# Each emotion lasts this many seconds; its picture shows the middle. The take has one frame per
+# second.
 _HOLD_S = 2
 _RATE_HZ = 16000
 _THREADS = 4
-# Other ways of drawing have other numbers.
+# A new way of drawing needs a new number, so that older pictures are not reused.
 _VERSION = 1
-# Sets of pictures that are kept, the latest ones.
+# How many sets of pictures are kept: the latest ones.
 _KEPT = 60
-# Chin and brows among the landmarks, and what a picture shows around them.
+# Landmarks of chin and brows. In heights between them: how far the centre of a picture is raised,
+# and half of its side.
 _CHIN, _BROWS = 8, slice(17, 27)
 _ABOVE, _AROUND = 0.08, 0.70
-# What moves a face beside its emotion.
+# Controls that move a face beside its emotion; the pictures set them to 0.
 STILL = (
     "blinks_per_minute", "head_motion", "gaze", "breath", "variety", "brow_accents", "noise",
 )  # fmt: skip
@@ -34,9 +36,9 @@ STILL = (
 
 @dataclass
 class Portraits:
-    """The pictures of one face at an intensity, made once; `work` needs nothing of Blender.
+    """The pictures of one face at an intensity, drawn only once; `work` does not need Blender.
 
-    `controls` are numbers by name, as in `Request`; the pictures lie in a folder of their own below
+    `controls` are numbers by name, as in `Request`. The pictures have a folder of their own in
     `cache`.
     """
 
@@ -68,11 +70,11 @@ class Portraits:
 
     @property
     def are_drawn(self) -> bool:
-        """True where all pictures lie there."""
+        """True if all pictures exist."""
         return all(path_of(self.folder, name).is_file() for name in EMOTIONS)
 
     def work(self, progress: Progress) -> Path:
-        """Draws what is not there yet and returns the folder; raises `AnyfaceError`."""
+        """Draws the pictures unless all exist; returns the folder. Raises `AnyfaceError`."""
         if not self.are_drawn:
             faces = self._faces(progress)
             self._write(*faces, progress)
@@ -80,7 +82,7 @@ class Portraits:
         return self.folder
 
     def _faces(self, progress: Progress):
-        """Points `[15, V, 3]` as a viewer sees them, triangles, and what the pictures show."""
+        """Points `[15, V, 3]` as a viewer sees them, triangles, and the view of the pictures."""
         positions, triangles, *marks = self.face.space.to_library(self.face)
         silence = np.zeros(_HOLD_S * len(EMOTIONS) * _RATE_HZ, dtype=np.float32)
         keys = []
@@ -108,23 +110,23 @@ class Portraits:
         def draw(number: int) -> None:
             progress.check("write", number / len(EMOTIONS))
             path = path_of(self.folder, EMOTIONS[number])
-            # Another Blender may read it meanwhile.
+            # Another Blender may read the picture meanwhile, so it appears only once it is whole.
             half = path.with_suffix(f".{os.getpid()}")
             half.write_bytes(picture.png(picture.draw(faces[number], triangles, view)))
             half.replace(path)
 
         with ThreadPoolExecutor(_THREADS) as pool:
-            # An error of any of them is raised here.
+            # If a drawing fails, its error is raised here.
             list(pool.map(draw, range(len(EMOTIONS))))
 
 
 def path_of(folder: Path, emotion: str) -> Path:
-    """The picture of an emotion among those of a face."""
+    """The path of an emotion's picture in the folder of a face."""
     return folder / f"{emotion}.png"
 
 
 def _view(landmarks: np.ndarray) -> picture.View:
-    """The head about its landmarks `[68, 3]`."""
+    """The view of the head around its landmarks `[68, 3]`."""
     chin, brows = landmarks[_CHIN, 1], landmarks[_BROWS, 1].mean()
     height = float(brows - chin)
     middle = float(landmarks[:, 0].mean()), float(brows + chin) / 2.0 + _ABOVE * height
@@ -132,7 +134,7 @@ def _view(landmarks: np.ndarray) -> picture.View:
 
 
 def _forget(cache: Path, newest: Path) -> None:
-    """Removes the oldest sets of pictures where there are many."""
+    """Removes the oldest sets of pictures, so that `_KEPT` sets remain at most."""
     with contextlib.suppress(OSError):
         folders = [path for path in cache.iterdir() if path.is_dir() and path != newest]
         folders.sort(key=lambda path: path.stat().st_mtime_ns, reverse=True)

@@ -1,7 +1,7 @@
-"""Presets of a performance as JSON files that can be kept and handed on. It knows no Blender.
+"""Presets of a performance as JSON files to keep and share. Does not depend on Blender.
 
 `{"anyface_preset": 1, "name": "Calm Narrator", "values": {"articulation": 0.8, …}}`; values that
-are left out keep what they are.
+are left out stay unchanged.
 """
 
 import math
@@ -16,26 +16,26 @@ from .take import EMOTION_SOURCES
 
 VERSION = 1
 SUFFIX = ".json"
-# The words that a preset may hold, with what they may be.
+# The text values that a preset may hold, with their choices.
 WORDS = {"emotion": EMOTIONS, "emotion_source": EMOTION_SOURCES}
 # Emotions beside the first one, as text: "sad:0.6,upset:0.2".
 MIXED = "mixed"
 
 
 def numbers() -> dict[str, tuple[float, float]]:
-    """The numbers that a preset may hold, with their range: intensity, and the library's own."""
+    """The numbers that a preset may hold, with their ranges: intensity and the library's own."""
     real = [control for control in systems.controls() if control.values == systems.REAL]
     return {"intensity": (0.0, MAX_INTENSITY)} | {c.name: (c.low, c.high) for c in real}
 
 
 def names() -> tuple[str, ...]:
-    """All that a preset may hold."""
+    """The names of all values that a preset may hold."""
     return (*WORDS, MIXED, *numbers())
 
 
 @dataclass
 class Preset:
-    """Values by the names of the panel's properties; `path` is where it lies, if anywhere."""
+    """Values by the names of the panel's properties; `path` is its file, if it has one."""
 
     name: str
     values: dict = field(default_factory=dict)
@@ -43,8 +43,8 @@ class Preset:
 
 
 def read(path) -> Preset:
-    """A preset's file. Raises `AnyfaceError`: "file" where it cannot be read, "input" where it
-    holds something else, with the value that is wrong."""
+    """Reads a preset from a file. Raises `AnyfaceError`: "file" if it cannot be read, "input" if it
+    does not hold a preset; the message names the wrong value."""
     path = Path(path)
     document = json_file.read(path)
     if not isinstance(document, dict) or document.get("anyface_preset") != VERSION:
@@ -57,8 +57,8 @@ def read(path) -> Preset:
 
 
 def _without_jaw_lips(values: dict) -> dict:
-    """The same without `jaw_lips`, which presets held before the jaw had a control of its own: -1
-    gave the jaw half and the lips half more, 1 the other way round."""
+    """Converts `jaw_lips` to `articulation` and `jaw`. Presets held it before the jaw had a control
+    of its own: -1 halved the jaw's motion and gave the lips half more, 1 the other way round."""
     shift = values.get("jaw_lips")
     if not isinstance(shift, int | float) or not -1.0 <= shift <= 1.0:
         return values
@@ -92,7 +92,7 @@ def _checked(where: str, name: str, value):
 
 
 def write(preset: Preset, path) -> Path:
-    """Writes a preset as a whole or not at all; returns its path. Raises `AnyfaceError("file")`."""
+    """Writes the whole preset or nothing; returns its path. Raises `AnyfaceError("file")`."""
     path = Path(path)
     values = {name: preset.values[name] for name in names() if name in preset.values}
     rounded = {n: round(v, 6) if isinstance(v, float) else v for n, v in values.items()}
@@ -113,7 +113,7 @@ def file_name(name: str) -> str:
 
 
 def in_folder(folder) -> list[Preset]:
-    """The presets of a folder by name; files that hold none are passed over."""
+    """The presets of a folder, sorted by name; files that hold none are skipped."""
     presets_found = []
     for path in sorted(Path(folder).glob(f"*{SUFFIX}")) if folder else []:
         try:

@@ -1,4 +1,4 @@
-"""A stretch of a finished take made again with the keys that it has; the rest stays."""
+"""Redoes a stretch of a finished take with the keys that the take has; the rest stays."""
 
 from dataclasses import dataclass, field
 
@@ -9,22 +9,22 @@ from .errors import AnyfaceError
 from .job import Progress
 from .take import FaceMesh, Life
 
-# Longest time in which the old motion becomes the new one at either end, seconds, and the largest
-# part of a stretch that it takes: as `anyface_motion_new_redone`.
+# At either end the old motion blends into the new one for at most this many seconds, and for at
+# most this share of the stretch, as in `anyface_motion_new_redone`.
 _BLEND_S, _BLEND_PART = 0.1, 0.25
-# Least squares do not bound the farthest vertex: so many times the error of a take it may miss.
+# Least squares do not bound the farthest vertex: it may miss by this many times a take's error.
 _ROOM = 1.5
-# A stretch whose motion the keys of the take cannot show gets so many more at most.
+# If the keys of a take cannot show the motion of a stretch, at most this many are added.
 _MOST_MORE = 32
 
 
 @dataclass
 class ObjectKeys:
-    """Keys of a take on one object: the shape that each shows most of `[K]`, and `vectors`
-    `[K, V, 3]` in its space.
+    """Keys of a take on one object, with `vectors` `[K, V, 3]` in the object's space. `shapes`
+    `[K]` names the shape that each key shows most of.
 
-    Those that are `free` have weights of both signs, and more may be added. Of others `factors`
-    `[K]` says where each stands at weight 1 of each shape that it shows.
+    Keys that are `free` have weights of both signs, and more keys may be added. For other keys
+    `factors` `[K]` gives the value of each at weight 1 of each shape that it shows.
     """
 
     name: str
@@ -43,8 +43,8 @@ class ObjectKeys:
 
 @dataclass
 class Fit:
-    """New weights `[n, K]` of the keys of one object, more keys `[M, V, 3]` and theirs `[n, M]`;
-    `left_out` is the share of the motion that is not shown."""
+    """New `weights` `[n, K]` for the keys of one object. `more` `[M, V, 3]` are added keys with
+    `more_weights` `[n, M]`. `left_out` is the share of the motion that is not shown."""
 
     weights: np.ndarray
     more: np.ndarray
@@ -54,7 +54,7 @@ class Fit:
 
 @dataclass
 class Redone:
-    """What was made of a stretch: a `Fit` for each object by name, head and eyes, `[n]` frames.
+    """The result for a stretch: a `Fit` for each object by name, head and eyes, `[n]` frames.
 
     `unit_mm` is the length of an object unit on a head of human size.
     """
@@ -67,10 +67,10 @@ class Redone:
 
 @dataclass
 class Stretch:
-    """Scene frames that are made again: between `first` and `last`, which stay themselves.
+    """Scene frames to redo: those between `first` and `last`, which themselves stay as they are.
 
-    `begins` and `ends` are the first and the last frame of the take; beyond them nothing is
-    blended.
+    `begins` and `ends` are the first and the last frame of the take. An end of the stretch that
+    reaches past them is not blended.
     """
 
     first: float
@@ -80,7 +80,7 @@ class Stretch:
     fps: float
 
     def shares(self, frames: np.ndarray) -> np.ndarray:
-        """How far each of the scene frames goes to the new motion, 0 to 1."""
+        """The share of the new motion in each of the scene frames, 0 to 1."""
         length = self.last - self.first
         blend = min(_BLEND_S * self.fps, _BLEND_PART * length)
         before = np.clip((frames - self.first) / blend, 0.0, 1.0)
@@ -91,9 +91,9 @@ class Stretch:
         return x * x * (3.0 - 2.0 * x)
 
     def of_keyframes(self, frames: np.ndarray) -> np.ndarray:
-        """The same for keyframes `[n]`, which rise, with linear motion in between.
+        """The same for keyframes `[n]` in rising order, with linear motion between them.
 
-        A keyframe whose neighbour lies outside would move frames there: it stays.
+        A keyframe with a neighbour outside the stretch stays: changing it would move frames there.
         """
         shares = self.shares(frames.astype(np.float64))
         inside = np.flatnonzero(shares > 0.0)
@@ -109,8 +109,8 @@ class Stretch:
 
 @dataclass
 class Redo:
-    """What runs in the worker thread; `snapshot` is a `scene.bake.Snapshot`, `rows` the frames of
-    the take that are needed."""
+    """The job of the worker thread; `snapshot` is a `scene.bake.Snapshot`, `rows` are the frames
+    of the take that it needs."""
 
     snapshot: object
     rows: range
@@ -145,10 +145,10 @@ class Redo:
 
 
 def fit(vectors: np.ndarray, moved: np.ndarray, limit: float) -> Fit:
-    """Weights by least squares, and as many more vectors as bring every vertex within `limit`.
+    """Finds weights by least squares, and adds vectors until every vertex is within `limit`.
 
-    `moved` `[n, V, 3]` is the motion. The vectors that are added are the largest of what is left
-    (singular value decomposition), their weights within -1..1.
+    `moved` `[n, V, 3]` is the motion. The added vectors are the largest components of the motion
+    that is left (singular value decomposition); their weights are within -1..1.
     """
     shapes = vectors.reshape(len(vectors), -1).astype(np.float64)
     motion = moved.reshape(len(moved), -1).astype(np.float64)
@@ -172,9 +172,10 @@ def fit(vectors: np.ndarray, moved: np.ndarray, limit: float) -> Fit:
 
 
 def rows_of(stretch: Stretch, start: float, step: float) -> range:
-    """The frames of a take from scene frame `start` on, `step` apart, and one beyond each end.
+    """The frames of a take in a stretch, and one beyond each end.
 
-    Raises `AnyfaceError("input")` where none lies in the stretch.
+    The take begins at scene frame `start`; its frames are `step` apart. Raises
+    `AnyfaceError("input")` if none of them lies in the stretch.
     """
     first, last = (stretch.first - start) / step, (stretch.last - start) / step
     length = (stretch.ends - start) / step
@@ -188,13 +189,13 @@ def rows_of(stretch: Stretch, start: float, step: float) -> range:
 
 
 def moved_by(keys: ObjectKeys, change: np.ndarray) -> float:
-    """How far a change `[n, K]` of weights moves any vertex, object units."""
+    """How far a change `[n, K]` of weights moves the farthest vertex, in object units."""
     flat = keys.vectors.reshape(len(keys.vectors), -1)
     return _farthest(change.astype(np.float32) @ flat)
 
 
 def is_of(face: FaceMesh, name: str) -> bool:
-    """True where an object is one of a face's."""
+    """True if the object `name` is part of a face."""
     return name in [piece.name for piece in face.pieces]
 
 

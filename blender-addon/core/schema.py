@@ -1,4 +1,4 @@
-"""What fields of a JSON object may hold, with messages that name row and field."""
+"""Checks the fields of a JSON object; error messages name the row and the field."""
 
 from collections.abc import Mapping
 
@@ -10,12 +10,12 @@ TRUTH = "true or false"
 OBJECT = "an object"
 LIST = "a list"
 NOTHING = "nothing"
-# What an option of a command line may be.
+# The kinds of value that a command-line option may have.
 SCALAR = (TEXT, NUMBER, TRUTH, NOTHING)
 
 
 def kind(value) -> str:
-    """The word for what a value is."""
+    """The word for the kind of a value."""
     if value is None:
         return NOTHING
     if isinstance(value, bool):
@@ -39,9 +39,9 @@ def check(where: str, value, *kinds: str):
 
 
 def fields(where: str, row, rules: Mapping[str, tuple[str, ...]], others=None) -> dict:
-    """Returns `row` if it is an object whose fields hold what `rules` say by name.
+    """Returns `row` if it is an object whose fields have the kinds that `rules` list by name.
 
-    `others` is what fields without a rule may hold; None refuses them. Raises
+    `others` are the kinds for fields without a rule; None refuses such fields. Raises
     `AnyfaceError("input")`.
     """
     check(where, row, OBJECT)
@@ -56,6 +56,6 @@ def fields(where: str, row, rules: Mapping[str, tuple[str, ...]], others=None) -
 
 
 def _shown(value) -> str:
-    """A value in a message: short ones as they are."""
+    """A value for a message; long ones are shortened."""
     text = repr(value)
     return text if len(text) <= 60 else f"{kind(value)} ({text[:40]}…)"

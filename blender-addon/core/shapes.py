@@ -1,4 +1,4 @@
-"""The names of ARKit shapes and Oculus visemes, and which keys of a mesh they are."""
+"""The names of ARKit shapes and Oculus visemes, and how to find them among a mesh's keys."""
 
 import re
 
@@ -21,15 +21,16 @@ VISEMES = (
     "viseme_SS", "viseme_nn", "viseme_RR", "viseme_aa", "viseme_E", "viseme_I", "viseme_O",
     "viseme_U",
 )  # fmt: skip
-# Vowels that VRChat writes otherwise.
+# Vowels that VRChat spells differently.
 _VRCHAT = {"i": "ih", "o": "oh", "u": "ou"}
 
 
 def match(keys: list[str]) -> dict[str, str]:
-    """Shape name: key name, for the keys of a mesh that carry one.
+    """Maps shape names to the names of the keys of a mesh that carry them.
 
     Case, underscores, dots, blanks and anything before the name are ignored; `_L` and `_R` stand
-    for Left and Right, on either end. A key serves one shape; the first that fits wins.
+    for Left and Right, on either end. A key serves one shape; if several keys
+    fit a shape, the first wins.
     """
     known = _spellings()
     keys_by_shape: dict[str, str] = {}
@@ -41,7 +42,7 @@ def match(keys: list[str]) -> dict[str, str]:
 
 
 def suffixes(key: str) -> list[str]:
-    """A name and its ends behind each separator, in small letters without any.
+    """A name and its ends after each separator, in lower case and without separators.
 
     `Head.eye_Blink_L` gives `headeyeblinkl`, `eyeblinkl`, `blinkl`, `l`.
     """

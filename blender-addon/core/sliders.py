@@ -1,7 +1,7 @@
-"""What the sliders of a finished take change without a new run.
+"""Sliders that change a finished take without a new run.
 
-A slider at 1 leaves the take as it was made. The library makes the take anew at some positions of
-each slider, its knots; between a knot and the next, or 1, the change is linear.
+A slider at 1 leaves the take as it was made. The library makes the take again at some positions of
+each slider, its knots. Between neighbouring knots, or a knot and 1, the change is linear.
 """
 
 import json
@@ -12,7 +12,7 @@ from dataclasses import dataclass
 import numpy as np
 
 NAMES = ("articulation", "emotion", "blinks")
-# What moving emotion and blinks changes beyond the sum of both; the artist has no slider for it.
+# What emotion and blinks change together beyond the sum of both; the artist gets no slider for it.
 TOGETHER = "emotion_and_blinks"
 # In the order of `AnyfaceSlider`.
 ALL = (*NAMES, TOGETHER)
@@ -35,7 +35,8 @@ _NO_EFFECT = {
 class SliderChange:
     """What a slider adds to the weights `[T, K]` of a take.
 
-    `knots` `[N]` rise and none of them is 1, where nothing is added; `changes` `[N, T, K]`.
+    `knots` `[N]` are in rising order; 1 is not among them, because nothing is added there.
+    `changes` `[N, T, K]` are the additions at the knots.
     """
 
     knots: np.ndarray
@@ -47,7 +48,7 @@ class SliderChange:
         return min(1.0, float(self.knots[0])), max(1.0, float(self.knots[-1]))
 
     def at(self, position: float) -> np.ndarray:
-        """What is added at `position`, `[T, K]`; beyond the limits as much as at them."""
+        """What is added at `position`, `[T, K]`; beyond the limits the same as at them."""
         above = int(np.searchsorted(self.knots, 1.0))
         knots = np.insert(self.knots, above, 1.0)
         place = float(np.clip(position, knots[0], knots[-1]))
@@ -57,16 +58,16 @@ class SliderChange:
 
 
 def place(name: str, placed: dict[str, float]) -> float:
-    """The position of a name of `ALL`; `placed` are those of `NAMES`, 1 where one is left out."""
+    """The position of slider `name` of `ALL`; `placed` has those of `NAMES`, by default 1."""
     if name != TOGETHER:
         return placed.get(name, 1.0)
     return 1.0 - (1.0 - placed.get("emotion", 1.0)) * (1.0 - placed.get("blinks", 1.0))
 
 
 def why_missing(request, sliders, offered: tuple[str, ...] = NAMES) -> dict[str, str]:
-    """Why a take lacks the sliders of `NAMES` that are not in `sliders`, in words by name.
+    """For each of `NAMES` that is not in `sliders`: a sentence why the take lacks this slider.
 
-    `offered` are those that its system has at all.
+    `offered` are the sliders that the take's system has at all.
     """
     missing = {name: _NO_EFFECT[name] for name in NAMES if name not in sliders}
     if request.control_keys:
@@ -77,7 +78,7 @@ def why_missing(request, sliders, offered: tuple[str, ...] = NAMES) -> dict[str,
 
 
 def pack(sliders: dict[str, SliderChange]) -> bytes:
-    """All sliders of a take in few bytes.
+    """Packs all sliders of a take into few bytes.
 
     Every column is rounded to steps and stored as differences from frame to frame; all low bytes
     stand before all high ones, which makes them easier to compress.
@@ -94,7 +95,7 @@ def pack(sliders: dict[str, SliderChange]) -> bytes:
 
 
 def unpack(packed: bytes) -> dict[str, SliderChange]:
-    """What `pack` was given, to a rounding error; raises `ValueError` for other bytes."""
+    """Reverses `pack`, up to a rounding error; raises `ValueError` for other bytes."""
     start = len(_MAGIC) + _LENGTH.size
     if packed[: len(_MAGIC)] != _MAGIC or len(packed) < start:
         raise ValueError("sliders: expected what Anyface has packed")

@@ -8,8 +8,8 @@ import numpy as np
 
 from .take import Sound
 
-# decode(path) returns mono samples `[S]` float32, their rate in Hz, and what the artist should know
-# of them, "" where there is nothing.
+# decode(path) returns mono samples `[S]` float32, their rate in Hz, and a note for the artist, ""
+# if there is none.
 Decode = Callable[[str], tuple[np.ndarray, float, str]]
 
 
@@ -17,8 +17,8 @@ Decode = Callable[[str], tuple[np.ndarray, float, str]]
 class SoundSource:
     """A file and the part of it that plays, from `first_s` to `last_s` (None: to its end).
 
-    `start_frame` is the scene frame at which it begins. `folder` holds the file where it is
-    temporary, and goes with this object. `notes` are remarks for the report.
+    `start_frame` is the scene frame at which it begins. A temporary file lies in `folder`,
+    which is removed with this object. `notes` are remarks for the report.
     """
 
     path: str
@@ -80,7 +80,7 @@ class MixedSource:
 
 
 def resampled(sound: Sound, rate_hz: float) -> np.ndarray:
-    """Samples of `sound` at `rate_hz`, which is at least its own rate; linear in between."""
+    """Samples of `sound` at `rate_hz`, which is at least its own rate; interpolates linearly."""
     if sound.rate_hz == rate_hz:
         return sound.samples
     at = np.arange(round(sound.duration_s * rate_hz)) * (sound.rate_hz / rate_hz)
@@ -88,7 +88,7 @@ def resampled(sound: Sound, rate_hz: float) -> np.ndarray:
 
 
 def cut(samples: np.ndarray, rate_hz: float, first_s: float, last_s: float) -> np.ndarray:
-    """The samples from `first_s` to `last_s`; silence where that lies before the first."""
+    """The samples from `first_s` to `last_s`; silence for times before the first sample."""
     first, last = round(first_s * rate_hz), round(last_s * rate_hz)
     silence = np.zeros(max(0, min(-first, last - first)), dtype=np.float32)
     return np.concatenate([silence, samples[max(first, 0) : max(last, 0)]])

@@ -1,8 +1,8 @@
-"""Between the object's own space and the frame in which the library sees the face.
+"""Maps between an object's own space and the frame in which the library sees the face.
 
-Artists scale, mirror and turn objects, so positions are taken into the world, where every scale,
-also an uneven one, becomes real. The library finds a face however it is turned; where several
-places look like one it takes that which looks along -Y with +Z up, and for that the artist may have
+Artists scale, mirror and turn objects. Positions therefore go to world space, where every scale,
+even an uneven one, has taken effect. The library finds a face in any orientation. If several places
+look like a face, it takes the one that looks along -Y with +Z up. For that case the artist may have
 the object's own rotation undone.
 """
 
@@ -51,11 +51,11 @@ class FaceSpace:
 
     @property
     def back(self) -> np.ndarray:
-        """The way `[3, 3]` of displacements back to object space, float32."""
+        """The matrix `[3, 3]` that takes displacements back to object space, float32."""
         return np.linalg.inv(self.matrix).astype(np.float32)
 
     def from_world(self, matrix_world: np.ndarray) -> np.ndarray:
-        """The way `[4, 4]` from the world to the frame in which the library sees the face."""
+        """The matrix `[4, 4]` from the world to the frame in which the library sees the face."""
         inverse = np.linalg.inv(np.asarray(matrix_world, dtype=np.float64))
         matrix = np.eye(4)
         matrix[:3, :3], matrix[:3, 3] = self.matrix, self.offset
@@ -63,14 +63,14 @@ class FaceSpace:
 
     @property
     def mirrored(self) -> bool:
-        """True where triangles change their winding."""
+        """True if the map mirrors, so that triangles change their winding."""
         return float(np.linalg.det(self.matrix)) < 0.0
 
 
 def face_space(matrix_world: np.ndarray, axes: str) -> FaceSpace:
     """The map for `axes`: AUTO and WORLD, LOCAL or LOCAL_Y_UP.
 
-    Raises `AnyfaceError("mesh")` where the object is flattened to nothing.
+    Raises `AnyfaceError("mesh")` if the object is flattened to nothing.
     """
     linear = np.asarray(matrix_world, dtype=np.float64)[:3, :3]
     offset = np.asarray(matrix_world, dtype=np.float64)[:3, 3]
@@ -89,8 +89,8 @@ def face_space(matrix_world: np.ndarray, axes: str) -> FaceSpace:
 def _rotation(linear: np.ndarray) -> np.ndarray:
     """The rotation nearest to `linear` (polar decomposition).
 
-    A mirrored object is taken as mirrored from left to right, the way in which a head stays a
-    head.
+    A mirrored object counts as mirrored from left to right, because a head mirrored this way is
+    still a head.
     """
     mirror = np.diag([np.sign(np.linalg.det(linear)), 1.0, 1.0])
     left, _, right = np.linalg.svd(linear @ mirror)

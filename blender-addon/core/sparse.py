@@ -9,25 +9,26 @@ from .job import Progress
 from .take import HeldKeys, Landmarks, Take
 
 EVERY_FRAME, SPARSE = "EVERY", "SPARSE"
-# Points of the inner lips that meet, and how much farther apart than at rest they touch, mm.
+# Landmarks of the inner lips that meet. Lips that are at most this much farther apart than at rest
+# count as touching, mm.
 _UPPER, _LOWER = [61, 62, 63], [67, 66, 65]
 _TOUCH_MM = 0.1
-# What a curve of many may miss alone, as a share of what all may.
+# The error allowed for one curve of many, as a share of the error allowed for all together.
 ALONE = 0.25
-# So long Blender waits for the keys of a curve before it goes on, seconds.
+# Blender waits this many seconds at a time for the keys of a curve, then goes on.
 _WAIT_S = 0.01
-# How far handles reach, as a share of the way to the next key, as the library has it.
+# How far handles reach, as a share of the distance to the next key; the same as in the library.
 REACH = 0.39
 
 
 def touching(landmarks: Landmarks, unit_mm: float) -> np.ndarray:
-    """In which frames the lips are as close as at rest, or closer, `[T]`; `unit_mm` is the length
-    of a unit of the landmarks."""
+    """Whether the lips are as close as at rest, or closer, in each frame `[T]`; `unit_mm` is the
+    length of a unit of the landmarks."""
     return opening(landmarks, unit_mm) <= _TOUCH_MM
 
 
 def opening(landmarks: Landmarks, unit_mm: float) -> np.ndarray:
-    """How much farther than at rest the lips are apart in each frame, mm, `[T]`."""
+    """How much farther apart the lips are in each frame than at rest, mm, `[T]`."""
     moved = landmarks.neutral + landmarks.displacements
     gaps = np.linalg.norm(moved[:, _UPPER] - moved[:, _LOWER], axis=2).mean(axis=1)
     rest = np.linalg.norm(landmarks.neutral[_UPPER] - landmarks.neutral[_LOWER], axis=1).mean()
@@ -35,7 +36,7 @@ def opening(landmarks: Landmarks, unit_mm: float) -> np.ndarray:
 
 
 def thin(take: Take, vectors, engine, tolerance_mm: float, progress: Progress) -> None:
-    """Finds few keys for the weights of a take of shapes `vectors` `[K, V, 3]`, in its unit."""
+    """Finds few keys for a take's weights; `vectors` `[K, V, 3]` are its shapes, in its unit."""
     motion = take.motion
     tolerance = tolerance_mm / take.unit_mm
     keys = engine.few_keys(motion.weights, vectors, tolerance, take.touching, progress)
@@ -44,15 +45,15 @@ def thin(take: Take, vectors, engine, tolerance_mm: float, progress: Progress) -
 
 @dataclass
 class Few:
-    """Finds few keys for curves that are made one by one, so that all together stay about within
+    """Finds few keys for curves that are made one by one. Together the curves stay about within
     `tolerance_mm`."""
 
     engine: object
     tolerance_mm: float
 
     def keys(self, values: np.ndarray, size_mm: float):
-        """The keys of a curve `[T]` whose unit moves a point by up to `size_mm`; yields while they
-        are looked for beside Blender's own thread."""
+        """Finds the keys of a curve `[T]`, where a value of 1 moves a point by up to `size_mm`.
+        Yields while a thread beside Blender's own looks for them."""
         limit = np.array([ALONE * self.tolerance_mm / max(size_mm, 1e-9)])
         keys_found = []
         way = threading.Thread(
@@ -67,8 +68,8 @@ class Few:
 
 
 def describe(take: Take, tolerance_mm: float) -> str:
-    """How many keys were set: "1046 keys on curves within 0.2 mm", "60 poses held"; empty for one a
-    frame."""
+    """How many keys were set: "1046 keys on curves within 0.2 mm", "60 poses held"; empty if every
+    frame has a key."""
     keys = getattr(take.motion, "keys_of_curves", None)
     if keys is None:
         return ""

@@ -1,7 +1,7 @@
 """The systems of the library and the controls that each of them understands.
 
-The library keeps the list; it is read once, without loading models. Panel, presets and command are
-drawn from it.
+The list comes from the library. It is read once, without loading models. The panel, the presets
+and the command are built from it.
 """
 
 from ctypes import byref, sizeof
@@ -11,18 +11,18 @@ from functools import cache
 from . import library, sliders
 from .errors import AnyfaceError
 
-# What a control acts on, as `AnyfaceControlStage`.
+# What a control acts on, numbered as in `AnyfaceControlStage`.
 FACE, MOTION = 0, 1
-# What its numbers mean, as `AnyfaceControlValues`.
+# What a control's numbers mean, numbered as in `AnyfaceControlValues`.
 REAL, WHOLE, CHOICE = 0, 1, 2
 
 
 @dataclass(frozen=True)
 class Control:
-    """Something that a system lets its user change.
+    """A setting that a system offers its user.
 
-    `name` is that of the property, `flag` that of the command's option. Numbers lie from `low` to
-    `high`; those of a choice count its `choices`.
+    `name` is the name of the property, `flag` the name of the command's option. Values lie between
+    `low` and `high`. The value of a choice is an index into `choices`.
     """
 
     name: str
@@ -39,35 +39,37 @@ class Control:
 
     @property
     def is_slider(self) -> bool:
-        """True for a number of a performance, which an artist moves often."""
+        """True for a real number that acts on the motion: artists adjust these often."""
         return self.stage == MOTION and self.values == REAL
 
     def number(self, value) -> float:
-        """The number of a value, which for a choice may be its name."""
+        """A value as a number. The value of a choice may be given by name."""
         return float(self.choices.index(value) if isinstance(value, str) else value)
 
 
 @dataclass(frozen=True)
 class System:
-    """What turns speech into motion; `controls` stand in the order in which they are shown."""
+    """A method that turns speech into motion; the panel shows `controls` in this order."""
 
     name: str
     label: str
     help: str
     controls: tuple[Control, ...]
     takes_events: bool = False
-    # Whether it hears emotion, and may take it from another recording.
+    # Whether it hears emotion in the voice or in another recording.
     hears_emotion: bool = False
-    # Whether it goes on from a given pose.
+    # Whether its motion can start from a given pose.
     starts_from_pose: bool = False
-    # Names of `sliders.NAMES` that its takes may have.
+    # The names in `sliders.NAMES` that its takes may have.
     sliders: tuple[str, ...] = ()
 
 
 @cache
 def known() -> tuple[System, ...]:
-    """The systems of the extension's library, the default one first; none where it cannot be
-    loaded, which the first use of an engine then says in words."""
+    """The systems of the extension's library, the default one first.
+
+    Empty if the library cannot be loaded; the first use of an engine then reports why.
+    """
     try:
         return read(library.load(library.library_path()))
     except AnyfaceError:
@@ -75,7 +77,7 @@ def known() -> tuple[System, ...]:
 
 
 def controls() -> tuple[Control, ...]:
-    """The controls of all systems; one that several have serves them all."""
+    """The controls of all systems. Systems that have a control of the same name share it."""
     by_name = {}
     for control in (control for system in known() for control in system.controls):
         by_name.setdefault(control.name, control)
@@ -83,7 +85,7 @@ def controls() -> tuple[Control, ...]:
 
 
 def find(name: str, among: tuple[System, ...]) -> System:
-    """The system of this name, for "" the first. Raises `AnyfaceError("input")`."""
+    """The system called `name`; "" means the first one. Raises `AnyfaceError("input")`."""
     match = next((system for system in among if name in ("", system.name)), None)
     if match is None:
         names = ", ".join(system.name for system in among)
@@ -93,7 +95,7 @@ def find(name: str, among: tuple[System, ...]) -> System:
 
 @cache
 def units() -> dict[str, str]:
-    """The action units of the extension's library: what each does by its number."""
+    """The action units of the extension's library: a label for each unit number."""
     try:
         loaded = library.load(library.library_path())
     except AnyfaceError:
@@ -103,7 +105,7 @@ def units() -> dict[str, str]:
 
 
 def by_name(name: str) -> System:
-    """The system of this name; one that is able to nothing where none can be loaded."""
+    """The system called `name`, or one without abilities if no library can be loaded."""
     among = known()
     return find(name, among) if among else System("", "", "", ())
 

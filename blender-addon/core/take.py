@@ -1,4 +1,4 @@
-"""Plain data between the stages: what is asked, what is read, what comes back."""
+"""Plain data that the stages exchange: requests, meshes, sounds and results."""
 
 from dataclasses import dataclass, field, replace
 
@@ -9,7 +9,7 @@ from .heard_emotion import HeardEmotion
 from .sliders import NAMES, SliderChange
 from .space import FaceSpace, face_space
 
-# Landmarks of the upper and of the lower inner lip that meet.
+# Pairs of landmarks on the upper and the lower inner lip that meet.
 _LIPS = np.array([[61, 67], [62, 66], [63, 65]])
 # How the lips of a mesh meet, in the order of `AnyfaceMouth`.
 MOUTHS = ("open", "slit", "welded")
@@ -17,16 +17,17 @@ MOUTHS = ("open", "slit", "welded")
 LIDS = ("close", "shut", "joined")
 # What a part of a mesh is, in the order of `AnyfacePartRole`.
 ROLES = ("skin", "jaw", "skull", "mouth", "nearest", "gaze", "still")
-# The role of an object whose parts are told by shape and place.
+# Marks an object whose parts are recognised by shape and place.
 BY_SHAPE = -1
 
 
 @dataclass
 class PartRoles:
-    """What the artist says of parts: of whole objects, and of single connected parts.
+    """The roles that the artist gave to whole objects and to single connected parts.
 
-    `object_of_vertex` `[V]` uint32 and `object_roles`, an index into `ROLES` or `BY_SHAPE` for
-    each object; `numbers` and `number_roles` name single parts and count before them.
+    `object_of_vertex` `[V]` uint32 says which object each vertex belongs to. `object_roles` has an
+    index into `ROLES`, or `BY_SHAPE`, for each object. `numbers` and `number_roles` give single
+    parts a role, which overrides the role of their object.
     """
 
     object_of_vertex: np.ndarray
@@ -37,11 +38,11 @@ class PartRoles:
 
 @dataclass
 class Found:
-    """Where a face is, in the frame in which its mesh was given.
+    """Where a face is, in the coordinates in which its mesh was given.
 
-    `positions` `[68, 3]`, `vertices` `[68]`, `confidence` `[68]` 0 to 1; `mouth` one of `MOUTHS`,
-    `lids` of the right and the left eye, of `LIDS`; `part_roles` an index into `ROLES` for each
-    part, `part_of_vertex` `[V]`.
+    The landmarks: `positions` `[68, 3]`, `vertices` `[68]`, `confidence` `[68]` 0 to 1. `mouth` is
+    one of `MOUTHS`. `lids` holds one of `LIDS` for the right and for the left eye. `part_roles` is
+    an index into `ROLES` for each part, `part_of_vertex` `[V]` the part of each vertex.
     """
 
     positions: np.ndarray
@@ -53,7 +54,7 @@ class Found:
     lids: tuple[str, str] = ("close", "close")
 
     def lips(self, count: int) -> np.ndarray:
-        """Vertices `[N, 2]` of the upper and of the lower lip that meet, of the first `count`."""
+        """Pairs `[N, 2]` of vertices where upper and lower lip meet, among the first `count`."""
         pairs = np.asarray(self.vertices, dtype=np.uint32)[_LIPS]
         is_inside = (pairs < count).all(axis=1) & (pairs[:, 0] != pairs[:, 1])
         return np.ascontiguousarray(pairs[is_inside])
@@ -61,14 +62,17 @@ class Found:
 
 @dataclass
 class OpenedFace:
-    """A mesh whose lips were parted, or whose eyes were cut free: old vertices first, where they
-    were; old triangles in their order, those that were cut in pieces, then what lies behind.
+    """A mesh whose lips were parted, or whose eyes were cut free.
+
+    The old vertices come first and stay in place. The old triangles keep their order; those that
+    were cut are there in pieces. The surface behind the cut comes last.
 
     `positions` `[V, 3]`, `triangles` `[F, 3]`, `landmarks` `[68, 3]` near `landmark_vertices`. Each
-    vertex is a mixture of the old `vertex_sources` `[V, 3]` with `vertex_shares` `[V, 3]`. Each
-    triangle lies in the old one `triangle_sources` `[F]`, whose corners have `corner_shares`
-    `[F, 3, 3]` in each of its own. From `first_lining_triangle` on triangles are new and
-    have the colour of what is before them, from `first_inside_triangle` on a mouth's inside.
+    vertex mixes the old vertices `vertex_sources` `[V, 3]` by `vertex_shares` `[V, 3]`. Each
+    triangle was cut from the old triangle `triangle_sources` `[F]`; each of its corners mixes the
+    old triangle's corners by `corner_shares` `[F, 3, 3]`. Triangles from `first_lining_triangle` on
+    are new and have the colour of the surface in front of them. Triangles from
+    `first_inside_triangle` on are the inside of the mouth.
     """
 
     positions: np.ndarray
@@ -87,28 +91,29 @@ class OpenedFace:
 VISIBILITIES = ("SPEAKS", "LIPS_REST", "NOTHING")
 # Where the emotion comes from, in the order of `AnyfaceEmotionSource`.
 EMOTION_SOURCES = ("GIVEN", "VOICE", "OFF", "AROUSAL")
-# Words that say so where an emotion is written.
+# Words that select a source where an emotion could be written.
 EMOTION_WORDS = {"auto": "VOICE", "auto-arousal": "AROUSAL", "off": "OFF"}
 
 
 @dataclass
 class Request:
-    """How the character is asked to speak, and how its motion is to be written.
+    """How the character shall speak, and in which form its motion is wanted.
 
-    `emotion` holds `(time_s, strengths[15])` in rising order, times from the first sample; it is
-    used where `emotion_source` is "GIVEN". `controls` are numbers by the names of
-    `systems.Control`, of others the default; those in `control_keys` follow
-    `(times_s [N], values [N])` instead, linear in between. `roles` is what the artist says of the
-    mesh's parts. `error_mm` is the largest error of a basis, on a head of human size; with None the
-    displacements of every frame are wanted. With `keeps_clip` neither comes back, but the clip
-    itself, on which weights of shapes are solved. The lips close in `closures` `[N, 2]`, seconds;
-    with None where that is heard. `events` are for systems that take them, `emotion_of` is another
-    recording whose emotion is shown, for those that hear it; where the take is `layered`, what is
-    felt has vectors of its own. In `neutral_voice` the same person speaks neutrally: the emotion of
-    the voice is heard as what differs from it. `output` names the output that writes it.
-    `starts_from` are displacements `[V, 3]` from rest of the pose in which the face begins, for
-    systems that go on from one. `named_keys` says whether the vectors of a basis follow controls
-    and have their names, or are those of which the fewest move in a frame.
+    `emotion` holds `(time_s, strengths[15])` in rising order, times from the first sample. It is
+    used only if `emotion_source` is "GIVEN". `controls` are numbers by the names of
+    `systems.Control`; controls that are left out have their defaults. Controls in `control_keys`
+    follow `(times_s [N], values [N])` instead, linear in between. `roles` is what the artist says
+    about the mesh's parts. `error_mm` is the largest error of a basis, on a head of human size;
+    None asks for the displacements of every frame instead of a basis. `keeps_clip` asks for neither
+    of them but for the clip itself, on which weights of shapes are solved. The lips close during
+    `closures` `[N, 2]`, seconds; with None the library hears from the sound when they close.
+    `events` are for systems that take them. `emotion_of` is another recording: systems that hear
+    emotion show the emotion of that one. A `layered` take keeps the emotion in vectors of its own.
+    `neutral_voice` is a recording of the same person speaking neutrally: the emotion is then heard
+    in how the voice differs from it. `output` names the output that writes the motion.
+    `starts_from` `[V, 3]` are displacements from rest, the pose in which the face begins, for
+    systems that can start from one. With `named_keys` the vectors of a basis follow controls and
+    have their names. Without it they are chosen so that the fewest of them move in a frame.
     """
 
     fps: float
@@ -147,10 +152,10 @@ class Sound:
 
 @dataclass
 class Piece:
-    """One object of a face that is made of several: its vertices are `first` to `first + count`.
+    """One of several objects that make up a face; its vertices are `first` to `first + count`.
 
-    `matrix` `[4, 4]` goes from its own space to that of the face object; `role` is an index into
-    `ROLES` or `BY_SHAPE`.
+    `matrix` `[4, 4]` leads from its own space to the space of the face object. `role` is an index
+    into `ROLES`, or `BY_SHAPE`.
     """
 
     name: str
@@ -161,11 +166,11 @@ class Piece:
 
     @property
     def rows(self) -> slice:
-        """Its vertices among those of the whole face."""
+        """The rows of its vertices among the vertices of the whole face."""
         return slice(self.first, self.first + self.count)
 
     def vectors(self, moved: np.ndarray) -> np.ndarray:
-        """Those of displacements `[N, V, 3]` that are its own, in its own space."""
+        """Its part of the face's displacements `[N, V, 3]`, in its own space."""
         moved_here = np.ascontiguousarray(moved[:, self.rows])
         back = np.linalg.inv(self.matrix[:3, :3]).astype(np.float32)
         return moved_here if np.array_equal(back, np.eye(3)) else moved_here @ back.T
@@ -178,8 +183,8 @@ class FaceMesh:
     `positions` `[V, 3]` float32 of the Basis in object space, `triangles` `[F, 3]` uint32,
     `matrix_world` `[4, 4]` from object space to the world. Landmarks, where the artist gave
     them, are `[68, 3]` positions in object space or `[68]` vertex numbers. `hints` are remarks
-    that make an error easier to understand ("the Mirror modifier is not applied"). Where teeth,
-    eyes or lashes are objects of their own, `pieces` says whose the vertices are, the face's first.
+    that make an error easier to understand ("the Mirror modifier is not applied"). If teeth, eyes
+    or lashes are separate objects, `pieces` says which vertices belong to which, the face first.
     """
 
     name: str
@@ -195,18 +200,18 @@ class FaceMesh:
 
     @property
     def space(self) -> FaceSpace:
-        """The frame in which the library sees it; raises `AnyfaceError("mesh")` for flat ones."""
+        """The map to the library's coordinates; raises `AnyfaceError("mesh")` if scaled to zero."""
         return face_space(self.matrix_world, self.axes)
 
 
 class Motion:
-    """What a take holds: a case for each way to write one.
+    """The motion of a take; there is a subclass for each way to write it.
 
-    Of one that becomes keys `vectors` `[K, V, 3]` are what they move, None where they are the
-    artist's own, and `weights` `[T, K]` are animated, None where each key is a frame.
+    If it is written as keys, `vectors` `[K, V, 3]` are the displacements of these keys, or None for
+    the artist's own keys. `weights` `[T, K]` are animated; None means that each key is a frame.
     """
 
-    # Where it lies beside the .blend.
+    # The files beside the .blend that hold it.
     files = ()
 
     @property
@@ -215,14 +220,17 @@ class Motion:
         raise NotImplementedError
 
     def of_piece(self, piece: Piece) -> "Motion":
-        """That of one object of a face, in its own space."""
+        """The motion of one object of the face, in the space of that object."""
         raise NotImplementedError
 
 
 @dataclass
 class CurveKeys:
-    """The keys of one curve: frames `rows` `[N]` of the take, which rise from the first to the
-    last, and the `slopes` `[N]` of their handles, per frame."""
+    """The keys of one curve.
+
+    `rows` `[N]` are their frames, rising from the first frame of the take to the last one.
+    `slopes` `[N]` are the slopes of their handles, per frame.
+    """
 
     rows: np.ndarray
     slopes: np.ndarray
@@ -230,7 +238,7 @@ class CurveKeys:
 
 @dataclass
 class HeldKeys:
-    """The keys of a curve whose values are held from each of the frames `rows` `[N]` on."""
+    """The keys of a curve at the frames `rows` `[N]`; it holds each value until the next key."""
 
     rows: np.ndarray
 
@@ -256,9 +264,9 @@ class Frames(Motion):
 
 @dataclass
 class ClipMotion(Motion):
-    """A `native_shapes.Clip`: frames that lie in the library until weights were solved on them.
+    """A `native_shapes.Clip`: the library keeps the frames until weights are solved on them.
 
-    `way` `[3, 3]` leads its displacements to object space.
+    `way` `[3, 3]` maps the displacements of the clip to object space.
     """
 
     clip: object
@@ -272,8 +280,8 @@ class ClipMotion(Motion):
 class VectorSum(Motion):
     """`vectors` `[K, V, 3]` whose `weights` `[T, K]` add up to the motion.
 
-    `keys_of_curves` `[K]` are the keys of their curves; None, as a whole or for one of them, for a
-    key a frame.
+    `keys_of_curves` `[K]` are the keys of the weights' curves. None, for one curve or for all of
+    them, means a key on every frame.
     """
 
     keys_of_curves = None
@@ -288,14 +296,14 @@ class VectorSum(Motion):
 
 @dataclass
 class Basis(VectorSum):
-    """Displacements as few vectors and their weights.
+    """Displacements as a few vectors and their weights.
 
-    `vectors` `[K, V, 3]`, `weights` `[T, K]` within -1..1; `error_mm` is the largest distance
-    of any vertex in any frame from where it should be. `sliders` is what may still be changed of
-    the take, by the names of `sliders.ALL`; `why_missing` says in words why others are not there.
-    `offered` are the sliders that the system has at all; `packed` holds `sliders` as they are kept
-    with the take. From `emotion_first` on vectors are what is felt beyond what is said. `names`
-    `[K]` say what each vector does; empty where nobody has named them.
+    `vectors` `[K, V, 3]`, `weights` `[T, K]` within -1..1. `error_mm` is the largest distance of
+    any vertex in any frame from where it should be. `sliders` holds the changes that can still be
+    made to the take, by the names of `sliders.ALL`; `why_missing` says why the others are missing.
+    `offered` are all sliders that the system has. `packed` holds `sliders` in the form that is
+    stored with the take. The vectors from `emotion_first` on show the emotion, those before it the
+    speech. `names` `[K]` say what each vector does; the list is empty if they have no names.
     """
 
     vectors: np.ndarray
@@ -310,21 +318,22 @@ class Basis(VectorSum):
     names: list[str] = field(default_factory=list)
 
     def of_piece(self, piece):
-        # The mask of the emotion is painted on the face alone.
+        # An emotion mask can be painted on the face object only.
         emotion_first = self.emotion_first if piece.first == 0 else None
         return replace(super().of_piece(piece), emotion_first=emotion_first)
 
 
 @dataclass
 class Life:
-    """Head and eyes beside a take.
+    """The motion of head and eyes that goes with a take.
 
     `head` `[T, 3]` rotation vectors about canonical axes (+x to the subject's left, +y up, +z out
     of the face), radians; `gaze` `[T, 2, 2]`: right eye, left eye; yaw to the left and pitch up.
-    `way` `[3, 4]` leads from the frame in which the mesh was given to the canonical one, metres on
-    a human head. `looked_at` `[T, 3]`, canonical, are points on which the eyes rest. `tongue`
-    `[T, 4]` are shares of the way to contact, 0 to 1, which the displacements hold: tip to the
-    ridge behind the upper teeth, middle and back to the palate, tip at the upper teeth.
+    `way` `[3, 4]` maps the coordinates in which the mesh was given to canonical ones, in metres on
+    a human head. `looked_at` `[T, 3]`, canonical, are the points at which the eyes look. `tongue`
+    `[T, 4]` says how close the tongue is to contact, 0 to 1: the tip with the ridge behind the
+    upper teeth, the middle and the back with the palate, the tip with the upper teeth. The
+    displacements already contain this motion.
     """
 
     head: np.ndarray
@@ -350,7 +359,7 @@ class ShapeWeights:
     weights: np.ndarray
 
     def of(self, names: list[str]) -> np.ndarray:
-        """Weights `[T, N]` of shapes of other order, 0 where one is not among them."""
+        """The weights `[T, N]` of the shapes `names`, 0 for a shape that it does not have."""
         weights = np.zeros((len(self.weights), len(names)), dtype=np.float32)
         for column, name in enumerate(names):
             if name in self.names:
@@ -358,13 +367,13 @@ class ShapeWeights:
         return weights
 
     def missing(self, names: list[str], least: float = 0.1) -> list[str]:
-        """Shapes beside `names` whose weights reach `least`, the strongest first."""
+        """The shapes outside `names` whose weights reach `least`, the strongest first."""
         peaks = self.weights.max(axis=0, initial=0.0)
         order = [int(at) for at in np.argsort(-peaks) if peaks[at] >= least]
         return [self.names[at] for at in order if self.names[at] not in names]
 
     def left_out(self, names: list[str]) -> float:
-        """The share of all weights that shapes beside `names` have, root mean square."""
+        """The share of all weights that shapes outside `names` have, root mean square."""
         missing = [at for at, name in enumerate(self.names) if name not in names]
         energy = (self.weights.astype(np.float64) ** 2).sum(axis=0)
         return float(np.sqrt(energy[missing].sum() / max(energy.sum(), 1e-20)))
@@ -372,15 +381,15 @@ class ShapeWeights:
 
 @dataclass
 class Animation:
-    """What the library returns for one mesh, in the frame in which it was given.
+    """The result of the library for one mesh, in the coordinates in which the mesh was given.
 
-    `basis`, `displacements` `[T, V, 3]` float32 or a `native_shapes.Clip`, as was asked.
-    `largest_mm` is the largest displacement of any vertex in any frame, on a head of human size,
-    blinks included; `visibility` is one of `VISIBILITIES`. `shape_weights` is what moves where the
-    system makes weights; `heard_emotion` is what was heard, where the motion depends on it;
-    `mouth` is how the lips meet, one of `MOUTHS`, `lids` what both eyes' lids do, of `LIDS`;
-    `notes` are remarks for the report. A unit of the mesh is `unit_mm` long on a head of human
-    size; in frames that are `touching` `[T]` the lips touch.
+    It holds a `basis`, `displacements` `[T, V, 3]` float32 or a `native_shapes.Clip`, depending on
+    the request. `largest_mm` is the largest displacement of any vertex in any frame, on a head of
+    human size, blinks included. `visibility` is one of `VISIBILITIES`. `shape_weights` is the
+    motion of a system that makes weights. `heard_emotion` is the emotion heard in the voice, if the
+    motion depends on it. `mouth` is how the lips meet, one of `MOUTHS`; `lids` is what the lids of
+    both eyes do, two of `LIDS`. `notes` are remarks for the report. A mesh unit is `unit_mm` long
+    on a head of human size. `touching` `[T]` marks the frames in which the lips touch.
     """
 
     largest_mm: float
@@ -403,16 +412,16 @@ class Animation:
 class Take:
     """A finished performance in object space, ready to be written.
 
-    `output` names the output that it is made for, `motion` is what that writes, in object units.
-    `largest_mm` is the largest displacement of any vertex. Head and eyes lie in `life`; its `way`
-    leads from the world to the canonical frame.
-    `largest_of` is the largest displacement of each piece of the face, mm, where there are several.
-    `shape_weights` are those that a system made itself: named keys get them as they are.
-    `heard_emotion` is what was heard in the voice, where the take depends on it.
-    `mouth` is how the lips meet, one of `MOUTHS`, `lids` what both eyes' lids do, of `LIDS`;
-    `notes` are remarks for the report. No keyframe lies before the scene frame `earliest`, unless
-    the sound does. A unit of the object is `unit_mm` long on a head of human size; in frames that
-    are `touching` `[T]` the lips touch.
+    `output` names the output that the take is made for. `motion` is what this output writes, in
+    object units. `largest_mm` is the largest displacement of any vertex. `life` holds head and
+    eyes; its `way` maps world coordinates to canonical ones. `largest_of` is the largest
+    displacement of each piece, mm, if the face has several. `shape_weights` are weights that the
+    system made itself: named keys get them unchanged. `heard_emotion` is the emotion heard in the
+    voice, if the take depends on it. `mouth` is how the lips meet, one of `MOUTHS`; `lids` is what
+    the lids of both eyes do, two of `LIDS`. `notes` are remarks for the report. No keyframe lies
+    before the scene frame `earliest`, unless the sound begins before it. An object unit is
+    `unit_mm` long on a head of human size. `touching` `[T]` marks the frames in which the lips
+    touch.
     """
 
     fps: float
@@ -429,13 +438,13 @@ class Take:
     earliest: float = -np.inf
     unit_mm: float = 1000.0
     touching: np.ndarray | None = None
-    # How far the lips are apart in each frame, mm, where that is known.
+    # How much farther than at rest the lips are apart in each frame, mm, if known.
     opening: np.ndarray | None = None
-    # Finds the keys of curves that are made in Blender, a `sparse.Few`; None for every frame.
+    # A `sparse.Few`, which finds the keys of curves made in Blender; None puts one on every frame.
     few: object = None
 
     def scene_frames(self, start_frame: float, scene_fps: float) -> np.ndarray:
-        """The scene frames `[T]` of its frames, of which the first lies at `start_frame`."""
+        """The scene frames `[T]` of its frames; the first one lies at `start_frame`."""
         return start_frame + np.arange(self.frame_count) * (scene_fps / self.fps)
 
     @property
@@ -446,9 +455,9 @@ class Take:
 
 @dataclass(frozen=True)
 class ShapesBy:
-    """What moves the skin of shapes: a network, or the `field` of the head that is like the face.
+    """What moves the skin in shapes: a network, or the `field` of the head most like the face.
 
-    With `in_betweens` ARKit's shapes at weight 0.5 as well, `NAME_half`.
+    With `in_betweens` there are ARKit's shapes at weight 0.5 as well, named `NAME_half`.
     """
 
     field: bool = False
@@ -462,7 +471,7 @@ NETWORK = ShapesBy()
 class Rig:
     """Shapes of one mesh: `names` `[S]`, `vectors` `[S, V, 3]` at strength 1.
 
-    `notes` say of some shapes why they move nothing, or not all that they should.
+    `notes` say why some of the shapes move nothing, or less than they should.
     """
 
     names: list[str]
@@ -482,12 +491,14 @@ class Solved:
 class KeyMotion(VectorSum):
     """A take as weights of named shape keys.
 
-    `keys` `[S]` are names of keys, `weights` `[T, S]`. `vectors` `[S, V, 3]` in object space where
-    the keys are to be made, None where they are the artist's own. `visemes` are to be made as well,
-    without weights. `left_out` as in `Solved`. Of the artist's keys, `shape_weights` `[T, N]` are
-    those of the `shapes` `[N]` that they show, `shown` the one that each key shows most of,
-    `factors` by key where it stands at weight 1 of each of its shapes; `missing` are shapes that
-    move and that none of them shows, where the system made weights.
+    `keys` `[S]` are the names of the keys, `weights` `[T, S]` their weights. `vectors` `[S, V, 3]`
+    in object space are given for keys that must be made; None means the artist's own keys.
+    `visemes` are keys that are made as well, but get no weights. `left_out` is as in `Solved`.
+
+    The other fields are for the artist's keys. `shape_weights` `[T, N]` are the weights of the
+    `shapes` `[N]` that the keys show. `shown` names the shape that each key shows most. `factors`
+    gives each key's value when one of its shapes is at weight 1. `missing` lists shapes that move
+    but that no key shows, if the system made weights.
     """
 
     keys: list[str]
@@ -511,13 +522,13 @@ class KeyMotion(VectorSum):
 
 @dataclass
 class ControlMotion(Motion):
-    """A take as the motion of some points of the skin, and then as values of controls.
+    """A take as the motion of some points of the skin, to which the controls of a rig are fitted.
 
     `vertices` `[P]` are numbers of vertices near the 68 landmarks, `frames` `[T, P, 3]` their
-    motion in object space, `regions` `[P]` numbers into `controls_plan.REGIONS`. `pairs` `[N, 2]`
-    are points of the upper and the lower lip that meet. An object unit is `mm` long, on a head of
-    human size. `fitted` is what the controls of a rig do, once they have been tried. Where curves
-    hold poses, `pose_frames` `[T]` is for each frame the first frame of its pose.
+    motion in object space, `regions` `[P]` indices into `controls_plan.REGIONS`. `pairs` `[N, 2]`
+    are points where upper and lower lip meet. An object unit is `mm` long on a head of human size.
+    `fitted` is the motion of the rig's controls, once the fit is done. If curves hold poses,
+    `pose_frames` `[T]` gives the first frame of the pose that each frame belongs to.
     """
 
     vertices: np.ndarray
@@ -537,9 +548,9 @@ class ControlMotion(Motion):
 class WrittenFile:
     """A take of one object as a file of `frames` frames: a point cache of `vertices`, or weights.
 
-    `ease` frames lead from rest and back to it beside these. `left_out` as in `Solved`. It lies at
-    `waits` until it is put at `path`; what lay there before waits at `earlier` until all is
-    written. Both are empty where there is no such file.
+    `ease` more frames lead from rest to the take, and as many back to rest. `left_out` is as in
+    `Solved`. The file stays at `waits` until it moves to `path`. A file that was at `path` before
+    is kept at `earlier` until everything is written. Both are empty if there is no such file.
     """
 
     object_name: str
@@ -554,7 +565,7 @@ class WrittenFile:
 
 @dataclass
 class Files(Motion):
-    """A take that lies beside the .blend."""
+    """A take in files beside the .blend."""
 
     files: list[WrittenFile]
 

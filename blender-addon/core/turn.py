@@ -5,7 +5,7 @@ Quaternions are (w, x, y, z); rotation vectors are axis times angle in radians.
 
 import numpy as np
 
-# How far away the library's partner is, metres on a head of human size.
+# Distance to the imagined partner whom the library's gaze looks at, metres on a human-size head.
 _PARTNER_M = 1.2
 
 
@@ -18,7 +18,7 @@ def of_vectors(vectors: np.ndarray) -> np.ndarray:
 
 
 def of_gaze(angles: np.ndarray) -> np.ndarray:
-    """Rotation vectors `[T, 3]`, canonical axes, of yaw to the left and pitch up `[T, 2]`."""
+    """Rotation vectors `[T, 3]`, canonical axes, of angles `[T, 2]`: yaw to the left, pitch up."""
     zeros = np.zeros(len(angles))
     yaw = of_vectors(np.column_stack([zeros, angles[:, 0], zeros]))
     pitch = of_vectors(np.column_stack([-angles[:, 1], zeros, zeros]))
@@ -34,7 +34,7 @@ def to_vectors(turns: np.ndarray) -> np.ndarray:
 
 
 def times(first: np.ndarray, second: np.ndarray) -> np.ndarray:
-    """Products `[T, 4]`: what `second` does, then what `first` does."""
+    """The products `[T, 4]`, which turn by `second` and then by `first`."""
     a, b = first, second
     w = a[:, 0] * b[:, 0] - (a[:, 1:] * b[:, 1:]).sum(axis=1)
     rest = a[:, :1] * b[:, 1:] + b[:, :1] * a[:, 1:] + np.cross(a[:, 1:], b[:, 1:])
@@ -53,15 +53,15 @@ def matrices(turns: np.ndarray) -> np.ndarray:
 
 
 def angles_to(points: np.ndarray, eye: np.ndarray) -> np.ndarray:
-    """Yaw to the left and pitch up `[T, 2]` from an eye `[3]` to points `[T, 3]`, canonical."""
+    """Yaw to the left and pitch up `[T, 2]` from an eye `[3]` to points `[T, 3]`, all canonical."""
     x, y, z = (points - eye).T
     return np.column_stack([np.arctan2(x, z), np.arctan2(y, np.hypot(x, z))])
 
 
 def to_object(gaze: np.ndarray, points: np.ndarray, eye: np.ndarray) -> np.ndarray:
-    """Gaze `[T, 2]` of one eye `[3]` that rests on points `[T, 3]`, not on the library's partner.
+    """The gaze `[T, 2]` of one eye `[3]` at points `[T, 3]` instead of the library's partner.
 
-    All in the canonical frame, metres and radians; leaps and looks away stay.
+    All values are canonical, in metres and radians. Leaps of the eye and looks away remain.
     """
     partner = np.array([[0.0, eye[1], eye[2] + _PARTNER_M]])
     return gaze + angles_to(points, eye) - angles_to(partner, eye)

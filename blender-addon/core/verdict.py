@@ -1,17 +1,19 @@
-"""Never a silent "nothing moved": what to say when the face stays where it is."""
+"""Explains why a face does not move, so that this never goes unsaid."""
 
 import numpy as np
 
 from .errors import AnyfaceError
 from .take import Animation, Sound
 
-# Below this a take holds room noise at most.
+# A sound whose peak is below this holds room noise at most.
 SILENT_DB = -60.0
 
 
 def check_seen(animation: Animation, sound: Sound, intensity: float) -> None:
-    """Raises `AnyfaceError("nothing_moved")` with the likely reason where nobody sees the face
-    speak; `intensity` is that of the emotion."""
+    """Raises `AnyfaceError("nothing_moved")` with the likely reason if nobody sees the face speak.
+
+    `intensity` is the strength of the emotion.
+    """
     if not np.isfinite(animation.largest_mm):
         raise AnyfaceError("internal", "the result holds values that are not numbers")
     if animation.visibility == "NOTHING":
@@ -29,7 +31,10 @@ def check_seen(animation: Animation, sound: Sound, intensity: float) -> None:
 
 
 def check_sound(sound: Sound) -> None:
-    """Raises `AnyfaceError("audio")` for a sound from which no speech can come."""
+    """Raises `AnyfaceError` for a sound that cannot hold speech.
+
+    "audio" if it has no samples or some are not finite, "nothing_moved" if it is silent.
+    """
     if len(sound.samples) == 0:
         raise AnyfaceError("audio", f"{sound.name}: the part that is used holds no samples")
     if not np.isfinite(sound.samples).all():

@@ -1,4 +1,4 @@
-"""Weights of shapes while somebody is speaking: samples in, frames out."""
+"""Weights of shapes for live speech: samples go in, frames come out."""
 
 from contextlib import ExitStack
 from ctypes import POINTER, byref, c_float, c_int32
@@ -17,7 +17,7 @@ _FLOATS = POINTER(c_float)
 class Frame:
     """A face at one instant."""
 
-    # Number of the frame; it stands at `index / 25` seconds of the sound.
+    # Number of the frame; its time in the sound is `index / 25` seconds.
     index: int
     # Weights of ARKit's shapes `[52]` and Oculus' visemes `[15]`, 0 to 1, as `names` orders them.
     shapes: np.ndarray
@@ -27,14 +27,14 @@ class Frame:
 
     @property
     def time_s(self) -> float:
-        """Seconds of sound before it."""
+        """Its time in the sound, seconds."""
         return self.index / FPS
 
 
 class WeightStream:
     """A performance in progress: `push` samples, `pull` frames. Belongs to one thread at a time.
 
-    The frames are the same however the sound is cut into pushes. Raises `AnyfaceError`: "input" for
+    The frames do not depend on how the sound is cut into pushes. Raises `AnyfaceError`, "input" for
     a system that needs the whole sound.
     """
 
@@ -48,7 +48,7 @@ class WeightStream:
 
     @property
     def latency_s(self) -> float:
-        """Seconds of sound after a frame's own instant that it waits for."""
+        """A frame can be computed once this many seconds of sound after it are there."""
         return self._engine._library.anyface_weight_stream_latency_s(self._open())
 
     @property
@@ -64,7 +64,7 @@ class WeightStream:
         self._call("push", block.ctypes.data_as(_FLOATS), len(block))
 
     def pull(self) -> Frame | None:
-        """The next frame, or None until more samples are there."""
+        """The next frame, or None if it needs more samples or the sound has ended."""
         shapes, visemes, head = (np.empty(n, np.float32) for n in (SHAPES, VISEMES, 3))
         is_ready = c_int32()
         rows = [row.ctypes.data_as(_FLOATS) for row in (shapes, visemes, head)]
@@ -80,11 +80,11 @@ class WeightStream:
             yield frame
 
     def finish(self) -> None:
-        """Ends the sound: every frame that began can be pulled."""
+        """Ends the sound: every frame that has begun can now be pulled."""
         self._call("finish")
 
     def set_emotion(self, strengths) -> None:
-        """The emotion from the next frame on: `[15]` strengths in the order of `EMOTIONS`."""
+        """Sets the emotion from the next frame on: `[15]` strengths in the order of `EMOTIONS`."""
         row = np.ascontiguousarray(strengths, dtype=np.float32)
         if row.shape != (len(EMOTIONS),):
             raise AnyfaceError(
@@ -93,15 +93,15 @@ class WeightStream:
         self._call("set_emotion", row.ctypes.data_as(_FLOATS))
 
     def hear_emotion(self) -> None:
-        """Shows the emotion that is heard from now on, until `set_emotion` sets one."""
+        """From now on shows the emotion heard in the voice, until `set_emotion` sets one."""
         self._call("hear_emotion")
 
     def look_ahead(self, seconds: float) -> None:
-        """Looks ahead by at most so many seconds; before the first sound."""
+        """Limits the look-ahead to `seconds`. Call it before the first sound."""
         self._call("look_ahead", seconds)
 
     def hear_all(self) -> None:
-        """Lets every sound move the face from here on, music and noise too, not speech alone."""
+        """From now on every sound moves the face: music and noise as well as speech."""
         self._call("hear_all")
 
     def close(self) -> None:

@@ -1,13 +1,13 @@
-"""Numbers in words for somebody who looks at a face."""
+"""Puts numbers into words that an artist understands."""
 
-# About what a human head measures from chin to crown.
+# The height of a human head from chin to crown, approximately.
 HEAD_MM = 230.0
-# Above each share its words.
+# The words for each share and above.
 _SHARES = ((0.9, "nearly all"), (0.75, "most"), (0.6, "about two thirds"), (0.4, "about half"))
 
 
 def share(part: float) -> str:
-    """How much of a performance can be seen: 0.66 is "about two thirds of the motion (66 %)"."""
+    """How much of the motion is shown: 0.66 gives "about two thirds of the motion (66 %)"."""
     words = next((words for least, words in _SHARES if part >= least), "less than half")
     return f"{words} of the motion ({part:.0%})".replace("%)", " %)")
 
@@ -18,8 +18,10 @@ def listed(names: list[str]) -> str:
 
 
 def length(mm: float, is_human: bool, digits: int = 1) -> str:
-    """How far something is, given in millimetres on a head of human size, for an artist whose head
-    has that size or another one."""
+    """A length in words. `mm` is its length on a head of human size.
+
+    An artist whose head has another size reads it as a share of the head's height.
+    """
     if is_human:
         return f"{mm:.{digits}f} mm"
     return f"{100.0 * mm / HEAD_MM:.2g} % of the head's height"

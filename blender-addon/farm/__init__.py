@@ -1,1 +1,1 @@
-"""Many shots: the jobs file, one process a shot, reports, Dask. Runs without Blender's Python."""
+"""Batches of shots: jobs file, shot processes, reports, Dask. Runs without Blender's Python."""

@@ -1,7 +1,7 @@
-"""Shots in a process of their own.
+"""Runs shots in a separate process.
 
-These functions, and those of `ledger` and `core` that they call, are sent to other
-machines as they are: they need nothing but Python's own library there.
+Dask sends these functions, and those of `ledger` and `core` that they call, to other machines as
+they are. There they need nothing but Python's own library.
 """
 
 import contextlib
@@ -16,23 +16,23 @@ from ..core import beside
 from ..core.errors import plain
 from .ledger import close, finished, forget, read
 
-# What a process prints at the end of a line when its shot has ended.
+# A process prints this at the end of a line when its shot has ended.
 END = "\x1eanyface: the shot has ended"
-# Seconds between two looks at a process that works.
+# Seconds between two checks of a running process.
 _LOOK_S = 0.1
-# Exit codes of a defect and of a full memory, as `core.errors` has them: the next shot gets a new
-# process.
+# Exit codes for a defect and for a lack of memory, as in `core.errors`. After these the next shot
+# gets a new process.
 _INTERNAL, _MEMORY = 10, 13
-# SIGKILL, which not every system has by name.
+# SIGKILL. Not every system defines it by name.
 _KILLED = 9
 
 
 class ShotProcess:
-    """A Blender that does one shot after another, and hears them on its standard input.
+    """A Blender process that does one shot after another and reads them from its standard input.
 
-    It starts with its first shot and ends after `chunk` of them. `command` starts it, `threads` is
-    what it may use. Its input stays open as long as this process lives: where this one is killed,
-    the other reads the end of its input, and stops too.
+    It starts with its first shot and ends after `chunk` shots. `command` starts it; `threads` is
+    the number of threads that it may use. Its input stays open as long as this process lives. If
+    this process is killed, Blender reads the end of its input and stops too.
     """
 
     def __init__(self, command: list[str], threads: int | None = None, chunk: int = 1):
@@ -43,9 +43,9 @@ class ShotProcess:
     def do(self, shot: dict, retries=1, timeout_s=None, stop=None) -> dict:
         """Does a `shot` (`asdict(Shot)`) and returns its report.
 
-        Where the process ends without a report it has crashed; a new one tries again, up to
-        `retries` times. `stop` is an event that ends it early. Nothing is raised: whatever goes
-        wrong stands in the report, and the other shots go on.
+        A process that ends without a report has crashed; a new one tries again, up to `retries`
+        times. `stop` is an event that ends it early. Nothing is raised: the report says what went
+        wrong, and the other shots go on.
         """
         began = time.monotonic()
         try:
@@ -73,7 +73,7 @@ class ShotProcess:
         self._reader.join(1.0)
 
     def _outcome(self, shot: dict, retries: int, timeout_s, stop) -> dict:
-        """The report of a shot, or why there is none."""
+        """The report of a shot, or an outcome that says why there is none."""
         earlier = finished(shot)
         if earlier is not None:
             return earlier
@@ -93,7 +93,7 @@ class ShotProcess:
         return {**outcome, "exit_code": _INTERNAL}
 
     def _run(self, shot: dict, timeout_s, stop) -> tuple[int | None, str]:
-        """The process's exit code, and what to say where it leaves no report."""
+        """The process's exit code, and the message for a process that leaves no report."""
         path = os.path.splitext(shot["report"])[0] + ".log"
         os.makedirs(os.path.dirname(path), exist_ok=True)
         with open(path, "ab") as self._log:
@@ -102,13 +102,13 @@ class ShotProcess:
             finally:
                 code = self._process.poll() if self._process is not None else None
                 if code is not None:
-                    # Its last words.
+                    # The process has ended: read the rest of its output.
                     self._reader.join(1.0)
                 self._log = None
         return code, why or _ending(code, path)
 
     def _start(self) -> str:
-        """Starts the process where none runs; says why where it cannot."""
+        """Starts the process if none is running; returns the reason if it cannot, else ""."""
         if self._process is not None and self._process.poll() is None:
             return ""
         self.close()
@@ -133,12 +133,12 @@ class ShotProcess:
         return ""
 
     def _listen(self, process) -> None:
-        """Writes what a process prints into the log of its shot."""
+        """Writes the output of a process into the log of its shot."""
         try:
             for line in process.stdout:
                 self._hear(line)
         except Exception:
-            # Nobody would hear the end of its shot.
+            # Without this thread nobody would notice the end of the shot.
             process.kill()
             raise
         finally:
@@ -146,10 +146,10 @@ class ShotProcess:
 
     def _hear(self, line: bytes) -> None:
         log, has_ended = self._log, line.rstrip().endswith(END.encode())
-        # Blender itself may have begun the line.
+        # Blender may have printed something at the start of the same line.
         line = line.replace(END.encode(), b"").lstrip() if has_ended else line
         if log is not None and line:
-            # The log may be closed meanwhile, or the disk full.
+            # The log may have been closed meanwhile, or the disk may be full.
             with contextlib.suppress(OSError, ValueError):
                 log.write(line)
                 log.flush()
@@ -157,7 +157,7 @@ class ShotProcess:
             self._ended.set()
 
     def _feed(self, shot: dict, timeout_s, stop) -> str:
-        """Gives the shot to the process and waits; says why where it was stopped."""
+        """Gives the process the shot and waits; returns the reason if it was stopped, else ""."""
         last = time.monotonic() + (timeout_s or float("inf"))
         self._ended.clear()
         with contextlib.suppress(OSError):
@@ -176,15 +176,17 @@ class ShotProcess:
 
 
 def run_shots(command: list[str], shots: list[dict], **limits) -> Iterator[dict]:
-    """The reports of `shots`, which one process does one after another; `limits` as
-    `ShotProcess.do` has them."""
+    """Yields the reports of `shots`, which one process does one after another.
+
+    `limits` are passed to `ShotProcess.do`.
+    """
     with contextlib.closing(ShotProcess(command, chunk=len(shots))) as process:
         for shot in shots:
             yield process.do(shot, **limits)
 
 
 def _ending(code: int | None, log: str) -> str:
-    """How a process without a report has ended, and where to look."""
+    """The message for a process that ended without a report: how it ended and where to look."""
     if code == -_KILLED:
         return (
             f"the process was killed, most often by a system that is out of memory: run fewer "

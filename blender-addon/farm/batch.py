@@ -1,4 +1,4 @@
-"""`anyface batch jobs.json`: what is left to do, where it is done, what came of it."""
+"""`anyface batch jobs.json`: finds the shots that are left, runs them, reports the results."""
 
 import argparse
 import contextlib
@@ -17,9 +17,9 @@ _ENTRY = Path(__file__).resolve().parents[1] / "anyface_batch.py"
 
 
 def run(options: argparse.Namespace, blender: str = "") -> int:
-    """Does the shots, prints a line each, returns the exit code.
+    """Does the shots, prints a line for each, and returns the exit code.
 
-    `blender` is the executable that runs this, "" for plain Python.
+    `blender` is the Blender executable that runs this code, "" for plain Python.
     """
     try:
         is_whole = _run(options, options.blender or blender)
@@ -32,7 +32,7 @@ def run(options: argparse.Namespace, blender: str = "") -> int:
 
 
 def _run(options, blender: str) -> bool:
-    """Does what is asked of the rows; whether all of them are well."""
+    """Exports, sums up, plans or does the rows; returns whether all of them are fine."""
     for name in ("workers", "chunk"):
         if getattr(options, name) < 1:
             text = f"--{name}: expected 1 or more, got {getattr(options, name)}"
@@ -53,7 +53,7 @@ def _run(options, blender: str) -> bool:
 
 
 def _work(options, words: list[str], folder: Path, listed: jobs.Listed) -> bool:
-    """Does the rows that are left and says what came of each."""
+    """Does the rows that are left and prints the result of each; returns whether all are done."""
     began = time.monotonic()
     shots = [asdict(shot) for shot in listed.shots]
     total = len(shots) + len(listed.broken)
@@ -75,14 +75,14 @@ def _work(options, words: list[str], folder: Path, listed: jobs.Listed) -> bool:
     well = sum(report["ok"] for report in reports)
     say(f"anyface: {well} of {total} shots are finished, reports in {folder}", sys.stdout)
     if options.rows is None:
-        # Of some rows others know more.
+        # With --rows other processes do the other rows: a summary from here would be incomplete.
         results.write(folder, reports, round(time.monotonic() - began, 3))
         say(f"anyface: {folder / 'results.html'} shows them", sys.stdout)
     return well == total
 
 
 def _export(options, node: export.NodeCommand, paths, listed, folder: Path) -> bool:
-    """Writes what the engine of a farm runs, and tells what to type next."""
+    """Writes the files that a farm's engine runs, and prints what to type next."""
     for row in listed.broken:
         say(f"anyface: {row.outcome['message']}", sys.stderr)
     saves = export.saves(Path(node.jobs), paths, listed)
@@ -91,10 +91,10 @@ def _export(options, node: export.NodeCommand, paths, listed, folder: Path) -> b
 
 
 def _node(options, blender: str, path: Path, folder: Path) -> export.NodeCommand:
-    """What a node of a farm runs for some rows, with the options of this run."""
+    """The command that a farm node runs for some of the rows, with the options of this run."""
     program, *before = command(blender)
     if blender and options.export == "flamenco":
-        # Its workers know where their Blender is.
+        # Flamenco's workers know where their Blender is.
         program = "{blender}"
     words = ["--reports", str(folder)] if options.reports else []
     for word, value, default in (
@@ -121,7 +121,7 @@ def _start(options, words: list[str], shots: list[dict]):
 
 
 def _sum(folder: Path, listed: jobs.Listed) -> bool:
-    """Writes what came of all rows, by their reports."""
+    """Writes the results of all rows from their reports."""
     rows = [asdict(shot) for shot in listed.shots]
     reports = [report for shot in rows if (report := ledger.read(shot["report"])) is not None]
     for row in listed.broken:
@@ -132,12 +132,12 @@ def _sum(folder: Path, listed: jobs.Listed) -> bool:
     missing = f", {total - len(reports)} have no report yet" if total > len(reports) else ""
     say(f"anyface: {well} of {total} shots are finished{missing}", sys.stdout)
     say(f"anyface: {folder / 'results.html'} shows them", sys.stdout)
-    # Rows that have no report yet are at work elsewhere.
+    # Rows without a report do not count as failed: they are still being done elsewhere.
     return all(report["ok"] for report in reports)
 
 
 def _tell_plan(options, listed: jobs.Listed) -> bool:
-    """Says what a run would do."""
+    """Prints what a run would do; returns whether all rows are valid."""
     known = [ledger.read(shot.report) for shot in listed.shots]
     known = [report for report in known if report is not None]
     left = [shot for shot in listed.shots if ledger.finished(asdict(shot)) is None]
@@ -159,8 +159,10 @@ def _tell_plan(options, listed: jobs.Listed) -> bool:
 
 
 def command(blender: str) -> list[str]:
-    """How a process that does shots is started: a Blender that has the extension, or this Python
-    with bpy."""
+    """The command that starts a process for shots.
+
+    It runs a Blender that has the extension, or this Python with bpy.
+    """
     if blender:
         return [shutil.which(blender) or blender, "-b", "--command", "anyface", "shot"]
     return [sys.executable, str(_ENTRY), "shot"]

@@ -1,6 +1,6 @@
-"""The same over Dask: its workers, on any number of machines, each do some shots in a row.
+"""Runs a batch over Dask: its workers, on any number of machines, each do some shots in a row.
 
-Only the Python that runs the batch and those of the workers need Dask; Blender's does not.
+The Python that runs the batch and the workers' Pythons need Dask; Blender's Python does not.
 """
 
 import sys
@@ -10,7 +10,7 @@ from ..core import beside, errors, json_file
 from ..core.errors import AnyfaceError, plain
 from . import attempt, ledger
 
-# So many parts of the work each thread of a worker gets, if there are enough shots.
+# Each thread of a worker gets this many parts of the work, if there are enough shots.
 _TURNS = 4
 
 
@@ -22,11 +22,13 @@ def run(
     chunk: int,
     **limits,
 ) -> Iterator[dict]:
-    """Reports of all shots as they end, up to `chunk` of them by one process; those whose worker is
-    lost go to another one, which does what is not finished yet."""
+    """Yields the reports of all shots as they end; a process does up to `chunk` shots.
+
+    If a worker is lost, another one gets its shots and does those that are not finished yet.
+    """
     distributed, cloudpickle = _dask()
     for module in (attempt, ledger, json_file, errors, beside):
-        # Workers need not have the extension in their own Python.
+        # The workers' Python may lack the extension, so the modules travel with the work.
         cloudpickle.register_pickle_by_value(module)
     try:
         client = distributed.Client(scheduler, timeout=connect_s)
@@ -36,12 +38,12 @@ def run(
     work = attempt.run_shots
 
     def some(shots: list[dict]) -> list[dict]:
-        # A function inside a function: Dask sends it by value, and what it calls with it.
+        # This is an inner function so that Dask sends it by value, with all that it calls.
         return list(work(command, shots, **limits))
 
     with client:
         threads = sum(client.nthreads().values())
-        # Each of them gets several, so that none waits long for the last.
+        # Each thread gets several parts, so that none waits long for the last one to end.
         size = max(1, min(chunk, len(shots) // (_TURNS * max(1, threads))))
         futures = {}
         for first in range(0, len(shots), size):
@@ -53,7 +55,7 @@ def run(
 
 
 def _reports(future, shots: list[dict]) -> list[dict]:
-    """The reports of shots; those that their worker has not sent say why."""
+    """The reports of shots. If the worker sent none, those of unfinished shots say why."""
     try:
         if future.status == "finished":
             return future.result()

@@ -1,9 +1,9 @@
-"""Hands the rows of a jobs file to the engine of a farm, which runs them.
+"""Prepares the rows of a jobs file for a farm's engine, which then runs them.
 
-It fills templates in, and tells what to type next.
+It fills in templates and says what to type next.
 
-The templates are the files of `engines`, which lie in `cli/farm` of the repository. Each lists at
-its top what is filled in. Nothing here runs a shot.
+The templates lie in the folder `engines` of the extension, which is `cli/farm` in the repository.
+Each template lists its placeholders at its top. Nothing here runs a shot.
 """
 
 import json
@@ -19,13 +19,13 @@ from ..core.errors import AnyfaceError
 from . import jobs, ledger
 from .paths import PathMap
 
-# A bake of 4 s on the default head (8,510 vertices) takes 0.45 GB in Blender 5.0. Scenes of films
-# are far larger.
+# A bake of 4 s on the default head (8,510 vertices) takes 0.45 GB in Blender 5.0. Film scenes are
+# far larger.
 DEFAULT_MEMORY_MB = 4096
 DEFAULT_CORES = 2
-# Of a shot of which nothing is known yet.
+# Assumed for a shot if there are no earlier reports.
 _DEFAULT_SHOT_S = 600
-# To start Blender, on a slow disk.
+# The time that Blender takes to start from a slow disk.
 _START_S = 600
 _MEMORY_MARGIN, _TIME_MARGIN = 1.25, 4
 _PLACEHOLDER = re.compile(r"\{\{(\w+)\}\}")
@@ -34,7 +34,7 @@ _NOT_OF_NAMES = re.compile(r"[^A-Za-z0-9_.-]+")
 
 @dataclass(frozen=True)
 class NodeCommand:
-    """What a node runs: `program before jobs options --rows A-B`."""
+    """The command that a node runs: `program before jobs options --rows A-B`."""
 
     program: str
     before: tuple[str, ...]
@@ -43,13 +43,13 @@ class NodeCommand:
 
     @property
     def arguments(self) -> tuple[str, ...]:
-        """All words behind the program."""
+        """All words after the program."""
         return (*self.before, self.jobs, *self.options)
 
 
 @dataclass(frozen=True)
 class Engine:
-    """An engine: templates by the name of the file that each becomes, and what to type then."""
+    """A farm engine: the file that each template becomes, and what to type afterwards."""
 
     files: dict[str, str]
     hint: str
@@ -70,7 +70,7 @@ ENGINES = {
 
 @dataclass(frozen=True)
 class Needs:
-    """What a task takes: memory, cores, and seconds after which it may be ended."""
+    """What a task needs: memory, cores, and the seconds after which it may be ended."""
 
     memory_mb: int
     cores: int
@@ -78,7 +78,7 @@ class Needs:
 
 
 def saves(path: Path, paths: PathMap, listed: jobs.Listed) -> list[str]:
-    """The file that each row of a jobs file writes, "" for a row that cannot be right."""
+    """The file that each row of a jobs file writes, "" for an invalid row."""
     content, right = json_file.read(path), {shot.save for shot in listed.shots}
     files = []
     for row in content["shots"]:
@@ -91,8 +91,8 @@ def saves(path: Path, paths: PathMap, listed: jobs.Listed) -> list[str]:
 def run(options, command: NodeCommand, saves: list[str], reports: Path) -> str:
     """Writes the files of `options.export`; returns what to type next.
 
-    `saves` as the function `saves` has it. `options` has `export`, `out`, `chunk`, `memory` (GB),
-    `cores`, `workers` and `timeout` as the command line gives them. Raises `AnyfaceError`.
+    `saves` is the result of the function `saves`. `options` has `export`, `out`, `chunk`, `memory`
+    (GB), `cores`, `workers` and `timeout` from the command line. Raises `AnyfaceError`.
     """
     engine = options.export
     if not saves:
@@ -118,7 +118,7 @@ def run(options, command: NodeCommand, saves: list[str], reports: Path) -> str:
 
 
 def measure(reports: Path, options) -> Needs:
-    """What a task takes, by what shots have taken before; defaults where nothing is known."""
+    """What a task needs, estimated from earlier shots; defaults if there are none."""
     memory_mb, seconds = 0.0, 0.0
     for report in _history(reports):
         memory_mb = max(memory_mb, _real(report.get("memory_mb")))
@@ -135,17 +135,17 @@ def measure(reports: Path, options) -> Needs:
 
 
 def fill(template: str, values: dict[str, str]) -> str:
-    """The template with `{{name}}` replaced once by `values["name"]`; other braces stay."""
+    """Replaces each `{{name}}` by `values["name"]`, in one pass; other braces stay."""
     return _PLACEHOLDER.sub(lambda match: values.get(match[1], match[0]), template)
 
 
 def _values(engine: str, command: NodeCommand, saves, chunk: int, needs: Needs) -> dict[str, str]:
-    """Texts for the placeholders, in the quotes of the engine's language."""
+    """The texts for the placeholders, quoted as the engine's language needs it."""
     if engine == "slurm":
         program, arguments = shlex.quote(command.program), shlex.join(command.arguments)
     else:
         program, arguments = _json(command.program), ", ".join(map(_json, command.arguments))
-    # A variable of Flamenco stands for itself, whatever shells think of braces.
+    # Flamenco replaces its variable {blender} itself, so it must not be quoted for a shell.
     start = shlex.join([command.program, *command.before]).replace("'{blender}'", "{blender}")
     values = {
         "name": _NOT_OF_NAMES.sub("-", Path(command.jobs).stem).strip("-") or "anyface",
@@ -184,7 +184,7 @@ def _check(options) -> None:
 
 
 def _history(reports: Path):
-    """Lines of the history that can be read; a node that was killed may have left half a line."""
+    """Yields the readable lines of the history; a killed node may have left half a line."""
     with suppress(OSError), open(reports / ledger.HISTORY, encoding="utf-8") as file:
         for line in file:
             with suppress(ValueError):

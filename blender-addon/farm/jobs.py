@@ -1,7 +1,8 @@
 """The jobs file: a JSON object with `shots`, and `defaults` for what most of them share.
 
-A shot names its `file`, where to `save`, and the options of `bake` without their dashes; `faces` is
-a list of such options where several faces of one file are animated. Paths count from the jobs file.
+A shot names the `file` to open, the file to `save`, and options of `bake` without their dashes. If
+several faces of one file are animated, `faces` lists such options for each. Paths are relative to
+the jobs file.
 """
 
 import functools
@@ -23,16 +24,16 @@ _OWN = ("name", "file", "save", "faces")
 _NAME = re.compile(r"[\w.-]+")
 _parser = functools.cache(options.step_parser)
 _LONGEST = 200
-# The stem of the file beside the reports that tells of all of them.
+# The stem of the file beside the reports that sums them up.
 SUMMARY = "batch"
 
 
 @dataclass(frozen=True)
 class Shot:
-    """One file to open, the command lines to run on it, one file to write.
+    """A file to open, the command lines to run on it, and the file to write.
 
-    `digest` changes with the row and with the files that it reads: a finished shot is done again
-    where it differs from that of the report.
+    `digest` changes with the row and with the files that it reads. If it differs from the digest in
+    the report, a finished shot is done again.
     """
 
     name: str
@@ -45,7 +46,7 @@ class Shot:
 
 @dataclass(frozen=True)
 class Broken:
-    """A row that cannot be right: what its report says, under the name of `shot`."""
+    """An invalid row: `outcome` is what its report says, under the name of `shot`."""
 
     shot: Shot
     outcome: dict
@@ -53,8 +54,10 @@ class Broken:
 
 @dataclass(frozen=True)
 class Listed:
-    """The rows of a jobs file that can be done, and those that cannot be right; `total` counts all
-    rows of the file."""
+    """The rows of a jobs file: valid `shots` and invalid `broken` ones.
+
+    `total` counts all rows of the file.
+    """
 
     shots: list[Shot]
     broken: list[Broken]
@@ -64,10 +67,10 @@ class Listed:
 def read(
     path: Path, reports: Path, paths: PathMap | None = None, chosen: range | None = None
 ) -> Listed:
-    """The rows of the file, or those with the numbers `chosen`, from 1; one that cannot be right
-    keeps no other from being done.
+    """The rows of the file, or those with the numbers `chosen`, counted from 1.
 
-    Raises `AnyfaceError("input")` where the file as a whole, or what its rows share, is wrong.
+    An invalid row does not keep the others from being done. Raises `AnyfaceError("input")` if the
+    file as a whole or its `defaults` are wrong.
     """
     paths = paths or PathMap()
     content = schema.check(str(path), json_file.read(path), schema.OBJECT)
@@ -106,7 +109,7 @@ def _broken(name: str, reports: Path, error: AnyfaceError) -> Broken:
 
 
 def _name_of(number: int, row, names: set[str]) -> str:
-    """The name of a row that cannot be right, or its number where it has none for itself."""
+    """The name of an invalid row; "row-" and its number if it has no unique valid name."""
     name = row.get("name") if isinstance(row, dict) else None
     if name is None and isinstance(row, dict) and isinstance(row.get("save"), str):
         name = Path(row["save"]).stem
@@ -120,12 +123,12 @@ def _name_of(number: int, row, names: set[str]) -> str:
 
 def _is_name(name) -> bool:
     is_text = isinstance(name, str) and _NAME.fullmatch(name) is not None
-    # Longer ones are no names of files, with the endings of reports.
+    # With the suffix of a report, a longer name would be too long for a file.
     return is_text and len(name.encode()) <= _LONGEST
 
 
 def _row(where: str, row) -> dict:
-    """A row, or what most of them share: options that are single values, and faces of such."""
+    """Checks and returns a row or the defaults: options with single values, also in `faces`."""
     rules = dict.fromkeys(("file", "save", "name"), (schema.TEXT,)) | {"faces": (schema.LIST,)}
     schema.fields(where, row, rules, schema.SCALAR)
     for number, face in enumerate(row.get("faces", []), start=1):
@@ -165,7 +168,7 @@ def _shot(where: str, row: dict, folder: Path, reports: Path, paths: PathMap) ->
 
 
 def _step(where: str, row: dict, folder: Path, paths: PathMap) -> tuple[str, ...]:
-    """The command line of one row, tried on the parser that the worker will use."""
+    """The command line of one face of a row, checked with the parser that the worker will use."""
     row = dict(row)
     task = row.pop("task", options.TASKS[0])
     if task not in options.TASKS:
@@ -189,9 +192,9 @@ def _step(where: str, row: dict, folder: Path, paths: PathMap) -> tuple[str, ...
 
 
 def _digest(row: dict, shot: Shot) -> str:
-    """Of the row, and of size and time of the files and models that it names.
+    """A digest of the row, of the size and time of the files it reads, and of its models' time.
 
-    It holds no path of this machine, so that all machines agree on what is finished.
+    No path of this machine goes into it, so that all machines agree on which shots are finished.
     """
     digest = hashlib.blake2b(json.dumps(row).encode(), digest_size=12)
     for path in (shot.file, *_values(shot, *_READ)):
@@ -204,8 +207,11 @@ def _digest(row: dict, shot: Shot) -> str:
 
 
 def _clashes(path: Path, shots: dict[int, Shot]) -> dict[int, AnyfaceError]:
-    """Rows that would meet others: they run in any order and at once, so that no name, and no file
-    that is written, may be another's too. By their numbers."""
+    """Errors, by row number, of rows that get in each other's way.
+
+    Rows run in any order and at the same time. So no two rows may share a name or write the same
+    file, and no row may write a file that a row reads.
+    """
     errors = {}
     for what, of in (("name", lambda shot: {shot.name.casefold()}), ("output", _written)):
         owners = {}
@@ -235,7 +241,7 @@ def _files_read(shot: Shot) -> set[str]:
 
 
 def _key(path: str) -> str:
-    # Some file systems tell no small letters from large ones.
+    # Some file systems ignore case.
     return os.path.realpath(path).casefold()
 
 

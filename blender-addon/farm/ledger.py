@@ -1,4 +1,4 @@
-"""Reports on disk: one JSON file a shot, one history of all tries."""
+"""Reports on disk: one JSON file for each shot, and one history of all tries."""
 
 import contextlib
 import errno
@@ -16,20 +16,20 @@ from ..core.json_file import write as write_json
 try:
     import fcntl
 except ImportError:
-    # Windows has another one.
+    # Windows has no fcntl and locks files with msvcrt.
     import msvcrt
 
     fcntl = None
 
-# The file beside the reports with a line for each end of a shot.
+# The file beside the reports that gets a line whenever a shot ends.
 HISTORY = "history.jsonl"
-# The file beside it of which a process locks a byte for each shot at work.
+# The file beside the history in which a process locks one byte for each shot that it does.
 CLAIMS = ".claims"
 _PAUSE_S = 0.1
 
 
 def read(report: str) -> dict | None:
-    """A report, or None where there is none or it is not one of ours."""
+    """A report, or None if the file is missing, unreadable or not one of our reports."""
     try:
         content = read_json(report)
     except AnyfaceError:
@@ -39,7 +39,10 @@ def read(report: str) -> dict | None:
 
 
 def finished(shot: dict) -> dict | None:
-    """The report of a shot (`asdict(Shot)`) that was done as it stands now, and lies there."""
+    """The report of a shot (`asdict(Shot)`) if it is finished, else None.
+
+    It is finished if it succeeded with the same digest and its saved file exists.
+    """
     report = read(shot["report"])
     if report is None or not report.get("ok") or report.get("digest") != shot["digest"]:
         return None
@@ -47,7 +50,7 @@ def finished(shot: dict) -> dict | None:
 
 
 def brief(report: dict) -> dict:
-    """A report without what only a page shows."""
+    """A report without the fields that only the results page shows."""
     faces = [
         {name: value for name, value in face.items() if name != "look"}
         for face in report.get("faces", [])
@@ -57,15 +60,16 @@ def brief(report: dict) -> dict:
 
 @contextlib.contextmanager
 def claim(shot: dict):
-    """Keeps a shot for this process: another one that wants it waits until this one ends, however
-    it ends.
+    """Reserves a shot for this process while the context lasts.
 
-    A scheduler that lost sight of a node starts its shots elsewhere while they still run there.
+    Another process that wants the shot waits until this one has done it or has died. This matters
+    when a scheduler loses contact with a node and starts the node's shots again elsewhere while
+    they are still running.
     """
     path = os.path.join(os.path.dirname(shot["report"]), CLAIMS)
     place = int.from_bytes(hashlib.blake2b(shot["name"].encode(), digest_size=3).digest())
     with contextlib.ExitStack() as stack:
-        # Some network drives lock nothing; there it may be done twice.
+        # Some network drives do not support locks; there a shot may be done twice.
         with contextlib.suppress(OSError):
             file = stack.enter_context(open(path, "ab"))
             while not _lock(file.fileno(), place):
@@ -74,7 +78,7 @@ def claim(shot: dict):
 
 
 def _lock(file: int, place: int) -> bool:
-    """Locks a byte of a file until it is closed; False where another process has it."""
+    """Locks a byte of a file until the file is closed; False if another process has locked it."""
     try:
         if fcntl is not None:
             fcntl.lockf(file, fcntl.LOCK_EX | fcntl.LOCK_NB, 1, place)
@@ -89,7 +93,7 @@ def _lock(file: int, place: int) -> bool:
 
 
 def clear(shot: dict) -> None:
-    """Takes away what processes that were killed while they wrote its report have left."""
+    """Removes partial reports of a shot, left by processes that were killed while writing."""
     folder, name = os.path.split(shot["report"])
     for path in glob.glob(os.path.join(glob.escape(folder), f".{glob.escape(name)}.*")):
         with contextlib.suppress(OSError):
@@ -97,7 +101,7 @@ def clear(shot: dict) -> None:
 
 
 def forget(shot: dict) -> None:
-    """Takes an old report away; raises `OSError`."""
+    """Removes the old report of a shot; raises `OSError`."""
     if os.path.exists(shot["report"]):
         os.remove(shot["report"])
 
@@ -105,7 +109,7 @@ def forget(shot: dict) -> None:
 def close(shot: dict, outcome: dict) -> dict:
     """Writes the report of a shot and its line in the history; returns the report.
 
-    Where it cannot be written, its message says so too.
+    If the report cannot be written, its message says that too.
     """
     where = {"host": socket.gethostname(), "pid": os.getpid()}
     report = {"name": shot["name"], **outcome, "digest": shot["digest"], **where}

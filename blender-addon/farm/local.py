@@ -1,4 +1,4 @@
-"""A pool of processes on this machine."""
+"""Runs shots in a pool of processes on this machine."""
 
 import os
 import queue
@@ -12,10 +12,10 @@ from .attempt import ShotProcess
 def run(
     command: list[str], shots: list[dict], workers: int, chunk: int, **limits
 ) -> Iterator[dict]:
-    """Reports of all shots as they end, `workers` at a time; `limits` as `ShotProcess.do` has them.
+    """Yields the reports of all shots as they end, with `workers` processes at a time.
 
-    A process does up to `chunk` shots. The cores are shared out. Where the caller stops early,
-    running processes are ended.
+    A process does up to `chunk` shots and gets an equal share of the cores. `limits` are passed to
+    `ShotProcess.do`. If the caller stops early, running processes are ended.
     """
     threads = max(1, (os.cpu_count() or 1) // workers)
     processes = [ShotProcess(command, threads, chunk) for _ in range(workers)]

@@ -1,4 +1,4 @@
-"""Where a path of the jobs file lies on this machine: `--map FROM=TO`."""
+"""Translates paths of the jobs file into paths of this machine: `--map FROM=TO`."""
 
 import os
 import re
@@ -6,16 +6,16 @@ from collections.abc import Iterable
 
 from ..core.errors import AnyfaceError
 
-# What stands between the parts of a path elsewhere, and on Windows.
+# The separators between the parts of a path: on other systems, and on Windows.
 _SEPARATORS = (r"/", r"[\\/]")
 _WINDOWS = re.compile(r"[A-Za-z]:($|[\\/])|\\\\")
 
 
 class PathMap:
-    """Folders that have another name elsewhere.
+    """Pairs of folders: one folder under its names on two machines.
 
-    Of a folder of Windows and one of another system, this system's own is what is opened,
-    whichever of both a path names. Of two folders of one kind the second is opened.
+    If one name is a Windows path and the other is not, a path under either name is opened under
+    this system's own. If both names are of one kind, the second one is opened.
     """
 
     def __init__(self, words: Iterable[str] = (), on_windows: bool = os.name == "nt"):
@@ -32,7 +32,7 @@ class PathMap:
             self._pairs.append(pair)
 
     def here(self, path: str) -> str:
-        """`path` as this machine has it."""
+        """`path` under its name on this machine."""
         for source, target in self._pairs:
             rest = _below(path, source)
             if rest is not None:
@@ -47,11 +47,11 @@ def _is_windows(path: str) -> bool:
 
 
 def _below(path: str, folder: str) -> str | None:
-    """What follows `folder` in `path`; None where it lies elsewhere."""
+    """The part of `path` after `folder`; None if `path` is not in that folder."""
     start, mark = folder.rstrip("\\/"), _SEPARATORS[_is_windows(folder)]
     first, rest = path[: len(start)], path[len(start) :]
     if _is_windows(folder):
-        # Windows tells no small letters from large ones, and takes both slashes.
+        # Windows ignores case and accepts both slashes.
         start, first = (text.lower().replace("/", "\\") for text in (start, first))
     ends = not rest or re.match(mark, rest)
     return rest if first == start and ends else None

@@ -1,4 +1,4 @@
-"""What came of a batch: `batch.json`, and a page for a browser with what needs an eye on top."""
+"""The results of a batch: `batch.json`, and a web page with the shots to check at its top."""
 
 import json
 from pathlib import Path
@@ -7,12 +7,13 @@ from ..core import json_file
 from ..core.errors import AnyfaceError
 from . import export, jobs, ledger
 
-# So many rows have pictures and curves, those that need an eye most: a page stays small.
+# To keep the page small, only this many rows, the ones that most need a check, have pictures and
+# curves.
 _SHOWN = 100
 
 
 def write(folder: Path, reports: list[dict], seconds: float | None) -> dict:
-    """Writes both into `folder` and returns the sum; raises `AnyfaceError("file")`."""
+    """Writes both into `folder` and returns the summary; raises `AnyfaceError("file")`."""
     rows = sorted(reports, key=lambda report: report["name"])
     summary = {
         "ok": sum(report["ok"] for report in rows),
@@ -23,7 +24,7 @@ def write(folder: Path, reports: list[dict], seconds: float | None) -> dict:
     json_file.write(folder / f"{jobs.SUMMARY}.json", summary)
     try:
         page = (export.templates() / "results.html").read_text(encoding="utf-8")
-        # Nothing in a string may end the script.
+        # A "</script>" inside a string would end the page's script.
         data = json.dumps(_ranked(rows)).replace("</", "<\\/")
         json_file.write_text(folder / "results.html", page.replace("{{ROWS}}", data))
     except OSError as error:
@@ -32,7 +33,7 @@ def write(folder: Path, reports: list[dict], seconds: float | None) -> dict:
 
 
 def _ranked(reports: list[dict]) -> list[dict]:
-    """A row of the page for each report, those that need an eye first."""
+    """A row of the page for each report, the ones that most need a check first."""
     times = sorted(report.get("seconds", 0.0) for report in reports)
     usual = times[len(times) // 2] if times else 0.0
     rows = sorted((_row(report, usual) for report in reports), key=lambda row: -row["attention"])

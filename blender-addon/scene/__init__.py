@@ -1,1 +1,1 @@
-"""Blender's data without any interface: read mesh and sound, write keys, remove them."""
+"""Works on Blender's data, without any interface: reads mesh and sound, writes and removes keys."""

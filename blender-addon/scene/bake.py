@@ -1,7 +1,7 @@
 """One character from settings to keys, in three steps: read, work, write.
 
-`read` and `write` touch Blender's data and belong to the main thread; the `work` of a snapshot
-does not and may run anywhere.
+`read` and `write` touch Blender's data, so they belong to the main thread. `Snapshot.work` does
+not, so any thread may run it.
 """
 
 from collections.abc import Iterable
@@ -34,12 +34,12 @@ NO_SOUND = "no sound: choose a strip or a sound file"
 
 @dataclass
 class Settings:
-    """The request of an artist: the fields of `ui.properties.AnyfaceCharacter` without Blender.
+    """An artist's request: the fields of `ui.properties.AnyfaceCharacter` as plain data.
 
-    `strip` or `sound_file` is set. `fps` 0 takes the scene's. `system` is a name of `core.systems`,
-    "" the default one. `controls` are the values of controls by name, and `held` are controls that
-    override these and their keyframes. `mixture` holds emotions beside `emotion`, and `blend` are
-    strengths `[15]` that override all emotions and their keyframes.
+    `strip` or `sound_file` is set. `fps` 0 means the frame rate of the scene. `system` is a name
+    from `core.systems`; "" means the default one. `controls` holds values by name, and
+    `fixed_controls` override these and their keyframes. `mixture` holds further emotions beside
+    `emotion`. `blend` holds strengths `[15]` that override all emotions and their keyframes.
     """
 
     strip: str = ""
@@ -60,33 +60,32 @@ class Settings:
     error_mm: float = 0.1
     # Whether new keys follow controls and are named after them.
     named_keys: bool = True
-    # Whether curves get few keys, `core.sparse.SPARSE`, and by how much that may move any vertex,
-    # mm.
+    # With `core.sparse.SPARSE` curves get few keys, which may move any vertex by up to `curves_mm`.
     curves: str = sparse.SPARSE
     curves_mm: float = 0.2
-    # How long poses stand where curves are `core.holding.HELD`.
+    # How long each pose is held if `curves` is `core.holding.HELD`.
     holds: holding.Holds = field(default_factory=holding.Holds)
     layered: bool = True
     axes: str = "AUTO"
     landmark_file: str = ""
-    # Several strips as one take: their names, or the channel (from 1) whose strips all speak.
+    # Several strips can make one take: by their names, or all strips of a channel (from 1).
     strips: list[str] = field(default_factory=list)
     channel: int = 0
     # The channel (from 1) whose text strips are events; 0 for none.
     event_channel: int = 0
-    # Whether markers are events too, and how long one lasts that no other marker ends.
+    # Whether markers are events too, and how long a marker lasts if no other marker ends it.
     event_markers: bool = False
     marker_s: float = 0.8
     # A file of events, used instead of the channel and the markers.
     event_file: str = ""
-    # A sound strip, or a file instead, whose emotion the face shows where the system hears emotion.
+    # The face shows the emotion of this sound strip or file, if the system hears emotion.
     emotion_strip: str = ""
     emotion_file: str = ""
     # A sound file in which the same person speaks neutrally, for systems that hear emotion.
     neutral_voice: str = ""
-    # Whether the face begins as it stands now, for systems that start from a pose.
+    # Whether the take starts from the current pose of the face, for systems that can do that.
     starts_from_pose: bool = False
-    # Objects beside the face, and roles of single connected parts by number.
+    # The other objects of the face, and roles of single connected parts by number.
     parts: list[pieces.Part] = field(default_factory=list)
     loose: dict[int, str] = field(default_factory=dict)
     output: OutputSettings = field(default_factory=OutputSettings)
@@ -106,12 +105,12 @@ class Snapshot:
     scene_fps: float
     scene_start: int
     engine: object = field(repr=False)
-    # Notes for the report, and the panel's settings at that time.
+    # Notes for the report, and the panel's settings at the time of reading.
     notes: list[str] = field(default_factory=list)
     panel_values: dict = field(default_factory=dict)
-    # The numbers of all objects that take part, by their names at that time.
+    # The numbers of all objects that take part, by their names at the time of reading.
     numbers: dict[str, int] = field(default_factory=dict)
-    # Start and end in seconds, and the text, of the strips that show sounds.
+    # Start and end in seconds, and the text, of each strip that shows a speech sound.
     sounds: list[tuple[float, float, str]] | None = None
     # Another recording, whose emotion the face shows.
     emotion_sound: SoundSource | None = None
@@ -119,10 +118,10 @@ class Snapshot:
     neutral: SoundSource | None = None
 
     def heard(self, progress: Progress) -> tuple[Sound, Request]:
-        """The decoded sound, and the request with what was heard beside it.
+        """The decoded sound, and the request with everything else that comes from sound.
 
-        That is the intervals in which the strips close the lips, the other recording that gives the
-        emotion, and the neutral voice.
+        The request gets the intervals in which strips close the lips, the other recording that
+        gives the emotion, and the neutral voice.
         """
         progress.check("sound")
         voice, request = self.source.load(decode.decoder(self.engine)), self.request
@@ -144,7 +143,7 @@ class Snapshot:
         return function(*self.face.space.to_library(self.face), voice, request, *more, progress)
 
     def perform(self, progress: Progress, rows: range | None = None) -> Take:
-        """The motion before its plan, of all frames or those of `rows`; raises `AnyfaceError`."""
+        """The take before its plan is applied, of all frames or `rows`; raises `AnyfaceError`."""
         animate, (voice, request) = self.engine.animate, self.heard(progress)
         if rows is None:
             request = replace(request, keeps_clip=self.plan.keeps_clip)
@@ -156,7 +155,7 @@ class Snapshot:
         """The take; raises `AnyfaceError`."""
         take = self.perform(progress)
         holds = self.settings.holds if self.settings.curves == holding.HELD else None
-        # The plan packs what the sliders change.
+        # Poses are held first, because the plan packs the changes of the sliders.
         is_held = holds is not None and holding.hold(take, holds)
         take = self.plan.finish(self.face, take, self.engine, progress)
         try:
@@ -228,8 +227,10 @@ def read(ob, scene, settings: Settings, engine) -> Snapshot:
 
 
 def read_still(ob, scene, settings: Settings) -> tuple[FaceMesh, Request]:
-    """The face for a voice that is not there yet; raises `AnyfaceError` with a message for the
-    artist."""
+    """The face, and a request for a voice that comes later.
+
+    Raises `AnyfaceError` with a message for the artist.
+    """
     live.end(ob)
     outputs.of(settings.mode).check(ob, settings.output)
     _leave_out_foreign(ob, settings)
@@ -244,9 +245,9 @@ def _numbers(names: list[str], settings: Settings) -> dict[str, int]:
 
 
 def follow_names(snapshot: Snapshot, files: Iterable[WrittenFile]) -> None:
-    """Renames the objects of a take, and of its `files`, to their present names.
+    """Updates the names of objects in `snapshot` and `files` to the present ones.
 
-    Raises `AnyfaceError("mesh")` where one is gone.
+    Raises `AnyfaceError("mesh")` if an object is gone.
     """
     now = {}
     for name, number in snapshot.numbers.items():
@@ -263,7 +264,7 @@ def follow_names(snapshot: Snapshot, files: Iterable[WrittenFile]) -> None:
 
 
 def _leave_out_foreign(ob, settings: Settings) -> list[str]:
-    """Removes parts that speak with another face from `settings`; returns a note for each."""
+    """Removes parts that another face animates from `settings`; returns a note for each."""
     notes = []
     for part in list(settings.parts):
         other = bpy.data.objects.get(part.name)
@@ -275,7 +276,7 @@ def _leave_out_foreign(ob, settings: Settings) -> list[str]:
 
 
 def read_face(ob, settings: Settings, editable: bool = True) -> FaceMesh:
-    """The face with the objects beside it.
+    """Reads the face together with its other objects.
 
     With `editable` it raises `AnyfaceError` for parts that cannot get keys.
     """
@@ -298,7 +299,7 @@ def write(ob, snapshot: Snapshot, take: Take) -> str:
 def landing(ob, snapshot: Snapshot, take: Take):
     """Writes the take in short steps, yielding between them; returns one line about what it wrote.
 
-    If it is closed before it yields `BEGUN`, nothing has changed.
+    If the generator is closed before it yields `BEGUN`, nothing has changed.
     """
     follow_names(snapshot, take.motion.files)
     output_settings = snapshot.settings.output
@@ -332,9 +333,9 @@ def landing(ob, snapshot: Snapshot, take: Take):
 
 
 def discard(result) -> None:
-    """Deletes the files of a take, or of a list of takes, that was not written.
+    """Deletes the files of a take, or of each take in a list, that was not written.
 
-    It closes a face that nobody follows. It needs no Blender.
+    If `result` is a `StreamedFace`, closes it. Does not use Blender.
     """
     if isinstance(result, StreamedFace):
         result.close()
@@ -343,7 +344,7 @@ def discard(result) -> None:
 
 
 def settle(result) -> None:
-    """Deletes the files that the take, or each take of a list, has replaced: it stands now."""
+    """The take, or each take in a list, is final: deletes the files that it has replaced."""
     for take in _takes(result):
         plan.settle(take.motion.files)
 
@@ -362,9 +363,9 @@ def describe(take: Take) -> str:
 
 
 def details(ob, take: Take, curves_mm: float) -> str:
-    """Details that only some want: "moves by up to 9.1 mm, exact to 0.10 mm".
+    """Details that only some artists want: "moves by up to 9.1 mm, exact to 0.10 mm".
 
-    Curves with few keys are within `curves_mm`.
+    `curves_mm` is the tolerance of curves with few keys.
     """
     is_human = mesh.is_of_human_size(ob)
     phrases = [f"moves by up to {wording.length(take.largest_mm, is_human)}"]
@@ -385,7 +386,7 @@ def find_sound(scene, settings: Settings, engine) -> SoundSource:
 
 
 def _emotion_sound(scene, settings: Settings, engine) -> SoundSource | None:
-    """The recording that gives the emotion; None for a strip where the system hears no emotion."""
+    """The recording that gives the emotion; None for a strip if the system hears no emotion."""
     if settings.emotion_file:
         return sound_source.from_file(settings.emotion_file, settings.start_frame)
     if not settings.emotion_strip or not systems.by_name(settings.system).hears_emotion:
@@ -397,7 +398,7 @@ def _emotion_sound(scene, settings: Settings, engine) -> SoundSource | None:
 
 
 def _neutral(settings: Settings) -> SoundSource | None:
-    """The recording of the neutral voice; None where no emotion is heard."""
+    """The recording of the neutral voice; None if no emotion is heard in the voice."""
     hears = systems.by_name(settings.system).hears_emotion or settings.emotion_source == "VOICE"
     if not settings.neutral_voice or not hears:
         return None
@@ -408,8 +409,10 @@ def _neutral(settings: Settings) -> SoundSource | None:
 
 
 def _pose(ob, face: FaceMesh, settings: Settings) -> np.ndarray | None:
-    """The displacements `[V, 3]` of the face and its other pieces now; None unless the take starts
-    from them."""
+    """The current displacements `[V, 3]` of the face and its other pieces.
+
+    None if the take does not start from the current pose.
+    """
     if not settings.starts_from_pose or not systems.by_name(settings.system).starts_from_pose:
         return None
     moved = np.zeros_like(face.positions)

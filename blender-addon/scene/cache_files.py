@@ -1,7 +1,7 @@
-"""Point caches on disk: how they are named, and which of them nothing plays any more.
+"""Point caches on disk: how they are named, and which of them are no longer used.
 
-A name contains the version of the .blend, the object and the take, so no run overwrites another's
-file. Only *Remove Unused Caches* deletes them, and only those that no .blend nearby names.
+A file name contains the version of the .blend, the object and the take, so no run overwrites a file
+of another run. Only *Remove Unused Caches* deletes caches, and only if no .blend nearby names them.
 """
 
 import gzip
@@ -15,7 +15,7 @@ import bpy
 
 from ..core.errors import AnyfaceError
 
-# Folders of this name are ours and go when they are empty.
+# Folders of this name are ours. They are deleted once they are empty.
 FOLDER = "anyface_cache"
 SUFFIX = ".pc2"
 _OURS = re.compile(r".+_[0-9a-f]{8}\.pc2")
@@ -24,9 +24,9 @@ _GZIP, _ZSTD = b"\x1f\x8b", b"\x28\xb5\x2f\xfd"
 
 @dataclass
 class Unused:
-    """The `files` that can be deleted, and the .blend files that could not be read.
+    """The `files` that can be deleted, and the `unread` .blend files, which could not be read.
 
-    Caches near an `unread` .blend stay.
+    Caches near an unread .blend stay.
     """
 
     files: list[Path]
@@ -34,12 +34,12 @@ class Unused:
 
     @property
     def megabytes(self) -> float:
-        """How much space deleting them frees, MB."""
+        """The space that deleting the files frees, MB."""
         return sum(path.stat().st_size for path in self.files) / 1e6
 
 
 def names(objects: list[str]) -> dict[str, str]:
-    """File names of a new take by the name of each object."""
+    """The file names for a new take, by the name of each object."""
     version = Path(bpy.data.filepath).stem or "untitled"
     take = uuid.uuid4().hex[:8]
     clean = bpy.path.clean_name
@@ -54,8 +54,8 @@ def take_of(path: str) -> str:
 def unused() -> Unused:
     """The caches beside this .blend, and in folders that it plays from, that no .blend names.
 
-    It looks for .blend files beside the folder of the caches, in folders there, and in the
-    neighbouring ones.
+    It searches the .blend files beside each cache folder, in the folders next to it, and in the
+    folders next to its parent.
     """
     played = _played()
     folders = {path.parent for path in played}
@@ -70,7 +70,7 @@ def unused() -> Unused:
 
 
 def delete(files: list[Path]) -> None:
-    """Deletes caches, and our folders that are empty then."""
+    """Deletes caches, and our folders if that leaves them empty."""
     try:
         for path in files:
             path.unlink(missing_ok=True)
@@ -82,7 +82,7 @@ def delete(files: list[Path]) -> None:
 
 
 def _add_unnamed(spare: list[Path], beside: Path, result: Unused) -> None:
-    """Adds those of `spare` to `result` that no .blend near `beside` names; backups count too."""
+    """Adds the `spare` files that no .blend near `beside` names to `result`; backups count too."""
     places = (beside.glob("*.blend*"), beside.glob("*/*.blend*"), beside.parent.glob("*/*.blend*"))
     for blend in {path for place in places for path in place if path.is_file()} if spare else ():
         named = _named_in(blend, [path.name for path in spare])
@@ -94,8 +94,7 @@ def _add_unnamed(spare: list[Path], beside: Path, result: Unused) -> None:
 
 
 def _named_in(blend: Path, candidates: list[str]) -> set[str] | None:
-    """Those of the file names `candidates` that a .blend contains; None where it cannot be read
-    here."""
+    """The file names from `candidates` that a .blend contains; None if it cannot be read here."""
     try:
         with open(blend, "rb") as file:
             start = file.read(4)

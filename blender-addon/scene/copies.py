@@ -1,7 +1,7 @@
-"""Recognises duplicates: each gets an identity of its own and keeps what was copied with it.
+"""Recognises duplicates: each gets its own identity, and objects copied together stay together.
 
-If teeth are duplicated along with a face, Blender keeps the list of parts right. If a head is
-duplicated alone, its teeth stay with the first head.
+If teeth are duplicated along with a face, Blender itself updates the list of parts. If a head is
+duplicated alone, its teeth stay with the original head.
 """
 
 import bpy
@@ -11,7 +11,7 @@ from . import identity
 from .life import turns
 from .rig_controls import control_actions
 
-# Property groups of which an override has its own values.
+# Property groups in which an override has values of its own.
 _GROUPS = (
     "anyface", "anyface_audio", "anyface_face", "anyface_life_settings", "anyface_output",
     "anyface_controls", "anyface_mouth_chart",
@@ -19,7 +19,7 @@ _GROUPS = (
 
 
 def settle() -> None:
-    """Tells the copies that were made since the last call from their originals."""
+    """Finds the copies made since the last call, and gives them identities of their own."""
     bearers = {}
     for ob in bpy.data.objects:
         _prepare_override(ob)
@@ -51,7 +51,7 @@ def _prepare_override(ob) -> None:
 
 
 def _original(members: list[tuple]):
-    """The object for which an identity was written; None where only copies of it are left."""
+    """The object that the identity was written for; None if only copies of it are left."""
     for ob, object_identity in members:
         if identity.is_current(ob, object_identity):
             return ob
@@ -62,7 +62,7 @@ def _original(members: list[tuple]):
 
 
 def _renew(copies: dict[str, list], originals: dict) -> None:
-    """Gives copies, by the id that they carry, identities of their own."""
+    """Gives copies identities of their own; `copies` lists them by the id that they carry."""
     before = {ob: identity.read(ob) for duplicates in copies.values() for ob in duplicates}
     for ob in before:
         identity.write(ob, identity.Identity())
@@ -77,11 +77,11 @@ def _renew(copies: dict[str, list], originals: dict) -> None:
 
 
 def _face_of(part, original, faces: list):
-    """The one of the copied `faces` to which the copy of a part belongs, or None."""
+    """The face among the copied `faces` that the copy `part` belongs to, or None."""
     for face in faces:
         if any(row.object == part for row in face.anyface_face.parts):
             return face
-    # A script that copies objects leaves what points to them as it was.
+    # If a script has copied the objects, the copied face still points to the original part.
     for face in faces:
         for row in face.anyface_face.parts if original is not None else ():
             if row.object == original:
@@ -92,7 +92,7 @@ def _face_of(part, original, faces: list):
 
 def _drop_foreign_parts(face) -> None:
     rows = face.anyface_face.parts
-    # An override keeps the rows of its library; Generate leaves such parts out.
+    # An override keeps the rows from its library, but Generate leaves such parts out.
     for at in reversed(range(len(rows) if face.override_library is None else 0)):
         owner = identity.face_of(rows[at].object) if rows[at].object is not None else None
         if owner not in (None, face):

@@ -1,14 +1,14 @@
 """Text strips and timeline markers that are events.
 
-The text of a strip is the expression, its place the time slot, its opacity the strength. The strip
-belongs to every character that listens to its channel. If its name contains the name of one of
-them, it belongs to that one alone. *Add at Playhead* mutes its strips, since Blender would render
-them over the picture; muted strips act all the same.
+The text of a strip is the expression, its position is the time slot, and its opacity is the
+strength. The strip belongs to every character that listens to its channel. If its name contains the
+name of one of them, it belongs only to that character. *Add at Playhead* mutes the strips that it
+adds, since Blender would render them over the picture. Muted strips still act.
 
-The name of a marker is the expression; `:0.5` behind it is the strength. The event begins at the
-marker. It lasts as long as the character's settings say, or until a marker named `end`, or `end`
-and the same expression. It belongs to the characters that listen to markers, or to the one that it
-names.
+The name of a marker is the expression; `:0.5` after it is the strength. The event begins at the
+marker. It ends at a marker named `end`, or `end` and the same expression. Without such a marker it
+lasts as long as the character's settings say. It belongs to all characters that listen to markers,
+or only to the one that it names.
 """
 
 import re
@@ -24,9 +24,9 @@ from ..core.events import Event, Expression
 from .animation import curves
 from .sound import sequencer, sounds, strips
 
-# The step in which an opacity that changes over time is sampled.
+# An opacity that changes over time is rounded to multiples of this step.
 _STEP = 0.05
-# How long a new event is, seconds.
+# The length of a new event, seconds.
 LENGTH_S = 0.8
 
 
@@ -34,7 +34,7 @@ LENGTH_S = 0.8
 class Row:
     """A strip or a marker as the panel lists it, from frame `first` up to `last`.
 
-    `wrong` says why it does nothing, or not all. A marker has no `strip`.
+    `wrong` says why it has no effect, or only part of it. A marker has no `strip`.
     """
 
     name: str
@@ -47,16 +47,16 @@ class Row:
 
 @dataclass
 class CharacterEvents:
-    """The events of a character, and notes about strips and markers that are none."""
+    """The events of a character, and notes about strips and markers that were left out."""
 
     events: list[Event] = field(default_factory=list)
     notes: list[str] = field(default_factory=list)
 
 
 def strips_of(scene, channel: int, ob=None) -> list:
-    """The text strips of a channel, first to last, without those that show sounds.
+    """The text strips of a channel, in time order, without those that show sounds.
 
-    With `ob` it leaves out those that name another character of this channel.
+    With `ob` it also leaves out strips that name another character of this channel.
     """
     faces, every = others(scene, channel), sequencer.all_strips(scene) if channel else []
     text_strips = [
@@ -68,10 +68,10 @@ def strips_of(scene, channel: int, ob=None) -> list:
 
 
 def marked(scene, ob, settings, models: Path | None = None) -> list[Row]:
-    """Each marker that may be an event of `ob`; none where it does not listen to markers.
+    """The markers that may be events of `ob`; none if it does not listen to markers.
 
     `settings` has `event_markers` and `marker_s`; `models` is the folder of the models. Markers
-    that bind a camera, and those that still have the name that Blender gave them, do not count.
+    that bind a camera or still have their default name from Blender do not count.
     """
     if not settings.event_markers:
         return []
@@ -116,11 +116,10 @@ def rows(
     when: tuple[float, float | None] | None = None,
     models: Path | None = None,
 ) -> list[Row]:
-    """Each strip and marker that belongs to `ob`, first to last, and how it is understood.
+    """The strips and markers that belong to `ob`, in time order, each with its expression.
 
     `settings` has `event_channel`, `event_markers` and `marker_s`. `when` is the frame at which the
-    sound begins, and its length in seconds where that is known. `models` is the folder of the
-    models.
+    sound begins, and its length in seconds if that is known. `models` is the folder of the models.
     """
     event_rows = [
         Row(strip.name, events.expression(strip.text, models), *sequencer.ends(strip), strip=strip)
@@ -142,7 +141,7 @@ def read(
     duration_s: float | None,
     models: Path | None = None,
 ) -> CharacterEvents:
-    """The events of a character, for a system that takes them; none for other systems.
+    """The events of a character; none if its system does not take events.
 
     Strips and markers that mean nothing, or lie outside the sound, are left out with a note.
     """
@@ -170,10 +169,10 @@ def read(
 
 
 def add(scene, ob, channel: int, text: str, frame: int, strength: float = 1.0):
-    """Adds a strip of `ob` at `frame` that ends where the next one of its channel begins; returns
-    it.
+    """Adds a strip of `ob` at `frame` and returns it.
 
-    Its name contains the character's where other characters listen to the same channel.
+    It is `LENGTH_S` long, or ends earlier where the next strip of its channel begins. If other
+    characters listen to the same channel, its name contains the character's name.
     """
     fps = scene.render.fps / scene.render.fps_base
     last = frame + max(1, round(LENGTH_S * fps))
@@ -202,7 +201,7 @@ def _in_channel(scene, channel: int) -> list:
 
 
 def _slot(scene, row: Row, start_frame: float, duration_s: float | None):
-    """The frames of a strip or marker that lie in the sound; None where it lies outside."""
+    """The frames of a strip or marker that lie within the sound; None if it lies outside."""
     fps = scene.render.fps / scene.render.fps_base
     ends = np.inf if duration_s is None else start_frame + duration_s * fps
     first, last = max(row.first, start_frame), min(row.last, ends)
@@ -212,7 +211,7 @@ def _slot(scene, row: Row, start_frame: float, duration_s: float | None):
 def _pieces(scene, row: Row, slot, start_frame: float) -> list[tuple[float, float, float]]:
     """Start and end in seconds, and opacity, of each piece of an event.
 
-    A constant opacity makes one piece, and an animated one a piece for each step.
+    A constant opacity gives one piece. An animated opacity gives one piece for each step.
     """
     fps = scene.render.fps / scene.render.fps_base
     first, last = slot
@@ -235,6 +234,6 @@ def _pieces(scene, row: Row, slot, start_frame: float) -> list[tuple[float, floa
 
 
 def _opacity_curve(scene, strip):
-    """The curve of a strip's opacity, which lies in the scene's action, or None."""
+    """The curve of a strip's opacity, or None; the scene's action holds it."""
     path = f"{strip.path_from_id()}.blend_alpha"
     return curves.find(scene.animation_data, path)

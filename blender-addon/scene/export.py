@@ -10,8 +10,7 @@ from . import identity, outputs
 
 @dataclass(frozen=True)
 class Kind:
-    """A file format: its ending, the exporter's operator, its add-on, and its arguments beside the
-    path."""
+    """A file format: its ending, and the exporter's operator, add-on and arguments but the path."""
 
     label: str
     help: str
@@ -49,7 +48,7 @@ KINDS = {
         "export_scene.fbx",
         "io_scene_fbx",
         "use_selection",
-        # With either of the first two it leaves the animation of shape keys out.
+        # If either of the first two is on, the exporter leaves out the animation of shape keys.
         {
             "bake_anim_use_nla_strips": False,
             "bake_anim_use_all_actions": False,
@@ -85,7 +84,7 @@ def is_there(kind: Kind) -> bool:
 
 
 def write(ob, kind: Kind, path: str, whole_scene: bool) -> None:
-    """Exports `ob` with what belongs to its face, or the whole scene; the selection stays.
+    """Exports `ob` and the objects of its face, or the whole scene; the selection stays.
 
     Raises `AnyfaceError`.
     """
@@ -112,7 +111,7 @@ def write(ob, kind: Kind, path: str, whole_scene: bool) -> None:
 
 
 def _of_face(ob) -> list:
-    """The face, the objects that speak with it, and the rigs and parents of all of these."""
+    """The face, the objects that belong to it, and the rigs and parents of all of these."""
     objects = [ob, *identity.parts_of(ob)]
     for one in objects:
         rigs = [m.object for m in one.modifiers if m.type == "ARMATURE" and m.object is not None]

@@ -1,10 +1,9 @@
-"""Keeps weights within 0 and 1 while a glTF file is written, since importers and engines clamp
-others.
+"""Keeps weights within 0 and 1 during a glTF export, since importers and engines clamp the rest.
 
-`Σ w v` with `w` from `m` to `M` equals `Σ (w - m)/(M - m) · (M - m) v + Σ m v`. The last sum is one
-more shape, which stays at 1. In Blender a take keeps weights of both signs: most of them are 0 in a
-frame, which costs nothing. Blender's glTF exporter calls `before_export` and `after_export` by the
-names that `__init__` gives them.
+`Σ w v` with `w` from `m` to `M` equals `Σ (w - m)/(M - m) · (M - m) v + Σ m v`. The last sum
+becomes one more shape, which stays at 1. In Blender a take keeps weights of both signs, because
+then most weights in a frame are 0, which costs nothing. Blender's glTF exporter calls
+`before_export` and `after_export` by the names that `__init__` gives them.
 """
 
 import uuid
@@ -58,7 +57,7 @@ def before_export(_settings) -> None:
 
 
 def after_export(_settings) -> None:
-    """Undoes what `before_export` has changed, also after an export that failed."""
+    """Undoes the changes of `before_export`, also if the export has failed."""
     while _changed:
         changed = _changed.pop()
         ob = bpy.data.objects.get(changed.name)
@@ -103,8 +102,7 @@ def _rewrite_take(ob, take_record, changed: _Changed) -> None:
 
 
 def _within_one(pairs: np.ndarray, low: float, high: float) -> np.ndarray:
-    """Coordinates `[2T]` (frame, value, frame, …) with values from `low` to `high` scaled to 0 to
-    1."""
+    """Scales values from `low`..`high` to 0..1 in coordinates `[2T]` (frame, value, frame, …)."""
     pairs = pairs.copy()
     pairs[1::2] = (pairs[1::2] - low) / (high - low)
     return pairs
@@ -113,7 +111,7 @@ def _within_one(pairs: np.ndarray, low: float, high: float) -> np.ndarray:
 def _scale(ob, block, factor: float, changed: _Changed) -> np.ndarray:
     """Multiplies the motion of a key by `factor`, and applies its vertex group to it.
 
-    Returns its displacements `[V, 3]` before.
+    Returns the displacements `[V, 3]` before the multiplication.
     """
     positions, at_rest = read_key(block), read_key(block.relative_key)
     limits = block.slider_min, block.slider_max, block.value
@@ -125,8 +123,10 @@ def _scale(ob, block, factor: float, changed: _Changed) -> np.ndarray:
 
 
 def _add_standing(ob, bag, vector: np.ndarray, span: np.ndarray) -> str:
-    """Adds a key of the displacements `vector` `[V, 3]` that stays at 1 through the take; returns
-    its name."""
+    """Adds a key of the displacements `vector` `[V, 3]`, and returns its name.
+
+    The key stays at 1 through the whole take.
+    """
     block = add_key(ob, STANDING, read_basis(ob.data) + vector)
     curves.write(bag, curves.value_path(block.name), span, np.ones(2), constant=True)
     return block.name

@@ -1,8 +1,8 @@
 """Tells an object from its copies.
 
-Teeth, turned objects and tables name the face to which they belong by its id. A duplicate carries
-the same id. So every object also carries a stamp that is valid for itself alone: the number that
-Blender gives it while a file is open, and its name on disk.
+Teeth, turned objects and tables store the id of the face to which they belong. A duplicate carries
+the same id as its original. So every object also carries a stamp that fits only itself: the number
+that Blender gives it while a file is open, and its name, which survives on disk.
 """
 
 import json
@@ -16,13 +16,13 @@ from ..core import json_file
 from ..core.errors import AnyfaceError
 
 PROPERTY = "anyface_identity"
-# A new one for every file that is opened: numbers of objects are valid that long.
+# Every file that is opened starts a new session. Numbers of objects are valid for one session.
 _session = ""
 
 
 @dataclass
 class Identity:
-    """The `id` of an object, the id of the `face` whose part it is, and its stamp."""
+    """The `id` of an object, the id of the `face` to which it belongs, and its stamp."""
 
     id: str = field(default_factory=lambda: uuid.uuid4().hex[:12])
     face: str = ""
@@ -32,7 +32,7 @@ class Identity:
 
 
 def read(ob) -> Identity | None:
-    """The identity that is written on an object, whether it is a copy or not; None for none."""
+    """The identity stored on an object, even if the object is a copy; None if there is none."""
     text = getattr(ob, PROPERTY, "")
     if not text:
         return None
@@ -51,14 +51,14 @@ def write(ob, identity: Identity) -> None:
 
 
 def number(ob) -> int:
-    """The number of an object, valid until another file is opened, whatever its name."""
+    """The number of an object, which survives renaming; valid until another file is opened."""
     return getattr(ob, "session_uid", 0)
 
 
 def with_number(object_number: int, name: str):
-    """The object of that number, whatever it is called now; None where it is gone.
+    """The object with that number, even if it was renamed; None if it is gone.
 
-    Versions of Blender that number nothing find it by its `name`.
+    In Blender versions that do not number objects, finds it by its `name`.
     """
     if not object_number:
         return bpy.data.objects.get(name)
@@ -66,10 +66,10 @@ def with_number(object_number: int, name: str):
 
 
 def is_copy(ob, identity: Identity) -> bool:
-    """True where `identity` was written on another object than `ob`.
+    """True if it is certain that `identity` was written on another object than `ob`.
 
-    Either that happened since the file was opened, or the identity comes from the linked object
-    that `ob` overrides.
+    Either it was written since the file was opened, and carries the number of another object, or it
+    comes from the linked object that `ob` overrides.
     """
     linked = ob.override_library.reference if ob.override_library is not None else None
     inherited = read(linked) if linked is not None else None
@@ -79,18 +79,18 @@ def is_copy(ob, identity: Identity) -> bool:
 
 
 def is_current(ob, identity: Identity) -> bool:
-    """True where `identity` was written on `ob` itself since the file was opened."""
+    """True if `identity` was written on `ob` itself since the file was opened."""
     return identity.session == _session and not is_copy(ob, identity)
 
 
 def known(ob) -> str:
-    """The id of `ob`; empty where it has none, or only that of the object it was copied from."""
+    """The id of `ob`; empty if it has none, or only that of the object it was copied from."""
     identity = read(ob)
     return "" if identity is None or is_copy(ob, identity) else identity.id
 
 
 def of(ob) -> str:
-    """The id of `ob`, which gets one where it has none of its own.
+    """The id of `ob`; creates one if `ob` has none of its own.
 
     Raises `AnyfaceError("mesh")` for linked objects, which cannot store one.
     """
@@ -138,7 +138,7 @@ def begin_session() -> None:
 
 
 def register() -> None:
-    """Adds the property to objects; overrides keep theirs."""
+    """Adds the property to objects; overrides can have their own value."""
     begin_session()
     bpy.types.Object.anyface_identity = StringProperty(
         options={"HIDDEN"}, override={"LIBRARY_OVERRIDABLE"}
@@ -146,5 +146,5 @@ def register() -> None:
 
 
 def unregister() -> None:
-    """Removes it; values stay in the file."""
+    """Removes the property; its values stay in the file."""
     del bpy.types.Object.anyface_identity

@@ -1,7 +1,7 @@
-"""A face that follows its sound, or a microphone, in the viewport before anything is generated.
+"""Moves a face in the viewport by its sound or a microphone, before anything is generated.
 
-All of it lies in one shape key of each object. The key goes when the face stops following: by the
-artist, by an undo, or when a file is saved, opened or rendered.
+Each object of the face gets one shape key for this. The key is removed when the face stops
+following: when the artist ends it, after an undo, or when a file is saved, opened or rendered.
 """
 
 from dataclasses import dataclass
@@ -21,13 +21,13 @@ from .shape_keys import guard
 from .way_back import unharmed
 
 KEY = "Anyface Live"
-# How often faces that listen move, seconds.
+# Time between two updates of faces that follow a microphone, seconds.
 _EVERY_S = 1.0 / 60.0
 
 
 @dataclass
 class Follower:
-    """A character that follows: its objects by number, and what moves them."""
+    """A character that moves live: its objects by number, and the `face` that moves them."""
 
     number: int
     name: str
@@ -36,9 +36,9 @@ class Follower:
     face: object
     face_space: space.FaceSpace
     start_frame: float
-    # Strengths `[15]` of the emotion that it shows; None where the emotion is heard.
+    # Strengths `[15]` of the emotion that the panel sets; None where the emotion is heard.
     strengths: np.ndarray | None = None
-    # The last displacements; the same array where nothing more was heard.
+    # The last displacements. `face.at` returns the same array again if it has heard nothing new.
     shown: np.ndarray | None = None
 
 
@@ -65,9 +65,10 @@ def listener(ob):
 
 
 def begin(ob, mesh_face, face, start_frame: float = 0.0) -> None:
-    """Lets `ob`, from which `mesh_face` was read, follow `face`, a `LiveFace` or a `ListeningFace`.
+    """Makes `ob` follow `face`, which is a `LiveFace` or a `ListeningFace`.
 
-    Raises `AnyfaceError` where an object cannot have a key; nothing has changed then.
+    `mesh_face` was read from `ob`. Raises `AnyfaceError` where an object cannot have a key; nothing
+    has changed then.
     """
     face_piece, *others = mesh_face.pieces
     objects = [(ob, face_piece)]
@@ -101,7 +102,7 @@ def _add_key(ob, rested: np.ndarray) -> None:
 
 
 def end(ob) -> bool:
-    """Stops following; `ob` and its parts stand as before. False where it did not follow."""
+    """Makes `ob` stop following, and restores it and its parts; False where it did not follow."""
     followers = _of(ob)
     for follower in followers:
         _forget(follower)
@@ -123,9 +124,9 @@ def _forget(follower: Follower) -> None:
 
 
 def _sweep() -> None:
-    """Removes the key from every object that follows nothing.
+    """Removes the live key from every object that follows nothing.
 
-    The key may be left by a face that has stopped, by its copies, by an undo, or by a crash.
+    A face that has stopped, its copies, an undo or a crash may have left the key behind.
     """
     following = [identity.with_number(part[0], part[1]) for f in _followers for part in f.parts]
     meshes = [ob.data for ob in following if ob is not None]
@@ -143,20 +144,20 @@ def _drop_key(ob) -> None:
     with guard.object_mode(ob), guard.selection_kept(ob):
         ob.shape_key_remove(block)
         blocks = ob.data.shape_keys.key_blocks
-        # A Basis without other keys was added for ours, or has no effect.
+        # If only the Basis is left, it was added for our key or has no effect: remove it too.
         if len(blocks) == 1 and ob.data.shape_keys.animation_data is None:
             ob.shape_key_clear()
 
 
 def feel(_group=None, _context=None) -> None:
-    """Shows a new emotion of the panel at once, also while nothing plays."""
+    """Shows a new emotion from the panel at once, even while nothing plays."""
     with unharmed():
         if any(map(_shows_another, _followers)):
             show(bpy.context.scene)
 
 
 def listen() -> float | None:
-    """Moves faces to what their microphones hear; Blender calls it again and again."""
+    """Moves the faces that follow a microphone. A timer of Blender calls it every `_EVERY_S`."""
     heard = [follower for follower in _followers if follower.face.listens]
     if not heard:
         return None
@@ -165,7 +166,7 @@ def listen() -> float | None:
 
 
 def show(scene, followers: list[Follower] | None = None) -> None:
-    """Moves `followers`, or every face that follows, to the current frame."""
+    """Moves `followers` (None for all of them) to their pose at the current frame."""
     for follower in list(_followers if followers is None else followers):
         ob = None
         try:
@@ -174,7 +175,8 @@ def show(scene, followers: list[Follower] | None = None) -> None:
                 raise AnyfaceError("mesh", f"{follower.name} is gone")
             _show(ob, scene, follower)
         except BaseException as error:
-            # Blender calls this for every frame: what fails once would fail again.
+            # Blender calls this at every frame, so the error would come up again each time: stop
+            # all faces.
             _say(ob, str(plain(error)))
             end_all()
             return
@@ -211,7 +213,7 @@ def _feels(ob) -> np.ndarray | None:
 
 
 def _shows_another(follower: Follower) -> bool:
-    """Whether the panel has another emotion than the one that is shown."""
+    """Whether the emotion in the panel differs from the one on display."""
     ob = identity.with_number(follower.number, follower.name)
     return ob is not None and not np.array_equal(_feels(ob), follower.strengths)
 
@@ -235,14 +237,14 @@ _ENDINGS = ("load_pre", "load_post", "save_pre", "undo_post", "redo_post", "rend
 
 
 def register() -> None:
-    """Follows the frame, and stops before the file could keep the key."""
+    """Adds handlers that move faces at each frame and stop them before a file stores the key."""
     bpy.app.handlers.frame_change_post.append(_on_frame)
     for name in _ENDINGS:
         getattr(bpy.app.handlers, name).append(_on_end)
 
 
 def unregister() -> None:
-    """Ends all."""
+    """Stops all faces and removes the handlers."""
     end_all()
     bpy.app.handlers.frame_change_post.remove(_on_frame)
     if bpy.app.timers.is_registered(listen):

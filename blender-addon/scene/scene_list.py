@@ -1,4 +1,4 @@
-"""Animates a whole scene in one go: several characters, each with its strip."""
+"""Animates a whole scene in one go: several characters, each with its own sound strip."""
 
 from dataclasses import dataclass
 
@@ -30,9 +30,9 @@ class SceneSnapshot:
 
 
 def read(scene, rows) -> SceneSnapshot:
-    """Reads every character; `rows` are its object, its `bake.Settings` and an engine.
+    """Reads every character; each of `rows` holds an object, its `bake.Settings` and an engine.
 
-    If one cannot be read, its part notes the error, and the others are animated all the same.
+    If a character cannot be read, its part stores the error. The others are still animated.
     """
     parts = []
     for ob, settings, engine in rows:
@@ -95,7 +95,7 @@ def _write(part: Part, take) -> tuple[str, bool, str]:
         if ok:
             bake.settle(take)
     with unharmed():
-        # The way back has replaced the objects.
+        # An undo may have replaced the objects, so look this one up again.
         ob = identity.with_number(part.number, part.object_name)
         if ob is not None and ob.library is None:
             ob.anyface.report, ob.anyface.report_is_error = text, not ok

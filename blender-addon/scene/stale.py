@@ -1,7 +1,7 @@
-"""Point caches that were made from another mesh than the one that they move now.
+"""Finds point caches that do not fit the mesh that they move.
 
 When a library changes, the mesh of a linked character changes, but the cache beside the shot stays.
-The first frame of a cache is the mesh at rest, so it can be compared.
+The first frame of a cache is the mesh at rest, so it can be compared with the present mesh.
 """
 
 import sys
@@ -16,15 +16,15 @@ from ..core.errors import AnyfaceError, say
 from . import outputs
 from .face.mesh import read_basis
 
-# The tolerance as a share of the mesh's size: the rounding of float32.
+# The tolerance for float32 rounding, as a share of the mesh's size.
 _SAME = 1e-5
-# The number of vertices that are enough to see whether a mesh has changed since it was compared.
+# This many vertices are enough to see whether a mesh has changed since it was last compared.
 _FEW = 16
 _known: dict[tuple, str] = {}
 
 
 def of(ob) -> str:
-    """Why the cache of `ob` does not fit its mesh; empty where it fits, or there is none."""
+    """Why the cache of `ob` does not fit its mesh; empty if it fits or there is no cache."""
     modifier = outputs.of("cache").find(ob) if ob is not None else None
     if modifier is None:
         return ""
@@ -73,18 +73,18 @@ def _why(ob, path: Path) -> str:
 
 @persistent
 def _on_load(*_) -> None:
-    """A file was opened, and the libraries that it links."""
+    """Reports stale caches after a file and its linked libraries were opened."""
     _known.clear()
     for text in everywhere():
         say(f"Anyface: {text}", sys.stderr)
 
 
 def register() -> None:
-    """Looks at every file that is opened."""
+    """Starts to check every file that is opened."""
     bpy.app.handlers.load_post.append(_on_load)
 
 
 def unregister() -> None:
-    """Looks no more."""
+    """Stops checking files."""
     bpy.app.handlers.load_post.remove(_on_load)
     _known.clear()

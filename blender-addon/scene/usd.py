@@ -1,7 +1,7 @@
-"""Keeps weights within 0 and 1 in a USD file, since importers clamp others.
+"""Keeps weights within 0 and 1 in a USD file, since importers clamp all others.
 
-Blender calls `on_export` when the stage is complete, before it is saved. The sum in `gltf` holds
-here too. Only the file is rewritten, nothing in the scene.
+Blender calls `on_export` when the stage is complete, before it is saved. The equation in `gltf`
+holds here too. Only the file is rewritten; the scene stays as it is.
 """
 
 import importlib.util
@@ -19,7 +19,7 @@ _TARGETS, _OF_MESH = "skel:blendShapeTargets", "skel:blendShapes"
 
 
 def rewrite(stage) -> None:
-    """Rewrites the weights of basis takes below 0 in all animations of a stage."""
+    """Rewrites weights of basis takes that fall below 0, in all animations of a stage."""
     from pxr import Usd
 
     ours = _keys_of_takes()
@@ -33,7 +33,7 @@ def rewrite(stage) -> None:
 
 
 def _keys_of_takes() -> dict[str, list[tuple]]:
-    """Objects and keys of all basis takes, by the names that the keys have in a file."""
+    """The objects and keys of all basis takes, by the names of the keys in a USD file."""
     from pxr import Tf
 
     by_name = {}
@@ -80,7 +80,7 @@ def _standing() -> str:
 
 
 def _rewrite_mesh(mesh, changed: dict, ours: dict) -> bool:
-    """Scales the shapes of one mesh, and adds the one that stays at 1; False where none changes."""
+    """Scales the shapes of one mesh, and adds a shape that stays at 1; False if none changes."""
     from pxr import Gf, UsdSkel, Vt
 
     tokens = list(mesh.GetAttribute(_OF_MESH).Get() or ())
@@ -117,7 +117,7 @@ def _rewrite_mesh(mesh, changed: dict, ours: dict) -> bool:
 
 
 def _mask(blocks: list[tuple], count: int, path) -> np.ndarray:
-    """How strongly a key acts at each vertex, `[V, 1]`: the file has no vertex groups of keys."""
+    """How strongly a key acts on each vertex, `[V, 1]`, since USD keys have no vertex groups."""
     from pxr import Tf
 
     of_mesh = [pair for pair in blocks if len(pair[0].data.vertices) == count]
@@ -129,7 +129,7 @@ def _mask(blocks: list[tuple], count: int, path) -> np.ndarray:
 
 
 def _hook():
-    """The class that Blender calls, or None where Python cannot use Blender's USD."""
+    """The class that Blender calls, or None if Python cannot use Blender's USD."""
     if not hasattr(bpy.types, "USDHook"):
         return None
     # Blender as a Python module exposes its USD only on request.
@@ -147,7 +147,7 @@ def _hook():
 
         @staticmethod
         def on_export(export_context):
-            """Before the file is saved."""
+            """Rewrites the weights before the file is saved."""
             rewrite(export_context.get_stage())
             return True
 

@@ -1,6 +1,6 @@
 """Undoes a result that failed half-way, with Blender's own undo.
 
-Writing changes meshes, keys, actions and rigs. Whatever breaks it half-way, undo knows the whole
+Writing changes meshes, keys, actions and rigs. Whatever stops it half-way, undo restores the whole
 scene as it was before.
 """
 
@@ -15,7 +15,7 @@ from ..core.errors import AnyfaceError
 from . import identity
 from .shape_keys import guard, record
 
-# A property of the scene while a result is written; the undo step before does not have it.
+# The scene has this property while a result is written. The undo step before lacks it.
 _MARK = "anyface_writing_"
 # The most undo steps that Blender keeps.
 _MOST_STEPS = 256
@@ -25,8 +25,10 @@ NO_UNDO = (
 
 
 class WayBack:
-    """Marks the scene before a result of `ob` (None for several) is written; `close` or `go` ends
-    it."""
+    """Marks the scene before a result is written, so that it can be undone.
+
+    `ob` is the object that gets the result, or None for several objects. `close` or `go` ends it.
+    """
 
     def __init__(self, ob, label: str):
         self._name, self._number = (ob.name, identity.number(ob)) if ob is not None else ("", 0)
@@ -40,16 +42,16 @@ class WayBack:
         self._open = True
 
     def close(self) -> None:
-        """Ends it because the result is written, or nothing of it."""
+        """Removes the mark, once the whole result has been written or none of it."""
         if self._open:
             self._rub_out()
         self._open = False
 
     def go(self, error: AnyfaceError, said: bool = False) -> AnyfaceError:
-        """Undoes everything; returns the error, with what else the artist should know.
+        """Undoes everything; returns the error, with a hint for the artist if that fails.
 
-        Where a check has `said` the error before anything changed, no undo is needed. Objects that
-        the caller holds are invalid after an undo.
+        If the error was `said` by a check and nothing has changed, no undo is needed. After an
+        undo, objects that the caller holds are invalid.
         """
         if said and _looks() == self._was:
             self.close()
@@ -71,7 +73,7 @@ class WayBack:
         return error
 
     def _rub_out(self) -> bool:
-        """Removes the mark; False where there is none."""
+        """Removes the mark; False if there is none."""
         marked = self._mark in bpy.context.scene
         if marked:
             del bpy.context.scene[self._mark]
@@ -90,7 +92,7 @@ def _can_mark() -> bool:
 
 
 def _looks() -> tuple:
-    """A fingerprint of the scene that changes with the first step of any writing."""
+    """A fingerprint of the scene, which any writing changes with its first step."""
     kinds = ("objects", "meshes", "shape_keys", "actions", "materials", "texts")
     counts = [len(getattr(bpy.data, kind)) for kind in kinds]
     return counts, [_look_of(ob) for ob in bpy.data.objects if ob.type == "MESH" and ob.data]
@@ -105,7 +107,7 @@ def _look_of(ob) -> tuple:
 
 @contextlib.contextmanager
 def _object_mode(ob):
-    """Leaves edit mode: only in object mode an undo step holds the whole scene."""
+    """Leaves edit mode, since an undo step holds the whole scene only in object mode."""
     with contextlib.ExitStack() as stack:
         for one in {bpy.context.view_layer.objects.active, ob} - {None}:
             stack.enter_context(guard.object_mode(one))

@@ -1,1 +1,1 @@
-"""What the artist sees: properties, panel, operators."""
+"""The user interface: properties, panels, operators."""

@@ -1,4 +1,4 @@
-"""What the operators that add a head share."""
+"""The common base of the operators that add a head."""
 
 from bpy_extras import object_utils
 

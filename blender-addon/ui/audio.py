@@ -1,5 +1,4 @@
-"""Audio: one strip, a file, a channel, or several strips as one take, and where it begins and
-ends."""
+"""Audio: the choice of a strip, a file, a channel, or several strips as one take."""
 
 import bpy
 from bpy.props import (
@@ -26,7 +25,7 @@ class AnyfaceStrip(PropertyGroup):
 
 
 class AnyfaceAudio(PropertyGroup):
-    """`Object.anyface_audio`: which strips speak together."""
+    """`Object.anyface_audio`: the strips that speak together, and settings of voice and events."""
 
     channel: IntProperty(
         name="Channel",
@@ -80,7 +79,7 @@ class AnyfaceAudio(PropertyGroup):
 
 
 def fill(settings, ob, scene=None) -> None:
-    """Puts the chosen sound of `ob` into plain settings; `scene` is the sequencer's."""
+    """Copies the chosen sound of `ob` into plain settings; `scene` is the one with the strips."""
     names = "event_channel", "event_markers", "marker_s", "emotion_strip", "neutral_voice"
     for name in names:
         setattr(settings, name, getattr(ob.anyface_audio, name))
@@ -92,7 +91,7 @@ def fill(settings, ob, scene=None) -> None:
 
 
 def strip_of(ob, scene) -> str:
-    """The chosen strip, or else the only sound strip in `scene`; "" where there is neither."""
+    """The chosen strip, or else the only sound strip in `scene`; "" if there is neither."""
     sound_strips = (
         sequencer.sound_strips(scene) if scene is not None and not ob.anyface.strip else []
     )
@@ -100,7 +99,7 @@ def strip_of(ob, scene) -> str:
 
 
 class WithSound(Alone):
-    """Needs the sound that the character speaks."""
+    """The base of operators that need the sound that the character speaks."""
 
     # A linked face cannot get a sound. If this is True, the button says so when it is pressed.
     accepts_linked = False
@@ -150,13 +149,13 @@ def draw(layout, ob, scene, width: int) -> None:
 
 
 def draw_emotion_strip(layout, ob, scene) -> None:
-    """Draws the choice of the strip that gives the emotion, where the sequencer has strips."""
+    """Draws the choice of the strip that gives the emotion, if there is a sequencer."""
     if scene is not None and scene.sequence_editor is not None:
         search_strip(layout, ob.anyface_audio, "emotion_strip", scene.sequence_editor)
 
 
 def draw_neutral_voice(layout, ob) -> None:
-    """Draws the recording of the neutral voice, greyed out where no emotion is heard."""
+    """Draws the neutral voice, greyed out unless emotion is heard in the voice."""
     settings, column = ob.anyface, layout.column(align=True)
     hears = systems.by_name(settings.system).hears_emotion
     column.active = hears or settings.emotion_source == "VOICE"
@@ -193,7 +192,7 @@ def _draw_strips(column, ob, scene) -> None:
 
 
 def why_not(ob, scene) -> str:
-    """Why there is no sound, in words; empty where there is one."""
+    """Why there is no sound, in words; empty if there is one."""
     source = ob.anyface.source
     if source == "FILE":
         chosen = bool(ob.anyface.sound_file)
@@ -215,7 +214,7 @@ def lines(ob, scene) -> list[tuple[str, str]]:
         return [(str(error), "ERROR")]
     if not sound_strips:
         return []
-    # A single muted strip is used all the same: the artist has picked it.
+    # A single strip is used even if it is muted, since the artist has picked it.
     single = ob.anyface.source == "STRIP"
     muted = [] if single else [strip.name for strip in sound_strips if strip.mute]
     length = strips.length_of(scene, sound_strips, with_muted=single)
@@ -235,7 +234,7 @@ def _strips(ob, scene) -> list:
 
 
 def seconds(ob, scene) -> float | None:
-    """The length of the chosen sound; None where it is not known before decoding."""
+    """The length of the chosen sound in seconds; None if only decoding can tell."""
     if ob.anyface.source == "FILE":
         return strips.seconds_of(ob.anyface.sound_file)
     try:

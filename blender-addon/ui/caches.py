@@ -25,7 +25,7 @@ class ANYFACE_OT_remove_unused_caches(Operator):
         return context.window_manager.invoke_props_dialog(self, title=self.bl_label)
 
     def draw(self, context):
-        """Shows which files will be deleted."""
+        """Shows how many files will be deleted."""
         self.layout.label(text=self._words, icon="TRASH")
         self.layout.label(text="No .blend near them plays them. Undo cannot bring them back.")
 

@@ -50,18 +50,18 @@ class AnyfaceLoose(PropertyGroup):
 
 
 class AnyfaceFace(PropertyGroup):
-    """`Object.anyface_face`: what the face consists of."""
+    """`Object.anyface_face`: the objects and connected parts that belong to the face."""
 
     parts: CollectionProperty(type=AnyfacePart)
     part_index: IntProperty(options=set())
-    # Parts have been searched for or chosen: from now on the list is the artist's.
+    # True once parts were searched for or chosen. From then on only the artist changes the list.
     looked: BoolProperty(options={"HIDDEN"})
     loose: CollectionProperty(type=AnyfaceLoose)
     loose_index: IntProperty(options=set())
 
 
 def fill(settings, ob) -> None:
-    """Puts the parts of `ob` into plain settings, without parts whose object was deleted."""
+    """Copies the parts of `ob` into plain settings, except parts whose object was deleted."""
     chosen = [part for part in ob.anyface_face.parts if is_there(part.object)]
     settings.parts = [pieces.Part(part.object.name, _role(part)) for part in chosen]
     with_role = [part for part in ob.anyface_face.loose if part.role != "AUTO"]
@@ -113,7 +113,7 @@ class ANYFACE_OT_find_parts(Acting, Operator):
     bl_label = "Find Parts"
 
     def act(self, ob):
-        """Adds what is near the head and belongs to the same collections or parent."""
+        """Adds meshes near the head that belong to the same collections or parent."""
         fresh = _add_new(ob, suggestions(ob))
         return f"parts found: {', '.join(fresh) or 'none'}"
 
@@ -152,8 +152,7 @@ class ANYFACE_OT_drop_part(Acting, Operator):
 
 
 def take_along(ob) -> list[str]:
-    """Adds teeth, tongue and lashes to a face whose parts nobody has chosen yet; returns their
-    names."""
+    """Adds teeth, tongue and lashes if nobody has chosen parts yet; returns their names."""
     if ob.anyface_face.looked or len(ob.anyface_face.parts) or ob.library is not None:
         return []
     return _add_new(ob, [part for part in suggestions(ob) if _moves(part)])
@@ -175,7 +174,7 @@ def _add(ob, other, role: str) -> None:
 
 
 def suggestions(ob) -> list:
-    """Meshes near the head with the same parent, as children of it, or in the same collection."""
+    """Meshes near the head that are its children or have the same parent or collection."""
     near = set(ob.children_recursive)
     near |= set(ob.parent.children_recursive) if ob.parent is not None else set()
     for collection in ob.users_collection:
@@ -187,8 +186,7 @@ def suggestions(ob) -> list:
 
 
 def left_behind(ob) -> str:
-    """Says which teeth, tongues and lashes beside a face without parts do not move; empty for
-    none."""
+    """Names the teeth, tongues and lashes that did not move as the face has no parts; or ""."""
     if len(ob.anyface_face.parts):
         return ""
     names = [part.name for part in suggestions(ob) if _moves(part)]

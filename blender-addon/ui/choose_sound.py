@@ -1,4 +1,4 @@
-"""*Choose a Sound File…*: a new strip of the sequencer, which the face follows."""
+"""*Choose a Sound File…*: adds a strip to the sequencer, which the face speaks."""
 
 from pathlib import Path
 
@@ -23,7 +23,7 @@ class ANYFACE_OT_choose_sound(WithFile, Operator):
     filter_glob: StringProperty(default=_SOUNDS, options={"HIDDEN"})
 
     def act(self, ob):
-        """Adds the strip and lets the face speak it; an earlier error is cleared."""
+        """Adds the strip, makes the face speak it, and clears an earlier error."""
         if not self.path.is_file():
             raise AnyfaceError("audio", f"no sound file at {self.filepath or 'an empty path'}")
         if self.path.stat().st_size == 0:
@@ -41,7 +41,7 @@ class ANYFACE_OT_choose_sound(WithFile, Operator):
 
 
 def _speak(ob, scene, path: str) -> str:
-    """Lets `ob` speak the sound file at `path` as a strip of `scene`; returns a message."""
+    """Makes `ob` speak the sound file at `path` as a strip of `scene`; returns a message."""
     frame = scene.frame_current
     try:
         strip = sequencer.add_sound(scene, path, frame)
@@ -56,12 +56,11 @@ def _speak(ob, scene, path: str) -> str:
 
 
 def _kept_path(path: str) -> str:
-    """A path as Blender's own buttons store it: relative to the .blend, where the preferences say
-    so."""
+    """A path as Blender's own buttons store it, relative to the .blend if preferences say so."""
     if not bpy.data.filepath or not bpy.context.preferences.filepaths.use_relative_paths:
         return path
     try:
         return bpy.path.relpath(bpy.path.abspath(path))
     except ValueError:
-        # Another drive of Windows.
+        # On Windows, the file is on another drive.
         return path

@@ -30,7 +30,7 @@ class AnyfaceControl(PropertyGroup):
 
 
 class AnyfaceControls(PropertyGroup):
-    """`Object.anyface_controls`: what moves the face."""
+    """`Object.anyface_controls`: the rig and the controls that move the face."""
 
     rig: PointerProperty(
         name="Rig",
@@ -43,7 +43,7 @@ class AnyfaceControls(PropertyGroup):
 
 
 def fill(output, ob) -> None:
-    """Puts the rig and its list into plain settings; bones of head and eyes are left alone."""
+    """Copies the rig and its list into plain settings. Bones of head and eyes stay unused."""
     stored, turned = ob.anyface_controls, ob.anyface_life_settings
     output.rig = stored.rig.name if is_there(stored.rig) else ""
     output.controls = [_plain(row) for row in stored.rows if row.use]

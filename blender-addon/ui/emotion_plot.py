@@ -1,4 +1,4 @@
-"""A picture of the emotion that was heard in a take, in the panel."""
+"""Draws the emotion that was heard in a take as a picture in the panel."""
 
 import bpy.utils.previews
 import numpy as np
@@ -10,7 +10,7 @@ from ..scene.shape_keys import record
 
 # The height of the picture in lines of the panel.
 _LINES = 7.0
-# The most pictures in memory; all are dropped when there would be more.
+# The most pictures in memory. Before one more is drawn, all are dropped.
 _MOST = 24
 _GREY = (0.62, 0.62, 0.62)
 _COLOURS = {
@@ -25,13 +25,12 @@ _COLOURS = {
     "disgusted": (0.50, 0.72, 0.20),
 }
 _previews = None
-# The emotion that was heard in a take, by its id; it never changes.
+# The emotion that was heard in each take, by the take's id. It never changes.
 _heard: dict[str, HeardEmotion | None] = {}
 
 
 def heard(ob) -> tuple[str, HeardEmotion] | None:
-    """The id of the take that plays on `ob`, and the emotion that was heard in it; None for
-    none."""
+    """The id of the take that plays on `ob`, and the emotion that was heard in it; or None."""
     shape_keys = ob.data.shape_keys if ob is not None and ob.type == "MESH" else None
     take_record = record.read(shape_keys)
     if take_record is None or not take_record.heard_emotion:
@@ -43,7 +42,7 @@ def heard(ob) -> tuple[str, HeardEmotion] | None:
 
 
 def draw(layout, ob) -> None:
-    """Draws the picture and the meaning of its colours; nothing where no emotion was heard."""
+    """Draws the picture and the meaning of its colours; nothing if no emotion was heard."""
     take_and_emotion = heard(ob)
     if take_and_emotion is None:
         return
@@ -59,7 +58,7 @@ def draw(layout, ob) -> None:
 
 
 def icon(take_id: str, emotion: HeardEmotion) -> int:
-    """The icon of the picture of a take, which is drawn once."""
+    """The icon of a take's picture. The picture is drawn when it is first needed."""
     name = f"take {take_id}"
     if name not in _previews:
         if len(_previews) >= _MOST:

@@ -1,4 +1,4 @@
-"""*Emotion* under *More*: mixtures, every emotion drawn on the artist's face, what was heard."""
+"""*Emotion* under *More*: mixtures, pictures of emotions on this face, and the heard emotion."""
 
 import tempfile
 from pathlib import Path
@@ -13,7 +13,7 @@ from .panel import OfFacePanel
 from .settings import from_object
 from .target import target
 
-# Heights of the chosen picture and of those to choose from, in lines of the panel.
+# Heights of the chosen picture and of the pictures in its menu, in lines of the panel.
 _LINES, _LINES_EACH = 6.0, 5.0
 _FOLDER = "emotions"
 
@@ -44,14 +44,14 @@ class ANYFACE_OT_draw_emotions(InThread, Operator):
 
     bl_idname = "anyface.draw_emotions"
     bl_label = "Draw Emotions"
-    # Nothing in the file changes.
+    # Nothing in the file changes, so there is nothing to undo.
     bl_options = {"REGISTER"}
 
     busy = "Another face is being animated"
     goes_back = False
 
     def instead(self, context):
-        """Shows earlier pictures where they still fit."""
+        """Shows earlier pictures if they still fit; then no job is needed."""
         ob = target(context)
         self._portraits = _portraits(ob)
         if self._portraits.are_drawn:
@@ -61,7 +61,7 @@ class ANYFACE_OT_draw_emotions(InThread, Operator):
         return False
 
     def read(self, context, ob):
-        """Reads the face and the intensity."""
+        """Returns the face and the intensity, which `instead` has read."""
         return self._portraits
 
     def finish(self, ob, portraits, folder):

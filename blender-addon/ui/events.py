@@ -1,4 +1,4 @@
-"""Events: what the face does beside its speech, as text strips of a channel and as markers."""
+"""Events: what the face does besides speaking, as text strips on a channel and as markers."""
 
 import bpy
 from bpy.props import EnumProperty, FloatProperty, StringProperty
@@ -14,7 +14,7 @@ from .operators import Acting
 from .panel import OfFacePanel
 from .target import sequencer_scene, target
 
-# The most rows that are drawn; the rest is counted.
+# The most rows that are drawn. The others are only counted.
 _MOST_ROWS = 12
 _UNITS = "UNITS"
 _EXPRESSIONS = [
@@ -38,7 +38,7 @@ class ANYFACE_PT_events(OfFacePanel, Panel):
 
     @classmethod
     def poll(cls, context):
-        """False where the chosen system shows no events."""
+        """False if the chosen system shows no events."""
         if not super().poll(context):
             return False
         return systems.by_name(getattr(target(context).anyface, "system", "")).takes_events
@@ -74,8 +74,7 @@ def _draw_row(column, row, width: int) -> None:
 
 
 def _when(ob, scene):
-    """The frame at which the character's sound begins, and its length in seconds; None without
-    sound."""
+    """The first frame of the character's sound and its length in seconds; None without sound."""
     if ob.anyface.source == "FILE":
         return ob.anyface.start_frame, audio.seconds(ob, scene)
     first = audio.first_frame(ob, scene)
@@ -103,20 +102,20 @@ copied and renamed"""
         return f"Choose a system that shows events: {', '.join(able) or 'none'}"
 
     def invoke(self, context, event):
-        """Asks for units where the artist has chosen *Units…*."""
+        """Asks for units if the artist has chosen *Units…*."""
         if self.expression == _UNITS:
             return context.window_manager.invoke_props_dialog(self)
         return self.execute(context)
 
     def draw(self, _context):
-        """Draws the fields of an event of units."""
+        """Draws the fields for an event that consists of action units."""
         layout = self.layout
         layout.use_property_split = True
         for name in ("units", "side", "strength"):
             layout.prop(self, name)
 
     def act(self, ob):
-        """Adds the strip; without a chosen channel it takes the first free one."""
+        """Adds the strip, on the first free channel if none is chosen."""
         scene = sequencer_scene(bpy.context)
         if ob.library is not None:
             raise AnyfaceError("mesh", f"{ob.name} is linked and keeps no settings: make it local")

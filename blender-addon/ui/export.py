@@ -49,7 +49,7 @@ defaults of the FBX and USD menus leave the motion out"""
         return super().invoke(context, event)
 
     def check(self, _context):
-        """Lets the ending follow the format."""
+        """Adapts the file ending to the format."""
         before, self.filepath = self.filepath, self._path()
         return before != self.filepath
 

@@ -1,4 +1,4 @@
-"""*Expression Keys*: ARKit's shapes as the artist's own, by the network or by a head's field."""
+"""*Expression Keys*: adds ARKit's shapes as the artist's keys, from a network or a head's field."""
 
 from bpy.props import EnumProperty
 from bpy.types import Operator
@@ -37,7 +37,7 @@ of this object move its parts too"""
     )
 
     def read(self, context, ob):
-        """Reads the face; raises where it has keys of these names."""
+        """Reads the face; raises if it already has keys with these names."""
         settings = from_object(ob)
         settings.mode = outputs.Arkit.name
         outputs.of(settings.mode).check(ob, settings.output)

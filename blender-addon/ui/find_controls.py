@@ -28,12 +28,12 @@ class ANYFACE_OT_controls_find(InThread, Operator):
     bl_label = "Find Controls"
 
     def read(self, context, ob):
-        """Reads the mesh, whose landmarks say where the face is."""
+        """Reads the mesh for a search of its landmarks, which tell where the face is."""
         control_bench.check(ob)
         return landmarks.search_of(ob)
 
     def land(self, ob, search, face_points):
-        """Nudges what may move the face, and lists what does."""
+        """Nudges each control that may move the face, and lists those that do."""
         sources = _sources(ob)
         motion = _still(search.face.positions[: len(ob.data.vertices)], face_points)
         bench = control_bench.Bench(ob, control_fit.rigs_of(sources), motion.vertices)
@@ -47,7 +47,7 @@ class ANYFACE_OT_controls_find(InThread, Operator):
         return f"{len(listed)} controls move the face"
 
     def finish(self, ob, search, face_points):
-        """Does it all at once."""
+        """Does what `land` does, all at once."""
         return at_once(self.land(ob, search, face_points))
 
 
@@ -104,7 +104,7 @@ class ANYFACE_OT_controls_load(WithFile, Operator):
     bl_label = "Load Control List"
 
     def act(self, ob):
-        """Replaces the list by those controls of the file that exist here."""
+        """Replaces the list with the controls from the file that exist here."""
         rows = control_names.read(self.path)
         pairs = [(_here(row, _rig(ob)), row.use) for row in rows]
         there = [pair for pair in pairs if pair[0] is not None]
@@ -118,7 +118,7 @@ class ANYFACE_OT_controls_load(WithFile, Operator):
 
 
 def _here(row: Row, rig) -> control_sources.Source | None:
-    """The source of a row of a file; where its data-block is missing here, that of `rig`."""
+    """The source that a row of a file names, or None. `rig` replaces a missing data-block."""
     block = row.block
     known = COLLECTIONS.get(row.id_type)
     if known is None or row.kind not in (control_sources.BONE, control_sources.NUMBER):
@@ -141,7 +141,7 @@ def _sources(ob) -> list[control_sources.Source]:
 
 
 def _still(positions: np.ndarray, face_points: Found) -> ControlMotion:
-    """The points of a face that nothing has moved yet."""
+    """The skin vertices near the landmarks, as a motion without frames."""
     vertices, regions = controls_plan.nearby(positions, face_points)
     mm = _TEMPLES_MM / max(
         float(np.linalg.norm(face_points.positions[0] - face_points.positions[16])), 1e-12

@@ -54,7 +54,7 @@ class ANYFACE_OT_generate(WithSound, InThread, Operator):
         return " ".join([text, *(f"({more})" for more in mending.said_of_scene(ob))])
 
     def fail(self, error, ob=None):
-        """Keeps the error in the panel as well."""
+        """Shows the error in the panel as well."""
         # A linked object cannot store the text; the status bar still shows it.
         if ob is not None and ob.library is None:
             ob.anyface.report, ob.anyface.report_is_error = str(error), True
@@ -64,7 +64,7 @@ class ANYFACE_OT_generate(WithSound, InThread, Operator):
 
 
 def _said_once(along: list[str], scene) -> list[str]:
-    """Notes about what was done for the artist with the first take."""
+    """Sets *Sync to Audio* once per scene; returns notes about that and about added parts."""
     notes = [f"together with {wording.listed(along)}"] if along else []
     if not scene.anyface.synced:
         scene.anyface.synced = True

@@ -56,5 +56,5 @@ class ANYFACE_OT_heat_map_hide(Acting, Operator):
         return reason or ("" if shown else "No heat map is shown")
 
     def act(self, ob):
-        """Removes them."""
+        """Removes the colours."""
         emotion_mask.hide_heat(ob)

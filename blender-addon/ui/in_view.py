@@ -20,8 +20,8 @@ class InView(Alone):
 
     # Every step is an undo step of its own, so ending the operator adds none.
     bl_options = {"REGISTER", "BLOCKING"}
-    # The text in the status bar meanwhile, and the name of an undo step.
-    words = step = ""
+    # The text in the status bar while it runs.
+    words = ""
     _job = _timer = None
 
     def invoke(self, context, event):
@@ -70,10 +70,10 @@ class InView(Alone):
         return self._end(context) if is_all else {"RUNNING_MODAL"}
 
     def clear(self) -> None:
-        """Removes what is drawn for this operator alone."""
+        """Removes drawings that only this operator shows."""
 
     def _break(self, context, raised: BaseException):
-        """Ends it after an error and tells the artist; finished steps stay."""
+        """Ends the operator after an error and tells the artist; finished steps stay."""
         self._end(context)
         error = plain(raised)
         with unharmed():
@@ -104,8 +104,7 @@ class InView(Alone):
 
 
 def view_under(context, event):
-    """The region, its view and the pointer in it; None where the pointer is outside every 3D
-    view."""
+    """The region, its view and the pointer in it; None if the pointer is outside all 3D views."""
     for area in context.window.screen.areas:
         if area.type != "VIEW_3D":
             continue

@@ -1,5 +1,4 @@
-"""The list of shapes and keys for *Existing Keys*: by known names, by a tool's names, or by
-hand."""
+"""The list of shapes and keys for *Existing Keys*, by known names, a tool's names, or by hand."""
 
 from bpy.props import EnumProperty, StringProperty
 from bpy.types import Operator, UIList
@@ -111,7 +110,7 @@ class ANYFACE_OT_mapping_save(OnList, ToFile, Operator):
     what = "keys"
 
     def act(self, ob):
-        """Writes the list, or the keys with known names where the list is empty."""
+        """Writes the list, or the keys with known names if the list is empty."""
         pairs = output_properties.read(ob).mapping or artist_keys.find(ob, [])
         key_names.write(pairs, self.path)
 
@@ -123,7 +122,7 @@ class ANYFACE_OT_mapping_load(OnList, WithFile, Operator):
     bl_label = "Load Key List"
 
     def act(self, ob):
-        """Replaces the list by that of the file."""
+        """Replaces the list with the one from the file."""
         fill(ob, key_names.read(self.path))
 
 

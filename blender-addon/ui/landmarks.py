@@ -28,9 +28,9 @@ _handle = None
 
 
 def search_of(ob, models: str | None = None) -> landmarks.Search:
-    """A snapshot for finding the face of `ob` without earlier landmarks; raises `AnyfaceError`.
+    """A snapshot for finding the face of `ob` anew, ignoring stored landmarks.
 
-    `models` is the folder of the models; None takes those of the scene.
+    `models` is the folder of the models; None takes the one of the scene. Raises `AnyfaceError`.
     """
     face, engine = _read(ob, models)
     face.landmarks = face.landmark_vertices = None
@@ -38,14 +38,14 @@ def search_of(ob, models: str | None = None) -> landmarks.Search:
 
 
 def _read(ob, models: str | None = None) -> tuple:
-    """The face of `ob`, and the engine that searches it."""
+    """The face of `ob`, and the engine that finds its landmarks."""
     guard.check_mesh(ob)
     settings = from_object(ob)
     return bake.read_face(ob, settings, editable=False), running.engine(settings.system, models)
 
 
 def keep(ob, face_points, fixed=()) -> str:
-    """Stores landmarks on `ob` and lists its parts; returns a description."""
+    """Stores landmarks on `ob` and lists its connected parts; returns a description."""
     landmarks.store(ob, face_points, fixed)
     character.list_loose(ob, face_points)
     return landmarks.describe(landmarks.load(ob))
@@ -114,7 +114,7 @@ class ANYFACE_OT_edit_landmarks(InView, Operator):
     words = "Drag the points of the face; Return or Esc ends"
 
     def execute(self, context):
-        """Without a window there is no pointer to drag with."""
+        """Fails: a script has no pointer to drag with."""
         return self.fail("points are dragged in the 3D view; use Move Face Point in scripts")
 
     def begin(self, ob):
@@ -134,7 +134,7 @@ class ANYFACE_OT_edit_landmarks(InView, Operator):
         return {"PASS_THROUGH"}
 
     def _press(self, ob, view):
-        # An undo may have changed the landmarks since.
+        # An undo may have changed the stored landmarks since the last drag.
         try:
             self._drag = landmarks.Drag(ob, self._drag.surface)
         except AnyfaceError as error:
@@ -161,7 +161,7 @@ class ANYFACE_OT_edit_landmarks(InView, Operator):
         return {"RUNNING_MODAL"}
 
     def finish(self, ob, job):
-        """Stores the landmarks; the artist may drag more."""
+        """Stores the landmarks and goes on, so that the artist can drag more."""
         try:
             keep(ob, job.result(), self._drag.stored.fixed)
             bpy.ops.ed.undo_push(message="Move Landmark")
@@ -241,7 +241,7 @@ class ANYFACE_OT_place_points(InView, Operator):
         return keep(ob, face_points, {number for number, _ in landmarks.CLICKS})
 
 
-# Positions `[68, 3]` by object name that are drawn instead of the stored ones, during a drag.
+# By object name: positions `[68, 3]` that are drawn during a drag instead of the stored ones.
 shown: dict[str, np.ndarray] = {}
 # The points clicked so far, by object name.
 placed: dict[str, list] = {}
@@ -257,7 +257,7 @@ def ray(ob, view) -> tuple[Vector, Vector]:
 
 
 def on_screen(region, data, ob, positions: np.ndarray) -> np.ndarray:
-    """Pixels `[68, 2]` of positions in object space; NaN for those behind the viewer."""
+    """Pixels `[68, 2]` of positions in object space; NaN for points behind the viewer."""
     pixels = np.full((len(positions), 2), np.nan)
     for number, point in enumerate(positions):
         at = view3d_utils.location_3d_to_region_2d(region, data, ob.matrix_world @ Vector(point))
@@ -291,7 +291,7 @@ def _draw() -> None:
 
 
 def kinds(stored: landmarks.Stored) -> tuple[list[int], list[int], list[int]]:
-    """Numbers of the landmarks that are sure, that are doubtful, and that the artist has placed."""
+    """Numbers of the sure landmarks, of the doubtful ones, and of those placed by the artist."""
     doubtful = {n for name in stored.doubtful for n in landmarks.REGIONS[name]} - stored.fixed
     sure = set(range(landmarks.COUNT)) - stored.fixed - doubtful
     return sorted(sure), sorted(doubtful), sorted(stored.fixed)
@@ -309,7 +309,7 @@ def _paint(ob, positions: np.ndarray, stored: landmarks.Stored) -> None:
 
 
 def _paint_layers(ob, layers) -> None:
-    """Draws layers of lines or points in object space: kind, places and colour of each."""
+    """Draws layers, each given as kind (lines or points), places in object space, and colour."""
     import gpu
     from gpu_extras.batch import batch_for_shader
 
@@ -328,7 +328,7 @@ def _paint_layers(ob, layers) -> None:
 
 
 def register() -> None:
-    """Adds the drawing, and the property that switches it."""
+    """Adds the draw handler, and the property that turns drawing on."""
     global _handle
     bpy.types.WindowManager.anyface_show_landmarks = BoolProperty(
         name="Show Face Points", description="Draw the points of the face in the 3D view"

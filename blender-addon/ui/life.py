@@ -1,4 +1,4 @@
-"""Life: head, gaze, blinks and breath; their strengths, and the objects that they turn."""
+"""Life: how strongly head, gaze, blinks and breath move, and which objects they turn."""
 
 from bpy.props import BoolProperty, EnumProperty, PointerProperty, StringProperty
 from bpy.types import Object, Operator, Panel, PropertyGroup
@@ -28,7 +28,7 @@ def _of(kind: str):
 
 
 class AnyfaceLife(PropertyGroup):
-    """`Object.anyface_life_settings`: the objects that head and eyes turn."""
+    """`Object.anyface_life_settings`: which objects turn as the head and the eyes."""
 
     use: BoolProperty(
         name="Life",
@@ -61,7 +61,7 @@ class AnyfaceLife(PropertyGroup):
 
 
 def read(ob) -> LifeSettings:
-    """The settings of `ob` without Blender; a deleted object counts as none."""
+    """The settings of `ob` as plain data; a deleted object counts as none."""
     stored = ob.anyface_life_settings
     of_bone = stored.head == "BONE"
     return LifeSettings(
@@ -93,7 +93,7 @@ class ANYFACE_PT_life(OfFacePanel, Panel):
         self.layout.prop(target(context).anyface_life_settings, "use", text="")
 
     def draw(self, context):
-        """Draws strengths, and where head and eyes go."""
+        """Draws the strengths, and the choice of the objects that turn."""
         layout, ob = self.layout, target(context)
         stored = ob.anyface_life_settings
         layout.use_property_split = True
@@ -144,7 +144,7 @@ class ANYFACE_OT_life_release(Acting, Operator):
     bl_label = "Release Head and Eyes"
 
     def act(self, ob):
-        """Removes what the take has put on other objects."""
+        """Removes everything that the playing take has put on other objects."""
         turns.release(ob)
 
 

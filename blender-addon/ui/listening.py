@@ -12,7 +12,7 @@ from .operators import Alone, InThread
 from .settings import from_object
 from .target import sequencer_scene, target
 
-# A shorter recording is a mistake, seconds.
+# A recording shorter than this counts as a mistake, seconds.
 _SHORTEST_S = 0.2
 
 
@@ -43,7 +43,7 @@ Only what you record is kept"""
         """Reads the face."""
         scene = sequencer_scene(context)
         settings = from_object(ob, scene)
-        # Whatever the output, listening needs one key of its own.
+        # Listening needs a key of its own, whichever output is chosen.
         settings.mode = "basis"
         face, request = bake.read_still(ob, scene, settings)
         engine, mesh = running.engine(settings.system), face.space.to_library(face)
@@ -53,7 +53,7 @@ Only what you record is kept"""
         )
 
     def finish(self, ob, work, face):
-        """Starts following."""
+        """Lets the face follow the microphone."""
         live.begin(ob, work.about, face)
         return f"{ob.name} listens to {face.name}, {face.delay_s:.2f} s behind"
 
@@ -81,7 +81,7 @@ sequencer at the frame where it began, and the face is animated with it"""
         if len(sound.samples) < _SHORTEST_S * sound.rate_hz:
             face.drop_recording()
             raise AnyfaceError("audio", "record: expected a recording of 0.2 s or more")
-        # If this fails, the recording goes on, and the button tries again.
+        # If this fails, the recording goes on, and the artist can press the button again.
         strip = keep(ob, scene, sound, frame)
         live.end(ob)
         bpy.ops.anyface.generate("INVOKE_DEFAULT")
@@ -89,7 +89,7 @@ sequencer at the frame where it began, and the face is animated with it"""
 
 
 def keep(ob, scene, sound, frame: int):
-    """Adds the recording as a strip that begins at `frame` and that `ob` speaks; returns the strip.
+    """Adds the recording as a strip at `frame`, lets `ob` speak it, and returns the strip.
 
     Raises `AnyfaceError`.
     """
@@ -100,7 +100,7 @@ def keep(ob, scene, sound, frame: int):
     try:
         strip = sequencer.add_sound(scene, str(path), frame)
     except RuntimeError as error:
-        # The file stays: it is the only recording.
+        # The file stays: it is the only copy of the recording.
         raise AnyfaceError("audio", f"Blender cannot play {path}: {error}") from error
     if not bpy.data.filepath:
         # The temporary folder is deleted when Blender ends, so the .blend packs the sound.

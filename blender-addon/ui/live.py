@@ -39,12 +39,12 @@ meanwhile. Press again to stop; saving, rendering and undo stop it too. Nothing 
         """Reads the face and its sound."""
         scene = sequencer_scene(context)
         settings = from_object(ob, scene)
-        # Whatever the output, *Live* needs one key of its own.
+        # *Live* needs a key of its own, whichever output is chosen.
         settings.mode = "basis"
         snapshot = bake.read(ob, scene, settings, running.engine(settings.system))
         return Work(lambda progress: snapshot.ask(snapshot.engine.live, progress), snapshot)
 
     def finish(self, ob, work, face):
-        """Starts following."""
+        """Lets the face follow its sound."""
         live.begin(ob, work.about.face, face, work.about.source.start_frame)
         return "the face follows the sound: play, or go to another frame"

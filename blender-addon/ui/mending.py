@@ -22,7 +22,7 @@ from .target import is_there, sequencer_scene
 
 @dataclass(frozen=True)
 class Mend:
-    """The text of a button, and what it does with the character."""
+    """A button: its text, and the function `act(ob)` that mends the character."""
 
     label: str
     icon: str
@@ -31,7 +31,7 @@ class Mend:
     keeps_report: bool = False
 
 
-# Buttons that are operators of their own: the operator, its label, its icon.
+# Mends that have an operator of their own: the operator, its label, its icon.
 _OPERATORS = {
     "choose_sound": ("anyface.choose_sound", "Choose a Sound File…", "FILE_SOUND"),
     "find_files": ("file.find_missing_files", "Find Missing Files…", "FILE_REFRESH"),
@@ -41,7 +41,7 @@ _OPERATORS = {
     "open_mouth": ("anyface.open_mouth", "Open Mouth", "MOD_BOOLEAN"),
     "open_eyes": ("anyface.open_eyes", "Open Eyes", "HIDE_OFF"),
 }
-# Settings that mend something: the property of `Object.anyface`.
+# Mends that are a setting: the property of `Object.anyface` that the panel shows.
 _SETTINGS = {"direction": "axes", "points_file": "landmark_file"}
 
 
@@ -64,7 +64,7 @@ def keep(ob, names) -> None:
 
 
 def _of_scene(ob) -> list[tuple[str, str]]:
-    """Mends that the scene may need for the take of `ob`, and a message for each."""
+    """Mends of the scene for the take of `ob`, each with a message, "" where all is well."""
     scene = bpy.context.scene
     behind = frames_behind(ob, scene)
     late = late_take(behind) if behind > 0 else ""
@@ -103,12 +103,12 @@ class ANYFACE_OT_mend(Alone, Operator):
 
     @classmethod
     def description(cls, _context, properties):
-        """What the button will do."""
+        """The tooltip: what the button will do."""
         mend = _MENDS.get(properties.name)
         return mend.help if mend is not None else cls.__doc__
 
     def act(self, ob):
-        """Mends it; then the report is cleared."""
+        """Applies the mend, then clears the report unless the mend keeps it."""
         if self.name not in _MENDS:
             known = ", ".join(_MENDS)
             raise AnyfaceError("input", f"mend: expected one of {known}, got {self.name!r}")
@@ -122,18 +122,18 @@ class ANYFACE_OT_mend(Alone, Operator):
 
 
 def frames_behind(ob, scene) -> int:
-    """How many frames of the take of `ob` lie behind the end of the scene; 0 or less for none."""
+    """How many frames of the take of `ob` come after the scene's end; 0 or less for none."""
     last = ob.anyface.last_frame
     return math.ceil(last + ob.anyface_output.shift) - scene.frame_end if last else 0
 
 
 def late_take(frames: int) -> str:
-    """The message about a take that goes on for `frames` behind the end of the scene."""
+    """The message that the take goes on for `frames` after the end of the scene."""
     return f"The scene ends {frames} frames before the take"
 
 
 def stretched(ob, scene) -> str:
-    """The message about a scene that plays a take at another speed than its sound; else empty."""
+    """The message that the scene plays the take faster or slower than its sound, or ""."""
     old, new = scene.render.frame_map_old, scene.render.frame_map_new
     if old == new or not ob.anyface.last_frame:
         return ""

@@ -1,4 +1,4 @@
-"""Several emotions at once: the rows beside the first one, and mixtures that have names."""
+"""Several emotions at once: the rows after the first one, and named mixtures."""
 
 from bpy.props import EnumProperty, FloatProperty, IntProperty, StringProperty
 from bpy.types import Menu, Operator, PropertyGroup
@@ -12,14 +12,14 @@ from ..scene.animation.emotion import WEIGHT_PATH, shares
 from .operators import OnList
 
 ITEMS = [(name, name.capitalize(), "", number) for number, name in enumerate(EMOTIONS)]
-# The share of a line for the emotion; its strength takes the rest.
+# The emotion takes this share of a line, its strength takes the rest.
 _EMOTION_SHARE = 0.62
-# The strength of an emotion that is added to another one.
+# A newly added emotion starts with this strength.
 _ADDED = 0.5
 
 
 class AnyfaceEmotion(PropertyGroup):
-    """One emotion of a mixture beside the first one."""
+    """One emotion of a mixture, other than the first one."""
 
     emotion: EnumProperty(
         name="Emotion", items=ITEMS, default="happy", options=set(), update=live.feel
@@ -37,12 +37,12 @@ class AnyfaceEmotion(PropertyGroup):
 
 
 def text(settings) -> str:
-    """The rows beside the first emotion as text, such as "sad:0.6,upset:0.2"."""
+    """The rows after the first emotion as text, such as "sad:0.6,upset:0.2"."""
     return emotion.write_shares(settings.mixture)
 
 
 def fill(settings, text: str) -> None:
-    """Replaces the rows beside the first emotion by those in a text. Raises `AnyfaceError`."""
+    """Replaces the rows after the first emotion by those in a text. Raises `AnyfaceError`."""
     _fill(settings, emotion.read_shares(text))
 
 
@@ -77,7 +77,7 @@ class ANYFACE_OT_emotion_remove(OnList, Operator):
     number: IntProperty(name="Row", default=0, min=0, options={"SKIP_SAVE"})
 
     def act(self, ob):
-        """Removes the row; keyframes stay with their rows."""
+        """Removes the row; the other rows keep their keyframes."""
         rows = ob.anyface.mixture
         if self.number >= len(rows):
             raise AnyfaceError(
@@ -89,7 +89,7 @@ class ANYFACE_OT_emotion_remove(OnList, Operator):
 
 
 def _drop_curves(ob, number: int, count: int) -> None:
-    """Removes the curve and the driver of a row's weight; those of the later rows move up."""
+    """Removes the curve and driver of a row's weight; those of later rows move up by one."""
     animation = ob.animation_data
     bag = curves.channels(animation)
     for collection in (
@@ -113,7 +113,7 @@ class ANYFACE_OT_emotion_mixture(OnList, Operator):
     name: StringProperty(name="Mixture", options={"SKIP_SAVE"})
 
     def act(self, ob):
-        """Replaces all rows, the first one too; warns where curves still set their weights."""
+        """Replaces all rows, the first one too; says so if keyframes or drivers still set them."""
         if self.name not in MIXTURES:
             known = ", ".join(MIXTURES)
             raise AnyfaceError("input", f"mixture: expected one of {known}, got {self.name!r}")
@@ -139,7 +139,7 @@ class ANYFACE_MT_mixtures(Menu):
 
 
 def draw(line_of, settings) -> None:
-    """Draws the emotions; `line_of(name)` is a line of that name."""
+    """Draws the emotions; `line_of(name)` adds a line with that name."""
     line = line_of("Emotion")
     _draw_row(line, settings, "intensity")
     line.operator("anyface.emotion_add", text="", icon="ADD")

@@ -1,4 +1,4 @@
-"""Models: the folder whose weights are used instead of the built-in ones, and their cards."""
+"""Models: the folder of weights that replace the built-in ones, and the models' cards."""
 
 from bpy.types import Panel
 
@@ -36,7 +36,7 @@ class ANYFACE_PT_models(OfFacePanel, Panel):
 
 
 def _tight(layout):
-    """A column whose lines stand close together, as those of one text."""
+    """A column whose lines stand close together, so that they read as one text."""
     column = layout.column(align=True)
     column.scale_y = 0.7
     return column

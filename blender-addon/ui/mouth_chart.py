@@ -1,4 +1,4 @@
-"""*Mouth Chart*: drawn mouths that change with the speech, and the drawing for each."""
+"""*Mouth Chart*: drawn mouths that change with the speech, and which drawing shows each."""
 
 import bpy
 from bpy.props import (
@@ -33,12 +33,12 @@ _OUTPUTS = [
 
 
 def _find(stored, _context=None) -> None:
-    """Lists the mouths with the drawings of their names."""
+    """Lists the mouths again, each with the drawing whose name fits."""
     find(stored.id_data)
 
 
 class AnyfaceDrawing(PropertyGroup):
-    """A row of the list: its name is the mouth, `drawing` a shape key or an object."""
+    """A row of the list: `name` is the mouth, `drawing` names a shape key or an object."""
 
     drawing: StringProperty(name="Drawing", description="What shows this mouth", options=set())
     number: IntProperty(
@@ -47,7 +47,7 @@ class AnyfaceDrawing(PropertyGroup):
 
 
 class AnyfaceMouthChart(PropertyGroup):
-    """`Object.anyface_mouth_chart`: the mouths that are drawn, and where they are."""
+    """`Object.anyface_mouth_chart`: which mouths are drawn, and what shows them."""
 
     kind: EnumProperty(name="Mouths", items=_KINDS, options=set(), update=_find)
     output: EnumProperty(name="Shown By", items=_OUTPUTS, options=set(), update=_find)
@@ -115,7 +115,7 @@ def speaker(context):
 
 
 def drawings(ob) -> outputs.Drawings:
-    """The choices on `ob`, without the panel."""
+    """The settings of `ob` as `Drawings`."""
     stored = ob.anyface_mouth_chart
     rows = {row.name: row for row in stored.drawings}
     mouths = mouth_chart.MOUTHS[stored.kind]
@@ -131,10 +131,9 @@ def drawings(ob) -> outputs.Drawings:
 
 
 def find(ob) -> int:
-    """Lists all mouths of the chart again, each with the drawing of its name; returns how many have
-    one.
+    """Lists all mouths of the chart again, each with the drawing whose name fits.
 
-    Chosen numbers stay.
+    Chosen numbers stay. Returns how many mouths have a drawing.
     """
     chosen, stored = drawings(ob), ob.anyface_mouth_chart
     names = outputs.names_of(chosen)
@@ -149,11 +148,11 @@ def find(ob) -> int:
 
 
 class OfSpeaker(Acting):
-    """Works on the object that speaks, a face or a drawing; stands before `Operator`."""
+    """Works on the object that speaks, a face or a drawing; a base before `Operator`."""
 
     @classmethod
     def why_not(cls, context):
-        """Why it cannot work now, in words; empty where it can."""
+        """The reason why it cannot work now, or ""."""
         ob = speaker(context)
         if ob is None:
             return "Click the object that speaks"
@@ -194,7 +193,7 @@ of an earlier chart are replaced; yours are not touched"""
         return reason or audio.why_not(speaker(context), sequencer_scene(context))
 
     def read(self, context, ob):
-        """Reads the sound, the face, and where the drawings are."""
+        """Reads the sound, the face, and the list of drawings."""
         scene = sequencer_scene(context)
         settings = from_object(ob, scene)
         if not ob.anyface_mouth_chart.drawings:
@@ -216,7 +215,7 @@ class ANYFACE_OT_mouth_chart_remove(OfSpeaker, Operator):
     bl_label = "Remove Mouth Chart"
 
     def act(self, ob):
-        """Removes it."""
+        """Removes the chart."""
         count = chart.remove(ob)
         if not count:
             raise AnyfaceError("input", f"{ob.name} has no mouth chart")
@@ -236,7 +235,7 @@ class ANYFACE_PT_mouth_chart(OfMorePanel, Panel):
         return super().poll(context) and speaker(context) is not None
 
     def draw(self, context):
-        """Draws the choice of mouths, where they are, and the button."""
+        """Draws the choice of mouths, what shows them, and the buttons."""
         layout, ob = self.layout, speaker(context)
         layout.use_property_split, layout.use_property_decorate = True, False
         stored = ob.anyface_mouth_chart

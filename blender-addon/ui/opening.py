@@ -1,4 +1,4 @@
-"""Open Mouth and Open Eyes: lips, or lids and eyes, that are one surface, cut apart."""
+"""Open Mouth and Open Eyes: cut lips apart, or lids from eyes, where they are one surface."""
 
 from bpy.types import Operator
 

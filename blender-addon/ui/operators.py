@@ -1,4 +1,4 @@
-"""What operators share: how they report errors, and how they work in a thread."""
+"""Base classes of operators: they report errors, and work in a thread."""
 
 import time
 from pathlib import Path
@@ -13,12 +13,12 @@ from ..scene.way_back import WayBack, unharmed
 from . import details, running
 from .target import OfFace, target
 
-# The longest time of writing before the interface gets a turn, seconds.
+# Writing pauses after this time so that the interface gets a turn, seconds.
 SLICE_S = 0.02
 
 
 class Notice(AnyfaceError):
-    """Nothing was done, for a reason that is no error: scripts go on."""
+    """Nothing was done, but not because of an error: scripts go on."""
 
     def __init__(self, message: str):
         super().__init__("input", message)
@@ -40,7 +40,7 @@ class Acting(OfFace):
             return self.fail(_save_details(plain(error)))
 
     def tell(self, text):
-        """Reports a message, where there is one."""
+        """Reports a message, if there is one."""
         if text:
             self.report({"INFO"}, f"Anyface: {text}")
         return {"FINISHED"}
@@ -57,7 +57,7 @@ class OnList(Acting):
 
     @classmethod
     def why_not(cls, context):
-        """Why the list cannot be changed now; empty where it can."""
+        """The reason why the list cannot be changed now, or ""."""
         ob = target(context)
         linked = ob is not None and ob.library is not None
         return "The face is linked and keeps no list" if linked else super().why_not(context)
@@ -84,7 +84,7 @@ class ToFile(WithFile):
     """Saves something of the character as a JSON file."""
 
     bl_options = {"REGISTER"}
-    # The word in the file name for what is saved.
+    # What is saved, as a word for the file name.
     what = ""
 
     def invoke(self, context, event):
@@ -108,30 +108,30 @@ class Alone(Acting):
 
 
 class InThread(Alone):
-    """Works in a thread while Blender goes on, or at once without a window.
+    """Works in a thread while Blender stays usable. Without a window it works at once.
 
-    `read(context, ob)` returns a snapshot with `work(progress)`, and only that runs in the thread.
-    `finish(ob, read, worked)` writes its result, and may return a message for the artist. Where
-    writing takes long, `land` with the same arguments does it in steps: a generator that has
-    changed nothing until it yields `BEGUN`.
+    `read(context, ob)` returns a snapshot. Only its `work(progress)` runs in the thread.
+    `finish(ob, read, worked)` writes the result, and may return a message for the artist. If
+    writing takes long, the generator `land` with the same arguments does it in steps. If it is
+    closed before it yields `BEGUN`, nothing has changed.
 
-    If any of them raises, the job ends, the artist sees the error, the scene is as it was before
-    anything was written, and the next job can start.
+    If any of these raises, the job ends and the artist sees the error. The scene is then as it was
+    before anything was written, and the next job can start.
     """
 
     cancelled = "cancelled"
-    # Whether a failure undoes all that it has written. An operator that writes several results
-    # undoes each on its own.
+    # Whether a failure undoes everything that was written. An operator that writes several results
+    # undoes each one separately.
     goes_back = True
     _landing = _job = _timer = _way_back = None
     _name, _number = "", 0
-    # The result is being written: only an undo, or another file, stops that.
+    # The result is being written. Only an undo, or opening another file, can stop that.
     _begun = False
     # The result is in the scene, and its files are in use.
     _written = False
 
     def instead(self, context) -> bool:
-        """Does something else where no job is needed; True if it did."""
+        """Does something that needs no job, and returns True; False if a job is needed."""
         return False
 
     def execute(self, context):
@@ -205,7 +205,7 @@ class InThread(Alone):
         try:
             while time.perf_counter() < ends:
                 if next(self._landing) == BEGUN:
-                    # Blender evaluates this much before the next step.
+                    # Stop here, so that Blender evaluates this much before the next step.
                     self._begun = True
                     break
         except StopIteration as ended:
@@ -215,7 +215,7 @@ class InThread(Alone):
         return {"PASS_THROUGH"}
 
     def _hurry(self, context):
-        """Lets Blender's timer call more often from now on."""
+        """Makes the timer fire more often from now on."""
         context.window_manager.event_timer_remove(self._timer)
         self._timer = None
         self._timer = context.window_manager.event_timer_add(SLICE_S, window=context.window)
@@ -230,7 +230,7 @@ class InThread(Alone):
         self._name, self._number = (ob.name, identity.number(ob)) if ob is not None else ("", 0)
 
     def _here(self):
-        """The character by its present name; raises `AnyfaceError("mesh")` where it is gone."""
+        """The character, also if it was renamed; raises `AnyfaceError("mesh")` if it is gone."""
         ob = identity.with_number(self._number, self._name) if self._name else None
         if self._name and ob is None:
             raise AnyfaceError("mesh", f"{self._name} is gone")
@@ -241,7 +241,7 @@ class InThread(Alone):
             self._way_back = WayBack(self._here(), self.bl_label)
 
     def _close_way_back(self, worked) -> None:
-        """Keeps the result, and deletes what it has replaced."""
+        """Keeps the result, and deletes the files that it has replaced."""
         self._written = True
         if self._way_back is not None:
             self._way_back.close()
@@ -256,7 +256,7 @@ class InThread(Alone):
                 self._job.cancel()
         self._end(context)
         if self._written:
-            # The error came after the result, which stays; the artist can undo it.
+            # The result was written before the error: it stays, and the artist can undo it.
             with unharmed():
                 self.report({"WARNING"}, readable(f"Anyface: written, but then: {error}"))
             return {"FINISHED"}
@@ -275,7 +275,7 @@ class InThread(Alone):
             return Acting.fail(self, error)
 
     def _end(self, context):
-        """Ends the job: the next one may start, and only what was written stays."""
+        """Ends the job, so that the next one may start; discards a result not yet written."""
         job, landing, timer, way_back = self._job, self._landing, self._timer, self._way_back
         self._landing = self._timer = None
         if job is not None:
@@ -309,7 +309,7 @@ def redraw(context) -> None:
 
 
 def redraw_sidebar(context) -> None:
-    """Redraws the sidebars, which show the progress; the scene itself may take long to draw."""
+    """Redraws only the sidebars, which show progress: the scene itself may take long to draw."""
     for area in _views(context):
         for region in area.regions:
             if region.type == "UI":

@@ -97,15 +97,15 @@ class AnyfaceOutput(PropertyGroup):
 
 
 def slider_of(ob, name: str) -> str:
-    """The property that shows a name of `adjust.names_of`.
+    """The property whose slider changes `name`, one of `adjust.names_of`.
 
-    Blinks of named shapes are scaled freely, those of basis keys no further than closed eyes.
+    Blinks of named shapes can be scaled freely. Blinks of basis keys stop at closed eyes.
     """
     return "closing" if name == "blinks" and not adjust.is_named(ob) else name
 
 
 def read(ob) -> OutputSettings:
-    """The settings of `ob` without Blender."""
+    """The settings of `ob` as plain data."""
     stored = ob.anyface_output
     mapping = [Pair(row.shape, row.key, row.factor) for row in stored.mapping if row.key]
     settings = OutputSettings(

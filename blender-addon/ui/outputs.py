@@ -47,11 +47,13 @@ class ANYFACE_PT_output(OfFacePanel, Panel):
 
 
 def _draw_modes(layout, ob, settings) -> str:
-    """Draws a button for each output, grey where it cannot work; returns why the chosen one
-    cannot."""
+    """Draws a button for each output, grey if it cannot work.
+
+    Returns why the chosen output cannot work, or "".
+    """
     reasons = {output.name: output.why_not(ob, settings) for output in outputs.ALL}
     column = layout.column(align=True)
-    # With a split the names would stand beside empty buttons.
+    # A property split would draw the names beside empty buttons.
     column.use_property_split = False
     for mode, reason in reasons.items():
         row = column.row(align=True)
@@ -66,7 +68,7 @@ def _draw_modes(layout, ob, settings) -> str:
 
 
 def _draw_sliders(layout, ob) -> None:
-    """Draws sliders that change the finished take; those that cannot are grey, with the reason."""
+    """Draws sliders that change the finished take; one that cannot is grey, with the reason."""
     column = layout.column(align=True)
     column.label(text="Change This Take")
     stored, in_keys = ob.anyface_output, record.is_generated(ob)

@@ -1,4 +1,4 @@
-"""Groups of settings on objects that a library override can change."""
+"""Registers groups of object settings so that a library override can change them."""
 
 import bpy
 from bpy.props import PointerProperty
@@ -13,16 +13,16 @@ def add(name: str, *groups) -> None:
 
 
 def remove(name: str, *groups) -> None:
-    """Unregisters them; values stay in the file."""
+    """Unregisters the groups; values stay in the file."""
     delattr(bpy.types.Object, name)
     for group in reversed(groups):
         bpy.utils.unregister_class(group)
 
 
 def _overridable(group):
-    """Lets overrides of linked objects have their own values of all properties of a group.
+    """Lets an override of a linked object have its own value of each property in a group.
 
-    Computed properties have none.
+    Computed properties are left as they are: they store no value.
     """
     for prop in group.__annotations__.values():
         if "get" not in prop.keywords:
@@ -31,6 +31,6 @@ def _overridable(group):
 
 
 def _override(function: str) -> set[str]:
-    """The argument `override` of a property that the function of that name makes."""
+    """The argument `override` for a property made by `function`, such as "IntProperty"."""
     more = {"USE_INSERTION"} if function == "CollectionProperty" else set()
     return {"LIBRARY_OVERRIDABLE", *more}

@@ -1,4 +1,4 @@
-"""The N-panel "Anyface" of the 3D view: one screen that suffices, and the rest under *More*."""
+"""The N-panel "Anyface" of the 3D view: the essentials on one screen, the rest under *More*."""
 
 from pathlib import Path
 
@@ -13,7 +13,7 @@ from .target import sequencer_scene, target
 
 # The manual, which is part of the zip.
 HELP = Path(__file__).resolve().parents[1] / "help.txt"
-# The share of a line for its name, as in Blender's property split.
+# A name takes this share of its line, as in Blender's property split.
 _NAME_SHARE = 0.4
 
 
@@ -37,11 +37,11 @@ class OfMorePanel(Sidebar):
 
 
 class OfFacePanel(OfMorePanel):
-    """A panel of the character under *More*; stands before `Panel`."""
+    """A panel of the character under *More*; a base before `Panel`."""
 
     @classmethod
     def poll(cls, context):
-        """False where there is no character, and while *More* is closed."""
+        """False if there is no character, and while *More* is closed."""
         return super().poll(context) and target(context) is not None
 
 

@@ -1,4 +1,4 @@
-"""Performance in detail; what can change over time has a keyframe button."""
+"""Performance in detail; controls that can be animated have a keyframe button."""
 
 import math
 
@@ -17,12 +17,12 @@ _OF_FACE = ("axes", "landmark_file")
 def _is_shown(control, settings) -> bool:
     """Whether the panel shows a control.
 
-    It shows none of *Life*, and those of research only on request or where they were changed.
+    Controls of *Life* are never shown here, research controls only on request or once changed.
     """
     if control.name in CONTROLS:
         return False
     now, usual = control.number(getattr(settings, control.name)), control.number(control.default)
-    # Blender stores float32.
+    # Blender stores float32, so equal numbers may differ slightly.
     changed = not math.isclose(now, usual, rel_tol=1e-5, abs_tol=1e-6)
     return changed or preferences.shows_research() or not words.is_research(control)
 
@@ -35,7 +35,7 @@ class ANYFACE_PT_performance(OfFacePanel, Panel):
     bl_options = {"DEFAULT_CLOSED"}
 
     def draw(self, context):
-        """Draws the source of the emotion, the controls, and what is seldom needed."""
+        """Draws the source of the emotion, the controls, and the seldom needed settings."""
         layout, settings = self.layout, target(context).anyface
         layout.use_property_split, layout.use_property_decorate = True, True
         if len(systems.known()) > 1:

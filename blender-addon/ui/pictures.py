@@ -19,15 +19,15 @@ class Shown:
     intensity: float
 
 
-# By the number of the object, which is valid while the file is open, or else by its name.
+# The key is the object's number, which is valid while the file is open, or else its name.
 _shown: dict[int | str, Shown] = {}
-# By folder; Blender does not keep the texts of items itself.
+# Items by folder. They are kept here because Blender does not keep the texts of items itself.
 _items: dict[Path | None, list[tuple]] = {}
 _previews = None
 
 
 def of(ob) -> Shown | None:
-    """The pictures for `ob`; None where none were drawn since the file was opened."""
+    """The pictures for `ob`; None if none were drawn since the file was opened."""
     return _shown.get(_key(ob))
 
 

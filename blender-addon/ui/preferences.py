@@ -10,7 +10,7 @@ from ..core import native
 from ..core.errors import AnyfaceError
 from ..core.microphone import devices
 
-# The name under which Blender knows the add-on: the package of this one.
+# Blender knows the add-on by this name: the package that contains this one.
 PACKAGE = __package__.rpartition(".")[0]
 
 
@@ -80,7 +80,7 @@ class AnyfacePreferences(AddonPreferences):
 
 
 def _microphones() -> list[str]:
-    """Names of the recording devices; none where the system's sound cannot be used."""
+    """Names of the recording devices; none if the system's sound cannot be used."""
     try:
         return devices()
     except AnyfaceError:
@@ -93,12 +93,12 @@ def microphone() -> str:
 
 
 def look_ahead() -> float:
-    """The most seconds of sound that a listening face waits for."""
+    """How many seconds of coming sound Live Microphone waits for, at most."""
     return float(_stored("look_ahead", "0.19"))
 
 
 def threads() -> int:
-    """The number of threads that the artist set; 0 where there are no preferences."""
+    """The number of threads that the artist set; 0 if there are no preferences."""
     return _stored("threads", 0)
 
 
@@ -131,9 +131,9 @@ def _stored(name: str, otherwise):
 
 
 def cache_folder() -> Path | None:
-    """The folder for what the library knows of meshes: the extension's own user folder.
+    """The extension's own user folder, where the library caches what it knows about meshes.
 
-    None outside an installed extension; then the library takes the user's cache folder.
+    None if this is no installed extension; the library then takes the user's cache folder.
     """
     try:
         return Path(bpy.utils.extension_path_user(PACKAGE, path="cache", create=True))

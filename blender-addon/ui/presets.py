@@ -1,7 +1,7 @@
-"""Presets of a performance: chosen, saved, loaded and shared as files.
+"""Presets of a performance: the artist chooses, saves, imports, exports and deletes them.
 
 Shipped presets lie in the extension's folder, the artist's own in the user folder that Blender
-gives the extension. Nothing is written anywhere else unless the artist exports it.
+gives the extension. Only an export writes anywhere else.
 """
 
 from pathlib import Path
@@ -42,14 +42,13 @@ def _own() -> list[presets.Preset]:
 
 
 def name_of(settings) -> str:
-    """The name of the preset that `settings` match, the most specific one; "My Own" for none."""
+    """The name of the most specific preset that `settings` match; "My Own" if none does."""
     fitting = [preset for preset in everyone() if _is(preset, settings)]
     return max(fitting, key=lambda preset: len(preset.values)).name if fitting else "My Own"
 
 
 def _is(preset: presets.Preset, settings) -> bool:
-    """Whether `settings` have the values of a preset; emotion does not count, it has its own
-    line."""
+    """Whether `settings` match a preset apart from its emotion, which has a line of its own."""
     values = {name: value for name, value in preset.values.items() if name not in _EMOTION}
     return bool(values) and all(_same(getattr(settings, name), values[name]) for name in values)
 
@@ -62,7 +61,7 @@ def _same(setting, value) -> bool:
 def apply(preset: presets.Preset, settings) -> None:
     """Sets the panel's sliders (`Object.anyface`) to the values of a preset.
 
-    A preset that names an emotion without others removes the other emotions.
+    If the preset names an emotion, all emotions that it does not name are removed.
     """
     if "emotion" in preset.values:
         settings.mixed = ""
@@ -73,7 +72,7 @@ def apply(preset: presets.Preset, settings) -> None:
 def of_settings(name: str, settings) -> presets.Preset:
     """The panel's sliders as a preset."""
     values = {item: getattr(settings, item) for item in presets.names()}
-    # Versions without mixtures can read presets of one emotion.
+    # An empty mixture is left out, so that versions without mixtures can read the preset.
     return presets.Preset(name, {item: value for item, value in values.items() if value != ""})
 
 

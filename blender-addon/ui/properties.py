@@ -65,7 +65,7 @@ _AXES = [
 
 
 def _frames(name: str, description: str, least: int):
-    """A property for the number of frames for which poses stand."""
+    """A property for how many frames a pose is held."""
     more = "" if least else "; 0 for one pose"
     return IntProperty(
         name=name,
@@ -81,7 +81,7 @@ def _frames(name: str, description: str, least: int):
 class AnyfaceCharacter(PropertyGroup):
     """Settings of one character; `Object.anyface`.
 
-    The library's controls join these: their list is read when the extension registers.
+    When the extension registers, it adds a property for each of the library's controls.
     """
 
     source: EnumProperty(name="Sound", items=_SOURCES, default="STRIP", options=set())
@@ -118,7 +118,7 @@ class AnyfaceCharacter(PropertyGroup):
         get=pictures.chosen,
         set=pictures.choose,
         options={"HIDDEN", "SKIP_SAVE"},
-        # Without this the pictures of an override could not be chosen.
+        # Without this the artist could not choose a picture on an override.
         override={"LIBRARY_OVERRIDABLE"},
     )
     intensity: FloatProperty(
@@ -130,7 +130,7 @@ class AnyfaceCharacter(PropertyGroup):
         subtype="FACTOR",
         update=live.feel,
     )
-    # Emotions beside the first one, and the same as text for presets and takes.
+    # The emotions after the first one, and the same as text for presets and takes.
     mixture: CollectionProperty(type=mixture.AnyfaceEmotion, options=set())
     mixed: StringProperty(get=mixture.text, set=mixture.fill, options={"HIDDEN", "SKIP_SAVE"})
     style: StringProperty(
@@ -224,13 +224,13 @@ class AnyfaceCharacter(PropertyGroup):
     report_is_error: BoolProperty(options={"HIDDEN"})
     # The last scene frame of the take as it was generated, 0 without a take.
     last_frame: IntProperty(options={"HIDDEN"})
-    # Details of the report that only some want.
+    # Details of the report, which the panel shows only on request.
     report_details: StringProperty(options={"HIDDEN"})
     # How the lips meet in the last take, one of `core.take.MOUTHS`.
     mouth: StringProperty(options={"HIDDEN"})
-    # What the lids of both eyes do in the last take, of `core.take.LIDS`.
+    # What the lids of both eyes do in the last take, names of `core.take.LIDS`.
     lids: StringProperty(options={"HIDDEN"})
-    # The mends that the report offers: names of `ui.mending`.
+    # Names of the mends that the report offers, see `ui.mending`.
     report_mends: StringProperty(options={"HIDDEN"})
 
 
@@ -240,7 +240,7 @@ _OWN = dict(AnyfaceCharacter.__annotations__)
 class AnyfaceScene(PropertyGroup):
     """`Scene.anyface`: which character the panel shows, and which models are used."""
 
-    # Playback has been set to follow the sound once; from then on it is the artist's choice.
+    # True once playback was set to follow the sound. From then on it is the artist's choice.
     synced: BoolProperty(options={"HIDDEN"})
 
     character: PointerProperty(
@@ -268,7 +268,7 @@ class AnyfaceScene(PropertyGroup):
 
 
 def _of_library() -> dict:
-    """The property of the system, and one for each of the library's controls."""
+    """The property that chooses the system, and one for each of the library's controls."""
     items = [
         (system.name, system.label, system.help.rstrip("."), number)
         for number, system in enumerate(systems.known())
@@ -291,12 +291,12 @@ def _of_control(control: systems.Control):
     if control.values == systems.WHOLE:
         whole = {name: int(shared[name]) for name in ("default", "min", "max")}
         return IntProperty(**shared | whole)
-    # A wide range has whole steps, a narrow one fine steps.
+    # A wide range shows no decimals, a narrow one up to three.
     span = control.high - control.low
     return FloatProperty(precision=0 if span > 10.0 else 2 if span > 0.5 else 3, **shared)
 
 
-# The settings of a character by their names on objects.
+# The property groups of a character, by their names on objects.
 _GROUPS = {
     "anyface_output": output_properties.GROUPS,
     "anyface": (mixture.AnyfaceEmotion, AnyfaceCharacter),

@@ -1,4 +1,4 @@
-"""The one job that may run, and the engines that all jobs share."""
+"""The current job, of which there is one at most, and the engines that all jobs share."""
 
 import atexit
 import time
@@ -13,18 +13,18 @@ from ..core.job import Job
 from ..core.lazy import LazyEngine
 from . import preferences
 
-# How long Blender waits for a job before it ends without it, seconds.
+# `stop` waits at most this long for running jobs, seconds.
 PATIENCE_S = 30.0
 
 current: Job | None = None
 # The object that the current job animates.
 current_name = ""
-# Why the current job ends early, if the artist has not cancelled it.
+# Why the current job was cancelled, if not by the artist.
 why_cancelled = ""
-# By the name of their system, the folder of their models and when these last changed.
+# The key: system, folder of the models, when these last changed, folder of the emotion model.
 _engines: dict[tuple[str, Path | None, int, Path | None], LazyEngine] = {}
-# Jobs whose threads may still be at work. Only their threads keep them alive: a cancelled job is
-# forgotten before it ends.
+# Jobs whose threads may still run. A cancelled job is no longer the current one while its thread
+# ends; only the thread keeps it alive then.
 _started: WeakSet[Job] = WeakSet()
 
 
@@ -48,7 +48,7 @@ def engine(system: str, folder: str | Path | None = None) -> LazyEngine:
 def start(job: Job, object_name: str) -> Job:
     """Starts `job` and makes it the current one."""
     global current, current_name
-    # The system may refuse another thread; then nothing runs.
+    # This raises if the system refuses another thread. Then no job becomes the current one.
     job.start()
     current, current_name = job, object_name
     _started.add(job)
@@ -74,7 +74,7 @@ def stop() -> None:
     last = time.monotonic() + PATIENCE_S
     ended = [job.wait(max(0.0, last - time.monotonic())) for job in jobs]
     finish()
-    # A job that does not end may still use the engines.
+    # A job that has not ended may still use the engines, so they stay open.
     for loaded in _engines.values() if all(ended) else ():
         loaded.close()
     _engines.clear()
@@ -107,7 +107,7 @@ def register() -> None:
 
 
 def unregister() -> None:
-    """Stops the job, and no longer watches."""
+    """Stops all jobs, and no longer watches."""
     atexit.unregister(stop)
     stop()
     bpy.app.handlers.load_pre.remove(_on_load)

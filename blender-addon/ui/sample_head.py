@@ -55,7 +55,7 @@ class ANYFACE_MT_sample_heads(Menu):
     bl_label = "Anyface Sample Heads"
 
     def draw(self, _context):
-        """One entry a head."""
+        """Draws one entry for each head."""
         for key, name, _ in _ITEMS:
             entry = self.layout.operator("anyface.add_sample_head", text=name, icon="USER")
             entry.character = key

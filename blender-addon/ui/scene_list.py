@@ -79,7 +79,7 @@ class ANYFACE_OT_scene_fill(Operator):
     bl_options = {"REGISTER", "UNDO"}
 
     def execute(self, context):
-        """Adds rows with the character whose panel or whose name matches the strip."""
+        """Adds the missing rows, each with the character whose panel or name matches the strip."""
         rows = context.scene.anyface_list
         there = {row.strip for row in rows}
         for strip in sequencer.sound_strips(sequencer_scene(context)):
@@ -90,7 +90,7 @@ class ANYFACE_OT_scene_fill(Operator):
 
 
 def _speaker(strip: str, scene):
-    """The mesh that speaks a strip, by its panel or by its name in that of the strip."""
+    """The mesh whose panel names a strip, or else whose name is part of the strip's name."""
     meshes = [ob for ob in scene.objects if ob.type == "MESH"]
     for ob in meshes:
         if ob.anyface.strip == strip:
@@ -119,7 +119,7 @@ class ANYFACE_OT_generate_scene(InThread, Operator):
     bl_idname = "anyface.generate_scene"
     bl_label = "Generate All"
 
-    # Each row undoes its own failure.
+    # If a row fails, only that row is undone.
     goes_back = False
 
     @classmethod

@@ -1,4 +1,4 @@
-"""From the panel's properties to plain settings."""
+"""Turns the panel's properties into plain settings."""
 
 from dataclasses import fields
 
@@ -16,7 +16,7 @@ _MANY_KEYS = 10
 def from_object(ob, scene=None) -> Settings:
     """The settings stored on `ob`.
 
-    If no strip was chosen, it speaks the only strip of `scene`.
+    If no strip was chosen and `scene` has only one, `ob` speaks that one.
     """
     copies.settle()
     _start_with_keys(ob)
@@ -30,7 +30,7 @@ def from_object(ob, scene=None) -> Settings:
         control.name: control.number(getattr(stored, control.name))
         for control in systems.controls()
     }
-    # Emotion and intensity have fields of their own.
+    # The first share is left out: emotion and intensity have fields of their own.
     values["mixture"] = emotion.shares(stored)[1:]
     settings = Settings(**values, output=output_properties.read(ob))
     settings.holds = holding.Holds(stored.pose_on, stored.pose_closures, stored.pose_vowels)
@@ -41,7 +41,7 @@ def from_object(ob, scene=None) -> Settings:
 
 
 def _start_with_keys(ob) -> None:
-    """Lets a face that has many keys of known names use these, until the artist chooses."""
+    """Lets a face animate its own keys if many have known names and no output was chosen."""
     if ob.library is not None or ob.type != "MESH" or ob.anyface.is_property_set("mode"):
         return
     if len(artist_keys.names_of(artist_keys.find(ob, []))) >= _MANY_KEYS:

@@ -1,4 +1,4 @@
-"""Sounds as strips that can be corrected, and *Redo* for a stretch of the take."""
+"""Shows sounds as strips that the artist can correct, and redoes a stretch of the take."""
 
 from functools import partial
 
@@ -44,7 +44,7 @@ class ANYFACE_PT_sounds(OfFacePanel, Panel):
 
 
 def _listen(source, engine, text: str, progress) -> tuple:
-    """Intervals `[N, 2]` in seconds in which lips close, and start, end and label of each word."""
+    """Where lips close, `[N, 2]` in seconds, and start, end and label of each word of `text`."""
     progress.check("sound")
     heard = source.load(decode.decoder(engine))
     return engine.listen_to_words(heard, text) if text else (engine.listen(heard), [])

@@ -47,7 +47,7 @@ class ANYFACE_OT_sounds_write(WithSound, WithFile, Operator):
         return super().invoke(context, event)
 
     def check(self, _context):
-        """Lets the ending follow the kind."""
+        """Changes the ending of the path to match the kind."""
         before, self.filepath = self.filepath, self._path()
         return before != self.filepath
 
@@ -67,7 +67,7 @@ class ANYFACE_OT_sounds_write(WithSound, WithFile, Operator):
         return f"{len(closures)} sounds in {Path(path).name}"
 
     def _path(self) -> str:
-        """The path with the ending of its kind; an ending in the path chooses the kind."""
+        """The path with the ending of `kind`; a known ending stays if no kind was chosen."""
         path = Path(self.filepath)
         if path.suffix.lower() not in {kind[0].lower() for kind in _KINDS}:
             return f"{path}{self.kind}"

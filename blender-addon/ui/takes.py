@@ -47,7 +47,7 @@ class ANYFACE_OT_take_keep(Alone, Operator):
         return super().why_not(context) or ("" if plays else "No take plays")
 
     def act(self, ob):
-        """Lets the take wait."""
+        """Sets the playing take aside: it waits in the list."""
         take_list.keep(ob)
 
 

@@ -11,7 +11,7 @@ _KNOWN_KEYS = 3
 
 
 def target(context):
-    """The character that the panel shows; None where that is no mesh.
+    """The character that the panel shows; None if that is no mesh.
 
     It is the picked object, or else the active object, or the head of an active armature.
     """
@@ -51,7 +51,7 @@ class OfFace:
 
     @classmethod
     def poll(cls, context):
-        """False, with the reason, where the operator cannot work."""
+        """False if the operator cannot work; Blender shows the reason."""
         reason = cls.why_not(context)
         if reason:
             cls.poll_message_set(reason)
@@ -59,15 +59,15 @@ class OfFace:
 
     @classmethod
     def why_not(cls, context) -> str:
-        """Why the operator cannot work now, in words; empty where it can."""
+        """The reason why the operator cannot work now, or ""."""
         return "" if target(context) is not None else "Pick a face mesh"
 
 
 def is_there(ob) -> bool:
-    """False for None and for a deleted object, which only a pointer keeps in the file."""
+    """False for None, and for a deleted object that only a pointer still keeps in the file."""
     return ob is not None and len(ob.users_scene) > 0
 
 
 def sequencer_scene(context):
-    """The scene whose strips are heard; from 5.0 on a workspace may show another one."""
+    """The scene whose strips are heard; since Blender 5.0 it may differ from the active scene."""
     return getattr(context, "sequencer_scene", None) or context.scene

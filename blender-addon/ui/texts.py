@@ -1,4 +1,4 @@
-"""The text of each sound, which *Mend* aligns; the scene stores it by sound."""
+"""The text of each sound, which *Mend* aligns; the scene stores one for each sound."""
 
 import bpy
 from bpy.props import StringProperty
@@ -9,7 +9,7 @@ from .target import sequencer_scene, target
 
 
 class AnyfaceText(PropertyGroup):
-    """A text; its name tells to which sound it belongs."""
+    """A text; `name` is the key of the sound to which it belongs."""
 
     text: StringProperty()
 
@@ -23,12 +23,12 @@ def of(ob, scene) -> str:
 
 
 def get(_settings) -> str:
-    """The text of the sound that the character of the panel speaks, for the field there."""
+    """Reads the panel's text field: the text of the sound that its character speaks."""
     return of(target(bpy.context), sequencer_scene(bpy.context))
 
 
 def put(_settings, text: str) -> None:
-    """Stores the text of the sound that this character speaks now."""
+    """Stores the text of the sound that the panel's character speaks now."""
     ob, scene = target(bpy.context), sequencer_scene(bpy.context)
     if ob is None or scene is None:
         return

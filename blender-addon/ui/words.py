@@ -1,13 +1,13 @@
-"""Words for the artist where the library's differ, and long text in lines."""
+"""Words for the artist in place of the library's, and long text broken into lines."""
 
 import textwrap
 
 import bpy
 
-# Widths in pixels at the usual size of the interface: of a letter, of an icon, and of the margins
-# of a panel with a box in it.
+# Widths in pixels at an interface scale of 1: a letter, an icon, and the margins of a panel with a
+# box in it.
 _LETTER_PX, _ICON_PX, _EDGE_PX = 6.3, 20, 44
-# A panel narrower than this many letters is being closed.
+# Lines have at least this many letters. A panel too narrow for them is being closed.
 _LEAST_LETTERS = 20
 # The library's stages in an artist's words.
 _STAGES = {
@@ -27,7 +27,7 @@ _STAGES = {
 }
 
 
-# Names and help of the library's controls, where its own words are not those of an artist.
+# Names and help of controls for which the library's own words do not suit an artist.
 _CONTROLS = {
     "variety": (
         "Variety",
@@ -50,7 +50,7 @@ _CONTROLS = {
 }
 
 
-# Controls for somebody who knows how the model works.
+# Controls for people who know how the model works.
 _RESEARCH = {
     "steps", "noise", "decoder", "guidance", "coarse_guidance", "speech_guidance", "template",
     "field", "field_reach",
@@ -63,7 +63,7 @@ def is_research(control) -> bool:
 
 
 def of_stage(name: str) -> str:
-    """The present stage in words: "starting" before the first, "working" for one without words."""
+    """The stage in words: "starting" before the first, "working" for one that has no words."""
     return _STAGES.get(name, "working") if name else "starting"
 
 

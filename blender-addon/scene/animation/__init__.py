@@ -1,1 +1,1 @@
-"""Blender's curves: actions, keyframes, and values of the panel over time."""
+"""Blender's curves: actions, keyframes, and the values of panel settings over time."""

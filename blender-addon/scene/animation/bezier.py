@@ -69,9 +69,9 @@ def change(curve, factor: float, moved: float, more=None) -> tuple[float, float]
 
 
 def _slopes(at, inside, frames, changes) -> np.ndarray:
-    """The slopes of handles with which a curve through keys at `at` `[N]` fits changes `[T]` best.
+    """The handle slopes with which a curve through keys at `at` `[N]` best fits changes `[T]`.
 
-    It solves least squares over all segments.
+    They are found by least squares over all segments at once.
     """
     keys = np.flatnonzero(inside)
     slopes = np.zeros(len(at))
@@ -126,8 +126,8 @@ def _tridiagonal(diagonal, beside, right) -> np.ndarray:
 def splice(curve, at: np.ndarray, new: np.ndarray, stretch, few_keys) -> bool:
     """Mixes a curve inside a `core.redo.Stretch` with values `new` `[n]` at frames `at` `[n]`.
 
-    Keys outside stay; `few_keys(values)` says which frames of the new stretch get one. False where
-    no frame lies inside.
+    Keys outside stay. `few_keys(values)` says which frames of the new stretch get a key. Returns
+    False if no frame lies inside.
     """
     shares = stretch.shares(at)
     inside = np.flatnonzero(shares > 0.0)
@@ -213,7 +213,7 @@ def _handles(points: np.ndarray, slopes: np.ndarray) -> dict[str, np.ndarray]:
 
 
 def _kinds_of(slopes: np.ndarray, count: int) -> dict[str, np.ndarray]:
-    """Handles of a key are aligned where both have the same slope."""
+    """The types of keys and handles; the handles of a key are aligned if their slopes agree."""
     same = np.where(slopes[:, 0] == slopes[:, 1], _ALIGNED, _FREE).astype(np.int32)
     return {
         "interpolation": np.full(count, _BEZIER, dtype=np.int32),

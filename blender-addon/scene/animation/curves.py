@@ -16,14 +16,14 @@ LAYERED = hasattr(bpy.types, "ActionSlots")
 # Values of the interpolation enum of a keyframe.
 _CONSTANT, _LINEAR = 0, 1
 _GROUP = "Anyface"
-# What a keyframe has besides its position.
+# The attributes of a keyframe besides positions.
 _KEY_FIELDS = ("interpolation", "easing", "handle_left_type", "handle_right_type")
 _PREPARED = "anyface_{}"
 KEY_VECTORS = ("co", "handle_left", "handle_right")
 # The face leaves rest this long before the first frame, and returns to it this long after the last,
 # seconds.
 EASE_S = 0.15
-# In less than this share of `EASE_S` a face would jump.
+# With less time than this share of `EASE_S`, the face would jump out of rest.
 _LEAST_EASE = 0.5
 
 
@@ -51,7 +51,7 @@ def channels(animation_data, create: bool = False):
 
 
 def action_of(shape_keys):
-    """The action assigned to the shape keys of a mesh (None for none), or None."""
+    """The action assigned to a mesh's shape keys, or None. A mesh without keys passes None."""
     animation = shape_keys.animation_data if shape_keys is not None else None
     return animation.action if animation is not None else None
 
@@ -92,7 +92,8 @@ def write(
     """Adds a curve with keys at `frames` `[T]`, linear or constant in between, to the group
     `group`.
 
-    `index` is the element of a property that has several. An earlier curve there goes.
+    `index` is the element of a property that has several. An earlier curve of the same element is
+    removed.
     """
     stale = bag.fcurves.find(data_path, index=index)
     if stale is not None:
@@ -132,19 +133,21 @@ def write_take(
 
 
 def keys_of(motion) -> list:
-    """The keys of the curve of each column of the weights of a motion, None for every frame."""
+    """The curve keys for each column of a motion's weights; None means a key on every frame."""
     return motion.keys_of_curves or [None] * motion.weights.shape[1]
 
 
 class Prepared:
-    """Curves of shape keys in an action that nothing plays yet, made one by one beforehand."""
+    """Curves of shape keys, made one by one beforehand in an action that nothing plays yet."""
 
     def __init__(self, name: str):
         self.action, self._bag = new_action(name)
 
     def make(self, frames: np.ndarray, motion):
-        """Makes a curve for each column of the weights of a motion, from rest and back to it at
-        `frames` of `with_rest`; yields after each."""
+        """Makes a curve for each column of a motion's weights and yields after each.
+
+        The curves start from rest and return to it at the `frames` of `with_rest`.
+        """
         for number, (column, keys) in enumerate(
             zip(motion.weights.T, keys_of(motion), strict=True)
         ):
@@ -154,9 +157,9 @@ class Prepared:
             yield
 
     def play(self, shape_keys, names: list[str]) -> bool:
-        """Lets the keys `names`, in the order of the curves, play them.
+        """Makes the shape keys play the action: `names` are the keys in the order of the curves.
 
-        Returns False where the artist's keys play an action already.
+        Returns False if the shape keys already play an action of the artist.
         """
         animation, self_action = shape_keys.animation_data, self.action
         if animation is None or animation.action is not None or self_action is None:
@@ -176,11 +179,11 @@ class Prepared:
 
 
 def with_rest(frames: np.ndarray, scene_fps: float, earliest: float = -np.inf) -> np.ndarray:
-    """Scene frames of rest, of each frame of a take `[T]`, and of rest again, `[T + 2]`.
+    """The scene frames `[T + 2]` of rest, of each frame of a take `[T]`, and of rest again.
 
     The face rests at whole frames, where an artist can see and grab the keys, and never before
-    `earliest`. Where that leaves no time to leave rest, the take begins in its first pose, and the
-    result is `[T + 1]`.
+    `earliest`. If that leaves too little time to move out of rest, the take begins in its first
+    pose, and the result is `[T + 1]`.
     """
     ease = EASE_S * scene_fps
     first = max(np.floor(frames[0] - ease), np.ceil(earliest))
@@ -194,7 +197,7 @@ def rests_before(at: np.ndarray, count: int) -> int:
 
 
 def from_rest(values: np.ndarray, at: np.ndarray) -> np.ndarray:
-    """Values `[T, …]` of a take as they are at the scene frames `at` of `with_rest`."""
+    """A take's values `[T, …]`, with zeros for rest, at the scene frames `at` of `with_rest`."""
     rest = np.zeros((1, *values.shape[1:]))
     return np.concatenate([rest[: rests_before(at, len(values))], values, rest])
 
@@ -273,7 +276,7 @@ def key_channels(ob, record):
 
 
 def new_action(name: str, id_type: str = "KEY"):
-    """A new action for shape keys or another kind of ID, and what holds its curves."""
+    """A new action for shape keys or another kind of ID, and the holder of its curves."""
     action = bpy.data.actions.new(name)
     if not LAYERED:
         return action, action
@@ -320,7 +323,7 @@ def splice(curve, at: np.ndarray, new: np.ndarray, stretch, few_keys=None) -> bo
 
 
 def copy(source, bag) -> None:
-    """Copies the curve `source` into `bag`; an earlier curve of the same property goes."""
+    """Copies the curve `source` into `bag`; an earlier curve of the same property is removed."""
     place = {"data_path": source.data_path, "index": source.array_index}
     stale = bag.fcurves.find(**place)
     if stale is not None:
@@ -349,8 +352,7 @@ def copy_paths(source, bag, data_paths: set[str]) -> None:
 
 
 def own_action(block, action) -> None:
-    """Gives `block` a copy of `action`, wherever it plays or keeps it, if others use the action
-    too."""
+    """If others use `action` too, gives `block` its own copy wherever it plays or stores it."""
     if action is None:
         return
     animation = block.animation_data
@@ -393,7 +395,7 @@ def drop_empty_action(animation, record) -> None:
 
 
 def drop_idle_animation(block, is_ours: bool) -> None:
-    """Removes animation data that is ours, once nothing else is in it."""
+    """Removes animation data that we added, if nothing is left in it."""
     animation = block.animation_data
     if is_ours and animation.action is None and not animation.drivers and not animation.nla_tracks:
         block.animation_data_clear()

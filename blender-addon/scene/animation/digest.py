@@ -7,7 +7,7 @@ import numpy as np
 from ..face.mesh import read_key
 from . import curves
 
-# Type of an attribute: name of its value, numbers in it, type of each.
+# For each type of attribute: the name of its value, how many numbers it has, and their type.
 _VALUES = {
     "FLOAT": ("value", 1, np.float32),
     "INT": ("value", 1, np.int32),
@@ -55,7 +55,7 @@ def _attribute_bytes(attribute) -> bytes:
 
 
 def _add_keys(digest, shape_keys) -> None:
-    # Values that a curve or driver sets change with the frame and say nothing.
+    # Curves and drivers change the values with the frame, so such values say nothing.
     unanimated = shape_keys.animation_data is None
     for block in shape_keys.key_blocks:
         positions = read_key(block)

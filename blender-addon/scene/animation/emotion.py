@@ -6,13 +6,15 @@ from ...core import systems
 from ...core.emotion import EMOTIONS, MAX_INTENSITY, Share, mix
 from . import sliders
 
-# The data path of the weight of a row of the mixture.
+# The data path of the weight in one row of the mixture.
 WEIGHT_PATH = "mixture[{}].weight"
 
 
 def shares(settings) -> list[Share]:
-    """The mixture of `settings`, on an object or plain: emotion and intensity first, then the other
-    rows."""
+    """All emotions of `settings` with their weights: `emotion` first, then the rows of `mixture`.
+
+    `settings` are properties of an object, or plain data.
+    """
     rows = [Share(row.emotion, row.weight) for row in settings.mixture]
     return [Share(settings.emotion, settings.intensity), *rows]
 
@@ -20,9 +22,9 @@ def shares(settings) -> list[Share]:
 def emotion_keys(ob, scene, settings, start_frame: float, duration_s: float | None = None):
     """`(time_s, strengths[15])` rows from keyframes and drivers on `ob.anyface`, or one row.
 
-    Where a property has no curve, its value in `settings` counts (`emotion`, `intensity`,
-    `mixture`). Times count from `start_frame`. The first row holds before it, the last row after
-    it.
+    A property without a curve (`emotion`, `intensity`, `mixture`) has its value from `settings`.
+    Times count from `start_frame`. The first row also holds before its time, and the last row
+    after its time.
     """
     main, *others = shares(settings)
     paths = [WEIGHT_PATH.format(number) for number in range(len(others))]

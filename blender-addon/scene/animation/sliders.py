@@ -5,24 +5,26 @@ import numpy as np
 
 from . import curves
 
-# A face cannot show faster changes than samples a tenth of a second apart do.
+# The time between samples. A face cannot show faster changes.
 STEP_S = 0.1
 _PREFIX = "anyface."
 
 
 def animated(ob, names) -> list[str]:
-    """Those of `names` that have a curve or a driver; they are properties of `ob.anyface` and its
-    rows."""
+    """The `names` that have a curve or a driver.
+
+    `names` are properties of `ob.anyface` and of its rows.
+    """
     return [name for name in names if is_keyed(ob, name) or needs_scene(ob, name)]
 
 
 def is_keyed(ob, name: str) -> bool:
-    """True where the assigned action has a curve for it."""
+    """True if the assigned action has a curve for the property."""
     return curves.find(ob.animation_data, _PREFIX + name) is not None
 
 
 def needs_scene(ob, name: str) -> bool:
-    """True where only Blender itself can evaluate the property: for a driver or an NLA strip."""
+    """True if a driver or an NLA strip moves the property: only Blender can evaluate these."""
     animation = ob.animation_data
     if animation is None:
         return False
@@ -38,7 +40,8 @@ def needs_scene(ob, name: str) -> bool:
 def times(ob, names, start_frame: float, scene_fps: float, duration_s: float | None) -> np.ndarray:
     """Seconds from `start_frame` at which to read values, `[N]`.
 
-    They reach to the last keyframe, or to `duration_s` where a driver is among them.
+    They reach to the last keyframe. If a driver or an NLA strip moves a property, they also reach
+    to `duration_s`, or to 60 s if that is None.
     """
     fcurves = [curves.find(ob.animation_data, _PREFIX + name) for name in names]
     last_frame = max((c.range()[1] for c in fcurves if c is not None), default=start_frame)
@@ -49,7 +52,7 @@ def times(ob, names, start_frame: float, scene_fps: float, duration_s: float | N
 
 
 def values(ob, scene, names, frames: np.ndarray) -> dict[str, np.ndarray]:
-    """The values of each property at `frames` `[N]`; those of an enum are its numbers."""
+    """The values of each property at `frames` `[N]`; an enum gives the numbers of its items."""
     if any(needs_scene(ob, name) for name in names):
         return _by_stepping(ob, scene, names, frames)
     read = {}

@@ -1,12 +1,12 @@
-"""A copy of the artist's action, without some of its curves, plays in its place for a while."""
+"""Replaces the artist's action for a while by a copy that lacks some of its curves."""
 
 from . import curves, digest
 
 
 def play(holder, name: str, animation, paths: set[str]) -> str:
-    """Lets a copy of the action without `paths` play, and saves the original in `holder[name]`.
+    """Plays a copy of the action without the curves `paths`; keeps the original in `holder[name]`.
 
-    Returns the digest of the copy; "" where the action has none of these curves.
+    Returns the digest of the copy, or "" if the action has none of these curves.
     """
     original = animation.action if animation is not None else None
     if original is None or not any(curves.find_any(animation, path) for path in paths):
@@ -18,10 +18,10 @@ def play(holder, name: str, animation, paths: set[str]) -> str:
 
 
 def give_back(original, animation, paths: set[str], print_before: str) -> None:
-    """Lets the original play again.
+    """Plays the original again.
 
-    Where the artist has worked in the copy since, the copy stays and gets the curves that were
-    taken out.
+    If the artist has edited the copy in the meantime, the copy stays and gets the missing curves
+    from the original.
     """
     copy = animation.action
     if copy is not None and digest.action_digest(copy) != print_before:

@@ -23,10 +23,10 @@ SUNK_M = 0.0015
 
 @dataclass(frozen=True)
 class Character:
-    """A recipe for a character. `traits` have the names of `Heads.directions`; colours are linear
-    RGB.
+    """A recipe for a character.
 
-    Hair is up to `hair_m` thick, and its line lies `hairline` of the way from brows to crown.
+    `traits` have the names of `Heads.directions`; colours are linear RGB. Hair is up to `hair_m`
+    thick. `hairline` is where hair begins on the way from brows (0) to crown (1).
     """
 
     name: str
@@ -132,9 +132,9 @@ def hair(ob, head: MadeHead, character: Character, height: float) -> None:
 
 
 def scalp(positions: np.ndarray, marks: np.ndarray, character: Character) -> np.ndarray:
-    """Whether vertices `[V, 3]` carry hair, `[V]`.
+    """Whether each vertex of `positions` `[V, 3]` carries hair, `[V]`.
 
-    They do above a line that runs over the forehead, above the ears and along the nape.
+    Hair grows above a line that runs over the forehead, above the ears and along the nape.
     """
     crown = positions[:, 1].max()
     brow = marks[BROWS][:, 1].max()
@@ -209,7 +209,7 @@ def colour(ob, character: Character) -> None:
 
 
 def skin(material, shader, character: Character) -> None:
-    """Freckles and patches in the colour, pores in the bump, and some subsurface scattering."""
+    """Adds freckles and patches to the colour, pores to the bump, and subsurface scattering."""
     tree = material.node_tree
     new, link = tree.nodes.new, tree.links.new
     place = new("ShaderNodeTexCoord")
@@ -254,7 +254,7 @@ def skin(material, shader, character: Character) -> None:
 
 
 def hair_material(character: Character):
-    """Strands as stretched noise in colour and bump."""
+    """A hair material: stretched noise in colour and bump looks like strands."""
     material = bpy.data.materials.new(f"{character.name} Hair")
     if material.node_tree is None:
         material.use_nodes = True

@@ -11,7 +11,7 @@ _COLOURS = ((0.0, 0.05, 0.35), (0.0, 0.45, 0.45), (0.9, 0.75, 0.1), (0.75, 0.02,
 def of(ob) -> str:
     """The name of the vertex group on `ob`.
 
-    Where there is none yet, it adds one with weight 1 everywhere.
+    If there is none yet, adds one with weight 1 everywhere.
     """
     if NAME not in ob.vertex_groups:
         group = ob.vertex_groups.new(name=NAME)
@@ -20,8 +20,7 @@ def of(ob) -> str:
 
 
 def weights(ob, name: str) -> np.ndarray:
-    """The weights `[V, 1]` of a vertex group, 0 where a vertex is not in it; 1 where there is no
-    group."""
+    """The weights `[V, 1]` of a vertex group: 0 for vertices outside it, all 1 without a group."""
     group = ob.vertex_groups.get(name)
     if group is None:
         return np.ones((len(ob.data.vertices), 1), dtype=np.float32)
@@ -31,7 +30,7 @@ def weights(ob, name: str) -> np.ndarray:
 
 
 def show_heat(ob, shares: np.ndarray) -> None:
-    """Puts shares `[V]` as colours on the mesh; the artist's own colours stay the active ones."""
+    """Shows shares `[V]` as colours on the mesh; the artist's own colours stay the active ones."""
     colours = ob.data.color_attributes
     shown, rendered = colours.active_color_name, colours.render_color_index
     hide_heat(ob)

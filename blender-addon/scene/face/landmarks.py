@@ -46,8 +46,8 @@ DOUBTFUL = 0.4
 class Stored:
     """Landmarks as they are stored on an object.
 
-    `positions` `[68, 3]` are in object space, `confidence` is `[68]`, and `fixed` are the numbers
-    of landmarks that the artist has placed.
+    `positions` `[68, 3]` are in object space, `confidence` is `[68]`, and `fixed` holds the numbers
+    of the landmarks that the artist has placed.
     """
 
     positions: np.ndarray
@@ -103,8 +103,8 @@ def _rows(text) -> dict | None:
 def store(ob, face_points: Found, fixed=()) -> None:
     """Writes the landmarks `face_points` on `ob` in the format of a landmark file.
 
-    `fixed` are the numbers of those that the artist has placed. Raises `AnyfaceError("mesh")` for a
-    linked object.
+    `fixed` holds the numbers of the landmarks that the artist has placed. Raises
+    `AnyfaceError("mesh")` for a linked object.
     """
     if ob.library is not None or not ob.is_editable:
         text = f"{ob.name} is linked: make it local to keep the points of its face on it"
@@ -175,7 +175,7 @@ class Search:
     def work(self, progress: Progress) -> Found:
         """The landmarks in object space; raises `AnyfaceError`.
 
-        Landmarks that only follow others keep at least their earlier `confidence` `[68]`.
+        After a drag, no landmark gets less confidence than it had before (`confidence` `[68]`).
         """
         face_points = finding.find(self.face, self.fixed, self.engine.find, progress)
         if self.confidence is not None:
@@ -208,7 +208,7 @@ class Surface:
 
 
 class Drag:
-    """A landmark that follows the pointer over the surface; when it stops, the others follow."""
+    """Drags one landmark over the surface with the pointer; when it stops, the others follow."""
 
     def __init__(self, ob, surface: Surface | None = None):
         self.stored = load(ob)
@@ -246,7 +246,7 @@ class Drag:
         return True
 
     def search(self, face: FaceMesh, engine) -> Search:
-        """A search that lets the other landmarks follow; those that the artist has placed stay."""
+        """A search that moves the other landmarks, except those that the artist has placed."""
         self.stored.fixed.add(self.number)
         face.landmarks, face.landmark_vertices = self._before, None
         fixed = {number: self.stored.positions[number] for number in sorted(self.stored.fixed)}

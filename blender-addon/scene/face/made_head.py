@@ -31,7 +31,7 @@ def mesh(head: MadeHead, height: float):
 
 
 def polygons(faces: np.ndarray) -> list[list[int]]:
-    """Faces `[F, 4]` as Blender takes them: a triangle has its last corner twice."""
+    """Faces `[F, 4]` as lists for Blender; in `faces` a triangle repeats its last corner."""
     return [face[:3] if face[2] == face[3] else face for face in faces.tolist()]
 
 

@@ -20,8 +20,8 @@ _SMALLEST_M, _LARGEST_M = 0.08, 3.0
 def read_face(ob, landmark_file: str = "") -> FaceMesh:
     """The snapshot of `ob`: Basis positions, triangles, world matrix, landmarks.
 
-    It does not use the evaluated mesh, since modifiers change vertex numbers and shape keys act
-    before them. In edit mode it includes the edits made so far.
+    It does not use the evaluated mesh: modifiers change vertex numbers, and shape keys act before
+    modifiers. In edit mode it includes the edits made so far.
     """
     if ob.mode == "EDIT":
         ob.update_from_editmode()
@@ -83,7 +83,7 @@ def read_key(block) -> np.ndarray:
 
 
 def read_pose(ob) -> np.ndarray:
-    """The present displacements `[V, 3]` float32 by the shape keys of `ob`.
+    """How far the shape keys of `ob` move its vertices now, `[V, 3]` float32.
 
     Raises `AnyfaceError("mesh")` for absolute shape keys.
     """
@@ -148,9 +148,10 @@ def read_triangles(mesh) -> np.ndarray:
 def read_landmarks(ob, path: str = "") -> tuple[np.ndarray | None, np.ndarray | None]:
     """The artist's landmarks: positions `[68, 3]` in object space, vertices `[68]`, or both.
 
-    `path` names a JSON file. Without it the custom property `anyface_landmarks` of the object or
-    its mesh holds JSON or the path of such a file: 68 positions, 68 vertex numbers, `{"positions":
-    …}`, `{"vertices": …}`, or what `anyface landmarks` writes.
+    `path` names a JSON file. Without it, they come from the custom property `anyface_landmarks` of
+    the object or its mesh, which holds JSON or the path of a JSON file. The JSON holds 68
+    positions, 68 vertex numbers, `{"positions": …}`, `{"vertices": …}`, or the output of
+    `anyface landmarks`.
     """
     value = path or ob.get(LANDMARKS_PROPERTY, ob.data.get(LANDMARKS_PROPERTY))
     if value is None or value == "":
@@ -176,10 +177,10 @@ def _load(text: str, ob):
 def _from_file(rows, ob, box=None):
     """Positions with vertex numbers from the rows of a landmark file, or the numbers alone.
 
-    The file is in the axes and units of the mesh that was measured, and an importer may have turned
-    or scaled the mesh since. Vertex numbers are valid all the same. Positions are valid where the
-    mesh still fills the `box` in which it was measured, however coarse it is. Vertex numbers beside
-    them tell apart the rims of lips that touch.
+    The file has the axes and units of the mesh that was measured. An importer may have turned or
+    scaled the mesh since then. Vertex numbers stay valid all the same. Positions are valid if the
+    mesh still fills the `box` in which it was measured, however coarse it is. Vertex numbers come
+    along with positions because they tell apart the rims of lips that touch.
     """
     try:
         rows = sorted(rows, key=lambda row: row["index"])
@@ -234,7 +235,7 @@ def _hints(ob) -> list[str]:
 
 
 def _around(ob) -> str:
-    """The name of the smallest mesh beside `ob` whose box holds that of `ob`, or ""."""
+    """The name of the smallest mesh near `ob` whose box encloses the box of `ob`, or ""."""
     low, high = box_of(corners(ob))
     sizes = {}
     for other in {other for collection in ob.users_collection for other in collection.objects}:
@@ -250,7 +251,7 @@ def corners(ob) -> np.ndarray:
     """The corners `[8, 3]` of an object's box in the world, with armatures in rest pose."""
     matrix, points = rest.world(ob), np.array(ob.bound_box, dtype=np.float64)
     if any(modifier.type == "ARMATURE" for modifier in ob.modifiers):
-        # The object's own box is that of the posed mesh.
+        # The object's own box encloses the posed mesh.
         low_high = box_of(read_basis(ob.data))
         points = np.stack([low_high[list(pick), range(3)] for pick in np.ndindex(2, 2, 2)])
     return points @ matrix[:3, :3].T + matrix[:3, 3]

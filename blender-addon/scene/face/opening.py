@@ -1,4 +1,4 @@
-"""Cuts lips, or lids and eyes, apart where they are one surface of a Blender mesh.
+"""Cuts apart lips, or lids and eyes, that are one surface of a Blender mesh.
 
 Layers, groups and keys on the mesh are kept.
 """
@@ -16,14 +16,14 @@ from ...core.take import FaceMesh, Found, OpenedFace
 from ..shape_keys import guard
 from . import landmarks
 
-# What a report says of lips that are one surface.
+# What a report says about lips that are one surface.
 WELDED = "the lips are one surface and cannot part: Open Mouth parts them"
-# What a report says of eyes that are one surface with their lids.
+# What a report says about eyes that are one surface with their lids.
 JOINED = "eyes and lids are one surface and cannot blink: Open Eyes cuts them apart"
 # The material of the mouth's inside.
 INSIDE = "Mouth Inside"
 _COLOUR = (0.16, 0.03, 0.03, 1.0)
-# The layer that carries the artist's custom normals over the change.
+# The layer that keeps the artist's custom normals while the mesh changes.
 _NORMALS = "anyface_normals"
 
 
@@ -38,8 +38,10 @@ def is_welded(ob) -> bool:
 
 
 def has_joined_eyes(ob) -> bool:
-    """Whether an eye of `ob` is one surface with its lids, by its landmarks or else its last
-    take."""
+    """Whether an eye of `ob` is one surface with its lids.
+
+    It looks at the landmarks, or else at the last take.
+    """
     try:
         stored = landmarks.load(ob)
     except AnyfaceError:
@@ -53,8 +55,8 @@ def has_joined_eyes(ob) -> bool:
 class Opening:
     """A snapshot for opening a face; `work` needs no Blender data, so any thread may run it.
 
-    `feature` is "mouth" or "eyes". `stored` are the landmarks of the object; without them `work`
-    searches.
+    `feature` is "mouth" or "eyes". `stored` holds the landmarks of the object; without them `work`
+    searches for landmarks.
     """
 
     face: FaceMesh
@@ -120,7 +122,7 @@ def write(ob, opening: Opening, opened: OpenedFace) -> str:
 
 
 class _travelling_normals:
-    """Carries custom normals over a change of the mesh; yields the name of their layer."""
+    """Keeps custom normals in a layer while the mesh changes; yields the name of the layer."""
 
     def __init__(self, mesh):
         self._mesh = mesh
@@ -189,7 +191,7 @@ class _Rewriter:
         return len(self._mesh.materials) - 1
 
     def _add_vertices(self) -> None:
-        """Adds vertices, each a mixture of old ones; in a shape key they move like the old ones."""
+        """Adds vertices. Each is a mixture of old ones, and moves in shape keys as they do."""
         layers, old = self._bm.verts.layers, list(self._bm.verts)
         groups, shapes = layers.deform.active, layers.shape.values()
         new = zip(
@@ -228,13 +230,16 @@ class _Rewriter:
         for edge in edges:
             if not edge.link_faces:
                 self._bm.edges.remove(edge)
-        # The lips keep their shading: the inside turns away from them in a sharp edge.
+        # The edge between lips and inside is sharp, so that the lips keep their shading.
         for edge in {edge for face in bag for edge in face.edges}:
             edge.smooth = all(face in bag for face in edge.link_faces)
 
     def _changed(self) -> tuple[list[int], list[int], dict[int, list[int]]]:
-        """Polygons that change, these and others at the cut, and the new triangles by old
-        triangle."""
+        """The polygons that change, all polygons at the cut, and the new triangles.
+
+        The polygons at the cut include those that change. New triangles in changed polygons are
+        listed by the old triangle that they lie in.
+        """
         opened, first = self._opened, self._opened.first_lining_triangle
         sources = opened.triangle_sources[:first].astype(np.int64)
         counts = np.bincount(sources, minlength=len(self._old))
@@ -261,7 +266,7 @@ class _Rewriter:
         return out
 
     def _cut(self, polygon: int, pieces: dict, loops: dict) -> None:
-        """Rewrites one polygon: as a whole where only its vertices changed, else as triangles."""
+        """Rewrites one polygon: as a whole if only its vertices changed, otherwise as triangles."""
         triangles = np.flatnonzero(self._polygons == polygon).tolist()
         if any(len(pieces[t]) != 1 for t in triangles):
             for new in (new for t in triangles for new in pieces[t]):
@@ -285,7 +290,7 @@ class _Rewriter:
         return self._new_face(corners, mixed, around[0].face)
 
     def _new_face(self, corners, mixed, like):
-        """A face whose loops are mixtures of old ones; None where it has no area."""
+        """Adds a face whose loops are mixtures of old ones; None if it has no area or exists."""
         if len(set(corners)) < len(corners):
             return None
         try:
@@ -297,8 +302,10 @@ class _Rewriter:
         return face
 
     def _mix_loop(self, loop, sources) -> None:
-        """Fills the layers of a new corner: numbers are mixed, all else comes from the nearest old
-        corner."""
+        """Fills the layers of a new corner.
+
+        Floats, vectors and colours are mixed. Everything else comes from the nearest old corner.
+        """
         layers = self._bm.loops.layers
         for layer in layers.uv.values():
             loop[layer].uv = _sum(share * source[layer].uv for source, share in sources)

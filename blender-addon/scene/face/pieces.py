@@ -38,7 +38,7 @@ def add(face: FaceMesh, ob, parts: list[Part], loose: dict[int, str]) -> None:
     """Appends the objects of `parts` to the vertices of `face`, which was read from `ob`.
 
     `loose` gives roles to single connected parts by number. Raises `AnyfaceError("mesh")` for
-    objects that are gone or are no meshes.
+    objects that are gone or are not meshes.
     """
     face.pieces = [Piece(ob.name, 0, len(face.positions), np.eye(4), BY_SHAPE)]
     positions, triangles = [face.positions], [face.triangles]
@@ -67,14 +67,14 @@ def add(face: FaceMesh, ob, parts: list[Part], loose: dict[int, str]) -> None:
 
 
 def _inverse(matrix: np.ndarray, name: str) -> np.ndarray:
-    """The inverse of a matrix; raises `AnyfaceError("mesh")` where an object is scaled to zero."""
+    """The inverse of a matrix; raises `AnyfaceError("mesh")` if the object is scaled to zero."""
     if not np.isfinite(matrix).all() or np.linalg.cond(matrix[:3, :3]) > 1e6:
         raise AnyfaceError("mesh", f"{name} is scaled to zero along an axis: give it a scale first")
     return np.linalg.inv(matrix)
 
 
 def object_of(part: Part, ob):
-    """The object of a part; raises `AnyfaceError("mesh")` where it cannot be one."""
+    """The object of a part; raises `AnyfaceError("mesh")` if it is gone or cannot be a part."""
     other = bpy.data.objects.get(part.name)
     if other is None:
         text = f"{part.name} is gone: take it out of the parts of {ob.name}"
@@ -94,9 +94,9 @@ def _roles(pieces: list[Piece], loose: dict[int, str]) -> PartRoles:
 
 
 def split(take: Take, pieces: list[Piece]) -> list[tuple[Piece, Take | None]]:
-    """The take of each piece in its object's own space; None where it does not move.
+    """The take of each piece in its object's own space; None if the piece does not move.
 
-    The face itself always has one.
+    The face itself always has a take.
     """
     largest = take.largest_of or measure.largest(take, pieces, Progress())
     return [
@@ -108,9 +108,10 @@ def split(take: Take, pieces: list[Piece]) -> list[tuple[Piece, Take | None]]:
 
 
 def suggest(ob, objects, centre, radius: float) -> list[Part]:
-    """Objects that look like parts of the face, with the role that their names tell.
+    """Objects that look like parts of the face, each with the role that its name suggests.
 
-    They are meshes near `centre` (world, `[3]`) that are not larger than the head of `radius`.
+    These are meshes near `centre` (world, `[3]`) that are not much larger than the head, whose
+    radius is `radius`.
     """
     parts = []
     for other in objects:
@@ -126,7 +127,7 @@ def suggest(ob, objects, centre, radius: float) -> list[Part]:
 
 
 def role_of_name(name: str) -> str:
-    """The role that the name of an object tells, or ""."""
+    """The role that the name of an object suggests, or ""."""
     lower = name.lower()
     for words, role in _NAMES:
         if any(word in lower for word in words):

@@ -1,12 +1,12 @@
-"""Where objects stand while every armature is in its rest pose, without posing anything.
+"""Where objects would stand if every armature were in its rest pose, without posing anything.
 
-A face with an Armature modifier is read as it is modelled. An object beside it that hangs on a bone
-(teeth, eyes) must therefore be moved back to where it was at rest.
+A face with an Armature modifier is read as it was modelled, not as it is posed. Other objects of
+the face that hang on a bone (teeth, eyes) must therefore be moved back to where they are at rest.
 """
 
 import numpy as np
 
-# Constraints that hold an object to a bone as a parent would.
+# Constraints that tie an object to a bone in the way a parent does.
 _HOLDING = {"CHILD_OF", "ARMATURE"}
 
 
@@ -16,9 +16,10 @@ def world(ob) -> np.ndarray:
 
 
 def back(ob, visited=()) -> np.ndarray:
-    """The matrix `[4, 4]` that moves `ob` in the world from its pose to its rest.
+    """The matrix `[4, 4]` that moves `ob` in the world from where it is posed to where it rests.
 
-    `visited` are objects that hang on it: constraints may form a cycle, which ends there.
+    `visited` holds the objects that hang on `ob`. Constraints may form a cycle, and the search ends
+    when it comes back to one of them.
     """
     holder, bone = _holder(ob)
     if holder is None or holder in visited:
@@ -28,14 +29,16 @@ def back(ob, visited=()) -> np.ndarray:
         return back(holder, visited)
     pose = holder.pose.bones[bone]
     here = _array(holder.matrix_world)
-    # At rest a bone is at matrix_local, posed at matrix, both in the armature's space.
+    # A bone is at matrix_local at rest and at matrix when posed, both in the armature's space.
     turn = _array(pose.bone.matrix_local) @ np.linalg.pinv(_array(pose.matrix))
     return back(holder, visited) @ here @ turn @ np.linalg.pinv(here)
 
 
 def _holder(ob) -> tuple:
-    """The object that carries `ob`, and the name of its bone, "" for the whole; (None, "") for
-    none."""
+    """The object that carries `ob`, and the name of the bone that does.
+
+    The name is "" if the whole object carries `ob`. The result is (None, "") if nothing does.
+    """
     for constraint in ob.constraints:
         if constraint.type in _HOLDING and not constraint.mute and constraint.influence > 0.99:
             targets = constraint.targets if constraint.type == "ARMATURE" else [constraint]

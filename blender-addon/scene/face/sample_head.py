@@ -1,4 +1,4 @@
-"""The head that comes with Anyface, for somebody who has none at hand.
+"""The head that comes with Anyface, for artists who have no head at hand.
 
 Its shape is sampled from the USC ICT FaceKit, Copyright (c) 2020 USC Institute for Creative
 Technologies, MIT licence; `training/default_head/make_sample.py` packs it.
@@ -49,10 +49,10 @@ def smooth_mesh(name: str, points: np.ndarray, faces: list[list[int]], materials
 
 
 def standing(points: np.ndarray, height: float, head: np.ndarray | None = None) -> np.ndarray:
-    """Points `[V, 3]` of the file (+y up, +z out of the face), upright in Blender.
+    """Turns points `[V, 3]` of the file (+y up, +z out of the face) upright for Blender.
 
-    The box of the head is scaled to `height` and centred on the origin. `head` `[W, 3]` are the
-    points of the whole head where `points` are only a part of it.
+    The box of the head is scaled to `height` and centred on the origin. If `points` are only a part
+    of the head, `head` `[W, 3]` holds the points of the whole head.
     """
     whole = _turned(points if head is None else head)
     low, high = whole.min(axis=0), whole.max(axis=0)
@@ -64,8 +64,10 @@ def _turned(points: np.ndarray) -> np.ndarray:
 
 
 def materials(name: str, words: tuple[str, ...]) -> list:
-    """Materials of a head by name, in the colours of the sample head; other names get hair
-    colour."""
+    """A material for each of `words`, in the colour that the sample head has for that word.
+
+    Words that the sample head does not have get the colour of hair.
+    """
     with np.load(PACKED) as packed:
         colours = dict(zip(packed["names"].tolist(), packed["colours"], strict=True))
     colours["sockets"] = colours["mouth"]
@@ -76,7 +78,7 @@ def _material(name: str, colour, head: str = NAME):
     """A material in that colour (linear, `[3]`)."""
     material = bpy.data.materials.new(f"{head} {name.replace('_', ' ')}")
     material.diffuse_color = (*(float(part) for part in colour), 1.0)
-    # From 5.0 on every material has nodes.
+    # From Blender 5.0 on, every material has nodes.
     if material.node_tree is None:
         material.use_nodes = True
     shader = next((n for n in material.node_tree.nodes if n.type == "BSDF_PRINCIPLED"), None)

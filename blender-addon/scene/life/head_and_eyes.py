@@ -13,17 +13,17 @@ from . import turning, turns
 
 # The largest yaw and pitch of an eye, radians.
 _MOST = np.radians([45.0, 35.0])
-# Eyes of the library, right one first: canonical metres.
+# Where the library has the eyes, right one first, canonical metres.
 _EYES = np.array([[-0.032, 0.046, 0.071], [0.032, 0.046, 0.071]])
-# Frames of the scene to visit before the interface gets a turn.
+# How many scene frames to visit before the interface may react.
 _FEW = 4
-# An object whose centre lies closer to the middle of the face than this holds both eyes, canonical
+# An object whose centre is closer than this to the middle of the face contains both eyes, canonical
 # metres.
 _BOTH_M = 0.01
 
 
 def check(ob, settings) -> None:
-    """Raises `AnyfaceError` with a message where head or eyes have no object to turn."""
+    """Raises `AnyfaceError` with a message if head or eyes have no object to turn."""
     life_settings = settings.life
     if not life_settings.use:
         return
@@ -59,10 +59,10 @@ def look(take: Take, settings, start_frame: float, scene_fps: float):
 
 
 def writing(ob, take: Take, settings, start_frame: float, scene_fps: float):
-    """Turns the objects that `settings` name with `take`, and first releases those of an earlier
-    take.
+    """Turns the objects that `settings` name with `take`.
 
-    Yields between objects; returns notes for the report.
+    First releases the objects of an earlier take. Yields between objects; returns notes for the
+    report.
     """
     turns.release(ob)
     life_settings = settings.life
@@ -81,10 +81,10 @@ def writing(ob, take: Take, settings, start_frame: float, scene_fps: float):
 
 
 def redo(ob, life: Life, settings, at: np.ndarray, splice) -> None:
-    """Calls `splice(curve, at, values)` for the curves of head and eyes, with new values at scene
-    frames `at` `[n]`.
+    """Gives the curves of head and eyes new values at scene frames `at` `[n]`.
 
-    Curves in an action that no object plays stay.
+    Calls `splice(curve, at, values)` for each of them. Curves in an action that no object plays
+    stay as they are.
     """
     if not settings.life.use:
         return
@@ -99,7 +99,7 @@ def redo(ob, life: Life, settings, at: np.ndarray, splice) -> None:
 
 
 def _turned(ob, life: Life, settings, at) -> dict:
-    """The channels by each object that turns."""
+    """The channels of each object that turns, by object."""
     life_settings, by_object = settings.life, {}
     axes = _axes(life)
     if life_settings.head in ("OBJECT", "BONE"):
@@ -148,8 +148,10 @@ def _canonical(life: Life, points: np.ndarray) -> np.ndarray:
 
 
 def _points(name: str, life: Life, at: np.ndarray):
-    """Where an object is at scene frames `[T]`, `[T, 3]` in the canonical frame; yields between
-    frames."""
+    """Where an object is at scene frames `at` `[T]`: points `[T, 3]` in canonical space.
+
+    Yields between frames.
+    """
     other = _object(name, "the eyes look at")
     rests = other.animation_data is None and other.parent is None and not len(other.constraints)
     if rests:
@@ -187,7 +189,7 @@ def _eyes(ob, life: Life, settings) -> tuple[list, list]:
 
 
 def _alone(ob, life: Life, at):
-    """The head's rotation in an action of its own, which any object can play."""
+    """Writes the head's rotation into an action of its own, which any object can play."""
     action, bag = curves.new_action(f"{ob.name} Head", "OBJECT")
     action.use_fake_user = True
     vectors = curves.from_rest(life.head, at) @ _axes(life).T

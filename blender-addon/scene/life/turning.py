@@ -1,7 +1,7 @@
 """Rotation over time of an object or a bone, relative to its present rotation.
 
-An object turns by its delta rotation, so its own rotation and keyframes on that stay the artist's.
-A bone has no delta rotation: its rotation itself is animated, where nobody else animates it.
+An object turns by its delta rotation, so the artist keeps its own rotation and its keyframes. A
+bone has no delta rotation, so its rotation itself is animated, if nothing else animates it yet.
 """
 
 from dataclasses import dataclass, field
@@ -18,7 +18,7 @@ _EULER, _QUATERNION = "euler", "quaternion"
 
 @dataclass
 class Channel:
-    """Values `[T, N]` of a property of an object by its data path, and `before` `[N]`."""
+    """The data path of an object's property, its new values `[T, N]`, and those `before` `[N]`."""
 
     path: str
     values: np.ndarray
@@ -29,7 +29,7 @@ def of_object(ob, vectors: np.ndarray, mine: set[str], centre=None) -> list[Chan
     """The channels that turn `ob` by rotation vectors `[T, 3]` about the world's axes.
 
     Curves on the data paths `mine` may exist already. `ob` turns about its origin, or about
-    `centre` `[3]` in the world where that is set. Raises `AnyfaceError("mesh")` where it cannot be
+    `centre` `[3]` in the world if that is set. Raises `AnyfaceError("mesh")` if `ob` cannot be
     turned in this way.
     """
     parent = np.array(ob.matrix_world) @ _inverse(ob.matrix_basis, ob.name)
@@ -85,8 +85,10 @@ def put_back(ob, channels: dict[str, list[float]]) -> None:
 
 
 def _values(turns: np.ndarray, rest, mode: str) -> np.ndarray:
-    """The rotations `turns` on top of `rest` in a rotation mode, without jumps, `[T, 3]` or `[T,
-    4]`."""
+    """The rotations `turns` on top of `rest` in a rotation mode, without jumps.
+
+    The shape is `[T, 4]` for quaternions, otherwise `[T, 3]`.
+    """
     every = turn.times(turns, np.tile(np.array(rest)[None], (len(turns), 1)))
     if mode == "QUATERNION":
         return every
@@ -106,8 +108,10 @@ def _kind(mode: str, what: str) -> str:
 
 
 def _free(ob, channel: Channel, mine: set[str], what: str) -> Channel:
-    """Returns the channel; raises `AnyfaceError("mesh")` where the artist has keyframes or a driver
-    on it."""
+    """Returns the channel.
+
+    Raises `AnyfaceError("mesh")` if the artist has keyframes or a driver on it.
+    """
     animation = ob.animation_data
     bag = curves.channels(animation)
     animated = [*(bag.fcurves if bag is not None else ())]

@@ -1,7 +1,7 @@
-"""What takes have put on the objects that they turn, and how that is removed again.
+"""Records what takes put on the objects that they turn, and removes it again.
 
-A custom property of each object stores it, beside the id of the character. Remove takes exactly
-that away.
+A custom property of each turned object stores the record, beside the id of the character. Remove
+deletes exactly what the record lists.
 """
 
 import json
@@ -18,17 +18,17 @@ from . import turning
 
 # A property of objects that a character turns: a list of `Entry`.
 ENTRIES = "anyface_turned"
-# A property for a take that waits, or for an action that no object plays: it points to the action.
+# Prefix of properties that point to an action: one of a waiting take, or one that no object plays.
 _ACTION = "anyface_turned_"
 
 
 @dataclass
 class Entry:
-    """What a character's take has put on an object.
+    """The record of what a character's take has put on an object.
 
-    `owner` is the id of the character. `take` is the id of a take that waits, and empty for the one
-    that plays. `before` are the earlier values by data path. The `made_*` fields say what must be
-    undone.
+    `owner` is the id of the character. `take` is the id of a waiting take; it is empty for the take
+    that plays. `before` holds the earlier values by data path. The `made_*` fields say what was
+    added for the take and must be removed with it.
     """
 
     owner: str
@@ -40,7 +40,7 @@ class Entry:
 
 
 def put(ob, other, channels: list[turning.Channel], at: np.ndarray) -> None:
-    """Puts curves of a take of `ob` on another object; `at` `[T + 2]` are scene frames."""
+    """Puts the curves of a take of `ob` on `other`; `at` `[T + 2]` are scene frames."""
     identity.of(other)
     entry = Entry(identity.of(ob), before={channel.path: channel.before for channel in channels})
     bag = _channels(other, entry)
@@ -51,17 +51,17 @@ def put(ob, other, channels: list[turning.Channel], at: np.ndarray) -> None:
 
 
 def put_alone(ob, action) -> None:
-    """Lets an action that no object plays belong to the playing take of `ob`."""
+    """Makes an action that no object plays part of the playing take of `ob`."""
     ob[_ACTION + "now"] = action
 
 
 def paths_of(ob, other) -> set[str]:
-    """Data paths on an object that the playing take of `ob` animates already."""
+    """The data paths of `other` that the playing take of `ob` already animates."""
     return {path for entry in _of(ob, _entries(other), "") for path in entry.before}
 
 
 def release(ob) -> None:
-    """Removes everything that the playing take of `ob` has put on objects; they stand as before."""
+    """Removes everything that the playing take of `ob` put on objects, and restores them."""
     owned = _owned(ob)
     for other, entries in owned:
         for entry in _of(ob, entries, ""):
@@ -76,7 +76,7 @@ def release(ob) -> None:
 
 
 def keep(ob, take_id: str) -> None:
-    """Sets the playing take aside: its curves move into an action to which a property points."""
+    """Sets the playing take aside: moves its curves to an action that a property points to."""
     for other, entries in _owned(ob):
         for entry in _of(ob, entries, ""):
             action, bag = curves.new_action(f"{other.name} {take_id}", "OBJECT")
@@ -91,7 +91,7 @@ def keep(ob, take_id: str) -> None:
 
 
 def play(ob, take_id: str) -> None:
-    """Lets a take that waits play again."""
+    """Makes a waiting take play again."""
     for other, entries in _owned(ob):
         for entry in _of(ob, entries, take_id):
             action = other.pop(_ACTION + take_id)
@@ -105,9 +105,10 @@ def play(ob, take_id: str) -> None:
 
 
 def follow(copy, copies: dict[str, list]) -> None:
-    """Gives what turns on a `copy` to the copy of its character; `copies` are objects by old id.
+    """Assigns the curves on a copied object to the copy of its character.
 
-    Where the character was not copied, the curves belong to the artist from now on.
+    `copies` maps old ids to the copied objects. If the character was not copied, the curves belong
+    to the artist from now on.
     """
     entries = []
     for entry in _entries(copy):
@@ -121,7 +122,7 @@ def follow(copy, copies: dict[str, list]) -> None:
 
 
 def _names(face, other) -> bool:
-    """Whether the settings of `face` name another object."""
+    """Whether the settings of `face` refer to `other`."""
     stored = face.anyface_life_settings
     kinds = [prop.identifier for prop in stored.bl_rna.properties if prop.type == "POINTER"]
     pointers = [getattr(stored, kind) for kind in kinds]
@@ -129,7 +130,7 @@ def _names(face, other) -> bool:
 
 
 def _channels(other, entry: Entry):
-    """Where curves on an object go: the artist's action, or one of ours."""
+    """Where to put curves on an object: in the artist's action, or in one of ours."""
     if other.library is not None:
         raise AnyfaceError("mesh", f"{other.name} is linked: pick an object of this file")
     if other.animation_data is None:
@@ -156,12 +157,12 @@ def _take_off(other, entry: Entry) -> None:
 
 
 def _of(ob, entries: list[Entry], take_id: str) -> list[Entry]:
-    """What one take of `ob` has put on an object."""
+    """The entries that belong to one take of `ob`."""
     return [e for e in entries if e.owner == identity.known(ob) and e.take == take_id]
 
 
 def _inherit(others: list[Entry], gone: Entry) -> None:
-    """Passes what was added for one take, and still serves another, on to that other take."""
+    """Hands the `made_*` flags of `gone` to another playing take that uses the same parts."""
     playing = [entry for entry in others if not entry.take]
     if not playing:
         return
@@ -171,7 +172,7 @@ def _inherit(others: list[Entry], gone: Entry) -> None:
 
 
 def _owned(ob) -> list[tuple]:
-    """The objects that takes of `ob` turn, and all entries on them."""
+    """The objects that takes of `ob` turn, each with all its entries."""
     owner = identity.known(ob)
     if not owner:
         return []

@@ -16,15 +16,16 @@ from ..sound import decode, sounds, strips
 from . import entry, outputs
 from .outputs import Drawings
 
-# Of the default head, metres.
+# Height of the default head, metres.
 _HEIGHT = 0.38
 
 
 @dataclass
 class Holds:
-    """Mouths change every `on` frames and stand for `hold` frames or longer.
+    """Mouths change only at every `on`-th frame, and each stays for at least `hold` frames.
 
-    Those of closures and of vowels have their own shortest time, where that is not 0.
+    Mouths of closures and of vowels stay for at least `closures` and `vowels` frames instead, where
+    these are not 0.
     """
 
     on: int = 1
@@ -49,7 +50,7 @@ class Snapshot:
     closed: list | None = None
 
     def work(self, progress: Progress) -> "Chart":
-        """The chart; raises `AnyfaceError`. Where no face is found, the default head speaks."""
+        """Makes the chart; raises `AnyfaceError`. If no face is found, the default head speaks."""
         progress.check("sound")
         voice = self.source.load(decode.decoder(self.engine))
         if self.closed is not None:
@@ -76,15 +77,17 @@ class Snapshot:
 
 @dataclass
 class Chart:
-    """Start and end in seconds and name of each mouth, and a note for the report."""
+    """The start and end (seconds) and the name of each mouth, and a note for the report."""
 
     mouths: list[tuple[float, float, str]]
     note: str = ""
 
 
 def read(ob, scene, settings: bake.Settings, drawings: Drawings, holds: Holds, text, engine):
-    """Reads the sound of `ob`, and its face where it is a mesh; raises `AnyfaceError` with a
-    message."""
+    """Reads the sound of `ob`, and its face if it is a mesh.
+
+    Raises `AnyfaceError` with a message.
+    """
     outputs.check(drawings)
     outputs.check_editable(drawings)
     source = bake.find_sound(scene, settings, engine)
@@ -104,9 +107,10 @@ def read(ob, scene, settings: bake.Settings, drawings: Drawings, holds: Holds, t
 
 
 def write(ob, snapshot: Snapshot, chart: Chart) -> str:
-    """Puts the keyframes on the drawings; returns one line about what it wrote.
+    """Writes the keyframes of the drawings; returns one line about what it wrote.
 
-    An earlier chart of `ob` there goes. Where it raises `AnyfaceError`, nothing has changed.
+    It first removes the earlier chart of `ob`, and any chart on the same drawings. If it raises
+    `AnyfaceError`, nothing has changed.
     """
     drawings = snapshot.drawings
     outputs.check(drawings)
@@ -133,11 +137,10 @@ def write(ob, snapshot: Snapshot, chart: Chart) -> str:
 
 
 def _is_there(drawings: Drawings) -> bool:
-    """False for a custom property that is added with the chart."""
+    """False for a custom property that will only be added with the chart."""
     return drawings.output != outputs.NUMBER or not outputs.is_new_property(drawings)
 
 
 def remove(ob) -> int:
-    """Removes the chart of a character from everything that shows it; returns the number of
-    objects."""
+    """Removes the chart of a character from all objects that show it; returns their number."""
     return sum(entry.take_off(other) for other in entry.shown_by(ob))

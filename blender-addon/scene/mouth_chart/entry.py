@@ -1,7 +1,7 @@
-"""What a mouth chart has put on an object, and how it is removed again.
+"""Records what a mouth chart has put on an object, and removes it again.
 
-A custom property of each object that shows a chart stores it, beside the id of the character that
-speaks. *Remove* takes exactly that away.
+Each object that shows a chart stores the record in a custom property, beside the id of the
+character that speaks. *Remove* deletes exactly what the record lists.
 """
 
 import json
@@ -15,7 +15,7 @@ from ...core.errors import AnyfaceError
 from .. import identity
 from ..animation import curves
 
-# Up to 4.5 the settings of an object share their names with custom properties.
+# Up to Blender 4.5, an object's settings and its custom properties share one set of names.
 PROPERTY = "anyface_chart_shown"
 GROUP = "Anyface Mouth Chart"
 # The data-blocks whose properties are animated: an object itself, or the shape keys of its mesh.
@@ -24,9 +24,9 @@ OBJECT, KEY = "OBJECT", "KEY"
 
 @dataclass
 class Channel:
-    """A property that a chart animates: each of `values` `[N]` holds from its frame on.
+    """A property that a chart animates; each of `values` `[N]` holds from its frame to the next.
 
-    `holder` says which data-block of `ob` has it, `label` what an artist calls it.
+    `holder` says which data-block of `ob` has the property. `label` is the artist's name for it.
     """
 
     ob: object
@@ -38,10 +38,10 @@ class Channel:
 
 @dataclass
 class Undo:
-    """What must be undone on a data-block when the chart goes.
+    """What to undo on a data-block when the chart is removed.
 
-    `before` are the earlier values by data path; the `made_*` fields say what was added for its
-    curves.
+    `before` holds the earlier values by data path. The `made_*` fields say what was added to hold
+    the curves.
     """
 
     before: dict[str, float] = field(default_factory=dict)
@@ -52,10 +52,10 @@ class Undo:
 
 @dataclass
 class Entry:
-    """A chart on an object.
+    """The record of a chart on an object.
 
-    `speaks` is the id of the character, `shows` that of the object itself. `on` holds an `Undo` for
-    each holder. `made_property` and `made_modifier` name what was added for the chart.
+    `speaks` is the id of the character, and `shows` is the id of the object itself. `on` holds an
+    `Undo` for each holder. `made_property` and `made_modifier` name what was added for the chart.
     """
 
     speaks: str
@@ -66,7 +66,7 @@ class Entry:
 
 
 def read(ob) -> Entry | None:
-    """What a chart has put on an object, or None."""
+    """The record of the chart on an object, or None."""
     text = ob.get(PROPERTY)
     try:
         fields = json.loads(text) if isinstance(text, str) else None
@@ -84,8 +84,8 @@ def shown_by(speaker) -> list:
 def _is_of(speaker, ob) -> bool:
     """Whether an object shows the chart of a character.
 
-    A copy of a character that shows its own chart still does. A copy of an object that shows
-    another's chart belongs to nobody.
+    If a character shows its own chart, a copy of it shows that chart as its own. If an object shows
+    another character's chart, a copy of the object belongs to nobody.
     """
     entry = read(ob)
     if entry is None:
@@ -109,9 +109,9 @@ def check(ob, holder: str) -> None:
 
 
 def check_free(channels: list[Channel]) -> None:
-    """Raises `AnyfaceError("input")` where a property has keyframes or a driver of the artist's.
+    """Raises `AnyfaceError("input")` if the artist has keyframes or a driver on a property.
 
-    Curves of an earlier chart do not count, since they go first.
+    Curves of an earlier chart do not count, because they are removed first.
     """
     for channel in channels:
         block, entry = block_of(channel.ob, channel.holder), read(channel.ob)
@@ -127,7 +127,7 @@ def check_free(channels: list[Channel]) -> None:
 
 
 def put(speaker, channels: list[Channel], frames: np.ndarray, made_property="", made_modifier=""):
-    """Puts the curves of a chart on the object of `channels`, which must be the same for all."""
+    """Puts the curves of a chart on an object, which must be the same for all `channels`."""
     ob = channels[0].ob
     entry = Entry(identity.of(speaker), identity.of(ob))
     entry.made_property, entry.made_modifier = made_property, made_modifier
@@ -151,8 +151,7 @@ def _put(ob, holder: str, channels: list[Channel], frames: np.ndarray) -> Undo:
 
 
 def take_off(ob) -> bool:
-    """Removes a chart from an object, whose properties stand as before; False where there is
-    none."""
+    """Removes a chart from an object and restores its properties; False where there is none."""
     entry = read(ob)
     if entry is None or ob.library is not None:
         return False

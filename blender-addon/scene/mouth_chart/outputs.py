@@ -15,15 +15,15 @@ from .entry import KEY, OBJECT, Channel
 
 KEYS, OBJECTS, NUMBER, PENCIL = "KEYS", "OBJECTS", "NUMBER", "GREASE_PENCIL"
 MODIFIER = "Anyface Mouth Chart"
-# The types of Grease Pencil objects, until 4.2 and since.
+# The types of Grease Pencil objects: up to Blender 4.2, and since 4.3.
 PENCIL_TYPES = ("GPENCIL", "GREASEPENCIL")
 
 
 @dataclass
 class Drawings:
-    """The artist's choice: where the mouths are, and which drawing shows each.
+    """The artist's choice: where the drawings are, and which drawing shows each mouth.
 
-    `names` are shape keys or objects by mouth, `numbers` frames or indices.
+    `names` maps each mouth to a shape key or an object, `numbers` maps it to a frame or an index.
     """
 
     kind: str
@@ -56,15 +56,17 @@ def channels(drawings: Drawings, changes: list[tuple[int, str]]) -> list[Channel
 
 
 def shown_on(drawings: Drawings) -> list:
-    """The objects on which the curves lie."""
+    """The objects that carry the curves."""
     if drawings.output == OBJECTS:
         return list({bpy.data.objects[name]: None for name in _named(drawings).values()})
     return [drawings.ob]
 
 
 def make(drawings: Drawings) -> dict[str, str]:
-    """Adds the animated custom property or modifier where there is none; returns arguments for
-    `entry.put`."""
+    """Adds the custom property or the modifier that will be animated, where one is needed.
+
+    Returns arguments for `entry.put`.
+    """
     if drawings.output == NUMBER and is_new_property(drawings):
         drawings.ob[drawings.property.strip()] = min(drawings.numbers.values())
         return {"made_property": drawings.property.strip()}
@@ -120,7 +122,7 @@ def _key_channels(drawings: Drawings, mouths: list[str]) -> list[Channel]:
 
 
 def _held(named: dict, mouths: list[str], drawing) -> np.ndarray:
-    """1 while a drawing shows the mouth, else 0, `[N]`."""
+    """Values `[N]`: 1 while `drawing` shows the mouth, else 0."""
     return np.array([float(named[mouth] == drawing) for mouth in mouths])
 
 
@@ -189,9 +191,10 @@ def _pencil_channels(drawings: Drawings, mouths: list[str]) -> list[Channel]:
 
 
 def _pencil(ob):
-    """The modifiers of a Grease Pencil object, and the type of Time Offset among them.
+    """The modifiers of a Grease Pencil object, and the type of its Time Offset modifier.
 
-    4.2 keeps them apart from those of meshes; since 4.3 they are the same list.
+    Blender 4.2 keeps these modifiers in a list of their own. Since 4.3 they are in the same list as
+    those of meshes.
     """
     if ob.type == "GPENCIL":
         return ob.grease_pencil_modifiers, "GP_TIME"

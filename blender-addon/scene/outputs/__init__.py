@@ -1,4 +1,4 @@
-"""The ways in which a take is written: each has a file and a line here."""
+"""The ways to write a take. Each has its own file, and a line in `ALL`."""
 
 from ...core.errors import AnyfaceError
 from ...core.take import Take
@@ -13,7 +13,8 @@ from .keys import Keys
 from .output import Output
 from .output import OutputSettings as OutputSettings
 
-# Menus number them in this order, and .blend files keep the number; the first is the default.
+# Menus number the outputs in this order, and .blend files store the number. The first is the
+# default.
 ALL: tuple[Output, ...] = (
     Basis(),
     Frames(),
@@ -24,9 +25,9 @@ ALL: tuple[Output, ...] = (
     Controls(),
 )
 MODES = tuple(output.name for output in ALL)
-# "basis, frames, …": what a command line may say.
+# "basis, frames, …": the modes that a command line accepts.
 WORDS = f"{', '.join(MODES[:-1])} or {MODES[-1]}"
-# Name, label, help and number: what a menu shows.
+# The items of a menu: name, label, help and number.
 ITEMS = [(output.name, output.label, output.help, n) for n, output in enumerate(ALL)]
 
 
@@ -43,7 +44,7 @@ def of_take(take: Take) -> Output:
 
 
 def of_record(take_record: record.Record) -> Output:
-    """The output of a take in keys; a take of a later version counts as one of named shapes."""
+    """The output of a take in keys. A take of a later version is treated as named shapes."""
     return next((output for output in ALL if output.name == take_record.mode), Output())
 
 

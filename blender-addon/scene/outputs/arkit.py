@@ -56,7 +56,7 @@ class Arkit(Output):
 
 
 def _key(ob, name: str, positions):
-    """The key of a shape: an existing one of another take of ours, or a new one."""
+    """The key of a shape: the one that another take of ours has made, or else a new one."""
     shape_keys = ob.data.shape_keys
     if name in record.all_keys(shape_keys) and name in shape_keys.key_blocks:
         return shape_keys.key_blocks[name]

@@ -8,14 +8,15 @@ from ..face import emotion_mask, mesh
 from ..shape_keys import slider_changes
 from .output import PREFIX, Output, write_weights
 
-# Number of keys for a performance within 0.1 mm, for 5 s and for 50 s; longer ones need few more.
+# Number of keys that play a performance to within 0.1 mm: for 5 s and for 50 s. Longer ones need
+# few more.
 _SHORT_KEYS, _LONG_KEYS = 35, 54
-# Seconds for a million vertices in a frame to find a basis, for 5 s and for 50 s.
+# Seconds to find a basis, per frame with a million vertices: for 5 s and for 50 s.
 _SHORT_S, _LONG_S = 0.06, 0.12
 
 
 class Basis(Output):
-    """Relative keys; Blender clamps their weights, within -1..1, to the slider range."""
+    """Relative keys with weights within -1..1, which Blender clamps to the slider range."""
 
     name = "basis"
     redoes = True

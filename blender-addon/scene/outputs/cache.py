@@ -1,6 +1,7 @@
 """A take as a point cache beside the .blend, played by a Mesh Cache modifier.
 
-The modifier's name is the record: a modifier that the artist has renamed is the artist's and stays.
+The add-on recognises the modifier by its name. If the artist renames it, it belongs to the artist
+and stays.
 """
 
 import math
@@ -29,7 +30,7 @@ _HARMLESS = {
 
 
 class Cache(Output):
-    """A file for each object of the face; the names of the files of a take end alike."""
+    """Writes a file for each object of the face. All file names of a take end the same way."""
 
     name = "cache"
     label = "Cache File"
@@ -105,12 +106,12 @@ class Cache(Output):
         return modifier if modifier is not None and modifier.type == "MESH_CACHE" else None
 
     def remove(self, ob):
-        """Removes the modifier, and those of the objects beside the face; the files stay."""
+        """Removes the modifiers of the face and of the objects beside it. The files stay."""
         for modifier in self._playing(ob):
             modifier.id_data.modifiers.remove(modifier)
 
     def _playing(self, ob) -> list:
-        """The modifiers that play the take of `ob`, that of `ob` first."""
+        """The modifiers that play the take of `ob`, with the one on `ob` itself first."""
         face_modifier = self.find(ob)
         if face_modifier is None:
             return []
@@ -138,9 +139,9 @@ class Cache(Output):
 
 
 def _play(ob, file: WrittenFile, first_frame: float, frames_per_frame: float) -> None:
-    """Adds the modifier that plays `file`, before all others that may be moved.
+    """Adds the modifier that plays `file`, and moves it to the top where that is allowed.
 
-    The first frame after the ease lies at scene frame `first_frame`; a frame of the cache lasts
+    The first frame after the ease lies at scene frame `first_frame`. A frame of the cache lasts
     `frames_per_frame` scene frames.
     """
     modifier = ob.modifiers.new(MODIFIER, "MESH_CACHE")
@@ -169,5 +170,5 @@ def _relative(path: str) -> str:
     try:
         return bpy.path.relpath(path)
     except ValueError:
-        # Another drive.
+        # The cache is on another drive.
         return path

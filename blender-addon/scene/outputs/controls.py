@@ -1,4 +1,4 @@
-"""A take on the controls of a rig: bones, custom properties, what drivers read."""
+"""A take on the controls of a rig: bones, custom properties and other driver inputs."""
 
 from dataclasses import dataclass
 
@@ -14,7 +14,7 @@ from ..rig_controls import control_actions, control_bench, control_fit, control_
 from ..shape_keys import guard
 from .output import Output, draw_list_buttons
 
-# The number of curves of a usual rig.
+# The number of curves on a typical rig.
 _CURVES = 100
 
 
@@ -30,7 +30,7 @@ class ControlRow:
 
 
 class Controls(Output):
-    """The rig moves the mesh, which stays as it is. Earlier actions of the rig stay, too."""
+    """Animates the rig, which moves the mesh. The mesh and earlier actions of the rig stay."""
 
     name = "controls"
     label = "Rig Controls"
@@ -84,7 +84,7 @@ class Controls(Output):
         return [f"farthest off: {', '.join(missed)}"] if missed else []
 
     def sources(self, ob, settings) -> list[control_sources.Source]:
-        """The bones and numbers to try: the artist's list, or those that are found."""
+        """The bones and numbers to try: the artist's list, or if it is empty, those found."""
         if settings.controls:
             return [control_sources.find(**vars(row)) for row in settings.controls]
         picked = bpy.data.objects.get(settings.rig) if settings.rig else control_sources.rig_of(ob)
@@ -117,7 +117,7 @@ class Controls(Output):
     def redo_write(self, parts, snapshot, take, first, at, stretch):
         ob, settings = parts[0], snapshot.settings.output
         sources, rests = self.sources(ob, settings), control_actions.rests(ob)
-        # Little may move in a stretch, such as in a pause.
+        # In a stretch, such as a pause, little may move. So the share shown is not judged.
         take = yield from control_fit.fit(ob, take, sources, rests, judged=False)
         control_actions.redo(ob, take.motion.fitted, at, stretch)
         yield BEGUN
@@ -132,7 +132,7 @@ class Controls(Output):
         control_actions.release(ob, keep=True)
 
     def remove(self, ob):
-        """Removes the curves and nothing else; bones and properties stand as before."""
+        """Removes only the curves, and restores bones and properties."""
         control_actions.release(ob)
 
 

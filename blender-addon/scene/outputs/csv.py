@@ -97,7 +97,7 @@ class Csv(Output):
         if self.find(ob) != path or not path.is_file():
             return False
         noted = json.loads(ob[PROPERTY])
-        # Another version of the .blend, saved under its own name, names the same table.
+        # A .blend that was saved under another name points to the same table, but does not own it.
         return noted.get("blend") == _blend() and noted["digest"] == _digest(path)
 
 

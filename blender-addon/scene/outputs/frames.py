@@ -99,6 +99,6 @@ class Frames(Output):
 
 
 def _mix(block, share: np.float32, target: np.ndarray) -> None:
-    """Moves a key towards positions `[V, 3]`."""
+    """Moves a key by `share` of the way to the positions `target` `[V, 3]`."""
     was = mesh.read_key(block)
     block.points.foreach_set("co", (was + share * (target - was)).astype(np.float32).ravel())

@@ -15,7 +15,7 @@ from .output import Output, draw_list_buttons, write_weights
 
 
 class Keys(Output):
-    """The artist's own curves on the keys wait in the artist's action."""
+    """Animates the artist's keys. Earlier curves on them are kept in the artist's action."""
 
     name = "keys"
     redoes = True
@@ -98,7 +98,7 @@ def describe(take: Take, what: str) -> str:
 
 
 def _of_object(take: Take, piece: Piece) -> Take | None:
-    """The take on the keys of an object beside the face that show the same shapes, or None."""
+    """The take for those keys of another object that show the same shapes; None without any."""
     other, motion = bpy.data.objects.get(piece.name), take.motion
     theirs = artist_keys.find(other, []) if other is not None else []
     shared = [pair for pair in theirs if pair.shape in motion.shapes]

@@ -1,4 +1,4 @@
-"""What all ways to write a take share."""
+"""The base class of all ways to write a take, and functions that they share."""
 
 from collections.abc import Mapping
 from dataclasses import dataclass, field
@@ -26,8 +26,8 @@ class OutputSettings:
 
     An empty folder or file means the place beside the .blend. `new_take` keeps the earlier take.
     `mapping` is the artist's list of shapes and keys; if it is empty, keys are found by name. `rig`
-    names the armature whose controls move. `controls` are `controls.ControlRow`s; if there are
-    none, they are found. Bones named in `left_alone` belong to other settings and stay as they are.
+    names the armature to animate. `controls` lists `controls.ControlRow`s; if it is empty, controls
+    are searched for. Bones named in `left_alone` belong to other settings and stay as they are.
     """
 
     cache_folder: str = ""
@@ -41,20 +41,20 @@ class OutputSettings:
 
 
 class Output:
-    """A way to write a take; this class does what holds for shape keys that are named after shapes.
+    """A way to write a take. The defaults suit shape keys that are named after shapes.
 
-    .blend files and the record of a take store `name`; `label` and `help` are for the menu. The
-    methods stand in the order in which they are called: before the take is made, when it is
-    written, and later. Only what `plan` returns runs in the worker thread.
+    .blend files and the record of a take store `name`. The menu shows `label` and `help`. The
+    methods are listed in the order in which they are called: before the take is made, when it is
+    written, and later. Only the plan that `plan` returns runs in the worker thread.
     """
 
     name = label = help = ""
     # Names of its settings in `Object.anyface_output`.
     options: tuple[str, ...] = ()
-    # Its keys are few vectors within an error bound, with weights of both signs and sliders of
-    # their own.
+    # Its keys are a few vectors that stay within an error bound. Their weights have both signs, and
+    # the take has sliders of its own.
     as_basis = False
-    # It moves the mesh, and replaces an earlier take on it.
+    # It moves the mesh, so it replaces an earlier take there.
     on_mesh = True
     # Objects beside the face get the same output.
     moves_parts = True
@@ -62,7 +62,7 @@ class Output:
     in_files = False
     # A stretch of its frames can be redone on the same keys.
     redoes = False
-    # Its weights are curves, which may have few keys.
+    # Its weights are curves, which can be reduced to few keys.
     has_curves = False
     # Messages: why a written take cannot be changed, and why it cannot wait beside others.
     finished = cannot_wait = ""
@@ -70,13 +70,17 @@ class Output:
     lost_in: Mapping[str, str] = MappingProxyType({})
 
     def check_object(self, ob) -> None:
-        """Raises `AnyfaceError` with the remedy where `ob`, the face or a part, cannot be
-        written."""
+        """Raises `AnyfaceError` with the remedy where `ob` cannot be written.
+
+        `ob` is the face or one of its parts.
+        """
         guard.check_editable(ob)
 
     def check(self, ob, settings: OutputSettings) -> None:
-        """Raises `AnyfaceError` with the remedy where the face itself cannot be written with
-        `settings`."""
+        """Raises `AnyfaceError` with the remedy where the face cannot be written.
+
+        It checks the face itself and `settings`.
+        """
         self.check_object(ob)
 
     def why_not(self, ob, settings: OutputSettings) -> str:
@@ -108,8 +112,10 @@ class Output:
         raise NotImplementedError
 
     def details(self, take: Take, is_human: bool) -> list[str]:
-        """Details that only some want: "exact to 0.10 mm"; lengths are those of
-        `wording.length`."""
+        """Details that not every artist needs: "exact to 0.10 mm".
+
+        `wording.length` words the lengths.
+        """
         return []
 
     def notes(self, ob, settings: OutputSettings) -> list[str]:
@@ -117,13 +123,14 @@ class Output:
         return []
 
     def split(self, take: Take, parts: list[Piece]) -> list[tuple[Piece, Take | None]]:
-        """The take of each object of a face, the face itself first; None for an object that does
-        not move."""
+        """The take of each object, the face itself first; None for an object that does not move."""
         return pieces.split(take, parts)
 
     def settle(self, ob, take: Take, settings: OutputSettings):
-        """The take as it will be written, after the steps that need Blender; yields between these
-        steps."""
+        """The take as it will be written.
+
+        Steps that need Blender run here, and it yields between them.
+        """
         return take
         yield
 
@@ -139,12 +146,12 @@ class Output:
         """Raises `AnyfaceError` where the files cannot be played any more."""
 
     def prepare_files(self, take: Take, start_frame: float, scene_fps: float):
-        """Prepares what takes long, without changing the scene; yields between its steps."""
+        """Does the slow work in advance, without changing the scene; yields between its steps."""
         return
         yield
 
     def drop_files(self, take: Take) -> None:
-        """Discards what `prepare_files` has made and `write_files` has not used."""
+        """Discards everything that `prepare_files` has made but `write_files` has not used."""
 
     def write_files(self, ob, take: Take, start_frame: float, scene_fps: float) -> None:
         """Connects files or rig actions with `ob` and the objects beside it."""
@@ -157,37 +164,39 @@ class Output:
         return {curves.value_path(name) for name in (*take_record.keys, *take_record.values)}
 
     def leave(self, shape_keys) -> None:
-        """Undoes what `write` has set on the shape keys as a whole."""
+        """Resets the settings that `write` has changed on the data-block of the shape keys."""
 
     def span(self, ob, snapshot) -> tuple[float, float, int]:
-        """Where the frames of a written take lie: the scene frame of the first, their distance,
-        their count.
+        """The scene frame of a written take's first frame, the distance of its frames, their count.
 
-        It is for outputs without `redoes`.
+        Only outputs without `redoes` need it.
         """
         start, step = snapshot.source.start_frame, snapshot.scene_fps / snapshot.request.fps
         return start, step, int(np.ceil(strips.duration_s(snapshot.source) * snapshot.request.fps))
 
     def redo_plan(self, ob, snapshot, first: int, shares: np.ndarray) -> Plan:
-        """What the worker thread does to redo frames from `first` on; `shares` `[n]` weigh the new
-        motion."""
+        """What the worker thread does to redo frames from `first` on.
+
+        `shares` `[n]` are the weights of the new motion in these frames.
+        """
         return Plan()
 
     def redo_write(self, parts: list, snapshot, take: Take, first: int, at, stretch):
-        """Writes redone frames from `first` on, at scene frames `at` `[n]`, on all `parts`; yields
-        between steps."""
+        """Writes the redone frames from `first` on to all `parts`; yields between steps.
+
+        `at` `[n]` are the scene frames at which they lie.
+        """
         raise NotImplementedError
 
     def find(self, ob):
-        """The modifier, action or path that plays or names a file of `ob`; None where there is
-        none."""
+        """The modifier, the actions or the file path of a take of `ob`, or None."""
 
     def remove(self, ob) -> None:
-        """Removes what `find` finds, with its files where they are ours."""
+        """Removes what `find` returns, and deletes a table of ours. Caches stay on disk."""
 
 
 def draw_list_buttons(layout, stem: str, find: str) -> None:
-    """Draws the buttons of an artist's list, whose operators begin with `stem`."""
+    """Draws the buttons of an artist's list. The names of their operators begin with `stem`."""
     row = layout.row(align=True)
     row.operator(f"anyface.{stem}_find", text=find)
     row.operator_menu_enum(f"anyface.{stem}_preset", "preset", text="Names")
@@ -197,15 +206,14 @@ def draw_list_buttons(layout, stem: str, find: str) -> None:
 
 
 def write_weights(ob, take_record: record.Record, names: list[str], at, motion) -> None:
-    """Notes the curves for the values of keys; `play` makes them from the weights of a motion."""
+    """Notes which keys need curves. `play` later makes the curves from the weights of `motion`."""
     take_record.waiting = names, at, motion
 
 
 def play(ob, take_record: record.Record):
-    """Gives the keys of a take the curves that it waits for; yields between the curves that it
-    makes.
+    """Gives the keys of a take their waiting curves; yields after each curve that it makes.
 
-    It uses prepared curves where the artist has no action to hold them.
+    Where the artist's keys have no action yet, it plays the prepared curves instead.
     """
     names, at, motion = take_record.waiting
     take_record.waiting = None

@@ -1,7 +1,7 @@
-"""Actions that play a take on the controls of a rig: written, searched for, and removed again.
+"""Writes, finds and removes the actions that play a take on the controls of a rig.
 
-A data-block that plays nothing gets our action. Elsewhere the action becomes a strip on a track of
-its own, and the curves of the artist's action on the same controls are set aside. Our action stores
+A data-block without an action plays ours. If it already has an action, ours becomes a strip on an
+NLA track of its own, and the artist's curves on the same controls are set aside. Our action stores
 what must be undone, beside the id of the face.
 """
 
@@ -22,7 +22,8 @@ from .control_fit import Fitted
 from .control_kinds import COLLECTIONS, Control
 
 MARK = "anyface_controls"
-# A property of our action: the artist's action, while a copy of it without some curves plays.
+# A property of our action. It points to the artist's action while a copy without some of its curves
+# plays.
 _ASIDE = "anyface_controls_aside"
 _TRACK = "Anyface"
 
@@ -31,9 +32,9 @@ _TRACK = "Anyface"
 class Mark:
     """The record that one of our actions carries.
 
-    `owner` is the id of the face. `block` is the id of the object that plays the action, or the
-    name of another data-block. `before` are the earlier values by data path; `paths` are those of
-    our curves.
+    `owner` is the id of the face. `block` is the id of the object that plays the action; for any
+    other data-block it is the name. `before` holds the earlier values by data path. `paths` are the
+    data paths of our curves.
     """
 
     owner: str
@@ -58,12 +59,12 @@ def check(block) -> None:
 
 
 def prepare(fitted: Fitted, at: np.ndarray, times: np.ndarray, few=None):
-    """Makes an action for each data-block, with curves of all its controls at whole frames; yields
-    between controls.
+    """Makes an action for each data-block with curves of its controls; yields between controls.
 
-    The curves leave rest and return to it. If the generator is closed before its end, it leaves
-    nothing. `times` `[T]` are the scene frames of the values, `at` `[2]` the first and the last of
-    all. `few` (`core.sparse.Few`) chooses the keys of curves that get few.
+    The curves have values at whole frames. They start from rest and return to it. If the generator
+    is closed before its end, it deletes the actions. `times` `[T]` are the scene frames of the
+    values. `at` `[2]` are the first and the last scene frame of the curves, where they rest. `few`
+    (`core.sparse.Few`) chooses the keys of curves that get few.
     """
     by_block, actions = {}, {}
     for (control, moved), sizes in zip(fitted.moved, fitted.sizes, strict=True):
@@ -132,7 +133,7 @@ def rests(ob) -> dict[tuple, float]:
 
 
 def release(ob, keep: bool = False) -> bool:
-    """Removes the take of `ob` from all rigs, which stand as before; False where there is none.
+    """Removes the take of `ob` from all rigs and restores them; False where there is none.
 
     With `keep` its actions stay in the file and become the artist's.
     """
@@ -149,9 +150,10 @@ def release(ob, keep: bool = False) -> bool:
 
 
 def follow(copy, copies: dict[str, list]) -> None:
-    """Gives the take that a `copy` of a rig plays to the copy of its face, where there is one.
+    """Assigns the take that a copied rig plays to the copy of its face.
 
-    `copies` are objects by old id. Otherwise the take becomes the artist's.
+    `copies` maps old ids to the copied objects. Unless the face has exactly one copy, the take
+    becomes the artist's.
     """
     for action in _played(copy):
         mark = _read(action)
@@ -233,7 +235,7 @@ def _part_with(action, keep: bool) -> None:
 
 
 def _players(action, mark: Mark) -> list:
-    """The data-blocks that play an action for its face, without copies of them."""
+    """The data-blocks that play an action for its face. Copies of them do not count."""
     every = [block for name in COLLECTIONS.values() for block in getattr(bpy.data, name)]
     players = [block for block in every if action in _played(block)]
     return [block for block in players if _id(block) == mark.block] or (

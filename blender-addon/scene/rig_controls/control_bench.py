@@ -1,4 +1,4 @@
-"""A rig on the bench: it is tried from rest, read through the evaluated mesh, and restored."""
+"""Tries out a rig: sets its controls, reads the evaluated mesh, and restores everything."""
 
 from contextlib import contextmanager
 
@@ -8,7 +8,7 @@ import numpy as np
 from ...core.errors import AnyfaceError
 from . import control_kinds
 
-# Modifiers that move vertices and keep their numbers; others are off while a rig is on the bench.
+# Modifiers that move vertices without renumbering them. All others are off while a rig is tried.
 _DEFORMING = {
     "ARMATURE", "CAST", "CORRECTIVE_SMOOTH", "CURVE", "DISPLACE", "HOOK", "LAPLACIANDEFORM",
     "LAPLACIANSMOOTH", "LATTICE", "MESH_DEFORM", "SHRINKWRAP", "SIMPLE_DEFORM", "SMOOTH",
@@ -32,9 +32,9 @@ class Bench:
 
     @contextmanager
     def at_rest(self, controls=()):
-        """Puts every bone at rest and leaves only deforming modifiers on; afterwards restores all.
+        """Puts every bone at rest and leaves only deforming modifiers on; restores all afterwards.
 
-        `controls` may be set meanwhile.
+        The caller may set `controls` meanwhile; they are restored too.
         """
         before = [(control, control.read()) for control in controls]
         posed = [_posed(bone) for rig in self._rigs for bone in rig.pose.bones
@@ -68,7 +68,7 @@ class Bench:
     def read(self) -> np.ndarray:
         """The present positions of the points, `[P, 3]` in object space.
 
-        Raises `AnyfaceError("mesh")` where the evaluated mesh has other vertices.
+        Raises `AnyfaceError("mesh")` where the evaluated mesh has another number of vertices.
         """
         bpy.context.view_layer.update()
         mesh = self._ob.evaluated_get(bpy.context.evaluated_depsgraph_get()).data
@@ -84,8 +84,10 @@ class Bench:
 
 
 def check(ob) -> None:
-    """Raises `AnyfaceError("mesh")` where `ob` is in edit mode or hidden, so that it is not
-    evaluated."""
+    """Raises `AnyfaceError("mesh")` where `ob` is in edit mode or hidden.
+
+    In these states the rig does not move the evaluated mesh.
+    """
     if ob.mode == "EDIT":
         raise AnyfaceError("mesh", f"{ob.name} is in edit mode: leave it, so that its rig moves it")
     if ob.name not in bpy.context.view_layer.objects or not ob.visible_get():

@@ -1,8 +1,8 @@
 """Fits the controls of a rig to the motion of a take, in short steps.
 
-It nudges each control and reads the evaluated mesh, so that constraints, drivers and correctives
-count. A jaw turns what hangs on it, so it tries all controls again with the jaw half and fully
-open.
+It nudges each control and reads the evaluated mesh, so that it sees the effect of constraints,
+drivers and correctives. A jaw turns the controls that hang on it, so it tries these again with the
+jaw half and fully open.
 """
 
 from dataclasses import dataclass, field, replace
@@ -22,12 +22,12 @@ from .control_sources import Source
 _NUDGE_MM, _NUDGE_TURN, _NUDGE_SHARE = 2.0, 0.05, 0.1
 # A bone without limits moves no farther than this, mm.
 _REACH_MM = 40.0
-# A nudge that moves no point by this much, mm, counts as none. One whose motion is rigid to this
-# share moves the whole head.
+# A nudge that moves every point by less than this, mm, counts as no motion. A nudge whose motion is
+# rigid to this share moves the whole head.
 _STILL_MM, _RIGID = 0.05, 0.95
 # Two opposite directions that differ by less than this share count as one straight line.
 _STRAIGHT = 0.2
-# The weight of the gap between the lips, as a share of that of all points of the mouth.
+# The weight of the gap between the lips, as a share of the weight of all mouth points.
 _GAP = 0.3
 # A jaw that turns less than this, radians, carries nothing along.
 _LEAST_TURN = 0.03
@@ -35,15 +35,15 @@ _LEAST_TURN = 0.03
 _LEAST_SHOWN = 0.03
 # The number of frames at which the result is read from the evaluated mesh.
 _READ_FRAMES = 32
-# A bone is on the jaw if the jaw moves at least this share of what the bone moves.
+# A control hangs on the jaw if more than this share of its motion is at points that the jaw moves.
 _ON_JAW = 0.05
 
 
 @dataclass
 class Handle:
-    """One free element of a control, to one side or to both.
+    """One free element of a control, for positive values, negative values or both.
 
-    `direction` `[P, 3]` is the motion of the points for a unit of it.
+    `direction` `[P, 3]` is the motion of the points for a unit of the element.
     """
 
     source: Source
@@ -57,11 +57,12 @@ class Handle:
 
 @dataclass
 class Fitted:
-    """The motion of the controls: values `[T, N]` of the free elements of each.
+    """The motion of the controls: for each, the values `[T, N]` of its free elements.
 
-    `shown` is the share of the energy of the motion, and `missed` is the largest miss by region,
-    mm, once they are judged. A unit of an element of a control moves a point by up to `sizes`
-    `[N]`, mm. `actions` are prepared actions by data-block that nothing plays yet.
+    `shown` is the share of the motion's energy that the controls show. `missed` is the largest miss
+    by region, mm. Both are set once the fit is judged. `sizes` `[N]` say for each control how far a
+    unit of an element moves a point at most, mm. `actions` are prepared actions by data-block,
+    which nothing plays yet.
     """
 
     moved: list[tuple[Control, np.ndarray]]
@@ -78,12 +79,12 @@ def fit(
     rests: dict[tuple, float],
     judged: bool = True,
 ):
-    """The take with values of the controls of `sources`; yields between its steps.
+    """Returns the take with values for the controls of `sources`; yields between its steps.
 
-    `rests` are the rest values of numbers that are animated now, by data-block and data path. At a
-    yield nothing of the artist's is changed. Raises `AnyfaceError("nothing_moved")` where no
-    control moves the face. With `judged` it also raises where all controls together show next to
-    nothing of the motion.
+    `rests` are the rest values of numbers that are animated now, by data-block and data path.
+    Whenever it yields, all of the artist's values are as before. Raises
+    `AnyfaceError("nothing_moved")` where no control moves the face. With `judged` it also raises
+    where all controls together show next to nothing of the motion.
     """
     control_bench.check(ob)
     motion = take.motion
@@ -149,7 +150,7 @@ def _scale(ob, block) -> float:
 
 
 def _is_near(ob, source: Source, centre: np.ndarray, size: float) -> bool:
-    """Whether a bone begins near the face; other bones need no trial."""
+    """Whether a bone begins near the face. Bones farther away are not tried."""
     if source.kind != control_sources.BONE or source.name not in source.block.data.bones:
         return True
     head = source.block.data.bones[source.name].head_local
@@ -176,7 +177,7 @@ def _try(bench, rest, source: Source, control: Control, nudge: float, mm: float)
 
 
 def _stays(turns: np.ndarray, direction: np.ndarray) -> bool:
-    """Whether the head as a whole stays in place."""
+    """Whether a motion leaves the head as a whole in place."""
     return controls_solve.share_in(turns, direction) < _RIGID
 
 
@@ -228,7 +229,7 @@ def _task(motion: ControlMotion, handles: list[Handle]) -> Task:
 
 
 def _jaw(handles: list[Handle], values: np.ndarray) -> int | None:
-    """The number of the handle that turns most of the face; None where none turns far."""
+    """The index of the handle that turns most of the face; None where no handle turns far."""
     far = np.abs(values).max(axis=0)
     energy = np.array([(h.direction**2).sum() for h in handles]) * (values**2).sum(axis=0)
     turns = np.array([not isinstance(h.control, Number) and type(h.control) is not Location
@@ -238,7 +239,7 @@ def _jaw(handles: list[Handle], values: np.ndarray) -> int | None:
 
 
 def _turned(bench: Bench, handles: list[Handle], values: np.ndarray, jaw: int):
-    """The response at rest, and with the jaw half and fully open as far as `values` open it."""
+    """The response with the jaw at rest, half open, and open as far as `values` ever open it."""
     angles = values[:, jaw]
     most = float(angles[np.abs(angles).argmax()])
     knots = np.sort([0.0, 0.5 * most, most])
@@ -257,7 +258,7 @@ def _turned(bench: Bench, handles: list[Handle], values: np.ndarray, jaw: int):
 
 
 def _on_jaw(directions: np.ndarray, jaw: int) -> np.ndarray:
-    """Which handles `[C]` move what the jaw moves; the jaw itself does not count."""
+    """Which handles `[C]` move the points that the jaw moves; the jaw itself does not count."""
     size = np.linalg.norm(directions[jaw], axis=1)
     moved = size > 0.02 * size.max()
     energy = (directions**2).sum(axis=2)
@@ -267,7 +268,7 @@ def _on_jaw(directions: np.ndarray, jaw: int) -> np.ndarray:
 
 
 def _with_jaw(bench: Bench, jaw: Handle, angle: float, other: Handle | None = None) -> np.ndarray:
-    """The points `[P, 3]` with the jaw at `angle`, and with `other` nudged from there."""
+    """The points `[P, 3]` with the jaw at `angle`, and if `other` is given, with it nudged."""
     steps = [(jaw, angle)] + ([(other, other.nudge)] if other is not None else [])
     values = {}
     for handle, step in steps:
@@ -281,7 +282,7 @@ def _with_jaw(bench: Bench, jaw: Handle, angle: float, other: Handle | None = No
 
 
 def _judge(bench: Bench, motion: ControlMotion, handles: list[Handle], values: np.ndarray):
-    """The controls with what they really show, read from the evaluated mesh at some frames."""
+    """Judges the fit: reads how far the evaluated mesh really moves, at some of the frames."""
     moved = _together(handles, values)
     controls = [control for control, _ in moved]
     some = np.unique(np.linspace(0, len(values) - 1, _READ_FRAMES).round().astype(int))
@@ -312,7 +313,7 @@ def _together(handles: list[Handle], values: np.ndarray) -> list[tuple[Control, 
 
 
 def _sizes(handles: list[Handle], mm: float) -> list[np.ndarray]:
-    """How far a unit of the elements `[N]` of each control moves any point, mm.
+    """The farthest that a unit of each control's elements `[N]` moves any point, mm.
 
     The controls are in the order of `_together`.
     """

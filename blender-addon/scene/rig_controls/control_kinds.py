@@ -34,7 +34,7 @@ class Control:
     indices: list[int]
     lowest: list[float]
     highest: list[float]
-    # The bone that it moves, empty for a number, and the value of a number at rest.
+    # The bone that it moves (empty for a number), and the rest value of a number.
     bone: str = ""
     rest: float = 0.0
 
@@ -45,7 +45,7 @@ class Control:
 
     @property
     def curve_path(self) -> str:
-        """The data path of its curves, whose elements have indices."""
+        """The data path of its curves. The index of an element is not part of it."""
         return self.path
 
     def read(self) -> list[float]:
@@ -57,11 +57,11 @@ class Control:
         raise NotImplementedError
 
     def set(self, moved) -> None:
-        """Sets the free elements to `moved` from rest."""
+        """Moves the free elements by `moved` from rest."""
         raise NotImplementedError
 
     def columns(self, moved: np.ndarray) -> dict[int, np.ndarray]:
-        """Curves `[T]` of the property by index for values `[T, N]` of the free elements."""
+        """The curves `[T]` of the property, by index, for values `[T, N]` of the free elements."""
         raise NotImplementedError
 
 
@@ -150,7 +150,7 @@ def _body(path: str) -> str:
 
 
 def split(block, path: str) -> tuple:
-    """The owner of a property, its name, and the index (None for the whole) in a data path.
+    """Splits a data path into a property's owner, its name and an index (None for the whole).
 
     Raises `ValueError` for a path that leads nowhere.
     """
@@ -210,7 +210,7 @@ def number(block, path: str) -> Number | None:
 
 
 def _indexed(block, path: str) -> str:
-    """The path with the index of a component that has a letter: `scale[1]` for `scale.y`."""
+    """Replaces the letter of a component by its index: `scale.y` becomes `scale[1]`."""
     owner, _, letter = path.rpartition(".")
     try:
         letters = _LETTERS.get(type(block.path_resolve(owner)), "")
@@ -232,7 +232,7 @@ def _limits(owner, key: str, custom: bool) -> tuple[float, float]:
 def location(rig, bone, reach: float) -> Location | None:
     """The control of the location of a pose bone, or None.
 
-    Where nothing limits the bone, it moves `reach` from rest.
+    A bone without limits moves up to `reach` from rest.
     """
     if bone.bone.use_connect and bone.parent is not None:
         return None
@@ -267,7 +267,7 @@ def _driven(block, path: str, index: int | None) -> bool:
 
 
 def _constrained(bone, kind: str, reach: float) -> tuple[list[float], list[float]]:
-    """The limits of a bone by constraints in its own space, around rest."""
+    """The limits around rest that constraints in a bone's own space set."""
     low, high = [-reach] * 3, [reach] * 3
     for constraint in bone.constraints:
         if constraint.type != kind or constraint.mute or constraint.owner_space != "LOCAL":

@@ -16,9 +16,9 @@ _INNER = ("DEF-", "ORG-", "MCH-", "VIS-", "VIS_", "WGT-")
 
 @dataclass(frozen=True)
 class Source:
-    """A data-block's bone by its name, or number by its data path.
+    """A bone of a data-block, by its name, or a number, by its data path.
 
-    `sided` says that its two directions may do different things, since something is driven by it.
+    If `sided`, its two directions may do different things, because it drives something.
     """
 
     kind: str
@@ -40,7 +40,7 @@ class Source:
         return self.kind, self.block.name, self.name
 
     def controls(self, reach: float) -> list[Control]:
-        """Its controls; bones move `reach` from rest where nothing limits them."""
+        """Its controls. Bones without limits move up to `reach` from rest."""
         if self.kind == NUMBER:
             controls = [control_kinds.number(self.block, self.name)]
         else:
@@ -53,7 +53,7 @@ class Source:
 
 
 def rig_of(ob):
-    """The armature that moves `ob`: of its modifier, among its parents, or of its drivers."""
+    """The armature that moves `ob`: in its modifiers, among its parents, or read by its drivers."""
     candidates = [m.object for m in ob.modifiers if m.type == "ARMATURE" and m.object is not None]
     parent = ob.parent
     while parent is not None:
@@ -69,11 +69,10 @@ def has_any(ob) -> bool:
 
 
 def propose(ob, rig, left_alone: list[str]) -> list[Source]:
-    """Sources that may move the face `ob`: what drivers read, then bones of `rig` (None for no
-    rig).
+    """Sources that may move the face `ob`: first those that drivers read, then bones of `rig`.
 
-    The bones are those of a list of names that fits, or else all visible ones. Names in
-    `left_alone` are left out.
+    `rig` may be None. The bones are those in a list of names that fits, or else all visible ones.
+    Names in `left_alone` are left out.
     """
     sources = {source.key: source for source in _driving(ob, rig)}
     if rig is not None:
@@ -118,7 +117,7 @@ def _leads(block, path: str) -> bool:
 
 
 def _driving(ob, rig) -> list[Source]:
-    """The sources that the drivers of a face and its rig read, each once."""
+    """The sources that the drivers of a face and its rig read."""
     sources = []
     for variable, block, target in _targets(_blocks(ob, rig)):
         if block.id_type not in COLLECTIONS:
@@ -159,14 +158,13 @@ def _targets(blocks: list):
 
 
 def _acting(rig) -> set[str]:
-    """Bones whose place plays an action on other bones."""
+    """Bones whose transform plays an action on other bones, through Action constraints."""
     every = [c for bone in rig.pose.bones for c in bone.constraints if c.type == "ACTION"]
     return {constraint.subtarget for constraint in every}
 
 
 def _follows(bone) -> bool:
-    """Whether a bone copies all transforms of another one, so that its own channels move
-    nothing."""
+    """Whether a bone copies all transforms of another, so its own channels have no effect."""
     return any(
         c.type == "COPY_TRANSFORMS"
         and not c.mute

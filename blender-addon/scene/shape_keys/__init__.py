@@ -1,1 +1,1 @@
-"""Shape keys: which are ours and which the artist's, and the checks before any are written."""
+"""Shape keys: tells ours from the artist's, and checks a mesh before any are written."""

@@ -8,7 +8,8 @@ from ..animation import curves, stand_in
 from ..face.mesh import read_key
 from . import record
 
-# Points to the artist's action while a copy of ours stands in for it, so that the file keeps it.
+# Points to the artist's action while our copy stands in for it, so that the file keeps the
+# original.
 REPLACED = record.REPLACED_ACTION
 
 
@@ -32,7 +33,7 @@ def names_of(pairs: list[Pair]) -> list[str]:
 
 
 def factors(pairs: list[Pair]) -> tuple[list[str], np.ndarray]:
-    """The shapes of pairs `[S]`, and by how much each moves each of `names_of`, `[S, K]`."""
+    """The shapes of pairs `[S]`, and how much each moves each key of `names_of`, `[S, K]`."""
     shown, keys = list(dict.fromkeys(pair.shape for pair in pairs)), names_of(pairs)
     matrix = np.zeros((len(shown), len(keys)), dtype=np.float32)
     for pair in pairs:
@@ -78,7 +79,7 @@ def note_values(shape_keys, take_record: record.Record) -> None:
 
 
 def restore(shape_keys, take_record: record.Record) -> None:
-    """Restores the keys once our curves are gone."""
+    """Restores the artist's curves and key values after our curves were removed."""
     original, animation = shape_keys.pop(REPLACED, None), shape_keys.animation_data
     if original is not None and animation is not None and animation.action is not None:
         paths = {curves.value_path(name) for name in take_record.values}

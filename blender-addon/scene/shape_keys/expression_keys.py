@@ -1,4 +1,4 @@
-"""ARKit's shapes as the artist's own shape keys, which nothing animates yet."""
+"""Adds ARKit's shapes as the artist's own shape keys. Nothing animates them yet."""
 
 from dataclasses import dataclass
 
@@ -11,7 +11,8 @@ from ..face import mesh, pieces
 from . import guard
 
 HALF = "_half"
-# An expression of the slider w: 0 at its ends, 1 halfway. Blender evaluates it without Python.
+# A driver expression of the slider w: 0 at both ends, 1 halfway. Blender evaluates it without
+# Python.
 HALFWAY = "1 - abs(2 * w - 1)"
 
 
@@ -35,11 +36,10 @@ def objects(ob, face: FaceMesh) -> list:
 
 
 def add(ob, face: FaceMesh, rig: Rig, left_out=()) -> tuple[list[str], np.ndarray]:
-    """Adds keys of a face's shapes, without those `left_out`, on `ob` and the parts that move with
-    it.
+    """Adds keys for a face's shapes to `ob` and to the parts that move with it.
 
-    Returns their names and vectors `[S, V, 3]`. Raises `AnyfaceError` where the mesh has changed or
-    a part is gone; nothing has changed then.
+    Shapes in `left_out` get no key. Returns the names and vectors `[S, V, 3]` of the keys. Raises
+    `AnyfaceError` where the mesh has changed or a part is gone; nothing has changed then.
     """
     rows = [row for row, name in enumerate(rig.names) if name not in left_out]
     names, vectors = [rig.names[row] for row in rows], rig.vectors[rows]
@@ -70,7 +70,7 @@ def _add(ob, names: list[str], vectors: np.ndarray, everything: bool) -> None:
 
 
 def bent(rig: Rig) -> Rig:
-    """The same rig, in which each `NAME_half` is the difference between it and half of `NAME`."""
+    """A copy of the rig in which half of `NAME` is subtracted from each `NAME_half`."""
     rows = {name: row for row, name in enumerate(rig.names)}
     vectors = rig.vectors.copy()
     for name in shapes.ARKIT:
@@ -80,7 +80,7 @@ def bent(rig: Rig) -> Rig:
 
 
 def drive(ob, face: FaceMesh) -> None:
-    """Lets a slider of `ob` drive the halfway key of its shape, and the same keys of each part."""
+    """Adds drivers: sliders of `ob` drive its halfway keys, and keys of the parts follow `ob`."""
     face_keys = ob.data.shape_keys
     for name in shapes.ARKIT:
         if name + HALF in face_keys.key_blocks:

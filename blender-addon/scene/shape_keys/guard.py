@@ -1,4 +1,4 @@
-"""Checks before shape keys are written, and what is set aside meanwhile."""
+"""Checks a mesh before shape keys are written, and protects what the artist has there."""
 
 from contextlib import contextmanager
 
@@ -12,7 +12,7 @@ from . import record
 def check_editable(ob) -> None:
     """Raises `AnyfaceError("mesh")` with the remedy where relative keys cannot be written."""
     check_local(ob)
-    # Absolute keys play one after the other, so keys that add up cannot join them.
+    # Absolute keys play one after the other, so relative keys cannot be added to them.
     if ob.data.shape_keys is None or ob.data.shape_keys.use_relative:
         return
     if own_keys(ob.data.shape_keys):
@@ -25,8 +25,7 @@ def check_editable(ob) -> None:
 
 
 def check_local(ob) -> None:
-    """Raises `AnyfaceError("mesh")` with the remedy where no kind of key can be written or
-    saved."""
+    """Raises `AnyfaceError("mesh")` with the remedy where `ob` cannot get keys of any kind."""
     check_mesh(ob)
     for block in (ob, ob.data):
         if block.library is not None:
@@ -71,7 +70,7 @@ def own_keys(shape_keys) -> list[str]:
         return []
     ours = record.all_keys(shape_keys)
     names = [block.name for block in shape_keys.key_blocks if block.name not in ours]
-    # A Basis that we made counts as ours as long as it is alone.
+    # A Basis that we made counts as ours unless the artist has added keys.
     basis_is_ours = any(take_record.made_keys for take_record in record.everyone(shape_keys))
     return [] if basis_is_ours and len(names) == 1 else names
 
@@ -120,8 +119,8 @@ def unshare(ob) -> None:
 def make_single_user(ob, take_record: record.Record) -> None:
     """Gives `ob` its own mesh, its keys their own action, and a Basis where it has no keys.
 
-    The keys point to the originals, so Remove can go back to them. The originals stay as they are,
-    whoever else is animated meanwhile.
+    Properties of the shape keys point to the originals, so that Remove can go back to them. The
+    originals stay as they are, even if other objects that use them are animated meanwhile.
     """
     mesh, action = ob.data, curves.action_of(ob.data.shape_keys)
     shared = mesh.users - mesh.use_fake_user > 1
@@ -162,7 +161,7 @@ def object_mode(ob):
 
 @contextmanager
 def selection_kept(ob):
-    """Keeps the active shape key of `ob`, which adding and removing keys would move."""
+    """Keeps the active shape key of `ob` active while keys are added or removed."""
     name = ob.active_shape_key.name if ob.active_shape_key is not None else ""
     index = ob.active_shape_key_index
     try:

@@ -1,6 +1,6 @@
-"""The record of a take, stored beside its mesh, so that Remove removes exactly that.
+"""The record of what a take has added to its mesh, so that Remove removes exactly that.
 
-It lies in a custom property of the shape keys' data-block and disappears with them.
+It is stored in a custom property of the shape keys' data-block and disappears with them.
 """
 
 import json
@@ -12,7 +12,7 @@ from ...core import json_file
 PROPERTY = "anyface"
 # Takes that wait beside the current one, as a list of records.
 KEPT = "anyface_takes"
-# Pointers to data of the artist's while something of ours stands in for it.
+# Pointers to the artist's data while something of ours stands in for it.
 SHARED_MESH, SHARED_ACTION = "anyface_shared_mesh", "anyface_shared_action"
 REPLACED_ACTION = "anyface_replaced"
 ORIGINALS = (SHARED_MESH, SHARED_ACTION, REPLACED_ACTION)
@@ -23,20 +23,21 @@ class Record:
     """One generated take.
 
     `mode` is the name of its output, and `keys` are the names of our shape keys in order.
-    `made_keys` says that the mesh had none before. The other `made_*` fields, and `shared_*`, say
-    what else must be undone: an action, a slot or animation data of ours, and copies that were made
-    because mesh or action were shared (their digests at that time).
+    `made_keys` says that the mesh had no keys before. The other `made_*` fields say that we added
+    animation data, an action or a slot, which must be removed again. The `shared_*` fields are set
+    where a mesh or an action was shared, so that we made a copy; they are the digests of the copies
+    at that time.
 
-    On an object beside a face, `belongs_to` is the id of the face's take. `values` are the earlier
-    values of the artist's keys that are animated; `replaced_print` is the digest of the action that
-    stands in for the artist's. `name` is the take's in the panel. `adjusted` are the changes by
-    `adjust`.
+    On an object beside a face, `belongs_to` is the id of the face's take. `values` holds the
+    earlier values of the artist's keys that are animated. `replaced_print` is the digest of the
+    action that stands in for the artist's. `name` is the name of the take in the panel. `adjusted`
+    holds the changes made by `adjust`.
 
-    Its frames lie at `first_frame` and every `frame_step` after it; `still` is `why_missing` of its
-    basis. `asked` are the panel's settings and its report. `shown` is, for each of the artist's
-    keys, the shape that it shows most. `factors` is, for each key, its value at weight 1 of each
-    shape that it shows. `heard_emotion` is the emotion that was heard, as plain values of
-    `core.heard_emotion`.
+    The first frame lies at scene frame `first_frame`, and the others follow every `frame_step`.
+    `still` is `why_missing` of its basis. `asked` holds the panel's settings and its report.
+    `shown` gives, for each of the artist's keys, the shape that it shows most. `factors` gives, for
+    each key, its value at weight 1 of each shape that it shows. `heard_emotion` is the emotion
+    heard in the voice, as plain values of `core.heard_emotion`.
     """
 
     mode: str
@@ -61,13 +62,13 @@ class Record:
     shown: dict[str, str] = field(default_factory=dict)
     factors: dict[str, dict[str, float]] = field(default_factory=dict)
     heard_emotion: dict = field(default_factory=dict)
-    # Prepared curves, and what becomes curves; neither is stored in the record.
+    # Prepared curves, and the values that become curves. Neither is stored in the record.
     prepared = None
     waiting = None
 
 
 def read(shape_keys) -> Record | None:
-    """The record of the current take of a mesh's shape keys (None for none), or None."""
+    """The record of the current take, or None. `shape_keys` may be None."""
     text = shape_keys.get(PROPERTY) if shape_keys is not None else None
     try:
         return json_file.known_fields(Record, json.loads(text)) if isinstance(text, str) else None

@@ -1,22 +1,21 @@
-"""What the sliders of a take change, stored with the shape keys: a packed custom property per
-take."""
+"""Stores what the sliders of a take change, as a packed custom property of the shape keys."""
 
 from ...core import sliders
 from . import record
 
 _PROPERTY = "anyface_sliders_"
-# The last bytes and their content: during a drag they are read many times a second.
+# The bytes read last and their content. During a drag they are read many times a second.
 _last: tuple[bytes, dict[str, sliders.SliderChange]] = (b"", {})
 
 
 def write(shape_keys, take_record: record.Record, packed: bytes) -> None:
-    """Stores the sliders of a take; nothing where it has none."""
+    """Stores the packed sliders of a take; does nothing if it has none."""
     if packed:
         shape_keys[_PROPERTY + take_record.id] = packed
 
 
 def read(shape_keys, take_record: record.Record) -> dict[str, sliders.SliderChange]:
-    """The sliders of a take by name; none where nothing valid is stored."""
+    """The sliders of a take by name; empty if nothing valid is stored."""
     global _last
     packed = shape_keys.get(_PROPERTY + take_record.id)
     if not isinstance(packed, bytes):

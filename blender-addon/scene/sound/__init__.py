@@ -1,1 +1,1 @@
-"""Sound: strips of the sequencer and files, how they are decoded, and what is heard in them."""
+"""Sound: sequencer strips, sound files, decoding, recording, and text strips for speech sounds."""

@@ -1,4 +1,4 @@
-"""Decodes sound files with the library's decoder, or with Blender's where that fails."""
+"""Decodes sound files with the library's decoder, or with Blender's if that fails."""
 
 import numpy as np
 
@@ -7,19 +7,19 @@ from ...core.source import Decode
 
 
 def decoder(engine) -> Decode:
-    """The decoder that tries both; any thread may call it."""
+    """A decoder that tries both. Any thread may call it."""
 
     def decode(path: str) -> tuple[np.ndarray, float, str]:
         try:
             return engine.decode(path)
         except AnyfaceError as error:
-            # Blender's decoder returns half of a damaged file without an error.
+            # Blender's decoder returns half of a damaged file without an error, so it is not asked.
             if error.kind != "audio" or engine.is_damaged(path):
                 raise
             try:
                 return (*decode_with_aud(path), "")
             except Exception:
-                # Blender 4.5 raises any kind of exception for a sound without samples; the
+                # Blender 4.5 raises any kind of exception for a sound without samples. The
                 # library's error says what is wrong.
                 raise error from None
 
@@ -29,9 +29,9 @@ def decoder(engine) -> Decode:
 def decode_with_aud(path: str) -> tuple[np.ndarray, float]:
     """Decodes with Blender's decoder (FFmpeg), which also reads the sound of films.
 
-    The channels are averaged; `rechannel(1)` would sum them and clip. Raises `ImportError` where
-    Blender as a Python module has no `aud`, and `OSError` for a file that it cannot read or that
-    has no samples.
+    The channels are averaged; `rechannel(1)` would sum them and clip. Raises `ImportError` if
+    Blender runs as a Python module without `aud`. Raises `OSError` if Blender cannot read the file
+    or the file has no samples.
     """
     import aud
 

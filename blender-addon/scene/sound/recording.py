@@ -1,4 +1,4 @@
-"""Writes what a microphone heard as a sound file."""
+"""Writes a microphone recording as a sound file."""
 
 import wave
 from itertools import count
@@ -13,10 +13,10 @@ _FOLDER, _NAME = "sounds", "recording"
 
 
 def write(sound: Sound) -> Path:
-    """Writes `sound` into a new WAV file, 16 bit; returns its path.
+    """Writes `sound` into a new 16-bit WAV file; returns its path.
 
-    It lies in the folder *sounds* beside the .blend, or in Blender's temporary folder where the
-    .blend was never saved. Raises `OSError`.
+    The file goes into the folder *sounds* beside the .blend, or into Blender's temporary folder if
+    the .blend was never saved. Raises `OSError`.
     """
     saved = bpy.data.filepath
     folder = Path(saved).parent / _FOLDER if saved else Path(bpy.app.tempdir)
@@ -25,7 +25,7 @@ def write(sound: Sound) -> Path:
     for number in count(1):
         path = folder / f"{_NAME}_{number:03}.wav"
         try:
-            # Another Blender may record beside this one.
+            # Another Blender may be recording into the same folder.
             file = path.open("xb")
         except FileExistsError:
             continue

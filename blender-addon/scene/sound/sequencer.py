@@ -1,7 +1,7 @@
 """The sequencer across Blender's versions.
 
-4.2 has `sequences`, and 5.0 only `strips`. 5.2 has new names for the frames of a strip, and 6.0
-will have these alone.
+4.2 has `sequences`, and 5.0 has only `strips`. 5.2 adds new names for the frames of a strip. 6.0
+will have only the new names.
 """
 
 import os
@@ -15,7 +15,7 @@ MOST_CHANNELS = 128
 
 
 def all_strips(scene) -> list:
-    """Every strip of a scene, also those inside meta strips."""
+    """Every strip of a scene, including those inside meta strips."""
     editor = scene.sequence_editor
     if editor is None:
         return []
@@ -29,15 +29,15 @@ def sound_strips(scene) -> list:
 
 
 def outer_strips(editor):
-    """The strips of a sequencer that lie in no meta strip, as a collection."""
+    """The strips of a sequencer that are outside meta strips, as a collection."""
     return editor.strips if hasattr(editor, "strips") else editor.sequences
 
 
 def add_sound(scene, path: str, frame: int):
     """Adds a strip of the sound file at `path` that begins at `frame` and is not muted.
 
-    An equal strip that exists already is used instead. Raises `RuntimeError` where Blender cannot
-    read the file, and `AnyfaceError("audio")` where no channel is free.
+    If such a strip already exists, it is used instead. Raises `RuntimeError` if Blender cannot read
+    the file, and `AnyfaceError("audio")` if no channel is free.
     """
     strip = _standing(scene, path, frame)
     if strip is None:
@@ -47,7 +47,7 @@ def add_sound(scene, path: str, frame: int):
 
 
 def _standing(scene, path: str, frame: int):
-    """A sound strip of the file at `path` that plays from `frame` on, or None."""
+    """An existing strip of the sound file at `path` that begins at `frame`, or None."""
     full = os.path.normcase(os.path.abspath(bpy.path.abspath(path)))
     for strip in sound_strips(scene):
         sound = strip.sound
@@ -63,7 +63,7 @@ def _new_sound(editor, path: str, frame: int):
     strips = outer_strips(editor)
     spans = [(strip.channel, *ends(strip)) for strip in strips]
     highest = min(max((channel for channel, *_ in spans), default=0) + 1, MOST_CHANNELS)
-    # Blender tells the length only of a strip that exists.
+    # Only an existing strip has a length, so it is created first and moved to a free channel.
     name = os.path.splitext(os.path.basename(path))[0]
     strip = strips.new_sound(name, path, highest, frame)
     if strip.sound is None or strip.sound.samplerate == 0:
@@ -90,25 +90,25 @@ def _drop(strips, strip) -> None:
 
 
 def ends(strip) -> tuple[int, int]:
-    """The first frame that a strip plays, and the one after its last."""
+    """The first frame that a strip plays, and the frame after its last one."""
     if hasattr(strip, "left_handle"):
         return strip.left_handle, strip.right_handle
     return strip.frame_final_start, strip.frame_final_end
 
 
 def place(strip, first: int, last: int) -> None:
-    """Lets a text strip play from frame `first` to `last`, which is the one after its last."""
+    """Makes a text strip play from frame `first` up to, but not including, frame `last`."""
     names = ("left_handle", "right_handle")
     if not hasattr(strip, "left_handle"):
         names = ("frame_final_start", "frame_final_end")
     ends_new = list(zip(names, (first, last), strict=True))
-    # No strip may end before it starts, not even in between.
+    # A strip may never end before it starts, so a move to later frames sets the end first.
     for name, frame in ends_new[::-1] if first > ends(strip)[0] else ends_new:
         setattr(strip, name, frame)
 
 
 def new_text(scene, name: str, channel: int, first: int, last: int):
-    """A new text strip from frame `first` to `last`, which is the one after its last."""
+    """A new text strip from frame `first` up to, but not including, frame `last`."""
     strips = outer_strips(scene.sequence_editor_create())
     place = {"name": name, "type": "TEXT", "channel": channel, "frame_start": first}
     if bpy.app.version >= (5, 0, 0):
@@ -124,7 +124,7 @@ def content_start(strip) -> float:
 def sound_strip(scene, name: str):
     """The sound strip called `name`.
 
-    Raises `AnyfaceError("audio")` that lists the existing names.
+    If there is none, raises `AnyfaceError("audio")` with the existing names.
     """
     strips = sound_strips(scene)
     for strip in strips:
@@ -136,15 +136,15 @@ def sound_strip(scene, name: str):
 
 
 def is_retimed(strip, sound_frames: Callable[[], float]) -> bool:
-    """True where the strip plays faster or slower than its sound of `sound_frames()` frames."""
+    """Whether a strip plays faster or slower than its sound, `sound_frames()` frames long."""
     if hasattr(strip, "retiming_keys"):
         return len(strip.retiming_keys) > 0
-    # 4.2 hides the keys, but a retimed strip has another length.
+    # 4.2 hides the retiming keys, but a retimed strip is longer or shorter than its sound.
     return abs(strip.frame_duration - sound_frames()) > 2.0
 
 
 def override(scene) -> dict:
-    """The arguments of `temp_override` with which operators of the sequencer work on `scene`."""
+    """The arguments for `temp_override` that make sequencer operators work on `scene`."""
     if bpy.app.version >= (5, 0, 0):
         return {"scene": scene, "sequencer_scene": scene}
     return {"scene": scene}

@@ -20,7 +20,7 @@ def from_file(path: str, start_frame: float) -> SoundSource:
 
 
 def from_strip(scene, name: str, decode: Decode) -> SoundSource:
-    """The part of a sound strip that plays, be it trimmed, retimed or packed."""
+    """The part of a sound strip that plays. The strip may be trimmed, retimed or packed."""
     strip = sequencer.sound_strip(scene, name)
     if strip.sound is None:
         raise AnyfaceError("audio", f"the strip {name} holds no sound")
@@ -37,7 +37,7 @@ def from_strip(scene, name: str, decode: Decode) -> SoundSource:
 
 
 def _file_of(sound, name: str, start_frame: float) -> SoundSource:
-    """The file of a sound; a packed sound becomes a temporary file."""
+    """The file of a sound; a packed sound is written to a temporary file."""
     if sound.packed_file is None:
         path = bpy.path.abspath(sound.filepath, library=sound.library)
         if not os.path.isfile(path):
@@ -53,7 +53,7 @@ def _file_of(sound, name: str, start_frame: float) -> SoundSource:
 
 
 def _mix_down(scene, strip) -> SoundSource:
-    """A retimed strip as Blender plays it; all other strips are muted meanwhile."""
+    """Mixes down a retimed strip as Blender plays it. All other strips are muted meanwhile."""
     others = [other for other in sequencer.all_strips(scene) if other != strip]
     muted = [(other, other.mute) for other in others]
     before = strip.mute, scene.frame_start, scene.frame_end

@@ -1,12 +1,12 @@
-"""Sounds as text strips above the sound, which the artist may move, rename, delete and add.
+"""Text strips for lip closures and words, which the artist may move, rename, delete and add.
 
-A strip stores the exact times of its sound, in seconds from the beginning, and the frames at which
-it was put. While it stays at these frames, the exact times count; else its new frames do. All
-strips are muted, since Blender would render them over the picture.
+Each strip stores its exact times, in seconds from the beginning of the sound, and the frames at
+which it was placed. While it stays at these frames, the exact times count. After it has moved, its
+new frames count. All strips are muted, since Blender would render them over the picture.
 
-Where the text is known, its words stand one channel above the closures. A closure stores the word
-in which it was heard. If the word is moved or stretched, the closure follows, unless it was moved
-itself.
+If the text is known, its words are one channel above the closures. A closure stores the word in
+which it was heard. If the word is moved or stretched, the closure follows, unless the closure was
+moved itself.
 """
 
 from typing import NamedTuple
@@ -15,21 +15,22 @@ import numpy as np
 
 from . import sequencer
 
-# The name of the sound to which a strip belongs; copies of a strip have it too.
+# The name of the sound that a strip belongs to. Copies of a strip have it too.
 _SOUND = "anyface_sound"
 _SECONDS, _FRAMES = "anyface_seconds", "anyface_frames"
 # The number of a word, on its own strip and on the closures in it.
 _WORD, _IN_WORD = "anyface_word", "anyface_in_word"
 LABEL = "MBP"
 _LIP_LETTERS = frozenset("pbmPBM")
-# Lips close before the sound of p, b and m begins, seconds.
+# Lips close this long before the sound of p, b or m begins, seconds.
 _EARLY_S = 0.05
-# A margin around the old and the new place of a word: inside it a redo has blended in fully.
+# A redo starts and ends this far outside the old and new times of a word, so that it is fully
+# blended in at the word, seconds.
 _MARGIN_S = 0.2
 
 
 class _Times(NamedTuple):
-    """Where a strip is now and where it was put, seconds from the beginning of the sound."""
+    """The times of a strip now and when it was placed, seconds from the beginning of the sound."""
 
     now: tuple[float, float]
     was: tuple[float, float]
@@ -40,9 +41,10 @@ class _Times(NamedTuple):
 
 
 def show(scene, source, closures: np.ndarray, words=()) -> int:
-    """Adds a strip for each interval `[N, 2]`, seconds, of the sound `source`; earlier strips go.
+    """Adds a strip for each closure `[N, 2]`, seconds, of a sound; removes earlier strips.
 
-    `words` are start, end and label of each word of its text. Returns the number of intervals.
+    `source` is the sound, and `words` are start, end and label of each word of its text. Returns
+    the number of closures.
     """
     clear(scene, source.name)
     channel = 1 + max((strip.channel for strip in sequencer.all_strips(scene)), default=0)
@@ -57,7 +59,7 @@ def show(scene, source, closures: np.ndarray, words=()) -> int:
 
 
 def _row(scene, source, channel: int, labelled) -> list:
-    """Adds strips for start, end and label, one after the other."""
+    """Adds a strip for each start, end and label, so that none overlap."""
     fps, free, strips = scene.render.fps / scene.render.fps_base, -np.inf, []
     start = round(source.start_frame)
     for start_s, end_s, label in labelled:
@@ -73,7 +75,7 @@ def _row(scene, source, channel: int, labelled) -> list:
 
 
 def _word_of(closure, words) -> int | None:
-    """The number of the word in which an interval is heard; words with p, b or m come first."""
+    """The number of the word that a closure lies in, preferably one with p, b or m; or None."""
     candidates = []
     for number, (start_s, end_s, label) in enumerate(words):
         shared_s = min(closure[1], end_s) - max(closure[0], start_s - _EARLY_S)
@@ -89,13 +91,13 @@ def clear(scene, name: str) -> None:
 
 
 def read(scene, source) -> list[tuple[float, float, str]] | None:
-    """Start and end in seconds, and the text, of each closure of a sound; None without strips."""
+    """Start, end (seconds) and text of each closure of a sound; None if the sound has no strips."""
     closures = [(*now, strip.text.strip()) for strip, now in _closures(scene, source)]
     return sorted(closures) or ([] if _of(scene, source.name) else None)
 
 
 def follow(scene, source) -> None:
-    """Moves closures along with their words; then all strips count as put where they are."""
+    """Moves closures along with their words, then stores where all strips are now."""
     fps, start = scene.render.fps / scene.render.fps_base, round(source.start_frame)
     for strip, now in _closures(scene, source):
         if now != _times(scene, source, strip).now:
@@ -107,7 +109,7 @@ def follow(scene, source) -> None:
 
 
 def stretch_of_words(scene, source) -> tuple[float, float] | None:
-    """The frames between which words have moved, with their old places; None where none has."""
+    """The frames around the old and new places of all moved words; None if none has moved."""
     moved = [_times(scene, source, strip) for strip in _words(scene, source)]
     ends_s = [at for times in moved if times.moved for at in (*times.now, *times.was)]
     if not ends_s:
@@ -118,7 +120,7 @@ def stretch_of_words(scene, source) -> tuple[float, float] | None:
 
 
 def _closures(scene, source) -> list[tuple]:
-    """The strip of each closure, and its start and end in seconds after its word has moved."""
+    """The strip of each closure, and its start and end in seconds once it follows its word."""
     words = {}
     for strip in _words(scene, source):
         words.setdefault(strip[_WORD], []).append(_times(scene, source, strip))
@@ -127,14 +129,14 @@ def _closures(scene, source) -> list[tuple]:
         if _WORD in strip:
             continue
         times, word = _times(scene, source, strip), words.get(strip.get(_IN_WORD), [])
-        # If a word was copied, its closure could be in either of the two.
+        # If a word was copied, its closure could belong to either copy, so it stays.
         carried = len(word) == 1 and word[0].moved and not times.moved
         closures.append((strip, _carried(times.now, word[0]) if carried else times.now))
     return closures
 
 
 def _carried(interval: tuple[float, float], word: _Times) -> tuple[float, float]:
-    """The times of an interval, seconds, after its word has moved."""
+    """Moves and stretches an interval, seconds, along with its word."""
     rate = (word.now[1] - word.now[0]) / max(word.was[1] - word.was[0], 1e-3)
     start_s, end_s = (max(0.0, word.now[0] + rate * (at - word.was[0])) for at in interval)
     return start_s, end_s
@@ -146,12 +148,12 @@ def _times(scene, source, strip) -> _Times:
     exact = tuple(strip[_SECONDS])
     if was is None or ends == list(was):
         return _Times(exact, exact)
-    # Both in frames: what lies in a shifted word keeps its length.
+    # Both come from frames, so that closures in a shifted word keep their length.
     return _Times(*(tuple(max(0.0, at / fps) for at in pair) for pair in (ends, was)))
 
 
 def _settle(strip, now: tuple[float, float], start: int) -> None:
-    """Stores the present place of a strip as the place where it was put."""
+    """Stores the present times and frames of a strip as those at which it was placed."""
     strip[_SECONDS] = [float(at) for at in now]
     strip[_FRAMES] = [at - start for at in sequencer.ends(strip)]
 
@@ -161,7 +163,7 @@ def _words(scene, source) -> list:
 
 
 def apart(labelled: list[tuple[float, float, str]]) -> list[tuple[float, float, str]]:
-    """The same intervals without overlaps: strips of two channels may overlap."""
+    """The same intervals without overlaps, since strips on two channels may overlap."""
     intervals, free = [], 0.0
     for start_s, end_s, label in labelled:
         if end_s > max(start_s, free):
@@ -171,7 +173,7 @@ def apart(labelled: list[tuple[float, float, str]]) -> list[tuple[float, float, 
 
 
 def shows(strip) -> bool:
-    """True for a strip that shows a sound."""
+    """Whether a strip shows a closure or a word."""
     return strip.get(_SOUND) is not None
 
 

@@ -17,7 +17,7 @@ from . import sequencer, sound_source
 def chosen(scene, names: list[str], channel: int) -> list:
     """The strips called `names`, or else all sound strips of a channel, first to last.
 
-    Raises `AnyfaceError("audio")` where there are none.
+    Raises `AnyfaceError("audio")` if there are none.
     """
     strips = sequencer.sound_strips(scene)
     if names:
@@ -34,14 +34,14 @@ def chosen(scene, names: list[str], channel: int) -> list:
 
 
 def named_in(name: str, objects: list):
-    """The object whose name is part of a strip's name, the longest one; or None."""
+    """The object whose name occurs in a strip's name, or None. The longest name wins."""
     said, named = f" {_words(name)} ", [ob for ob in objects if _words(ob.name)]
     named = [ob for ob in named if f" {_words(ob.name)} " in said]
     return max(named, key=lambda ob: len(ob.name), default=None)
 
 
 def without_name(name: str, objects: list) -> str:
-    """A name without that of the object in it: "Anna: smile" becomes "smile"."""
+    """Removes an object's name from a name: "Anna: smile" becomes "smile"."""
     ob = named_in(name, objects)
     if ob is None:
         return name
@@ -55,9 +55,9 @@ def _words(name: str) -> str:
 
 
 def as_one(scene, strips: list, decode: Decode) -> MixedSource:
-    """The strips as they play, each at its place; muted ones are left out with a note.
+    """Combines strips as they play, each at its place. Muted strips are left out with a note.
 
-    Raises `AnyfaceError("audio")` where all are muted.
+    Raises `AnyfaceError("audio")` if all are muted.
     """
     audible = [strip for strip in strips if not strip.mute]
     muted = [strip.name for strip in strips if strip.mute]
@@ -75,20 +75,20 @@ def as_one(scene, strips: list, decode: Decode) -> MixedSource:
 
 @dataclass
 class Length:
-    """The length of a sound for the panel: scene frames (without the last one) and seconds."""
+    """The length of a sound for the panel: scene frames (`last` is not included) and seconds."""
 
     first: float
     last: float
     seconds: float
 
     def __str__(self) -> str:
-        # The last frame in which something is heard.
+        # The last frame that still has sound.
         last = max(math.ceil(self.last) - 1, math.floor(self.first))
         return f"frames {self.first:g} to {last}, {self.seconds:.2f} s"
 
 
 def length_of(scene, strips: list, with_muted: bool = False) -> Length | None:
-    """Where strips begin and end, without muted ones unless `with_muted`; None without strips."""
+    """Where strips begin and end; None if there are none. Muted ones count only if `with_muted`."""
     audible = [strip for strip in strips if with_muted or not strip.mute]
     if not audible:
         return None
@@ -98,7 +98,7 @@ def length_of(scene, strips: list, with_muted: bool = False) -> Length | None:
 
 
 def length_of_file(scene, path: str, start_frame: float) -> Length | None:
-    """The length of a sound file that begins at `start_frame`; None where it is not known yet."""
+    """The length of a sound file that begins at `start_frame`; None if it is not known yet."""
     seconds = seconds_of(path)
     if seconds is None:
         return None
@@ -107,7 +107,7 @@ def length_of_file(scene, path: str, start_frame: float) -> Length | None:
 
 
 def seconds_of(path: str) -> float | None:
-    """The length of a sound file in seconds; None where it is not known before decoding."""
+    """The length of a sound file in seconds; None if only decoding can tell."""
     full = bpy.path.abspath(path)
     if not path or not os.path.isfile(full):
         return None
@@ -115,15 +115,14 @@ def seconds_of(path: str) -> float | None:
 
 
 def duration_s(source) -> float | None:
-    """The length of a `SoundSource` or `MixedSource` in seconds; None where it is not known yet."""
+    """The length of a `SoundSource` or `MixedSource` in seconds; None if it is not known yet."""
     known = source.duration_s
     return seconds_of(getattr(source, "path", "")) if known is None else known
 
 
 @lru_cache(maxsize=32)
 def _seconds(path: str, _changed: int) -> float | None:
-    """The length of a sound file from its header, cached since the panel reads it at every
-    redraw."""
+    """The length of a sound file from its header; cached, since every redraw asks for it."""
     try:
         with wave.open(path, "rb") as file:
             return file.getnframes() / file.getframerate()
@@ -135,5 +134,5 @@ def _seconds(path: str, _changed: int) -> float | None:
         sound_file = aud.Sound(path)
         return sound_file.length / sound_file.specs[0]
     except Exception:
-        # The panel is drawn whatever the decoder raises; Generate reports the error.
+        # The panel must draw, whatever the decoder raises. Generate reports the error.
         return None

@@ -1,4 +1,4 @@
-"""Changes a finished take: how strongly it moves, what it shows, and when."""
+"""Changes a finished take: its strength, its sliders, and its place in time."""
 
 from functools import lru_cache
 
@@ -10,7 +10,7 @@ from ..animation import bezier, curves
 from ..shape_keys import guard, record, slider_changes
 from . import together
 
-# Groups of named shapes that can be scaled alone, by the beginnings of the shapes' names.
+# Groups of named shapes that can be scaled on their own, by the prefixes of the shapes' names.
 GROUPS = {
     "mouth": ("jaw", "mouth", "tongue", "viseme_"),
     "blinks": ("eyeBlink",),
@@ -26,9 +26,9 @@ def adjust(ob, **changes: float) -> None:
     """Changes the take of `ob` and of the objects beside it.
 
     `strength` scales all motion, and `shift` moves it by scene frames. A name of `GROUPS` scales
-    those shapes. A name of `sliders.NAMES` changes basis keys as a new run would, within its
-    limits, where `why_not` has no objection. All count from the take as it was made; what is not
-    named stays.
+    the shapes of that group. A name of `sliders.NAMES` changes basis keys as a new run would,
+    within the limits of the slider, unless `why_not` gives a reason against it. All values are
+    relative to the take as it was made. Settings that are not named stay.
     """
     copies.settle()
     for part in (ob, *together.others_of(ob)):
@@ -37,12 +37,12 @@ def adjust(ob, **changes: float) -> None:
 
 
 def has_take(ob) -> bool:
-    """True where `ob` carries a take in its keys or as a cache."""
+    """Whether `ob` has a take in its keys or as a cache."""
     return outputs.of_object(ob) is not None
 
 
 def is_named(ob) -> bool:
-    """True where the take of `ob` is one of named shapes."""
+    """Whether the take of `ob` consists of named shapes."""
     output = outputs.of_object(ob)
     return output is not None and not output.as_basis and not output.finished
 
@@ -72,7 +72,7 @@ def why_not(ob, name: str) -> str:
 
 
 def groups_of(take_record: record.Record) -> list[str]:
-    """The groups of which a take has shapes."""
+    """The groups that contain shapes of a take."""
     groups = [
         _group(take_record.shown.get(name, name))
         for name in (*take_record.keys, *take_record.values)
@@ -115,8 +115,7 @@ def _adjust(ob, changes: dict[str, float]) -> None:
 
 
 def _possible(changes, output, take_sliders) -> dict[str, float]:
-    """Those of `changes` that can be applied; basis keys stay within the limits of their
-    sliders."""
+    """The `changes` that can be applied, with sliders of basis keys clamped to their limits."""
     if not output.as_basis:
         groups = ("strength", "shift", *GROUPS)
         return {name: value for name, value in changes.items() if name in groups}
@@ -129,7 +128,7 @@ def _possible(changes, output, take_sliders) -> dict[str, float]:
 
 
 def _added(take_sliders, before, after) -> np.ndarray | None:
-    """What sliders that have moved add to the weights, `[T, K]`; None where none has moved."""
+    """The weights `[T, K]` that the moved sliders add; None if no slider has moved."""
     moved = []
     for name, change in take_sliders.items():
         old, new = sliders.place(name, before), sliders.place(name, after)
@@ -143,10 +142,10 @@ def factor(name: str, adjusted: dict[str, float]) -> float:
     return adjusted.get("strength", 1.0) * adjusted.get(_group(name), 1.0)
 
 
-# A drag asks for every key many times a second.
+# A drag calls this for every key many times a second.
 @lru_cache(maxsize=1024)
 def _group(key: str) -> str:
-    """The group of a key, whatever its spelling; empty for none."""
+    """The group of a key in any spelling of its name; empty if it is in none."""
     shape = next(iter(shapes.match([key])), "")
     return next((name for name, starts in GROUPS.items() if shape.startswith(starts)), "")
 
@@ -154,8 +153,8 @@ def _group(key: str) -> str:
 def _change(curve, factor: float, moved: float, more=None) -> tuple[float, float]:
     """Scales a curve, adds `more` to it, and moves it in time.
 
-    `more` holds frames `[T]`, before they move, and the values to add at them. Keyframes that the
-    artist has moved or added change too; outside the take nothing is added. Returns the lowest and
+    `more` holds frames `[T]`, before the move, and the values to add at them. Keyframes that the
+    artist has moved or added change too. Nothing is added outside the take. Returns the lowest and
     the highest value.
     """
     if bezier.is_sparse(curve):
@@ -164,11 +163,11 @@ def _change(curve, factor: float, moved: float, more=None) -> tuple[float, float
     points[1::2] *= factor
     if more is not None:
         frames, added = more
-        # Keyframes lie at rounded numbers.
+        # Keyframes lie at rounded frames, so half a frame of the take is the tolerance.
         half = 0.5 * (frames[1] - frames[0]) if len(frames) > 1 else 0.5
         inside = (points[0::2] > frames[0] - half) & (points[0::2] < frames[-1] + half)
         points[1::2] += inside * np.interp(points[0::2], frames, added)
-    # Blender skips keys whose value is exactly 0.
+    # Blender skips keys whose value is exactly 0, so tiny values become 0.
     points[1::2] *= np.abs(points[1::2]) > _NOTHING
     points[0::2] += moved
     curves.put(curve, {"co": points})

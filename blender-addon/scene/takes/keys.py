@@ -13,17 +13,16 @@ from . import remove
 
 
 def check(ob, take: Take) -> None:
-    """Raises `AnyfaceError` where the output refuses `ob`, or its mesh has changed since it was
-    read."""
+    """Raises `AnyfaceError` if the output refuses `ob` or if its mesh changed after the read."""
     outputs.of_take(take).check_object(ob)
     if take.motion.vectors is not None:
         guard.check_size(ob, take.motion.vectors.shape[1])
 
 
 def prepare(ob, take: Take, start_frame: float, scene_fps: float):
-    """Makes the curves of a take beforehand, yielding after each; returns `curves.Prepared`.
+    """Makes the curves of a take in advance and yields after each; returns `curves.Prepared`.
 
-    If it is closed before its end, it leaves nothing.
+    If the generator is closed before its end, it leaves nothing behind.
     """
     if take.motion.weights is None:
         return None
@@ -37,23 +36,26 @@ def prepare(ob, take: Take, start_frame: float, scene_fps: float):
 
 
 def _times(take: Take, start_frame: float, scene_fps: float) -> np.ndarray:
-    """Scene frames of rest, each frame and rest again; frame `t` lies at
-    `start_frame + t · scene_fps / take.fps`."""
+    """The scene frames of rest, of each frame of a take, and of rest again.
+
+    Frame `t` lies at `start_frame + t · scene_fps / take.fps`.
+    """
     return curves.with_rest(take.scene_frames(start_frame, scene_fps), scene_fps, take.earliest)
 
 
 def write(ob, take: Take, start_frame: float, scene_fps: float) -> record.Record:
-    """Puts `take` on `ob` with its first frame at `start_frame`; an earlier take goes.
+    """Puts `take` on `ob` with its first frame at `start_frame`; removes an earlier take.
 
-    Nothing is written where `check` raises.
+    Nothing is written if `check` raises.
     """
     return at_once(writing(ob, take, start_frame, scene_fps, None))
 
 
 def writing(ob, take: Take, start_frame: float, scene_fps: float, prepared: curves.Prepared | None):
-    """Writes like `write`, in steps: keys, then curves, which may be `prepared`; yields `BEGUN`.
+    """Does what `write` does in steps: first keys, then curves. Yields `BEGUN` between the steps.
 
-    Between the steps Blender evaluates the scene. Keys and curves at once would take too long.
+    The curves may be `prepared`. Blender evaluates the scene between the steps, since keys and
+    curves at once would take too long.
     """
     check(ob, take)
     output, at = outputs.of_take(take), _times(take, start_frame, scene_fps)

@@ -1,8 +1,8 @@
 """Takes as strips of the NLA.
 
-Below them lies a strip that holds all our keys at 0. Without it Blender would blend a strip of less
-than full influence with the default of a key's value, which is 1, and a muted strip would leave its
-keys where they were.
+A strip below them holds all our keys at 0. Without it, Blender would blend a strip of less than
+full influence with the default value of a key, which is 1. A muted strip would leave its keys where
+they were.
 """
 
 import bpy
@@ -16,7 +16,7 @@ _REST_NAME = "Anyface Rest"
 
 
 def push(ob, take_record: record.Record, action) -> None:
-    """Adds a track with a strip that plays `action` at its own frames."""
+    """Adds a track with a strip that plays `action` at the frames of its keyframes."""
     shape_keys = ob.data.shape_keys
     animation = shape_keys.animation_data
     _hold_at_rest(ob, take_record)
@@ -55,7 +55,7 @@ def rest_channels(shape_keys):
 
 
 def hold(bag, names: list[str]) -> None:
-    """Keeps keys at 0 where no take plays them; `bag` is that of `rest_channels`."""
+    """Keeps keys at 0 while no take plays them; `bag` comes from `rest_channels`."""
     for name in names:
         curves.write(bag, curves.value_path(name), np.zeros(1), np.zeros(1))
 
@@ -84,7 +84,7 @@ def add_strip(animation, name: str, action, first: float):
 
 
 def remove_strips(animation, action: bpy.types.Action) -> None:
-    """Removes the strips of `action`, and tracks that are empty then."""
+    """Removes the strips of `action`, and the tracks that are then empty."""
     for track in list(animation.nla_tracks):
         for strip in [strip for strip in track.strips if strip.action == action]:
             track.strips.remove(strip)

@@ -4,16 +4,17 @@ from ...core.heard_emotion import HeardEmotion
 from .. import outputs
 from ..shape_keys import record
 
-# Property groups of an object, without those of the output that change a finished take.
+# The stored property groups of an object. The output's group is not stored, since setting its
+# sliders would change a finished take.
 GROUPS = ("anyface", "anyface_audio", "anyface_life_settings")
 _REPORT, _LAST, _DETAILS = "report", "last_frame", "report_details"
-# Properties that show a setting in another way.
+# Properties that show another setting in a different form.
 _SHOWN = ("emotion_face",)
 _KINDS = {"BOOLEAN", "INT", "FLOAT", "STRING", "ENUM"}
 
 
 def read(ob) -> dict:
-    """The settings by group and name; the chosen strips by their names."""
+    """The settings by group and name, and the names of the chosen strips."""
     values = {name: _values(getattr(ob, name)) for name in GROUPS}
     values["chosen"] = [row.name for row in ob.anyface_audio.chosen]
     return values
@@ -22,7 +23,7 @@ def read(ob) -> dict:
 def note(ob, settings: dict, report: str, heard_emotion: HeardEmotion | None = None) -> None:
     """Stores settings and results with the take that plays on `ob`.
 
-    The results are the report, the last frame, and the emotion that was heard.
+    The results are the report, its details, the last frame, and the emotion heard in the voice.
     """
     take_record = record.read(ob.data.shape_keys) if outputs.has_take(ob) else None
     if take_record is not None:
@@ -38,11 +39,11 @@ def note(ob, settings: dict, report: str, heard_emotion: HeardEmotion | None = N
 
 
 def bring_back(ob) -> None:
-    """Sets the panel to the settings of the playing take; curves on settings stay."""
+    """Sets the panel to the settings of the playing take; animation of the settings stays."""
     take_record = record.read(ob.data.shape_keys)
     settings = take_record.asked if take_record is not None else {}
     if "emotion" in settings.get("anyface", {}):
-        # Takes of earlier versions have one emotion.
+        # Takes of earlier versions have a single emotion, not a mixture.
         ob.anyface.mixed = ""
     for name in GROUPS:
         _set(getattr(ob, name), settings.get(name, {}))
@@ -68,7 +69,7 @@ def _values(group) -> dict:
 
 def _set(group, values: dict) -> None:
     for name, value in values.items():
-        # A later version may have other settings, or other choices.
+        # The take may come from another version, with other settings or choices.
         try:
             setattr(group, name, value)
         except (AttributeError, TypeError):

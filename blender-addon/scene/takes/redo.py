@@ -20,17 +20,17 @@ _NO_RANGE = (
     "no stretch to redo: move a word, set a preview range (P), or put a marker (M) before and "
     "behind it"
 )
-# A smaller motion looks the same: twice the error of a take, mm.
+# A smaller change cannot be seen: twice the error of a take, mm.
 _NOTHING_MM = 0.2
 _REDONE = "a stretch of the take was redone: generate again"
 
 
 def between(scene, source=None) -> tuple[float, float]:
-    """The frames that *Redo* changes.
+    """The first and the last frame of the range that *Redo* changes.
 
-    They lie in the preview range, between two selected markers, where words of the sound `source`
-    have moved, or between the markers around the current frame, whichever applies first. Raises
-    `AnyfaceError("input")` where none does.
+    The range is the first of these that exists: the preview range, the range between two selected
+    markers, the range in which words of the sound `source` have moved, and the range between the
+    markers around the current frame. Raises `AnyfaceError("input")` if there is none.
     """
     if scene.use_preview_range:
         return float(scene.frame_preview_start), float(scene.frame_preview_end)
@@ -60,14 +60,13 @@ def _output_of(ob):
 
 
 def read(ob, scene, settings, engine) -> redo.Redo | FilmRedo:
-    """Reads everything that is needed to redo a stretch with the panel's settings; raises
-    `AnyfaceError`."""
+    """Reads everything that a redo with the panel's settings needs; raises `AnyfaceError`."""
     copies.settle()
     output = _output_of(ob)
     if output is None:
         raise AnyfaceError("input", _NO_TAKE)
     settings.mode = output.name
-    # A stretch goes on from the take, wherever the face stands now.
+    # A stretch continues the motion of the take, so the present pose of the face does not matter.
     settings.starts_from_pose = False
     snapshot = bake.read(ob, scene, settings, engine)
     snapshot.request.error_mm = None
@@ -144,14 +143,14 @@ def _keys_of(part) -> redo.ObjectKeys:
 
 
 def _stretch(ob, job: redo.Redo, scene) -> tuple[redo.Stretch, float, float]:
-    """The stretch, the scene frame at which the take begins, and the distance of its frames."""
+    """The stretch, the scene frame at which the take begins, and the spacing of its frames."""
     snapshot, take_record = job.snapshot, record.read(ob.data.shape_keys)
     start = snapshot.source.start_frame + take_record.adjusted.get("shift", 0.0)
     step = snapshot.scene_fps / snapshot.request.fps
     last_frames = [curve.range()[1] for curve in _curves(ob, take_record).values()]
     if not last_frames:
         raise AnyfaceError("mesh", "the take has no curves any more: generate again")
-    # The last keyframe is at rest, behind the last frame of the sound.
+    # The last keyframe is the rest pose, which comes after the last frame of the sound.
     ends = max(last_frames) - curves.EASE_S * snapshot.scene_fps
     stretch = redo.Stretch(*between(scene, snapshot.source), start, ends, snapshot.scene_fps)
     return stretch, start, step
@@ -169,7 +168,7 @@ def _curves(part, take_record) -> dict:
 
 
 def _change(part, keys: redo.ObjectKeys, result: redo.Redone, at, stretch) -> float:
-    """The largest distance by which the new weights move a vertex of an object, object units."""
+    """The largest distance by which the new weights move any vertex of an object, object units."""
     take_record = record.read(part.data.shape_keys)
     was = np.array([bezier.sample(curve, at) for curve in _curves(part, take_record).values()]).T
     scale = [adjust.factor(shape, take_record.adjusted) for shape in keys.shapes]
@@ -178,27 +177,25 @@ def _change(part, keys: redo.ObjectKeys, result: redo.Redone, at, stretch) -> fl
 
 
 class _Fewer:
-    """Chooses which frames of a stretch get keys; `limits` `[K]` are those of the curves."""
+    """Chooses which frames of a stretch get keys; `limits` `[K]` are the tolerances."""
 
     def __init__(self, engine, limits: np.ndarray):
         self._engine, self._limits = engine, limits
 
     def of(self, number: int):
-        """The function that chooses for one curve."""
+        """The function that chooses the frames for curve `number`."""
         limit = self._limits[number : number + 1]
         return lambda values: self._engine.few_keys_each(values[:, None], limit)[0]
 
 
 def _limits(snapshot, keys: redo.ObjectKeys, unit_mm: float) -> np.ndarray:
-    """The tolerance of each curve of a stretch, `[K]`, with which all together stay within the
-    limit."""
+    """The tolerance of each curve, `[K]`, that keeps all curves together within the limit."""
     sizes = np.sqrt((keys.vectors**2).sum(axis=2).max(axis=1, initial=0.0)) * unit_mm
     return sparse.ALONE * snapshot.settings.curves_mm / np.maximum(sizes, 1e-9)
 
 
 def _write(part, fit: redo.Fit, at, stretch: redo.Stretch, fewer: _Fewer) -> bool:
-    """Puts new weights into the curves of one object; False where no keyframe lies in the
-    stretch."""
+    """Puts new weights into the curves of one object; False if the stretch has no keyframe."""
     guard.unshare(part)
     shape_keys = part.data.shape_keys
     take_record = record.read(shape_keys)
@@ -221,7 +218,7 @@ def _write(part, fit: redo.Fit, at, stretch: redo.Stretch, fewer: _Fewer) -> boo
 
 
 def _add(part, take_record, fit: redo.Fit, at: np.ndarray, stretch: redo.Stretch) -> None:
-    """Adds keys for what the keys of the take cannot show; they rest outside the stretch."""
+    """Adds keys for motion that the take's keys cannot show. They rest outside the stretch."""
     if not len(fit.more):
         return
     strength = adjust.factor("", take_record.adjusted)

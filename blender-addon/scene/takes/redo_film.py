@@ -1,4 +1,4 @@
-"""Redoes a stretch of a take that is stored frame by frame, or lies on a rig."""
+"""Redoes a stretch of a take that is stored frame by frame or animates a rig."""
 
 import numpy as np
 
@@ -13,8 +13,7 @@ from . import together
 
 
 def read(ob, output, snapshot, bounds: tuple[float, float]) -> FilmRedo:
-    """Reads everything that is needed to redo the scene's frames between `bounds`; raises
-    `AnyfaceError`."""
+    """Reads all that a redo of the scene frames between `bounds` needs; raises `AnyfaceError`."""
     stretch, rows, at = _where(ob, output, snapshot, bounds)
     plan = output.redo_plan(ob, snapshot, rows.start, stretch.of_keyframes(at))
     return FilmRedo(snapshot, rows, plan, bounds)
@@ -38,7 +37,7 @@ def landing(ob, job: FilmRedo, take: Take):
 
 
 def _where(ob, output, snapshot, bounds) -> tuple[redo.Stretch, range, np.ndarray]:
-    """The stretch, its frames of the take, and the scene frames at which they lie."""
+    """The stretch, the numbers of its frames in the take, and their scene frames."""
     start, step, count = output.span(ob, snapshot)
     ends = start + (count - 1) * step
     stretch = redo.Stretch(*bounds, start, ends, snapshot.scene_fps)

@@ -10,11 +10,11 @@ from ..shape_keys import artist_keys, guard, record, slider_changes
 
 
 def remove(ob) -> bool:
-    """Removes the generated keys, curves, action and copies; False where there were none.
+    """Removes the generated keys, curves, action and copies; False if there were none.
 
     A generated key that was renamed belongs to the artist: it stays, at rest and without its curve.
-    So do keys, curves and drivers that were added since. A mesh or action that had been shared is
-    shared again, unless somebody has changed the copy.
+    Keys, curves and drivers that were added since stay too. A mesh or action that had been shared
+    is shared again, unless somebody has changed the copy.
     """
     if not record.is_generated(ob):
         return False
@@ -35,7 +35,7 @@ def remove(ob) -> bool:
 
 
 def _inherit(shape_keys, take_record: record.Record) -> None:
-    """Passes what was added once for all takes on to a take that waits; the last take undoes it."""
+    """Hands changes made once for all takes to a waiting take, so the last take undoes them."""
     waiting = record.read_kept(shape_keys)
     if not waiting:
         return
@@ -58,9 +58,9 @@ def _remove_curves(shape_keys, take_record: record.Record) -> None:
 
 
 def _rest_renamed(shape_keys, take_record: record.Record) -> None:
-    """Puts keys of the take that were renamed since back to where they were before it.
+    """Resets renamed keys of the take to the values that they had before it.
 
-    Blender renames their curves too. These lie in our group, in the order of the keys.
+    Blender renames their curves too. The curves lie in our group, in the order of the keys.
     """
     names, blocks = (*take_record.keys, *take_record.values), shape_keys.key_blocks
     lost = [name for name in names if name not in blocks]
@@ -76,8 +76,7 @@ def _rest_renamed(shape_keys, take_record: record.Record) -> None:
 
 
 def _original(shape_keys, name: str, copy_print: str):
-    """The original for which a copy of ours stands in, where `copy_print` is set; its pointer is
-    deleted."""
+    """The original of our copy, or None if `copy_print` is empty. Deletes the pointer to it."""
     original = shape_keys.get(name) if copy_print else None
     if original is not None:
         del shape_keys[name]
@@ -87,7 +86,7 @@ def _original(shape_keys, name: str, copy_print: str):
 def _release_action(animation, take_record: record.Record, original) -> None:
     """Removes our action.
 
-    If it stood in for `original`, that plays again, unless somebody has changed the copy.
+    If it is a copy of `original`, the original plays again, unless somebody has changed the copy.
     """
     action = animation.action
     if (
@@ -121,8 +120,8 @@ def _remove_keys(ob, take_record: record.Record) -> None:
 def _clear_keys(ob) -> None:
     """Removes all keys of `ob`, and their data-block.
 
-    Blender counts one user too many for the keys of a copied mesh. They would stay without an
-    owner, and Blender would warn of them whenever the file is saved.
+    Blender counts one user too many for the keys of a copied mesh. The keys would stay without an
+    owner, and Blender would warn about them at every save.
     """
     name = ob.data.shape_keys.name
     ob.shape_key_clear()

@@ -1,6 +1,6 @@
-"""Several takes on one character: one plays, the others wait as actions or lie in the NLA.
+"""Several takes on one character: one plays, the others wait as actions or as NLA strips.
 
-The keys of a take that waits stay at 0, and its curves lie in an action of their own. A custom
+The keys of a waiting take stay at 0, and its curves lie in an action of their own. A custom
 property of the shape keys points to that action, so that it is saved and may be renamed.
 """
 
@@ -39,9 +39,9 @@ def rows(ob) -> list[Row]:
 
 
 def keep(ob) -> bool:
-    """Lets the current take wait, so that the next one goes beside it; False without one.
+    """Sets the current take aside, so that the next one can join it; False if there is none.
 
-    The takes of the objects beside the face wait too.
+    The takes of the objects beside the face are set aside too.
     """
     others = together.others_of(ob)
     current = record.read(_editable(ob))
@@ -70,7 +70,7 @@ def _keep(ob) -> bool:
 
 
 def switch(ob, take_id: str) -> None:
-    """Lets another take play."""
+    """Sets the current take aside and plays another one."""
     shape_keys = _editable(ob)
     current = record.read(shape_keys)
     if current is not None and current.id == take_id:
@@ -85,7 +85,7 @@ def switch(ob, take_id: str) -> None:
 
 
 def channels_of(shape_keys, take_record: record.Record):
-    """The holder of the curves of a take, whether it plays or waits; None where that is gone."""
+    """The holder of the curves of a take, whether it plays or waits; None if it is gone."""
     action = shape_keys.get(_ACTION + take_record.id)
     if action is not None:
         return next(iter(curves.bags(action)), None)
@@ -93,7 +93,7 @@ def channels_of(shape_keys, take_record: record.Record):
 
 
 def _beside(ob, take_id: str) -> list[tuple]:
-    """The objects that play a part of a take of `ob`, each with its record there."""
+    """The other objects that play a take of `ob`, each with its own record of the take."""
     meshes = [part for part in identity.parts_of(ob) if part.type == "MESH"]
     pairs = [
         (part, take_record)
@@ -114,7 +114,7 @@ def _play(ob, take_id: str) -> None:
 
 
 def rename(ob, take_id: str, name: str) -> None:
-    """Gives a take, and its action, another name."""
+    """Renames a take, and its action if the take waits."""
     shape_keys = _editable(ob)
     name = name.strip()
     if not name:
@@ -131,7 +131,7 @@ def rename(ob, take_id: str, name: str) -> None:
 
 
 def push_down(ob, take_id: str) -> None:
-    """Puts a take as a strip on an NLA track of its own, where it can be blended."""
+    """Puts a take into a strip on its own NLA track, where it can be blended."""
     shape_keys = _editable(ob)
     current = record.read(shape_keys)
     if current is not None and current.id == take_id:
@@ -191,7 +191,7 @@ def _take_out(ob, take_record: record.Record):
 
 
 def _put_in(ob, take_record: record.Record) -> None:
-    """Gives the character the curves of a take that waits."""
+    """Gives the character the curves of a waiting take."""
     shape_keys = ob.data.shape_keys
     action = shape_keys.get(_ACTION + take_record.id)
     if action is None:

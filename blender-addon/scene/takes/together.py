@@ -12,11 +12,12 @@ from . import keys, remove
 
 
 def landing(ob, parts: list[Piece], take: Take, start_frame: float, scene_fps: float, before=None):
-    """Puts `take` on `ob` and on the objects beside it that move, in steps: yields between them.
+    """Puts `take` on `ob` and on the moving objects beside it, in steps; yields between them.
 
-    An earlier take goes, except for a table, which changes no mesh. All objects are checked first,
-    and nothing is written where one cannot be. If it is closed before it yields `BEGUN`, nothing
-    has changed. `before` is called when nothing can go wrong any more.
+    It removes an earlier take, unless `take` is a table, which changes no mesh. It checks all
+    objects first, and writes nothing if one of them cannot be written. If the generator is closed
+    before it yields `BEGUN`, nothing has changed. It calls `before` after all checks and
+    preparations, just before it writes.
     """
     output = outputs.of_take(take)
     if output.in_files:
@@ -46,7 +47,7 @@ def landing(ob, parts: list[Piece], take: Take, start_frame: float, scene_fps: f
 
 
 def _landing_files(ob, output, take: Take, start_frame: float, scene_fps: float, before):
-    """Does the same for takes in files or on a rig."""
+    """Does what `landing` does, for takes in files or on a rig."""
     output.check_files(take)
     yield from output.prepare_files(take, start_frame, scene_fps)
     try:
@@ -61,7 +62,7 @@ def _landing_files(ob, output, take: Take, start_frame: float, scene_fps: float,
 
 
 def _write(moving: list[tuple], start_frame: float, scene_fps: float, prepared: list):
-    """Writes the takes of a face and of the parts that move with it, with prepared curves."""
+    """Writes the takes of a face and of the parts that move with it, from prepared curves."""
     (ob, face_take), *others = moving
     remove_others(ob)
     first = yield from keys.writing(ob, face_take, start_frame, scene_fps, prepared[0])
@@ -74,14 +75,14 @@ def _write(moving: list[tuple], start_frame: float, scene_fps: float, prepared: 
 
 
 def remove_all(ob) -> bool:
-    """Removes the take from `ob` and from the objects beside it; False where there was none."""
+    """Removes the take from `ob` and from the objects beside it; False if there was none."""
     others = remove_others(ob)
     turns.release(ob)
     return remove.remove(ob) or others
 
 
 def remove_others(ob) -> bool:
-    """Removes the take of `ob` from the objects beside it, also from renamed ones."""
+    """Removes the take of `ob` from the objects beside it, even from renamed ones."""
     others = others_of(ob)
     for other in others:
         remove.remove(other)
