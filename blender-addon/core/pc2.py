@@ -2,7 +2,10 @@
 
 import os
 import struct
+from collections.abc import Iterator
+from contextlib import contextmanager
 from pathlib import Path
+from typing import BinaryIO
 
 import numpy as np
 
@@ -13,7 +16,7 @@ _HEADER = "<12siiffi"
 
 
 def frame_count(frames: int, ease: int) -> int:
-    """Frames of a cache of `frames` with `ease` more before and after."""
+    """Frames in the cache of a take of `frames`, with `ease` more before and after."""
     return frames + 2 * ease
 
 
@@ -25,7 +28,7 @@ def file_size(frames: int, vertices: int) -> int:
 def write(path: Path, rest: np.ndarray, moved: np.ndarray, ease: int, progress: Progress) -> None:
     """Writes `rest` `[V, 3]` + `moved` `[T, V, 3]`; a cancelled or failed write leaves nothing.
 
-    `ease` frames lead from rest to the first frame, as many from the last back to rest.
+    `ease` frames lead from rest to the first frame, and as many from the last frame back to rest.
     Raises `AnyfaceError("file")`, or `Cancelled`.
     """
     partial = path.with_name(path.name + ".part")
@@ -46,16 +49,43 @@ def write(path: Path, rest: np.ndarray, moved: np.ndarray, ease: int, progress: 
         raise AnyfaceError("file", f"{path}: {error.strerror or error}") from error
 
 
-def patched(path: Path, vertices: int, ease: int) -> np.ndarray:
-    """The frames `[N, V, 3]` of a cache, which may be changed in its file.
+class Frames:
+    """The `count` frames `[V, 3]` of an open cache; setting one changes the file.
 
-    Raises `AnyfaceError("file")` where it is not one of `vertices` with `ease` more at its ends.
+    A memory map would do the same, but an error that still refers to it keeps the file open, and
+    Windows deletes no open file.
+    """
+
+    def __init__(self, file: BinaryIO, vertices: int, count: int):
+        self._file, self._vertices, self._count = file, vertices, count
+
+    def __len__(self) -> int:
+        return self._count
+
+    def __getitem__(self, number: int) -> np.ndarray:
+        self._go_to(number)
+        return np.frombuffer(self._file.read(12 * self._vertices), "<f4").reshape(-1, 3)
+
+    def __setitem__(self, number: int, positions: np.ndarray) -> None:
+        self._go_to(number)
+        self._file.write(np.ascontiguousarray(positions, "<f4").tobytes())
+
+    def _go_to(self, number: int) -> None:
+        self._file.seek(file_size(number, self._vertices))
+
+
+@contextmanager
+def patch(path: Path, vertices: int, ease: int) -> Iterator[Frames]:
+    """Opens a cache to change its frames.
+
+    Raises `AnyfaceError("file")` if it is not a whole cache of `vertices` with `ease` frames at
+    each end.
     """
     count = frames_in(path, vertices)
     if count <= 2 * ease or path.stat().st_size != file_size(count, vertices):
         raise AnyfaceError("file", f"{path.stem}: not a whole cache: generate again")
-    shape = (count, vertices, 3)
-    return np.memmap(path, "<f4", "r+", struct.calcsize(_HEADER), shape)
+    with open(path, "r+b") as file:
+        yield Frames(file, vertices, count)
 
 
 def first_frame(path: Path, vertices: int) -> np.ndarray:

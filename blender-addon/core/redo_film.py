@@ -1,4 +1,4 @@
-"""A stretch of a finished take made again where frames are kept, and not weights of keys.
+"""Redoes a stretch of a finished take that is stored as frames, not as weights of keys.
 
 Caches, tables and one key per frame hold a take frame by frame; the controls of a rig are fitted
 anew. Runs in the worker thread, without Blender.
@@ -20,9 +20,9 @@ from .take import Files, Take, WrittenFile
 
 @dataclass
 class FilmRedo:
-    """The frames `rows` of a take, which lie between the frames `bounds` of the scene.
+    """Redoes the frames `rows` of a take, which lie between the scene frames `bounds`.
 
-    `snapshot` is a `scene.bake.Snapshot`, `plan` what is done with them.
+    `snapshot` is a `scene.bake.Snapshot`; `plan` finishes the new frames.
     """
 
     snapshot: object
@@ -31,7 +31,7 @@ class FilmRedo:
     bounds: tuple[float, float]
 
     def work(self, progress: Progress) -> Take:
-        """The take of these frames alone; raises `AnyfaceError`, or `Cancelled`."""
+        """A take of only these frames; raises `AnyfaceError`, or `Cancelled`."""
         snapshot = self.snapshot
         take = snapshot.perform(progress, self.rows)
         return self.plan.finish(snapshot.face, take, snapshot.engine, progress)
@@ -39,7 +39,7 @@ class FilmRedo:
 
 @dataclass
 class PatchCaches(Plan):
-    """Copies of caches in which frames from `first` on go to the new motion by `shares` `[n]`.
+    """Copies caches and mixes the new motion into frames from `first` on, by `shares` `[n]`.
 
     `paths` are the old and the new path by object; `ease` frames lead from rest and back to it.
     """
@@ -55,16 +55,15 @@ class PatchCaches(Plan):
             for name, (old, new) in self.paths.items():
                 rest, moved = of_piece(face, take.motion.displacements, name)
                 with _fresh_copy(Path(old), Path(new)) as partial_path:
-                    frames = pc2.patched(partial_path, len(rest), self.ease)
-                    progress.check("write")
-                    self._patch(frames, rest, moved)
+                    with pc2.patch(partial_path, len(rest), self.ease) as frames:
+                        progress.check("write")
+                        self._patch(frames, rest, moved)
                     count = len(frames) - 2 * self.ease
-                    del frames
                 files.append(WrittenFile(name, new, count, len(rest), self.ease))
         return replace(take, motion=Files(files))
 
-    def _patch(self, frames: np.ndarray, rest: np.ndarray, moved: np.ndarray) -> None:
-        """Mixes frames `[N, V, 3]` of a cache; those that ease follow the first and the last."""
+    def _patch(self, frames: pc2.Frames, rest: np.ndarray, moved: np.ndarray) -> None:
+        """Mixes frames of a cache, then eases again from rest and back to it."""
         place, ease = self.first + self.ease, self.ease
         for number in np.flatnonzero(self.shares[: len(moved)] > 0.0):
             was, share = frames[place + number], np.float32(self.shares[number])
@@ -82,7 +81,7 @@ class PatchCaches(Plan):
 
 @contextmanager
 def _fresh_copy(old: Path, new: Path):
-    """A copy beside `new` that becomes it at the end; nothing is left where that fails."""
+    """Yields a copy beside `new` and renames it to `new` at the end; a failure leaves nothing."""
     part = new.with_name(new.name + ".part")
     try:
         try:
@@ -99,8 +98,8 @@ def _fresh_copy(old: Path, new: Path):
 
 @dataclass
 class PatchTable(Plan):
-    """The table `old` with rows from `first` on that go to new weights by `shares` `[n]`, at the
-    path of `table`; every other row stays to the letter."""
+    """Writes the table `old` to the path of `table`, and mixes new weights into its rows from
+    `first` on by `shares` `[n]`. Every other row stays the same to the letter."""
 
     table: WriteTable
     old: str
@@ -127,7 +126,7 @@ class PatchTable(Plan):
 
 
 def _text(path: str) -> str:
-    """A table; raises `AnyfaceError("file")`."""
+    """The text of a table; raises `AnyfaceError("file")`."""
     try:
         return Path(path).read_text(encoding="utf-8")
     except (OSError, UnicodeError) as error:
@@ -136,7 +135,7 @@ def _text(path: str) -> str:
 
 
 def mixed(old: str, new: str, share: float) -> str:
-    """A row of a table between two others; times, counts and line end are those of `old`."""
+    """A mixture of two rows of a table; times, counts and the line end are those of `old`."""
     fields, others = old.rstrip("\r\n").split(","), new.split(",")
     end = old[len(old.rstrip("\r\n")) :]
     for number, (was, is_now) in enumerate(zip(fields, others, strict=True)):
