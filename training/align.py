@@ -1,4 +1,4 @@
-"""How a face is laid on another: the canonical landmarks, how steady each is, and the best similarity."""
+"""Aligns one face to another: the canonical landmarks, how steady each is, and the best similarity."""
 
 import json
 from dataclasses import dataclass
@@ -17,10 +17,10 @@ def canonical_landmarks() -> np.ndarray:
 
 
 def stability() -> np.ndarray:
-    """How much each landmark says about where the head is. [68], sums to 1.
+    """How well each landmark tells where the head is. [68], sums to 1.
 
-    Mirrors `stability` of `rust-core/src/mesh/canonical.rs`, so that a decoder sees meshes turned and scaled
-    alike in training and in use.
+    Mirrors `stability` of `rust-core/src/mesh/canonical.rs`, so that meshes are rotated and scaled the same
+    way in training and in use.
     """
     weight = np.full(68, 0.7)
     weight[:17], weight[17:27], weight[27:36], weight[36:48] = 0.15, 0.4, 1.5, 1.0
@@ -46,11 +46,11 @@ class Similarity:
 
     @property
     def scale(self) -> np.ndarray | torch.Tensor:
-        """How much longer the target is; NaN where all source points coincide."""
+        """Size of the target relative to the source; NaN where all source points coincide."""
         return self.stretch / self.spread
 
     def __call__(self, points):
-        """Points [..., N, 3] moved."""
+        """Moves points [..., N, 3]."""
         scale = self.scale[..., None, None]
         return scale * (points - self.centre[..., None, :]) @ self.rotation.swapaxes(-1, -2) + self.goal
 

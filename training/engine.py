@@ -14,7 +14,7 @@ from training.corpus.tracks import SOUND_HZ
 
 @dataclass
 class Engine:
-    """`anyface` at `binary`; `options` go with every call."""
+    """The `anyface` command at `binary`. Every call gets `options`."""
 
     binary: Path
     options: list[str] = field(default_factory=list)
@@ -35,8 +35,10 @@ class Engine:
         return self._spread(motion, neutral, mesh, marks, *more)["displacements"]
 
     def attention(self, motion: np.ndarray, neutral: np.ndarray, mesh: Path, marks: Path) -> np.ndarray:
-        """Share of its attention that each vertex gives each landmark, [V, 68]: the paper's decoder, figure
-        7."""
+        """How each vertex shares its attention among the landmarks, [V, 68] (figure 7 of the paper).
+
+        Runs the paper's decoder.
+        """
         with tempfile.TemporaryDirectory() as folder:
             maps = Path(folder) / "attention.npz"
             self._spread(motion, neutral, mesh, marks, "--decoder", "paper", "--attention", maps)
@@ -50,7 +52,7 @@ class Engine:
             return dict(np.load(out))
 
     def call(self, command: str, *arguments) -> None:
-        """Runs a subcommand. Raises `RuntimeError` with what it says where it fails."""
+        """Runs a subcommand. If it fails, raises `RuntimeError` with its error message."""
         line = [str(self.binary), command, *map(str, arguments), *self.options]
         done = subprocess.run(line, capture_output=True, text=True)
         if done.returncode:

@@ -2,10 +2,10 @@
 
     python -m training.export NAME [--models DIR] …
 
-NAME is one of `MODELS`; `python -m training.export NAME --help` tells its flags. Each folder gets
-weights and config.json; without `--models` it is that of the embedded model, packed. Weights are stored as
-f16, which changes the lip opening by less than 0.01 mm; statistics stay f32. The model card, README.md, is
-written by hand.
+NAME is one of `MODELS`; `python -m training.export NAME --help` lists its flags. Each folder gets
+weights and config.json. Without `--models` the folder is that of the embedded model, and the weights are
+packed. Weights are stored as f16, which changes the lip opening by less than 0.01 mm; statistics stay f32.
+The model card, README.md, is written by hand.
 """
 
 import argparse
@@ -40,7 +40,7 @@ Run = Annotated[Path, "what the model's trainer wrote"]
 
 @dataclass
 class Model:
-    """One folder: its name, weights, config.json, and what stays f32."""
+    """One folder: its name, weights, config.json, and the names of the arrays that stay f32."""
 
     name: str
     state: dict[str, Tensor]
@@ -67,7 +67,7 @@ def ats(
 
 
 def stm(runs: Path = Path("runs/stm"), trained: Literal["both", "corpus"] = "both") -> Iterator[Model]:
-    """Decoders of training.systems.freetalk.stm.train, whichever there are."""
+    """Every decoder that training.systems.freetalk.stm.train has left in the folder."""
     for name, kind in (("static_weights", "static"), ("stm_paper", "paper")):
         path = runs / f"{kind}_{trained}.pt"
         if path.exists():
@@ -117,7 +117,7 @@ def facetalk(
     motion: Annotated[Path | None, "motion.pt; none: a head without speech"] = None,
     landmark_motion: Annotated[Path | None, "motion.pt of `--memory landmarks`"] = None,
 ) -> Iterator[Model]:
-    """A head, its speech model and the one by landmarks."""
+    """A head, and the models that move it: by speech, and by the motion of landmarks."""
     paths = zip(facetalk_files.MOTIONS, (motion, landmark_motion), strict=True)
     motions = {name: facetalk_files.load_motion(path) for name, path in paths if path is not None}
     head = facetalk_files.load_head(head)
@@ -126,7 +126,7 @@ def facetalk(
 
 
 def rig(data: Path = DATA, runs: Path = Path("runs/rig")) -> Iterator[Model]:
-    """What training.rig.train learned on both faces, and visemes as mixtures of shapes."""
+    """The network that training.rig.train learned on both faces, and visemes as mixtures of shapes."""
     mixtures, errors = solve(data)
     for viseme, (error, motion) in errors.items():
         print(f"{viseme}: mixture is {error:.2f} mm from the true viseme, which moves {motion:.2f} mm")
@@ -138,7 +138,7 @@ def text(
     text: Path = Path("runs/text"),
     clip: Annotated[Path | None, "CLIP's folder as in training; relative to the model's folder"] = None,
 ) -> Iterator[Model]:
-    """The text space and its tower; a tower upon CLIP names the folder of CLIP, which stays where it is."""
+    """The text space and its tower. A tower on top of CLIP names CLIP's folder, which is not copied."""
     words, tower = load_tower(text, clip is not None)
     yield Model("text_units", arrays(tower, words), config_of(tower, words, clip))
 
@@ -146,7 +146,7 @@ def text(
 def landmarks(
     data: Path = DATA, views: Path = Path("runs/landmarks"), pose: Path = Path("runs/pose")
 ) -> Iterator[Model]:
-    """Both networks that find a face, normalisation folded, and the prior of its shape."""
+    """Both networks that find a face, with their normalisation folded, and the prior of its shape."""
     sizes, pose_sizes = Config(), PoseConfig()
 
     def folded(name: str, network: nn.Module, run: Path) -> dict[str, Tensor]:
@@ -161,8 +161,10 @@ def landmarks(
 
 
 def expression_table(data: Path = DATA) -> Iterator[Model]:
-    """`lasting` and `opening` [15, 68, 3], what an emotion at intensity 1 adds to the landmarks in canonical
-    metres, and how it changes articulation. Nothing is trained."""
+    """How an emotion moves the landmarks and changes articulation. Nothing is trained.
+
+    `lasting` and `opening` [15, 68, 3] are displacements at intensity 1, in canonical metres.
+    """
     state = zip(("lasting", "opening"), map(torch.from_numpy, expressions(data)), strict=True)
     yield Model("expressions", dict(state), manners_config(), ("",))
 

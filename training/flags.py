@@ -1,4 +1,4 @@
-"""Commands whose flags are the parameters of a function."""
+"""Makes a command of a function: each parameter becomes a flag."""
 
 import argparse
 import inspect
@@ -17,7 +17,7 @@ def run_command(function: Callable, line: list[str] | None = None) -> object:
 
 
 def add_flags(parser: argparse.ArgumentParser, function: Callable) -> None:
-    """A flag for each parameter of a function; with `Annotated` the second part is what `--help` says."""
+    """Adds a flag for each parameter of a function. The second part of `Annotated` is its help text."""
     for name, parameter in inspect.signature(function, eval_str=True).parameters.items():
         kind, explanation = parameter.annotation, None
         if get_origin(kind) is Annotated:

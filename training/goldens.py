@@ -1,9 +1,9 @@
-"""Writes the golden files that hold Python and Rust together.
+"""Writes the golden files that keep Python and Rust in agreement.
 
     python -m training.goldens NAME [--shared ../shared] [--out tests/goldens]
 
 A golden is a tiny model with seeded random weights, one input and its output; the Rust tests load
-the same file and must agree within 1e-4. Metadata says where it came from.
+the same file and must agree within 1e-4. The metadata says where the golden came from.
 """
 
 import argparse
@@ -50,7 +50,7 @@ def write_golden(path: Path, tensors: dict[str, Tensor], name: str, model: nn.Mo
                  config: dict | None = None, **about: str) -> Path:  # fmt: skip
     """Writes `tensors` and the weights of `model` as `weights.*`.
 
-    The metadata has the model's configuration, the tolerance for Rust, the command, and `about`.
+    The metadata holds the model's configuration, the tolerance for Rust, the command, and `about`.
     """
     weights = {} if model is None else {f"weights.{key}": value for key, value in model.state_dict().items()}
     metadata = {} if config is None else {"config": json.dumps(config)}

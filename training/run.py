@@ -78,7 +78,7 @@ class Run:
         partial.rename(self.out / "last.pt")
 
     def after(self, step: int, loss: float) -> None:
-        """After step number `step` (from 0): progress with the time left, and the checkpoint when due."""
+        """After step `step` (from 0), shows progress and the time left, and saves a checkpoint when due."""
         done, now = step + 1, time.monotonic()
         if self.machine.rank == 0 and (done == self.steps or now - self.shown > SHOW_EVERY_S):
             self.shown = now
@@ -95,7 +95,7 @@ class Run:
         return round(time.monotonic() - self.started)
 
     def log(self, record: dict) -> None:
-        """Adds a row to `log.csv`, and to TensorBoard with `--tensorboard`. New columns join at the right."""
+        """Adds a row to `log.csv`, and to TensorBoard with `--tensorboard`. New columns go to the right."""
         for key, value in record.items() if self.board is not None else ():
             self.board.add_scalar(key.replace(" ", "/", 1), value, record["step"])
         row = {key: f"{value:.5g}" if isinstance(value, float) else value for key, value in record.items()}
@@ -119,9 +119,10 @@ def begin(arguments, model: nn.Module, generators: dict[str, torch.Generator | n
           **cycle: float) -> Run:  # fmt: skip
     """Starts or resumes a run with AdamW and averaged weights.
 
-    The rate rises during the share `warm` of the steps and falls to the end, or is multiplied by the `factor`
-    of each step. `groups` of parameters have rates of their own; otherwise all learn at `arguments.rate`. The
-    checkpoint includes `extra`, other state that changes from step to step.
+    The learning rate rises over the first `warm` share of the steps and then falls until the end. If `factor`
+    is given, it multiplies the rate at each step instead. Each of the `groups` of parameters has its own
+    rate; without groups all learn at `arguments.rate`. `extra` is other state that changes from step to step
+    and belongs in the checkpoint.
     """
     steps = steps or arguments.steps
     groups = groups or [{"params": list(model.parameters()), "lr": arguments.rate}]
@@ -144,9 +145,10 @@ def descend(arguments, run: Run, loss: Callable[[int], tuple[Tensor, dict]],
             clipped: nn.Module | None = None) -> nn.Module:  # fmt: skip
     """Runs all steps. Returns the averaged model, or the model itself if nothing is averaged.
 
-    `loss` gets a step's number and returns the loss and what to log. `judge` gets the model every
-    `arguments.log_every` steps in the first process, saves it and returns scores for the log. Gradients of
-    `clipped`, by default of the whole model, are cut to a norm of `clip`.
+    `loss` gets the number of a step and returns the loss and values for the log. The first process calls
+    `judge` with the model every `arguments.log_every` steps and at the end; `judge` saves the model and
+    returns scores for the log. Gradients of `clipped`, by default the whole model, are clipped to a norm of
+    `clip`.
     """
     model, optimiser, schedule, *average = list(run.parts.values())[: 3 + ("average" in run.parts)]
     best = average[0].module if average else model
@@ -168,7 +170,7 @@ def descend(arguments, run: Run, loss: Callable[[int], tuple[Tensor, dict]],
 
 
 def downhill(loss: Tensor, optimiser: torch.optim.Optimizer, schedule=None) -> None:
-    """One step of a training that takes minutes and writes no checkpoint."""
+    """One optimiser step, for trainings that take minutes and write no checkpoint."""
     optimiser.zero_grad()
     loss.backward()
     optimiser.step()
@@ -178,7 +180,7 @@ def downhill(loss: Tensor, optimiser: torch.optim.Optimizer, schedule=None) -> N
 
 def trainer_parser(doc: str, out: str, steps: int | None, rate: float | None, *, log_every: int = 150,
                    save_every: int = 50, corpus: bool = True) -> argparse.ArgumentParser:  # fmt: skip
-    """Adds the flags that every trainer has. A `rate` of None leaves that flag to the trainer."""
+    """A parser with the flags that every trainer has. If `rate` is None, it has no `--rate`."""
     parser = argparse.ArgumentParser(description=doc.splitlines()[0])
     if corpus:
         parser.add_argument("--corpus", type=Path, nargs="*", default=[], help="corpus folders")
@@ -196,7 +198,7 @@ def trainer_parser(doc: str, out: str, steps: int | None, rate: float | None, *,
 
 
 def seeded(arguments) -> None:
-    """Begins a training. The same seed on as many threads gives the same bits."""
+    """Sets seed and threads of a training. The same seed and number of threads give the same bits."""
     torch.manual_seed(arguments.seed)
     torch.set_num_threads(arguments.threads)
 

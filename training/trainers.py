@@ -1,7 +1,7 @@
-"""The table of all trainers in docs/training.md, from their own arguments.
+"""Makes the table of all trainers in docs/training.md from their command-line arguments.
 
 python -m training.trainers                           # prints it
-python -m training.trainers --write docs/training.md  # puts it where the old one stands
+python -m training.trainers --write docs/training.md  # replaces the old one
 """
 
 import argparse
@@ -28,11 +28,11 @@ YES, NO = "yes", "–"
 
 
 class ParserReached(Exception):
-    """Carries the parser of a command that was about to parse its line."""
+    """Carries the parser of a command that was about to parse its arguments."""
 
 
 def trainers() -> Iterator[ModuleType]:
-    """Every module that is a command and trains, in the order of their names."""
+    """Every training module that runs as a command, in the order of their names."""
     for path in sorted((REPOSITORY / "training").rglob("*train*.py")):
         names = path.relative_to(REPOSITORY).with_suffix("").parts
         is_trainer = path.stem.startswith("train") or path.stem.endswith("train")
@@ -42,7 +42,7 @@ def trainers() -> Iterator[ModuleType]:
 
 
 def parser_of(trainer: ModuleType) -> argparse.ArgumentParser:
-    """The parser of a trainer; for a trainer with only `main`, the one it would parse its line with."""
+    """A trainer's parser. If the trainer has only `main`, runs that until it is about to parse."""
     if hasattr(trainer, "parser"):
         return trainer.parser()
 
@@ -63,7 +63,7 @@ def parser_of(trainer: ModuleType) -> argparse.ArgumentParser:
 
 
 def row(trainer: ModuleType) -> list[str]:
-    """What a trainer takes, in the order of `HEADING`."""
+    """A trainer's row of the table, in the order of `HEADING`."""
     parser = parser_of(trainer)
     flags = {action.dest: action for action in parser._actions if action.help != argparse.SUPPRESS}
     corpus, recipe, precision = (flags.get(name) for name in ("corpus", "recipe", "precision"))

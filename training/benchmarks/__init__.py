@@ -1,1 +1,1 @@
-"""Timings of the PyTorch twins, to hold the Rust ones against, and our motion beside that of other tools."""
+"""Timings of the PyTorch twins, to compare with the Rust ones, and our motion compared with other tools."""

@@ -15,7 +15,7 @@ VERTICES, EIGENPAIRS, WIDTH, BLOCKS, THREADS, RUNS = 26_719, 128, 128, 4, 2, 10
 
 
 def random_operators() -> SurfaceOperators:
-    """Operators of the right shapes: seven neighbours a vertex."""
+    """Operators of the right shapes, with seven neighbours per vertex."""
     rows = torch.arange(VERTICES).repeat_interleave(7)
     columns = (rows + torch.arange(7).repeat(VERTICES) * 53) % VERTICES
     values = torch.rand(rows.shape[0]) * 2 - 1
@@ -33,7 +33,7 @@ def random_operators() -> SurfaceOperators:
 
 @torch.inference_mode()
 def main() -> None:
-    """Prints seconds per call and per frame, least and median of the runs."""
+    """Prints the least and median seconds per call, and the least seconds per frame."""
     torch.manual_seed(0)
     torch.set_num_threads(THREADS)
     ops = random_operators()

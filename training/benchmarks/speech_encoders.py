@@ -1,10 +1,10 @@
-"""HuBERT base and large and wav2vec2 XLSR at full size with random weights: the engine's time and memory.
+"""The engine's time and memory with HuBERT base and large and wav2vec2 XLSR: full size, random weights.
 
     python -m training.benchmarks.speech_encoders --binary target/release/anyface
 
-Writes each checkpoint as a Hugging Face folder (large as pytorch_model.bin, the others as safetensors) with
-a random denoiser of `debug` size that hears it, and lets the binary animate a small mesh with 10 s of noise
-that swells like speech.
+Writes each checkpoint as a Hugging Face folder (HuBERT large as pytorch_model.bin, the others as safetensors)
+with a random denoiser of `debug` size that takes its features. The binary then animates a small mesh with
+10 s of noise that swells like speech.
 """
 
 import json
@@ -34,7 +34,7 @@ ENCODERS = {
 
 
 def write_encoder(folder: Path, name: str) -> int:
-    """A Hugging Face folder with a denoiser that hears it; returns the encoder's number of weights."""
+    """Writes a Hugging Face folder with a denoiser for it. Returns the encoder's number of weights."""
     kind, config = ENCODERS[name]
     encoder = kind(config)
     encoder.save_pretrained(folder)
@@ -50,7 +50,7 @@ def write_encoder(folder: Path, name: str) -> int:
 
 
 def write_scene(out: Path, seconds: float) -> list[str]:
-    """Mesh, landmarks and sound; returns the flags that name them."""
+    """Writes mesh, landmarks and sound. Returns the flags that name them."""
     vertices, triangles = face_mesh()
     lines = ["v {:.6f} {:.6f} {:.6f}".format(*v) for v in vertices]
     lines += ["f {} {} {}".format(*(t + 1)) for t in triangles]
@@ -61,7 +61,7 @@ def write_scene(out: Path, seconds: float) -> list[str]:
 
 
 def animate(binary: Path, out: Path, scene: list[str], encoder: Path) -> tuple[float, float]:
-    """Seconds of processor, and the most memory, GB, loading included."""
+    """Processor time in seconds and peak memory in GB, loading included."""
     flags = [*scene, "--weights", encoder / "models", "--speech", encoder, "--out", out / "talk.npz"]
     child = subprocess.Popen([binary, "animate", *flags, "--no-cache"], stdout=subprocess.DEVNULL)
     _, status, usage = os.wait4(child.pid, 0)

@@ -15,7 +15,7 @@ from training.corpus.readers import READERS
 
 
 def main(arguments: list[str] | None = None) -> int:
-    """Entry of the command; 1 where something is wrong."""
+    """Entry of the command. Returns 1 if something is wrong."""
     parser = argparse.ArgumentParser(prog="python -m training.corpus", description=__doc__.splitlines()[0])
     commands = parser.add_subparsers(dest="command", required=True)
     checked = commands.add_parser(

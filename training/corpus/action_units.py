@@ -1,6 +1,6 @@
-"""Action units on ARKit's channels, and the events that fine control is trained with.
+"""Action units on ARKit's channels, and the events for training fine control.
 
-The table is that of the Facial Action Coding System (Ekman & Friesen 1978) on ARKit's names. Algorithm 1 of
+The table maps the Facial Action Coding System (Ekman & Friesen 1978) to ARKit's names. Algorithm 1 of
 Cafe-Talk (Chen et al. 2025, appendix C.2) determines the units that are active in a clip. Speech shows few of
 them, so others are added at random, as an animator would ask for them.
 """
@@ -49,7 +49,7 @@ SLOT_SHARE = 0.2
 
 
 def channels(unit: str, side: int) -> list[int]:
-    """Numbers of a unit's channels on the left (0) or the right (1); a channel without sides is on both."""
+    """Indices of a unit's channels on the left (0) or the right (1). A channel without sides is on both."""
     ending = ("Left", "Right")[side]
     names = [c for stem in STEMS[unit] for c in (f"{stem}{ending}", stem) if c in CHANNELS]
     return [CHANNELS.index(c) for c in names]
@@ -89,7 +89,7 @@ def merged(active: Tensor, reach: int) -> Tensor:
 
 
 def sparse(active: Tensor, random: np.random.Generator) -> Tensor:
-    """Thins the units out as an animator would: drops four of five runs, then units of the rest (§3.2)."""
+    """Thins the units out as an animator would: drops 80 % of the runs, then 30 % of the rest (§3.2)."""
     events = torch.zeros_like(active)
     for unit in range(active.shape[1]):
         for first, last in runs(active[:, unit]):
@@ -107,14 +107,14 @@ def runs(active: Tensor) -> list[tuple[int, int]]:
 
 @dataclass
 class Added:
-    """An event put on a clip: what it adds to the weights [T, 51], and where it is active [T, 32]."""
+    """Events to put on a clip: what they add to the weights [T, 51], and where units are active [T, 32]."""
 
     weights: Tensor
     active: Tensor
 
 
 def random_events(frames: int, closed: Tensor, random: np.random.Generator) -> Added:
-    """One or two events; units of the lower face give way where `closed` [T] says that lips meet."""
+    """One or two events. Units of the lower face yield where `closed` [T] says that the lips meet."""
     matrix = unit_matrix()
     added, active = torch.zeros(frames, len(CHANNELS)), torch.zeros(frames, len(matrix))
     for _ in range(1 + int(random.random() < 0.5)):

@@ -63,8 +63,8 @@ VARIANTS = ("", "+m1", "+m3", "+m5", "+m7", "+f1", "+f2", "+f3", "+f4")
 
 @dataclass
 class Utterance:
-    """Speech, its phones (none where nobody knows them) and its words with start and end in seconds, where
-    these are timed; `samples` [S] at 16 kHz."""
+    """Speech, `samples` [S] at 16 kHz. `phones` is None if they are unknown; `words` have start and end in
+    seconds and are empty if nobody timed them."""
 
     name: str
     source: str
@@ -80,19 +80,19 @@ def read_nathalie(data: Path, limit: int | None = None) -> list[Utterance]:
 
 
 def read_kokoro(data: Path) -> list[Utterance]:
-    """Voices of `training.corpus.kokoro`; none where it wrote nothing."""
+    """Voices of `training.corpus.kokoro`; empty if it wrote nothing."""
     folder = data / "speech/kokoro"
     return read_timed(folder) if folder.exists() else []
 
 
 def kokoro_count(data: Path) -> list[int]:
-    """Number of these utterances, for names of caches; empty without them."""
+    """Number of Kokoro utterances as a list of one, for the names of caches; empty if there are none."""
     path = data / "speech/kokoro/phones.jsonl"
     return [path.read_text().count("\n")] if path.exists() else []
 
 
 def read_timed(folder: Path, limit: int | None = None) -> list[Utterance]:
-    """Sounds listed in `phones.jsonl`, one a line. Clips whose phones overrun the sound are dropped.
+    """Sounds listed in `phones.jsonl`, one per line. Clips whose phones overrun the sound are dropped.
 
     A line may have `source` and `held_out`. Without them the folder is the source, and every twentieth clip
     is held out.
@@ -174,13 +174,13 @@ def grid_words(data: Path) -> dict[str, list[tuple[float, float, str]]]:
 
 
 def read_unlabelled(data: Path, source: str, limit: int | None = None) -> list[Utterance]:
-    """Speech whose phones nobody knows."""
+    """Speech with unknown phones."""
     paths = sorted((data / "speech" / source).glob("*.ogg"))[:limit]
     return [Utterance(p.stem, source, False, read_sound(p), None) for p in paths]
 
 
 class Aligner:
-    """English text to phones with pocketsphinx (BSD): aligns words first, then phones, 10 ms."""
+    """Aligns English text to sound with pocketsphinx (BSD): first words, then phones, in steps of 10 ms."""
 
     def __init__(self):
         from pocketsphinx import Decoder
@@ -188,7 +188,7 @@ class Aligner:
         self.decoder = Decoder(samprate=16000, loglevel="FATAL", bestpath=False)
 
     def align(self, samples: np.ndarray, text: str) -> list[Phone]:
-        """Phones of `text` in the sound; empty where the aligner fails or knows no word."""
+        """Phones of `text` in the sound; empty if the aligner fails or knows less than 80 % of the words."""
         known = [w for w in _words(text) if self.decoder.lookup_word(w)]
         sound = (np.clip(samples, -1, 1) * 32767).astype(np.int16).tobytes()
         if len(known) < 0.8 * len(_words(text)) or not known:
@@ -217,7 +217,7 @@ def _words(text: str) -> list[str]:
 
 
 def speak(espeak: Espeak, language: str, minutes: float, seed: int, texts=()) -> list[Utterance]:
-    """Synthetic speech: numbers in words, invented words of the language, and `texts` if there are any.
+    """Synthetic speech: numbers, invented words of the language, and `texts` if there are any.
 
     Voice, rate and pitch change with every sentence.
     """
@@ -254,7 +254,7 @@ def _sentence(language: str, random: np.random.Generator) -> str:
 
 
 def write(folder: Path, utterances: list[Utterance]) -> None:
-    """One source as sound files and `phones.jsonl`."""
+    """Writes one source as sound files and `phones.jsonl`."""
     folder.mkdir(parents=True, exist_ok=True)
     with open(folder / "phones.jsonl", "w") as file:
         for utterance in utterances:

@@ -1,8 +1,8 @@
 """Clips whose motion is ARKit weights [T, 51], from any kind of recording.
 
 Captured weights stay as they are. Landmarks become weights by bounded least squares on ICT's modes, so that
-the weights move ICT's landmarks as the recorded ones moved. An `Entry` then holds weights instead of
-landmarks; everything else is the same.
+the weights move ICT's landmarks in the same way as the recorded ones. An `Entry` then holds weights instead
+of landmarks; everything else is the same.
 """
 
 from collections.abc import Sequence
@@ -61,7 +61,7 @@ def modes() -> Tensor:
 
 @lru_cache(maxsize=1)
 def mirrored() -> list[int]:
-    """For each channel that of the other side."""
+    """For each channel, the index of its counterpart on the other side."""
     swap = {"Left": "Right", "Right": "Left"}
     other = [next((c[: -len(a)] + b for a, b in swap.items() if c.endswith(a) and len(c) > len(a) + 4), c)
              for c in CHANNELS]  # fmt: skip
@@ -69,12 +69,12 @@ def mirrored() -> list[int]:
 
 
 def weights_of(motion: Tensor, visible: Tensor) -> Tensor:
-    """Weights [T, 51] in 0 … 1 whose landmarks lie nearest to `motion` [T, 204] metres.
+    """Weights [T, 51] in 0 … 1 that bring the landmarks nearest to `motion` [T, 204] metres.
 
-    `visible` [204] is 1 in the columns that count.
+    `visible` [204] is 1 in the columns that the fit uses.
 
-    FISTA (Beck & Teboulle 2009) on squared distances in centimetres, landmarks weighted as in training,
-    with a little ridge and sparsity, since several channels move the same landmarks.
+    FISTA (Beck & Teboulle 2009) on squared distances in centimetres, landmarks weighted as in training. A
+    little ridge and sparsity is added, since several channels move the same landmarks.
     """
     a = _measured(modes(), visible)
     a[[*EYES, *SIDEWAYS]] = 0.0
@@ -89,7 +89,10 @@ def weights_of(motion: Tensor, visible: Tensor) -> Tensor:
 
 
 def _measured(motion: Tensor, visible: Tensor) -> Tensor:
-    """What the fit compares of [..., 204] metres: landmarks in centimetres, lip gap and mouth width."""
+    """The features of a motion [..., 204] metres that the fit compares: landmarks, lip gap and mouth width.
+
+    All are in centimetres and weighted.
+    """
     features = (
         torch.stack([GAP_WEIGHT * lip_gap(motion), WIDTH_WEIGHT * mouth_width(motion)], dim=-1) * visible[186]
     )
@@ -117,7 +120,7 @@ def landmarks_of(weights: Tensor) -> Tensor:
 
 
 def of_folders(folders: list[Path], voices: int, seed: int = 0) -> list[Entry]:
-    """Clips of corpus folders with weights [T, 51] for motion."""
+    """Clips of corpus folders with weights [T, 51] as motion."""
     return as_weights(bank.of_folders(folders, voices, seed), folders=folders)
 
 
@@ -161,7 +164,7 @@ def _captured(entry: Entry, captured: dict[str, tuple[Tensor, Tensor]]) -> Entry
 
 
 def _recorded(entry: Entry, track: Track, channel_mask: Tensor) -> Entry:
-    """A clip of a corpus folder under its own weights, at 25 fps."""
+    """A clip of a corpus folder with its own captured weights, at 25 fps."""
     times, values = np.arange(len(entry.motion)) / FPS, dict(zip(track.names, track.values.T, strict=True))
     rows = [np.interp(times, track.seconds, values.get(c, np.zeros(len(track.seconds)))) for c in CHANNELS]
     weights = torch.from_numpy(np.stack(rows, 1)).float().clamp(0.0, HIGHEST)
@@ -171,8 +174,8 @@ def _recorded(entry: Entry, track: Track, channel_mask: Tensor) -> Entry:
 
 
 def folder_weights(folders: Sequence[Path]) -> dict[tuple[str, str], tuple[Track, Tensor]]:
-    """Captured weights by folder name and clip, for clips without other motion, and a mask [51] of the
-    channels captured."""
+    """Captured weights of the clips that have no other motion, by folder name and clip, each with a mask [51]
+    of the captured channels."""
     tracks = {}
     for folder in map(CorpusFolder, folders):
         for row in folder.rows:
@@ -184,7 +187,7 @@ def folder_weights(folders: Sequence[Path]) -> dict[tuple[str, str], tuple[Track
 
 
 def facegood_weights(data: Path) -> dict[str, tuple[Tensor, Tensor]]:
-    """For each take the weights [T, 51] at 25 fps and a mask [51] of the channels captured."""
+    """For each take the weights [T, 51] at 25 fps and a mask [51] of the captured channels."""
     takes = {}
     for name, columns in arkit_takes(data):
         rows = resample(channel_rows(columns), CAPTURE_FPS, FPS)

@@ -1,9 +1,9 @@
-"""What a textbook says of how strongly each segment holds the mouth: start and prior of the teacher.
+"""How strongly each segment holds the mouth, after the textbook: start and prior of the teacher.
 
 Strengths and rates are those of Cohen & Massaro's dominance functions ("Modeling coarticulation in
 synthetic visual speech", 1993), drawn from the articulatory features of `phones`. k g h n t d s z
-are weak: they take the shape of their neighbours. All numbers here are our own guesses;
-`training.corpus.fit_teacher` corrects them with recorded motion.
+are weak: they take the shape of their neighbours. All numbers here are our own guesses, which
+`training.corpus.fit_teacher` corrects with recorded motion.
 """
 
 import numpy as np
@@ -38,7 +38,7 @@ def strengths() -> np.ndarray:
 
 
 def rates() -> np.ndarray:
-    """Fall θ of the dominance before and after the segment, [2, N, K], 1/s.
+    """Rate θ at which the dominance falls before and after the segment, [2, N, K], 1/s.
 
     Rounding starts early: its dominance falls slowly before the segment.
     """

@@ -31,8 +31,8 @@ class Entry:
 
     `mels` [voices, 4 T, 64] f16 raw log-mel, voice 0 is the recording itself; `motion`
     [T, 204] f32 metres (left-right symmetrised); `weight` [T, 204] f32; `phones` [4 T] int16, the
-    segment that sounds at each mel frame, −1 where nobody knows. `emotion` and its `intensity` are
-    those of the whole clip.
+    segment that sounds at each mel frame, −1 where it is unknown. `emotion` and its `intensity` hold
+    for the whole clip.
     """
 
     name: str
@@ -100,13 +100,13 @@ def load(
     sources: tuple[str, ...] = ("grid_s1", "facegood_zh"),
     limit: int | None = None,
 ) -> list[Entry]:
-    """As `build`, from the cache folder where it was built before with the same arguments."""
+    """Like `build`, but reads the cache folder if it has a bank built with the same arguments."""
     path = cache / f"bank-{digest(VERSION, voices, seed, sorted(sources), limit)}.pt"
     return cached(path, Entry, lambda: build(data, voices, seed, list(sources), limit))
 
 
 def entry_in_voices(clip: Clip, said: Utterance | None, voices: int, random: np.random.Generator) -> Entry:
-    """A clip in its own voice, and re-voiced where it is trained on; `said` are its phones."""
+    """A clip in its own voice and, unless held out, in other voices. `said` has its phones."""
     frames = len(clip.motion)
     mels = [log_mel(torch.from_numpy(clip.samples))]
     if not clip.held_out:
@@ -121,7 +121,7 @@ def entry_in_voices(clip: Clip, said: Utterance | None, voices: int, random: np.
 
 
 def entry_of(clip: Clip, mels: torch.Tensor, phones: torch.Tensor) -> Entry:
-    """A clip with what is heard of it, [voices, T, C]; neutral motion loses its lopsidedness."""
+    """The entry of a clip with speech features [voices, T, C]. Neutral motion is made symmetric."""
     motion = symmetrise(clip.motion) if clip.emotion == "neutral" else clip.motion
     moved = torch.from_numpy(motion.astype(np.float32)).flatten(1)
     weight = torch.from_numpy(clip.weight).repeat_interleave(3, dim=1)
@@ -130,7 +130,7 @@ def entry_of(clip: Clip, mels: torch.Tensor, phones: torch.Tensor) -> Entry:
 
 
 def entry_without_motion(name: str, source: str, held_out: bool, mels: torch.Tensor) -> Entry:
-    """A sound, log-mels [voices, 4 T, 64], whose words and motion nobody knows."""
+    """A sound, log-mels [voices, 4 T, 64], whose words and motion are unknown."""
     still = torch.zeros(mels.shape[1] // MEL_PER_FRAME, 204)
     phones = torch.full((mels.shape[1],), UNKNOWN, dtype=torch.int16)
     return Entry(name, source, held_out, mels.half(), still, still, phones)

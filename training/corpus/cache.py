@@ -1,4 +1,4 @@
-"""Clips on disk: what takes long to make is made once."""
+"""Keeps clips that take long to make on disk, so that they are made only once."""
 
 import hashlib
 import json
@@ -12,7 +12,7 @@ Row = TypeVar("Row")
 
 
 def cached(path: Path, kind: type[Row], make: Callable[[], Iterable[Row]]) -> list[Row]:
-    """Rows of the dataclass `kind` from a file, which `make` fills the first time."""
+    """Rows of the dataclass `kind` from a file. If the file is missing, `make` fills it."""
     if not path.exists():
         path.parent.mkdir(parents=True, exist_ok=True)
         partial = path.with_suffix(".partial")
@@ -22,5 +22,5 @@ def cached(path: Path, kind: type[Row], make: Callable[[], Iterable[Row]]) -> li
 
 
 def digest(*parts: object) -> str:
-    """A short name for what json can hold."""
+    """A short hash of values that json can hold, for use in file names."""
     return hashlib.sha256(json.dumps([*parts]).encode()).hexdigest()[:12]

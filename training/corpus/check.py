@@ -1,8 +1,8 @@
-"""Reports in words and numbers what a corpus folder holds, what is odd, and what it can train.
+"""Reports what a corpus folder holds, what is odd in it, and what it can train.
 
 Errors stop training. Odd things do not, but are worth a look. Speech opens the lips, so the opening of the
-inner lips follows the loudness of the sound. The lag of their best correlation reveals a shift; its change
-from the first third of a clip to the last reveals a drift.
+inner lips follows the loudness of the sound. The lag with the best correlation reveals a shift. If the lag
+changes from the first third of a clip to the last, sound and motion drift apart.
 """
 
 from collections import Counter
@@ -37,7 +37,7 @@ GREATEST_WEIGHT = 2.0
 
 @dataclass
 class Report:
-    """Result of a check. `errors` and `odd` are sentences; `seconds` is by split; `kinds` counts clips."""
+    """Result of a check. `errors` and `odd` are sentences, `seconds` is by split, `kinds` counts clips."""
 
     errors: list[str] = field(default_factory=list)
     odd: list[str] = field(default_factory=list)
@@ -75,7 +75,7 @@ def trains(report: Report) -> list[str]:
 
 
 def check(path: Path) -> Report:
-    """Reads everything. An error in one clip does not hide errors in the next."""
+    """Checks the whole folder. An error in one clip does not hide errors in the next."""
     report = Report()
     try:
         folder = CorpusFolder(path)
@@ -135,7 +135,7 @@ def _face_oddities(folder: CorpusFolder, row: Row, track: Track, samples, report
 
 
 def label_oddities(row: Row) -> list[str]:
-    """Labels with an emotion but no strength, or the other way round."""
+    """Labels that name an emotion but give it intensity 0."""
     if row.emotion not in ("neutral", "unknown") and row.intensity == 0.0:
         return [f"emotion {row.emotion} with intensity 0 is trained as neutral"]
     return []
@@ -150,7 +150,7 @@ def sound_oddities(samples: np.ndarray) -> list[str]:
 
 
 def time_oddities(track: Track, sound_s: float) -> list[str]:
-    """Lengths that differ, lost frames, frames that repeat."""
+    """Motion and sound of different lengths, lost frames, and frames that repeat."""
     step = float(np.median(np.diff(track.seconds)))
     odd, length = [], track.seconds[-1] + step
     if abs(length - sound_s) > LENGTH_S:
@@ -179,7 +179,7 @@ def weight_oddities(track: Track) -> list[str]:
 
 
 def shape_oddities(shape: np.ndarray) -> list[str]:
-    """A wrong unit, and left and right exchanged. `shape` [68, 3] metres."""
+    """A wrong unit, or left and right exchanged. `shape` [68, 3] metres."""
     width = float(np.linalg.norm(shape[16] - shape[0]))
     low, high = FACE_WIDTH_M
     if not low <= width <= high:
@@ -201,7 +201,7 @@ def fit_error(shape: np.ndarray) -> float:
 
 
 def lag_of(gap: np.ndarray, track: Track, samples: np.ndarray, span: tuple[float, float]) -> float | None:
-    """Seconds by which the lips follow the sound in a share of the clip; None where it is not clear."""
+    """Seconds by which the lips lag the sound within `span` (shares of the clip); None if it is unclear."""
     last = min(track.seconds[-1], len(samples) / SOUND_HZ)
     times = np.arange(span[0] * last, span[1] * last, 1.0 / LAG_HZ)
     if len(times) < 2 * LAG_HZ * LONGEST_LAG_S:
@@ -224,7 +224,7 @@ def correlation(a: np.ndarray, b: np.ndarray) -> float:
 
 
 def turned_degrees(track: Track, shape: np.ndarray) -> float:
-    """Angle in degrees that the head's rotation stays within in 95 % of the frames."""
+    """The head's rotation in degrees: its 95 % quantile over the frames."""
     _, turns = without_head(track.values[track.tracked_frames], shape)
     cosine = (np.trace(turns, axis1=1, axis2=2) - 1.0) / 2.0
     return float(np.degrees(np.quantile(np.arccos(cosine.clip(-1.0, 1.0)), 0.95)))

@@ -1,4 +1,4 @@
-"""Reads the files of a corpus; whatever differs from what the layout asks for raises a `CorpusError`."""
+"""Reads the files of a corpus. A file that breaks the layout raises a `CorpusError`."""
 
 import json
 import math
@@ -17,7 +17,7 @@ class CorpusError(ValueError):
 
 
 def read_json(path: Path) -> dict:
-    """A json object."""
+    """Reads a json object."""
     try:
         content = json.loads(read_text(path))
     except json.JSONDecodeError as error:
@@ -28,7 +28,7 @@ def read_json(path: Path) -> dict:
 
 
 def read_text(path: Path) -> str:
-    """A text file in UTF-8."""
+    """Reads a text file in UTF-8."""
     try:
         return path.read_text(encoding="utf-8-sig")
     except FileNotFoundError:
@@ -38,7 +38,7 @@ def read_text(path: Path) -> str:
 
 
 def read_npz(path: Path) -> dict[str, np.ndarray]:
-    """All arrays of a .npz, without pickles."""
+    """Reads all arrays of a .npz, without pickles."""
     try:
         with np.load(path) as file:
             return {name: file[name] for name in file.files}
@@ -66,7 +66,7 @@ def need_finite(path: Path, values: np.ndarray, frames: np.ndarray) -> None:
 
 
 def number_of(path: Path, row: int, what: str, text: str) -> float:
-    """A finite number."""
+    """Parses `text` as a finite number. `what` names it in the error."""
     try:
         value = float(text)
     except ValueError:

@@ -14,12 +14,12 @@ MEL_PER_FRAME = 4
 
 @dataclass
 class Clip:
-    """Speech and motion on one clock: motion frame i is second i / 25 of the sound.
+    """Speech and motion on one clock: motion frame i is at second i / 25 of the sound.
 
     `samples` [S] f32 at 16 kHz. `motion` [T, 68, 3] f32, displacement from the neutral face in
     canonical metres. `weight` [T, 68] f32 is 0 where the source did not observe a landmark or
     lost it. `neutral` [68, 3] f32 in canonical metres up to a translation. `emotion` is one of the
-    fifteen, `intensity` 0 to 1.5; `phones` where somebody timed them.
+    fifteen, `intensity` 0 to 1.5. `phones` is None if nobody timed them.
     """
 
     name: str
@@ -35,7 +35,7 @@ class Clip:
 
 
 def read_sound(path) -> np.ndarray:
-    """Mono 16 kHz samples [S] f32."""
+    """Reads mono samples [S] f32. Raises `ValueError` unless the file has 16 kHz."""
     samples, rate_hz = soundfile.read(path, dtype="float32", always_2d=True)
     if rate_hz != 16000:
         raise ValueError(f"{path}: expected 16000 Hz, got {rate_hz}")

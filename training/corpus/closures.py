@@ -1,4 +1,4 @@
-"""Lips that meet: where the sound says p, b or m, and whether they do."""
+"""Lip closures: where the sound has p, b or m, and whether the lips meet there."""
 
 from dataclasses import dataclass
 
@@ -39,12 +39,12 @@ def inner_gaps(motion: np.ndarray, neutral: np.ndarray) -> np.ndarray:
 
 
 def inner_depths(motion: np.ndarray) -> np.ndarray:
-    """How far the upper lip stands before the lower one at the inner pairs, [T, 3], unit of the motion."""
+    """How far the upper lip is in front of the lower one at the inner pairs, [T, 3], unit of the motion."""
     return motion[:, list(INNER_UPPER), 2] - motion[:, list(INNER_LOWER), 2]
 
 
 def narrowed(motion: np.ndarray, height: np.ndarray, depth: np.ndarray) -> np.ndarray:
-    """Brings upper and lower lip together by [T, 3] metres at the inner pairs; corners stay."""
+    """Brings upper and lower lip together by [T, 3] metres at the inner pairs. The corners do not move."""
     out = motion.copy()
     spread = np.array([[1, 1, 0, 0, 0], [0, 0, 1, 0, 0], [0, 0, 0, 1, 1]]) * np.array(OUTER_SHARES)
     for axis, by in ((1, height), (2, depth)):
@@ -57,7 +57,7 @@ def narrowed(motion: np.ndarray, height: np.ndarray, depth: np.ndarray) -> np.nd
 
 @dataclass(frozen=True)
 class Contact:
-    """A time in which lips touch: start and end in seconds, and how far they close, 0 to 1."""
+    """A span in which the lips touch: start and end in seconds, and how far they close, 0 to 1."""
 
     start_s: float
     end_s: float
@@ -65,11 +65,11 @@ class Contact:
 
 
 def contacts(probability: np.ndarray) -> list[Contact]:
-    """Where lips touch, as `probability` [T] says at 25 Hz.
+    """The spans in which the lips touch, from `probability` [T] at 25 Hz.
 
-    Twin of `LipClosures::contacts` in `rust-core/src/speech/closures.rs`. A frame counts where its
-    probability is three quarters of the highest within two frames. A smooth step from 0.2 to 0.35 decides
-    how far lips go.
+    Twin of `LipClosures::contacts` in `rust-core/src/speech/closures.rs`. A frame counts if its probability
+    is at least three quarters of the highest within two frames. A smooth step from 0.2 to 0.35 decides how
+    far the lips close.
     """
     padded = np.pad(probability, PEAK_FRAMES)
     highest = sliding_window_view(padded, 2 * PEAK_FRAMES + 1).max(axis=1)
@@ -83,7 +83,7 @@ def contacts(probability: np.ndarray) -> list[Contact]:
 
 
 def approach(openings: np.ndarray, closures: list[Contact]) -> np.ndarray:
-    """How far lips close in each frame, [T], 0 to 1, when they are `openings` [T] metres from touching.
+    """How far the lips close in each frame, [T], 0 to 1, if they are `openings` [T] metres from touching.
 
     Twin of `approach` in `rust-core/src/motion/contacts/approach.rs`, at 25 frames a second.
     """
@@ -103,7 +103,7 @@ def approach(openings: np.ndarray, closures: list[Contact]) -> np.ndarray:
 
 
 def _touch(openings: np.ndarray, contact: Contact) -> tuple[float, float]:
-    """From when to when lips touch, seconds: where the opening is smallest, for at least one frame."""
+    """Start and end of the touch in seconds: around the smallest opening, for at least one frame."""
     middle_s, half_s = 0.5 * (contact.start_s + contact.end_s), 0.5 * (contact.end_s - contact.start_s)
     touching_s = max(half_s - 0.5 * EDGES_S, HALF_TOUCH_S)
     room_s = max(half_s - touching_s, 0.0)
@@ -119,9 +119,9 @@ def _touch(openings: np.ndarray, contact: Contact) -> tuple[float, float]:
 
 
 def lips_closed(motion: torch.Tensor, probability: torch.Tensor) -> torch.Tensor:
-    """Motion [T, 204] whose lips touch where `probability` [T] says p, b or m. No gap grows.
+    """Closes the lips of a motion [T, 204] where `probability` [T] says p, b or m. No gap grows.
 
-    Moves the lips as `close_lips` in `rust-core/src/motion/contacts/lips.rs` does; the jaw stays.
+    Moves the lips as `close_lips` in `rust-core/src/motion/contacts/lips.rs` does. The jaw does not move.
     """
     points = motion.unflatten(-1, (68, 3)).numpy()
     gaps = inner_gaps(points, np.zeros((68, 3), points.dtype))
@@ -132,9 +132,9 @@ def lips_closed(motion: torch.Tensor, probability: torch.Tensor) -> torch.Tensor
 
 
 def closures_met(opening: torch.Tensor, phones: torch.Tensor) -> list[bool]:
-    """For each p, b, m: do the lips come within 15 % of the clip's 95 % quantile?
+    """For each p, b and m: whether the opening falls below 15 % of the clip's 95 % quantile.
 
-    `opening` [T] of the inner lips, `phones` [4 T] segments at mel rate.
+    `opening` [T] is that of the inner lips, `phones` [4 T] are segments at mel rate.
     """
     bound = MET_SHARE * opening.quantile(0.95)
     return [bool(opening[a:b].min() < bound) for a, b in bilabial_frames(phones)]

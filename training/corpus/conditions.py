@@ -1,4 +1,4 @@
-"""What corpora and systems share: the emotions, and the action units of fine control."""
+"""The emotions and the action units of fine control, which corpora and systems share."""
 
 EMOTIONS = [
     "neutral",

@@ -1,8 +1,8 @@
 """Phones of speech without transcribed times, read by a trained speech encoder.
 
-A first run of `training.speech.train` gives log-posteriors at 100 Hz. Where the text is known (kerstin_de),
-espeak-ng's phones for it are aligned to them. Where it is not (picovoice_en, more than 50 speakers), the
-likeliest sequence counts. Both are Viterbi (1967).
+A first run of `training.speech.train` gives log-posteriors at 100 Hz. If the text is known (kerstin_de),
+espeak-ng turns it into phones, which are aligned to the log-posteriors. If it is not (picovoice_en, more than
+50 speakers), the likeliest sequence is used. Both use Viterbi's algorithm (1967).
 """
 
 from pathlib import Path
@@ -26,7 +26,7 @@ LEAST_DECODED, LEAST_ALIGNED = -1.1, -2.2
 
 
 class PhoneReader:
-    """The encoder of a finished run and its phone read-out."""
+    """The encoder of a finished run with its phone read-out."""
 
     def __init__(self, run: Path):
         saved = torch.load(run)
@@ -50,7 +50,7 @@ class PhoneReader:
 
 
 def decode(log_p: np.ndarray) -> tuple[list[Phone], float]:
-    """The likeliest segments when every change has a price, and their mean log-posterior."""
+    """The likeliest segments if each change costs `SWITCH_COST`, and their mean log-posterior."""
     frames, classes = log_p.shape
     score, back = log_p[0].copy(), np.zeros((frames, classes), np.int32)
     for t in range(1, frames):
@@ -95,7 +95,7 @@ def _runs(path: np.ndarray, labels: list[str]) -> list[Phone]:
 
 
 def read_kerstin(data: Path, reader: PhoneReader, espeak: Espeak) -> list[Utterance]:
-    """German of one woman: espeak-ng's phones for the text, in the recording's own time."""
+    """German of one woman: espeak-ng's phones for the text, timed by the recording."""
     texts = read_texts(data / "speech/kerstin_de")
     utterances = []
     for utterance in read_unlabelled(data, "kerstin_de"):
@@ -111,7 +111,7 @@ def read_kerstin(data: Path, reader: PhoneReader, espeak: Espeak) -> list[Uttera
 
 
 def read_picovoice(data: Path, reader: PhoneReader) -> list[Utterance]:
-    """English of many speakers without text: what the reader is sure of."""
+    """English of many speakers without text: only the recordings that the reader is sure of."""
     utterances = []
     for utterance in read_unlabelled(data, "picovoice_en"):
         utterance.phones, confidence = decode(reader.log_posteriors(utterance.samples))

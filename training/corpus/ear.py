@@ -1,7 +1,7 @@
-"""Speech as Whisper hears it: recorded motion and speech without a face, kept on disk by source.
+"""Whisper's features of recorded motion and of speech without a face, kept on disk by source.
 
-`training.speech.train_ear` learns motion and phones from it. What it has learned becomes a face for all
-this speech (`lessons`), and one of Whisper's layers a target for the compact encoder (`attach`).
+`training.speech.train_ear` learns motion and phones from them. The trained model then gives all this speech a
+face (`lessons`), and one of Whisper's layers becomes a target for the compact encoder (`attach`).
 """
 
 import functools
@@ -45,13 +45,13 @@ UNHEARD = ("librivox_en", *(f"espeak_{language}" for language in UNSEEN_LANGUAGE
 
 @dataclass(kw_only=True)
 class EarClip(Entry):
-    """An entry of the bank with `heard` [voices, layers, 2 T, C] f16, what Whisper's `LAYERS` make of it."""
+    """An entry of the bank with `heard` [voices, layers, 2 T, C] f16, the outputs of Whisper's `LAYERS`."""
 
     heard: Tensor
 
     def levels(self) -> Tensor:
-        """Loudness of eight broad bands of the clip's own voice, [2 T, 8], normalised. Whisper hardly tells
-        it."""
+        """Loudness of eight broad bands of the clip's own voice, [2 T, 8], normalised. Whisper's features
+        hardly show it."""
         mel = normalise(self.mels[0].float())
         return (
             mel.unflatten(0, (-1, MEL_PER_FRAME // FRAMES_EACH)).unflatten(2, (LEVELS, -1)).mean(dim=(1, 3))
@@ -59,7 +59,7 @@ class EarClip(Entry):
 
 
 class Ear:
-    """Whisper's encoder, with products in bfloat16."""
+    """Whisper's encoder, which multiplies in bfloat16."""
 
     def __init__(self, folder: Path):
         self.encoder = whisper.load(folder)
@@ -85,7 +85,7 @@ def load(data: Path, cache: Path, folder: Path, sources: list[str], minutes: flo
 
 
 def every_source() -> list[str]:
-    """Recorded motion, recorded speech and the languages of espeak-ng; those of `UNHEARD` come last."""
+    """Names of all sources: recorded motion, recorded speech and espeak-ng's languages, `UNHEARD` last."""
     synthetic = [f"espeak_{language}" for language in ALPHABETS if language not in UNSEEN_LANGUAGES]
     return [*bank.READERS, *spoken.RECORDED, *UNTIMED, *synthetic, *UNHEARD]
 

@@ -43,7 +43,7 @@ MODIFIERS = ("+", "-", "(", "[", "hoe")
 
 @dataclass
 class ActedSpeech:
-    """A recording: `emotion` by the project's names, `share` of the listeners who named it, 0 to 1."""
+    """A recording. `emotion` has the project's name; `share` of the listeners recognised it, 0 to 1."""
 
     name: str
     actor: str
@@ -56,7 +56,7 @@ class ActedSpeech:
 
 
 def read_acted(data: Path, limit: int | None = None) -> list[ActedSpeech]:
-    """All recordings, or the first `limit` of the training actors and of the held-out ones."""
+    """All recordings, or the first `limit` of the training actors and as many of the held-out ones."""
     folder, recordings, counts = data / "speech" / SOURCE, [], {True: 0, False: 0}
     labels = {}
     for line in (folder / "labels.jsonl").read_text().splitlines():
@@ -94,7 +94,7 @@ def phones_of(labels: list[dict]) -> list[Phone]:
 
 
 def _sign(text: str) -> str | None:
-    """IPA of a label: a pause for a sign that modifies the phone before it, None for an end mark."""
+    """IPA of a label: a pause for a sign that modifies the phone before it, and for an unknown sign."""
     if text.startswith(MODIFIERS) or text in ("!", ""):
         return PAUSE
     plain = text.lstrip("_!").split("+")[0].split("-")[0].removesuffix(ASPIRATED)

@@ -17,7 +17,8 @@ ROUND = [i for i, c in enumerate(CHANNELS) if c.startswith(("mouthPucker", "mout
 
 @lru_cache(maxsize=1)
 def table() -> tuple[Tensor, Tensor]:
-    """Weights of each emotion at intensity 1, [15, 51] twice: what lasts, and what yields to closures."""
+    """Weights of each emotion at intensity 1, [15, 51] each: the lasting part, and the part that yields to
+    closures."""
     parts = torch.zeros(2, len(EMOTIONS), len(CHANNELS))
     for row, emotion in enumerate(EMOTIONS):
         for unit, strength in PROTOTYPES[emotion].items():
@@ -29,7 +30,7 @@ def table() -> tuple[Tensor, Tensor]:
 
 @lru_cache(maxsize=1)
 def factors() -> Tensor:
-    """By how much each emotion changes each channel of speech at intensity 1, [15, 51]."""
+    """The factor by which each emotion scales each channel of speech at intensity 1, [15, 51]."""
     out = torch.ones(len(EMOTIONS), len(CHANNELS))
     for row, emotion in enumerate(EMOTIONS):
         manner = MANNERS[emotion]
@@ -39,9 +40,9 @@ def factors() -> Tensor:
 
 
 def with_emotion(weights: Tensor, emotion: Tensor, intensity: Tensor, closed: Tensor) -> Tensor:
-    """Speech [T, 51] under an emotion.
+    """Adds an emotion to speech weights [T, 51].
 
-    `emotion` [T, 15] mixture, `intensity` [T], `closed` [T] from 0 to 1 where lips meet.
+    `emotion` [T, 15] is a mixture, `intensity` [T], `closed` [T] rises from 0 to 1 where the lips meet.
     """
     lasting, yielding = table()
     strength = emotion * intensity[:, None]

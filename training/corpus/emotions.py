@@ -3,10 +3,10 @@
 Emotion → action units → ARKit shapes → displacements. The prototypes of happy, sad, afraid, angry,
 surprised, disgusted and contempt are those of Ekman & Friesen's tables (`happy 6+12`, …) with small
 units added; ill borrows from the pain units 4, 7, 9 and 43 of Prkachin & Solomon 2008, ashamed lowers
-its lids and presses its lips (Keltner 1995); pleased, calm, upset, suspicious and drunk are our own
-choice, and all strengths are. ICT's brows and corners move little at weight 1, so weights go beyond it;
-a negative one moves a brow the other way, where ICT has no shape for that. `manner` says how an emotion
-changes articulation; `training.export expressions` writes both for `rust-core/src/motion/expression`.
+its lids and presses its lips (Keltner 1995). We chose pleased, calm, upset, suspicious and drunk ourselves,
+and all strengths. ICT's brows and corners move little at weight 1, so some weights exceed 1. A negative
+weight moves a brow the other way where ICT has no shape for that. `manner` says how an emotion changes
+articulation; `training.export expressions` writes both for `rust-core/src/motion/expression`.
 """
 
 from pathlib import Path
@@ -72,7 +72,7 @@ PROTOTYPES = {
 def expressions(data: Path) -> tuple[np.ndarray, np.ndarray]:
     """Displacement of each emotion at intensity 1, [15, 68, 3] canonical metres, in two parts.
 
-    The first part lasts through speech; the second parts or stretches the lips and yields to closures.
+    The first part lasts through speech. The second part opens or stretches the lips and yields to closures.
     """
     ict = IctLandmarks(data)
     parts = np.zeros((2, len(EMOTIONS), 68, 3), np.float32)
@@ -88,7 +88,7 @@ def expressions(data: Path) -> tuple[np.ndarray, np.ndarray]:
 
 
 def channel_of(shape: str) -> int:
-    """The number in `CHANNELS` of a shape of `AU_TO_ARKIT`."""
+    """The index in `CHANNELS` of a shape of `AU_TO_ARKIT`."""
     return CHANNELS.index(shape.replace("_L", "Left").replace("_R", "Right"))
 
 

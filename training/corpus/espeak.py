@@ -1,6 +1,6 @@
 """Speech of espeak-ng with its own phone times, through its C library (GPL program, used as a tool).
 
-Debian: `apt-get install espeak-ng`. Nothing of it is distributed with the weights.
+Debian: `apt-get install espeak-ng`. No part of it is distributed with the weights.
 """
 
 import ctypes
@@ -41,7 +41,7 @@ class _Event(Structure):
 
 
 class Espeak:
-    """One synthesiser; the library allows only one in a process."""
+    """The synthesiser. The library allows only one per process."""
 
     def __init__(self):
         try:
@@ -71,7 +71,7 @@ class Espeak:
         return samples, _phones(self.events, len(raw) / self.rate_hz)
 
     def ipa(self, text: str, voice: str) -> str:
-        """How `voice` says a text, in IPA with stress; `TIE` stands between the letters of one sound."""
+        """How `voice` says a text, in IPA with stress. `TIE` joins the letters of one sound."""
         self._take_voice(voice)
         rest, clauses = c_char_p(text.encode()), []
         while rest.value is not None:
@@ -96,7 +96,7 @@ class Espeak:
 
 
 def _phones(events: list[tuple[float, str]], end_s: float) -> list[Phone]:
-    """Events mark where phones begin; `(en)` marks a change of language."""
+    """Phones from events, which mark where phones begin. Labels such as `(en)` mark a change of language."""
     marks = [(time, label) for time, label in events if not label.startswith("(")]
     ends = [time for time, _ in marks[1:]] + [end_s]
     return [Phone(t, max(e - t, 0.0), label) for (t, label), e in zip(marks, ends, strict=True)]

@@ -1,4 +1,4 @@
-"""Expressions to train and judge on: channel weights of real speech, of the upper face, and random.
+"""Expressions for training and evaluation: channel weights of real speech, of the upper face, and random.
 
 Shapes: `T` frames, `M` = 51 channels in the order of `faces.CHANNELS`.
 """
@@ -26,7 +26,7 @@ class SpeechWeights:
 
 
 def load_speech(data: Path) -> SpeechWeights:
-    """The ARKit conversion of facegood_zh; frames at rest are dropped."""
+    """Loads the ARKit conversion of facegood_zh and drops frames at rest."""
     takes = {}
     for name, columns in arkit_takes(data, np.float64):
         weights = channel_rows(columns)
@@ -54,7 +54,7 @@ def random_combinations(rng: np.random.Generator, frames: int) -> np.ndarray:
 
 
 def training_frames(rng: np.random.Generator, speech: np.ndarray, frames: int) -> np.ndarray:
-    """Three quarters speech (at 0.7 to 1.4 of its strength) with upper face, the rest random."""
+    """Frames [T, M]: three quarters speech (0.7 to 1.4 of its strength) and upper face, the rest random."""
     picked = speech[rng.integers(len(speech), size=frames)]
     picked = picked * rng.uniform(0.7, 1.4, (frames, 1)) + upper_face(rng, frames)
     combined = random_combinations(rng, frames)

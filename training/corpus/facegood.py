@@ -22,7 +22,7 @@ UNSEEN = [0, 1, 2, 14, 15, 16, *range(17, 27), *range(36, 48)]
 
 
 def read_facegood(data: Path) -> list[Clip]:
-    """The five takes, each cut in a training and a held-out part, on ICT's landmarks at 25 fps."""
+    """The five takes on ICT's landmarks at 25 fps, each cut into a training and a held-out part."""
     folder = data / "motion" / SOURCE
     ict = IctLandmarks(data)
     observed = np.ones(68, np.float32)
@@ -48,7 +48,7 @@ def read_facegood(data: Path) -> list[Clip]:
 
 
 def arkit_takes(data: Path, kind: type = np.float32) -> Iterator[tuple[str, dict[str, np.ndarray]]]:
-    """Names of the takes, and columns of their csv by name, each [T]; the first column counts frames."""
+    """Yields each take's name and the columns of its csv by name, each [T], without the frame numbers."""
     for path in sorted((data / "motion" / SOURCE).glob("*.arkit.csv")):
         with open(path, newline="") as file:
             rows = list(csv.reader(file))
@@ -64,7 +64,7 @@ def channel_rows(columns: dict[str, np.ndarray]) -> np.ndarray:
 
 
 def resample(motion: np.ndarray, from_fps: float, to_fps: float) -> np.ndarray:
-    """[T, 68, 3] to another frame rate by a cubic spline."""
+    """Resamples motion [T, ...] to another frame rate by a cubic spline."""
     seconds = np.arange(len(motion)) / from_fps
     frames = int(np.floor(seconds[-1] * to_fps)) + 1
     return CubicSpline(seconds, motion, axis=0)(np.arange(frames) / to_fps).astype(np.float32)

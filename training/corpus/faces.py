@@ -32,7 +32,7 @@ CHANNELS = [
 
 @dataclass(frozen=True)
 class Face:
-    """A neutral face and how it moves.
+    """A neutral face and its motion at each channel.
 
     vertices: [V, 3] m. triangles: [F, 3]. landmarks: [N] vertex numbers.
     modes: [M, V, 3] m, displacement at channel weight 1.
@@ -62,7 +62,7 @@ class IctModel:
 
 
 def align(face: Face) -> Face:
-    """Brings a face to the canonical frame by the similarity of its steadiest landmarks."""
+    """Moves a face to the canonical frame by a similarity that weights steady landmarks most."""
     fit = similarity(face.vertices[face.landmarks], canonical_landmarks(), stability())
     return replace(face, vertices=fit(face.vertices), modes=fit.scale * face.modes @ fit.rotation.T)
 

@@ -13,9 +13,9 @@ Encode = Callable[[Tensor, int], Tensor]
 
 
 class FeatureSampler(WindowSampler):
-    """As `WindowSampler`, with `mels` holding one feature row per motion frame.
+    """Like `WindowSampler`, but `mels` holds one feature row per motion frame.
 
-    Only the tempo is augmented: `AugmentOptions` about voices and rooms has no meaning here.
+    Only the tempo is augmented, because the options for voices and rooms have no meaning here.
     """
 
     per_frame = 1
@@ -29,7 +29,7 @@ class FeatureSampler(WindowSampler):
 
 
 def feature_entries(clips: list[Clip], encode: Encode) -> list[Entry]:
-    """All clips with `encode(samples, frames)` [T, C] as their speech."""
+    """Entries of all clips with `encode(samples, frames)` [T, C] as their speech."""
     entries = []
     for clip in clips:
         features = encode(torch.from_numpy(clip.samples), len(clip.motion))

@@ -3,12 +3,12 @@
     python -m training.corpus.fit_teacher --data ../shared/data
 
 Fits on the training clips of grid_s1 (phones by pocketsphinx) and writes `training/corpus/teacher.json`.
-Components of motion, and their measures, are lip gap, mouth width, chin, upper and lower inner lip, corners
-and protrusion. All but the gap are compared after each clip's mean is removed, because the recording keeps a
-pose of its own there. The loss is 1 − Lin's concordance, whose optimum has the recording's own amplitude.
-Frames of p, b and m are left out: there the teacher closes the lips by rule. A segment's target is the sum of
-a part that depends on its articulatory features and an offset of its own, so segments that GRID lacks move
-like related ones.
+The fit compares these measures of motion: lip gap, mouth width, chin, upper and lower inner lip, corners and
+protrusion. All but the gap are also components of the teacher's motion. Each clip has a pose of its own in
+them, so they are compared after each clip's mean is removed. The loss is 1 − Lin's concordance, whose optimum
+has the recording's own amplitude. Frames of p, b and m are left out, because the teacher closes the lips
+there by rule. A segment's target is the sum of an offset of its own and a part that depends on its
+articulatory features, so segments that GRID lacks move like related ones.
 """
 
 import json
@@ -58,9 +58,9 @@ def measures(motion: np.ndarray) -> np.ndarray:
 
 
 def measure_basis(clips: list[Clip]) -> np.ndarray:
-    """Patterns of landmark motion [K, 68, 3] in metres, each for one deviation of its measure.
+    """Patterns of landmark motion [K, 68, 3] in metres, each for one standard deviation of its measure.
 
-    Each pattern is the regression of all that the patterns before it leave on the next measure.
+    Each pattern regresses the motion that the earlier patterns leave unexplained on the next measure.
     """
     moved = np.concatenate([symmetrise(c.motion)[c.weight[:, 0] > 0] for c in clips]).astype(np.float64)
     rest = np.zeros_like(moved)
@@ -100,7 +100,7 @@ class Dominance(nn.Module):
         self.lead = nn.Parameter(torch.tensor(0.0))
 
     def targets(self) -> Tensor:
-        """Targets [N, K]; the pause rests."""
+        """Targets [N, K]; 0 for the pause."""
         return self.features @ self.kin + self.offset * self.frequent
 
     def shapes(self) -> tuple[Tensor, Tensor, Tensor]:
@@ -136,13 +136,13 @@ def concordance(a: Tensor, b: Tensor, weight: Tensor) -> Tensor:
 
 
 def centred(x: Tensor, weight: Tensor) -> Tensor:
-    """All measures but the gap, less their weighted mean over each clip."""
+    """Removes each clip's weighted mean from all measures but the gap."""
     mean = (weight * x).sum(1, keepdim=True) / weight.sum(1, keepdim=True).clamp_min(1.0)
     return torch.cat([x[..., :1], (x - mean)[..., 1:]], dim=2)
 
 
 def fit(model: Dominance, clips: list[tuple[Clip, list[Phone]]], epochs: int, seed: int = 0) -> None:
-    """Adam over whole clips."""
+    """Fits the teacher to whole clips with Adam."""
     frames = max(len(clip.motion) for clip, _ in clips)
     core, half, index = padded(clips)
     truth, weight = (torch.zeros(len(clips), frames, len(MEASURES)) for _ in range(2))
@@ -169,7 +169,7 @@ def fit(model: Dominance, clips: list[tuple[Clip, list[Phone]]], epochs: int, se
 
 
 def data_loss(out: Tensor, truth: Tensor, weight: Tensor) -> Tensor:
-    """Weighted sum of each measure's disagreement, and of the gap's speed."""
+    """Weighted sum of 1 − concordance of each measure and of the gap's speed."""
     a, b = centred(out, weight), centred(truth, weight)
     total = (concordance(a, b, weight) * torch.tensor(SHARES)).sum()
     both = weight[:, 1:, :1] * weight[:, :-1, :1]
@@ -192,7 +192,7 @@ def padded(clips: list[tuple[Clip, list[Phone]]]) -> tuple[Tensor, Tensor, Tenso
 
 
 def spoken_open(clip: Clip, phones: list[Phone]) -> np.ndarray:
-    """1 at frames away from p, b and m, [T]."""
+    """Mask [T]: 1 at frames away from p, b and m, else 0."""
     seconds, mask = np.arange(len(clip.motion)) / FPS, np.ones(len(clip.motion), np.float32)
     for start, end in bilabials(phones):
         mask[(seconds > start - 0.06) & (seconds < end + 0.06)] = 0.0
@@ -208,7 +208,7 @@ def heard_often(clips: list[tuple[Clip, list[Phone]]]) -> np.ndarray:
 
 
 def save(model: Dominance, path: Path) -> None:
-    """The parameters as rounded numbers, the basis in millimetres."""
+    """Writes the parameters as rounded numbers, the basis in millimetres."""
     with torch.no_grad():
         strengths, rates, lead = (x.detach().numpy() for x in model.shapes())
         targets = model.targets().numpy()

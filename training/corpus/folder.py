@@ -1,20 +1,20 @@
-"""The corpus folder: the one layout from which every trainer reads captures that are not ours.
+"""The corpus folder: the layout in which trainers read captures from other people.
 
     corpus.json          {"name": "mine", "unit": "m", "head": "moves", "topology": "flame",
                           "fps": {"landmarks": 25, "weights": 60, "vertices": 60}}
-    clips.tsv            clip, speaker, split, emotion, intensity, text: one row a clip, tabs between
-    audio/CLIP.wav       or .flac, .ogg; any rate from 16 kHz on
+    clips.tsv            clip, speaker, split, emotion, intensity, text: one row per clip, tabs between
+    audio/CLIP.wav       or .flac, .ogg; any rate of 16 kHz or more
     landmarks/CLIP.npz   `landmarks` [T, 68, 3]; may have `fps`, `found` [T], `seen` [68], `neutral`
     weights/CLIP.csv     a column for each ARKit name, and `seconds` or Live Link Face's `Timecode`
     vertices/CLIP.npy    [T, V, 3]; or .npz with `vertices` and `fps`, or a folder CLIP of .obj
     phones/CLIP.tsv      start_s, duration_s, phone (IPA or ARPABET)
-    topologies/NAME/     neutral.obj, SPEAKER.obj where a speaker has a face of its own, landmarks.json
+    topologies/NAME/     neutral.obj, SPEAKER.obj if a speaker has a face of its own, landmarks.json
 
-Sound is needed, everything else is read where it is there. `unit` is m, cm or mm, `head` is `moves`
-(its motion is taken out) or `still`; rates are needed of what does not carry its own. `split` is train,
-val or test. `emotion` is one of the fifteen names of `EMOTIONS`, or unknown. landmarks.json is what
-`anyface landmarks` writes, or {"vertices": [68 numbers]}, or {"triangles": [68 numbers], "barycentric":
-[68 triples]}. Every error is a `CorpusError`: file, row, what was expected and what was found.
+Sound is required, everything else is read if it is there. `unit` is m, cm or mm. `head` is `moves`
+(its motion is removed) or `still`. `fps` must give a rate for files that do not state their own. `split` is
+train, val or test. `emotion` is one of the fifteen names of `EMOTIONS`, or unknown. landmarks.json is the
+output of `anyface landmarks`, or {"vertices": [68 numbers]}, or {"triangles": [68 numbers], "barycentric":
+[68 triples]}. Every error is a `CorpusError` with file, row, what was expected and what was found.
 """
 
 import re
@@ -61,12 +61,12 @@ class Row:
 
     @property
     def held_out(self) -> bool:
-        """Whether training must not see it."""
+        """Whether the clip is kept out of training."""
         return self.split != "train"
 
 
 class CorpusFolder:
-    """A corpus folder; reads clips on demand."""
+    """A corpus folder. Reads clips on demand."""
 
     def __init__(self, path: Path):
         self.path = path
@@ -136,7 +136,7 @@ class CorpusFolder:
         return None if path is None else read_weights(path, self.fps.get("weights"))
 
     def vertices(self, row: Row) -> Track | None:
-        """`values` [T, V, 3] in the folder's unit, mapped from the file where it can be."""
+        """`values` [T, V, 3] in the folder's unit, memory-mapped if the file allows it."""
         path = self.file("vertices", row, (".npy", ".npz", ""))
         if path is None:
             return None
@@ -163,7 +163,7 @@ class CorpusFolder:
         return speaker_file if speaker_file.exists() else inside / "neutral.obj"
 
     def phones(self, row: Row) -> list[Phone] | None:
-        """Phones with times."""
+        """Phones with times; None if the clip has no phone file."""
         path = self.file("phones", row, (".tsv",))
         return None if path is None else read_phones(path)
 

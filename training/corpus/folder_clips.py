@@ -1,4 +1,4 @@
-"""Clips of a corpus folder in the form that trainers use: landmark motion in canonical metres at 25 fps."""
+"""Clips of a corpus folder as the trainers use them: landmark motion in canonical metres at 25 fps."""
 
 import json
 from functools import lru_cache
@@ -24,7 +24,7 @@ FEWEST_FRAMES = 8
 
 
 def clips(folder: CorpusFolder) -> list[Clip]:
-    """All clips with motion of the face: from landmarks, else from vertices, else from blend weights."""
+    """All clips with face motion: from landmarks, else from vertices, else from blend weights."""
     tracks = [(row, observed(folder, row)) for row in folder.rows]
     sounds = {row.clip: folder.sound(row) for row, track in tracks if track is not None}
     neutrals = speaker_neutrals([(row, track) for row, track in tracks if track], sounds)
@@ -39,7 +39,7 @@ def clips(folder: CorpusFolder) -> list[Clip]:
 
 
 def observed(folder: CorpusFolder, row: Row) -> Track | None:
-    """Landmarks over time of one clip, [T, 68, 3] metres, from whatever it has."""
+    """Landmarks of one clip over time, [T, 68, 3] metres: as stored, else from vertices or weights."""
     track = folder.landmarks(row)
     if track is not None:
         return track
@@ -52,7 +52,7 @@ def observed(folder: CorpusFolder, row: Row) -> Track | None:
 
 
 def blend_weights(folder: CorpusFolder, row: Row) -> Track | None:
-    """ARKit weights of a clip for which `observed` falls back on weights."""
+    """ARKit weights of a clip that has neither landmarks nor vertices, else None."""
     landmarks, vertices = (
         folder.file("landmarks", row, (".npz",)),
         folder.file("vertices", row, (".npy", ".npz", "")),
@@ -85,7 +85,7 @@ def arkit_modes() -> dict[str, np.ndarray]:
 
 
 def speaker_neutrals(tracks: list[tuple[Row, Track]], sounds) -> dict[str, np.ndarray]:
-    """Neutral face [68, 3] m of every speaker whose tracks do not state it: lips together, in quiet."""
+    """Neutral face [68, 3] m of each speaker whose tracks state none: from quiet frames, lips together."""
     quiet: dict[str, list[np.ndarray]] = {}
     for row, track in tracks:
         if track.neutral is not None:
@@ -102,7 +102,7 @@ def speaker_neutrals(tracks: list[tuple[Row, Track]], sounds) -> dict[str, np.nd
 
 
 def displacement(track: Track, neutral: np.ndarray, head_moves: bool) -> tuple[np.ndarray, np.ndarray]:
-    """Motion [T, 68, 3] from the neutral face turned to canonical axes, and weight [T, 68]."""
+    """Motion [T, 68, 3] relative to the neutral face, in canonical axes, and weight [T, 68]."""
     values = track.values
     if head_moves:
         values, _ = without_head(values, neutral)
@@ -126,16 +126,16 @@ def to_canonical_axes(landmarks: np.ndarray) -> np.ndarray:
 
 
 def without_head(values: np.ndarray, neutral: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
-    """[T, 68, 3] with every frame aligned to the neutral face by its steadiest landmarks.
+    """Aligns every frame of [T, 68, 3] rigidly to the neutral face by its steadiest landmarks.
 
-    Also returns the rotations [T, 3, 3] that did it.
+    Also returns the rotations [T, 3, 3] that it used.
     """
     fit = similarity(values, neutral, steady())
     return (values - fit.centre[:, None]) @ np.swapaxes(fit.rotation, 1, 2) + fit.goal, fit.rotation
 
 
 def loudness(samples: np.ndarray, seconds: np.ndarray) -> np.ndarray:
-    """Level of the sound around each time, [T] decibels, from stretches of 40 ms."""
+    """Level of the sound in the 40 ms around each time, [T] decibels."""
     power = np.concatenate([[0.0], np.cumsum(samples.astype(float) ** 2)])
     centre = (seconds * SOUND_HZ).astype(int)
     last = np.clip(centre + HOP // 2, 1, len(samples))

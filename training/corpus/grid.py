@@ -1,9 +1,9 @@
 """grid_s1: 909 clips of one man reading GRID sentences, his face tracked in the video.
 
 GRID corpus, CC BY 4.0 (Cooke, Barker, Cunningham & Shao 2006); tracked by MediaPipe Face Landmarker
-v2 (Apache-2.0), each frame by itself. The motion of the head is taken out already. Depth is a
-monocular estimate. His lids blink and look down at what he reads, which his voice does not cause:
-the landmarks of the eyes rest and carry no weight.
+v2 (Apache-2.0), each frame by itself. Head motion is already removed. Depth is a monocular estimate.
+He blinks and looks down at the text. His voice does not cause this, so the eye landmarks are kept at
+rest and carry no weight.
 """
 
 import json
@@ -30,7 +30,7 @@ INNER = slice(27, 68)
 
 
 def read_grid(data: Path) -> list[Clip]:
-    """All clips. Motion is turned so that the speaker's neutral face fits ICT's, and keeps its size."""
+    """All clips. Motion is rotated so that the speaker's neutral face fits ICT's; its size stays."""
     folder = data / "motion" / SOURCE
     with safe_open(folder / TRACK, "np") as file:
         landmarks = file.get_tensor("landmarks").astype(np.float32) / UNITS_PER_CM
@@ -78,9 +78,9 @@ def _fill(track: np.ndarray, bad: np.ndarray) -> np.ndarray:
 def rest_template(tracks: list[np.ndarray], tracked_frames: list[np.ndarray]) -> np.ndarray:
     """Neutral face [68, 3]: the silent face with its lips together.
 
-    The first and last quarter second of a GRID clip are silent; there the mouth is at rest, often
-    slightly open. A line through every coordinate against the inner-lip gap of these frames is
-    read at the 5 % quantile of gaps.
+    The first and last quarter second of a GRID clip are silent. The mouth is at rest there, but often
+    slightly open. So a line is fitted to each coordinate over the inner-lip gap of these frames, and read
+    at the 5 % quantile of the gaps.
     """
     ends = [np.r_[:EDGE_FRAMES, len(t) - EDGE_FRAMES : len(t)] for t in tracks]
     edges = np.concatenate([t[e][s[e]] for t, s, e in zip(tracks, tracked_frames, ends, strict=True)])

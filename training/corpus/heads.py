@@ -1,9 +1,9 @@
-"""Whole heads and the space about them: ICT identities with face, head, neck and sockets.
+"""Whole heads and the space around them: ICT identities with face, head, neck and sockets.
 
 The skin with its sockets is one closed surface except for the neck's end, which a fan of triangles closes.
 All identities share its triangles, so a place on (or beside) the mean head has a partner on every other one.
-Places off the surface lie on normals. Places of the volume are drawn once about the mean head, where the
-winding number tells inside from outside. The surface about them carries them to other identities.
+Places off the surface lie along its normals. Places of the volume are drawn once around the mean head, where
+the winding number tells inside from outside. Nearby vertices carry them along to other identities.
 """
 
 from __future__ import annotations
@@ -58,8 +58,8 @@ class Places:
 
 @dataclass
 class Volume:
-    """Places about the mean head: points [R, 3], signed distance [R], vertices that carry them [R, K] with
-    shares."""
+    """Places around the mean head: points [R, 3], signed distance [R] (negative inside), the vertices [R, K]
+    that carry each of them, and their shares."""
 
     points: Tensor
     distance: Tensor
@@ -141,11 +141,11 @@ class IctHeads:
         return 1.0 + FACE_SHARE * face + near + torch.exp(-(lips / FEATURE_M).square()) * LIP_SHARE
 
     def at(self, vertices: Tensor, normals: Tensor, places: Places) -> Tensor:
-        """Places [P] on heads with vertices and normals [B, V, 3], [B, P, 3]."""
+        """Positions [B, P, 3] of places [P] on heads with vertices and normals [B, V, 3]."""
         return self.on(vertices, places) + places.away[:, None] * self.normal(normals, places)
 
     def on(self, vertices: Tensor, places: Places) -> Tensor:
-        """Points on the surface below places, [B, P, 3]. For other fields [B, V, 3]: their values there."""
+        """Points [B, P, 3] on the surface below places. Also interpolates other fields [B, V, 3] there."""
         corners = self.triangles[places.triangle]
         return sum(places.share[:, i, None] * vertices[:, corners[:, i]] for i in range(3))
 
@@ -154,7 +154,7 @@ class IctHeads:
         return F.normalize(self.on(normals, places), dim=-1)
 
     def carried(self, moves: Tensor, rows: Tensor) -> Tensor:
-        """How far places `rows` [R] of the volume move when vertices move by [B, V, 3], [B, R, 3]."""
+        """Motion [B, R, 3] of the places `rows` [R] of the volume when vertices move by [B, V, 3]."""
         carriers, share = self.volume.carriers[rows], self.volume.share[rows]
         return torch.einsum("brkc,rk->brc", moves[:, carriers], share)
 
@@ -171,13 +171,13 @@ class IctHeads:
         return people, torch.stack([fit.scale for fit in fits])
 
     def posed(self, people: Tensor, scales: Tensor, weights: Tensor) -> Tensor:
-        """Heads at rest moved by ARKit weights [B, M], [B, V, 3]."""
+        """Vertices [B, V, 3] of heads at rest that ARKit weights [B, M] move."""
         moved = (weights @ self.modes.flatten(1)).unflatten(1, (-1, 3))
         return people + scales[:, None, None] * moved
 
 
 def drawn_places(chance: Tensor, count: int, random: torch.Generator) -> Places:
-    """Places on the surface, triangles drawn in proportion to `chance` [F]."""
+    """Draws `count` places on the surface, with triangles in proportion to `chance` [F]."""
     triangle = torch.multinomial(chance, count, replacement=True, generator=random)
     share = torch.rand(count, 2, generator=random)
     over = share.sum(1) > 1.0
@@ -203,7 +203,10 @@ def neck_rim(triangles: np.ndarray) -> np.ndarray:
 
 
 def volume_points(vertices: np.ndarray, triangles: np.ndarray, count: int) -> tuple[np.ndarray, np.ndarray]:
-    """Points [count, 3] about a closed head and which lie inside: half anywhere, half near the surface."""
+    """Points around a closed head, at most [count, 3], and whether each lies inside.
+
+    Half are drawn anywhere, half near the surface. Points whose winding number is unclear are dropped.
+    """
     rng = np.random.default_rng(5)
     low, high = vertices.min(0) - BOX_M, vertices.max(0) + BOX_M
     anywhere = rng.uniform(low, high, (count // 2, 3))
@@ -218,8 +221,8 @@ def volume_points(vertices: np.ndarray, triangles: np.ndarray, count: int) -> tu
 def winding_number(points: np.ndarray, vertices: np.ndarray, triangles: np.ndarray) -> np.ndarray:
     """How often a closed mesh winds round each point [P] (Jacobson et al. 2013).
 
-    Every triangle is a dipole at its centre (Barill et al. 2018). That is good to a few hundredths for points
-    farther off than a triangle's size.
+    Every triangle is a dipole at its centre (Barill et al. 2018). This is accurate to a few hundredths for
+    points farther away than a triangle's size.
     """
     corners = torch.from_numpy(vertices[triangles]).float()
     centre = corners.mean(1)

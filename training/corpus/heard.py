@@ -1,4 +1,4 @@
-"""Speech as the frozen encoder hears it, with its phones, its text or the times of its words."""
+"""The frozen encoder's features of speech, with its phones, its text or the times of its words."""
 
 import json
 from dataclasses import dataclass, field
@@ -47,7 +47,7 @@ TEXTS = {"en-us": "kathleen_en", "de": "kerstin_de", "nl": "nathalie_nl"}
 
 @dataclass
 class Heard:
-    """One utterance. `features` holds [T, C] f16 for each warp; `phones` [4 T] segments or none."""
+    """One utterance. `features` holds [T, C] f16 for each warp; `phones` is [4 T] segments or None."""
 
     name: str
     source: str
@@ -67,7 +67,7 @@ def hear(encoder: CompactEncoder, samples: np.ndarray, warps: tuple[float, ...])
 
 
 def load(data: Path, cache: Path, encoder: CompactEncoder, minutes: float) -> list[Heard]:
-    """All utterances, from the cache if they were made before."""
+    """All utterances, from the cache if it has them."""
     name = "-".join(map(str, [VERSION, f"{minutes:g}", *kokoro_count(data)]))
     path = cache / f"heard-{name}.pt"
     return cached(path, Heard, lambda: _every(data, encoder, minutes))
@@ -124,7 +124,7 @@ def read_emodb(data: Path) -> list[Utterance]:
         record, phones = json.loads(line), []
         for row in record["labels"]:
             label = _ipa(row["label"])
-            # Marks of manner go on with the phone before them.
+            # A mark of manner continues the phone before it.
             label = phones[-1].label if label is None and phones else label or PAUSE
             phones.append(Phone(row["start"], row["duration"], label))
         samples = read_sound(folder / f"{record['id']}.ogg")
@@ -136,7 +136,7 @@ def read_emodb(data: Path) -> list[Utterance]:
 
 
 def _ipa(label: str) -> str | None:
-    """A SAMPA label as IPA; None for a label that is no phone of its own."""
+    """A SAMPA label as IPA; None if the label is not a phone of its own."""
     if label[0] in "-+":
         return None
     if label == ".":

@@ -21,9 +21,9 @@ class IctLandmarks:
         self.modes = dict(zip(names, expression, strict=True))
 
     def displace(self, weights: dict[str, np.ndarray]) -> np.ndarray:
-        """ARKit weights by name (`jawOpen`, `mouthSmileLeft` or `mouthSmile_L`), each [T].
+        """The displacement [T, 68, 3] in metres under ARKit weights: the sum of weight × mode.
 
-        Returns [T, 68, 3] metres: the sum of weight × mode.
+        `weights` are by name (`jawOpen`, `mouthSmileLeft` or `mouthSmile_L`), each [T].
         """
         total = 0.0
         for name, weight in weights.items():
@@ -31,5 +31,5 @@ class IctLandmarks:
         return total
 
     def mode(self, name: str) -> np.ndarray:
-        """One mode [68, 3]. ARKit's `browInnerUp` and `cheekPuff` are both sides together."""
+        """One mode [68, 3]. For ARKit's `browInnerUp` and `cheekPuff` it is the sum of both sides."""
         return channel_of_ict(self.modes, name)

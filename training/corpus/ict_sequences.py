@@ -1,11 +1,11 @@
-"""ICT FaceKit's faces speaking, as corpus folders with vertex sequences.
+"""Writes corpus folders with vertex sequences of ICT FaceKit's faces speaking.
 
     python -m training.corpus.ict_sequences --data ../shared/data --out runs/ict_sequences
 
-A folder for each triangulation of the face; in each, random identities act stretches of facegood_zh,
-with the upper face at random, and every fourth stretch a chain of random expressions. Identities of the
-split `test` appear in no folder as `train`, and act the take that no training hears. Head still, metres,
-15 fps; each stretch has the sound of its take.
+Each triangulation of the face gets a folder, in which random identities act stretches of facegood_zh with a
+random upper face. Every fourth stretch is a chain of random expressions instead. Identities of the split
+`test` appear in no folder as `train`, and act the take that is never trained on. The head is still, the unit
+is metres, the rate 15 fps. Each stretch has the sound of its take.
 """
 
 import json
@@ -66,7 +66,7 @@ def read_takes(data: Path) -> list[Take]:
 
 
 def triangulate(rng: np.random.Generator, data: Path, triangles: int) -> Triangulation:
-    """The mean face and its modes on about this many triangles; on ICT's own triangles for 0."""
+    """The mean face and its modes on about this many triangles, or on ICT's own triangles if 0."""
     model = load_ict(data, "face")
     count = len(model.mean.modes)
     if triangles == 0:
@@ -77,7 +77,7 @@ def triangulate(rng: np.random.Generator, data: Path, triangles: int) -> Triangu
 
 
 def acting(rng: np.random.Generator, frames: int, draw) -> np.ndarray:
-    """Random expressions of `draw(rng, count)`, blended from one to the next. [frames, 51]."""
+    """Blends from one random expression of `draw(rng, count)` to the next. [frames, 51]."""
     times = np.arange(frames) / (HOLD_S * FPS)
     keys = draw(rng, int(times[-1]) + 2)
     at, share = times.astype(int), (times % 1.0)[:, None]
@@ -97,7 +97,7 @@ def perform(rng: np.random.Generator, take: Take, number: int) -> tuple[np.ndarr
 
 def write_folder(data: Path, out: Path, seed: int, triangles: int, people: dict[str, int],
                  stretches: int) -> Path:  # fmt: skip
-    """Writes one triangulation: for each split so many `people`, and for each of them so many stretches."""
+    """Writes one triangulation. `people` gives the speakers per split; each acts this many `stretches`."""
     rng = np.random.default_rng(seed)
     mesh, takes = triangulate(rng, data, triangles), read_takes(data)
     training_takes = [take for take in takes if take.name != HELD_OUT_TAKE]
@@ -133,7 +133,7 @@ def main(
     stretches: Annotated[int, "stretches of ten seconds for each speaker"] = 6,
     seed: int = 0,
 ) -> None:
-    """Entry of the command."""
+    """Writes a folder for each number of triangles."""
     split = {"train": people, "test": held_out}
     for number, count in enumerate(triangles, seed):
         print(write_folder(data, out / f"ict_{number}", number, count, split, stretches), flush=True)

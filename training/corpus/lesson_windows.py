@@ -25,10 +25,10 @@ HISS_S = 60
 
 @dataclass
 class LessonBatch:
-    """A batch of windows. `mel` [B, R, 64] is raw log-mel; `heard` is the state of the normaliser before it.
+    """A batch of windows. `mel` [B, R, 64] is raw log-mel; `heard` is the normaliser's state before it.
 
-    `captured` [B, T, 204] metres with its `weight` (0 where nothing was captured); `taught` [B, T, 204] is
-    the teacher's motion; `scale` [B, 1, 1].
+    `captured` [B, T, 204] is in metres, and its `weight` is 0 where nothing was captured. `taught`
+    [B, T, 204] is the teacher's motion. `scale` is [B, 1, 1].
     """
 
     mel: Tensor
@@ -67,7 +67,7 @@ class LessonSampler(WindowSampler):
         )
 
     def _lesson(self, frames: int, rows: int):
-        """One window, made of clips one after another."""
+        """One window, filled with one clip after another."""
         longer = -(-rows // self.per_frame)
         mel, tracks, weight, _, _, index = self._window(longer)
         tracks = tracks.float()
@@ -79,7 +79,7 @@ class LessonSampler(WindowSampler):
         return mel, captured, weight[:frames], taught, scale
 
     def _heard(self, mel: Tensor) -> Heard:
-        """Some windows start cold, the others with their voice already known."""
+        """Some windows start cold. In the others the normaliser already knows the voice."""
         heard = nothing_heard(self.config.normaliser, len(mel))
         for row, window in enumerate(mel):
             if self.random.random() < COLD_SHARE:
@@ -91,7 +91,7 @@ class LessonSampler(WindowSampler):
         return heard
 
     def _prepare(self, mel: Tensor, colour: Tensor, bare: bool) -> Tensor:
-        """Another room, noise and tract, as raw log-mel: the normalisation runs over windows."""
+        """Varies room, noise and tract. Returns raw log-mel, because whole windows are normalised later."""
         return super()._prepare(mel, colour, bare) * SCALE + colour
 
     def _silence(self, frames: int):
@@ -105,20 +105,20 @@ class LessonSampler(WindowSampler):
         return mel, still, weight, phones, neutral_affect(1, frames)[0]
 
     def _wobble(self, rows: int) -> Tensor:
-        """How steady noise varies about its own level, [rows, 64]."""
+        """Random variation of steady noise about its own level, [rows, 64]."""
         start = int(self.random.integers(0, len(self.hiss) - rows))
         return self.hiss[start : start + rows]
 
 
 def hiss(seed: int) -> Tensor:
-    """Log-mel of white noise, less its mean, [T, 64]."""
+    """Log-mel of white noise minus its mean over time, [T, 64]."""
     generator = torch.Generator().manual_seed(seed)
     mel = log_mel(torch.randn(HISS_S * SAMPLE_RATE_HZ, generator=generator))
     return mel - mel.mean(dim=0)
 
 
 def pack(lesson: Lesson) -> Lesson:
-    """Captured and taught side by side as one track, as windows re-time `motion` with the sound."""
+    """Puts captured and taught motion side by side in `motion`, which windows re-time with the sound."""
     taught = lesson.taught.float()
     captured = torch.where(lesson.weight > 0, lesson.motion, taught)
     return Lesson(**(vars(lesson) | {"motion": torch.cat([captured, taught], dim=1).half()}))

@@ -1,7 +1,7 @@
-"""What the streaming student learns from: speech, and what the teacher makes of it.
+"""Lessons for the streaming student: speech with the teacher's motion for it.
 
-A lesson is a clip of the bank, or speech of which no motion was captured, with the motion that the
-full model (encoder and denoiser) performs on it.
+A lesson is a clip of the bank, or speech without captured motion. In addition it has the motion that the
+full model (encoder and denoiser) generates for that speech.
 """
 
 import hashlib
@@ -35,9 +35,9 @@ SHORTEST_S = 0.5
 
 @dataclass(kw_only=True)
 class Lesson(Entry):
-    """A clip with its teacher's motion `taught` [T, 204] f16, metres.
+    """A clip with the teacher's motion `taught` [T, 204] f16, metres.
 
-    Where no motion was captured, `weight` is 0 throughout.
+    If no motion was captured, `weight` is 0 throughout.
     """
 
     taught: Tensor
@@ -61,7 +61,7 @@ class FullModel:
 
     @torch.no_grad()
     def teach(self, entry: Entry) -> Lesson:
-        """Performs a clip in its own voice."""
+        """Generates the motion of a clip from its own voice, without re-voicing."""
         mel = fit_frames(entry.mels[0].float(), MEL_PER_FRAME * len(entry.motion))
         speech = self.encoder(normalise(mel)[None])[0]
         motion = sample_motion(self.denoiser, speech, neutral_affect(1, len(speech))[0], self.style)
@@ -77,8 +77,7 @@ def load(
     speech: list[Path],
     limit: int | None,
 ) -> list[Lesson]:
-    """The lessons of a run. They are read from `folder` if they were made there before with the same
-    arguments.
+    """The lessons of a run, read from `folder` if an earlier run with the same arguments made them.
 
     `entries`: the bank. `speech`: folders of sound without motion, at most `limit` files of each.
     """
@@ -95,7 +94,7 @@ def load(
 
 
 def speech_entries(folder: Path, limit: int | None, voices: int = 2) -> list[Entry]:
-    """Sounds under a folder, in their own voice and re-voiced; every tenth is held out."""
+    """Sounds under a folder, in their own voice and re-voiced. Every tenth is held out and not re-voiced."""
     paths = sorted(p for p in folder.rglob("*") if p.suffix.lower() in SOUNDS)
     if not paths:
         raise ValueError(f"{folder}: expected sounds ({', '.join(sorted(SOUNDS))}), got none")

@@ -1,12 +1,12 @@
 """How an emotion changes articulation itself, and how fast it comes and goes.
 
-Ratios to neutral of speakers with sensors on their lips, range of the lips' aperture and their speed:
-intense anger 1.26 and 1.48, intense joy 1.20 and 1.32, moderate joy 1.12 and 1.25, moderate sadness 0.83
-and 0.81. Directions of the others follow Lee, Yildirim, Kazemzadeh & Narayanan 2005 ("An articulatory
-study of emotional speech production"), Magno Caldognetto et al. 2004 (labial targets under emotion) and
-Chin & Pisoni 1997 (slurred speech under alcohol); their numbers are our own choice. Spontaneous
-expressions take 0.3 to 0.6 s to come and longer to go (Ekman 2003, "Darwin, deception, and facial
-expression").
+Sensors on speakers' lips gave these ratios to neutral speech, for the range of the lip aperture and for lip
+speed: intense anger 1.26 and 1.48, intense joy 1.20 and 1.32, moderate joy 1.12 and 1.25, moderate sadness
+0.83 and 0.81. For the other emotions the direction of the change follows Lee, Yildirim, Kazemzadeh &
+Narayanan 2005 ("An articulatory study of emotional speech production"), Magno Caldognetto et al. 2004
+(labial targets under emotion) and Chin & Pisoni 1997 (slurred speech under alcohol). Their numbers are our
+own choice. Spontaneous expressions take 0.3 to 0.6 s to appear and longer to fade (Ekman 2003, "Darwin,
+deception, and facial expression").
 """
 
 from dataclasses import asdict, dataclass
@@ -20,9 +20,9 @@ OFFSET_OVER_ONSET = 1.7
 class Manner:
     """Factors on neutral speech motion at intensity 1.
 
-    `opening` scales jaw and lips up and down, `rounding` their width and protrusion; `slur` is the
-    share of smoothed motion, negative where speech gets crisper; after `onset_s` seconds nine tenths of
-    a change are there.
+    `opening` scales the vertical motion of jaw and lips, `rounding` their width and protrusion. `slur` is
+    the share of smoothed motion; a negative one makes speech crisper. After `onset_s` seconds nine tenths
+    of a change are complete.
     """
 
     opening: float = 1.0
@@ -51,6 +51,6 @@ MANNERS = {
 
 
 def manners_config() -> dict:
-    """As written to config.json of the table of expressions."""
+    """The content of config.json in the table of expressions."""
     manners = {emotion: asdict(MANNERS[emotion]) for emotion in EMOTIONS}
     return {"name": "expressions", "emotions": manners, "offset_over_onset": OFFSET_OVER_ONSET}

@@ -1,4 +1,4 @@
-"""Left and right of the 68 iBUG landmarks."""
+"""Swaps left and right of the 68 iBUG landmarks."""
 
 import numpy as np
 
@@ -12,7 +12,7 @@ PAIRS = (
 
 
 def permutation() -> np.ndarray:
-    """[68]: the landmark on the other side; those of the midline map to themselves."""
+    """For each landmark [68] its partner on the other side. Landmarks on the midline map to themselves."""
     other = np.arange(68)
     for a, b in PAIRS:
         other[a], other[b] = b, a

@@ -1,9 +1,9 @@
-"""Phones with times, and what the mouth does for each of them.
+"""Phones with times, and how the mouth forms each of them.
 
-Labels of three kinds are read: IPA (with stress, length and diacritics), ARPABET in capitals, and
+Three kinds of labels are known: IPA (with stress, length and diacritics), ARPABET in capitals, and
 the names of pauses. Every label becomes one or two plain IPA segments; a diphthong splits 60/40.
-The articulatory features are textbook phonetics (International Phonetic Association 1999), graded
-by how much of them a face shows.
+The articulatory features come from textbook phonetics (International Phonetic Association 1999) and are
+graded by how visible they are on a face.
 """
 
 import unicodedata
@@ -147,7 +147,7 @@ SPELLINGS = {"g": "ɡ", "ᵻ": "ɪ", "ɚ": "ɚ", "ɩ": "ɪ", "ɷ": "ʊ", "ʦ": "
 
 @dataclass(frozen=True)
 class Phone:
-    """One phone of an utterance; seconds."""
+    """One phone of an utterance, with times in seconds."""
 
     start_s: float
     duration_s: float
@@ -155,7 +155,7 @@ class Phone:
 
     @property
     def end_s(self) -> float:
-        """Where it ends."""
+        """When the phone ends."""
         return self.start_s + self.duration_s
 
 
@@ -172,9 +172,9 @@ def segments(label: str) -> list[str]:
 
 
 def split(phone: Phone) -> list[tuple[float, float, str]]:
-    """(start, end, segment) of a phone's parts. A plosive's closure is not longer than 0.14 s.
+    """Splits a phone into parts (start, end, segment). A plosive's closure lasts at most 0.14 s.
 
-    Aligners let the silence before an utterance run into its first plosive.
+    The limit is needed because aligners let the silence before an utterance run into its first plosive.
     """
     parts = segments(phone.label)
     if len(parts) < 2:
@@ -191,7 +191,7 @@ def split(phone: Phone) -> list[tuple[float, float, str]]:
 def segment_track(phones: list[Phone], frames: int, rate_hz: float) -> np.ndarray:
     """Class of each frame [T] int16: index into `SEGMENTS`, 0 (a pause) where nothing is said.
 
-    Frame t stands at t / rate seconds.
+    Frame t is at t / `rate_hz` seconds.
     """
     track = np.zeros(frames, np.int16)
     for phone in phones:
@@ -223,9 +223,10 @@ def feature_table() -> np.ndarray:
 
 
 def bilabials(phones: list[Phone]) -> list[tuple[float, float]]:
-    """Where p, b and m want closed lips: (start, end) in seconds.
+    """The spans in which p, b and m need closed lips: (start, end) in seconds.
 
-    From half the previous phone, clamped to 40 … 120 ms, before the phone to its end.
+    A span starts before the phone, by half the length of the previous segment clamped to 40 … 120 ms. It ends
+    with the phone.
     """
     spans, before = [], 0.08
     for phone in phones:

@@ -1,4 +1,4 @@
-"""Single frames of ARKit weights, [N, 51]: what faces do in recordings, and what users may ask for."""
+"""Single frames of ARKit weights, [N, 51]: poses from recordings, and others that users may set."""
 
 import json
 from pathlib import Path
@@ -29,8 +29,7 @@ LIDS = [CHANNELS.index("eyeBlinkLeft"), CHANNELS.index("eyeBlinkRight")]
 
 
 def recorded(data: Path, held_out: bool) -> tuple[Tensor, Tensor]:
-    """Frames of facegood_zh [N, 51] and of grid_s1's tracker [M, 51], either the training or the held-out
-    ones."""
+    """Training or held-out frames of facegood_zh [N, 51] and of grid_s1's tracker [M, 51]."""
     spoken = []
     for weights, _ in facegood_weights(data).values():
         cut = facegood_first_held_out(len(weights))
@@ -54,7 +53,7 @@ def emotion_prototypes() -> Tensor:
 
 
 class Poses:
-    """Draws weights: frames of recordings, some under an emotion, sparse ones, single channels and rest."""
+    """Draws weights: recorded frames (some with an added emotion), sparse ones, single channels and rest."""
 
     def __init__(self, data: Path, held_out: bool = False):
         self.captured, self.tracked = recorded(data, held_out)
@@ -62,7 +61,7 @@ class Poses:
 
     @classmethod
     def of(cls, recorded: Tensor) -> "Poses":
-        """The same with frames [N, 51] of the user's recordings in place of ours."""
+        """Draws from frames [N, 51] of the user's recordings in place of ours."""
         poses = cls.__new__(cls)
         poses.captured, poses.tracked, poses.prototypes = recorded, recorded, emotion_prototypes()
         return poses

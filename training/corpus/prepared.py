@@ -1,4 +1,4 @@
-"""Meshes ready to train on: motion, landmarks and training-free weights, computed once and kept."""
+"""Meshes ready to train on: motion, landmarks and training-free weights, computed once and cached."""
 
 import pickle
 from collections.abc import Callable
@@ -36,7 +36,7 @@ class PreparedMesh:
 
 
 def prepare(face: Face) -> PreparedMesh:
-    """Computes what does not depend on time."""
+    """Computes everything about a face that does not depend on time."""
     cm = 100.0 * face.vertices
     laplacian, mass = plate.laplacian_and_mass(cm, face.triangles)
     remoteness = plate.landmark_remoteness(cm, laplacian, face.landmarks)
@@ -60,7 +60,7 @@ def prepare(face: Face) -> PreparedMesh:
 
 @dataclass
 class Corpus:
-    """Training and test meshes of each face. No identity and no warp is on both sides."""
+    """Training and test meshes of each face. No identity and no warp is in both sets."""
 
     train: dict[str, list[PreparedMesh]]
     test: dict[str, list[PreparedMesh]]
@@ -68,7 +68,7 @@ class Corpus:
 
 @dataclass(frozen=True)
 class Counts:
-    """Meshes of each face, and the range of triangle counts for each."""
+    """Number of meshes for each face, and the range of triangle counts of a mesh."""
 
     ict: int
     makehuman: int
@@ -79,7 +79,7 @@ COUNTS = Counts(70, 45, (3000, 7000))
 
 
 def build(data: Path, counts: Counts, seed: int = 5) -> Corpus:
-    """Draws identities, warps and triangulations; about a second a mesh."""
+    """Draws identities, warps and triangulations; takes about a second for each mesh."""
     rng, test_rng = np.random.default_rng(seed), np.random.default_rng(seed + 1000)
     faces, makehuman = load_ict(data, "face"), load_makehuman(data)
     skins = load_ict(data, "skin")

@@ -1,4 +1,4 @@
-"""New triangulations of a face that carry its motion and its landmarks.
+"""New triangulations of a face that keep its motion and its landmarks.
 
 Every new vertex lies on the old surface and is a barycentric mixture of old vertices *of its own
 neighbourhood on the surface*, so motion carries over exactly and never jumps from lip to lip.
@@ -45,12 +45,12 @@ def keep_faces(face: Face, keep: np.ndarray) -> Face | None:
 
 
 def subdivide(face: Face) -> Face:
-    """Every triangle into four at its edge midpoints."""
+    """Splits every triangle into four at its edge midpoints."""
     return carry(face, *quartered(face.triangles, len(face.vertices)), face.landmarks)
 
 
 def quartered(triangles: np.ndarray, count: int) -> tuple[sp.csr_matrix, np.ndarray]:
-    """The mixture of `count` vertices that adds the midpoints of edges, and four triangles for each."""
+    """The mixture that appends edge midpoints to `count` vertices, and four triangles for each old one."""
     edges = np.sort(np.concatenate([triangles[:, [0, 1]], triangles[:, [1, 2]], triangles[:, [2, 0]]]), 1)
     unique, inverse = np.unique(edges, axis=0, return_inverse=True)
     ab, bc, ca = (count + inverse.reshape(-1)).reshape(3, -1)
@@ -64,7 +64,7 @@ def quartered(triangles: np.ndarray, count: int) -> tuple[sp.csr_matrix, np.ndar
 
 
 def decimate(face: Face, target: int, aggression: int) -> Face | None:
-    """About `target` triangles left; None if two landmarks fell together.
+    """Reduces a face to about `target` triangles. Returns None if two landmarks fall together.
 
     Each new vertex snaps to the surface around the old vertices that collapsed into it, and a
     landmark's vertex snaps back to the landmark itself.
@@ -96,13 +96,13 @@ def decimate(face: Face, target: int, aggression: int) -> Face | None:
 
 
 def triangle_areas(vertices: np.ndarray, triangles: np.ndarray) -> np.ndarray:
-    """[F], square of the vertices' unit."""
+    """Area of each triangle [F], in the square of the vertices' unit."""
     a, b, c = (vertices[triangles[:, i]] for i in range(3))
     return 0.5 * np.linalg.norm(np.cross(b - a, c - a), axis=1)
 
 
 def _snap(face: Face, positions: np.ndarray, cluster: np.ndarray) -> sp.csr_matrix:
-    """Nearest point to each new position on the triangles at the nearest vertex of its cluster.
+    """Snaps each new position onto the triangles at the nearest vertex of its cluster.
 
     positions: [W, 3]. cluster: [V], the new vertex of each old one. Returns [W, V].
     """
@@ -131,7 +131,7 @@ def _snap(face: Face, positions: np.ndarray, cluster: np.ndarray) -> sp.csr_matr
 
 
 def barycentric(points: np.ndarray, corners: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
-    """Clamped barycentric weights of points over triangles, and the distance left.
+    """Clamped barycentric weights of points over triangles, and the remaining distance.
 
     points: [P, 3]; corners: [3, P, 3]. Returns [P, 3] and [P]. The clamp (negative weights to
     zero, then scaled to one) stays on the triangle but is not the exact nearest point.
@@ -149,7 +149,7 @@ def barycentric(points: np.ndarray, corners: np.ndarray) -> tuple[np.ndarray, np
 
 
 def crop(rng: np.random.Generator, face: Face) -> Face | None:
-    """Cuts off what lies behind or below a random plane that spares the landmarks."""
+    """Cuts off everything on one side of a random plane that spares the landmarks."""
     normal = rng.normal(size=3) * [0.5, 1.0, 1.0]
     normal /= np.linalg.norm(normal)
     height = face.vertices @ normal
@@ -159,7 +159,7 @@ def crop(rng: np.random.Generator, face: Face) -> Face | None:
 
 
 def tear(rng: np.random.Generator, face: Face, holes: int) -> Face | None:
-    """Small holes away from the landmarks."""
+    """Tears small holes away from the landmarks."""
     keep = np.ones(len(face.triangles), bool)
     centres = face.vertices[rng.integers(len(face.vertices), size=holes)]
     for centre in centres:
@@ -171,7 +171,7 @@ def tear(rng: np.random.Generator, face: Face, holes: int) -> Face | None:
 
 
 def component_of_landmarks(face: Face) -> Face | None:
-    """The connected parts that hold landmarks."""
+    """Keeps only the connected parts that hold landmarks."""
     t = face.triangles
     count = len(face.vertices)
     edges = sp.coo_matrix((np.ones(2 * len(t)), (t[:, :2].ravel(), t[:, 1:].ravel())), (count, count))
@@ -181,7 +181,7 @@ def component_of_landmarks(face: Face) -> Face | None:
 
 
 def remesh(rng: np.random.Generator, face: Face, triangles: int) -> Face:
-    """A random triangulation of about `triangles` triangles, at times cropped or torn."""
+    """A random triangulation of about `triangles` triangles, sometimes cropped or torn."""
     for _ in range(20):
         mesh = face
         if rng.random() < 0.5:

@@ -1,9 +1,9 @@
-"""Other voices saying the same: a spectral re-voicing that keeps the timing.
+"""Lets other voices say the same words: a spectral re-voicing that keeps the timing.
 
-The two recorded people are all the voices with motion. From each frame's power spectrum the
-envelope is taken (smoothing over twice the fundamental), its frequency axis is stretched (another
-vocal tract), and voiced frames get the harmonics of another fundamental with its own melody. No
-waveform is needed: the encoder only sees mel power.
+It is needed because motion was recorded of only two people. The envelope of each frame's power spectrum
+is taken by smoothing over twice the fundamental. Its frequency axis is stretched, which gives another vocal
+tract. Voiced frames get the harmonics of another fundamental with its own melody. No waveform is needed,
+because the encoder only sees mel power.
 """
 
 import numpy as np
@@ -27,7 +27,7 @@ ECHO_FRAMES = 40
 def voicing(power: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
     """Periodicity 0 … 1 and fundamental in Hz of each frame, [T] each, from the autocorrelation.
 
-    Mains hum and quiet frames (over 6 nepers of power under the loud ones) count as unvoiced.
+    Mains hum and quiet frames (more than 6 nepers of power under the loud ones) count as unvoiced.
     `power` [T, 257] of Hann-windowed frames.
     """
     lags = np.arange(SAMPLE_RATE_HZ // 400, SAMPLE_RATE_HZ // 65)
@@ -48,7 +48,7 @@ def voicing(power: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
 def envelope(power: np.ndarray, fundamental_hz: float) -> np.ndarray:
     """Power smoothed over ± one fundamental with a triangle: harmonics vanish, formants stay.
 
-    Smoothed as power^0.25, so that a strong low hum does not spread over the first formant.
+    It smooths power^0.25, so that a strong low hum does not spread over the first formant.
     """
     half = max(1, round(fundamental_hz / BIN_HZ))
     triangle = 1.0 - np.abs(np.arange(-half, half + 1)) / (half + 1)
@@ -104,7 +104,7 @@ def other_room(power: np.ndarray, random: np.random.Generator) -> np.ndarray:
 
 
 def _curve(bins: int, random: np.random.Generator) -> np.ndarray:
-    """A smooth random curve over frequency, [F], of deviation 1 at its six knots."""
+    """A smooth random curve over frequency, [F], with standard deviation 1 at its six knots."""
     return np.interp(np.linspace(0.0, 5.0, bins), np.arange(6), random.standard_normal(6))
 
 

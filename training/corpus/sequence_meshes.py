@@ -18,7 +18,7 @@ from training.corpus.warp import stylise
 class SequenceMesh(PreparedMesh):
     """A speaker's neutral mesh and sequences [T, V, 3] in the file's own unit and axes, kept on disk.
 
-    neutral: [V, 3], own unit. turn: [3, 3], own displacement → canonical decimetres.
+    neutral: [V, 3], in the file's unit. turn: [3, 3], from the file's displacements to canonical decimetres.
     """
 
     face: Face
@@ -27,20 +27,20 @@ class SequenceMesh(PreparedMesh):
     turn: np.ndarray
 
     def displacements(self, sequence: int, frames: np.ndarray, vertices: Tensor | None = None) -> Tensor:
-        """Displacements in some frames of a sequence at some vertices (all if None), [T, P, 3] decimetres."""
+        """Displacements in `frames` of a sequence at `vertices` (all if None), [T, P, 3] decimetres."""
         moved = np.asarray(self.sequences[sequence][frames], np.float64)
         chosen = slice(None) if vertices is None else vertices.numpy()
         return torch.from_numpy((moved[:, chosen] - self.neutral[chosen]) @ self.turn.T).float()
 
     def anywhere(self, rng: np.random.Generator, frames: int, vertices: Tensor) -> Tensor:
-        """Single frames of one sequence, in no order, 0.7 to 1.4 times as strong."""
+        """Random frames of one sequence, each scaled by a random 0.7 to 1.4."""
         sequence = self.draw(rng)
         chosen = rng.integers(len(self.sequences[sequence]), size=frames)
         strength = torch.from_numpy(rng.uniform(0.7, 1.4, (frames, 1, 1))).float()
         return strength * self.displacements(sequence, chosen, vertices)
 
     def in_a_row(self, rng: np.random.Generator, frames: int) -> Tensor:
-        """Consecutive frames, all vertices."""
+        """Consecutive frames of one sequence, at all vertices."""
         sequence = self.draw(rng)
         first = rng.integers(max(len(self.sequences[sequence]) - frames, 0) + 1)
         last = len(self.sequences[sequence]) - 1
@@ -53,7 +53,7 @@ class SequenceMesh(PreparedMesh):
 
 
 def sequence_meshes(folders: list[Path], held_out: bool) -> list[SequenceMesh]:
-    """One mesh for each speaker and folder that has vertex sequences of the split."""
+    """One mesh for each speaker and folder that has vertex sequences in the split."""
     meshes = []
     for path in folders:
         folder = CorpusFolder(path)

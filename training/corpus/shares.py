@@ -1,4 +1,4 @@
-"""What a training run draws from, corpus folders or the project's own sources, and how often each."""
+"""The sources of a training run, corpus folders or the project's own, and how often each is drawn."""
 
 from training.corpus import bank
 from training.corpus.bank import Entry
@@ -6,14 +6,14 @@ from training.losses import SCALE_M, lip_scale
 
 
 def entries_of(arguments, voices: int, limit: int | None) -> list[Entry]:
-    """Entries of the corpus folders of `--corpus`, else of the project's own sources."""
+    """Entries of the corpus folders in `--corpus`, or of the project's own sources if there are none."""
     if arguments.corpus:
         return bank.of_folders(arguments.corpus, voices, arguments.seed, limit)
     return bank.load(arguments.data, arguments.cache, voices, limit=limit)
 
 
 def lasting(entries: list[Entry]) -> dict[str, float]:
-    """Draws each source as often as its training clips last; the shares sum to 1."""
+    """Shares of the sources, proportional to the length of their training clips. They sum to 1."""
     frames: dict[str, int] = {}
     for entry in entries:
         if not entry.held_out:
@@ -32,5 +32,5 @@ def measured_scales(sources: list[str], entries: list[Entry]) -> dict[str, float
 
 
 def with_phones(entries: list[Entry]) -> list[Entry]:
-    """Entries whose phones have times from end to end."""
+    """Entries whose phones are known from end to end."""
     return [e for e in entries if len(e.phones) > len(e.motion) and bool((e.phones >= 0).all())]

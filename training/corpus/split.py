@@ -1,10 +1,10 @@
-"""Which stretches are held out. The same rule stands in `tests/eval` on the Rust side.
+"""Decides which stretches are held out. `tests/eval` on the Rust side follows the same rule.
 
 * grid_s1: clips in sorted order of their names; those whose index is a multiple of 10 are held
   out (91 of 909: the first, the eleventh, …). Every clip counts, damaged ones too.
 * facegood_zh: the end of every take. With T frames at 25 fps, frames from ⌊0.85 T⌋ on are held
-  out, with the sound from that frame's second on. What a take is worth that training never heard is
-  measured by training without it (`leave_clips`).
+  out, together with the sound from that time on. To measure the quality on a take that training never
+  heard, train without it (`leave_clips`).
 """
 
 GRID_EVERY = 10
@@ -17,7 +17,7 @@ def grid_held_out(names: list[str]) -> set[str]:
 
 
 def leave_clips(entries, beginnings: list[str]) -> None:
-    """Holds out the entries whose names begin with one of these, to train without a whole take."""
+    """Holds out the entries whose names begin with one of `beginnings`, to train without a whole take."""
     for entry in entries:
         entry.held_out = entry.held_out or any(entry.name.startswith(b) for b in beginnings)
 

@@ -1,7 +1,7 @@
-"""Speech without a face: recordings with known phones, and seventeen languages by espeak-ng.
+"""Speech without a face: recordings with known phones, and seventeen languages spoken by espeak-ng.
 
-It teaches the encoder what every voice does with its lips. With a teacher, the teacher's motion replaces the
-missing face (source `taught`). Without one the motion carries no weight.
+It teaches the encoder how the lips move in every voice. With a teacher, the teacher's motion replaces the
+missing face (source `taught`). Without one the motion has weight 0.
 """
 
 import hashlib
@@ -48,9 +48,9 @@ def load(
 ) -> list[Entry]:
     """Entries of all speech with phones, from the cache if they were made before.
 
-    `minutes` of each language by espeak-ng. `leave_out` names sources (`nathalie_nl`) to skip. `teacher` has
-    `motion(phones, frames, fps, random)` [T, 68, 3] metres. `reader` is a run that reads the phones of speech
-    without times (see `decoded`).
+    espeak-ng speaks `minutes` of each language. `leave_out` names sources (`nathalie_nl`) to skip. `teacher`
+    has `motion(phones, frames, fps, random)` [T, 68, 3] metres. `reader` is a run that finds the phones of
+    speech without times (see `decoded`).
     """
     read = None if reader is None else hashlib.sha256(reader.read_bytes()).hexdigest()
     taught = None if teacher is None else hashlib.sha256(PARAMETERS.read_bytes()).hexdigest()
@@ -82,7 +82,7 @@ def utterances(data: Path, minutes: float, leave_out: tuple[str, ...], reader: P
 
 
 def texts_of(data: Path, language: str) -> list[str]:
-    """Texts for espeak-ng to say in a language beside its own sentences: those of recorded speech."""
+    """Texts of recorded speech that espeak-ng says in a language in addition to its own sentences."""
     source = TEXTS.get(language)
     return list(read_texts(data / "speech" / source).values()) if source else []
 
@@ -95,7 +95,7 @@ def unseen(data: Path) -> list[Entry]:
 
 
 def entry(utterance: Utterance, teacher, random: np.random.Generator) -> Entry:
-    """One utterance ready for training. Its source stands in front of its name."""
+    """One utterance ready for training. Its name starts with its source."""
     mel = log_mel(torch.from_numpy(utterance.samples))
     frames = max(len(utterance.samples) * int(FPS) // 16000, 1)
     phones = segment_track(utterance.phones, MEL_PER_FRAME * frames, MEL_HZ)

@@ -1,15 +1,15 @@
 """Phones with times → motion of the 68 landmarks: a co-articulation teacher.
 
-Dominance functions of Cohen & Massaro 1993: every segment s has a target T_s for each component of
-mouth motion and a dominance `D_s(t) = α_s exp(-θ_s |τ|)`, with θ_s of its own before and after (their
-exponent c is 1); a component is `Σ D_s T_s / Σ D_s`. Pauses are segments whose target is the rest face.
-Differs: τ is the distance from the segment's core (its middle half; all but 0.12 s at either end
-of a pause), not from its centre. p, b and m override the sum: their lips meet.
+It uses the dominance functions of Cohen & Massaro 1993. Every segment s has a target T_s for each component
+of mouth motion and a dominance `D_s(t) = α_s exp(-θ_s |τ|)`, with separate θ_s before and after (their
+exponent c is 1). A component is `Σ D_s T_s / Σ D_s`. Pauses are segments whose target is the rest face.
+Unlike in the paper, τ is the distance from the segment's core, not from its centre. The core is the middle
+half of a segment, or all of a pause but 0.12 s at either end. p, b and m override the sum: their lips meet.
 
 The components are patterns of grid_s1's landmarks (`measure_basis`), so the teacher moves as that
 speaker does. `training.corpus.fit_teacher` fits T, α and θ to his recorded motion and writes `teacher.json`.
-Reading aloud at speed, he hardly tells vowels apart; clear speech does (Lindblom 1990), so `CLARITY`
-moves the targets of vowels as a textbook orders them.
+He reads fast and hardly distinguishes vowels. Clear speech does (Lindblom 1990), so `CLARITY` moves the
+targets of vowels by their textbook features.
 """
 
 import json
@@ -48,7 +48,7 @@ LOWER_FACE = [*range(3, 14), *range(31, 36), *range(48, 68)]
 class Row:
     """The segments of an utterance and the pauses between them, each array [S].
 
-    `core_s` is the middle of the core, `half_s` half its width; `index` counts in `SEGMENTS`.
+    `core_s` is the middle of the core, `half_s` half its width; `index` is the index into `SEGMENTS`.
     """
 
     core_s: np.ndarray
@@ -57,7 +57,7 @@ class Row:
 
 
 def row_of(phones: list[Phone], duration_s: float) -> Row:
-    """Segments in order of time. Time in 0 … `duration_s` without a phone is a pause."""
+    """Segments in order of time. Gaps between 0 and `duration_s` without a phone become pauses."""
     parts, at = [], 0.0
     spoken = sorted(part for phone in phones for part in split(phone))
     for start, end, segment in [*spoken, (max(duration_s, 0.0) + 1.0, 0.0, "")]:
@@ -80,7 +80,7 @@ class Teacher:
     """Fitted parameters.
 
     `basis` [K, 68, 3] metres; `targets` [N, K]; `strengths` [N, K]; `rates` [2, N, K] in 1/s, before
-    and after. The face runs `lead_s` ahead of the phones.
+    and after the core. The face runs `lead_s` ahead of the phones.
     """
 
     basis: np.ndarray
@@ -91,7 +91,7 @@ class Teacher:
 
     @staticmethod
     def load(path: Path = PARAMETERS, clear: bool = True) -> "Teacher":
-        """The fitted teacher: as the recorded man speaks, or `clear`."""
+        """Loads the fitted teacher, which speaks clearly if `clear`, else as the recorded man does."""
         saved = json.loads(Path(path).read_text())
         if saved["segments"] != list(SEGMENTS) or saved["components"] != list(COMPONENTS):
             raise ValueError(f"{path}: expected today's segments and components, got others; fit again")
@@ -105,7 +105,7 @@ class Teacher:
     def motion(
         self, phones: list[Phone], frames: int, fps: float = FPS, random: np.random.Generator | None = None
     ) -> np.ndarray:
-        """Displacements [T, 68, 3] f32, canonical metres; frame t stands at t / fps seconds.
+        """Displacements [T, 68, 3] f32, canonical metres; frame t is at t / fps seconds.
 
         `random` varies amplitude, balance and sharpness from utterance to utterance.
         """
@@ -151,7 +151,7 @@ def clearer(targets: np.ndarray) -> np.ndarray:
 
 
 def met(motion: np.ndarray, shut: np.ndarray) -> np.ndarray:
-    """Motion [T, 68, 3] whose lips meet where `shut` [T] is 1 and are never pressed too far."""
+    """Makes the lips of motion [T, 68, 3] meet where `shut` [T] is 1, and never press too far."""
     gaps = inner_gaps(motion, np.zeros((68, 3), motion.dtype))
     target_gaps = gaps - shut[:, None] * np.maximum(gaps - CLOSED_GAP_M, 0.0)
     target_gaps = np.maximum(target_gaps, LEAST_GAP_M)

@@ -20,18 +20,18 @@ class Topology:
     shares: np.ndarray
 
     def landmarks(self, vertices: np.ndarray) -> np.ndarray:
-        """Places of the landmarks on `vertices` [..., V, 3]: [..., 68, 3]."""
+        """Positions of the landmarks on `vertices` [..., V, 3]: [..., 68, 3]."""
         return np.einsum("nk,...nkx->...nx", self.shares, vertices[..., self.corners, :])
 
     @property
     def nearest(self) -> np.ndarray:
-        """The vertex that counts most for each landmark, [68]."""
+        """The vertex with the largest share in each landmark, [68]."""
         return self.corners[np.arange(68), self.shares.argmax(1)]
 
 
 @lru_cache(maxsize=32)
 def topology_of(folder: Path, speaker: str, unit_m: float) -> Topology:
-    """The neutral mesh of a speaker, else of the folder; its file has `unit_m` metres a unit."""
+    """The neutral mesh of a speaker, or else of the folder. Its file is in units of `unit_m` metres."""
     speaker_file = folder / f"{speaker}.obj"
     path = speaker_file if speaker_file.exists() else folder / "neutral.obj"
     vertices, triangles = read_obj(path)
@@ -58,14 +58,14 @@ def read_obj(path: Path) -> tuple[np.ndarray, np.ndarray]:
 
 
 def write_obj(path: Path, vertices: np.ndarray, triangles: np.ndarray) -> None:
-    """A mesh without anything but vertices [V, 3] and triangles [F, 3]."""
+    """Writes a mesh of nothing but vertices [V, 3] and triangles [F, 3]."""
     lines = ["v {:.7g} {:.7g} {:.7g}".format(*v) for v in vertices]
     lines += ["f {} {} {}".format(*(t + 1)) for t in triangles]
     path.write_text("\n".join(lines) + "\n")
 
 
 def read_landmark_table(path: Path, vertices: int, triangles: np.ndarray):
-    """Vertex numbers [68, 3] and shares [68, 3] of the landmarks."""
+    """Reads vertex numbers [68, 3] and shares [68, 3] of the landmarks."""
     table = read_json(path)
     if "barycentric" in table:
         at, shares = np.array(table.get("triangles", [])), np.array(table["barycentric"], float)

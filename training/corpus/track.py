@@ -1,10 +1,10 @@
-"""Tracks the faces of videos with MediaPipe's Face Landmarker, as the truth of grid_s1 was made.
+"""Tracks the faces of videos with MediaPipe's Face Landmarker, which also gave the ground truth of grid_s1.
 
-Every frame is tracked by itself, since the video mode smooths and so lags by 18 ms. The folder has
-`video/CLIP.mp4` (or .mov, .avi, .mkv, .mpg). It gets landmarks (68, metres, one scale a clip, the head's
-motion in them), blend weights, and `head/CLIP.csv` (rotation vector and place against the neutral pose).
-Where they are missing, ffmpeg extracts the sounds, and clips.tsv and corpus.json are written. The user
-supplies the model file. `pip install mediapipe` brings the rest, which is imported only here.
+Every frame is tracked by itself, because the video mode smooths and so lags by 18 ms. The folder has
+`video/CLIP.mp4` (or .mov, .avi, .mkv, .mpg). It gets 68 landmarks in metres (one scale per clip, with the
+head's motion), blend weights, and `head/CLIP.csv` (the head's rotation vector from the neutral pose, and its
+position). ffmpeg extracts missing sounds. If clips.tsv is missing, it is written together with corpus.json.
+The user supplies the model file. `pip install mediapipe` installs the rest, which only this module imports.
 """
 
 import shutil
@@ -38,7 +38,7 @@ PICTURE_TO_FACE = np.array([1.0, -1.0, -1.0])
 
 @dataclass
 class DetectedFace:
-    """One face in one picture: points [478, 3] in its widths, heights and widths; weights by name."""
+    """A face in a picture: points [478, 3] (x, z in picture widths, y in heights) and weights by name."""
 
     points: np.ndarray
     weights: dict[str, float]
@@ -68,7 +68,7 @@ def track(folder: Path, model: Path) -> None:
 
 
 def track_clip(writer: CorpusWriter, clip: str, pictures: Iterable[np.ndarray], fps: float, detect: Detect):
-    """Writes landmarks, weights and head of one clip. Frames without a face are marked as not found."""
+    """Writes landmarks, weights and head pose of one clip. Frames without a face are marked as not found."""
     places, tracked_frames, weights = [], [], []
     for picture in pictures:
         face = detect(picture)
@@ -91,7 +91,7 @@ def track_clip(writer: CorpusWriter, clip: str, pictures: Iterable[np.ndarray], 
 
 
 def metres_per_pixel(places: np.ndarray) -> float:
-    """Metres per unit of a clip [T, 68, 3]: one scale that gives its steady landmarks human distances."""
+    """Metres per unit of a clip [T, 68, 3]: the scale at which its steady landmarks have human distances."""
     weight = steady()[:, None]
 
     def spread(points: np.ndarray) -> np.ndarray:
@@ -102,7 +102,7 @@ def metres_per_pixel(places: np.ndarray) -> float:
 
 
 def write_head(writer: CorpusWriter, clip: str, landmarks: np.ndarray, seconds: np.ndarray) -> None:
-    """`head/CLIP.csv`: how the head stands against the neutral pose, radians and metres."""
+    """Writes `head/CLIP.csv`: the head's turn from the neutral pose, radians, and its position, metres."""
     _, turns = without_head(landmarks, canonical_landmarks())
     vectors = Rotation.from_matrix(np.swapaxes(turns, 1, 2)).as_rotvec()
     rows = np.c_[seconds, vectors, landmarks.mean(axis=1)]
@@ -140,7 +140,7 @@ def landmarker(model: Path) -> Detect:
 
 
 def open_video(path: Path) -> tuple[Iterable[np.ndarray], float]:
-    """RGB pictures and their rate."""
+    """The RGB pictures of a video and its frame rate."""
     try:
         import cv2
     except ImportError as error:
@@ -158,7 +158,7 @@ def open_video(path: Path) -> tuple[Iterable[np.ndarray], float]:
 
 
 def take_sound(video: Path, sound: Path) -> None:
-    """The sound of a video as 16 kHz wav."""
+    """Extracts the sound of a video as 16 kHz wav."""
     if shutil.which("ffmpeg") is None:
         raise CorpusError(sound, None, f"a sound, or ffmpeg to take it out of {video.name}", "neither")
     command = ["ffmpeg", "-v", "error", "-y", "-i", str(video), "-ac", "1", "-ar", str(SOUND_HZ), str(sound)]

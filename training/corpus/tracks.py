@@ -1,4 +1,4 @@
-"""What a corpus folder holds over time: sound, blend weights, vertices, phones."""
+"""Reads the time series of a corpus folder: sound, blend weights, vertices, phones."""
 
 import csv
 import re
@@ -38,7 +38,7 @@ class Track:
 
 
 def read_weights(path: Path, fps: float | None) -> Track:
-    """ARKit weights from a csv; Live Link Face's own files are such. Names in any case."""
+    """Reads ARKit weights from a csv, such as Live Link Face writes. Names may have any case."""
     with open(path, newline="", encoding="utf-8-sig") as file:
         table = [row for row in csv.reader(file) if row]
     heads = [name.strip().lower() for name in table[0]] if table else []
@@ -62,7 +62,7 @@ def read_weights(path: Path, fps: float | None) -> Track:
 
 
 def _csv_seconds(path: Path, heads: list[str], rows: list[list[str]], fps: float | None) -> np.ndarray:
-    """Times of the frames from the first one on; Live Link Face counts hours:minutes:seconds:frames."""
+    """Times of the frames. Live Link Face's hours:minutes:seconds:frames count from the first frame."""
     if "seconds" in heads:
         at = heads.index("seconds")
         return np.array([number_of(path, n, "seconds", row[at]) for n, row in enumerate(rows, 2)])
@@ -81,7 +81,7 @@ def _csv_seconds(path: Path, heads: list[str], rows: list[list[str]], fps: float
 
 
 def read_phones(path: Path) -> list[Phone]:
-    """phones/CLIP.tsv."""
+    """Reads phones/CLIP.tsv."""
     lines = read_text(path).splitlines()
     if not lines or lines[0].split("\t") != ["start_s", "duration_s", "phone"]:
         raise CorpusError(path, 1, "start_s, duration_s, phone", lines[0] if lines else "nothing")
@@ -100,7 +100,7 @@ def read_phones(path: Path) -> list[Phone]:
 
 
 def read_vertices(path: Path) -> tuple[np.ndarray, float | None]:
-    """[T, V, 3] of .npy (mapped), .npz or a folder of .obj; the rate where the file says it."""
+    """[T, V, 3] of .npy (mapped), .npz or a folder of .obj, and the frame rate if the file has it."""
     if path.is_dir():
         meshes = [read_obj(file)[0] for file in sorted(path.glob("*.obj"))]
         if not meshes or any(len(mesh) != len(meshes[0]) for mesh in meshes):
@@ -117,7 +117,7 @@ def read_vertices(path: Path) -> tuple[np.ndarray, float | None]:
 
 
 def read_sound_any(path: Path) -> np.ndarray:
-    """Mono samples [S] f32 at 16 kHz, from any rate at or above."""
+    """Reads mono samples [S] f32 at 16 kHz. The file must have that rate or a higher one."""
     try:
         samples, rate_hz = soundfile.read(path, dtype="float32", always_2d=True)
     except soundfile.LibsndfileError as error:

@@ -1,6 +1,6 @@
 """Smooth warps of space that make stylised and caricature heads, with their motion.
 
-Motion follows by the warp's Jacobian, so a warped face still moves linearly in its channels.
+The warp's Jacobian transforms the motion, so a warped face still moves linearly in its channels.
 """
 
 from dataclasses import dataclass, replace
@@ -37,7 +37,7 @@ class Warp:
 
 
 def random_warp(rng: np.random.Generator, strength: float) -> Warp:
-    """Bumps of 2 to 6 cm and a stretch; strength 1 is a strong caricature, 0 nothing.
+    """Bumps of 2 to 6 cm and a stretch; strength 1 is a strong caricature, 0 changes nothing.
 
     Half of the warps are mirror-symmetric.
     """
@@ -68,7 +68,7 @@ def apply(warp: Warp, face: Face) -> Face:
 
 
 def stylise(rng: np.random.Generator, face: Face, strength: float) -> Face:
-    """A random warp of the face that does not fold it."""
+    """Warps the face at random without folding it."""
     while True:
         warp = random_warp(rng, strength)
         if is_gentle(warp, face.vertices):

@@ -19,8 +19,8 @@ BANDS = 64
 class AugmentOptions:
     """How far training input may differ from the recordings.
 
-    `as_recorded_share` of the stretches stay unchanged. Without any of them the lip gap on held-out clips of
-    grid_s1 stayed at r 0.93, which a small network on the bare recordings passes in three minutes.
+    `as_recorded_share` of the stretches stay unchanged. Without them, the lip gap on held-out clips of
+    grid_s1 stayed at r 0.93. A small network on the bare recordings exceeds that in three minutes.
     """
 
     as_recorded_share: float = 0.5
@@ -43,8 +43,8 @@ class AugmentOptions:
 class Batch:
     """One training batch.
 
-    `mel` [B, 4 T, 64] normalised; `motion` and `weight` [B, T, D]; `phones` [B, 4 T] segments, −1
-    unknown; `affect` [B, T, 16] mixture of emotions and intensity; `source` [B] index.
+    `mel` [B, 4 T, 64] normalised; `motion` and `weight` [B, T, D]; `phones` [B, 4 T] segments, −1 if
+    unknown; `affect` [B, T, 16] mixture of emotions and intensity; `source` [B] index of the source.
     """
 
     mel: Tensor
@@ -125,7 +125,7 @@ class WindowSampler:
         return heard, *moving, phones, entry.affect().expand(frames, -1)
 
     def _prepare(self, mel: Tensor, colour: Tensor, bare: bool) -> Tensor:
-        """Raw log-mel of a stretch → what the encoder sees."""
+        """Turns the raw log-mel of a stretch into the encoder's input."""
         return (mel - colour).clamp_min(DEEPEST) / SCALE if bare else self._normalised(mel, colour)
 
     def _normalised(self, mel: Tensor, colour: Tensor) -> Tensor:
@@ -190,7 +190,7 @@ class WindowSampler:
         return F.interpolate(knots, BANDS, mode="linear", align_corners=True)[0, 0]
 
     def _silence(self, frames: int):
-        """Digital silence or steady noise: the mouth stays at rest, neutral. As a row of `Batch`."""
+        """Digital silence or steady noise over a neutral face at rest, in the order of `Batch`."""
         mel = torch.full((self.per_frame * frames, BANDS), DEEPEST / SCALE)
         if self.random.random() < 0.75:
             wobble = self.random.gamma(self.random.uniform(1.0, 6.0), 1.0, mel.shape)
@@ -201,7 +201,7 @@ class WindowSampler:
 
 
 def interpolate(x: Tensor, position: Tensor) -> Tensor:
-    """Rows of `x` [T, …] at fractional positions [P], linear, held at the ends."""
+    """Interpolates rows of `x` [T, …] linearly at fractional positions [P], clamped to the ends."""
     position = position.clamp(0, len(x) - 1)
     below = position.floor().long().clamp_max(max(len(x) - 2, 0))
     share = (position - below).to(x.dtype).unsqueeze(1)

@@ -1,4 +1,4 @@
-"""Writes a corpus folder (see `folder`); every reader of a foreign source ends here."""
+"""Writes a corpus folder (see `folder`); every reader of a foreign source uses it."""
 
 import json
 import shutil
@@ -29,7 +29,7 @@ class CorpusWriter:
 
     def clip(self, clip: str, speaker: str, split: str = "train", emotion: str = "neutral",
              intensity: float = 0.0, text: str = "") -> None:  # fmt: skip
-        """A row of clips.tsv."""
+        """Adds a row to clips.tsv."""
         cells = (clip, speaker, split, emotion, f"{intensity:g}", text.translate(PLAIN))
         self.rows.append("\t".join(cells))
 
@@ -38,32 +38,32 @@ class CorpusWriter:
         shutil.copyfile(source, self.place("audio", f"{clip}{source.suffix.lower()}"))
 
     def sound(self, clip: str, samples: np.ndarray, rate_hz: int) -> None:
-        """Samples [S] or [S, channels] in −1 … 1, or 16-bit integers."""
+        """Writes samples [S] or [S, channels], in −1 … 1 or as 16-bit integers."""
         soundfile.write(self.place("audio", f"{clip}.wav"), samples, rate_hz)
 
     def landmarks(self, clip: str, landmarks: np.ndarray, fps: float, **others) -> None:
-        """[T, 68, 3]; others: `found` [T], `seen` [68], `neutral` [68, 3]."""
+        """Writes landmarks [T, 68, 3]; others: `found` [T], `seen` [68], `neutral` [68, 3]."""
         np.savez(self.place("landmarks", f"{clip}.npz"), landmarks=landmarks, fps=fps, **others)
 
     def weights(self, clip: str, names: list[str], values: np.ndarray, seconds: np.ndarray) -> None:
-        """ARKit weights [T, K] at `seconds` [T]."""
+        """Writes ARKit weights [T, K] at `seconds` [T]."""
         lines = [",".join(["seconds", *names])]
         for second, row in zip(seconds, values, strict=True):
             lines.append(",".join([f"{second:.6f}", *(f"{value:.6g}" for value in row)]))
         self.place("weights", f"{clip}.csv").write_text("\n".join(lines) + "\n")
 
     def phones(self, clip: str, phones: list[Phone]) -> None:
-        """Phones with times. Phones with an unknown label are left out."""
+        """Writes phones with times. Leaves out phones with an unknown label."""
         lines = ["start_s\tduration_s\tphone"]
         lines += [f"{p.start_s:.4f}\t{p.duration_s:.4f}\t{p.label}" for p in phones if segments(p.label)]
         self.place("phones", f"{clip}.tsv").write_text("\n".join(lines) + "\n", encoding="utf-8")
 
     def vertices(self, clip: str, vertices: np.ndarray) -> None:
-        """[T, V, 3] f32."""
+        """Writes vertices [T, V, 3] as f32."""
         np.save(self.place("vertices", f"{clip}.npy"), np.asarray(vertices, np.float32))
 
     def mesh(self, name: str, vertices: np.ndarray, triangles: np.ndarray) -> None:
-        """A neutral face of the topology: `neutral`, or of the speaker `name`."""
+        """Writes a neutral face of the topology. `name` is `neutral` or a speaker."""
         write_obj(self.place(f"topologies/{self.topology}", f"{name}.obj"), vertices, triangles)
 
     def landmark_table(self, source: Path) -> None:
@@ -71,7 +71,7 @@ class CorpusWriter:
         shutil.copyfile(source, self.place(f"topologies/{self.topology}", "landmarks.json"))
 
     def place(self, kind: str, name: str) -> Path:
-        """Path of a file; makes its folder."""
+        """Makes the folder of a file and returns the file's path."""
         folder = self.path / kind
         folder.mkdir(parents=True, exist_ok=True)
         return folder / name

@@ -53,7 +53,7 @@ def skin_part(surface: skin.Skin, points: np.ndarray) -> Part:
 
 
 def write_obj(folder: Path, head: list[Part], header: str) -> None:
-    """One object per part, one material per kind of surface."""
+    """Writes one object per part and one material per kind of surface."""
     lines, first = [f"# {line}" for line in header.splitlines()] + ["mtllib head.mtl"], 1
     for part in head:
         lines.append(f"o {part.name}")
@@ -68,7 +68,7 @@ def write_obj(folder: Path, head: list[Part], header: str) -> None:
 
 
 def write_landmarks(folder: Path, surface: skin.Skin, points: np.ndarray) -> None:
-    """The stable landmark format; the skin comes first, so its vertex numbers are the file's."""
+    """Writes the stable landmark format. The skin comes first, so its vertex numbers match the file."""
     entries = [
         {
             "index": i,

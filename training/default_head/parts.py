@@ -1,6 +1,6 @@
 """Eyes, teeth and tongue of the default head: plain shapes of ours, sized to the identity.
 
-The ICT model's own eyeballs and teeth are only measured (where, how large), never copied.
+The ICT model's own eyeballs and teeth are only measured (place and size), never copied.
 All lengths are centimetres in the ICT frame.
 """
 
@@ -8,7 +8,7 @@ from dataclasses import dataclass
 
 import numpy as np
 
-# Angles from the axis of sight at which the rings of an eye lie; pupil and iris end at two of them.
+# The angles of the rings of an eye from the axis of sight. The pupil and the iris each end at a ring.
 PUPIL_DEGREES, IRIS_DEGREES = 8.0, 24.0
 EYE_RINGS_DEGREES = [4, PUPIL_DEGREES, 15, 20, IRIS_DEGREES, 29, 36, 45, 56, 68, 82, 98, 116, 136, 158]
 EYE_SEGMENTS = 24
@@ -32,14 +32,14 @@ def fit_sphere(points: np.ndarray) -> tuple[np.ndarray, float]:
 
 
 def eye(name: str, measured: np.ndarray) -> Part:
-    """A sphere looking along +z, with the front of `measured` (an eyeball) as its place and size."""
+    """A sphere looking along +z. The front of `measured` (an eyeball) gives its place and size."""
     middle, _ = fit_sphere(measured)
     out = measured - middle
     angle = np.degrees(np.arccos(out[:, 2] / np.linalg.norm(out, axis=1)))
     centre, radius = fit_sphere(measured[(angle > 28) & (angle < 80)])
     rings = np.radians(EYE_RINGS_DEGREES)[:, None]
     around = np.linspace(0, 2 * np.pi, EYE_SEGMENTS, endpoint=False)[None]
-    # The cornea stands out by a millimetre at most, fading at the iris' edge.
+    # The cornea protrudes by at most a millimetre and fades out at the edge of the iris.
     bulge = 1 + 0.05 * np.clip(1 - (rings / np.radians(IRIS_DEGREES + 4)) ** 2, 0, 1)
     grid = (
         np.stack(
@@ -64,7 +64,7 @@ def eye(name: str, measured: np.ndarray) -> Part:
 
 
 def teeth(name: str, measured: np.ndarray, upper: bool) -> Part:
-    """A row of teeth in its gum: a half ellipse swept by a profile that is waisted between teeth."""
+    """A row of teeth in its gum: a profile swept along a half ellipse and narrowed between the teeth."""
     front, back = measured[:, 2].max(), measured[:, 2].min() + 0.4
     width = np.percentile(np.abs(measured[:, 0]), 98)
     edge = np.percentile(measured[:, 1], 2 if upper else 98)

@@ -1,10 +1,10 @@
 """A new triangulation of a surface by geodesic Voronoi clustering.
 
-Lloyd's relaxation spreads points over a finely subdivided copy of the surface. Distances run along its edges,
-in units of the local edge length. Where three cells meet there is a triangle (the dual of the Voronoi
-diagram; after Valette & Chassery 2004, "Approximated centroidal Voronoi diagrams for uniform polygonal mesh
-coarsening", with Dijkstra cells in place of their energy). Cells grow along the surface only, so lips that
-touch stay apart.
+Lloyd's relaxation spreads points over a finely subdivided copy of the surface. Distances are measured along
+its edges in units of the local edge length. Each place where three cells meet becomes a triangle (the dual of
+the Voronoi diagram; after Valette & Chassery 2004, "Approximated centroidal Voronoi diagrams for uniform
+polygonal mesh coarsening", with Dijkstra cells in place of their energy). Cells grow along the surface only,
+so lips that touch stay apart.
 """
 
 from dataclasses import dataclass
@@ -32,7 +32,7 @@ def edges_of(triangles: np.ndarray) -> np.ndarray:
 
 
 def subdivide(surface: Surface) -> Surface:
-    """Each triangle into four; points keep their weights over the original vertices."""
+    """Splits each triangle into four. All points have weights over the original vertices."""
     grow, triangles = quartered(surface.triangles, len(surface.points))
     return Surface(grow @ surface.points, triangles, grow @ surface.weights)
 
@@ -54,7 +54,7 @@ def boundary_paths(triangles: np.ndarray) -> list[np.ndarray]:
 
 
 def sample_loop(points: np.ndarray, loop: np.ndarray, size: np.ndarray, fixed: set) -> np.ndarray:
-    """Vertices of a loop about one edge length apart, `fixed` ones and corners included."""
+    """Picks vertices of a loop about one edge length apart, always including the `fixed` ones."""
     stops = [i for i, v in enumerate(loop.tolist()) if v in fixed]
     if not stops:
         stops = [0]
@@ -93,7 +93,7 @@ class Cells:
         return np.bincount(t.ravel(), np.repeat(area / 3, 3), len(p)) / self.size**2
 
     def label(self, seeds: np.ndarray) -> np.ndarray:
-        """Number of the nearest seed of every vertex; the boundary belongs to boundary seeds."""
+        """The number of the nearest seed for every vertex. Boundary vertices belong to boundary seeds."""
         _, _, source = dijkstra(
             self.graph, directed=False, indices=seeds, min_only=True, return_predecessors=True
         )
@@ -112,7 +112,7 @@ class Cells:
         return labels
 
     def relax(self, rng: np.random.Generator, rounds: int) -> tuple[np.ndarray, np.ndarray]:
-        """Spread seeds (vertex numbers) and the label of every vertex."""
+        """Spreads seeds. Returns them (vertex numbers) and the label of every vertex."""
         count = int(self.mass.sum() * 2 / np.sqrt(3)) - len(self.fixed) // 2
         chance = self.mass.copy()
         chance[self.fixed] = 0
@@ -149,7 +149,7 @@ def dual(triangles: np.ndarray, labels: np.ndarray) -> np.ndarray:
 
 
 def defects(triangles: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
-    """Vertices on edges of the wrong count: (used twice in one direction, boundary)."""
+    """Vertices on edges used twice in one direction, and vertices on boundary edges."""
     pairs = np.concatenate([triangles[:, [0, 1]], triangles[:, [1, 2]], triangles[:, [2, 0]]])
     unique, counts = np.unique(pairs, axis=0, return_counts=True)
     twice = np.unique(unique[counts > 1])

@@ -1,6 +1,6 @@
 """The skin of the default head: our own symmetric triangulation over the ICT model.
 
-The left half is remeshed and mirrored, so the result is symmetric in number and place. The skin
+The left half is remeshed and mirrored, so every vertex has its mirror image on the other side. The skin
 is one surface: face, neck, mouth bag and eye sockets; its only opening is the neck.
 """
 
@@ -16,7 +16,7 @@ from training.deform.tension_screened_biharmonic import catmull_rom
 # ICT vertices: face, head and neck, mouth bag and eye sockets, in this order.
 LAST_SKIN_VERTEX = 14061
 MOUTH_BAG = (11248, 13293)
-# (landmarks, edge length there, kept up to this distance), centimetres.
+# (landmarks, edge length there, distance up to which it applies), centimetres.
 DETAIL = [
     (range(60, 68), 0.13, 0.15),
     (range(48, 60), 0.17, 0.30),
@@ -35,7 +35,7 @@ LIP_LINE_STEP_CM = 0.17
 @dataclass
 class Skin:
     """`triangles` `[F, 3]`, `weights` `[V, ICT vertices]` sparse, `landmarks` `[68]`,
-    `mouth` and `lips` `[F]` whether a triangle lines the mouth bag or is red of the lips."""
+    `mouth` and `lips` `[F]` whether a triangle lines the mouth bag or belongs to the red of the lips."""
 
     triangles: np.ndarray
     weights: sparse.csr_matrix
@@ -45,19 +45,19 @@ class Skin:
 
 
 def edge_length(points: np.ndarray, landmarks: np.ndarray, outside: np.ndarray) -> np.ndarray:
-    """Edge length to aim at for every point, centimetres: fine at lips and lids, coarse on the skull."""
+    """Target edge length at every point, centimetres: fine at lips and lids, coarse on the skull."""
     size = np.full(len(points), COARSEST_CM)
     features = [(landmarks[list(which)], s, r) for which, s, r in DETAIL]
     features.append((np.array([EARS_CM]), EAR_SIZE_CM, EAR_REACH_CM))
     for places, finest, reach in features:
         distance, _ = cKDTree(places).query(points)
         size = np.minimum(size, finest + GROWTH_PER_CM * np.maximum(0, distance - reach))
-    # Inside mouth and sockets only the rim is seen.
+    # Only the rim of the mouth and sockets is visible, so their inside may be coarser.
     return np.where(outside > 0.5, size, np.maximum(size, np.minimum(INSIDE_CM, 2.2 * size)))
 
 
 def half_surface(neutral: np.ndarray, triangles: np.ndarray) -> Surface:
-    """The subject's left half of the skin, each triangle in sixteen."""
+    """The subject's left half of the skin, each triangle split into sixteen."""
     skin = triangles[(triangles <= LAST_SKIN_VERTEX).all(1)]
     left = skin[(neutral[skin][:, :, 0] > -1e-4).all(1)]
     used, renumbered = np.unique(left, return_inverse=True)
@@ -67,14 +67,14 @@ def half_surface(neutral: np.ndarray, triangles: np.ndarray) -> Surface:
 
 
 def corners(surface: Surface) -> list[int]:
-    """Where the middle line meets the neck's rim. Without a point there the rim gets a notch."""
+    """Vertices where the middle line meets the neck's rim. Without a point there the rim gets a notch."""
     (loop,) = boundary_paths(surface.triangles)
     middle = np.abs(surface.points[loop, 0]) < 1e-3
     return loop[middle & ~(np.roll(middle, 1) & np.roll(middle, -1))].tolist()
 
 
 def lip_line(points: np.ndarray) -> np.ndarray:
-    """Edge of the red of the lips on the subject's left, 51 over 54 to 57, `[n, 3]`: a
+    """Edge of the red of the lips on the subject's left, from 51 over 54 to 57, `[n, 3]`: a
     Catmull-Rom curve through the outer lip landmarks (`points`: all 68)."""
     knots = points[[50, 51, 52, 53, 54, 55, 56, 57, 58]]
     line = []
@@ -85,7 +85,7 @@ def lip_line(points: np.ndarray) -> np.ndarray:
 
 
 def lips(points: np.ndarray, triangles: np.ndarray, landmarks: np.ndarray) -> np.ndarray:
-    """`[F]`: triangles of the red of the lips: seen from the front, within the lip line."""
+    """`[F]`: whether a triangle is red of the lips, that is within the lip line as seen from the front."""
     left = lip_line(landmarks)
     outline = np.concatenate([left, left[-2:0:-1] * [-1, 1, 1]])[:, :2]
     middle = points[triangles].mean(1)
@@ -98,14 +98,14 @@ def lips(points: np.ndarray, triangles: np.ndarray, landmarks: np.ndarray) -> np
 
 
 def mirror_columns(weights: sparse.csr_matrix, neutral: np.ndarray) -> sparse.csr_matrix:
-    """The same points on the subject's right: every ICT vertex replaced by its mirror image."""
+    """The same points on the subject's right: every ICT vertex is replaced by its mirror image."""
     _, mirror = cKDTree(neutral[: LAST_SKIN_VERTEX + 1]).query(neutral[: LAST_SKIN_VERTEX + 1] * [-1, 1, 1])
     swapped = weights.tocoo()
     return sparse.csr_matrix((swapped.data, (swapped.row, mirror[swapped.col])), weights.shape)
 
 
 def build(neutral: np.ndarray, triangles: np.ndarray, landmarks: np.ndarray, seed: int) -> Skin:
-    """Remeshes the mean head; `weights` then put any identity on it."""
+    """Remeshes the mean head. Its `weights` apply the new triangulation to any identity."""
     surface = half_surface(neutral, triangles)
     is_outside = np.arange(len(neutral)) < MOUTH_BAG[0]
     size = edge_length(surface.points, neutral[landmarks], surface.weights @ is_outside)
@@ -127,7 +127,7 @@ def build(neutral: np.ndarray, triangles: np.ndarray, landmarks: np.ndarray, see
 def mirrored(
     surface: Surface, seeds: np.ndarray, faces: np.ndarray, neutral: np.ndarray, landmarks: np.ndarray
 ) -> Skin:
-    """Both halves in one, joined along the middle."""
+    """Joins the left half and its mirror image along the middle."""
     points = surface.points[seeds]
     middle = np.abs(points[:, 0]) < 1e-3
     right = np.arange(len(seeds))

@@ -1,1 +1,1 @@
-"""Training-free ways to spread landmark motion, and what the learned ones add to them."""
+"""Training-free ways to spread landmark motion, and learned additions to them."""

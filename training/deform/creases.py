@@ -1,16 +1,16 @@
-"""Creases: how the skin between the landmarks folds, carried over from one face by correspondence.
+"""Creases: folds of the skin between the landmarks, transferred from a reference face by correspondence.
 
 Mirrors `rust-core/src/deform/creases.rs`.
 
     dV = ... + s(v) B(v) C dL
 
-68 landmarks cannot say how the skin folds between the brows, beside the nose and over the cheeks, and a
-network over them smooths it away. On a reference face the residual of every point is a linear function of the
-landmarks' motion. C are its K combinations and B its values at P points of that face's surface. For another
-face, the shift of the 68 landmarks is interpolated with the radial basis |r| and moves the points over. A
-vertex follows the nearest points whose skin lies in its own plane, and less so where they lie far from it.
-There is one reference for each kind of face that the static weights know. A face follows the reference of the
-kind it is nearest to, since every artist folds skin elsewhere.
+68 landmarks cannot tell how the skin folds between the brows, beside the nose and over the cheeks, and a
+network over them smooths the folds away. On a reference face the residual of every point is a linear function
+of the landmarks' motion. C holds K combinations of that motion, and B their effect at P points of that face's
+surface. To move these points to another face, the shift of the 68 landmarks is interpolated with the radial
+basis |r|. A vertex follows its nearest points, more if their skin lies in its own plane and less if they are
+far from it. There is one reference for each kind of face that the static weights know. A face follows the
+reference of the kind nearest to it, because every artist folds skin in other places.
 
 Lengths are decimetres in the canonical frame. Shapes: `V` vertices, `P` points, `N` = 68, `K` rank.
 """
@@ -54,7 +54,7 @@ class Creases:
 
 
 def planes(positions: np.ndarray, triangles: np.ndarray) -> np.ndarray:
-    """How the triangles about each vertex face, whatever their order: mean of n nᵀ, [V, 3, 3]."""
+    """Orientation of the triangles around each vertex, whatever their winding: mean of n nᵀ, [V, 3, 3]."""
     edges = positions[triangles[:, 1:]] - positions[triangles[:, :1]]
     normal = np.cross(edges[:, 0], edges[:, 1])
     out = np.zeros((len(positions), 3, 3))

@@ -3,9 +3,9 @@
     python -m training.deform.evaluate_parts --data ../shared/data --anyface target/debug/anyface
 
 ICT FaceKit gives every part its own motion for each of its expression modes. The command
-`anyface deform` moves the whole head (26,719 vertices) by the true motion of its 68 landmarks; what
-it does to each part is compared with the truth. Motion: the held-out take of facegood_zh plus upper
-face at random, as in `training.systems.freetalk.stm.evaluate`. Mean distance in millimetres.
+`anyface deform` moves the whole head (26,719 vertices) by the true motion of its 68 landmarks, and the
+result for each part is compared with the truth. Motion: the held-out take of facegood_zh plus random motion
+of the upper face, as in `training.systems.freetalk.stm.evaluate`. Mean distance in millimetres.
 """
 
 import json
@@ -38,7 +38,7 @@ class Head:
     """The whole ICT head, centimetres.
 
     neutral: [V, 3]. triangles: [F, 3]. landmarks: [68]. modes: [51, V, 3]. identity: [100, V, 3].
-    regions: vertex numbers by ICT's own names; parts: by those of the table.
+    regions: vertex numbers by ICT's own names; parts: by the names in the table.
     """
 
     neutral: np.ndarray
@@ -51,7 +51,7 @@ class Head:
 
 
 def load_head(data: Path) -> Head:
-    """The head with its parts by name."""
+    """Loads the head with its parts by name."""
     with safe_open(data / "faces/ict_facekit.safetensors", "np") as f:
         metadata = f.metadata()
         names = json.loads(metadata["expression_names"])
@@ -112,7 +112,7 @@ def deformed(anyface: Path, head: Head, positions: np.ndarray, motion: np.ndarra
 
 
 def errors(anyface: Path, head: Head, weights: np.ndarray, people: int) -> dict[str, list[float]]:
-    """For each part its true motion and its error, mm, over `people` faces. weights: [T, 51]."""
+    """The mean true motion and mean error of each part, mm, over `people` faces. weights: [T, 51]."""
     rng = np.random.default_rng(11)
     truth = np.einsum("tm,mvx->tvx", weights, head.modes)
     wrong: dict[str, list[float]] = {name: [] for name in head.parts}
@@ -128,7 +128,7 @@ def errors(anyface: Path, head: Head, weights: np.ndarray, people: int) -> dict[
 
 
 def blinks(frames: int) -> np.ndarray:
-    """Both lids from open to closed and nothing else. [T, 51]."""
+    """Weights that close both lids and move nothing else. [T, 51]."""
     weights = np.zeros((frames, len(CHANNELS)))
     for side in ("Left", "Right"):
         weights[:, CHANNELS.index(f"eyeBlink{side}")] = np.linspace(0.0, 1.0, frames)

@@ -7,7 +7,7 @@ The part of the 51 shapes that these weights do not explain is a linear function
 regressed on them over speech, the upper face and whole expressions. The landmarks get noise of `NOISE_DM`, so
 that other motion is not amplified. Lips, chin and jaw are left out, because every face moves in its own way
 there. Points are drawn on the surface with their mirror images, and the residual is the mean of both sides.
-`--score` prints errors on identities and warps that it was not measured on.
+`--score` prints errors on identities and warps on which the creases were not measured.
 """
 
 from dataclasses import dataclass
@@ -45,7 +45,7 @@ SIDE = np.array([-1.0, 1.0, 1.0])
 
 
 def read_static(models: Path | None) -> StaticWeights:
-    """The static weights that are shipped."""
+    """Loads the static weights of the folder `models`, or the shipped ones."""
     return load_model(
         models / "static_weights" if models else shipped("static_weights"),
         lambda config: StaticWeights(StaticConfig(**config)),
@@ -54,7 +54,7 @@ def read_static(models: Path | None) -> StaticWeights:
 
 @torch.no_grad()
 def residual(model: StaticWeights, mesh: PreparedMesh) -> np.ndarray:
-    """What the static weights leave unexplained of every shape, [M, V, 3] dm."""
+    """The part of every shape that the static weights do not explain, [M, V, 3] dm."""
     moved = deform(model, mesh.geometry, mesh.modes[:, mesh.landmarks], 1.0)
     return (mesh.modes - moved).numpy()
 
@@ -89,9 +89,9 @@ class Surface:
 
 
 def draw(rng: np.random.Generator, face: PreparedMesh, field: np.ndarray, count: int) -> Surface:
-    """`count` points on the left half with `field` [M, V, 3], farthest first among random ones.
+    """Draws `count` points on the left half where `field` [M, V, 3] moves, farthest first among random ones.
 
-    They lie up to three times as dense where the field changes fastest over the surface.
+    They are up to three times as dense where the field changes fastest over the surface.
     """
     positions, triangles = face.geometry.positions.numpy().astype(np.float64), face.triangles
     edges = positions[triangles[:, 1:]] - positions[triangles[:, :1]]
@@ -111,7 +111,7 @@ def draw(rng: np.random.Generator, face: PreparedMesh, field: np.ndarray, count:
 
 
 def farthest_first(points: np.ndarray, stretch: np.ndarray, count: int) -> np.ndarray:
-    """Numbers of `count` points, each the farthest from those before, its distance stretched."""
+    """Indices of `count` points, each the farthest from all before. `stretch` multiplies the distances."""
     chosen, distance = [0], np.full(len(points), np.inf)
     while len(chosen) < count:
         distance = np.minimum(distance, np.linalg.norm(points - points[chosen[-1]], axis=1))
@@ -125,7 +125,7 @@ def reflected(landmarks: np.ndarray) -> np.ndarray:
 
 
 def beside(mesh: PreparedMesh, field: np.ndarray, places: np.ndarray) -> np.ndarray:
-    """A field over vertices [M, V, 3] at places near the surface, [M, P, 3]."""
+    """Interpolates a field over vertices [M, V, 3] at places near the surface, [M, P, 3]."""
     distance, index = cKDTree(mesh.geometry.positions.numpy()).query(places, k=4)
     weight = 1.0 / (distance + 1e-4) ** 2
     return np.einsum("pk,mpkx->mpx", weight / weight.sum(1, keepdims=True), field[:, index])
@@ -148,7 +148,7 @@ def mirrored_map(left: np.ndarray) -> np.ndarray:
 
 
 def compress(whole: np.ndarray, motion: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
-    """The best B [P, 3, K] and C [K, 3N] for motion as it occurs, from a map [3N, P * 3]."""
+    """The B [P, 3, K] and C [K, 3N] that best replace a map [3N, P * 3] for motion like `motion`."""
     x = motion.reshape(len(motion), -1)
     root = np.linalg.cholesky(x.T @ x / len(x) + NOISE_DM**2 * np.eye(x.shape[1]))
     u, size, values = np.linalg.svd(root.T @ whole, full_matrices=False)
@@ -160,14 +160,14 @@ def compress(whole: np.ndarray, motion: np.ndarray) -> tuple[np.ndarray, np.ndar
 
 
 def references(data: Path) -> dict[str, Face]:
-    """The faces whose creases are measured, as `POINTS` names them."""
+    """The faces whose creases are measured, by their names in `POINTS`."""
     return {"ict": align(load_ict(data).mean), "makehuman": load_makehuman(data)}
 
 
 def measure(
     rng: np.random.Generator, mesh: PreparedMesh, model: StaticWeights, weights: np.ndarray, count: int
 ) -> Creases:
-    """The creases of a face, both sides alike, at `count` points a side. weights: [T, M], of its shapes."""
+    """The creases of a face, symmetric, at `count` points per side. weights: [T, M], of its shapes."""
     position, landmarks = mesh.geometry.positions.numpy(), mesh.geometry.landmarks.numpy()
     field = residual(model, mesh) * share(position, landmarks)[:, None]
     surface = draw(rng, mesh, field, count)
@@ -188,7 +188,7 @@ def measure(
 
 
 def write_creases(folder: Path, faces: dict[str, Creases]) -> None:
-    """A model folder: a prefix for each face, f16 but for the landmarks."""
+    """Writes a model folder with a prefix for each face. All but the landmarks is f16."""
     state = {
         f"{name}.{key}": torch.from_numpy(value).float()
         for name, creases in faces.items()
@@ -202,7 +202,7 @@ def write_creases(folder: Path, faces: dict[str, Creases]) -> None:
 
 
 def unseen(rng: np.random.Generator, data: Path) -> list[tuple[str, Face]]:
-    """Faces that no crease was measured on, each with the reference of its kind."""
+    """Faces on which no crease was measured, each with the name of its reference."""
     ict, makehuman = load_ict(data), load_makehuman(data)
     people = [("ict", ict.person(rng.standard_normal(100))) for _ in range(2)]
     warps = [remesh(rng, stylise(rng, makehuman, 0.5), 6000) for _ in range(2)]
@@ -210,8 +210,7 @@ def unseen(rng: np.random.Generator, data: Path) -> list[tuple[str, Face]]:
 
 
 def turned(face: PreparedMesh, moved: np.ndarray, truth: np.ndarray, where: np.ndarray) -> float:
-    """Slope of the predicted change of normals over the true one, by least squares, in one frame at `where`
-    [V]."""
+    """Least-squares slope of the predicted over the true change of normals at `where` [V], in one frame."""
     rest = face.geometry.positions.numpy().astype(np.float64)
     predicted, true = (
         vertex_normals(rest + d, face.triangles) - vertex_normals(rest, face.triangles)

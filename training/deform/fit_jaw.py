@@ -1,11 +1,11 @@
-"""Fits how the lower jaw moves when the landmarks of the face's contour do, for `deform/jaw.rs`.
+"""Fits the motion of the lower jaw to that of the face's contour landmarks, for `deform/jaw.rs`.
 
     python -m training.deform.fit_jaw --data ../shared/data
 
 The truth is ICT FaceKit's lower teeth, which move rigidly: pitch and yaw about the hinge and a slide.
 Those five numbers are regressed on the displacements of landmarks 2 to 14, with a ridge, on the
-training takes of facegood_zh with random expressions; each frame counts with its mirror image. Written
-to rust-core/src/deform/jaw_from_contour.json; lengths in canonical centimetres.
+training takes of facegood_zh with random expressions. Each frame counts together with its mirror image.
+The result is written to rust-core/src/deform/jaw_from_contour.json, with lengths in canonical centimetres.
 """
 
 import json
@@ -28,7 +28,7 @@ TARGET = REPOSITORY / "rust-core/src/deform/jaw_from_contour.json"
 
 
 def hinge_of(teeth: np.ndarray, opening: np.ndarray) -> np.ndarray:
-    """The point of the middle plane [3] about which displacements [V, 3] turn the teeth [V, 3]."""
+    """The point [3] of the middle plane about which displacements [V, 3] turn the teeth [V, 3]."""
     fit = similarity(teeth, teeth + opening)
     turned, shift = fit.rotation - np.eye(3), fit.goal - fit.rotation @ fit.centre
     y, z = np.linalg.lstsq(turned[1:, 1:], -shift[1:], rcond=None)[0]
@@ -36,7 +36,7 @@ def hinge_of(teeth: np.ndarray, opening: np.ndarray) -> np.ndarray:
 
 
 def poses(teeth: np.ndarray, motion: np.ndarray) -> np.ndarray:
-    """Pitch, yaw (radians) and slide x, y, z of every frame [T, 5]; `teeth` about the hinge."""
+    """Pitch, yaw (radians) and slide x, y, z of every frame [T, 5]. `teeth` are relative to the hinge."""
     out = []
     for frame in motion:
         fit = similarity(teeth, teeth + frame)
@@ -46,7 +46,7 @@ def poses(teeth: np.ndarray, motion: np.ndarray) -> np.ndarray:
 
 
 def regressed(landmarks: np.ndarray, pose: np.ndarray) -> np.ndarray:
-    """`[5, 39]`: pose [T, 5] from contour displacements [T, 13, 3]."""
+    """The map `[5, 39]` from contour displacements [T, 13, 3] to pose [T, 5]."""
     mirrored = landmarks[:, ::-1] * [-1.0, 1.0, 1.0]
     x = np.concatenate([landmarks, mirrored]).reshape(2 * len(pose), -1)
     y = np.concatenate([pose, pose * [1.0, -1.0, -1.0, 1.0, 1.0]])
@@ -58,7 +58,7 @@ def regressed(landmarks: np.ndarray, pose: np.ndarray) -> np.ndarray:
 def main(data: Path = DATA) -> None:
     """Entry of the command."""
     head = load_head(data)
-    # ICT stands in the canonical frame but for its origin.
+    # ICT differs from the canonical frame only in its origin.
     offset = 100.0 * canonical_landmarks().mean(0) - head.neutral[head.landmarks].mean(0)
     teeth = head.parts["teeth, lower"]
     opening = head.modes[CHANNELS.index("jawOpen"), teeth]

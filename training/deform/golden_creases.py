@@ -1,4 +1,4 @@
-"""Golden of creases: random points over a procedural face, and what another face takes of them."""
+"""Golden of creases: random points on a procedural face, and the creases another face gets from them."""
 
 from pathlib import Path
 
@@ -13,8 +13,8 @@ POINTS, RANK = 300, 3
 
 
 def write(out: Path, shared: Path) -> Path:
-    """Writes `creases_debug.safetensors`: `weights.debug.*`, `positions` [V, 3], `triangles` [F, 3] and
-    `landmarks` [N, 3] of the other face, dm, and `carried` [V, 3, K]."""
+    """Writes `creases_debug.safetensors`: the creases as `weights.debug.*`, the other face as `positions`
+    [V, 3] dm, `triangles` [F, 3] and `landmarks` [N, 3] dm, and its `s B` as `carried` [V, 3, K]."""
     rng = np.random.default_rng(6)
     vertices, triangles, numbers = procedural_face(rng)
     vertices = 10.0 * vertices.astype(np.float64)

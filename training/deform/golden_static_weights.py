@@ -37,7 +37,7 @@ def procedural_face(rng: np.random.Generator) -> tuple[np.ndarray, np.ndarray, n
 
 def write(out: Path, shared: Path) -> Path:
     """Writes `static_weights_debug.safetensors`: the mesh (canonical metres), `base` [V, N],
-    `remoteness` [V], `weights.*`, `landmark_motion` [T, N, 3] m and `output` [T, V, 3] m."""
+    `remoteness` [V], `weights.*`, the input `landmark_motion` [T, N, 3] m and `output` [T, V, 3] m."""
     rng = np.random.default_rng(4)
     torch.manual_seed(4)
     vertices, triangles, landmarks = procedural_face(rng)
@@ -59,7 +59,7 @@ def write(out: Path, shared: Path) -> Path:
             parameter.normal_(0.0, 0.15)
         model.feature_mean.normal_(0.0, 0.2)
         model.feature_scale.uniform_(0.5, 1.5)
-        # One kind near the face, one far from it, so that the face is half familiar.
+        # Learn one kind near the face and one far from it, so that the face is half familiar.
         near = geometry.landmarks + 0.0078 * torch.randn(68, 3) + 0.002 * torch.randn(20, 68, 3)
         model.learn_shapes(0, near)
         model.learn_shapes(1, near + 0.1)

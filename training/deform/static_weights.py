@@ -1,16 +1,16 @@
 """The default decoder: per-vertex weights over the 68 landmarks, fixed for a mesh.
 
-Mirrors `rust-core/src/deform/static_weights.rs`, attribute name for layer name.
+Mirrors `rust-core/src/deform/static_weights.rs`. Attributes have the names of its layers.
 
     dV = W dL + alpha f (A dL + B C dL)
 
 W are the training-free weights of `training.deform.tension_screened_biharmonic`; A [V, N] mixes
 landmarks as W does, and B [V, 3, R] with C [R, 3N] lets axes mix (an opening jaw pushes the lip
-back). `f` is the familiarity: the network knows two kinds of faces and takes their habits for
-laws, which harms on any other, so it is relied on as far as the 68 landmarks of the neutral face
-lie where those of the faces it learned lie. A and B come from a pointwise network on features that
-relate each vertex to the landmarks; pointwise, because it measured equal to a DiffusionNet here.
-It is run on the mesh and on its mirror image and averaged, so a symmetric face moves symmetrically.
+back). `f` is the familiarity. The network knows two kinds of faces and takes their habits for
+laws, which harms any other kind. So the correction counts only as far as the 68 landmarks of the
+neutral face resemble those of the faces it learned. A and B come from a network on features that
+relate each vertex to the landmarks. It is pointwise, because a DiffusionNet measured no better here.
+It runs on the mesh and on its mirror image. The average makes a symmetric face move symmetrically.
 
 Lengths are decimetres in the canonical frame. Shapes: `V` vertices, `T` frames, `N` = 68, `R` rank.
 """
@@ -47,8 +47,8 @@ SHAPE_NOISE_DM = 0.007
 class StaticConfig(Config):
     """Sizes; saved beside the weights as config.json.
 
-    kinds: number of kinds of faces learned. shape_modes: K, of the landmarks of each kind.
-    floor: what is left of the correction on a face of another kind.
+    kinds: number of kinds of faces learned. shape_modes: number K of shape modes of each kind's landmarks.
+    floor: share of the correction that is left on a face of another kind.
     """
 
     width: int = 128
@@ -70,10 +70,10 @@ FLIP = torch.tensor([-1.0, 1.0, 1.0])
 
 @dataclass
 class VertexGeometry:
-    """What the network may know about vertices.
+    """The network's input: geometry of the vertices.
 
     positions: [V, 3] dm. landmarks: [N, 3] dm, of the neutral mesh. base: [V, N], the training-free weights.
-    remoteness: [V], least ratio of surface distance to reach over the landmarks.
+    remoteness: [V], surface distance to a landmark divided by its reach, least over the landmarks.
     """
 
     positions: Tensor
@@ -82,7 +82,7 @@ class VertexGeometry:
     remoteness: Tensor
 
     def mirrored(self) -> VertexGeometry:
-        """The same seen in a mirror: x changes sign, left landmarks take right ones' numbers."""
+        """The same geometry in a mirror: x changes sign, left and right landmarks swap numbers."""
         return VertexGeometry(
             self.positions * FLIP.to(self.positions.device),
             self.landmarks[MIRROR] * FLIP.to(self.positions.device),
@@ -91,7 +91,7 @@ class VertexGeometry:
         )
 
     def to(self, device: torch.device) -> VertexGeometry:
-        """The same on another device."""
+        """The same geometry on another device."""
         return VertexGeometry(*(value.to(device) for value in vars(self).values()))
 
     def features(self) -> Tensor:
@@ -125,7 +125,7 @@ class StaticWeights(nn.Module):
             nn.init.zeros_(layer.bias)
 
     def learn_shapes(self, kind: int, shapes: Tensor) -> None:
-        """Takes the landmarks of neutral faces of one kind, [S, N, 3] dm, for known.
+        """Learns one kind of face from the landmarks of its neutral faces, [S, N, 3] dm.
 
         With principal axes u_k and variances l_k, the Mahalanobis distance under noise s is
         |x|²/s² - sum_k (w_k u_k·x)²/s², w_k² = l_k / (l_k + s²); the rows of the basis are w_k u_k.
@@ -138,7 +138,7 @@ class StaticWeights(nn.Module):
         self.shape_basis[kind] = weight[:, None] * axes[: self.config.shape_modes]
 
     def strangeness(self, landmarks: Tensor) -> float:
-        """Distance from the nearest kind, about 0.5 for one of its own. landmarks: [N, 3] dm."""
+        """Distance from the nearest kind, about 0.5 for faces of that kind. landmarks: [N, 3] dm."""
         x = landmarks.flatten() - self.shape_mean
         explained = torch.einsum("ckn,cn->ck", self.shape_basis, x).square().sum(1)
         squared = (x.square().sum(1) - explained).clamp(min=0.0) / SHAPE_NOISE_DM**2
@@ -150,7 +150,7 @@ class StaticWeights(nn.Module):
         return self.config.floor + (1.0 - self.config.floor) * min(max(near, 0.0), 1.0)
 
     def one_sided(self, geometry: VertexGeometry) -> tuple[Tensor, Tensor]:
-        """A [V, N] and B [V, 3, R] without the mirror."""
+        """A [V, N] and B [V, 3, R], not averaged with the mirror image."""
         x = (geometry.features() - self.feature_mean) / self.feature_scale
         for layer in (self.layer_0, self.layer_1, self.layer_2):
             x = torch.nn.functional.silu(layer(x))
@@ -159,13 +159,16 @@ class StaticWeights(nn.Module):
         return scale * self.mix(x), cross
 
     def one_sided_correction(self, geometry: VertexGeometry, landmarks: Tensor) -> Tensor:
-        """`A dL + B C dL` without the mirror. landmarks: [T, N, 3]. Returns [T, V, 3], same unit."""
+        """`A dL + B C dL`, not averaged with the mirror image.
+
+        landmarks: [T, N, 3]. Returns [T, V, 3], same unit.
+        """
         mix, cross = self.one_sided(geometry)
         motion = self.motion(landmarks.flatten(1))
         return torch.einsum("vn,tnx->tvx", mix, landmarks) + torch.einsum("vxr,tr->tvx", cross, motion)
 
     def forward(self, geometry: VertexGeometry, landmarks: Tensor) -> Tensor:
-        """The correction, mean of both sides. landmarks: [T, N, 3]. Returns [T, V, 3]."""
+        """The correction, averaged with the mirror image. landmarks: [T, N, 3]. Returns [T, V, 3]."""
         direct = self.one_sided_correction(geometry, landmarks)
         reflected = self.one_sided_correction(geometry.mirrored(), landmarks[:, MIRROR] * FLIP)
         return 0.5 * (direct + reflected * FLIP)

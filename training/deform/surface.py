@@ -1,4 +1,4 @@
-"""What DiffusionNet needs of a surface: mass, eigenbasis, tangent gradients.
+"""The operators of a surface that DiffusionNet uses: mass, eigenbasis, tangent gradients.
 
 Mirrors `Operators::surface` of `rust-core/src/operators`. Shapes: `V` vertices, `K` eigenpairs.
 """
@@ -16,7 +16,7 @@ RIDGE = 1e-5
 
 
 def surface_operators(vertices: np.ndarray, triangles: np.ndarray, eigenpairs: int) -> SurfaceOperators:
-    """vertices: [V, 3], in the network's unit (decimetres)."""
+    """The operators of a mesh. vertices: [V, 3], in the network's unit (decimetres)."""
     laplacian, mass = laplacian_and_mass(vertices, triangles)
     shift = 0.03 * 4.0 * np.pi * eigenpairs / mass.sum()
     values, vectors = eigsh(laplacian, eigenpairs, sp.diags(mass).tocsc(), sigma=-shift)
@@ -31,7 +31,7 @@ def surface_operators(vertices: np.ndarray, triangles: np.ndarray, eigenpairs: i
 
 
 def vertex_normals(vertices: np.ndarray, triangles: np.ndarray) -> np.ndarray:
-    """Unit, weighted by area; zero where a vertex is in no face. [V, 3]."""
+    """Unit normals, weighted by area. Zero for a vertex without faces. [V, 3]."""
     a, b, c = (vertices[triangles[:, i]] for i in range(3))
     normals = np.zeros_like(vertices)
     for corner in range(3):
@@ -40,7 +40,7 @@ def vertex_normals(vertices: np.ndarray, triangles: np.ndarray) -> np.ndarray:
 
 
 def tangent_gradients(vertices: np.ndarray, triangles: np.ndarray) -> tuple[sp.csr_matrix, sp.csr_matrix]:
-    """Least-squares gradients over one-rings, along two tangents a vertex. Two [V, V]."""
+    """Least-squares gradients over one-rings, along two tangents at each vertex. Two [V, V]."""
     normals = vertex_normals(vertices, triangles)
     seed = np.where(np.abs(normals[:, :1]) < 0.9, [[1.0, 0.0, 0.0]], [[0.0, 1.0, 0.0]])
     first = seed - (seed * normals).sum(1, keepdims=True) * normals

@@ -10,8 +10,8 @@ landmarks), C a stiff spring at each landmark's vertex. Lengths are centimetres 
 head: the mesh comes in the canonical frame.
 
 Tension stops the plate from overshooting between the lips and on the cheeks; the screen lets the
-back of the head rest. Without it errors double. A plate also drags along all that lies between lid
-and brow, where real skin folds: `lid_profile` lets the lids' weights end within a centimetre.
+back of the head rest. Without it errors double. A plate also drags along all the skin between lid
+and brow, where real skin folds. So `lid_profile` makes the lids' weights end within a centimetre.
 """
 
 from dataclasses import dataclass
@@ -63,7 +63,7 @@ class TensionScreened:
 def edge_graph(vertices: np.ndarray, laplacian: sp.csc_matrix) -> sp.csr_matrix:
     """Straight lengths of the edges of the Laplacian's intrinsic triangulation. [V, V].
 
-    Ways along them come out some per cent too long: good enough to tell near from far.
+    Paths along them come out a few per cent too long, which is good enough to tell near from far.
     """
     entries = laplacian.tocoo()
     off = entries.row != entries.col
@@ -84,7 +84,7 @@ def weights(
     landmarks: np.ndarray,
     plate: TensionScreened = TensionScreened(),
 ) -> np.ndarray:
-    """vertices: [V, 3] canonical metres; landmarks: [N] vertex numbers. Returns [V, N]."""
+    """The weights of a mesh. vertices: [V, 3] canonical metres; landmarks: [N] vertex numbers. [V, N]."""
     cm = 100.0 * np.asarray(vertices, np.float64)
     laplacian, mass = laplacian_and_mass(cm, triangles)
     remoteness = landmark_remoteness(cm, laplacian, landmarks)
@@ -92,7 +92,10 @@ def weights(
 
 
 def landmark_remoteness(vertices: np.ndarray, laplacian: sp.csc_matrix, landmarks: np.ndarray) -> np.ndarray:
-    """Least ratio of distance to reach over the kinds of landmarks. vertices: [V, 3] cm. [V]."""
+    """Distance to the nearest landmark of a kind divided by the kind's reach, least over the kinds. [V].
+
+    vertices: [V, 3] cm.
+    """
     graph = edge_graph(vertices, laplacian)
     ratios = [
         dijkstra(graph, indices=np.unique(landmarks[list(kind)]), min_only=True) / reach
@@ -117,7 +120,7 @@ def lid_edge(corners: np.ndarray) -> np.ndarray:
 
 
 def catmull_rom(before, start, end, after, t):
-    """The curve from `start` to `end` at shares `t` of the way."""
+    """The Catmull-Rom curve from `start` (`t` = 0) to `end` (`t` = 1)."""
     bent = (2.0 * before - 5.0 * start + 4.0 * end - after) * t**2
     twisted = (3.0 * start - before - 3.0 * end + after) * t**3
     return 0.5 * (2.0 * start + (end - before) * t + bent + twisted)
@@ -130,7 +133,7 @@ def _ease_out(x: np.ndarray, span: tuple[float, float]) -> np.ndarray:
 
 
 def lid_profile(vertices: np.ndarray, corners: np.ndarray) -> np.ndarray:
-    """By which share each vertex follows the lids of one eye. [V].
+    """How far each vertex follows the lids of one eye, from 0 to 1. [V].
 
     vertices: [V, 3] cm, canonical. corners: [6, 3] cm, the eye's landmarks.
     """
@@ -151,7 +154,7 @@ def solve(
     landmarks: np.ndarray,
     plate: TensionScreened,
 ) -> np.ndarray:
-    """The linear system at the head of the file, and the lids' profile.
+    """Solves the linear system at the head of the file and applies the lids' profile.
 
     vertices: [V, 3] cm. remoteness: [V]. Returns [V, N].
     """

@@ -1,1 +1,1 @@
-"""Schedules and samplers; knows no network. Twin of `rust-core/src/diffusion`."""
+"""Noise schedules and samplers, independent of any network. Twin of `rust-core/src/diffusion`."""

@@ -12,8 +12,8 @@ Predictor = Callable[[Tensor, int], Tensor]
 def ddim_sample(predict_x0: Predictor, start: Tensor, alphas: Tensor, steps: int, spacing: str) -> Tensor:
     """Runs the reverse process from `start` (any shape) and returns x₀ of the same shape.
 
-    `predict_x0(x, t)` gives the clean signal seen in `x` at timestep `t`. `alphas` [train_steps]
-    is ᾱ. The step before the first has ᾱ = 1 (`set_alpha_to_one`); the previous timestep is
+    `predict_x0(x, t)` predicts the clean signal from `x` at timestep `t`. `alphas` [train_steps]
+    is ᾱ. Before timestep 0, ᾱ = 1 (`set_alpha_to_one`). The previous timestep is
     t − train_steps // steps for both spacings, as in diffusers.
     """
     train_steps = alphas.shape[0]

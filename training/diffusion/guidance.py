@@ -1,4 +1,4 @@
-"""Classifier-free guidance (Ho & Salimans 2021), with a second condition that acts where a mask says."""
+"""Classifier-free guidance (Ho & Salimans 2021), with a second condition that acts within a mask."""
 
 from torch import Tensor
 
@@ -11,7 +11,7 @@ def guided(unconditional: Tensor, conditional: Tensor, alpha: float) -> Tensor:
 def mask_guided(base: Tensor, fine: Tensor, other: Tensor, strength: Tensor) -> Tensor:
     """Adds `βZ ⊙ (G_ACF − other)` to `base`, Cafe-Talk eq. 6.
 
-    `other` is `G_∅` as printed, or `G_AC`, so that a slot does not hear the speech α + β times. `strength`
-    is βZ, [B, T, 1] or alike, 0 outside the slots.
+    The paper prints `G_∅` for `other`. With `G_AC` the speech does not count α + β times within a slot.
+    `strength` is βZ, 0 outside the slots, [B, T, 1] or a shape that broadcasts alike.
     """
     return base + strength * (fine - other)

@@ -1,13 +1,14 @@
-"""Where sampling starts: noise whose frames resemble their neighbours."""
+"""The noise that sampling starts from. Its neighbouring frames resemble each other."""
 
 import torch
 from torch import Tensor
 
 
 def slow_noise(frames: int, channels: int, sigma_frames: float, generator: torch.Generator) -> Tensor:
-    """Normal noise [frames, channels] of unit variance, alike over `sigma_frames` (standard deviation).
+    """Normal noise [frames, channels] of unit variance, smooth over `sigma_frames` (standard deviation).
 
-    Weights as those of `slow_noise` in `rust-core/src/diffusion/noise.rs`; the numbers drawn are others.
+    The filter has the weights of `slow_noise` in `rust-core/src/diffusion/noise.rs`. The random numbers
+    differ.
     """
     reach = int(3.0 * sigma_frames)
     white = torch.randn(frames + 2 * reach, channels, generator=generator)

@@ -11,13 +11,13 @@ MAX_BETA = 0.999
 
 @dataclass
 class Diffusion:
-    """The forward process of a model, as it stands in its configuration."""
+    """The forward process of a model, as stored in its configuration."""
 
     schedule: str = "cosine"
     train_steps: int = 1000
 
     def alphas(self) -> Tensor:
-        """ᾱ_t of its steps, [steps]."""
+        """ᾱ_t of every training step, [steps]."""
         return alphas_cumprod(self.schedule, self.train_steps)
 
 
@@ -70,8 +70,11 @@ def add_noise(clean: Tensor, noise: Tensor, alpha_bar: Tensor) -> Tensor:
 def noise_levels(
     shape: torch.Size, levels: int, pure_share: float, random: torch.Generator
 ) -> tuple[Tensor, Tensor]:
-    """Levels [B] and noise of `shape` [B, T, D] to train on: `pure_share` of the rows are all noise, which is
-    weaker than normal then."""
+    """Levels [B] and noise of `shape` [B, T, D] to train on.
+
+    `pure_share` of the rows are pure noise: they get the last level, and their noise is scaled down by a
+    random factor.
+    """
     t = torch.randint(0, levels, shape[:1], generator=random)
     pure = torch.rand(shape[0], generator=random) < pure_share
     noise = torch.randn(shape, generator=random)

@@ -1,1 +1,1 @@
-"""A head of clean quads for heads made from numbers: MakeHuman's topology on ICT's mean face."""
+"""A head of clean quads whose shape is set by numbers: MakeHuman's topology on ICT's mean face."""

@@ -1,4 +1,4 @@
-"""Distance of the head of quads from ICT's heads with the same coefficients, which it was never fitted to.
+"""Measures how far the head of quads lies from ICT heads of the same coefficients that no fit has seen.
 
 python -m training.head_topology.evaluate --data ../shared/data
 """
@@ -43,7 +43,7 @@ def main(data: Path = DATA, heads: int = HEADS, seed: int = 1) -> None:
 
 
 def seen_skin(state: dict[str, np.ndarray], config: dict) -> np.ndarray:
-    """Vertices of the face before the ears and above the collar, without linings."""
+    """Vertices of the face in front of the ears and above the collar, without the linings."""
     kinds = [config["materials"].index(name) for name in ("skin", "lips")]
     faces = state["faces"][: config["skin_faces"]][np.isin(state["materials"][: config["skin_faces"]], kinds)]
     used = np.unique(faces.astype(int))

@@ -1,4 +1,4 @@
-"""MakeHuman's head on ICT's mean face: by landmarks and rims, then the surface, ever less stiff.
+"""Fits MakeHuman's head to ICT's mean face by landmarks, rims and surface, with ever less stiffness.
 
 Non-rigid ICP (Amberg et al. 2007) with point-to-plane distances and a bi-Laplacian of the displacement.
 All lengths are centimetres in ICT's frame.
@@ -15,7 +15,7 @@ from scipy.spatial import cKDTree
 from training.align import Similarity, similarity
 from training.head_topology.quads import Quads, normals
 
-# Rings of quads below MakeHuman's cut at the neck: down to a collar.
+# Number of rings of quads added below MakeHuman's cut at the neck, down to a collar.
 COLLAR_RINGS = 4
 ICT_SKIN = 11248
 ICT_SKIN_AND_SOCKETS = 14062
@@ -51,9 +51,9 @@ class Target:
 class Template:
     """MakeHuman's head before the fit.
 
-    `vertices` `[V]` are numbers in its body. `start` `[V, 3]` are places aligned to ICT. `mesh` are its
-    quads, which are `faces` of the body. `landmarks` `[68]`. `rims` are loops of lips and lids. `mouth` and
-    `sockets` `[V]` mark what lies behind them. `onto` maps the body to ICT.
+    `vertices` `[V]` are vertex numbers of the body. `start` `[V, 3]` are their places, aligned to ICT. `mesh`
+    holds the quads, and `faces` their numbers in the body. `landmarks` `[68]`. `rims` are the loops of lips
+    and lids. `mouth` and `sockets` `[V]` mark the vertices behind the rims. `onto` maps the body to ICT.
     """
 
     vertices: np.ndarray
@@ -68,7 +68,7 @@ class Template:
 
 
 def cut(body, head: dict, target: Target) -> Template:
-    """Skin of the head down to the collar, aligned and bent by the landmarks."""
+    """Cuts the skin of the head at the collar, then aligns and bends it by the landmarks."""
     selected = np.zeros(len(body.points), bool)
     selected[head["base_index"]] = True
     faces = selected[body.quads].all(1)
@@ -94,7 +94,7 @@ def cut(body, head: dict, target: Target) -> Template:
 
 
 def deepest(rim: list[int], points: np.ndarray) -> int:
-    """A vertex behind the opening, seen from the front."""
+    """A vertex behind the opening, as seen from the front: the foremost one deep enough."""
     middle = points[rim].mean(0)
     near = np.linalg.norm(points[:, :2] - middle[:2], axis=1) < 1.0
     candidates = np.flatnonzero(near & (points[:, 2] < middle[2] - 0.6))
@@ -102,7 +102,7 @@ def deepest(rim: list[int], points: np.ndarray) -> int:
 
 
 class Samples:
-    """Points on ICT's skin with normals, and from which vertices each comes."""
+    """Points on ICT's skin, their normals, and each point as weights of ICT's vertices."""
 
     SHARES = np.array([[1, 1, 1], [1.8, 0.6, 0.6], [0.6, 1.8, 0.6], [0.6, 0.6, 1.8]]) / 3
 
@@ -153,13 +153,13 @@ def rim_partners(template: Template, target: Target) -> tuple[np.ndarray, sparse
 
 
 def shares(points: np.ndarray) -> np.ndarray:
-    """How far along a line each of its points lies, 0 to 1."""
+    """How far along a polyline each of its points lies, from 0 to 1."""
     so_far = np.r_[0, np.cumsum(np.linalg.norm(np.diff(points, axis=0), axis=1))]
     return so_far / so_far[-1]
 
 
 def ears(points: np.ndarray) -> np.ndarray:
-    """`[V]`: both ears, whose folds have no partners."""
+    """`[V]`: marks both ears, whose folds get no partners."""
     x, y, z = points.T
     return (np.abs(x) > 6.7) & (y > -2.4) & (y < 5.6) & (z < 2.5) & (z > -3.4)
 
@@ -168,8 +168,8 @@ def ears(points: np.ndarray) -> np.ndarray:
 class Fit:
     """`points` `[V, 3]` and how ICT's vertices move them.
 
-    `weights` `[V, 26719]` mix ICT's vertices; `strength` `[V]` says how much each row counts; `over` `[V, N]`
-    is the skin over each vertex.
+    `weights` `[V, 26719]` mix ICT's vertices. `strength` `[V]` says how much each row counts. `over` `[V, N]`
+    are the skin vertices nearest to each vertex.
     """
 
     points: np.ndarray
@@ -229,7 +229,7 @@ def fit(template: Template, target: Target) -> Fit:
 
 
 def around(points: np.ndarray, target: Target) -> sparse.csr_matrix:
-    """The mean of ICT's vertices of skin and sockets about each point, `[V, 26719]`."""
+    """Weights of the mean of the ICT vertices around each point, skin and sockets only, `[V, 26719]`."""
     near = cKDTree(target.points[:ICT_SKIN_AND_SOCKETS]).query(points, k=MEAN_OF)[1]
     rows = np.repeat(np.arange(len(points)), MEAN_OF)
     shape = (len(points), len(target.points))
@@ -244,7 +244,7 @@ def carried(template: Template, fitted: Fit, moved: np.ndarray) -> np.ndarray:
     laplacian = template.mesh.laplacian()
     inside = template.mouth | template.sockets
     smooth = laplacian.T @ laplacian
-    # First the skin, then what lies behind it, which goes with the skin over it.
+    # Move the skin first. The vertices behind it then follow the skin over them.
     skin = splu((smooth + sparse.diags(3 * fitted.strength + 1e-9)).tocsc()).solve
     firm = np.where(inside, LOOSE, 1e3)
     behind = splu((smooth + sparse.diags(firm)).tocsc()).solve

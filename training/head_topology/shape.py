@@ -1,4 +1,4 @@
-"""A head of the model `head_topology` from its numbers; the twin of `rust-core/src/head/topology.rs`."""
+"""Makes a head of the model `head_topology` from numbers. Twin of `rust-core/src/head/topology.rs`."""
 
 import numpy as np
 from scipy import sparse
@@ -8,14 +8,14 @@ from training.head_topology.quads import Quads
 
 
 def sides(traits: np.ndarray) -> np.ndarray:
-    """Sliders `[T]` as how far each goes to its right and its left, `[2 T]`."""
+    """Splits sliders `[T]` into their amounts to the right and to the left, `[2 T]`."""
     return np.stack([np.maximum(traits, 0), np.maximum(-traits, 0)], 1).ravel()
 
 
 def neighbour_means(faces: np.ndarray, count: int) -> sparse.csr_array:
-    """The mean of each vertex's neighbours in `faces` `[F, 4]` that have lower numbers, `[S, S]`.
+    """Matrix `[S, S]` for the mean of each vertex's neighbours in `faces` `[F, 4]` that have lower numbers.
 
-    A mode is stored as what each vertex adds to that mean, which packs smaller.
+    A mode stores only what each vertex adds to that mean, because this packs smaller.
     """
     low, high = Quads(faces.astype(int), count).edges.T
     shares = 1.0 / np.bincount(high, minlength=count)[high]
@@ -23,7 +23,7 @@ def neighbour_means(faces: np.ndarray, count: int) -> sparse.csr_array:
 
 
 def decode_displacements(faces: np.ndarray, added: np.ndarray) -> np.ndarray:
-    """Displacements `[S, 3]` of what each vertex adds to the mean of its earlier neighbours."""
+    """Displacements `[S, 3]`, decoded from what each vertex adds to the mean of its earlier neighbours."""
     system = sparse.eye_array(len(added)) - neighbour_means(faces, len(added))
     return spsolve_triangular(system.tocsr(), added, lower=True, unit_diagonal=True)
 
@@ -31,7 +31,7 @@ def decode_displacements(faces: np.ndarray, added: np.ndarray) -> np.ndarray:
 def shape(
     state: dict[str, np.ndarray], config: dict, coefficients: np.ndarray, traits: np.ndarray
 ) -> np.ndarray:
-    """Places `[V, 3]`, canonical metres, under coefficients `[100]` and sliders `[T]`."""
+    """Vertex positions `[V, 3]`, canonical metres, for coefficients `[100]` and sliders `[T]`."""
     points, numbers = state["positions"].copy(), np.r_[coefficients, sides(traits)]
     skin = config["skin_vertices"]
     added = np.tensordot(numbers, state["modes"], 1).T * config["step_m"]

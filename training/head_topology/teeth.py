@@ -1,4 +1,4 @@
-"""Rows of single teeth in their gums, sized to ICT's teeth, which are only measured, never copied.
+"""Rows of single teeth in their gums. ICT's teeth are measured for the size, never copied.
 
 All lengths are centimetres in ICT's frame.
 """
@@ -27,7 +27,7 @@ FULLNESS = [0.72, 0.9, 1.0, 0.98, 0.9, 0.8]
 
 
 class Arch:
-    """Half an ellipse through ICT's teeth: `width` and `depth` in centimetres, its back at `back`."""
+    """Half an ellipse through ICT's teeth, `width` and `depth` in centimetres. It ends at z = `back`."""
 
     def __init__(self, measured: np.ndarray):
         self.back = measured[:, 2].min() + 0.35
@@ -39,7 +39,7 @@ class Arch:
         self.length = float(self._far[-1])
 
     def at(self, far: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
-        """Places `[N, 2]` (x, z) and normals at distances along the left half; negative ones lie right."""
+        """Places `[N, 2]` (x, z) and normals at distances along the left half, or the right if negative."""
         side = np.where(far < 0, -1.0, 1.0)[:, None] * [1, 0] + [0, 1]
         inside = np.clip(np.abs(far), 0, self.length)
         place = np.stack([np.interp(inside, self._far, self._line[:, k]) for k in (0, 1)], 1)
@@ -50,8 +50,10 @@ class Arch:
 
 
 def crown(width: float, height: float, depth: float, biting: bool) -> tuple[np.ndarray, np.ndarray]:
-    """A tooth along (across, up, out), its edge at 0, its gum at `height`: `[N, 3]` and triangles. One with
-    a biting edge is as a chisel, another as a block."""
+    """A tooth as points `[N, 3]` (across, up, out) and triangles. Its edge is at 0, its gum at `height`.
+
+    A tooth with a biting edge (`biting`) has the shape of a chisel, any other that of a block.
+    """
     around = np.linspace(0, 2 * np.pi, RING, endpoint=False) + np.pi / RING
     circle = np.stack([np.cos(around), np.sin(around)], 1)
     outline = np.sign(circle) * np.abs(circle) ** SQUARENESS
@@ -86,7 +88,8 @@ def row(name: str, measured: np.ndarray, upper: bool) -> Part:
             along = side * (far + 0.5 * width) + shape[:, 0]
             place, out = arch.at(along)
             place = place + out * (shape[:, 2] - 0.5 * depth)[:, None]
-            # The front teeth meet lowest; canines stand out by a little, what lies behind rises.
+            # Middle incisors and canines reach furthest. The second incisors fall a little short,
+            # and the teeth behind the canines ever more.
             rise = 0.04 * (number == 1) + 0.015 * max(0, number - 2) ** 2
             y = edge + sign * (shape[:, 1] + rise)
             first = sum(map(len, points))
@@ -99,7 +102,7 @@ def row(name: str, measured: np.ndarray, upper: bool) -> Part:
         far += width
     teeth = np.concatenate(points), np.concatenate(faces)
     gum, gum_faces = gums(arch, np.array(gum_far), np.array(gum_height), edge, sign)
-    # A triangle within the gum holds each tooth, so that the row is one piece.
+    # A triangle inside the gum is attached to each tooth, so that the row is one piece.
     ends = np.r_[-np.array(gum_far)[::-1], gum_far]
     rings = [min(int(np.abs(ends - place).argmin()), len(ends) - 2) for _, place in roots]
     inner = [len(teeth[0]) + ring * GUM_RING + GUM_INNER for ring in rings]
@@ -109,10 +112,10 @@ def row(name: str, measured: np.ndarray, upper: bool) -> Part:
 
 
 def gums(arch: Arch, far: np.ndarray, height: np.ndarray, edge: float, sign: float):
-    """A tube over the roots whose lower rim follows the necks of the teeth."""
+    """A tube over the roots. Its rim follows the necks of the teeth."""
     far, height = np.r_[-far[::-1], far], np.r_[height[::-1], height]
     depth = np.interp(np.abs(far), np.linspace(0, arch.length, 7), DEPTHS)
-    # (share of the depth inward of the outer face, height over the neck) around the tube.
+    # Points around the tube: (share of the depth, inward from the outer face; height over the neck).
     profile = [
         (-0.02, 0.0), (-0.12, 0.1), (-0.12, 0.3), (0.0, 0.55), (0.5, 0.6),
         (1.0, 0.55), (1.12, 0.3), (1.05, 0.1), (0.5, 0.12),

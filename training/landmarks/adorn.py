@@ -1,9 +1,9 @@
-"""What characters wear or carry in their faces.
+"""Things that characters wear or carry in their faces.
 
-Eyes stuck on, thick rims, brows, glasses, beards, hair over the brow, ears at the sides, muzzles, and
-features melted away. Every function takes a head with true landmarks and returns one whose landmarks are
-still true: it sets closed shapes at landmarks, or moves landmarks with the surface. Lengths are canonical
-metres.
+Stuck-on eyes, thick rims, brows, glasses, beards, hair over the brow, ears at the sides, muzzles, and
+features melted away. Every function takes a head with true landmarks and returns a head whose landmarks
+are still true: it places closed shapes at landmarks, or moves landmarks with the surface. Lengths are
+canonical metres.
 """
 
 import numpy as np
@@ -18,7 +18,10 @@ BROWS = (slice(17, 22), slice(22, 27))
 
 
 def tube(path: np.ndarray, radius, closed: bool, steps: int = 7) -> tuple[np.ndarray, np.ndarray]:
-    """A tube along `path` `[n, 3]`; `radius` across the face's plane and out of it. Points, triangles."""
+    """A tube along `path` `[n, 3]`: points and triangles.
+
+    `radius` is one number, or two: in the face's plane and out of it.
+    """
     ahead, behind = np.roll(path, -1, 0), np.roll(path, 1, 0)
     if not closed:
         ahead[-1], behind[0] = path[-1], path[0]
@@ -54,7 +57,7 @@ def ring(centre, wide: float, high: float, steps: int = 20) -> np.ndarray:
 
 
 def eyes_of(marks: np.ndarray) -> list[tuple[np.ndarray, float, float]]:
-    """Centre, half width and half height of each eye's outline; a single one where both meet."""
+    """Centre, half width and half height of each eye's outline. Eyes that meet count as a single one."""
     both = np.linalg.norm(marks[39] - marks[42]) < 1e-6
     out = []
     for eye in [slice(36, 48)] if both else EYES:
@@ -64,8 +67,10 @@ def eyes_of(marks: np.ndarray) -> list[tuple[np.ndarray, float, float]]:
 
 
 def eyeballs(rng: np.random.Generator, head: Head) -> Head:
-    """Balls, buttons or eggs stuck on, or set into, both eyes; sometimes with a pupil that stands out. The
-    eyes' landmarks come out to the balls where these cover them."""
+    """Balls, buttons or eggs stuck on or set into both eyes, sometimes with a pupil that stands out.
+
+    Where the balls cover landmarks of the eyes, the landmarks move out to them.
+    """
     extra, marks = [], head.landmarks
     grown, tall, deep = rng.uniform(0.75, 1.25), rng.uniform(0.75, 1.3), rng.uniform(0.25, 1.1)
     sunk, pupil = rng.uniform(-0.7, 0.4), rng.random() < 0.3
@@ -81,7 +86,7 @@ def eyeballs(rng: np.random.Generator, head: Head) -> Head:
 
 
 def rims(rng: np.random.Generator, head: Head) -> Head:
-    """Thick raised rims about the eyes."""
+    """Thick raised rims around the eyes."""
     gap, thick, flat = rng.uniform(1.1, 1.5), rng.uniform(0.15, 0.5), rng.uniform(0.5, 1.3)
     extra = []
     for centre, wide, high in eyes_of(head.landmarks):
@@ -93,7 +98,7 @@ def rims(rng: np.random.Generator, head: Head) -> Head:
 
 
 def brows(rng: np.random.Generator, head: Head) -> Head:
-    """Bars for brows, thin to bushy."""
+    """Bars as brows, thin to bushy. Sometimes one bar spans both."""
     thick = rng.uniform(0.0015, 0.007)
     path = head.landmarks[17:27] + [0, 0, rng.uniform(-0.3, 0.8) * thick]
     if rng.random() < 0.1:
@@ -102,7 +107,7 @@ def brows(rng: np.random.Generator, head: Head) -> Head:
 
 
 def glasses(rng: np.random.Generator, head: Head) -> Head:
-    """Frames, round or square, sometimes with lenses that hide the eyes."""
+    """Glasses with round or square frames, sometimes with lenses that hide the eyes."""
     marks, extra, thick = head.landmarks, [], rng.uniform(0.0012, 0.004)
     gap, out = rng.uniform(1.15, 1.6), rng.uniform(0.006, 0.018)
     front = marks[36:48, 2].max() + out
@@ -125,7 +130,7 @@ def glasses(rng: np.random.Generator, head: Head) -> Head:
 
 
 def beard(rng: np.random.Generator, head: Head) -> Head:
-    """A beard of lumps along the jaw, long or short, with a moustache at times; the lips stay free."""
+    """A long or short beard of lumps along the jaw, sometimes with a moustache. The lips stay free."""
     marks, extra = head.landmarks, []
     size, long = rng.uniform(0.012, 0.024), rng.uniform(0.5, 3.0)
     for i in range(int(rng.integers(0, 4)), 9):
@@ -144,7 +149,7 @@ def beard(rng: np.random.Generator, head: Head) -> Head:
 
 
 def fringe(rng: np.random.Generator, head: Head) -> Head:
-    """Hair that falls over the brow, as strands or one piece; the eyes stay free."""
+    """Hair that falls over the brow, in strands or in one piece. The eyes stay free."""
     marks, extra = head.landmarks, []
     high = marks[[36, 39, 42, 45, 37, 44], 1].max()
     low = high + rng.uniform(0.0, 0.7) * (marks[17:27, 1].mean() - high) + 0.002
@@ -160,7 +165,7 @@ def fringe(rng: np.random.Generator, head: Head) -> Head:
 
 
 def side_ears(rng: np.random.Generator, head: Head) -> Head:
-    """Large ears at the sides: plates, balls, or plates with a raised rim."""
+    """Large ears at the sides: plates or balls, some with a raised rim."""
     extra, reach = [], np.abs(head.landmarks[:17, 0]).max()
     wide, high = rng.uniform(0.015, 0.05), rng.uniform(0.02, 0.06)
     up, back = rng.uniform(-0.03, 0.06), rng.uniform(-0.06, 0.02)
@@ -175,7 +180,7 @@ def side_ears(rng: np.random.Generator, head: Head) -> Head:
 
 
 def muzzle(rng: np.random.Generator, head: Head) -> Head:
-    """A snout stuck on over nose and mouth; landmarks under it come out to its surface."""
+    """A snout stuck on over nose and mouth. Landmarks under it move out to its surface."""
     marks = head.landmarks.copy()
     region = np.r_[30:36, 48:68]
     low, high = marks[region].min(0), marks[region].max(0)
@@ -208,7 +213,7 @@ def mouth_on(rng: np.random.Generator, marks: np.ndarray) -> list:
 
 
 def melted(rng: np.random.Generator, head: Head, centre: np.ndarray, sigma: float) -> Head:
-    """The surface about `centre` smoothed until its feature is gone; landmarks ride on it."""
+    """Smooths the surface around `centre` until the feature there is gone. Landmarks move with it."""
     t, near = head.triangles, np.exp(-0.5 * ((head.points - centre) ** 2).sum(1) / sigma**2)
     edges = np.concatenate([t[:, [0, 1]], t[:, [1, 2]], t[:, [2, 0]]])
     edges = np.concatenate([edges, edges[:, ::-1]])

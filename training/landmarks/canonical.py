@@ -1,8 +1,8 @@
 """The canonical face frame and its mean landmarks, taken from the mean ICT identity.
 
 Canonical frame: metres, +x to the subject's left, +y up, +z out of the face, origin between the
-jaw hinges. ICT FaceKit has no bones, so the hinges are placed by its own contour landmarks: the
-mean of landmarks 0, 1, 15 and 16, which lie in front of the ears at the height of the joint.
+jaw hinges. ICT FaceKit has no bones, so its own contour landmarks place the hinges: at the mean
+of landmarks 0, 1, 15 and 16, which lie in front of the ears at the height of the joint.
 
     python -m training.landmarks.canonical --data ../shared/data
 

@@ -1,8 +1,8 @@
 """Heads that were never human, with their 68 landmarks.
 
-Balls, boxes and columns have eyes, brows, a nose and a mouth raised from them, dented into them or stuck on.
-A head is a superellipsoid whose front has heights over its own x and y. The landmarks are points over the
-same x and y, so they lie where the features are drawn, whatever is piled on. Lengths are canonical metres.
+Eyes, brows, a nose and a mouth are raised from balls, boxes and columns, dented into them or stuck on. A head
+is a superellipsoid whose front is displaced by heights over x and y. The features are drawn over x and y, and
+so are the landmarks. So these lie on the features, whatever is piled on. Lengths are canonical metres.
 """
 
 from dataclasses import dataclass, field
@@ -19,7 +19,7 @@ RINGS, SPOKES = 120, 150
 
 @dataclass
 class Clay:
-    """A head being made: radii, roundness, taper of x and z towards the chin, and its heights."""
+    """A head in the making: radii, roundness, taper of x and z towards the chin, and heights to add."""
 
     radii: np.ndarray
     power: float
@@ -29,7 +29,7 @@ class Clay:
     extra: list = field(default_factory=list)
 
     def over(self, xy: np.ndarray) -> np.ndarray:
-        """Points of the bare front over x and y, `[n, 3]`; those outside are drawn in to its edge."""
+        """Points of the bare front at x and y, `[n, 3]`. Places outside the front move in to its edge."""
         reach = (np.abs(xy / self.radii[:2]) ** self.power).sum(-1, keepdims=True) ** (1 / self.power)
         xy = xy * np.minimum(1.0, 0.96 / np.maximum(reach, 1e-9))
         left = 1 - (np.abs(xy / self.radii[:2]) ** self.power).sum(-1)
@@ -37,7 +37,7 @@ class Clay:
         return np.concatenate([xy, z[:, None]], 1)
 
     def bare(self) -> tuple[np.ndarray, np.ndarray]:
-        """The superellipsoid itself, finest in front: points and triangles."""
+        """The superellipsoid itself as points and triangles. The mesh is finest in front."""
         theta = np.pi * np.linspace(0, 1, RINGS) ** 1.4
         theta, phi = np.meshgrid(theta, np.linspace(0, 2 * np.pi, SPOKES, endpoint=False), indexing="ij")
         d = np.stack([np.sin(theta) * np.cos(phi), np.sin(theta) * np.sin(phi), np.cos(theta)], -1)
@@ -49,7 +49,7 @@ class Clay:
         return points, np.stack(faces).reshape(-1, 3).astype(np.int32)
 
     def raised(self, points: np.ndarray) -> np.ndarray:
-        """Points of the bare head with all heights on, tapered towards the chin."""
+        """Points of the bare head with all heights added, then tapered towards the chin."""
         front = ramp(points[:, 2] / self.radii[2], 0.0, 0.25)
         outward = points / self.radii**2 * self.radii[2] * [0.7, 0.7, 1.0]
         outward /= np.linalg.norm(outward, axis=1, keepdims=True)
@@ -60,7 +60,7 @@ class Clay:
 
 
 def radius_of(xy: np.ndarray, centre, wide: float, high: float) -> np.ndarray:
-    """Distance from a centre in its own half widths and half heights."""
+    """Distance from a centre, in units of the half width `wide` and the half height `high`."""
     d = (xy - np.asarray(centre)[:2]) / [wide, high]
     return np.sqrt((d**2).sum(-1))
 
@@ -76,7 +76,7 @@ def line_distance(xy: np.ndarray, path: np.ndarray) -> np.ndarray:
 
 
 def layout(rng: np.random.Generator, clay: Clay) -> np.ndarray:
-    """Where the features lie: `[68, 2]`, from human proportions with every part moved and scaled."""
+    """Places of the features, `[68, 2]`: human proportions, with every part moved and scaled."""
     flat = canonical_landmarks()[:, :2].copy()
     flat *= clay.radii[:2] / [0.078, 0.108] * np.exp(rng.normal(0, 0.08, 2))
     apart, size, tall = np.exp(rng.normal(0.05, 0.2)), np.exp(rng.normal(0.1, 0.35)), rng.uniform(0.6, 2.6)
@@ -101,14 +101,14 @@ def layout(rng: np.random.Generator, clay: Clay) -> np.ndarray:
 
 
 def eye_outline(middle: np.ndarray, wide: float, high: float) -> np.ndarray:
-    """Six points about an eye in iBUG's order."""
+    """Six points around an eye in iBUG's order."""
     angles = np.radians([180, 125, 55, 0, -55, -125])
     outline = np.stack([wide * np.cos(angles), high * np.sin(angles)], 1)
     return middle + outline
 
 
 def mouth_outline(rng: np.random.Generator) -> np.ndarray:
-    """Twenty points about a mouth at the origin: any width, smile, lips and opening."""
+    """Twenty points around a mouth at the origin, with any width, smile, lips and opening."""
     wide = 0.025 * np.exp(rng.normal(-0.15, 0.5))
     lips, smile = rng.uniform(0.1, 0.7, 2) * min(wide, 0.02), rng.normal(0.1, 0.3)
     gape = rng.uniform(0.1, 1.3) * wide if rng.random() < 0.3 else 0.0
@@ -130,7 +130,7 @@ def jaw_outline(clay: Clay) -> np.ndarray:
 
 
 def add_muzzle(rng: np.random.Generator, clay: Clay, flat: np.ndarray) -> None:
-    """A snout, a plate or a tall column that carries the mouth, with or without the nose."""
+    """Adds a snout, a plate or a tall column that carries the mouth, with or without the nose."""
     mouth = flat[48:68]
     top = flat[33, 1] if rng.random() < 0.6 else flat[29, 1]
     low = min(mouth[:, 1].min() - 0.006, -rng.uniform(0.5, 0.95) * clay.radii[1])
@@ -145,7 +145,7 @@ def add_muzzle(rng: np.random.Generator, clay: Clay, flat: np.ndarray) -> None:
 
 
 def add_eyes(rng: np.random.Generator, clay: Clay, flat: np.ndarray) -> None:
-    """Sockets, bulges, raised rims or lids about both eyes."""
+    """Adds sockets, bulges, raised rims or lids around both eyes."""
     kinds = ["bulge", "socket", "rim", "bulge", "lids", "goggle"]
     kind = rng.choice(kinds, p=[0.1, 0.2, 0.3, 0.15, 0.15, 0.1])
     depth, width, gap = rng.uniform(0.004, 0.02), rng.uniform(0.12, 0.4), rng.uniform(1.05, 1.5)
@@ -170,7 +170,7 @@ def add_eyes(rng: np.random.Generator, clay: Clay, flat: np.ndarray) -> None:
 
 
 def add_brows(rng: np.random.Generator, clay: Clay, flat: np.ndarray) -> None:
-    """Ridges along the brows, or one shelf over both eyes."""
+    """Adds ridges along the brows."""
     out, wide = rng.uniform(0.001, 0.012), rng.uniform(0.002, 0.008)
     for brow in (slice(17, 22), slice(22, 27)):
         clay.heights.append(
@@ -179,7 +179,7 @@ def add_brows(rng: np.random.Generator, clay: Clay, flat: np.ndarray) -> None:
 
 
 def add_nose(rng: np.random.Generator, clay: Clay, flat: np.ndarray) -> None:
-    """A bridge that rises to a tip, a knob, or a plate with nostrils."""
+    """Adds a knob as the nose, at times with a bridge that rises to it, or with nostrils."""
     tip, out = flat[30], rng.uniform(0.004, 0.03)
     wide = max(0.5 * np.ptp(flat[31:36, 0]), 0.004) * rng.uniform(0.7, 1.3)
     high = max(abs(flat[30, 1] - flat[33, 1]), 0.004) * rng.uniform(0.6, 1.2)
@@ -200,7 +200,7 @@ def add_nose(rng: np.random.Generator, clay: Clay, flat: np.ndarray) -> None:
 
 
 def add_mouth(rng: np.random.Generator, clay: Clay, flat: np.ndarray) -> None:
-    """A line dented in, lips about it, a hole where it gapes."""
+    """Adds the mouth: a dented line, at times lips around it, and a hole if it gapes."""
     line = np.stack([flat[48], flat[60], *(0.5 * (flat[61:64] + flat[[67, 66, 65]])), flat[64], flat[54]])
     lip = 0.5 * np.ptp(flat[[51, 57], 1])
     gape = flat[62, 1] - flat[66, 1]
@@ -216,7 +216,7 @@ def add_mouth(rng: np.random.Generator, clay: Clay, flat: np.ndarray) -> None:
 
 
 def clay_of(rng: np.random.Generator) -> Clay:
-    """A bare head: a ball, an egg, a box, broad or tall, the chin narrower or wider than the crown."""
+    """A bare head: a ball, an egg or a box, broad or tall. Its chin is narrower or wider than its crown."""
     radii = np.array([0.078, 0.108, 0.09]) * np.exp(rng.normal(0, [0.22, 0.15, 0.2]))
     power = float(rng.choice([2.0, 2.5, 4.0, 8.0], p=[0.5, 0.2, 0.2, 0.1]))
     return Clay(radii, power, float(np.exp(rng.normal(-0.15, 0.3))), rng.uniform(-0.03, 0.03))
@@ -247,7 +247,7 @@ STUCK_ON = ((adorn.eyeballs, 0.6), (adorn.rims, 0.25), (adorn.brows, 0.25), (ado
 
 
 def stuck_on(rng: np.random.Generator, head: Head) -> Head:
-    """Separate shapes on a clay head: balls for eyes, rims, bars for brows, a ball for a nose."""
+    """Sticks separate shapes on a clay head: balls as eyes and nose, rims, bars as brows, ears, lips."""
     for add, chance in STUCK_ON:
         if rng.random() < chance:
             head = add(rng, head)

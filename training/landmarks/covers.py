@@ -1,8 +1,8 @@
-"""Covers for eyes: prisms and rounded blocks on them, patches before one eye, visors before both.
+"""Covers for eyes: prisms and rounded blocks on them, patches in front of one eye, visors in front of both.
 
-An eye's landmarks lie on the visible surface, not on the skin behind it. So they move out to the cover, whose
-front users see and drag. Covers are rounded, many-sided or bent. Boxes appear only on the heads to measure on
-(`stylise_unseen.py`). Lengths are canonical metres.
+An eye's landmarks lie on the visible surface, not on the skin behind it. So they move out to the front of the
+cover, which is what users see and drag. Covers are rounded, many-sided or bent. Boxes appear only on the
+heads that measure the finder (`stylise_unseen.py`). Lengths are canonical metres.
 """
 
 import numpy as np
@@ -13,8 +13,10 @@ from training.landmarks.stylise import EYES, glued, limb
 
 
 def prism(outline: np.ndarray, taper: float, bulge: float) -> tuple[np.ndarray, np.ndarray]:
-    """A closed prism from z = −1 to 1 over an outline `[n, 2]` about the origin; its front is `taper` times
-    as wide and its middle stands out by `bulge`. Points, triangles."""
+    """A closed prism from z = −1 to 1 over an outline `[n, 2]` around the origin: points and triangles.
+
+    Its front is `taper` times as wide, and the middle of the front stands out by `bulge`.
+    """
     count, flat = len(outline), np.ones((len(outline), 1))
     rings = [np.hstack([wide * outline, z * flat]) for wide, z in ((1, -1), (1, 0.7), (taper, 1))]
     points = np.concatenate([*rings, [[0, 0, -1.0], [0, 0, 1.0 + bulge]]])
@@ -31,14 +33,14 @@ def prism(outline: np.ndarray, taper: float, bulge: float) -> tuple[np.ndarray, 
 
 
 def rounded(power: float) -> tuple[np.ndarray, np.ndarray]:
-    """A superellipsoid of radii one: a pebble, or a block with rounded edges."""
+    """A superellipsoid with radii of 1: a pebble, or a block with rounded edges."""
     points, triangles = ellipsoid([0, 0, 0], [1, 1, 1], 18)
     size = (np.abs(points) ** power).sum(1, keepdims=True) ** (1 / power)
     return points / size, triangles
 
 
 def cover_shape(rng: np.random.Generator) -> tuple[np.ndarray, np.ndarray]:
-    """A shape of radii about one whose front is flat, or nearly so."""
+    """A shape with radii of about 1 and a flat or nearly flat front."""
     if rng.random() < 0.35:
         return rounded(rng.uniform(4.0, 9.0))
     sides = int(rng.choice([3, 5, 6, 7, 8, 12]))
@@ -55,8 +57,10 @@ def turned(rng: np.random.Generator, points: np.ndarray, degrees: float) -> np.n
 
 
 def set_before(marks: np.ndarray, eye: slice, shape, flat: bool) -> np.ndarray:
-    """Landmarks of one eye on a cover: on its surface, or at the height of its front where the cover does not
-    reach."""
+    """Moves the landmarks of one eye out to the surface of a cover.
+
+    If `flat`, landmarks that the cover does not reach move out to the height of its front.
+    """
     out = render.come_out(marks, eye, [shape])
     if flat:
         out[eye, 2] = np.maximum(out[eye, 2], np.median(out[eye, 2]))
@@ -65,7 +69,7 @@ def set_before(marks: np.ndarray, eye: slice, shape, flat: bool) -> np.ndarray:
 
 
 def eye_blocks(rng: np.random.Generator, head: Head) -> Head:
-    """Prisms or rounded blocks on both eyes, at times on one; some with a pupil."""
+    """Prisms or rounded blocks on both eyes, sometimes only on one. Some have a pupil."""
     marks, extra = head.landmarks, []
     shape, triangles = cover_shape(rng)
     grown, tall, deep = rng.uniform(0.75, 1.35), rng.uniform(0.6, 1.25), rng.uniform(0.2, 1.1)
@@ -83,7 +87,7 @@ def eye_blocks(rng: np.random.Generator, head: Head) -> Head:
 
 
 def patch(rng: np.random.Generator, head: Head) -> Head:
-    """A patch before one eye: round, bent or many-sided, at times on a strap."""
+    """A patch in front of one eye: round, bent or many-sided, sometimes on a strap."""
     eye = EYES[int(rng.integers(2))]
     marks = head.landmarks
     half, middle = 0.5 * np.ptp(marks[eye][:, 0]), marks[eye].mean(0)
@@ -104,7 +108,7 @@ def patch(rng: np.random.Generator, head: Head) -> Head:
 
 
 def visor(rng: np.random.Generator, head: Head) -> Head:
-    """A bent band before both eyes."""
+    """A bent band in front of both eyes."""
     marks = head.landmarks
     middle = marks[36:48].mean(0)
     wide = 0.5 * np.ptp(marks[36:48, 0]) * rng.uniform(1.1, 1.5)

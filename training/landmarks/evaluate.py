@@ -1,12 +1,12 @@
-"""Measures the finder as shipped: errors of `anyface landmarks` on heads it never trained on.
+"""Measures the finder as shipped: errors of `anyface landmarks` on heads it was never trained on.
 
     cargo build --release && python -m training.landmarks.evaluate --data ../shared/data \
         --anyface target/release/anyface
 
-ICT heads are held-out identities (their own random stream) in random triangulations, plain, or with
-held-out warps, tears and dress; MakeHuman has warps of its own. Each is turned at random, scaled and
-moved. Also prints how many things without a face are refused. Errors are millimetres on a head of
-human size.
+ICT heads are held-out identities (from their own random stream) in random triangulations, either plain
+or with held-out warps, tears and dress. MakeHuman has warps of its own. Each head is turned at random,
+scaled and moved. The command also prints how many things without a face are refused. Errors are
+millimetres on a head of human size.
 """
 
 import json
@@ -25,7 +25,7 @@ from training.landmarks.stylise import limb
 
 
 def find(anyface: list, folder: Path, points: np.ndarray, triangles: np.ndarray) -> np.ndarray | None:
-    """`[68, 3]` as the command (`anyface`, with its first arguments) finds them; None if it refuses."""
+    """Landmarks `[68, 3]` found by the command `anyface` (with its first arguments). None if it refuses."""
     write_obj(folder / "m.obj", points, triangles)
     run = subprocess.run(
         [*anyface, "landmarks", "--mesh", folder / "m.obj", "--out", folder / "l.json"],
@@ -42,7 +42,7 @@ def find(anyface: list, folder: Path, points: np.ndarray, triangles: np.ndarray)
 
 
 def placed(rng: np.random.Generator, head: samples.Head) -> tuple[samples.Head, float]:
-    """The head turned any way, in other units, somewhere else; and its scale."""
+    """Turns a head at random, scales it and moves it. Returns it and its scale."""
     turn = pose_pool.any_rotation(rng)
     scale, offset = float(np.exp(rng.uniform(-3, 5))), rng.normal(0, 1, 3)
 
@@ -55,7 +55,7 @@ def placed(rng: np.random.Generator, head: samples.Head) -> tuple[samples.Head, 
 def head_of(
     kind: str, rng: np.random.Generator, faces: samples.Faces, held_out: np.ndarray, number: int, plain: bool
 ) -> samples.Head:
-    """A head in a random triangulation, or one that is warped, torn and dressed like training's too."""
+    """A head in a random triangulation. Unless `plain`, also warped, torn and dressed as in training."""
     if kind == "ict":
         head = faces.ict_head(rng, held_out[number])
     else:
@@ -68,7 +68,7 @@ def head_of(
 
 
 def report(name: str, errors: list[np.ndarray], missed: int) -> None:
-    """One line: all landmarks, those inside the face, those of the jaw."""
+    """Prints one line: errors of all landmarks, of the inner face, of the lips and of the jaw."""
     if not errors:
         print(f"{name}: none found, {missed} missed")
         return
@@ -79,7 +79,7 @@ def report(name: str, errors: list[np.ndarray], missed: int) -> None:
 
 
 def nothing(rng: np.random.Generator, faces: samples.Faces, held_out: np.ndarray, number: int):
-    """A mesh without a face: warped blobs, a hand-like star of limbs, a head without its front."""
+    """A mesh without a face: warped blobs, a hand-like star of limbs, or a head without its front."""
     if number % 3 == 0:
         head = faceless.blobs(rng)
         return head.points, head.triangles
@@ -137,7 +137,7 @@ def measure(kind: str, anyface: list, folder: Path, faces, held_out: np.ndarray,
 
 
 def refuse(anyface: list, folder: Path, faces, held_out: np.ndarray, count: int) -> None:
-    """Prints how many meshes without a face are refused, turned any way."""
+    """Prints how many randomly turned meshes without a face are refused."""
     refused = 0
     for number in range(count):
         rng = np.random.default_rng([78, number])

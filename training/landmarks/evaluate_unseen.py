@@ -1,10 +1,11 @@
-"""Measures the shipped finder on stylised heads of unseen kinds, and how it refuses things without a face.
+"""Measures the shipped finder: on stylised heads of unseen kinds, and on things that it must refuse.
 
     cargo build --release
     python -m training.landmarks.evaluate_unseen --data ../shared/data --anyface target/release/anyface
 
-Everything is turned at random, scaled and moved. A region counts as right if its landmarks lie on average
-within 4 % of the face's height from the truth. The height goes from the chin to the middle of the brows.
+Heads are turned at random, scaled and moved; things without a face are turned. A region counts as right if
+its landmarks lie on average within 4 % of the face's height from the truth. The height goes from the chin to
+the middle of the brows.
 """
 
 import tempfile
@@ -27,24 +28,24 @@ ALL_REGIONS = REGIONS | {"brows": slice(17, 27), "nose": slice(27, 36), "jaw": s
 
 
 def face_height(marks: np.ndarray) -> float:
-    """From the chin to the middle of the brows."""
+    """Distance from the chin to the middle of the brows."""
     return float(np.linalg.norm(marks[8] - marks[[19, 24]].mean(0)))
 
 
 def head_number(number: int, faces: samples.Faces, held_out: np.ndarray) -> samples.Head:
-    """The unseen head of a number, upright."""
+    """The unseen head with a given number, upright."""
     return unseen_head(np.random.default_rng([4242, number]), faces, held_out)
 
 
 def thing_number(number: int, faces: samples.Faces, held_out: np.ndarray):
-    """Points and triangles of the faceless thing of a number, and the name of its kind."""
+    """Points and triangles of the faceless thing with a given number, and the name of its kind."""
     make = KINDS[number % len(KINDS)]
     points, triangles = make(np.random.default_rng([4353, number]), faces, held_out)
     return points, triangles, make.__name__
 
 
 def heads(anyface: list, folder: Path, faces, held_out: np.ndarray, count: int) -> None:
-    """Prints the share of heads found, and of regions found on them."""
+    """Prints the share of heads whose mouth and eyes are right, and the share of right regions."""
     off = {name: [] for name in ALL_REGIONS}
     refused, good = [], []
     for number in range(count):

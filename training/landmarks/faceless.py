@@ -1,7 +1,7 @@
 """Shapes without a face, for training: blobs, hand-like stars, mirrored assemblies of parts, bodies
 without a head, and heads without features.
 
-The things that measure how well faces are refused (`stylise_unseen.py`) are made by other code.
+Other code (`faceless_unseen.py`) makes the things that measure how well the finder refuses.
 """
 
 import numpy as np
@@ -13,7 +13,7 @@ from training.landmarks.stylise import body, company, limb
 
 
 def joined(parts: list) -> Head:
-    """Several shapes as one mesh; its landmarks mean nothing."""
+    """Joins several shapes into one mesh. Its landmarks mean nothing."""
     starts = np.cumsum([0] + [len(p) for p, _ in parts])
     triangles = [t + start for (_, t), start in zip(parts, starts, strict=False)]
     return Head(np.concatenate([p for p, _ in parts]), np.concatenate(triangles), np.zeros((68, 3)))
@@ -47,7 +47,7 @@ def part(rng: np.random.Generator, centre: np.ndarray) -> tuple[np.ndarray, np.n
 
 
 def assembly(rng: np.random.Generator) -> Head:
-    """Parts on both sides of a plane, as furniture, tools and machines have them."""
+    """Parts on a plane and mirrored pairs beside it, as in furniture, tools and machines."""
     parts = [part(rng, np.array([0, *rng.normal(0, 0.06, 2)])) for _ in range(rng.integers(1, 4))]
     for _ in range(rng.integers(0, 4)):
         points, triangles = part(rng, rng.normal(0, 0.07, 3))
@@ -62,7 +62,7 @@ def headless(rng: np.random.Generator) -> Head:
 
 
 def featureless(rng: np.random.Generator) -> Head:
-    """A ball, an egg or a box with ears, horns, a hat or a body, and at most one thing in its front."""
+    """A ball, an egg or a box with ears, horns, a hat or a body, and at most one thing on its front."""
     clay = clay_of(rng)
     points, triangles = clay.bare()
     parts = [(clay.raised(points), triangles)]

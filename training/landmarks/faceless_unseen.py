@@ -1,5 +1,5 @@
 """Things without a face that training never draws: chairs, cups, boxes, trees, torsos, hands, bottles,
-lumps, houses, and the backs of heads. Their refusal is measured; lengths are metres, roughly.
+lumps, houses, and the backs of heads. They measure how well the finder refuses. Lengths are metres, roughly.
 """
 
 import numpy as np
@@ -12,7 +12,7 @@ Mesh = tuple[np.ndarray, np.ndarray]
 
 
 def joined(parts: list[Mesh]) -> Mesh:
-    """Several meshes as one."""
+    """Joins several meshes into one."""
     starts = np.cumsum([0] + [len(p) for p, _ in parts])
     return (
         np.concatenate([p for p, _ in parts]),
@@ -21,7 +21,7 @@ def joined(parts: list[Mesh]) -> Mesh:
 
 
 def turned_profile(profile: np.ndarray, steps: int) -> Mesh:
-    """A profile (radius, height) `[n, 2]` turned about y."""
+    """The surface that a profile (radius, height) `[n, 2]` sweeps when it turns about y."""
     angle = np.linspace(0, 2 * np.pi, steps, endpoint=False)
     r, y = profile[:, :1], np.repeat(profile[:, 1:], steps, 1)
     points = np.stack([r * np.cos(angle), y, r * np.sin(angle)], -1).reshape(-1, 3)
@@ -32,7 +32,7 @@ def turned_profile(profile: np.ndarray, steps: int) -> Mesh:
 
 
 def chair(rng: np.random.Generator, _faces, _held) -> Mesh:
-    """A seat, four legs and a back of one plate or some bars."""
+    """A seat, four legs, and a back made of one plate or some bars."""
     w, h, thick = rng.uniform(0.15, 0.3), rng.uniform(0.2, 0.5), rng.uniform(0.01, 0.03)
     parts = [box([0, 0, 0], [w, thick, w])]
     corners = [(0.9 * w * x, 0.9 * w * z) for x in (-1, 1) for z in (-1, 1)]
@@ -59,7 +59,7 @@ def cup(rng: np.random.Generator, _faces, _held) -> Mesh:
 
 
 def bottle(rng: np.random.Generator, _faces, _held) -> Mesh:
-    """A vase, a lamp or a bottle: any profile turned."""
+    """A vase, a lamp or a bottle: any profile, turned on a lathe."""
     y = np.linspace(0, rng.uniform(0.1, 0.4), 24)
     r = 0.04 + 0.025 * np.interp(np.arange(24), np.linspace(0, 23, 7), rng.normal(0, 1, 7))
     return turned_profile(np.stack([np.maximum(r, 0.005), y], 1), int(rng.integers(6, 32)))
@@ -77,7 +77,7 @@ def boxes(rng: np.random.Generator, _faces, _held) -> Mesh:
 
 
 def tree(rng: np.random.Generator, _faces, _held) -> Mesh:
-    """A fir of cones, or a trunk whose branches part again and again."""
+    """A fir of cones, or a trunk whose branches fork again and again."""
     if rng.random() < 0.4:
         tiers = range(int(rng.integers(3, 6)))
         parts = [cone([0, 0.2 * i, 0], [0, 0.2 * i + 0.35, 0], 0.25 - 0.035 * i) for i in tiers]
@@ -94,7 +94,7 @@ def tree(rng: np.random.Generator, _faces, _held) -> Mesh:
 
 
 def torso(rng: np.random.Generator, faces: Faces, _held) -> Mesh:
-    """Shoulders, chest and waist with a cut neck: a turned profile pressed flat, arms or stumps of them."""
+    """Shoulders, chest and waist with a cut neck: a turned profile pressed flat, some with arms or stumps."""
     profile = [[0.001, 0.1], [0.055, 0.1], [0.06, 0.0], [0.19, -0.06], [0.2, -0.15]]
     profile += [[0.15, -0.4], [0.18, -0.6], [0.001, -0.62]]
     points, triangles = turned_profile(np.array(profile) * rng.uniform(0.85, 1.2, (8, 1)), 28)
@@ -108,7 +108,7 @@ def torso(rng: np.random.Generator, faces: Faces, _held) -> Mesh:
 
 
 def hand(rng: np.random.Generator, _faces, _held) -> Mesh:
-    """A palm with four fingers of three bones each and a thumb, more or less closed."""
+    """A more or less closed hand: a palm, four fingers of three bones each, and a thumb."""
     curl, parts = rng.uniform(0, 0.6), [box([0, 0, 0], [0.042, 0.045, 0.013])]
     roots = [([x, 0.045, 0], 0.034) for x in np.linspace(-0.032, 0.032, 4)] + [([-0.05, -0.01, 0.01], 0.03)]
     for number, (root, long) in enumerate(roots):
@@ -126,7 +126,7 @@ def hand(rng: np.random.Generator, _faces, _held) -> Mesh:
 
 
 def lump(rng: np.random.Generator, _faces, _held) -> Mesh:
-    """A stone: a ball whose radius goes up and down in every direction."""
+    """A stone: a ball whose radius varies with the direction."""
     points, triangles = turned_profile(
         np.stack([np.sin(np.linspace(1e-3, np.pi - 1e-3, 50)), np.cos(np.linspace(0, np.pi, 50))], 1), 80
     )
@@ -138,7 +138,7 @@ def lump(rng: np.random.Generator, _faces, _held) -> Mesh:
 
 
 def house(rng: np.random.Generator, _faces, _held) -> Mesh:
-    """Walls, a roof, a chimney, windows and a door that stand out, not in the order of a face."""
+    """Walls, a roof, a chimney, and protruding windows and a door, not arranged like a face."""
     w, h, d = rng.uniform(0.1, 0.2, 3)
     roof = cone([0, h, 0], [0, h + rng.uniform(0.05, 0.2), 0], 1.4 * w, 4)
     parts = [box([0, 0, 0], [w, h, d]), roof, box([0.5 * w, h + 0.08, 0], [0.02, 0.08, 0.02])]
@@ -148,7 +148,7 @@ def house(rng: np.random.Generator, _faces, _held) -> Mesh:
 
 
 def back_of_head(rng: np.random.Generator, faces: Faces, held_out: np.ndarray) -> Mesh:
-    """A head without its front, ears and neck as they are."""
+    """A head without its front. The rest stays as it is."""
     head = faces.ict_head(rng, held_out[rng.integers(len(held_out))])
     middle = head.points[head.triangles].mean(1)
     behind = middle[:, 2] < head.landmarks[36:48, 2].mean() - rng.uniform(0.03, 0.06)

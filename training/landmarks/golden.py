@@ -25,14 +25,14 @@ def scene() -> tuple[np.ndarray, np.ndarray]:
 
 
 def picture() -> tuple[np.ndarray, torch.Tensor]:
-    """A window of the scene (middle x and y, half width) and what is seen in it, `[1, 4, 128, 128]`."""
+    """A window of the scene (middle x and y, half width) and the picture in it, `[1, 4, 128, 128]`."""
     window = np.array([0.01, 0.005, 0.11], np.float32)
     points, triangles = scene()
     return window, torch.from_numpy(render.picture(points, triangles, window[:2], window[2]))[None]
 
 
 def unsettle(model: torch.nn.Module) -> None:
-    """Gives the normalisations something to do: folding must be seen to work."""
+    """Gives the normalisations random statistics, so that a mistake in folding shows."""
     for module in model.modules():
         if isinstance(module, torch.nn.BatchNorm2d):
             torch.nn.init.uniform_(module.running_mean, -0.2, 0.2)
@@ -41,7 +41,7 @@ def unsettle(model: torch.nn.Module) -> None:
 
 def write(out: Path, _shared: Path) -> Path:
     """Writes `landmarks_debug.safetensors`: the scene, its picture `input` `[4, 128, 128]`, `weights.*`
-    and what the network makes of it (heat maps of landmarks 0, 17, 34, 51)."""
+    and the network's output (heat maps only of landmarks 0, 17, 34, 51)."""
     torch.manual_seed(3)
     model = LandmarkNetwork(DEBUG)
     unsettle(model)

@@ -57,7 +57,7 @@ def random_head(
 
 
 def bare_head(rng: np.random.Generator, faces: Faces, identities, makehuman_share: float, kind: str) -> Head:
-    """A head of one of `KINDS`, whole and alone."""
+    """A head of one of `KINDS`, not torn and without company."""
     if kind == "character":
         return samples.warp(rng, character(rng), rng.choice([0.0, 0.5, 1.0]))
     is_makehuman = rng.random() < makehuman_share
@@ -77,7 +77,7 @@ def bare_head(rng: np.random.Generator, faces: Faces, identities, makehuman_shar
 
 
 def costumed(rng: np.random.Generator, head: Head) -> Head:
-    """The head with up to two features melted away and some things stuck on; the face stays visible."""
+    """Melts away the nose, an eye or a brow at times, and sticks things on. The face stays visible."""
     marks = head.landmarks
     eye, brow = int(rng.integers(2)), int(rng.integers(2))
     for centre, sigma, chance in (
@@ -99,7 +99,7 @@ HIDDEN = {"mouth": (slice(48, 68), 0.2), "eyes": (slice(36, 48), 0.35), "inner":
 
 
 def face_is_visible(head: Head) -> bool:
-    """Whether what the head wears leaves its face visible from the front."""
+    """Whether the face is visible from the front, in spite of the things that the head wears."""
     marks, inner = head.landmarks, head.landmarks[17:]
     middle = inner.mean(0)
     half = 1.1 * np.abs(inner - middle)[:, :2].max()
@@ -115,7 +115,7 @@ LEAST_TRIANGLES = {"stylised": 500, "costume": 900, "character": 900}
 
 
 def low_poly(rng: np.random.Generator, head: Head, least: int) -> Head:
-    """A triangulation as coarse as game characters have."""
+    """Remeshes the head to a triangulation as coarse as that of game characters."""
     most = min(9000, len(head.triangles))
     target = np.exp(rng.uniform(np.log(least), np.log(max(most, least + 1))))
     return samples.remesh(rng, head, target=float(target), gentle=True)

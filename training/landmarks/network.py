@@ -2,9 +2,9 @@
 twin.
 
 A small U-Net over 128² pictures of depth and normals (`render.py`). It gives 68 heat maps of 64²,
-made at 32² with four sub-pixels each, and one number: is there a face. It says where landmarks
-that face away lie, too, so that three views together fix all of them in space (after Paulsen et
-al. 2018, "Multi-view Consensus CNN for 3D Facial Landmark Placement").
+made at 32² with four sub-pixels each, and one number that says whether there is a face. It also
+places landmarks that face away, so that three views together fix all of them in space (after
+Paulsen et al. 2018, "Multi-view Consensus CNN for 3D Facial Landmark Placement").
 """
 
 from dataclasses import dataclass
@@ -30,7 +30,7 @@ DEBUG = Config(widths=(4, 6, 8, 8))
 
 
 class Conv(nn.Module):
-    """3×3 (or 1×1) convolution; batch normalisation while training, folded into it on export."""
+    """3×3 (or 1×1) convolution with batch normalisation, which is folded into it on export."""
 
     def __init__(self, inputs: int, outputs: int, kernel: int = 3, stride: int = 1):
         super().__init__()
@@ -52,7 +52,7 @@ class Conv(nn.Module):
 
 
 class Block(nn.Module):
-    """Two convolutions around a shortcut."""
+    """Two convolutions with a shortcut around them."""
 
     def __init__(self, width: int):
         super().__init__()
@@ -128,8 +128,10 @@ def decode(heat: Tensor) -> tuple[Tensor, Tensor]:
 
 
 def start_from(origin: Path, model: nn.Module, part: str) -> None:
-    """Loads another run's `network.pt`, or the arrays of a model folder whose names begin with `part`;
-    their normalisation is folded and stays so."""
+    """Loads another run's `network.pt`, or the arrays of a model folder whose names begin with `part`.
+
+    If the normalisation of the loaded weights is folded, it stays folded.
+    """
     if origin.is_dir():
         arrays = read_arrays(origin).items()
         state = {k.removeprefix(part): v for k, v in arrays if k.startswith(part)}

@@ -24,13 +24,13 @@ MAKEHUMAN_SHARE = 0.2
 
 
 def identities(held_out: bool) -> np.ndarray:
-    """`[n, 100]` coefficients; the held-out ones come from another stream and never train."""
+    """`[n, 100]` coefficients. The held-out ones come from another random stream and are never trained on."""
     rng = np.random.default_rng(9001 if held_out else 1)
     return rng.normal(0, 1.15, (IDENTITIES, 100)).astype(np.float32)
 
 
 def rotation(rng: np.random.Generator, wide: bool) -> np.ndarray:
-    """Slight roll and pitch; yaw around one of the three views, or free."""
+    """Slight roll and pitch. If `wide`, the yaw is near that of one of the three views, else near 0."""
     if wide:
         turn = rng.choice([-40.0, 0.0, 40.0]) + rng.normal(0, 8)
     else:
@@ -45,7 +45,7 @@ def rotation(rng: np.random.Generator, wide: bool) -> np.ndarray:
 
 
 def window(rng: np.random.Generator, landmarks: np.ndarray, tight: bool) -> tuple[np.ndarray, float]:
-    """Centre and half-size: tight as after a first guess, or loose as in the search."""
+    """Centre and half-size of a window: tight, as after a first guess, or loose, as in the search."""
     spread = np.sqrt(((landmarks - landmarks.mean(0)) ** 2).sum(1).mean())
     mean = canonical_landmarks()
     scale = spread / np.sqrt(((mean - mean.mean(0)) ** 2).sum(1).mean())
@@ -59,7 +59,7 @@ def window(rng: np.random.Generator, landmarks: np.ndarray, tight: bool) -> tupl
 
 
 def softness(rng: np.random.Generator) -> float:
-    """Pixels by which a picture is softened: one in five, as the finder's soft looks are."""
+    """By how many pixels to soften a picture. One in five is softened, like the finder's soft looks."""
     return float(rng.uniform(1.0, 5.0)) if rng.random() < 0.2 else 0.0
 
 
@@ -76,7 +76,7 @@ def draw_face(rng, head) -> tuple[np.ndarray, np.ndarray]:
 
 
 def draw_nothing(rng, faces, chosen) -> tuple[np.ndarray, np.ndarray, int]:
-    """One picture without a face: another side of a head, a window beside the face, plain shapes."""
+    """One picture without a face: a head from behind or tilted over, other shapes, or beside the face."""
     head = heads.random_head(rng, faces, chosen, 0.2)
     points, triangles = head.points, head.triangles
     kind = rng.random()

@@ -1,10 +1,10 @@
-"""Pictures of random heads from everywhere, for the network that finds a face's pose.
+"""Pictures of random heads from all directions, for the network that finds a face's pose.
 
     python -m training.landmarks.pose_pool --data ../shared/data --runs runs/pose --count 36000
 
-writes `pictures.npy` `[n, 4, 128, 128]` i8 (times 80), and `poses.npy` `[n, 11]` f32: 1 where a face
-is there (0 not, -1 too far from the line of sight to say), column and row from 0 to 1, log of the
-half-size of a tight window over this window's, the face's x and z axes in the view, makehuman.
+writes `pictures.npy` `[n, 4, 128, 128]` i8 (times 80), and `poses.npy` `[n, 11]` f32: 1 if there is a
+face (0 if not, -1 if it turns too far from the line of sight to say), column and row from 0 to 1, log
+of a tight window's half-size over this window's, the face's x and z axes in the view, 1 for MakeHuman.
 """
 
 from pathlib import Path
@@ -26,14 +26,14 @@ QUANTUM = 80.0
 
 
 def any_rotation(rng: np.random.Generator) -> np.ndarray:
-    """Uniform over all rotations."""
+    """A random rotation, uniform over all rotations."""
     q, r = np.linalg.qr(rng.normal(size=(3, 3)))
     q = q * np.sign(np.diag(r))
     return q if np.linalg.det(q) > 0 else -q
 
 
 def pose_of(landmarks: np.ndarray) -> tuple[np.ndarray, np.ndarray, float]:
-    """Rotation (rows: face axes), centre and scale that take canonical landmarks here: p = s·Rᵀq + c."""
+    """Rotation (rows: face axes), centre and scale that bring canonical landmarks to these: p = s·Rᵀq + c."""
     mean = canonical_landmarks()
     weight = np.r_[np.full(17, 0.3), np.ones(51)]
     fit = similarity(mean, landmarks, weight / weight.sum())
@@ -41,7 +41,7 @@ def pose_of(landmarks: np.ndarray) -> tuple[np.ndarray, np.ndarray, float]:
 
 
 def view_of(rng: np.random.Generator, front: np.ndarray) -> np.ndarray:
-    """A rotation for a picture: at random, or with the face towards the viewer half of the time."""
+    """A rotation for a picture: uniformly random, or (65 %) with the face roughly towards the viewer."""
     turn = any_rotation(rng)
     if rng.random() < 0.35:
         return turn
@@ -55,7 +55,7 @@ def view_of(rng: np.random.Generator, front: np.ndarray) -> np.ndarray:
 
 
 def window_of(rng, points, triangles, centre, size) -> tuple[np.ndarray, float]:
-    """The whole mesh, or a square with the face somewhere in it at 1 to 8 times its own size."""
+    """A window over the whole mesh, or a square with the face somewhere in it, at 1 to 8 times its size."""
     tight = pool.NOMINAL_HALF_SIZE_M * size
     if rng.random() < 0.3:
         used = points[triangles.ravel()][:, :2]
@@ -67,7 +67,7 @@ def window_of(rng, points, triangles, centre, size) -> tuple[np.ndarray, float]:
 
 
 def picture(rng, head, pose) -> tuple[np.ndarray, np.ndarray]:
-    """One picture and its ten numbers."""
+    """One picture and the first ten numbers of its pose."""
     face, centre, size = pose
     turn = view_of(rng, face)
     points = head.points @ turn.T

@@ -2,7 +2,7 @@
 
     python -m training.landmarks.pose_train --runs runs/pose --steps 4500
 
-Writes `network.pt` every 250 steps with a line of the log, and goes on from `last.pt`.
+Writes `network.pt` and a line of the log every 250 steps, and resumes from `last.pt`.
 """
 
 import argparse
@@ -19,7 +19,7 @@ from training.run import begin, descend, seeded
 
 
 def orthonormal(axes: torch.Tensor) -> torch.Tensor:
-    """`[..., 6]`, raw x and z axes, to a rotation `[..., 3, 3]`, rows x, y, z (z kept, x fitted)."""
+    """Turns raw x and z axes `[..., 6]` into a rotation `[..., 3, 3]`, rows x, y, z (z kept, x fitted)."""
     z = F.normalize(axes[..., 3:], dim=-1)
     x = axes[..., :3] - (axes[..., :3] * z).sum(-1, keepdim=True) * z
     x = F.normalize(x, dim=-1)
@@ -27,7 +27,7 @@ def orthonormal(axes: torch.Tensor) -> torch.Tensor:
 
 
 def loss_of(model, pictures: torch.Tensor, poses: torch.Tensor) -> tuple[torch.Tensor, torch.Tensor]:
-    """Focal presence of each cell near the centre, and pose where there is one. Also the output."""
+    """Focal loss of presence in every cell, plus loss of the pose near a face's centre; and the output."""
     out = model(pictures).float()
     there = poses[:, 0]
     grid = (torch.arange(CELLS) + 0.5) / CELLS
@@ -58,7 +58,7 @@ def decode(out: torch.Tensor) -> tuple[torch.Tensor, ...]:
 
 
 def measured(out: torch.Tensor, poses: torch.Tensor) -> dict[str, float]:
-    """Errors where there is a face; presence where there is one and where there is none."""
+    """Pose errors where there is a face, and how often a face is seen where there is one and where not."""
     chance, place, size, turn = decode(out)
     yes, no = poses[:, 0] > 0, poses[:, 0] == 0
     true = orthonormal(poses[:, 4:10])
@@ -84,13 +84,13 @@ def batch(pool, chosen: np.ndarray, flip: np.ndarray) -> tuple[torch.Tensor, tor
     x[flip] = x[flip].flip(-1)
     x[flip, 1] *= -1
     poses[flip, 1] = 1 - poses[flip, 1]
-    # A mirrored face: z axis mirrored in x; its x axis is the mirror image reversed.
+    # In a mirrored face, the z axis is mirrored in x. The x axis is mirrored, too, then reversed.
     poses[flip] *= torch.tensor([1.0, 1, 1, 1, 1, -1, -1, -1, 1, 1, 1])
     return x.contiguous(memory_format=torch.channels_last), poses
 
 
 def open_pool(folder: Path):
-    """Its pictures, left on the disk, and poses."""
+    """The pictures of a pool, left on the disk, and its poses."""
     poses = np.load(folder / "poses.npy")
     return np.load(folder / "pictures.npy", mmap_mode="r"), poses
 
@@ -109,7 +109,7 @@ def train(arguments) -> None:
         return min(1.0, (step + 1) / 100) * fall
 
     def loss(_step: int) -> tuple[torch.Tensor, dict]:
-        # The last 800 pictures (50 heads) are for the log line.
+        # The last 800 pictures (50 heads) are reserved for the log line.
         chosen = draws.choice(len(pool[1]) - 800, arguments.batch, replace=False)
         x, poses = batch(pool, chosen, draws.random(arguments.batch) < 0.5)
         with torch.autocast("cpu", torch.bfloat16):

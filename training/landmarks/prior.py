@@ -1,7 +1,7 @@
-"""The shape prior of the 68 landmarks: how those of training's faces vary together.
+"""The shape prior of the 68 landmarks: how they vary together over the training faces.
 
 A similarity brings every face to the mean landmarks (weights as in `mesh/canonical.rs`). The leading modes of
-the rest, scaled to their deviation, go into the model file.
+the remaining differences, scaled to their standard deviation, go into the model file.
 """
 
 from pathlib import Path
@@ -19,12 +19,12 @@ MODES = 48
 
 
 def aligned(landmarks: np.ndarray) -> np.ndarray:
-    """`[68, 3]` brought to the mean ones."""
+    """Landmarks `[68, 3]`, aligned to the mean landmarks."""
     return similarity(landmarks, canonical_landmarks(), stability())(landmarks)
 
 
 def only_landmarks(faces: samples.Faces) -> samples.Faces:
-    """Both models without any other vertex: the surface does not matter here."""
+    """Reduces both face models to the landmarks' vertices, because the surface does not matter here."""
     ict_vertices, makehuman_vertices = faces.landmarks, faces.mh_landmarks
     faces.neutral = faces.neutral[ict_vertices]
     faces.identity = faces.identity.reshape(len(faces.identity), -1, 3)[:, ict_vertices].reshape(-1, 204)
@@ -41,8 +41,11 @@ def only_landmarks(faces: samples.Faces) -> samples.Faces:
 
 
 def shapes(data: Path, count: int, seed: int) -> np.ndarray:
-    """`[count, 204]` landmarks less the mean: people, warped; three in ten stylised, three in ten of clay,
-    one in seven with covered eyes."""
+    """`[count, 204]` landmarks minus the mean landmarks. Three in four heads are warped.
+
+    Three in ten are stylised people, three in ten are of clay, and the others are plain people. One in seven
+    has covered eyes.
+    """
     faces, chosen = only_landmarks(samples.Faces(data)), pool.identities(held_out=False)
     out = np.empty((count, 204))
     for i in range(count):
@@ -67,7 +70,7 @@ def shapes(data: Path, count: int, seed: int) -> np.ndarray:
 
 
 def modes(data: Path, count: int = 4000, seed: int = 0) -> np.ndarray:
-    """`[MODES, 204]`, metres, each as long as its deviation. Both mirror images count."""
+    """Modes `[MODES, 204]`, metres, each as long as its standard deviation. Both mirror images count."""
     x = shapes(data, count, seed)
     flipped = x.reshape(-1, 68, 3)[:, permutation()] * [-1.0, 1.0, 1.0]
     both = np.concatenate([x, flipped.reshape(-1, 204)])

@@ -18,7 +18,7 @@ BACKGROUND_DEPTH = -1.0
 
 @numba.njit(cache=True, fastmath=False)
 def depth_buffer(points, triangles, centre_x, centre_y, half_size, size):
-    """Largest z per pixel, `[size, size]` f32, -inf where nothing is.
+    """Largest z per pixel, `[size, size]` f32, -inf where there is no surface.
 
     `points`: `[V, 3]` f32 in view space. The window is `centre ± half_size`.
     """
@@ -56,7 +56,7 @@ def depth_buffer(points, triangles, centre_x, centre_y, half_size, size):
 
 @numba.njit(cache=True)
 def slope(before, here, after, pixel):
-    """Central difference where both neighbours exist, one-sided where one does, else zero."""
+    """Central difference if both neighbours exist, one-sided if only one does, else zero."""
     if before > -np.inf and after > -np.inf:
         return (after - before) / (2 * pixel)
     if after > -np.inf:
@@ -68,7 +68,7 @@ def slope(before, here, after, pixel):
 
 @numba.njit(cache=True)
 def features(buffer, half_size):
-    """`[4, size/2, size/2]` f32: depth, normal x, normal y, coverage; empty pixels count as zero
+    """`[4, size/2, size/2]` f32: depth, normal x, normal y, coverage. Empty pixels count as zero
     normal, zero coverage and depth -1.
 
     Depth is relative to the mean of the covered pixels, in half-sizes of the window, cut at ±1.5.
@@ -106,7 +106,7 @@ def features(buffer, half_size):
 
 
 def softened(buffer: np.ndarray, deviation: float) -> np.ndarray:
-    """The mean depth about every drawn pixel, weighted by a Gaussian of `deviation` pixels."""
+    """The mean depth around every drawn pixel, weighted by a Gaussian of `deviation` pixels."""
     drawn = buffer > -np.inf
     depth = np.where(drawn, buffer, 0).astype(np.float32)
     weight, total = (
@@ -135,7 +135,7 @@ def picture(
 
 
 def to_window(points: np.ndarray, centre, half_size: float) -> np.ndarray:
-    """View x, y of points to the window's own coordinates, (column, row) from 0 to 1."""
+    """Converts view x, y of points to the window's coordinates, (column, row) from 0 to 1."""
     column = 0.5 + 0.5 * (points[..., 0] - centre[0]) / half_size
     row = 0.5 + 0.5 * (centre[1] - points[..., 1]) / half_size
     return np.stack([column, row], -1)
@@ -150,10 +150,10 @@ def yaw(angle: float) -> np.ndarray:
 def come_out(
     marks: np.ndarray, region: slice, shapes: list, room: float = 0.012, pixels: int = 192
 ) -> np.ndarray:
-    """Landmarks `[68, 3]` with those of `region` moved along z to the front of `shapes`, if that lies before
-    them.
+    """Moves the landmarks of `region` along z to the front of `shapes` wherever these cover them.
 
-    Landmarks lie on the visible surface. `shapes` are (points, triangles) in metres.
+    This keeps landmarks on the visible surface. `shapes` are (points, triangles) in metres. Returns all
+    landmarks, `[68, 3]`.
     """
     middle = marks[region, :2].mean(0)
     half = float(np.abs(marks[region, :2] - middle).max() + room)

@@ -1,4 +1,4 @@
-"""Random heads with known landmarks: ICT identities, MakeHuman, warped, cut, remeshed, dressed.
+"""Random heads with known landmarks: ICT identities and MakeHuman, warped, cut, remeshed, dressed.
 
 Every sample is a mesh in canonical metres (upright, facing +z, before random rotation), with the
 68 true landmarks. `pool.py` renders them.
@@ -62,7 +62,7 @@ class Faces:
         self._centre_makehuman()
 
     def _centre_makehuman(self) -> None:
-        """Puts MakeHuman's head where the mean ICT head is, by the nose and the eyes."""
+        """Moves MakeHuman's head onto the mean ICT head, so that noses and eyes coincide on average."""
         steady = list(range(27, 48))
         here = self.mh_points[self.mh_landmarks][steady].mean(0)
         there = canonical_landmarks()[steady].mean(0)
@@ -105,7 +105,7 @@ def warp(rng: np.random.Generator, head: Head, strength: float) -> Head:
     def move(points: np.ndarray) -> np.ndarray:
         out = points.copy()
         for centre, sigma, amplitude in bumps:
-            # A bump may not fold the surface: its slope stays under one half.
+            # Limit the amplitude so that the slope stays under one half. Else the bump folds the surface.
             size = np.linalg.norm(amplitude)
             amplitude = amplitude * min(1.0, 0.5 * sigma / max(size, 1e-9))
             d2 = ((points - centre) ** 2).sum(-1, keepdims=True)
@@ -116,8 +116,10 @@ def warp(rng: np.random.Generator, head: Head, strength: float) -> Head:
 
 
 def remesh(rng: np.random.Generator, head: Head, target: float | None = None, gentle: bool = False) -> Head:
-    """Another triangulation: decimated to `target` triangles, or by a random amount; gently, features
-    last longest."""
+    """Another triangulation, decimated to `target` triangles or by a random amount.
+
+    With `gentle`, features last longest.
+    """
     reduction = rng.uniform(0.4, 0.93) if target is None else 1 - target / len(head.triangles)
     used = np.unique(head.triangles)
     number = np.full(len(head.points), -1)
@@ -132,7 +134,7 @@ def remesh(rng: np.random.Generator, head: Head, target: float | None = None, ge
 
 
 def tear(rng: np.random.Generator, head: Head) -> Head:
-    """Cuts everything behind a plane, or below one, or bites small holes."""
+    """Cuts off everything behind, below or above a plane, or bites small holes."""
     middle = head.points[head.triangles].mean(1)
     keep = np.ones(len(middle), bool)
     if rng.random() < 0.4:
@@ -162,7 +164,7 @@ def ellipsoid(centre, radii, steps: int = 24) -> tuple[np.ndarray, np.ndarray]:
 
 
 def dress(rng: np.random.Generator, head: Head) -> Head:
-    """Adds what other models carry: shoulders, a trunk, hair, ears of a hat."""
+    """Adds things that other models have: shoulders, a trunk, hair, ears of a hat."""
     extra = []
     if rng.random() < 0.4:
         extra.append(

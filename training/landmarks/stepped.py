@@ -1,7 +1,7 @@
-"""Surfaces in steps: vertices on a lattice that is turned anyhow, true voxels, layers of board.
+"""Surfaces in steps: vertices on a randomly turned lattice, true voxels, layers of board.
 
-The landmarks stay where the face was. Steps are finer or coarser than those of the heads that measure
-(`stylise_unseen.py`: 3 to 6 mm, alike in all directions, along the axes). Lengths are metres.
+The landmarks stay where the face was. Steps are finer or coarser than on the heads that measure the finder
+(`stylise_unseen.py`: 3 to 6 mm, equal in all directions, along the axes). Lengths are metres.
 """
 
 import numpy as np
@@ -19,7 +19,7 @@ def step(rng: np.random.Generator, count: int) -> np.ndarray:
 
 
 def lattice(rng: np.random.Generator, head: Head) -> Head:
-    """Vertices moved to a lattice with other steps in each direction, turned by up to 45 degrees."""
+    """Moves vertices to a lattice with its own step in each direction, turned by up to 45 degrees."""
     turn = np.eye(3)
     if rng.random() < 0.75:
         axis = rng.normal(size=3)
@@ -34,7 +34,7 @@ def lattice(rng: np.random.Generator, head: Head) -> Head:
 
 
 def layers(rng: np.random.Generator, head: Head) -> Head:
-    """Vertices moved along one direction only, as in a head cut from layers of board."""
+    """Moves vertices along one direction only, as in a head cut from layers of board."""
     way = np.array([0, 0, 1.0]) + rng.normal(0, 0.5, 3)
     way /= np.linalg.norm(way)
     size = step(rng, 1)[0]
@@ -47,7 +47,7 @@ SIDES = np.array([[1, 0, 0], [-1, 0, 0], [0, 1, 0], [0, -1, 0], [0, 0, 1], [0, 0
 
 
 def voxels(rng: np.random.Generator, head: Head) -> Head:
-    """Cubes wherever the surface passes, their free sides drawn."""
+    """Cubes wherever the surface passes. Only their free sides become faces."""
     size = float(step(rng, 1)[0])
     inside = np.unique(np.floor(spread(rng, head, 0.6 * size) / size + rng.random(3)).astype(int), axis=0)
     key = {tuple(cell) for cell in inside.tolist()}
@@ -65,7 +65,7 @@ def voxels(rng: np.random.Generator, head: Head) -> Head:
 
 
 def square(cells: np.ndarray, side: np.ndarray) -> np.ndarray:
-    """The sides of cells `[n, 3]` towards `side`: corners `[n, 4, 3]`."""
+    """The faces of cells `[n, 3]` that point towards `side`, as corners `[n, 4, 3]`."""
     across = np.roll(np.abs(side), 1)
     up = np.roll(np.abs(side), 2)
     corner = np.maximum(side, 0)

@@ -1,7 +1,7 @@
 """Strong, smooth caricatures of a head: snouts, large eyes, other proportions, smooth toys.
 
-Every map moves the surface and its landmarks alike, so that a stylised head keeps true landmarks; an
-animal's then lie on the nearest analogue. Lengths are canonical metres.
+Every map moves the surface and its landmarks alike, so that a stylised head keeps true landmarks. On an
+animal they lie on the nearest analogue. Lengths are canonical metres.
 """
 
 import numpy as np
@@ -15,7 +15,7 @@ EYES = (slice(36, 42), slice(42, 48))
 
 
 def moved(head: Head, by) -> Head:
-    """The head under a map of space `[V, 3]` → `[V, 3]`."""
+    """The head and its landmarks, moved by a map of space `[V, 3]` → `[V, 3]`."""
     return Head(by(head.points), head.triangles, by(head.landmarks))
 
 
@@ -43,7 +43,7 @@ def snout(rng: np.random.Generator, head: Head) -> Head:
 
 
 def swell(head: Head, centre: np.ndarray, factor: float, sigma: float) -> Head:
-    """Magnifies by `factor` around a centre; one-to-one for factors below 3."""
+    """Magnifies by `factor` around a centre. The map is one-to-one for factors below 3."""
 
     def by(points: np.ndarray) -> np.ndarray:
         d = points - centre
@@ -81,9 +81,9 @@ def egg(rng: np.random.Generator, head: Head) -> Head:
 
 
 def smoothed(head: Head, rounds: int) -> Head:
-    """Detail melted away by averaging neighbours; the landmarks ride on their vertices.
+    """Melts detail away by averaging neighbours. The landmarks move with their nearest vertices.
 
-    Landmarks without a surface (as the shape prior has them) stay.
+    A head that is only landmarks without a surface (as in the shape prior) stays as it is.
     """
     if len(head.triangles) < len(head.landmarks):
         return head
@@ -103,7 +103,7 @@ def smoothed(head: Head, rounds: int) -> Head:
 
 
 def glued(head: Head, extra: list) -> Head:
-    """The head and separate closed shapes."""
+    """Joins separate closed shapes to the head."""
     points, triangles = [head.points], [head.triangles]
     for more_points, more_triangles in extra:
         triangles.append(more_triangles + sum(map(len, points)))
@@ -112,7 +112,7 @@ def glued(head: Head, extra: list) -> Head:
 
 
 def toy(rng: np.random.Generator, head: Head) -> Head:
-    """A smooth head with eyes, brows and a nose stuck on, as low-poly characters have them."""
+    """A smooth head with eyes, brows and a nose stuck on, as on low-poly characters."""
     head = smoothed(head, int(rng.integers(15, 60)))
     marks, extra = head.landmarks, []
     for eye, brow in zip(EYES, (slice(17, 22), slice(22, 27)), strict=True):
@@ -188,7 +188,7 @@ def limb(rng: np.random.Generator, start, end, thick: float):
 
 
 def company(rng: np.random.Generator, head: Head) -> Head:
-    """What stylised heads carry: a body with limbs or four legs, ears, horns, a hat."""
+    """Adds things that stylised heads have: a body with limbs or four legs, ears, horns, a hat."""
     extra = []
     if rng.random() < 0.5:
         extra += body(rng, four_legs=rng.random() < 0.35)
@@ -214,7 +214,7 @@ def company(rng: np.random.Generator, head: Head) -> Head:
 
 
 def body(rng: np.random.Generator, four_legs: bool) -> list:
-    """A trunk and limbs under, or behind, a head."""
+    """A trunk and limbs, under a head or (with four legs) behind it."""
     size = rng.uniform(0.5, 1.6)
     if four_legs:
         end = np.array([0, rng.uniform(-0.3, 0.0), -0.45]) * size + [0, -0.08, -0.05]

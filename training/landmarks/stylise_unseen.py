@@ -1,8 +1,8 @@
-"""Stylised heads of kinds that training never makes, to measure the finder on.
+"""Stylised heads of kinds that never occur in training, to test the landmark finder.
 
-They are swollen to balls, pressed into boxes, bent, twisted, pulled by a cage, seen through a lens, carved in
-steps or waves, or exaggerated. Every warp is a map of space or moves vertices by millimetres, so the
-landmarks of the face stay true. Lengths are canonical metres.
+Heads are swollen to balls, pressed into boxes, bent, twisted, pulled by a cage, seen through a lens, carved
+in steps or waves, or exaggerated. Every warp either maps space, landmarks included, or moves vertices by
+millimetres. So the landmarks of the face stay true. Lengths are canonical metres.
 """
 
 import numpy as np
@@ -15,7 +15,7 @@ CENTRE = np.array([0.0, 0.0, 0.0])
 
 
 def turned_by(points: np.ndarray, angle: np.ndarray, first: int, second: int) -> np.ndarray:
-    """Every point turned by its own angle in the plane of two axes."""
+    """Turns every point by its own angle in the plane of two axes."""
     out, c, s = points.copy(), np.cos(angle), np.sin(angle)
     out[:, first] = c * points[:, first] - s * points[:, second]
     out[:, second] = s * points[:, first] + c * points[:, second]
@@ -23,7 +23,7 @@ def turned_by(points: np.ndarray, angle: np.ndarray, first: int, second: int) ->
 
 
 def balloon(rng: np.random.Generator, head: Head) -> Head:
-    """Distances from the middle drawn towards one radius: a face on a ball."""
+    """Draws all distances from the centre towards one radius, like a face on a ball."""
     share, radius = rng.uniform(0.3, 0.65), 0.1
 
     def by(points: np.ndarray) -> np.ndarray:
@@ -34,7 +34,7 @@ def balloon(rng: np.random.Generator, head: Head) -> Head:
 
 
 def boxed(rng: np.random.Generator, head: Head) -> Head:
-    """Spheres about the middle become boxes."""
+    """Presses ellipsoids about the centre towards boxes."""
     share, power = rng.uniform(0.4, 0.9), rng.uniform(4, 10)
 
     def by(points: np.ndarray) -> np.ndarray:
@@ -47,20 +47,20 @@ def boxed(rng: np.random.Generator, head: Head) -> Head:
 
 
 def bent(rng: np.random.Generator, head: Head) -> Head:
-    """Bowed forwards, backwards or to a side."""
+    """Bends the head forwards, backwards or to a side."""
     side = rng.random() < 0.4
     angle = rng.uniform(2, 4 if side else 7) * rng.choice([-1, 1])
     return moved(head, lambda p: turned_by(p, angle * p[:, 1], *((0, 1) if side else (1, 2))))
 
 
 def twisted(rng: np.random.Generator, head: Head) -> Head:
-    """The chin turned against the brow."""
+    """Twists the chin against the brow."""
     angle = rng.uniform(1.5, 3.5) * rng.choice([-1, 1])
     return moved(head, lambda p: turned_by(p, angle * p[:, 1], 0, 2))
 
 
 def caged(rng: np.random.Generator, head: Head) -> Head:
-    """A cage of 4×5×4 points, pulled about alike on both sides, with cubic weights between them."""
+    """Warps by a cage of 4×5×4 points, pulled at random and alike on both sides, with cubic weights."""
     low, high = np.array([-0.13, -0.16, -0.14]), np.array([0.13, 0.16, 0.14])
     shape = (4, 5, 4)
     pull = rng.normal(0, 0.02, (*shape, 3))
@@ -79,7 +79,7 @@ def caged(rng: np.random.Generator, head: Head) -> Head:
 
 
 def lens(rng: np.random.Generator, head: Head) -> Head:
-    """The face as a wide or a long lens shows it: its middle large, or small."""
+    """Shows the face as a wide or a long lens does: with a large or a small middle."""
     near = rng.choice([rng.uniform(0.09, 0.2), -rng.uniform(0.25, 0.5)])
 
     def by(points: np.ndarray) -> np.ndarray:
@@ -91,7 +91,7 @@ def lens(rng: np.random.Generator, head: Head) -> Head:
 
 
 def squeezed(rng: np.random.Generator, head: Head) -> Head:
-    """Features crowded towards the brow or the chin, as on babies and on brutes."""
+    """Crowds the features towards the brow or the chin, as on babies and brutes."""
     lean = rng.uniform(0.25, 0.55) * rng.choice([-1, 1])
 
     def by(points: np.ndarray) -> np.ndarray:
@@ -102,7 +102,7 @@ def squeezed(rng: np.random.Generator, head: Head) -> Head:
 
 
 def waves(rng: np.random.Generator, head: Head) -> Head:
-    """Carved in waves that run anyhow over the surface."""
+    """Carves waves of a random direction into the surface."""
     way, size = rng.normal(size=3), rng.uniform(0.0008, 0.002)
     way *= 2 * np.pi / rng.uniform(0.012, 0.04) / np.linalg.norm(way)
 
@@ -115,13 +115,13 @@ def waves(rng: np.random.Generator, head: Head) -> Head:
 
 
 def blocks(rng: np.random.Generator, head: Head) -> Head:
-    """Vertices snapped to a grid of 3 to 6 mm; the landmarks stay where the face was."""
+    """Snaps vertices to a grid of 3 to 6 mm; the landmarks stay where the face was."""
     step = rng.uniform(0.003, 0.006)
     return Head(np.round(head.points / step) * step, head.triangles, head.landmarks)
 
 
 def relief(rng: np.random.Generator, head: Head) -> Head:
-    """Pressed flat as on a coin or a mask, or drawn out."""
+    """Presses the head flat, as on a coin or a mask."""
     depth = rng.uniform(0.35, 0.6)
     return moved(head, lambda p: p * [1, 1, depth])
 
@@ -139,7 +139,7 @@ def cone(foot, tip, radius: float, steps: int = 10) -> tuple[np.ndarray, np.ndar
 
 
 def cone_nose(rng: np.random.Generator, head: Head) -> Head:
-    """A carrot for a nose; its tip counts as the nose's."""
+    """Adds a carrot as the nose; the landmark of the nose tip moves to its tip."""
     marks = head.landmarks.copy()
     foot = marks[[29, 30, 33]].mean(0) - [0, 0, 0.004]
     tip = foot + [0, rng.normal(0, 0.006), rng.uniform(0.015, 0.04)]
@@ -148,7 +148,7 @@ def cone_nose(rng: np.random.Generator, head: Head) -> Head:
 
 
 def cube_eyes(rng: np.random.Generator, head: Head) -> Head:
-    """Blocks for eyes; their landmarks come out to the blocks' fronts."""
+    """Adds blocks as eyes; the eye landmarks move out to the blocks' fronts."""
     out, marks = [], head.landmarks.copy()
     for eye in EYES:
         half, middle = 0.5 * np.ptp(marks[eye][:, 0]) * rng.uniform(0.8, 1.0), marks[eye].mean(0)
@@ -158,7 +158,7 @@ def cube_eyes(rng: np.random.Generator, head: Head) -> Head:
 
 
 def spikes(rng: np.random.Generator, head: Head) -> Head:
-    """Hair of cones on the crown."""
+    """Adds hair made of cones to the crown."""
     out = []
     for _ in range(int(rng.integers(6, 20))):
         d = rng.normal(size=3)
@@ -171,7 +171,7 @@ def spikes(rng: np.random.Generator, head: Head) -> Head:
 
 
 def eye_patch(rng: np.random.Generator, head: Head) -> Head:
-    """A flat patch over one eye, whose landmarks come out to it."""
+    """Adds a flat patch over one eye; the eye's landmarks move out to it."""
     eye, marks = EYES[int(rng.integers(2))], head.landmarks.copy()
     middle = marks[eye].mean(0) + [0, 0, 0.008]
     half = 0.62 * np.ptp(marks[eye][:, 0])
@@ -180,7 +180,7 @@ def eye_patch(rng: np.random.Generator, head: Head) -> Head:
 
 
 def tusks(rng: np.random.Generator, head: Head) -> Head:
-    """Cones that rise from the corners of the mouth."""
+    """Adds cones that rise from the corners of the mouth."""
     out = []
     for corner, side in ((48, -1), (54, 1)):
         foot = head.landmarks[corner] + [side * 0.002, -0.004, 0.002]
@@ -189,7 +189,7 @@ def tusks(rng: np.random.Generator, head: Head) -> Head:
 
 
 def ruff(rng: np.random.Generator, head: Head) -> Head:
-    """A collar of plates under the chin and a helmet's bowl behind the face."""
+    """Adds a collar of plates under the chin and, half of the time, a helmet's bowl behind the face."""
     low = head.landmarks[8, 1] - 0.02
     angle = np.linspace(0, 2 * np.pi, 14, endpoint=False)
     out = [box([0.1 * np.cos(a), low, 0.1 * np.sin(a) - 0.01], [0.02, 0.006, 0.02]) for a in angle]
@@ -203,8 +203,11 @@ THINGS = (cone_nose, cube_eyes, spikes, eye_patch, tusks, ruff)
 
 
 def unseen_head(rng: np.random.Generator, faces: Faces, held_out: np.ndarray) -> Head:
-    """One to three warps, at most two things, at times blocks. Three in four are identities kept out of
-    training, exaggerated by up to 2.2; the others MakeHuman, which has no others."""
+    """A head with one to three warps, at most two added things and sometimes blocks.
+
+    Three heads in four are ICT identities kept out of training, exaggerated by up to 2.2. The rest are
+    MakeHuman, which has only one identity.
+    """
     if rng.random() < 0.75:
         coefficients = held_out[rng.integers(len(held_out))] * rng.uniform(1.0, 2.2)
         head = faces.ict_head(rng, coefficients.astype(np.float32))

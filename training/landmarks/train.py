@@ -2,8 +2,9 @@
 
     python -m training.landmarks.train --runs runs/landmarks --steps 1800
 
-Writes `network.pt` every 100 steps with a line of the log, and goes on from `last.pt`. `--from` starts with
-the weights of another run, or with shipped ones, whose normalisation is folded and stays so.
+Writes `network.pt` and a line of the log every 100 steps, and resumes from `last.pt`. `--from` starts with
+the weights of another run or with shipped weights. Shipped weights have a folded normalisation, and it stays
+folded.
 """
 
 import argparse
@@ -21,7 +22,7 @@ from training.run import begin, descend, seeded
 
 
 def heat_targets(places: torch.Tensor, size: int = 64, sigma: float = 1.0) -> torch.Tensor:
-    """Gaussians that sum to one, `[B, 68, size, size]`; zero where the place is outside."""
+    """Gaussians that sum to one, `[B, 68, size, size]`; all zero for a place outside the picture."""
     grid = torch.arange(size) + 0.5
     x = torch.exp(-0.5 * ((grid - places[..., :1] * size) / sigma) ** 2)
     y = torch.exp(-0.5 * ((grid - places[..., 1:] * size) / sigma) ** 2)

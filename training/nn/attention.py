@@ -44,7 +44,7 @@ class MultiheadAttention(nn.Module):
 def band_mask(targets: int, memories: int, radius: int, device=None) -> Tensor:
     """True where |j − i| ≤ radius, [T, M]; FreeTalk eq. 9–10.
 
-    Differs: the paper prints +1 outside the band, which masks nothing; outside is −∞ here.
+    Differs: the paper prints +1 outside the band, which would mask nothing. Here it is −∞.
     """
     i = torch.arange(targets, device=device)[:, None]
     j = torch.arange(memories, device=device)[None, :]

@@ -1,7 +1,7 @@
-"""Causal self-attention that prefers what is near, period by period (FaceFormer, Fan et al. 2022, eq. 5).
+"""Causal self-attention that prefers near rows, in steps of a period (FaceFormer, Fan et al. 2022, eq. 5).
 
-Row i sees j ≤ i under −slope_h · ⌊(i − j) / p⌋. Each head has its own slope, chosen as in ALiBi (Press et al.
-2022). Keys and values of earlier rows can be cached, so that a new row costs no more than one.
+Row i sees rows j ≤ i with the bias −slope_h · ⌊(i − j) / p⌋. Each head has its own slope, chosen as in ALiBi
+(Press et al. 2022). Keys and values of earlier rows can be cached, so that only the new row is computed.
 """
 
 import torch
@@ -15,7 +15,7 @@ def slopes(heads: int) -> Tensor:
 
 
 def temporal_bias(rows: int, heads: int, period: int, look_back: int) -> Tensor:
-    """Bias of the scores, [heads, T, T]: −∞ for later rows and for those `look_back` or more behind."""
+    """Bias of the scores, [heads, T, T]: −∞ for later rows and for rows `look_back` or more behind."""
     behind = torch.arange(rows)[:, None] - torch.arange(rows)[None, :]
     bias = -slopes(heads)[:, None, None] * torch.div(behind, period, rounding_mode="floor")
     return bias.masked_fill((behind < 0) | (behind >= look_back), -torch.inf)
@@ -45,7 +45,8 @@ class BiasedSelfAttention(nn.Module):
     def step(self, x: Tensor, cache: list[tuple[Tensor, Tensor]]) -> Tensor:
         """The next row [B, 1, d] → [B, 1, d].
 
-        `cache` holds keys and values of the rows before. Those of this row are appended.
+        `cache` holds keys and values of the rows before. This adds those of the new row and drops
+        those that are `look_back` or more behind.
         """
         q, k, v = self._projected(x)
         cache.append((k, v))

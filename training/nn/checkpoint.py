@@ -1,7 +1,7 @@
-"""Model folders, config.json beside weights: what training writes and the library reads.
+"""Model folders with config.json and weights. Training writes them, the library reads them.
 
-The weights are model.safetensors, or for shipped models model.planes.gz, such a file in gzip whose large
-matrices are 8-bit numbers with scales, column after column.
+The weights are in model.safetensors. Shipped models have model.planes.gz instead: a safetensors file in gzip
+whose large matrices are 8-bit numbers, column after column, with scales.
 """
 
 import gzip
@@ -36,8 +36,8 @@ Network = TypeVar("Network", bound=nn.Module)
 def pack(plain: bytes) -> bytes:
     """Packs the bytes of a safetensors file for shipping: even bytes first, then odd bytes, in gzip.
 
-    The high bytes of f16 weights are much alike: side by side they take a third less. `unpack` below and in
-    rust-core undo it.
+    The high bytes of f16 weights resemble each other, so side by side they take a third less space. `unpack`
+    below and in rust-core undo this.
     """
     return zopfli.gzip.compress(plain[0::2] + plain[1::2], numiterations=5, blocksplittingmax=0)
 
@@ -53,9 +53,9 @@ def unpack(packed: bytes) -> bytes:
 def quantised(values: Tensor) -> tuple[Tensor, Tensor]:
     """Matrix or kernel [R, ...] as int8 [..., R], and the scale [R] of each row in bf16.
 
-    The largest magnitude of a row becomes 127. A column's numbers are much alike: side by side they take 2 %
-    less in gzip, so rows come last. `scaled` in rust-core/src/models/weights.rs and `in_floats` are the way
-    back; what they return becomes the same again.
+    The largest magnitude of a row becomes 127. The numbers of a column resemble each other and take 2 % less
+    space in gzip when they lie side by side, so the axis of rows comes last. `scaled` in
+    rust-core/src/models/weights.rs and `in_floats` undo this. Quantising their result gives the same numbers.
     """
     columns = values.float().movedim(0, -1)
     scales = (columns.abs().flatten(0, -2).amax(0) / 127).bfloat16()
@@ -70,7 +70,7 @@ def is_large(value: Tensor) -> bool:
 
 
 def in_eight_bits(stored: dict[str, Tensor], model: str = "") -> dict[str, Tensor]:
-    """Arrays of a file, the large ones `quantised`, their scales beside them; `HALF` of `model` stays."""
+    """Quantises the large arrays of a file and adds their scales; `HALF` arrays of `model` stay f16."""
     large = {
         name: quantised(value)
         for name, value in stored.items()
@@ -81,10 +81,10 @@ def in_eight_bits(stored: dict[str, Tensor], model: str = "") -> dict[str, Tenso
 
 
 def write_model(folder: Path, state: dict[str, Tensor], config: dict, exact: tuple[str, ...] = EXACT) -> Path:
-    """Weights and `config.json` of one model; below `WEIGHTS` they are packed, large matrices in eight bits.
+    """Writes weights and `config.json` of a model; below `WEIGHTS` packed, with large matrices in eight bits.
 
-    Other weights are f16, but for the names in `exact` and those that begin as the ones in it with a point at
-    their end; `""` keeps f32 everywhere.
+    Other weights are stored as f16. Those named in `exact` stay f32. A name in `exact` that ends with a point
+    is a prefix; `""` keeps f32 everywhere.
     """
     folder.mkdir(parents=True, exist_ok=True)
     begins = tuple(name for name in exact if name.endswith(".") or not name)
@@ -99,7 +99,7 @@ def write_model(folder: Path, state: dict[str, Tensor], config: dict, exact: tup
 
 
 def read_bytes(folder: Path) -> bytes:
-    """The bytes of a folder's model.safetensors, packed or not."""
+    """The bytes of a folder's model.safetensors, unpacked if they are packed."""
     if (folder / PLAIN).is_file():
         return (folder / PLAIN).read_bytes()
     if (folder / PACKED).is_file():
@@ -108,7 +108,7 @@ def read_bytes(folder: Path) -> bytes:
 
 
 def in_floats(stored: dict[str, Tensor]) -> dict[str, Tensor]:
-    """Arrays of a file in f32, those in eight bits times their scales and with their rows first again."""
+    """Arrays of a file in f32; 8-bit ones are multiplied by their scales and have rows first again."""
     eight_bits = {name for name, value in stored.items() if value.dtype == torch.int8}
     scales = {name + SCALE for name in eight_bits}
     arrays = {name: value.float() for name, value in stored.items() if name not in scales}
@@ -123,7 +123,7 @@ def read_arrays(folder: Path) -> dict[str, Tensor]:
 
 
 def read_model(folder: Path) -> tuple[dict, dict[str, Tensor]]:
-    """What `write_model` wrote: configuration, and weights in f32."""
+    """Configuration and f32 weights of a folder that `write_model` wrote."""
     if not (folder / "config.json").is_file():
         raise FileNotFoundError(f"{folder}: expected config.json, it is missing")
     return json.loads((folder / "config.json").read_text()), read_arrays(folder)
@@ -142,6 +142,6 @@ def load_model(folder: Path, make: Callable[[dict], Network]) -> Network:
 
 
 def save(path: Path, network: nn.Module, **more: object) -> None:
-    """One file of a run: weights, the network's configuration, and `more` beside them."""
+    """Writes one file of a run: weights, the network's configuration and `more`."""
     state = {name: value.cpu() for name, value in network.state_dict().items()}
     torch.save({"state": state, "config": network.config.to_json(), **more}, path)

@@ -15,7 +15,7 @@ class Config:
 
     @classmethod
     def from_json(cls: type[Sizes], data: dict) -> Sizes:
-        """Reads what `to_json` wrote, dataclasses inside it too."""
+        """Reads what `to_json` wrote, nested dataclasses included."""
         kinds = get_type_hints(cls)
         return cls(**{name: _read(kinds[name], value) for name, value in data.items()})
 
@@ -29,7 +29,7 @@ def _read(kind: Any, value: Any) -> Any:
 
 @dataclass
 class SpeechInput:
-    """Which encoder feeds a model; `transformer_fps` is that of `training.speech.hubert.HubertFeatures`."""
+    """Which encoder feeds a model; `transformer_fps` is for `training.speech.hubert.HubertFeatures`."""
 
     encoder: str = "compact_speech"
     channels: int = 192

@@ -17,7 +17,7 @@ from torch import Tensor, nn
 
 @dataclass
 class SurfaceOperators:
-    """What a surface contributes to the network, in one unit of length.
+    """Operators of a surface that the network needs, all in the same unit of length.
 
     mass: [V], area. evals: [K], 1/area. evecs: [V, K], mass-orthonormal.
     grad_x, grad_y: sparse CSR [V, V], 1/length, in any tangent frame per vertex.
@@ -109,7 +109,7 @@ class DiffusionNet(nn.Module):
 
 
 def apply_sparse(matrix: Tensor, x: Tensor) -> Tensor:
-    """matrix: sparse [V, V]; x: [B, V, C]. Returns [B, V, C], in single precision: less is not offered."""
+    """matrix: sparse [V, V]; x: [B, V, C]. Returns [B, V, C] in f32, the product's lowest precision."""
     batch, vertices, channels = x.shape
     flat = x.float().transpose(0, 1).reshape(vertices, batch * channels)
     with torch.autocast(x.device.type, enabled=False):

@@ -1,4 +1,4 @@
-"""Feature-wise linear modulation (Perez et al. 2018) of what a layer adds."""
+"""Feature-wise linear modulation (Perez et al. 2018) of a layer's residual."""
 
 import torch.nn.functional as F
 from torch import Tensor, nn
@@ -15,7 +15,7 @@ class Film(nn.Module):
         nn.init.zeros_(self.linear.bias)
 
     def forward(self, condition: Tensor) -> list[tuple[Tensor, Tensor]]:
-        """`condition` [B, c] → for each place scale and shift, [B, 1, d]."""
+        """`condition` [B, c] → scale and shift for each place, [B, 1, d]."""
         rows = self.linear(F.silu(condition))[:, None].chunk(2 * self.places, dim=-1)
         return list(zip(rows[::2], rows[1::2], strict=True))
 

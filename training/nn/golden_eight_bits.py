@@ -1,4 +1,4 @@
-"""Golden of matrices in eight bits: what Rust makes of them is what Python does, to the last bit."""
+"""Golden of 8-bit matrices: Rust must read the same floats from them as Python, to the last bit."""
 
 from pathlib import Path
 
@@ -9,9 +9,9 @@ from training.nn.checkpoint import in_eight_bits, in_floats
 
 
 def write(out: Path, shared: Path) -> Path:
-    """`weights.`: `matrix` [70, 40] with a row of zeros, `kernel` [16, 48, 3] as shipped. `floats.`: as read.
+    """Writes `weights.*` as shipped, and `floats.*`, the same arrays as read.
 
-    `shared` is not used.
+    They are `matrix` [70, 40] with a zero row, and `kernel` [16, 48, 3]. `shared` is not used.
     """
     torch.manual_seed(11)
     weights = {

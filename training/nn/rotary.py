@@ -35,7 +35,7 @@ class RotaryAttention(nn.Module):
 
 
 def turned(x: Tensor) -> Tensor:
-    """[B, heads, T, D] with numbers k and k + D/2 of frame t turned by `t · BASE^(−2k/D)`."""
+    """Turns numbers k and k + D/2 of frame t by the angle `t · BASE^(−2k/D)`, [B, heads, T, D]."""
     frames, half = x.shape[2], x.shape[3] // 2
     k = torch.arange(half, device=x.device, dtype=torch.float32)
     angle = torch.arange(frames, device=x.device)[:, None] * BASE ** (-k / half)

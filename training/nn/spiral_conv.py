@@ -1,4 +1,4 @@
-"""SpiralConv3D (EmoFace, Lin et al. 2025, eq. 1 to 3): a convolution over a surface and the frames before."""
+"""SpiralConv3D (EmoFace, Lin et al. 2025, eq. 1 to 3): a convolution over a surface and past frames."""
 
 import numpy as np
 import torch
@@ -6,13 +6,13 @@ from torch import Tensor, nn
 
 
 def spirals(vertices: np.ndarray, triangles: np.ndarray, kernel: int, dilation: int) -> np.ndarray:
-    """For each vertex itself and its rings, every `dilation`-th of them, [V, kernel]; eq. 1.
+    """For each vertex, every `dilation`-th vertex of a spiral from it through its rings, [V, kernel]; eq. 1.
 
-    Within a ring vertices follow each other by their angle about the normal, from the neighbour that lies
-    highest (the frontmost of equals): a mesh has one answer whatever the order of its triangles. Where the
-    rings end before the spiral does, the nearest vertices that are not yet in it follow.
+    Within a ring, vertices are sorted by their angle about the normal, starting at the highest neighbour (of
+    equally high ones, the frontmost). So the order of the triangles does not change the result. If the rings
+    end before the spiral is full, the nearest vertices that are not yet in it follow.
 
-    Raises ValueError with the vertex that has no triangle.
+    Raises ValueError if a vertex has no triangle, and names it; also if the mesh has too few vertices.
     """
     neighbours = _neighbours(len(vertices), triangles)
     alone = [v for v, near in enumerate(neighbours) if not near]
@@ -67,7 +67,7 @@ def _spiral(
 
 
 def _turn(offset: np.ndarray, ahead: np.ndarray, aside: np.ndarray, n: int, start: int) -> tuple[float, int]:
-    """Angle from `ahead`, 0 to 2π, to a millionth; the start itself comes first."""
+    """Angle from `ahead`, 0 to 2π, rounded to a millionth; the start itself comes first."""
     angle = 0.0 if n == start else float(np.arctan2(offset @ aside, offset @ ahead) % (2.0 * np.pi))
     return round(angle, 6) % 6.283185, n
 
@@ -97,7 +97,7 @@ class SpiralConv3D(nn.Module):
         return out
 
     def of_sum(self, in_time: Tensor, on_surface: Tensor) -> Tensor:
-        """The same of `in_time[b, t] + on_surface[v]`, which splits: [B, T, in], [V, in] → [B, T, V, out]."""
+        """`forward` of `in_time[b, t] + on_surface[v]`, in parts: [B, T, in], [V, in] → [B, T, V, out]."""
         delta, frames = len(self.weight), in_time.shape[1]
         gathered = torch.einsum("vki,dkio->dvo", on_surface[self.spirals], self.weight)
         moved = torch.zeros(*in_time.shape[:2], self.weight.shape[-1], dtype=in_time.dtype)

@@ -2,8 +2,8 @@
 
     python -m training.paper --corpus DIR [DIR ...] --anyface target/release/anyface --out PAGE.md
 
-`--options` go with every call of the command, such as `--options=--weights=mine`. `--ablations` adds rows for
-models that were trained without a part (`training.paper.ablations`).
+`--options` are passed to every call of the command, for example `--options=--weights=mine`. `--ablations`
+adds rows for models that were trained with a part left out (`training.paper.ablations`).
 """
 
 import json

@@ -1,10 +1,11 @@
-"""Trains FreeTalk without one part after the other, all for as many steps, and measures what each is worth.
+"""Trains FreeTalk with one part left out at a time, for equally many steps, and measures each variant.
 
     python -m training.paper.ablations --corpus DIR [DIR ...] --vertices DIR [DIR ...] --out runs/ablations
 
-writes `scores.json` for `python -m training.paper --ablations`. ATS: without the time embedding, without
-the band mask, and with every intensity at 1; STM (the paper's table 5): without the landmark graph, without
-cross-attention, without the geometry of the mesh. These models stay in PyTorch: the engine plays whole ones.
+Writes `scores.json` for `python -m training.paper --ablations`. Variants of ATS: without the time embedding,
+without the band mask, and with every intensity at 1. Variants of STM (the paper's table 5): without the
+landmark graph, without cross-attention, without the geometry of the mesh. They run in PyTorch, because the
+engine plays only whole models.
 """
 
 import argparse
@@ -66,7 +67,7 @@ class WithoutGraph(PaperDecoder):
 
 
 class WithoutAttention(PaperDecoder):
-    """Vertices get the landmarks' displacements as they are, joined to their own feature."""
+    """Vertices get the landmarks' displacements unweighted, joined to their own feature."""
 
     def __init__(self, config: PaperConfig):
         super().__init__(config)
@@ -76,7 +77,7 @@ class WithoutAttention(PaperDecoder):
 
 
 class WithoutGeometry(PaperDecoder):
-    """A decoder whose vertices know nothing of their place and normal beyond the surface's operators."""
+    """A decoder without vertex positions and normals; only the surface's operators describe the mesh."""
 
     def encode(self, vertex_inputs: Tensor, ops) -> Tensor:
         return super().encode(torch.ones_like(vertex_inputs), ops)
@@ -97,7 +98,7 @@ STM = {
 
 
 def ats_table(arguments) -> Table:
-    """Sound to landmarks, each variant trained for as many steps from the same seed."""
+    """Sound to landmarks. Every variant trains for equally many steps from the same seed."""
     entries = of_folders(arguments.corpus, 1, arguments.seed, arguments.limit)
     has_intensity = any(e.intensity > 0 for e in entries)
     variants = {name: kind for name, kind in ATS.items() if has_intensity or kind is not WithoutIntensity}
@@ -132,7 +133,7 @@ def ats_scores(model: AtsDenoiser, speech: CompactSpeech, entries) -> list[dict[
 
 
 def stm_table(arguments) -> Table:
-    """True landmark motion to the mesh, each variant trained for as many steps from the same seed."""
+    """True landmark motion to the mesh. Every variant trains for equally many steps from the same seeds."""
     known = sequence_meshes(arguments.vertices, held_out=False)
     training_meshes = {"corpus": [paper_mesh(mesh, STM_CONFIG) for mesh in known]}
     test_meshes = sequence_meshes(arguments.vertices, held_out=True)
@@ -154,7 +155,7 @@ def stm_table(arguments) -> Table:
 
 @torch.no_grad()
 def stm_scores(mesh: SequenceMesh, method: Callable[[Tensor], Tensor]) -> dict[str, float]:
-    """Metrics over frames of the mesh's held-out sequences, mm."""
+    """Metrics over every fifth frame of the mesh's sequences, mm."""
     truth = torch.cat([mesh.displacements(i, np.arange(0, len(s), ONE_FRAME_IN))
                        for i, s in enumerate(mesh.sequences)])[:LONGEST_FRAMES]  # fmt: skip
     predicted = torch.cat([method(part) for part in truth[:, mesh.landmarks].split(5)])

@@ -18,9 +18,9 @@ SHOWN_LANDMARKS = {8: "chin", 54: "corner of the mouth", 62: "upper lip", 66: "l
 
 
 def draw(folder: CorpusFolder, engine: Engine, place: Path, images: Path) -> list[tuple[Path, str]]:
-    """Both figures from the first held-out clip with vertices, and what they show in numbers.
+    """Draws both figures from the first held-out clip with vertices. Returns each file with its text.
 
-    Returns none where there is no such clip.
+    Returns an empty list if there is no such clip.
     """
     clip = next(spoken_meshes(folder, 1, place), None)
     if clip is None:
@@ -47,7 +47,7 @@ def draw(folder: CorpusFolder, engine: Engine, place: Path, images: Path) -> lis
 
 
 def attention_in_numbers(shares: np.ndarray) -> str:
-    """How far the attention [V, 68] of the vertices is from equal shares, in sentences."""
+    """Sentences that say how far the vertices' attention [V, 68] is from equal shares."""
     shares = shares[shares.sum(1) > 0.5]
     entropy = -(shares * np.log(np.maximum(shares, 1e-12))).sum(1)
     count, largest = np.median(np.exp(entropy)), np.median(shares.max(1))
@@ -62,7 +62,7 @@ def attention_in_numbers(shares: np.ndarray) -> str:
 
 def draw_faces(path: Path, shape: np.ndarray, triangles: np.ndarray, values: dict[str, np.ndarray],
                label: str, highest: float) -> None:  # fmt: skip
-    """One front view for each row of values [V], painted from back to front."""
+    """Draws a front view for each of the `values`, [V] each, painted from back to front."""
     figure, places = pyplot.subplots(1, len(values), figsize=(2.6 * len(values), 3.2), layout="constrained")
     corners = shape[triangles]
     facing = np.cross(corners[:, 1] - corners[:, 0], corners[:, 2] - corners[:, 0])[:, 2] > 0

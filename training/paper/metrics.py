@@ -1,7 +1,7 @@
 """The metrics of the FreeTalk paper (§4.2), with Rust twins in `tests/eval/src/metrics`, and MTM and SLCC.
 
 Shapes: `P` prediction and `G` truth [T, N, 3], displacements from the neutral face; `lips` and `upper` are
-numbers of points. Lengths come out in the unit of the motion, LVE, EVE and δM in its square.
+indices of points. Lengths have the unit of the motion; LVE, EVE, FDD and δM have its square.
 
 MTM and SLCC are those of Chae-Yeon et al., "Perceptually Accurate 3D Talking Head Generation" (CVPR 2025).
 """
@@ -37,7 +37,7 @@ def worst_point(p: np.ndarray, g: np.ndarray) -> float:
 
 
 def upper_dynamics(x: np.ndarray) -> float:
-    """Mean over points of the deviation over time of the squared motion (FDD is the truth's less ours)."""
+    """Mean over points of the deviation over time of the squared motion (FDD is the truth's minus ours)."""
     return float(np.square(x).sum(-1).std(0).mean())
 
 
@@ -49,8 +49,8 @@ def warped(between: np.ndarray, joined: np.ufunc) -> float:
 def path_costs(between: np.ndarray, joined: np.ufunc) -> np.ndarray:
     """Cost of the best monotone path from the first cell to each cell, [T + 1, S + 1].
 
-    Row and column 0 stand before the start: infinity, but 0 in the corner. Cells of one antidiagonal depend
-    on the two before it alone, so they are computed together.
+    Row and column 0 stand before the start: they hold infinity, and 0 in the corner. The cells of an
+    antidiagonal depend only on the two antidiagonals before it, so they are computed together.
     """
     rows, columns = between.shape
     cost = np.full((rows + 1, columns + 1), np.inf)
@@ -78,14 +78,14 @@ MISALIGNMENT_SIGMA = 2.0
 
 
 def temporal_misalignment(p: np.ndarray, g: np.ndarray) -> np.ndarray:
-    """By how many frames each extremum of the true opening is off, frames, without sign: MTM is their mean.
+    """Offset in frames, without sign, between paired extrema of the two openings: MTM is the mean.
 
     `p` and `g` [T] are the opening of the lips, predicted and true, in any unit. Both are smoothed by a
     Gaussian of 2 frames. Their first differences (0 in frame 0) are aligned by dynamic time warping with the
-    absolute difference as distance. A local maximum of the truth and a local maximum of the prediction
-    belong together where the path joins their frames, and a minimum to a minimum, unless the prediction's
-    lies beyond the true extrema next to it. Extrema without a partner do not count. Returns one number for
-    each pair; none where nothing was joined.
+    absolute difference as distance. A local maximum of the truth and one of the prediction form a pair if
+    the path joins their frames, unless the prediction's lies beyond a true extremum next to the true one.
+    The same holds for minima. Extrema without a partner do not count. Returns one number for each pair, and
+    an empty array if there are no pairs.
     """
     p, g = smooth_opening(p), smooth_opening(g)
     steps = [np.diff(x, prepend=x[0]) for x in (g, p)]
@@ -101,7 +101,7 @@ def temporal_misalignment(p: np.ndarray, g: np.ndarray) -> np.ndarray:
 
 
 def smooth_opening(x: np.ndarray) -> np.ndarray:
-    """[T] under the Gaussian of MTM."""
+    """Smooths an opening [T] by the Gaussian of MTM."""
     return gaussian_filter1d(np.asarray(x, np.float64), MISALIGNMENT_SIGMA)
 
 
@@ -112,15 +112,17 @@ def extrema(x: np.ndarray) -> dict[int, bool]:
 
 
 def lip_intensity(x: np.ndarray) -> float:
-    """How much lips move, in the unit of `x` [T, N, D] a frame: root of the mean over frames of the square of
-    the points' mean step."""
+    """How much the lips move per frame, in the unit of `x` [T, N, D].
+
+    It is the root mean square over frames of the points' mean step.
+    """
     return float(np.sqrt(np.square(np.linalg.norm(np.diff(x, axis=0), axis=-1).mean(-1)).mean()))
 
 
 def speech_lip_correlation(lips: np.ndarray, speech: np.ndarray) -> float:
     """SLCC: Pearson's r of `lip_intensity` and the sound's root mean square, both [clips], of one speaker.
 
-    The paper puts every speaker's intensities to mean 0 and deviation 1 first, which leaves this r as it is.
+    The paper first scales every speaker's intensities to mean 0 and deviation 1, which does not change r.
     """
     return float(np.corrcoef(lips, speech)[0, 1])
 

@@ -1,4 +1,4 @@
-"""Pictures of the pages: where emotion acts, how far takes differ, and how near a head is to its scan.
+"""Pictures for the documents: where emotion acts, how far takes differ, and how near a head is to its scan.
 
 python -m training.paper.pictures --audio demo-output/voice.wav --scan SCAN.obj
 """
@@ -30,7 +30,7 @@ ROUNDS, NEAR_M, SAMPLES = 20, 0.005, 20
 
 
 def draw_mask(engine: Engine, audio: Path, out: Path) -> None:
-    """The mean over time of w of Mesh Attention on the default head, a head for each emotion."""
+    """Draws Mesh Attention's w, averaged over time, on the default head, once for each emotion."""
     neutral, triangles = read_obj(HEAD / "head.obj")
     masks = {}
     with tempfile.TemporaryDirectory() as folder:
@@ -44,7 +44,7 @@ def draw_mask(engine: Engine, audio: Path, out: Path) -> None:
 
 
 def draw_seeds(engine: Engine, audio: Path, out: Path) -> None:
-    """How far lips are apart over the sound, a curve for each seed, a row for each system."""
+    """Draws the opening of the lips over the sound: a row for each system, a curve for each seed."""
     samples, rate = soundfile.read(audio)
     figure, rows = pyplot.subplots(len(SEEDS), 1, figsize=(8.1, 3.2), sharex=True, layout="constrained")
     for axes, (system, seeds) in zip(rows, SEEDS.items(), strict=True):
@@ -62,9 +62,9 @@ def draw_seeds(engine: Engine, audio: Path, out: Path) -> None:
 
 
 def draw_scan(engine: Engine, scan: Path, out: Path) -> None:
-    """How far a scan is from the head that `anyface head` finds for it.
+    """Draws how far a scan is from the head that `anyface head` finds for it.
 
-    The head is in metres. Its landmarks, then the nearest places of its surface, bring the scan there.
+    The head is in metres. The scan is aligned to it by landmarks, then by the nearest points of its surface.
     """
     places = {}
     with tempfile.TemporaryDirectory() as folder:
@@ -84,14 +84,14 @@ def draw_scan(engine: Engine, scan: Path, out: Path) -> None:
         near = distance < NEAR_M
         points = similarity(points[near], surface[nearest[near]])(points)
     distance = MM * tree.query(points)[0]
-    # Shoulders are not what a head has.
+    # Leave out the shoulders of the scan, because the head has none.
     triangles = triangles[(points[triangles][..., 1] > vertices[:, 1].min()).all(1)]
     used, triangles = np.unique(triangles, return_inverse=True)
     draw_faces(out, points[used], triangles.reshape(-1, 3), {"a scan": distance[used]}, "mm to the head", 4.0)
 
 
 def draw(audio: Path, scan: Path, out: Path = IMAGES, anyface: Path = ANYFACE) -> None:
-    """Draws all three."""
+    """Draws all three pictures."""
     engine = Engine(anyface)
     draw_mask(engine, audio, out / "emoface-mask.png")
     draw_seeds(engine, audio, out / "facetalk/seeds.png")

@@ -1,8 +1,8 @@
-"""What the FreeTalk paper prints, to compare with what we measure.
+"""Numbers that the FreeTalk paper prints, to compare with our measurements.
 
 Tables 2, 3 and 5 of Nocentini et al. 2026, arXiv 2603.15512v1. The tables state no units. The text calls MVE
-a maximum, while the code of its predecessors takes the mean. So of tables 2 and 3 only δCd, which has no
-unit, can be compared. Table 5 is read as shares of the whole model's LVE.
+a maximum, while the code of its predecessors takes the mean. So only δCd of tables 2 and 3, which has no
+unit, can be compared. For table 5 we compare shares of the whole model's LVE.
 """
 
 from statistics import mean

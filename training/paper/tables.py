@@ -1,8 +1,9 @@
 """Rows of the FreeTalk paper's tables 2 and 3, and of Sparse-To-Mesh alone, from corpus folders.
 
-Truth and prediction are compared at 25 fps. On landmarks lips are 48 to 67, the upper face 17 to 26 and 36 to
-47; on a mesh lips are vertices within 1 cm of a lip landmark, the upper face those within 1.5 cm of a brow
-or eye landmark (the paper prints no list). Motion is in millimetres on a head of human size.
+Truth and prediction are compared at 25 fps. The lips are landmarks 48 to 67, the upper face landmarks 17 to
+26 and 36 to 47. On a mesh, the lips are the vertices within 1 cm of a lip landmark, the upper face those
+within 1.5 cm of a brow or eye landmark (the paper prints no list). Motion is in millimetres on a head of
+human size.
 """
 
 import json
@@ -43,12 +44,12 @@ class Table:
 
 
 def emotion_of(clip: Clip | Row) -> str:
-    """Emotion to ask the command for: the clip's label, or off where the clip has none."""
+    """Emotion that the command gets: the clip's label, or off if the clip has none."""
     return f"{clip.emotion}:{clip.intensity:g}" if clip.intensity > 0 else "off"
 
 
 def landmark_table(folder: CorpusFolder, engine: Engine, count: int) -> Table | None:
-    """Sound to landmarks on held-out clips; none where the folder holds no motion."""
+    """Sound to landmarks on held-out clips; None if the folder has no held-out motion."""
     chosen = [clip for clip in folder_clips(folder) if clip.held_out][:count]
     if not chosen:
         return None
@@ -70,7 +71,7 @@ def landmark_table(folder: CorpusFolder, engine: Engine, count: int) -> Table | 
 
 @dataclass
 class Spoken:
-    """A clip with vertices: truth [T, V, 3] m at 25 fps, its sound, and the mesh it moves as files."""
+    """A clip with vertices: truth [T, V, 3] m at 25 fps, its sound, and the files of its mesh."""
 
     row: Row
     truth: np.ndarray
@@ -83,7 +84,7 @@ class Spoken:
 
 
 def spoken_meshes(folder: CorpusFolder, count: int, place: Path) -> Iterator[Spoken]:
-    """Held-out clips of vertex sequences."""
+    """Up to `count` held-out clips of vertex sequences."""
     left = count
     for row in folder.rows:
         track = folder.vertices(row) if row.held_out and left else None
@@ -102,7 +103,7 @@ def spoken_meshes(folder: CorpusFolder, count: int, place: Path) -> Iterator[Spo
 
 
 def mesh_tables(folder: CorpusFolder, engine: Engine, count: int) -> list[Table]:
-    """Sound to a mesh, and the true landmark motion to a mesh (Sparse-To-Mesh alone)."""
+    """Tables of sound to mesh, and of true landmark motion to mesh (Sparse-To-Mesh alone)."""
     whole: dict[str, list[Scores]] = {}
     alone: dict[str, list[Scores]] = {}
     points = clips = 0

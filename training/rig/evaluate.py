@@ -2,9 +2,10 @@
 
     python -m training.rig.evaluate --data ../shared/data --runs runs/rig --corpus runs/stm/corpus.pkl
 
-Mean distance in millimetres over the vertices that truly move more than 0.5 mm, each shape at
-strength 1, at test identities, warps and triangulations of ICT and at the MakeHuman head as it is
-and remeshed; shapes weigh alike. Also the mean over all vertices, and the true motion beside them.
+An error is the mean distance in millimetres over the vertices that truly move more than 0.5 mm, each
+shape at strength 1. It is measured on test identities, warps and triangulations of ICT and on the
+MakeHuman head as it is and remeshed. All shapes have the same weight. The mean over all vertices and the
+true motion are printed too.
 """
 
 import argparse
@@ -21,7 +22,7 @@ from training.rig.whole_heads import print_errors
 
 
 def errors(shapes, meshes: list[PreparedMesh]) -> np.ndarray:
-    """Per shape: error over moving vertices, their true motion, error over all. [S, 3] mm.
+    """Per shape: error over moving vertices, their true motion, error over all vertices. [S, 3] mm.
 
     shapes: function from a mesh to [S, V, 3] dm.
     """
@@ -38,7 +39,7 @@ def errors(shapes, meshes: list[PreparedMesh]) -> np.ndarray:
 
 
 def trained(path: Path):
-    """Function from a mesh to its shapes by the weights at `path`."""
+    """Two functions from a mesh to its shapes, by the weights at `path`: the network, and landmarks alone."""
     model = RigNetwork(CONFIGS["rig"])
     model.load_state_dict(torch.load(path))
     return (lambda mesh: model(skin(mesh))), (lambda mesh: model.spread(skin(mesh)))

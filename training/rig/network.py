@@ -1,6 +1,6 @@
-"""What landmarks cannot say about a shape: a pointwise network over the skin.
+"""A pointwise network over the skin. It adds the part of a shape that landmarks cannot express.
 
-Mirrors `rust-core/src/rig/network.rs`, attribute name for layer name.
+Mirrors `rust-core/src/rig/network.rs`; attributes have the names of its layers.
 
     shape_s(v) = sum_n W_vn dL_sn + fade(v) R_s(features of v)
 
@@ -49,7 +49,7 @@ class SkinGeometry:
     base: Tensor
 
     def mirrored(self) -> SkinGeometry:
-        """The same seen in a mirror."""
+        """The mirror image of this geometry."""
         return SkinGeometry(self.positions * FLIP, self.landmarks[MIRROR] * FLIP, self.base[:, MIRROR])
 
     def features(self) -> Tensor:
@@ -58,14 +58,14 @@ class SkinGeometry:
         return torch.cat([self.positions, offsets.flatten(1), offsets.norm(dim=-1), self.base], dim=1)
 
     def fade(self) -> Tensor:
-        """[V], one near the landmarks, zero where the network has nothing to say."""
+        """[V], one near the landmarks, zero where the network has no effect."""
         nearest = (self.positions[:, None] - self.landmarks).norm(dim=-1).min(1).values
         near, far = FADE_DM
         return ((far - nearest) / (far - near)).clamp(0.0, 1.0)
 
 
 class RigNetwork(nn.Module):
-    """R."""
+    """The network R of the formula above."""
 
     def __init__(self, config: RigConfig):
         super().__init__()

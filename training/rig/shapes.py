@@ -10,7 +10,7 @@ from training.deform.static_weights import MIRROR
 
 
 def mirrored_name(name: str) -> str:
-    """`mouthSmileLeft` for `mouthSmileRight`; the same name for a shape of both sides."""
+    """`mouthSmileLeft` for `mouthSmileRight`; a shape of both sides keeps its name."""
     if name.endswith("Left"):
         return name.removesuffix("Left") + "Right"
     if name.endswith("Right"):
@@ -23,7 +23,7 @@ SHAPE_MIRROR = np.array([CHANNELS.index(mirrored_name(name)) for name in CHANNEL
 
 
 def symmetrised(motion: np.ndarray) -> np.ndarray:
-    """Mean of each shape and its mirror image's mirror image. motion: [S, N, 3]."""
+    """Mean of each shape and the mirrored motion of its counterpart. motion: [S, N, 3]."""
     reflected = motion[SHAPE_MIRROR][:, MIRROR.numpy()] * [-1.0, 1.0, 1.0]
     return 0.5 * (motion + reflected)
 

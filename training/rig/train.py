@@ -1,9 +1,9 @@
-"""Trains what landmarks cannot say of the ARKit shapes.
+"""Trains the network for the part of the ARKit shapes that landmarks cannot express.
 
     python -m training.rig.train --data ../shared/data --runs runs/rig --corpus runs/stm/corpus.pkl
 
-Trains three times: on both faces (shipped), on ICT alone and on MakeHuman alone (for the errors on a
-face left out), seeded, one thread. Results are `RUNS/rig_{both,ict,makehuman}.pt`;
+Trains three times, each seeded and on one thread: on both faces (shipped), on ICT alone and on MakeHuman
+alone (to measure errors on the face left out). Results are `RUNS/rig_{both,ict,makehuman}.pt`;
 `training.rig.evaluate` prints their errors and `training.export rig` writes the shipped one.
 """
 
@@ -29,14 +29,16 @@ MOVING_DM = 0.005
 
 
 def skin(mesh: PreparedMesh, pick: torch.Tensor | slice = slice(None)) -> SkinGeometry:
-    """The rows `pick` of a mesh."""
+    """The geometry of the vertices `pick` of a mesh."""
     g = mesh.geometry
     return SkinGeometry(g.positions[pick], g.landmarks, g.base[pick])
 
 
 def sample(rng: np.random.Generator, mesh: PreparedMesh) -> tuple[SkinGeometry, torch.Tensor]:
-    """Some vertices, more of them at lips and lids, half of the time seen in the mirror, and their
-    true shapes [S, P, 3] dm."""
+    """Random vertices, more of them at lips and lids, and their true shapes [S, P, 3] dm.
+
+    Half of the time both are mirrored.
+    """
     lips = mesh.lips.nonzero()[:, 0]
     lids = torch.cdist(mesh.geometry.positions, mesh.geometry.landmarks[36:48]).min(1).values
     lids = (lids < 0.1).nonzero()[:, 0]
@@ -54,7 +56,7 @@ def sample(rng: np.random.Generator, mesh: PreparedMesh) -> tuple[SkinGeometry, 
 
 
 def loss_of(error: torch.Tensor, truth: torch.Tensor) -> torch.Tensor:
-    """Mean distance in mm; what moves counts more. Both [S, P, 3] dm."""
+    """Mean distance in mm; moving vertices count more. Both [S, P, 3] dm."""
     distance = (1e4 * error.square().sum(-1) + 1e-4).sqrt()
     weight = torch.where(truth.norm(dim=-1) > MOVING_DM, 1.0, STILL_WEIGHT)
     return (weight * distance).sum() / weight.sum()
@@ -68,7 +70,7 @@ def train(
     seed: int,
     init: Path | None,
 ):
-    """template: [S, N, 3] m. init: weights to go on from."""
+    """Trains one network. template: [S, N, 3] m. init: weights to start from."""
     torch.manual_seed(seed)
     rng = np.random.default_rng(seed)
     model = RigNetwork(CONFIGS["rig"])

@@ -1,8 +1,8 @@
 """The 15 Oculus visemes as mixtures of ARKit shapes.
 
-Solved on the MakeHuman head, the one face with true visemes: bounded least squares over the shapes
-of the mouth and jaw, left and right together, with a little of each weight's square so that shapes
-that nearly cancel stay away.
+They are solved on the MakeHuman head, the one face with true visemes, by bounded least squares over the
+shapes of the mouth and jaw, left and right together. A small penalty on each weight's square keeps out
+shapes that nearly cancel each other.
 """
 
 import json
@@ -23,7 +23,7 @@ MOVING_MM = 0.5
 
 
 def solve(data: Path) -> tuple[dict[str, dict[str, float]], dict[str, tuple[float, float]]]:
-    """Mixtures by viseme, and of each the mean error and mean motion over moving vertices in mm."""
+    """Mixtures by viseme, and for each the mean error and mean motion of its moving vertices in mm."""
     with safe_open(data / "faces/makehuman_head.safetensors", "np") as file:
         names = json.loads(file.metadata()["names"])
         modes = dict(zip(names, 100.0 * file.get_tensor("deltas").astype(np.float64), strict=True))

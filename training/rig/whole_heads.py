@@ -1,4 +1,4 @@
-"""The command's own shapes on whole ICT heads of unseen identities, all parts, against the truth."""
+"""Compares the command's own shapes with the truth on whole ICT heads of unseen identities, all parts."""
 
 import json
 import tempfile
@@ -22,7 +22,7 @@ MOVING_CM = 0.05
 
 
 def made_by(anyface: Path, head: Head, vertices: np.ndarray) -> np.ndarray:
-    """Shapes of the command for one head [V, 3], the true landmarks given. [S, V, 3] cm."""
+    """Shapes that the command makes for one head [V, 3] from its true landmarks. [S, V, 3] cm."""
     with tempfile.TemporaryDirectory() as folder:
         mesh, marks = Path(folder) / "head.obj", Path(folder) / "marks.json"
         write_obj(mesh, vertices, head.triangles)
@@ -33,8 +33,10 @@ def made_by(anyface: Path, head: Head, vertices: np.ndarray) -> np.ndarray:
 
 
 def print_errors(anyface: Path, data: Path, count: int = 3, seed: int = 77) -> None:
-    """Mean over identities of each part's error in mm: over shapes and vertices that truly move
-    more than 0.5 mm, and the motion there."""
+    """Prints each part's error and true motion in mm, the error as a mean over identities.
+
+    Both are means over the shapes and vertices that truly move more than 0.5 mm.
+    """
     head, rng = load_head(data), np.random.default_rng(seed)
     people = [head.neutral + np.tensordot(rng.standard_normal(100), head.identity, 1) for _ in range(count)]
     predictions = [made_by(anyface, head, person) for person in people]

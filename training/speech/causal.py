@@ -1,11 +1,11 @@
-"""Causal students: speech to numbers at 25 Hz while it is being spoken.
+"""Causal students: turn speech into numbers at 25 Hz while it is being spoken.
 
-A small convolutional network: of FreeTalk's stream, which imitates encoder and denoiser together and
-gives landmarks, and of EmoFace's, which imitates the encoder alone and gives its features. Log-mel at
-100 Hz passes a running normalisation, a strided stem to 50 Hz, a strided step to 25 Hz, blocks that look
-a little ahead (`listen`), and blocks that look back only (`perform`). Every layer is fed with zeros before
-the first frame and with the sound itself after the last, hence a frame depends on its look-ahead alone,
-not on where the sound was cut. Twin of `rust-core/src/speech/causal.rs`.
+A student is a small convolutional network. FreeTalk's imitates encoder and denoiser together and gives
+landmarks. EmoFace's imitates only the encoder and gives its features. Log-mel at 100 Hz passes a running
+normalisation, a strided stem to 50 Hz, a strided step to 25 Hz, blocks that look a little ahead (`listen`),
+and blocks that only look back (`perform`). Every layer sees zeros before the first frame and real sound
+after the last one. So a frame depends on no sound beyond its look-ahead, wherever the sound was cut. Twin of
+`rust-core/src/speech/causal.rs`.
 """
 
 from dataclasses import dataclass, field
@@ -33,7 +33,7 @@ SILENT_MEL = torch.log(torch.tensor(FLOOR)).item()
 class Normaliser:
     """Constants of the running normalisation; levels are nepers of power, counts are mel frames.
 
-    `prior_colour` [64] and `prior_peak` stand for the voice before it is heard.
+    `prior_colour` [64] and `prior_peak` stand in for the voice until it is heard.
     """
 
     prior_colour: list[float] = field(default_factory=lambda: [-2.4] * BANDS)
@@ -48,7 +48,7 @@ class Normaliser:
 
 @dataclass
 class Block:
-    """A residual block: 3 taps `dilation` apart, `ahead` of them (0 or 1) after the own frame."""
+    """A residual block: 3 taps `dilation` apart, `ahead` of them (0 or 1) after the current frame."""
 
     dilation: int
     ahead: int
@@ -60,7 +60,7 @@ def _blocks(*pairs: tuple[int, int]) -> list[Block]:
 
 @dataclass
 class StreamConfig(Config):
-    """Everything that inference has to know; saved as config.json."""
+    """Everything that inference needs; saved as config.json."""
 
     system: str = "freetalk"
     model: str = "stream"
@@ -83,7 +83,7 @@ class StreamConfig(Config):
         return fine + 2 * DOWN_AHEAD + MEL_PER_FRAME * coarse
 
     def look_ahead_samples(self) -> int:
-        """Frame t depends on samples below 640 t + this; the last mel frame's half window counts."""
+        """Frame t depends on samples before 640 t + this, which includes half the last mel frame's window."""
         return HOP * self.mel_ahead() + FRAME // 2
 
     def look_ahead_s(self) -> float:
@@ -96,7 +96,7 @@ class StreamConfig(Config):
 
 
 def debug_config() -> StreamConfig:
-    """A tiny student for tests; its normaliser forgets quickly, so that goldens see it move."""
+    """A tiny student for tests; its normaliser forgets quickly, so that it changes within a golden."""
     normaliser = Normaliser(
         prior_colour=[-3.0 + 0.05 * band for band in range(BANDS)],
         prior_frames=3.0,
@@ -127,13 +127,13 @@ def nothing_heard(config: Normaliser, count: int) -> Heard:
 
 
 def normalise_running(mel: Tensor, config: Normaliser, heard: Heard | None = None) -> Tensor:
-    """Raw log-mel [B, R, 64] → what the network hears; row i depends on rows 0 … i.
+    """Raw log-mel [B, R, 64] → input of the network; row i depends on rows 0 … i.
 
-    A causal `compact.normalise`. The level of a frame is its mean over bands. `peak` follows the
-    95 % quantile of levels by steps (up 0.95, down 0.05 of a step that shrinks while the first
-    voice is heard). Frames within 4 nepers below the peak, and not under −9, move the colour: a mean
-    that starts from the prior and forgets after `memory_frames`. If the colour's mean is below the
-    peak less `peak_over_level`, or below −9, it is raised to that.
+    The causal form of `compact.normalise`. The level of a frame is its mean over bands. `peak` follows
+    the 95 % quantile of levels in steps: up by 0.95 or down by 0.05 of a step size, which shrinks while
+    the first voice is heard. Frames at most 4 nepers below the peak, and not below −9, update the colour:
+    a mean that starts from the prior and forgets after `memory_frames`. If the colour's mean is below the
+    peak minus `peak_over_level`, or below −9, it is raised to that.
     """
     heard = heard or nothing_heard(config, mel.shape[0])
     levels, offsets = mel.mean(dim=2), []
@@ -143,7 +143,7 @@ def normalise_running(mel: Tensor, config: Normaliser, heard: Heard | None = Non
 
 
 def _hear(heard: Heard, row: Tensor, level: Tensor, config: Normaliser) -> Tensor:
-    """Takes in one mel frame of each voice. Returns what to subtract from it, [B, 64]."""
+    """Updates the state by one mel frame of each voice. Returns the offset to subtract from it, [B, 64]."""
     fresh = (1.0 - heard.frames / config.start_frames).clamp_min(0.0)
     step = config.step + (config.start_step - config.step) * fresh
     heard.peak = heard.peak + step * torch.where(level > heard.peak, QUANTILE, QUANTILE - 1.0)
@@ -156,7 +156,7 @@ def _hear(heard: Heard, row: Tensor, level: Tensor, config: Normaliser) -> Tenso
 
 
 class CausalBlock(nn.Module):
-    """x + mix(GELU(conv(norm(x)))) on [B, T, C]; the last `ahead · dilation` frames fall away."""
+    """x + mix(GELU(conv(norm(x)))) on [B, T, C]; the last `ahead · dilation` frames are dropped."""
 
     def __init__(self, channels: int, block: Block):
         super().__init__()
@@ -173,7 +173,7 @@ class CausalBlock(nn.Module):
 
 
 class SoonerHead(nn.Module):
-    """A head that predicts a later frame from what was heard."""
+    """A head that predicts a later frame from the features of `hear`."""
 
     def __init__(self, channels: int, outputs: int):
         super().__init__()
@@ -207,7 +207,7 @@ class StreamNet(nn.Module):
     def forward(self, mel: Tensor) -> Tensor:
         """`mel` [B, R, 64] normalised → [B, T, D].
 
-        R is `config.mel_rows(T)`: the look-ahead of the last frame included.
+        R is `config.mel_rows(T)`, which includes the look-ahead of the last frame.
         """
         return self.say(self.hear(mel))
 
@@ -229,24 +229,26 @@ class StreamNet(nn.Module):
         return x
 
     def say(self, heard: Tensor, sooner: int | None = None) -> Tensor:
-        """What was heard to [B, T, D], by the further head of that number: its row t stands for frame
-        t + `config.sooner[sooner]`."""
+        """Features [B, T, C] of `hear` → [B, T, D], by the further head `sooner` if it is given.
+
+        Row t of a further head stands for frame t + `config.sooner[sooner]`.
+        """
         said = self.head(self.norm(heard)) if sooner is None else self.sooner[sooner](heard)
         return said * self.std + self.mean
 
 
 def pad_mel(mel: Tensor, rows: int) -> Tensor:
-    """Raw log-mel [R, 64] cut to `rows`, or with silence after its end."""
+    """Raw log-mel [R, 64] cut to `rows`, or padded with silence at the end."""
     missing = max(rows - mel.shape[0], 0)
     return F.pad(mel[:rows], (0, 0, 0, missing), value=SILENT_MEL)
 
 
 @torch.no_grad()
 def perform(model: StreamNet, mel: Tensor, frames: int, head: int | None = None) -> Tensor:
-    """The offline causal result of one clip, of the further head `head` if it is named.
+    """The result for one whole clip, by the further head `head` if it is given.
 
-    `mel` [R, 64] raw log-mel of the sound with silence after it. Returns [T, D], T = `frames`. Silence
-    before the sound gives a further head its first frames.
+    `mel` [R, 64] is the raw log-mel of the sound; silence follows it. Returns [T, D], T = `frames`. A
+    further head hears silence before the sound, so that its first row stands for frame 0.
     """
     before = 0 if head is None else MEL_PER_FRAME * model.config.sooner[head]
     return _say(model, F.pad(mel, (0, 0, before, 0), value=SILENT_MEL), frames, head)
@@ -258,7 +260,7 @@ def _say(model: StreamNet, mel: Tensor, frames: int, head: int | None) -> Tensor
 
 
 def with_sooner(folder: Path, sooner: list[int]) -> StreamNet:
-    """A finished student that learns further heads. Everything else in it stays unchanged."""
+    """A finished student with further heads to train. All its other weights are frozen."""
     config, state = read_model(folder)
     model = StreamNet(StreamConfig.from_json(config | {"sooner": sooner}))
     model.load_state_dict(state, strict=False)
@@ -271,7 +273,8 @@ def with_sooner(folder: Path, sooner: list[int]) -> StreamNet:
 def speak(model: StreamNet, samples: Tensor, frames: int, head: int | None = None) -> Tensor:
     """Samples [S] at 16 kHz → the first `frames` frames, [T, D].
 
-    A further head hears silence first, for as long as its lead. No head looks back from a frame.
+    A further head first hears silence for as long as its lead, but no longer than the look-ahead, because
+    a head's own look-ahead cannot be negative.
     """
     config = model.config
     sooner = 0 if head is None else MEL_PER_FRAME * HOP * config.sooner[head]

@@ -1,8 +1,8 @@
 """The compact speech encoder: log-mel → features at 25 Hz, about 1.4 million parameters.
 
-A strided stem to 50 Hz, residual dilated convolutions there, a strided step to 25 Hz, more of
-them, and a final norm. A linear read-out of the features says when lips close. Output frame i is
-centred on mel frame 4 i, i.e. on second i / 25.
+It has a strided stem to 50 Hz, residual dilated convolutions there, a strided step to 25 Hz, more
+such convolutions, and a final norm. A linear read-out of the features says when lips close. Output
+frame i is centred on mel frame 4 i, i.e. on second i / 25.
 """
 
 from dataclasses import dataclass, field
@@ -29,7 +29,7 @@ UNTRAINED_CLOSURE = -20.0
 
 @dataclass
 class CompactConfig(Config):
-    """Sizes of the encoder; `rate_hz` is what they amount to."""
+    """Sizes of the encoder; `rate_hz` is the rate of features that they give."""
 
     model: str = "compact_speech"
     bands: int = BANDS
@@ -49,15 +49,15 @@ def normalise(mel: Tensor) -> Tensor:
 
     The level of a frame is its mean over bands. Frames within 4 nepers (of power) of the 95 %
     quantile of levels are active (quantile with linear interpolation). Each band's mean over the
-    active frames is subtracted; if the mean of these means is under −9, all are raised together
-    so that it is −9: near-silence stays silent instead of being blown up. Then the result is
+    active frames is subtracted. If the mean of these means is under −9, all are raised together
+    so that it is −9: near-silence stays silent instead of being amplified. Then the result is
     bounded below by −12 and divided by 4.
     """
     return (mel - clip_colour(mel)).clamp_min(DEEPEST) / SCALE
 
 
 def clip_colour(mel: Tensor) -> Tensor:
-    """What `normalise` subtracts from a clip's raw log-mel [T, 64], [64]."""
+    """The means [64] that `normalise` subtracts from a clip's raw log-mel [T, 64]."""
     level = mel.mean(dim=1)
     active = level >= torch.quantile(level, ACTIVE_QUANTILE) - ACTIVE_RANGE
     colour = mel[active].mean(dim=0)

@@ -1,10 +1,10 @@
-"""Teaches the ear for emotion what Whisper hears, on sounds that are moved in pitch, tract, room and noise.
+"""Teaches the ear for emotion to predict Whisper's layers, on sounds of altered pitch, tract, room, noise.
 
     python -m training.speech.distil_emotion --windows runs/ear/windows.pt --whisper runs/whisper-base \
         --bank runs/ear/bank.pt --out runs/ear/net.pt
 
-It sees no label of an emotion but to find the directions in which an actor's emotions lie from his neutral
-voice: a third of what is told are these, the rest the directions in which all voices differ most.
+Emotion labels serve only to find the directions in which an actor's emotions differ from his neutral voice.
+A third of the outputs are these directions. The rest are the directions in which all voices differ most.
 """
 
 import argparse
@@ -43,7 +43,7 @@ def pooled(layers: list[Tensor]) -> Tensor:
 
 
 def batch_power(x: Tensor, fft: int) -> Tensor:
-    """|X|² as `log_mel.power_spectrum` of [B, S], [B, 1 + S // 160, fft / 2 + 1]."""
+    """|X|² of sounds [B, S] as in `log_mel.power_spectrum`, [B, 1 + S // 160, fft / 2 + 1]."""
     frames = 1 + x.shape[1] // HOP
     framed = F.pad(x, (FRAME // 2, FRAME // 2 + HOP)).unfold(1, FRAME, HOP)[:, :frames]
     spectrum = torch.fft.rfft(framed * torch.hann_window(FRAME, periodic=True, device=x.device), n=fft)
@@ -75,7 +75,7 @@ class Hearing:
 
     @torch.no_grad()
     def student(self, x: Tensor) -> tuple[Tensor, Tensor]:
-        """Network input: `inputs_of` the sounds."""
+        """Network input and weights of the sounds, from `inputs_of`."""
         power = batch_power(x, FFT)
         mel = (power @ self.mel).clamp_min(FLOOR).log()
         low = power[..., emotion_encoder.LOW_BIN : emotion_encoder.HIGH_BIN]
@@ -121,9 +121,9 @@ def moved(x: Tensor, random: torch.Generator) -> Tensor:
 
 
 def cut(sounds: Tensor, lengths: Tensor, random: torch.Generator) -> dict[int, tuple[Tensor, Tensor]]:
-    """A part of each sound [N, S] of `lengths` [N]; whole sounds as often as shorter parts.
+    """Cuts a part from each sound [N, S] of `lengths` [N]: the longest possible half of the time.
 
-    The key is the number of frames, a multiple of 20. The value has the numbers of the sounds and the parts.
+    Keys are numbers of frames, multiples of 20. Values are the numbers of the sounds and their parts.
     """
     draw = lambda: torch.rand(len(sounds), generator=random, device=sounds.device)  # noqa: E731
     least, most = SHORTEST, (lengths // HOP).clamp_max(LONGEST)
@@ -162,7 +162,7 @@ def leading(rows: Tensor, count: int) -> Tensor:
 def directions(rows: Tensor, emotion_offsets: Tensor, count: int) -> tuple[Tensor, Tensor, Tensor]:
     """`mean`, `scale` [C] and `basis` [C, count] of the targets in pooled layers [N, C].
 
-    `emotion_offsets` [M, C]: acted clips less the neutral voice of their actor.
+    `emotion_offsets` [M, C]: acted clips minus the neutral voice of their actor.
     """
     mean, scale = rows.mean(0), rows.std(0) + LEAST_DEVIATION
     first = leading(emotion_offsets / scale, FELT_DIRECTIONS)
@@ -182,7 +182,7 @@ def made_bank(arguments, sounds: Tensor, lengths: Tensor) -> list[dict]:
 
 
 def train(net: EmotionEarNet, batches: list[tuple[Tensor, Tensor, Tensor, Tensor]], seconds: float) -> dict:
-    """Fits `net` to (heard, weight, target, chance) of equally long windows; returns its mean weights."""
+    """Fits `net` to (heard, weight, target, chance) of equally long windows. Returns averaged weights."""
     optimiser = torch.optim.AdamW(net.parameters(), 0.0, weight_decay=0.05)
     average = {k: v.clone() for k, v in net.state_dict().items()}
     many = torch.tensor([float(chance.sum()) for *_, chance in batches])
@@ -253,7 +253,7 @@ def main() -> None:
         rows[is_training], emotion_offsets[is_training & is_felt[which]], config.told
     )
     spread = (((rows[is_training] - mean) / scale).clamp(-LARGEST, LARGEST) @ basis).std(0)
-    # Directions of large spread count more, but less than their variance.
+    # Directions of large spread count more: in proportion to their deviation, not to their variance.
     unit = spread.sqrt() * spread.max().sqrt()
     sized = {}
     for b in batches:

@@ -1,7 +1,7 @@
-"""The teacher of motion on Whisper: its network, and the lessons it gives the compact encoder.
+"""A teacher that hears motion through Whisper: its network, and its lessons for the compact encoder.
 
-`training.speech.train_ear` trains it. A lesson is speech without a face, with the motion and the phones that
-the teacher hears in it, and with features of Whisper beside the motion, as one track.
+`training.speech.train_ear` trains it. A lesson is speech without a face, to which the teacher adds motion,
+phones and features that the encoder has to predict. Motion and features form one track.
 """
 
 import argparse
@@ -92,7 +92,7 @@ class EarToMotion(nn.Module):
 
 
 class EarTeacher:
-    """A finished run. It gives speech a face in the manner of the run's first source."""
+    """A finished run. It predicts motion for speech in the manner of the run's first source."""
 
     def __init__(self, run: Path, layer: int | None = None):
         saved = torch.load(run)
@@ -118,7 +118,7 @@ class EarTeacher:
 
     @torch.no_grad()
     def log_posteriors(self, clip: EarClip) -> np.ndarray:
-        """Phones of a clip, [4 T, segments] at 100 Hz, from two passes that lie one feature apart."""
+        """Phones of a clip, [4 T, segments] at 100 Hz, from two passes that are shifted by one feature."""
         heard, levels = clip.heard[0], clip.levels()
         late = (torch.cat([heard[:, 1:], heard[:, -1:]], dim=1), torch.cat([levels[1:], levels[-1:]]))
         both = [self.model(x[None], y[None])[0] for x, y in ((heard, levels), late)]
@@ -130,7 +130,7 @@ class EarTeacher:
     def lesson(self, clip: EarClip, said: list[str] | None) -> Entry:
         """A lesson from a clip without a face: motion with lips that meet at p, b and m, phones and features.
 
-        Phones without times are decoded, or aligned to the segments of `said` if a text gives them.
+        If the clip has no timed phones, they are decoded, or aligned to `said`, the segments of its text.
         """
         features, phones = self.model.of(clip), clip.phones
         if (phones < 0).any():
@@ -181,7 +181,7 @@ class TargetWindows(WindowSampler):
 
 
 def lessons(arguments) -> tuple[list[Entry], dict[tuple[str, str], Tensor]]:
-    """Lessons in all speech without a face, and the features of recorded clips by source and name."""
+    """Lessons from all speech without a face, and the features of recorded clips by source and name."""
     if arguments.whisper is None:
         raise ValueError("--ear: expected --whisper, the folder of training.speech.whisper, got nothing")
     teacher = EarTeacher(arguments.ear, arguments.layer)

@@ -1,9 +1,9 @@
 """The ear for emotion: which emotion two seconds of a voice express, and how sure that is.
 
 A small network over log-mels and pitch predicts Whisper's middle layers for the two seconds. The 118 numbers
-of `training.systems.emoface.emotion_encoder` stand beside its outputs. A linear layer turns both into logits
-of the emotions. `training.speech.train_emotion_ear` trains it. Instants and windows are those of the 118
-numbers.
+of `training.systems.emoface.emotion_encoder` are joined to its outputs. A linear layer turns both into logits
+of the emotions. `training.speech.train_emotion_ear` trains it. Instants and windows are the same as for the
+118 numbers.
 """
 
 from dataclasses import dataclass, field
@@ -75,7 +75,7 @@ def inputs_of(mel: Tensor, octave: Tensor, periodic: Tensor) -> tuple[Tensor, Te
 
 
 class EmotionEarNet(nn.Module):
-    """Windows of 10 ms frames → what Whisper's layers would say of them, [B, told]."""
+    """Windows of 10 ms frames → a prediction of Whisper's layers for them, [B, told]."""
 
     def __init__(self, config: EmotionEarConfig):
         super().__init__()
@@ -116,7 +116,7 @@ class EmotionLayer:
     readers: np.ndarray
 
     def arrays(self) -> dict[str, np.ndarray]:
-        """What is saved beside the network."""
+        """The arrays that are saved beside the network."""
         return {name: getattr(self, name) for name in ARRAYS}
 
     def logits(self, rows: np.ndarray) -> np.ndarray:
@@ -126,35 +126,35 @@ class EmotionLayer:
 
 @dataclass
 class EmotionEar(EmotionLayer):
-    """The layer on what the network tells and the 118 numbers, R = told + 118."""
+    """The layer over the network's outputs and the 118 numbers, R = told + 118."""
 
     config: EmotionEarConfig
     net: EmotionEarNet
 
     def hear(self, voice: Voice, offset: np.ndarray | float = 0.0) -> np.ndarray:
-        """Logits at each instant of a voice, [I, 7]; `offset` is one of `neutral_offset`."""
+        """Logits at each instant of a voice, [I, 7]; `offset` comes from `neutral_offset`."""
         return self.logits(rows_of(self.net, voice) + offset)
 
 
 def neutral_offset(rows: np.ndarray, weight: np.ndarray, readers: np.ndarray) -> np.ndarray:
-    """Offset that a speaker's rows get, [told + 118]: from the mean of his neutral voice to that of readers.
+    """Offset to add to a speaker's rows, [told + 118]: from the mean of his neutral voice to that of readers.
 
-    `rows` [I, told + 118] and `weights` [I] are of his neutral voice. The less of it there is, the smaller
-    the offset.
+    `rows` [I, told + 118] and `weight` [I] are those of his neutral voice. The less neutral voice there is,
+    the smaller the offset.
     """
     total = weight.sum()
     return (readers - weight @ rows / total) * (total / (total + HALF_BELIEVED))
 
 
 def neutral_voice(net: EmotionEarNet, voice: Voice) -> tuple[np.ndarray, np.ndarray]:
-    """Rows [I, told + 118] and weights [I] of a recording, at every instant used over time."""
+    """Rows [I, told + 118] and weights [I] of a recording, at every second instant."""
     ends = instants(len(voice.mel))[::EVERY]
     rows = [row_of(net, voice, max(end - WINDOW, 0), end) for end in ends]
     return np.array(rows).reshape(-1, net.outer.out_features + NUMBERS), window_weights(voice)
 
 
 def window_weights(voice: Voice) -> np.ndarray:
-    """How much voice each window has that is used over time, [I], 0 to 1."""
+    """Weights of the windows at every second instant, [I], 0 to 1: less for little or quiet voice."""
     loud, share = [], []
     for end in instants(len(voice.mel))[::EVERY]:
         part = slice(max(end - WINDOW, 0), end)
@@ -169,18 +169,18 @@ def window_weights(voice: Voice) -> np.ndarray:
 
 @torch.no_grad()
 def told_of(net: EmotionEarNet, voice: Voice, first: int, end: int) -> np.ndarray:
-    """What the network tells of one window, [told]."""
+    """Outputs of the network for one window, [told]."""
     part = [torch.from_numpy(x[first:end]).float()[None] for x in (voice.mel, voice.octave, voice.periodic)]
     return net(*inputs_of(*part))[0].numpy().astype(np.float64)
 
 
 def row_of(net: EmotionEarNet, voice: Voice, first: int, end: int) -> np.ndarray:
-    """What the network tells of a window, and its numbers, [told + 118]."""
+    """Outputs of the network for a window, then the window's 118 numbers, [told + 118]."""
     cepstra = voice.mel @ cepstral_basis()
     return np.concatenate([told_of(net, voice, first, end), of_window(voice, cepstra, first, end)])
 
 
 def rows_of(net: EmotionEarNet, voice: Voice) -> np.ndarray:
-    """At each instant, [I, told + 118]."""
+    """`row_of` the window at each instant, [I, told + 118]."""
     rows = [row_of(net, voice, max(end - WINDOW, 0), end) for end in instants(len(voice.mel))]
     return np.array(rows).reshape(-1, net.outer.out_features + NUMBERS)

@@ -1,10 +1,10 @@
-"""Two seconds each of acted emotion and of neutral voices: what the ear for emotion is taught and judged by.
+"""Two-second windows of acted emotion and of neutral voices, to train and judge the ear for emotion.
 
     python -m training.speech.emotion_windows --data ../shared/data --kokoro runs/kokoro-82m \
         --out runs/ear/windows.pt
 
-Neutral voices are readers and, made here, the voices of Kokoro-82M and of espeak-ng in twenty languages.
-Whole corpora, speakers and languages are marked as held out. `--kokoro` is a folder of
+Neutral voices are recorded readers and synthetic voices made here: those of Kokoro-82M, and of espeak-ng in
+twenty languages. Whole corpora, speakers and languages are marked as held out. `--kokoro` is a folder of
 `training.corpus.kokoro`; it needs `pip install onnxruntime`.
 """
 
@@ -150,7 +150,7 @@ class Window:
 
 
 def windows_of(data: Path, model: Path | None) -> Iterator[Window]:
-    """All of them."""
+    """Yields all windows."""
     random = np.random.default_rng(0)
     for clip in emodb.read_acted(data):
         yield window(clip.samples, emodb.SOURCE, clip.actor, clip.held_out, clip.emotion)
@@ -179,14 +179,14 @@ def windows_of(data: Path, model: Path | None) -> Iterator[Window]:
 def window(
     samples: np.ndarray, source: str, speaker: str, held_out: bool, emotion: str = "neutral"
 ) -> Window:
-    """The first two seconds of a sound, as loud as all others."""
+    """The first two seconds of a sound, scaled to the same peak as all others."""
     first = samples[:SAMPLES].astype(np.float32)
     scaled = first / max(float(np.abs(first).max(initial=0.0)), 1e-4) * PEAK
     return Window(source, speaker, emotion, held_out, np.round(scaled * 32767).astype(np.int16))
 
 
 def part(samples: np.ndarray, random: np.random.Generator) -> np.ndarray:
-    """Two seconds of a longer sound."""
+    """Two seconds from a random place in the sound; a shorter sound stays whole."""
     if len(samples) <= SAMPLES:
         return samples
     start = int(random.integers(0, len(samples) - SAMPLES))
@@ -194,7 +194,7 @@ def part(samples: np.ndarray, random: np.random.Generator) -> np.ndarray:
 
 
 def spoken_by_espeak(random: np.random.Generator) -> Iterator[Window]:
-    """Every sentence by four voices."""
+    """Every sentence, spoken by four voices."""
     for language, sentences in SENTENCES.items():
         for sentence in sentences:
             for variant, pitch in VOICES:
@@ -207,7 +207,7 @@ def spoken_by_espeak(random: np.random.Generator) -> Iterator[Window]:
 
 
 def spoken_by_kokoro(model: kokoro.Kokoro, random: np.random.Generator) -> Iterator[Window]:
-    """Every voice in turn with the sentences of its language."""
+    """In each of `TURNS` rounds, every voice speaks a sentence of its language."""
     for turn in range(TURNS):
         for voice in sorted(model.styles):
             language = KOKORO_LANGUAGES[voice[0]]

@@ -1,9 +1,10 @@
-"""Measures the phone recogniser and the alignment of texts on what `training.speech.train_phones` left out.
+"""Measures the phone recogniser and the alignment of texts on the speech held out by the training.
 
     python -m training.speech.evaluate_phones --model runs/phones
 
-Beside every number of words stands the floor: letters spread evenly over the time of the true words,
-whose first begin and last end are counted as right.
+Each score of words comes with a baseline, `evenly`: it spreads the letters evenly from the true start of the
+first word to the true end of the last. Those two boundaries count as right. `training.speech.train_phones`
+trains the model.
 """
 
 import json
@@ -28,7 +29,7 @@ WITHIN_S = (0.05, 0.1)
 
 
 def read_phones(folder: Path) -> tuple[PhoneReadout, np.ndarray]:
-    """The read-out and the table of letters of a model folder."""
+    """Loads the read-out and the table of letters from a model folder."""
     config, state = read_model(folder)
     config.pop("units")
     table = state.pop("table").double().numpy()
@@ -37,7 +38,7 @@ def read_phones(folder: Path) -> tuple[PhoneReadout, np.ndarray]:
 
 @torch.no_grad()
 def frame_scores(model: PhoneReadout, heard: list[Heard]) -> dict[str, float]:
-    """Share of frames that get the right class, of all classes and of the coarser set."""
+    """Share of spoken frames that get the right class, among all classes and in the coarser set."""
     coarse = torch.tensor([next(i for i, c in enumerate(COARSE) if s in c) for s in CLASSES])
     right, right_coarse = [], []
     for h in heard:
@@ -55,7 +56,7 @@ def _mean(parts) -> float:
 
 
 def align(model: PhoneReadout, table: np.ndarray, heard: Heard) -> dict[int, tuple[float, float]]:
-    """Times of the words of an utterance, by their index."""
+    """Start and end in seconds of the words of an utterance, by word index."""
     words = [word for _, _, word in heard.words]
     states = states_of(words)
     likelihood = log_likelihood(model, heard.features[-1])
@@ -64,7 +65,7 @@ def align(model: PhoneReadout, table: np.ndarray, heard: Heard) -> dict[int, tup
 
 
 def spread_evenly(heard: Heard) -> dict[int, tuple[float, float]]:
-    """The floor: letters spread evenly from the true begin of the first word to the end of the last."""
+    """The baseline: spreads letters evenly from the true start of the first word to the end of the last."""
     begin, end = heard.words[0][0], heard.words[-1][1]
     lengths = np.array([max(1, len(romanised(word))) for _, _, word in heard.words])
     edges = begin + (end - begin) * np.concatenate([[0], np.cumsum(lengths)]) / lengths.sum()
@@ -72,7 +73,7 @@ def spread_evenly(heard: Heard) -> dict[int, tuple[float, float]]:
 
 
 def word_scores(predicted_times: list[dict], heard: list[Heard]) -> dict[str, float]:
-    """Median error of the boundaries of words in ms, and the share within 50 and 100 ms."""
+    """Median error of word boundaries in ms, and the share of boundaries within 50 and 100 ms."""
     errors = []
     for times, h in zip(predicted_times, heard, strict=True):
         for index, (start, end, _) in enumerate(h.words):
@@ -84,7 +85,7 @@ def word_scores(predicted_times: list[dict], heard: list[Heard]) -> dict[str, fl
 
 
 def measure(model: PhoneReadout, table: np.ndarray, every: list[Heard]) -> dict:
-    """Scores of all that is held out, by source."""
+    """Scores of all held-out utterances, by source."""
     report = {}
     held_out = [h for h in every if h.held_out]
     for source in sorted({h.source for h in held_out}):

@@ -1,10 +1,10 @@
-"""Lets a trained denoiser hear another compact encoder, as a start for training them together.
+"""Adapts a trained denoiser to another compact encoder, as a start for training both together.
 
     python -m training.speech.fold --speech runs/speech/speech.pt --out runs/ats_folded.pt
     python -m training.systems.freetalk.train --init runs/ats_folded.pt --speech runs/speech/speech.pt …
 
-A linear map from the new features to the old ones is fitted by least squares, over the clips with recorded
-motion in two voices. It goes into the denoiser's input layer and into the read-out of closed lips.
+Least squares fit a linear map from the new features to the old ones, over the training clips with recorded
+motion in two voices. The map is folded into the denoiser's input layer and into the read-out of closed lips.
 """
 
 from pathlib import Path
@@ -41,7 +41,7 @@ def feature_map(old: CompactEncoder, new: CompactEncoder, mels: list[Tensor]) ->
 
 @torch.no_grad()
 def folded(layer: nn.Linear, matrix: Tensor, shift: Tensor) -> nn.Linear:
-    """A layer that does with the new features what `layer` does with the old ones."""
+    """A layer whose output for the new features matches that of `layer` for the old ones."""
     out = nn.Linear(matrix.shape[1], layer.out_features)
     out.weight.copy_(layer.weight @ matrix)
     out.bias.copy_(layer.bias + layer.weight @ shift)

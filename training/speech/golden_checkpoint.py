@@ -7,10 +7,10 @@ from safetensors.torch import load_file
 
 
 def write(out: Path, shared: Path) -> Path:
-    """What `torch.save` makes of `weights.*` of `shared/parity/hubert_tiny.safetensors`.
+    """Saves `weights.*` of `shared/parity/hubert_tiny.safetensors` with `torch.save`.
 
-    The transformer's layers are in half precision, all else is in single, so that the file holds
-    both and stays small.
+    The transformer's layers are in half precision and everything else is in single precision, so that the
+    file covers both and stays small.
     """
     tensors = load_file(shared / "parity" / "hubert_tiny.safetensors")
     state = {

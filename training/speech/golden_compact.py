@@ -32,7 +32,7 @@ def write(out: Path, shared: Path) -> Path:
 
 
 def randomise_norms(model: torch.nn.Module) -> None:
-    """Gives every LayerNorm a weight and bias that are not 1 and 0, so that a swap shows."""
+    """Gives every LayerNorm a random weight and bias instead of 1 and 0, so that swapped norms show."""
     for module in model.modules():
         if isinstance(module, torch.nn.LayerNorm):
             torch.nn.init.uniform_(module.weight, 0.5, 1.5)

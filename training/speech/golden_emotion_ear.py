@@ -1,4 +1,4 @@
-"""Golden of the ear for emotion: three seconds of a made voice through a small network."""
+"""Golden of the ear for emotion: three seconds of a synthetic voice through a small network."""
 
 from pathlib import Path
 
@@ -19,8 +19,8 @@ from training.systems.emoface.golden_emotion_encoder import made_voice
 
 
 def write(out: Path, shared: Path) -> Path:
-    """`weights.*`; `samples` [48000] → `logits` [I, 7] at every instant, and `relative_logits` [I, 7] beside
-    the neutral voice of `neutral` [40000]. `shared` is not used."""
+    """`weights.*`; `samples` [48000] → `logits` [I, 7] at every instant, and `relative_logits` [I, 7], which
+    are relative to the neutral voice in `neutral` [40000]. `shared` is not used."""
     torch.manual_seed(31)
     random = np.random.default_rng(31)
     samples = made_voice()

@@ -1,6 +1,7 @@
-"""Golden of classifiers of emotions in voices: small ones of Hugging Face's with random numbers.
+"""Golden of emotion classifiers for voices: small Hugging Face models with random weights.
 
-The third is the regression head that is published for arousal, dominance and valence, on the same encoder.
+The third model has the regression head that is published for arousal, dominance and valence. Its encoder is
+wav2vec2, like that of the first.
 """
 
 import json
@@ -26,7 +27,7 @@ SECONDS = 2
 
 
 class Regression(nn.Module):
-    """Mean of the hidden states, a layer under tanh, a layer."""
+    """Mean of the hidden states, then a linear layer with tanh, then a linear layer."""
 
     def __init__(self, config: Wav2Vec2Config):
         super().__init__()
@@ -45,19 +46,19 @@ class Regression(nn.Module):
 
 
 def labelled(*labels: str) -> dict:
-    """As `config.json` names them."""
+    """The labels in the form in which `config.json` lists them."""
     return {"id2label": dict(enumerate(labels)), "label2id": {label: n for n, label in enumerate(labels)}}
 
 
 def write(out: Path, shared: Path) -> Path:
-    """`input` [S]; `NAME.weights.*` and `NAME.logits` of each model, its config in the metadata.
+    """`input` [S]; `NAME.weights.*` and `NAME.logits` of each model; its config is in the metadata.
 
     `shared` is not used.
     """
     torch.manual_seed(11)
     mixed = Wav2Vec2Config(**SIZES, **labelled("neutral", "happy", "angry", "sad"), do_stable_layer_norm=True,
                            feat_extract_norm="layer", use_weighted_layer_sum=True)  # fmt: skip
-    # As transformers 4 had it, with which such models were trained: the last state is the normalised output.
+    # Such models were trained with transformers 4, in which the last hidden state is the normalised output.
     mixed.tie_last_hidden_states = True
     plain = HubertConfig(**SIZES, **labelled("angry", "happiness", "neutral", "sad", "other"))
     dimensions = Wav2Vec2Config(**SIZES, **labelled("arousal", "dominance", "valence"))

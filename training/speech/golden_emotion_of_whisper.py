@@ -1,4 +1,4 @@
-"""Golden of the ear for emotion on Whisper: two and a half seconds of a synthetic voice, random weights."""
+"""Golden of the ear for emotion on Whisper: three seconds of a synthetic voice, random weights."""
 
 import json
 from pathlib import Path

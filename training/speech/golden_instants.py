@@ -1,4 +1,4 @@
-"""Golden of the instants of speech features: HuBERT's features at the frames of a motion."""
+"""Golden of the instants of speech features: HuBERT's features interpolated at motion frames."""
 
 from pathlib import Path
 

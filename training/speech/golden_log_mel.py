@@ -1,4 +1,4 @@
-"""Golden of the log-mel front end and of the clip normalisation behind it."""
+"""Golden of the log-mel front end and of the clip normalisation that follows it."""
 
 import math
 from pathlib import Path

@@ -14,8 +14,8 @@ TEXT = "Der Größe b, thought 7 – aal"
 
 @torch.no_grad()
 def write(out: Path, shared: Path) -> Path:
-    """`weights.*`, `input` [T, C] features, `output` [4 T, K] log-posteriors, `said` [4 T] units of
-    `text`, −1 in a pause.
+    """`weights.*`, `input` [T, C] features, `output` [4 T, K] log-posteriors, `said` [4 T], the unit of
+    `text` in each row, −1 in a pause.
 
     `shared` is not used.
     """
@@ -31,7 +31,7 @@ def write(out: Path, shared: Path) -> Path:
     states = states_of(TEXT.split())
     emission = emissions(log_likelihood(model, tensors["input"]), table.double().numpy(), states)
     path = best_path(emission, states.skip)
-    # States of one unit are alike: which of them a path leaves out is chance.
+    # All states of a unit score alike, so which of them the path skips is arbitrary: compare units instead.
     tensors["said"] = torch.from_numpy(states.unit[path]).float()
     written = config.to_json() | {"units": list(UNITS)}
     return write_golden(out / "phones_debug.safetensors", tensors, "phones", model, written, text=TEXT)

@@ -1,4 +1,4 @@
-"""Golden of encoders: what the convolutions hear is brought to the motion's frames before the transformer."""
+"""Golden of encoders whose convolution outputs are resampled to motion frames before the transformer."""
 
 import json
 import math
@@ -16,7 +16,7 @@ NAMES = ("hubert_tiny", "wav2vec2_tiny", "wav2vec2_stable_tiny")
 
 
 def encoded(path: Path, fps: float) -> Tensor:
-    """The output of Hugging Face's own modules, [T, C], the interpolation between the first two of them."""
+    """Output [T, C] of Hugging Face's own modules, with resampling between the first and the second."""
     with safe_open(path, "pt") as file:
         config = json.loads(file.metadata()["config"])
     tensors = load_file(path)

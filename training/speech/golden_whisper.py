@@ -9,7 +9,7 @@ from training.speech.whisper import WhisperConfig, WhisperEncoder, to_hugging_fa
 
 
 def write(out: Path, shared: Path) -> Path:
-    """`input` [S], `mel` [T, 80], `layer_0` to `output` [T / 2, C]."""
+    """`input` [S], `mel` [T, 80]; `layer_0`, `layer_1` and `output` [⌈T / 2⌉, C]."""
     torch.manual_seed(5)
     model = WhisperEncoder(WhisperConfig(layers=2, width=16, places=750, heads=2)).eval()
     with torch.no_grad():

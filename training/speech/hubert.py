@@ -1,8 +1,8 @@
-"""HuBERT, wav2vec2 and Whisper features for any configuration, from a checkpoint folder of the user's.
+"""HuBERT, wav2vec2 and Whisper features for any configuration, from the user's checkpoint folder.
 
-The modules are Hugging Face's own, which `rust-core/src/speech/transformer_encoder.rs` mirrors; Whisper's is
-`training.speech.whisper`. Nothing is downloaded: a folder has config.json, model.safetensors or
-pytorch_model.bin, and where it is there preprocessor_config.json.
+HuBERT and wav2vec2 run in Hugging Face's own modules, which `rust-core/src/speech/transformer_encoder.rs`
+mirrors. Whisper runs in `training.speech.whisper`. Nothing is downloaded. The folder contains config.json,
+model.safetensors or pytorch_model.bin, and optionally preprocessor_config.json.
 """
 
 import json
@@ -25,9 +25,9 @@ WHISPER = "whisper"
 class HubertFeatures:
     """The output of the encoder, resampled to the motion's frame rate `fps`.
 
-    With `transformer_fps` the output of the convolutions is resampled to that rate instead, before projection
-    and transformer, as in FaceFormer (Fan et al. 2022, section 3.2). Whisper ignores it, since its positions
-    have its own rate.
+    With `transformer_fps` the output of the convolutions is first resampled to that rate, before projection
+    and transformer, as in FaceFormer (Fan et al. 2022, section 3.2). Whisper ignores `transformer_fps`, since
+    its position encodings fit only its own rate.
     """
 
     def __init__(self, folder: Path | None, transformer_fps: float | None = None, fps: float = FPS):
@@ -54,11 +54,11 @@ class HubertFeatures:
 
     @torch.no_grad()
     def __call__(self, samples: Tensor, frames: int) -> Tensor:
-        """`samples` [S] at 16 kHz → [frames, C], linear between neighbours; frame i is second i / `fps`."""
+        """`samples` [S] at 16 kHz → [frames, C], interpolated linearly; frame i is at i / `fps` seconds."""
         return self.hear(samples, frames)
 
     def hear(self, samples: Tensor, frames: int) -> Tensor:
-        """The same with gradients. Whisper has none."""
+        """The same as a call, but with gradients. Whisper gives none."""
         if self.kind == WHISPER:
             (heard,) = self.model.hear(whisper.whisper_mel(samples), [self.model.config.layers])
             return at_motion_frames(heard, whisper.RATE_HZ, 0.0, frames, self.fps)
@@ -81,7 +81,7 @@ def encode(
 
 
 def run_encoder(model: nn.Module, config: dict, samples: Tensor, frames: int | None, fps: float) -> Tensor:
-    """Output [T, C] of a model of a config.json for `samples` [S] as they are, at the model's own rate.
+    """Output [T, C] of `model` for `samples` [S], which are not normalised here, at the model's own rate.
 
     With `frames` the output of the convolutions is first resampled to that many frames at `fps`.
     """
@@ -94,7 +94,7 @@ def run_encoder(model: nn.Module, config: dict, samples: Tensor, frames: int | N
 
 
 def transformer(config: dict, state: dict[str, Tensor]) -> nn.Module:
-    """Hugging Face's model of a config.json with these weights, ready for inference."""
+    """Builds Hugging Face's model from a config.json and these weights, ready for inference."""
     from transformers import AutoConfig, AutoModel
 
     model = AutoModel.from_config(AutoConfig.for_model(**config)).eval()
@@ -109,7 +109,7 @@ def transformer(config: dict, state: dict[str, Tensor]) -> nn.Module:
 
 
 def read_checkpoint(folder: Path, kind: str) -> dict[str, Tensor]:
-    """Weights by name; checkpoints of models with a head hold the encoder one level down."""
+    """Weights by name. Checkpoints of models with a head prefix the encoder's names, so the prefix is cut."""
     safe, pickled = folder / "model.safetensors", folder / "pytorch_model.bin"
     if not safe.exists() and not pickled.exists():
         raise ValueError(f"{folder}: expected model.safetensors or pytorch_model.bin, got neither")
@@ -121,7 +121,7 @@ def read_checkpoint(folder: Path, kind: str) -> dict[str, Tensor]:
 
 
 def instants(config: dict) -> tuple[float, float]:
-    """Features per second, and the time in seconds of the first one, which is the middle of what it hears.
+    """Features per second, and the time of the first one in seconds: the middle of its receptive field.
 
     HuBERT's strides (a feature every 320 samples, each over 400) give 50 Hz and 12.5 ms.
     """
@@ -133,9 +133,9 @@ def instants(config: dict) -> tuple[float, float]:
 
 
 def at_motion_frames(features: Tensor, rate_hz: float, first_s: float, frames: int, fps: float) -> Tensor:
-    """Features [T, C] at seconds t / fps, linear between neighbours, held beyond the ends: [frames, C].
+    """Interpolates features [T, C] linearly at t / fps seconds; the ends are held: [frames, C].
 
-    Mirrors `rust-core/src/speech/resample.rs`: feature i stands at `first_s` + i / `rate_hz` seconds.
+    Mirrors `rust-core/src/speech/resample.rs`: feature i is at `first_s` + i / `rate_hz` seconds.
     """
     position = (torch.arange(frames, dtype=torch.float64) / fps - first_s) * rate_hz
     position = position.clamp(0, len(features) - 1)

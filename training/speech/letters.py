@@ -1,9 +1,9 @@
-"""When the words of a text are said: letters, the phones that each may stand for, and the best path.
+"""Finds when the words of a text are said: letters, the phones that each may stand for, and the best path.
 
 Twin of `rust-core/src/speech/alignment.rs`. There is no dictionary. A text becomes units, each a letter or
 one of the groups below, and `table` [U, K] has the probability that a unit sounds as each class of phones. A
-unit may be silent; a pause may stand before, between and after words. The most probable path (Viterbi 1967)
-through the frames says where each unit is.
+unit may be silent. Pauses may occur before, between and after words. The most probable path (Viterbi 1967)
+through the frames tells when each unit is spoken.
 """
 
 import unicodedata
@@ -61,7 +61,7 @@ NAME_COST = 1.0
 
 @dataclass
 class States:
-    """States that a path passes. `unit` −1 is a pause; `word` is the word's index, −1 for a pause."""
+    """States of a path, [N] each. The indices `unit` and `word` are −1 for a pause; `skip` is a cost."""
 
     unit: np.ndarray
     word: np.ndarray
@@ -69,7 +69,7 @@ class States:
 
 
 def romanised(word: str) -> str:
-    """Small letters a to z, and `*` for letters of other scripts. Diacritics and other signs are dropped."""
+    """The word in letters a to z, with `*` for digits and other scripts. Diacritics and signs are dropped."""
     letters = []
     for sign in word.lower():
         plain = SPECIAL.get(sign) or unicodedata.normalize("NFD", sign)[0]
@@ -94,7 +94,7 @@ def units(word: str) -> list[int]:
 
 
 def states_of(words: list[str], silent_cost: float = SILENT_COST) -> States:
-    """States of a pause, a word's units, a pause, and so on. Words without a letter have no state."""
+    """States of a pause, then of a word's units, then a pause, and so on. Words without letters get none."""
     unit, word, skip = [-1], [-1], [0.0]
     for index, text in enumerate(words):
         spelling = units(text)
@@ -106,7 +106,8 @@ def states_of(words: list[str], silent_cost: float = SILENT_COST) -> States:
         for place, u in enumerate(spelling):
             unit += [u] * LEAST_ROWS
             word += [index] * LEAST_ROWS
-            # One of two letters is always heard, so that no word vanishes between two pauses.
+            # A path may skip two units, so a word of one or two could vanish between two pauses. Its first
+            # unit must be heard. Of a letter spoken by its name, the letter itself must be heard.
             must = place == 1 if spelled else len(spelling) == 1 or len(spelling) == 2 and place == 0
             cost = NEVER if must else NAME_COST if spelled else silent_cost
             skip += [cost / LEAST_ROWS] * LEAST_ROWS
@@ -117,7 +118,7 @@ def states_of(words: list[str], silent_cost: float = SILENT_COST) -> States:
 
 
 def table_of_rules(smooth: float = 0.05) -> np.ndarray:
-    """The rules as probabilities, [U, K]."""
+    """`RULES` as probabilities [U, K]. The share `smooth` is spread evenly over all classes."""
     signs = list(CLASSES)
     table = np.full((len(UNITS), len(signs)), smooth / len(signs))
     for index, unit in enumerate(UNITS):
@@ -127,7 +128,7 @@ def table_of_rules(smooth: float = 0.05) -> np.ndarray:
 
 
 def emissions(log_likelihood: np.ndarray, table: np.ndarray, states: States) -> np.ndarray:
-    """Nepers of each frame in each state, [T, N]; `log_likelihood` [T, K] is log p(k | x) − log p(k)."""
+    """Nepers of each frame in each state, [T, N]. `log_likelihood` [T, K] is log p(k | x) − log p(k)."""
     top = log_likelihood.max(axis=1, keepdims=True)
     of_units = np.log(np.exp(log_likelihood - top) @ table.T) + top
     every = np.concatenate([of_units, log_likelihood[:, :1]], axis=1)
@@ -137,7 +138,8 @@ def emissions(log_likelihood: np.ndarray, table: np.ndarray, states: States) -> 
 def best_path(emission: np.ndarray, skip: np.ndarray) -> np.ndarray:
     """State of each frame [T] on the most probable path; `emission` [T, N], `skip` [N] costs.
 
-    A path stays in a state, goes on, or skips up to `LONGEST_SKIP` states at their cost.
+    At each frame a path stays in its state, moves to the next, or skips up to `LONGEST_SKIP` states at their
+    cost.
     """
     frames, count = emission.shape
     before = np.concatenate([[0.0], np.cumsum(skip)])
@@ -168,7 +170,7 @@ def best_path(emission: np.ndarray, skip: np.ndarray) -> np.ndarray:
 def word_times(
     path: np.ndarray, states: States, rate_hz: float, first_s: float
 ) -> dict[int, tuple[float, float]]:
-    """Start and end in seconds of each word on a path. A row lasts half a row to either side of its time."""
+    """Start and end in seconds of each word on a path. A row covers half a step to either side."""
     times = {}
     for word in np.unique(states.word[states.word >= 0]):
         rows = np.flatnonzero(states.word[path] == word)

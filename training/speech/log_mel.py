@@ -28,7 +28,7 @@ def mel_to_hertz(mel):
 def mel_filters(bands: int = BANDS, warp: float = 1.0) -> Tensor:
     """Triangular filters with peak 1, evenly spaced in mel, [FFT/2 + 1, bands] f32.
 
-    `warp` multiplies the frequency of every bin before the filters see it (vocal-tract-length
+    `warp` multiplies the frequency of every bin before the filters apply (vocal-tract-length
     augmentation; 1 for inference).
     """
     edges = mel_to_hertz(np.linspace(hertz_to_mel(LOW_HZ), hertz_to_mel(HIGH_HZ), bands + 2))
@@ -41,8 +41,8 @@ def mel_filters(bands: int = BANDS, warp: float = 1.0) -> Tensor:
 def power_spectrum(samples: Tensor) -> Tensor:
     """|X|² of Hann-windowed frames, [S] → [1 + S // 160, 257].
 
-    Frame i is centred on sample 160 i: zeros are padded by 200 on both sides, the frame starts
-    at 160 i − 200. Periodic Hann of 400 samples, zero-padded on the right to 512.
+    Frame i is centred on sample 160 i and starts at 160 i − 200. Samples beyond both ends are
+    zeros. Periodic Hann of 400 samples, zero-padded on the right to 512.
     """
     if samples.ndim != 1:
         raise ValueError(f"samples: expected [S], got {list(samples.shape)}")

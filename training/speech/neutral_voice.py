@@ -1,11 +1,11 @@
-"""Whether the ear for emotion gains from a recording in which the same person speaks neutrally.
+"""Measures whether the ear for emotion gains from a neutral recording of the same person.
 
     python -m training.speech.neutral_voice --data ../shared/data --windows runs/ear/windows.pt
 
-Each recording of emodb_de is judged with so many seconds of other neutral recordings of its actor. Layers
-that never heard the actor judge it; the shipped layer judges the two held-out actors. Then come readers whom
-nobody taught an emotion, also played slower, which makes a low voice of theirs. An emotion counts as shown if
-its intensity exceeds 0.1 at any moment.
+Each recording of emodb_de is judged with 0, 2, 10 or 20 seconds of other neutral recordings of its actor. A
+layer fitted without the actor judges it. The shipped layer judges the two held-out actors, and then readers
+who act no emotion, also played slower to lower their voices. An emotion counts as shown if its intensity
+exceeds 0.1 at any moment.
 
 `--write` measures nothing. It puts the mean neutral voice of `windows` into the shipped model as `readers`
 and leaves all other arrays as they are.
@@ -61,8 +61,8 @@ JOY, ANGER = HEARD_EMOTIONS.index("happy"), HEARD_EMOTIONS.index("angry")
 
 @dataclass
 class Heard:
-    """A recording: `rows` [I, told + 118] and their weights [I], that of the first two seconds [told + 118],
-    the number of its emotion."""
+    """A recording: its `rows` [I, told + 118] over time with their `weight` [I], the row `first` [told + 118]
+    of its first two seconds, the index of its emotion, and its length."""
 
     first: np.ndarray
     rows: np.ndarray
@@ -72,7 +72,7 @@ class Heard:
 
 
 def heard_of(net: EmotionEarNet, samples: np.ndarray, emotion: int = 0) -> Heard:
-    """A recording as the ear hears it over time."""
+    """Computes what the ear hears of a recording over time."""
     samples = samples.astype(np.float32)
     rows, weight = neutral_voice(net, voice_of(samples))
     start = voice_of(samples[:SAMPLES])
@@ -81,8 +81,8 @@ def heard_of(net: EmotionEarNet, samples: np.ndarray, emotion: int = 0) -> Heard
 
 
 def offset_of(others: list[Heard], seconds: float, readers: np.ndarray, random) -> np.ndarray | float:
-    """Offset [told + 118] that so many seconds of neutral recordings add to rows. Only whole recordings are
-    used."""
+    """Offset [told + 118] to add to rows, from this many seconds of neutral recordings. Whole recordings are
+    drawn until their total length suffices."""
     recordings, got = [], 0.0
     for k in random.permutation(len(others)):
         if got >= seconds:
@@ -96,7 +96,7 @@ def offset_of(others: list[Heard], seconds: float, readers: np.ndarray, random) 
 
 
 def probabilities(ear: EmotionLayer, rows: np.ndarray, weight: np.ndarray) -> np.ndarray:
-    """Probabilities of the emotions over time, [I, 7]: the moment and the whole together."""
+    """Probabilities of the emotions over time, [I, 7], from the time near each moment and the whole sound."""
     logits = ear.logits(rows)
     before = BEFORE_NEUTRAL * (np.arange(logits.shape[1]) == 0)
 
@@ -110,7 +110,7 @@ def probabilities(ear: EmotionLayer, rows: np.ndarray, weight: np.ndarray) -> np
 
 
 def shown(shares: np.ndarray) -> tuple[float, int]:
-    """The largest intensity of any moment of [I, 7], and the emotion that shows most."""
+    """The largest intensity at any moment of `shares` [I, 7], and the emotion that shows most."""
     above = ((1.0 - shares[:, 0] - FLOOR) / (FULL - FLOOR)).clip(0.0, 1.0)
     intensity = above * above * (3.0 - 2.0 * above)
     power = shares[:, 1:] ** 2
@@ -119,13 +119,13 @@ def shown(shares: np.ndarray) -> tuple[float, int]:
 
 
 class Count:
-    """How often something holds."""
+    """Counts how often a condition holds."""
 
     def __init__(self):
         self.right, self.all = 0, 0
 
     def add(self, is_so: bool) -> None:
-        """Counts one."""
+        """Counts one case."""
         self.right, self.all = self.right + bool(is_so), self.all + 1
 
     def __str__(self):
@@ -135,8 +135,8 @@ class Count:
 def judge(
     actors: dict[str, list[Heard]], ear_of: Callable[[str], EmotionLayer], seconds: float
 ) -> dict[str, Count]:
-    """Results on recordings of actors: seven classes, joy against anger in the first two seconds, and what is
-    shown."""
+    """Scores of actors' recordings: seven classes and joy against anger in the first two seconds, and the
+    emotions shown over time."""
     counts: dict[str, Count] = defaultdict(Count)
     for draw in range(DRAWS if seconds else 1):
         random = np.random.default_rng(draw)
@@ -159,7 +159,7 @@ def judge(
 
 
 def strangers(net: EmotionEarNet, ear: EmotionEar, data: Path) -> Iterable[str]:
-    """How many readings show an emotion, for each number of seconds of the reader's own voice."""
+    """Tells how many readings show an emotion, for each number of seconds of the reader's own voice."""
     for source, (folder, step) in READERS.items():
         sounds = [read_sound(path) for path in sorted((data / folder).glob("*.ogg"))[::step]]
         for how, (up, down) in SLOWER.items():
@@ -177,7 +177,7 @@ def strangers(net: EmotionEarNet, ear: EmotionEar, data: Path) -> Iterable[str]:
 
 
 def write_readers(folder: Path, readers: np.ndarray) -> None:
-    """Adds `readers` to a shipped model or replaces them; every other byte stays."""
+    """Adds or replaces `readers` in a shipped model. All other arrays stay as they are."""
     state = load(read_bytes(folder)) | {"readers": torch.from_numpy(readers).float()}
     (folder / PACKED).write_bytes(pack(save(state)))
 

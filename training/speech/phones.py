@@ -1,7 +1,7 @@
-"""Which phone is heard when: a read-out of the compact encoder's features, 100 frames a second.
+"""Reads from the compact encoder's features which phone is heard when, at 100 frames a second.
 
-Twin of `rust-core/src/speech/phones.rs`. Frame t of the encoder stands at t / 25 s; row 4 t + j of the
-posteriors stands at (4 t + j − 2) / 100 s, the middle two of the four lie around the encoder's frame.
+Twin of `rust-core/src/speech/phones.rs`. Frame t of the encoder is at t / 25 s. Row 4 t + j of the posteriors
+is at (4 t + j − 2) / 100 s, so the four rows of a frame lie from 20 ms before it to 10 ms after it.
 """
 
 from dataclasses import dataclass, field
@@ -96,6 +96,6 @@ class PhoneReadout(nn.Module):
         self.register_buffer("log_prior", torch.zeros(len(config.phones)))
 
     def forward(self, features: Tensor) -> Tensor:
-        """Zeros stand beyond both ends."""
+        """Features beyond both ends count as zeros."""
         hidden = F.gelu(self.conv(features.transpose(1, 2)).transpose(1, 2))
         return self.out(hidden).unflatten(-1, (PARTS, -1)).flatten(1, 2).log_softmax(dim=-1)

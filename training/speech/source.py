@@ -1,4 +1,4 @@
-"""Where the denoiser's training gets its speech features from: one class per encoder."""
+"""Sources of speech features for the denoiser's training, one class per encoder."""
 
 import copy
 
@@ -13,7 +13,7 @@ from training.speech.hubert import HubertFeatures
 
 
 class CompactSpeech:
-    """Log-mels in several voices through the compact encoder, frozen unless training tunes it."""
+    """Runs log-mels in several voices through the compact encoder, frozen unless training tunes it."""
 
     def __init__(self, encoder: CompactEncoder, entries: list[bank.Entry]):
         self.encoder = encoder.eval().requires_grad_(False)
@@ -26,7 +26,7 @@ class CompactSpeech:
         return other
 
     def sampler(self, sources: list[str], shares: list[float], seed: int) -> WindowSampler:
-        """Windows with augmentation."""
+        """A sampler of windows with augmentation."""
         return WindowSampler(self.entries, sources, shares, seed, AugmentOptions())
 
     def windows(self, mel: Tensor) -> Tensor:
@@ -56,15 +56,15 @@ class HubertSpeech:
         self.entries = feature_entries(clips, features)
 
     def using(self, encoder: nn.Module) -> "HubertSpeech":
-        """Itself: the checkpoint is not trained."""
+        """Returns itself, since the checkpoint is not trained."""
         return self
 
     def sampler(self, sources: list[str], shares: list[float], seed: int) -> FeatureSampler:
-        """Windows without augmentation of the sound."""
+        """A sampler of windows without augmentation of the sound."""
         return FeatureSampler(self.entries, sources, shares, seed)
 
     def windows(self, features: Tensor) -> Tensor:
-        """[B, T, C] as it is."""
+        """Returns `features` [B, T, C] unchanged."""
         return features
 
     def clip(self, entry: bank.Entry) -> Tensor:

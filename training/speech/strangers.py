@@ -1,9 +1,9 @@
-"""How well motion follows a voice: whole clips, within speech, beyond loudness, and closures.
+"""Measures how well motion follows a voice: in whole clips, in speech, beyond loudness, and at closures.
 
     python -m training.speech.strangers --anyface target/release/anyface --speech ../shared/data/speech/kokoro
 
-counts how often lips meet at p, b and m, and how often they meet where none of these is said. It does so for
-each source of folders with `phones.jsonl`.
+counts how often the lips meet at p, b and m, and how often they meet where none of these is said, for each
+source in folders with `phones.jsonl`.
 """
 
 from dataclasses import dataclass
@@ -43,12 +43,12 @@ def loudness(mel: Tensor) -> Tensor:
 
 
 def spoken_frames(level: Tensor) -> Tensor:
-    """Frames within 4 nepers of the 95 % quantile of loudness, which are no pause: [T] → [T] bool."""
+    """Frames outside pauses: at most 4 nepers under the 95 % quantile of loudness, [T] → [T] bool."""
     return level >= torch.quantile(level, ACTIVE_QUANTILE) - ACTIVE_RANGE
 
 
 def without_line(x: Tensor, line: Tensor) -> Tensor:
-    """The part of `x` [T] that no straight line through `line` [T] explains; 0 if only rounding remains."""
+    """The residual of `x` [T] after linear regression on `line` [T]; 0 if only rounding error remains."""
     x, line = x - x.mean(), line - line.mean()
     rest = x - line * (x @ line) / line.square().sum().clamp_min(1e-9)
     return rest if rest.norm() > ROUNDING * x.norm() else torch.zeros_like(x)
@@ -60,10 +60,11 @@ def correlation(a: Tensor, b: Tensor) -> Tensor:
 
 
 def feature_scores(clips: list[tuple[Tensor, Tensor, Tensor]]) -> dict[str, float]:
-    """Means over clips: the predicted and the true curve of a feature and the loudness, all [T].
+    """Scores of clips: the predicted and the true curve of a feature and the loudness, all [T].
 
-    `r` by clip; `slope` of predicted over true within clips; `speech` r over the frames that are no
-    pause; `beyond` r after the line through loudness is taken out of both.
+    `r` is Pearson's r, averaged over clips; `speech` is r over the frames outside pauses; `beyond` is r
+    after regression on loudness is removed from both curves. `slope` is that of predicted over true values
+    within clips, pooled over clips.
     """
     rows, product, square = {"r": [], "speech": [], "beyond": []}, 0.0, 0.0
     for predicted, true, level in clips:
@@ -89,8 +90,8 @@ def scores(pairs: list[tuple[Tensor, Entry]]) -> dict[str, float]:
 
 @dataclass
 class ClosureCounts:
-    """Counts of p, b and m said, of those at which lips meet, and of closures far from all of them; seconds
-    of speech."""
+    """How many p, b and m are said, at how many of them the lips meet, how many closures are far from all of
+    them, and the seconds of speech."""
 
     said: int = 0
     met: int = 0
@@ -109,7 +110,7 @@ class ClosureCounts:
 
 
 def count_closures(motion: np.ndarray, fps: float, phones: list[Phone]) -> ClosureCounts:
-    """Closures in displacements [T, 68, 3] m, by the widest of the three inner lip pairs."""
+    """Counts closures in displacements [T, 68, 3] m. The widest of the three inner lip pairs decides."""
     closed = inner_gaps(motion, np.zeros((68, 3))).max(axis=1) <= CLOSED_M
     times = np.arange(len(closed)) / fps
     parts = [part for phone in phones for part in split(phone)]

@@ -1,4 +1,4 @@
-"""What the speech encoder has to predict beside motion: the phone of every frame."""
+"""The speech encoder's second training target beside motion: the phone of every frame."""
 
 import torch
 import torch.nn.functional as F
@@ -16,7 +16,7 @@ class PhoneHead(nn.Module):
         self.readout = nn.Linear(channels, len(SEGMENTS))
 
     def loss(self, features: Tensor, phones: Tensor) -> Tensor:
-        """`features` [B, T, C], `phones` [B, 4 T] segments (−1 unknown); mean over known rows."""
+        """`features` [B, T, C], `phones` [B, 4 T] segments (−1 unknown). Mean over rows without −1."""
         known = (phones >= 0).all(dim=1)
         if not known.any():
             return features.sum() * 0.0

@@ -1,13 +1,13 @@
-"""Pretrains the compact speech encoder: log-mel → landmark motion and what the mouth articulates.
+"""Pretrains the compact speech encoder: log-mel → landmark motion and phones.
 
     python -m training.speech.train --data ../shared/data --out runs/speech
 
 Each source of motion has its own linear read-out, so that two people do not average into one. Speech without
-a face (many voices, eighteen languages) joins through its phones. With `--ear ear.pt` of
+a face (many voices, eighteen languages) contributes its phones. With `--ear ear.pt` of
 `training.speech.train_ear`, that teacher gives this speech its motion instead of the co-articulation rules,
 and the encoder also learns the teacher's features (or a `--layer` of Whisper). With `--corpus DIR [DIR ...]`
-it hears only corpus folders, and their phones if they have any. Only the encoder is kept. Seeded; resumes
-from `--out/last.pt` with the same bits.
+it trains only on corpus folders, and on their phones if they have any. Only the encoder is kept. Seeded;
+resumes from `--out/last.pt` with the same bits.
 """
 
 import argparse
@@ -68,9 +68,9 @@ class SpeechToMotion(nn.Module):
 
 
 def loss_of(model: SpeechToMotion, batch: Batch, scale: torch.Tensor, weight: torch.Tensor, machine: Machine):
-    """Motion loss, gap concordance and articulation of one batch; `scale` [B, 1, 1] metres of its sources.
+    """Loss of one batch: motion, concordance and articulation; `scale` [B, 1, 1] metres by source.
 
-    Columns of motion after the first 204 are features that the encoder shall tell (`with_target`).
+    Columns of motion after the first 204 are features that the encoder must predict (`with_target`).
     """
     motion, target_features = batch.motion[..., :MOTION], batch.motion[..., MOTION:]
     motion_weight, known = batch.weight[..., :MOTION], batch.weight[..., MOTION:]
@@ -106,7 +106,7 @@ def motion_scores(model: SpeechToMotion, entries, source: int, scale_m: float) -
 
 @torch.no_grad()
 def closure_scores(model: SpeechToMotion, entries, source: int) -> dict[str, float]:
-    """Share of p, b, m at which a read-out's lips meet, by the source of the speech."""
+    """Share of p, b and m at which the lips of a read-out meet, by the source of the speech."""
     model.eval()
     met: dict[str, list[bool]] = {}
     for entry in entries:
@@ -119,8 +119,8 @@ def closure_scores(model: SpeechToMotion, entries, source: int) -> dict[str, flo
 
 
 def validate(model, entries, heard: list[bank.Entry], sources: list[str], scales) -> dict[str, float]:
-    """Scores of held-out clips of trained sources, of left-out sources (each read-out), and closures of
-    `heard`."""
+    """Scores of held-out clips of trained sources and of clips of left-out sources (with each read-out), and
+    the share of closures met in `heard`."""
     judge = sources.index(spoken.SOURCE if spoken.SOURCE in sources else sources[0])
     report = {k: round(v, 3) for k, v in closure_scores(model, heard, judge).items()}
     for name in sorted({e.source for e in entries} - {spoken.SOURCE}):
@@ -137,7 +137,10 @@ def validate(model, entries, heard: list[bank.Entry], sources: list[str], scales
 
 @dataclass
 class Speech:
-    """Speech of a training: its entries, those it is judged on, and how often each source is drawn."""
+    """Speech of a training run: its entries, and how often each source is drawn.
+
+    Motion is judged on `judged` and closures on `heard`. `targets` is the number of features to predict.
+    """
 
     entries: list[bank.Entry]
     judged: list[bank.Entry]
@@ -147,7 +150,7 @@ class Speech:
 
 
 def speech_of(arguments) -> Speech:
-    """Corpus folders, or the project's own sources with speech that has no face."""
+    """Loads corpus folders, or the project's own sources with speech that has no face."""
     debug = arguments.config == "debug"
     voices, limit = (2, 4) if debug else (arguments.voices, None)
     entries = entries_of(arguments, voices, limit)
@@ -167,7 +170,7 @@ def speech_of(arguments) -> Speech:
 
 
 def taught_by_ear(arguments, recorded: list[bank.Entry]) -> Speech:
-    """Recorded clips, and all other speech as the teacher on Whisper hears it, both with its features."""
+    """Recorded clips, and all other speech with motion from the teacher on Whisper. Both get its features."""
     taught, targets = lessons(arguments)
     entries = taught + [with_target(e, targets[e.source, e.name]) for e in recorded]
     judged = recorded + taught + spoken.unseen(arguments.data)

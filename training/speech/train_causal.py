@@ -1,10 +1,10 @@
-"""Trains the causal twin of the compact speech encoder: what EmoFace's content branch hears of a live voice.
+"""Trains the causal twin of the compact speech encoder. EmoFace's content branch reads it for live voices.
 
     python -m training.speech.train_causal --data ../shared/data --out runs/causal_speech
 
-The student hears a stretch of speech under a running normalisation with a fifth of a second of look-ahead;
-the encoder, which is not trained, hears the same stretch whole. Windows are those of
-`training.systems.freetalk.train_stream`, rooms, noises and levels included. Seeded; resumes from
+The student hears a stretch of speech under a running normalisation, with a fifth of a second of look-ahead.
+Its teacher, the frozen encoder, hears the whole stretch at once. Windows are drawn as in
+`training.systems.freetalk.train_stream`, with the same rooms, noises and levels. Seeded; resumes from
 `--out/last.pt` with the same bits; `--config debug` takes a minute. `python -m training.export stream --run
 runs/causal_speech/stream.pt` writes the model.
 """
@@ -38,7 +38,7 @@ CLOSURE = 0.1
 
 
 def as_lesson(entry: Entry) -> Lesson:
-    """An entry without motion. The encoder judges every window as it is drawn."""
+    """A lesson without motion. The encoder computes the targets of each window when it is drawn."""
     still = torch.zeros(len(entry.motion), DIMS)
     return Lesson(**(vars(entry) | {"motion": still, "weight": still}), taught=still.half())
 
@@ -54,7 +54,7 @@ def acted_entries(data: Path, limit: int | None) -> list[Entry]:
 
 
 def prepare(arguments) -> list[Lesson]:
-    """All speech of the training."""
+    """Loads all speech to train on."""
     debug = arguments.config == "debug"
     limit = 4 if debug else None
     entries = entries_of(arguments, 2 if debug else arguments.voices, limit)
@@ -69,13 +69,13 @@ def prepare(arguments) -> list[Lesson]:
 
 @torch.no_grad()
 def whole(encoder: CompactEncoder, mel: Tensor, frames: int) -> Tensor:
-    """Features [B, frames, C] of the encoder for raw log-mel [B, R, 64] when it hears all of it."""
+    """The encoder's features [B, frames, C] when it hears all of the raw log-mel [B, R, 64] at once."""
     heard = torch.stack([normalise(row) for row in mel])
     return encoder(heard)[:, :frames]
 
 
 def loss_of(model: StreamNet, encoder: CompactEncoder, batch: LessonBatch, frames: int):
-    """Distance between features in units of their deviation, and between what they say of closed lips."""
+    """Distance of features in units of their deviation, plus that of their probabilities of closed lips."""
     taught = whole(encoder, batch.mel, frames)
     mel = normalise_running(batch.mel, model.config.normaliser, batch.heard)
     with torch.autocast("cpu", torch.bfloat16):
@@ -92,7 +92,7 @@ def loss_of(model: StreamNet, encoder: CompactEncoder, batch: LessonBatch, frame
 def validate(
     model: StreamNet, encoder: CompactEncoder, lessons: list[Lesson], count: int
 ) -> dict[str, float]:
-    """Explained share of the features' variance on held-out clips, by source, from a cold start."""
+    """Share of the features' variance explained on held-out clips, by source, from a cold start."""
     model.eval()
     report = {}
     for source in sorted({x.source for x in lessons if x.held_out}):
@@ -109,7 +109,7 @@ def validate(
 
 
 def new_model(arguments, encoder: CompactEncoder, lessons: list[Lesson]) -> StreamNet:
-    """A student that starts at the mean and deviation of the features."""
+    """A new student with the mean and deviation of the encoder's features."""
     config = debug_config() if arguments.config == "debug" else StreamConfig(channels=arguments.channels)
     config.system, config.model = "emoface", "causal_speech"
     config.outputs = encoder.config.channels
@@ -123,7 +123,7 @@ def new_model(arguments, encoder: CompactEncoder, lessons: list[Lesson]) -> Stre
 
 
 def shares_of(lessons: list[Lesson]) -> dict[str, float]:
-    """How often each source is drawn: the root of its seconds."""
+    """How often each source is drawn: in proportion to the square root of its seconds."""
     seconds: dict[str, float] = {}
     for lesson in lessons:
         seconds[lesson.source] = seconds.get(lesson.source, 0.0) + len(lesson.motion) / FPS

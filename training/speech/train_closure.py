@@ -1,9 +1,9 @@
-"""Fits the read-out that says when the lips are together, on a finished run's encoder.
+"""Fits the read-out that tells when the lips are together, on a finished run's encoder.
 
     python -m training.speech.train_closure --data ../shared/data --run runs/ats/ats.pt
 
-A closure lasts a frame or two of video. Smoothing lifts it and every squared error blurs it, so p, b and m
-are read from the sound itself, by a logistic read-out of the encoder's features. It trains on all speech with
+A closure lasts only a frame or two of video. Smoothing opens it and a squared error blurs it. So a logistic
+read-out of the encoder's features detects p, b and m in the sound itself. It trains on all speech with
 phones: the project's, or with `--corpus DIR [DIR ...]` the clips of corpus folders that have
 `phones/CLIP.tsv`. The run's file is rewritten with the read-out.
 """
@@ -32,7 +32,7 @@ SHARES = {"grid_s1": 0.25, "taught": 0.75}
 
 
 def closed_share(phones: Tensor) -> Tensor:
-    """`phones` [B, 4 T] segments → share of each motion frame with lips together, [B, T]."""
+    """`phones` [B, 4 T] segments → the share of each motion frame in which the lips are together, [B, T]."""
     inside = torch.isin(phones, torch.tensor(BILABIALS))
     early = inside.clone()
     for shift in range(1, EARLY_MEL_FRAMES + 1):

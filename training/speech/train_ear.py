@@ -1,9 +1,9 @@
-"""Trains the teacher of motion on Whisper: what a face does, and which phone sounds, for any voice.
+"""Trains the teacher of motion on Whisper: it predicts the face's motion and the phones of any voice.
 
     python -m training.speech.train_ear --whisper ../shared/models/whisper-base --out runs/ear
 
-hears recorded motion in three voices and speech with phone times in twenty languages. Each source of motion
-has its own read-out. `ear.pt` then gives all other speech a face (`training.speech.train --ear`).
+trains on recorded motion in three voices and on speech with phone times in twenty languages. Each source of
+motion has its own read-out. `ear.pt` then gives all other speech a face (`training.speech.train --ear`).
 """
 
 import argparse
@@ -32,7 +32,7 @@ ARTICULATION = 0.3
 
 @dataclass
 class EarBatch:
-    """A row is a window of T frames of motion.
+    """A batch, in which each row is a window of T frames of motion.
 
     `heard` [B, L, 2 T, C]; `levels` [B, 2 T, 8]; `motion`, `weight` [B, T, 204]; `phones` [B, 4 T];
     `source` [B].
@@ -94,7 +94,7 @@ def group(clip: EarClip) -> str:
 
 
 def loss_of(model: EarToMotion, batch: EarBatch, scale: Tensor, weight: Tensor, machine: Machine):
-    """Motion loss, concordance and phones of one batch; `scale` [B, 1, 1] metres of its sources."""
+    """Loss of one batch: motion, concordance and phones; `scale` [B, 1, 1] metres by source."""
     with machine.autocast():
         features = model(batch.heard, batch.levels)
         prediction = model.read_out(features, batch.source).float()
@@ -111,8 +111,8 @@ def loss_of(model: EarToMotion, batch: EarBatch, scale: Tensor, weight: Tensor, 
 
 @torch.no_grad()
 def validate(model: EarToMotion, clips: list[EarClip], sources: list[str]) -> dict[str, float]:
-    """Scores of held-out clips of trained sources and of left-out sources (each read-out), and phones of
-    strangers."""
+    """Scores of held-out clips of trained sources and of clips of left-out sources (with each read-out), and
+    the share of phones recognised in held-out speech without a face."""
     model.eval()
     report = {}
     for name in (s for s in SHARES if s != SOURCE):
@@ -134,7 +134,7 @@ def validate(model: EarToMotion, clips: list[EarClip], sources: list[str]) -> di
 
 
 def phones_right(model: EarToMotion, clip: EarClip) -> Tensor:
-    """Whether the likeliest segment of each frame that is no pause is the right one."""
+    """For each frame outside pauses, whether the likeliest segment is the right one."""
     predicted = model.phones.readout(model.of(clip)).argmax(dim=-1)
     true = clip.phones[::MEL_PER_FRAME].long()
     return (predicted == true)[true > 0].float()
@@ -170,7 +170,7 @@ def train(arguments) -> Path:
 
 
 def follow_rules(clips: list[EarClip]) -> None:
-    """Gives speech without a face the motion of the co-articulation rules for its phones."""
+    """Gives speech without a face the motion that the co-articulation rules derive from its phones."""
     teacher, random = Teacher.load(), np.random.default_rng(0)
     for clip in clips:
         if group(clip) == SOURCE and not clip.held_out:

@@ -1,11 +1,11 @@
-"""Fits the layer that tells emotions from the ear's network and the 118 numbers, and measures it.
+"""Fits and measures the layer that reads emotions from the ear's network and the 118 numbers.
 
     python -m training.speech.train_emotion_ear --windows runs/ear/windows.pt --net runs/ear/net.pt
 
-Every actor's emotion is moved onto other speakers: its difference from his neutral voice is added to the
-neutral voice of a reader. So no emotion can be recognised by the recordings that hold it. `--measure` leaves
-actors out in turn instead of writing the model. Only the choice of reader for each emotion is random, and it
-is seeded.
+Every actor's emotion is transferred to other speakers: its difference from his neutral voice is added to a
+reader's neutral voice. So the layer cannot recognise an emotion by the recordings in which it occurs.
+`--measure` leaves out each actor in turn instead of writing the model. Only the choice of reader for each
+acted clip is random, and it is seeded.
 """
 
 from collections import Counter
@@ -45,7 +45,7 @@ LEAST_DEVIATION = 1e-4
 
 
 class Rows:
-    """Rows `x` [N, R] of all windows with their `label` [N] in `HEARD_EMOTIONS`.
+    """Rows `x` [N, R] of all windows with their `label` [N], an index into `HEARD_EMOTIONS`.
 
     `row_of_samples` turns samples [S] at 16 kHz into a row [R].
     """
@@ -80,16 +80,16 @@ class Rows:
 
 
 def heard_row(net: EmotionEarNet, samples: np.ndarray) -> np.ndarray:
-    """The row of two seconds [S], [told + 118]."""
+    """The row [told + 118] of two seconds of sound [S]."""
     voice = voice_of(samples)
     end = len(voice.mel)
     return row_of(net, voice, max(end - WINDOW, 0), end)
 
 
 def fitted(rows: Rows, actor_rows: np.ndarray, seed: int = 0) -> EmotionLayer:
-    """The layer, fitted to the actors' clips and to all readers who are not held out.
+    """Fits the layer to the actors' clips and to all readers who are not held out.
 
-    `actor_rows` are numbers of rows.
+    `actor_rows` are indices of rows.
     """
     random = np.random.default_rng(seed)
     neutral = {
@@ -131,7 +131,7 @@ def logistic(x: np.ndarray, labels: np.ndarray, weight: np.ndarray) -> tuple[np.
 
 
 def leave_one_out(rows: Rows) -> dict[str, float]:
-    """Every actor judged by a layer that never heard him."""
+    """Scores of every actor under a layer that was fitted without him."""
     logits = np.zeros((len(rows.actor_rows), len(HEARD_EMOTIONS)))
     for actor in sorted(set(rows.speaker[rows.actor_rows])):
         is_own = rows.speaker[rows.actor_rows] == actor
@@ -163,7 +163,7 @@ def main(
 
 
 def report_held_out(rows: Rows, layer: EmotionLayer) -> None:
-    """Prints how the held-out actors and readers fare."""
+    """Prints the scores of held-out actors and readers."""
     left = np.isin(rows.speaker[rows.actor_rows], HELD_OUT)
     print(
         "actors held out",

@@ -1,11 +1,11 @@
-"""Fits the layer that tells emotions from what Whisper base says of a voice, and measures it.
+"""Fits and measures the layer that reads emotions from Whisper base's features of a voice.
 
     python -m training.speech.train_emotion_of_whisper --windows runs/ear/windows.pt \
         --whisper runs/whisper-base
 
-`training.speech.train_emotion_ear` fits such a layer to the small network that learned from Whisper; this one
-is fitted to Whisper itself, in the same way on the same windows. `--measure` writes no model: it leaves
-actors out in turn, and counts how many readings of strangers would show an emotion.
+`training.speech.train_emotion_ear` fits such a layer to the small network that learned from Whisper. This
+layer is fitted to Whisper itself, in the same way on the same windows. `--measure` writes no model. It leaves
+out each actor in turn and counts how many readings of other speakers would show an emotion.
 """
 
 from collections import defaultdict
@@ -53,14 +53,14 @@ LEAST_FEATURES = 2
 
 
 def heard_layers(encoder: WhisperEncoder, samples: np.ndarray, layers: list[int]) -> list[torch.Tensor]:
-    """Layers of Whisper [T, C] of a sound [S], whatever its level."""
+    """Outputs [T, C] of Whisper's layers for a sound [S], which is first scaled to a fixed peak."""
     peak = np.abs(samples).max(initial=0.0)
     scaled = torch.from_numpy(samples * (PEAK / peak if peak > SILENT else 1.0)).float()
     return encoder.hear(whisper_mel(scaled), layers)
 
 
 def rows_over_time(encoder: WhisperEncoder, samples: np.ndarray, layers: list[int] = LAYERS) -> np.ndarray:
-    """Rows [I, R] at instants 320 ms apart of a sound [S] that Whisper hears as a whole."""
+    """Rows [I, R] of a sound [S] at instants 320 ms apart. Whisper hears the sound as a whole."""
     outputs = heard_layers(encoder, samples, layers)
     voice, total = voice_of(samples), len(outputs[0])
     cepstra = voice.mel @ cepstral_basis()
@@ -75,7 +75,7 @@ def rows_over_time(encoder: WhisperEncoder, samples: np.ndarray, layers: list[in
 
 
 def last_row(encoder: WhisperEncoder, samples: np.ndarray) -> np.ndarray:
-    """The row of two seconds [S] or less, [R]."""
+    """The row [R] of a sound [S] of at most two seconds."""
     layers = heard_layers(encoder, samples, LAYERS)
     voice = voice_of(samples)
     end = len(voice.mel)
@@ -84,7 +84,7 @@ def last_row(encoder: WhisperEncoder, samples: np.ndarray) -> np.ndarray:
 
 
 def measure_over_time(encoder: WhisperEncoder, rows: Rows, data: Path) -> None:
-    """Prints how often emotions are shown, of actors who are left out in turn and of other speakers."""
+    """Prints how often emotions show: of actors, each left out of the fit in turn, and of other speakers."""
     actor_rows, speaker = rows.actor_rows, rows.speaker[rows.actor_rows]
     layers = {actor: fitted(rows, actor_rows[speaker != actor]) for actor in sorted(set(speaker))}
     counts = defaultdict(Count)
@@ -110,7 +110,7 @@ def measure_over_time(encoder: WhisperEncoder, rows: Rows, data: Path) -> None:
 
 
 def shown_of(encoder: WhisperEncoder, layer: EmotionLayer, samples: np.ndarray) -> tuple[float, int]:
-    """The largest intensity that a sound shows, and as what."""
+    """The largest intensity that a sound shows, and the index of its emotion."""
     rows = rows_over_time(encoder, samples)
     if not len(rows):
         return 0.0, 0
@@ -138,7 +138,7 @@ def main(
 
 
 def write(folder: Path, layer: EmotionLayer, encoder: WhisperEncoder) -> Path:
-    """The layer's arrays, and the bias of the first convolution, which identifies its Whisper."""
+    """Writes the layer's arrays and the bias of Whisper's first convolution, which identifies the Whisper."""
     state = {name: torch.from_numpy(getattr(layer, name)).float() for name in ARRAYS}
     state["first_bias"] = encoder.first.bias.detach()
     config = {"channels": encoder.config.width, "layers": LAYERS, "emotions": HEARD_EMOTIONS}

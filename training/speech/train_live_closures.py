@@ -1,4 +1,4 @@
-"""Trains a detector of closed lips for speech as it happens: the closures of FreeTalk's stream.
+"""Trains a detector of closed lips for live speech: the closures of FreeTalk's stream.
 
     python -m training.speech.train_live_closures --data ../shared/data --out runs/live_closures
 
@@ -53,7 +53,7 @@ CALIBRATION_CLIPS = 200
 
 
 def loss_of(model: StreamNet, encoder: CompactEncoder, batch: LessonBatch, frames: int):
-    """Cross-entropy of closed lips, heavier where they are closed."""
+    """Cross-entropy of closed lips, with more weight where they are closed."""
     taught = encoder.closed(whole(encoder, batch.mel, frames))[:, EDGE:]
     mel = normalise_running(batch.mel, model.config.normaliser, batch.heard)
     weight = 1.0 + POSITIVE_WEIGHT * taught
@@ -61,7 +61,7 @@ def loss_of(model: StreamNet, encoder: CompactEncoder, batch: LessonBatch, frame
     with torch.autocast("cpu", torch.bfloat16):
         heard = model.hear(mel)
         for name, head, sooner in heads_to_train(model):
-            # The teacher's first frames fall away: the row that stands for a frame lies before it.
+            # The teacher's first EDGE frames lack context. Row t of a head predicts frame t + sooner.
             said = model.say(heard, head).float()[:, EDGE - sooner : frames - sooner, 0]
             loss = F.binary_cross_entropy_with_logits(
                 said, taught[:, : frames - EDGE], weight[:, : frames - EDGE]
@@ -72,18 +72,18 @@ def loss_of(model: StreamNet, encoder: CompactEncoder, batch: LessonBatch, frame
 
 
 def heads_to_train(model: StreamNet) -> list[tuple[str, int | None, int]]:
-    """The main head, or the further heads if there are any: a word, the number, and its lead in frames."""
+    """The further heads if there are any, else the main head: its label, number and lead in frames."""
     further = [(f"{by} sooner ", number, by) for number, by in enumerate(model.config.sooner)]
     return further or [("", None, 0)]
 
 
 def near(rows: Tensor) -> Tensor:
-    """The highest of a frame and its neighbours."""
+    """The maximum of each frame and its two neighbours."""
     return F.max_pool1d(rows[None, None], 3, 1, 1)[0, 0]
 
 
 def runs(mask: Tensor) -> list[slice]:
-    """Stretches of True."""
+    """The runs of True in a mask."""
     edges = torch.diff(F.pad(mask.int(), (1, 1))).nonzero()[:, 0].tolist()
     return [slice(a, b) for a, b in zip(edges[::2], edges[1::2], strict=True)]
 
@@ -93,7 +93,7 @@ def validate(
     model: StreamNet, encoder: CompactEncoder, lessons: list[Lesson], count: int
 ) -> dict[str, float]:
     """On held-out clips, the share of the teacher's closures that the student meets and the share of the
-    student's that the teacher does not have."""
+    student's closures that the teacher lacks."""
     model.eval()
     report = {}
     heads = heads_to_train(model)
@@ -114,7 +114,7 @@ def validate(
 
 
 def new_model(arguments, lessons: list[Lesson]) -> StreamNet:
-    """An untrained student; with `--sooner` a finished one."""
+    """An untrained student, or with `--sooner` a finished one with further heads."""
     if arguments.sooner:
         return with_sooner(arguments.finished, arguments.sooner)
     config = debug_config() if arguments.config == "debug" else StreamConfig(channels=arguments.channels)
@@ -124,10 +124,10 @@ def new_model(arguments, lessons: list[Lesson]) -> StreamNet:
 
 @torch.no_grad()
 def calibrate(model: StreamNet, lessons: list[Lesson]) -> None:
-    """Moves the logits of the further heads so that each shuts lips as often as the main head on training
-    clips.
+    """Shifts the logits of the further heads so that each closes the lips as often as the main head on
+    training clips.
 
-    The less a head knows, the more the weight of closed frames raised its logits.
+    The less a head can tell, the more the weight of closed frames has raised its logits.
     """
     clips = [x for x in lessons if not x.held_out][:: max(len(lessons) // CALIBRATION_CLIPS, 1)]
 

@@ -3,8 +3,8 @@
     python -m training.speech.train_phones --data ../shared/data --out runs/phones
 
 First the read-out learns from speech whose phones have known times: Dutch, German actors, twenty languages by
-espeak-ng. Then recorded English and German with text join: espeak-ng says which phones their texts have, the
-read-out says when. The table of letters beside it holds the rules of `training.speech.letters`.
+espeak-ng. Then English and German recordings with text are added: espeak-ng gives the phones of their texts
+and the read-out gives the times. The model's table of letters holds the rules of `training.speech.letters`.
 `training.speech.evaluate_phones` measures the result.
 """
 
@@ -36,7 +36,7 @@ PRIOR_POWER = 0.8
 
 
 class Sampler:
-    """Random stretches of heard speech with their classes."""
+    """Draws random stretches of speech with their classes."""
 
     def __init__(self, heard: list[Heard], seed: int):
         self.random = np.random.default_rng(seed)
@@ -51,7 +51,7 @@ class Sampler:
         self.shares = [*known.values(), 1.0 - sum(known.values())]
 
     def batch(self, size: int) -> tuple[Tensor, Tensor]:
-        """Features [B, T, C] and classes [B, 4 T], −1 where nobody knows."""
+        """Features [B, T, C] and classes [B, 4 T], −1 after the end of a short utterance."""
         rows = [self._one() for _ in range(size)]
         return torch.stack([f for f, _ in rows]), torch.stack([c for _, c in rows])
 
@@ -68,13 +68,13 @@ class Sampler:
 
 
 def rows_of(phones: Tensor) -> Tensor:
-    """A track at mel rate [4 T] as rows of posteriors, two mel frames earlier."""
+    """Turns a track at mel rate [4 T] into rows of posteriors, which stand two mel frames earlier."""
     half = PARTS // 2
     return torch.cat([phones[:1].expand(half), phones])[: len(phones)]
 
 
 def fit(model: PhoneReadout, heard: list[Heard], steps: int, batch: int, seed: int) -> None:
-    """Trains the read-out; `log_prior` becomes the share of each class."""
+    """Trains the read-out; `log_prior` becomes the logarithm of the share of each class."""
     sampler, counts = Sampler(heard, seed), torch.ones(len(CLASSES))
     optimiser = torch.optim.AdamW(model.parameters(), 3e-3, weight_decay=0.02)
     schedule = torch.optim.lr_scheduler.OneCycleLR(optimiser, 3e-3, steps + 1, pct_start=0.1)
@@ -98,7 +98,7 @@ def log_likelihood(model: PhoneReadout, features: Tensor) -> np.ndarray:
 
 
 def read_texts(model: PhoneReadout, heard: list[Heard]) -> list[Heard]:
-    """Gives recordings with text but no phones the phones of espeak-ng, where the read-out hears them."""
+    """Gives recordings with text but no phones those of espeak-ng, at the times at which they are heard."""
     espeak, classes, labelled = Espeak(), class_of_segment(), []
     representative = torch.tensor([SEGMENTS.index(kinds[0]) for kinds in CLASSES.values()])
     for h in heard:

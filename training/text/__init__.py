@@ -1,1 +1,1 @@
-"""Words about faces: a small text space made from WordNet, and what turns a sentence into action units."""
+"""Text about faces: a small text space made from WordNet, and a tower from sentences to action units."""

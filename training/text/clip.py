@@ -1,6 +1,6 @@
 """Cafe-Talk's own tower (Chen et al. 2025, appendix E): an adapter on the text features of CLIP.
 
-CLIP comes from a Hugging Face folder of the user's.
+The user supplies CLIP as a Hugging Face folder.
 """
 
 from __future__ import annotations
@@ -21,7 +21,7 @@ AT_ONCE = 256
 
 
 class OnClip:
-    """What the tower hears with: the frozen text tower of CLIP."""
+    """Encodes clauses for the tower, with the frozen text tower of CLIP."""
 
     def __init__(self, folder: Path):
         self.tokens = CLIPTokenizer.from_pretrained(folder)
@@ -30,13 +30,13 @@ class OnClip:
         self.known: dict[str, Tensor] = {}
 
     def hear(self, clauses: list[Clause], noise: float = 0.0) -> Tensor:
-        """Features [N, D] of length 1, and moved at random."""
+        """Features [N, D] of length 1, with random noise added if `noise` is not 0."""
         known = self.places([clause.said for clause in clauses])
         heard = torch.stack([known[clause.said] for clause in clauses])
         return heard + 2.0 * noise * torch.rand(len(heard), 1) * torch.randn_like(heard) if noise else heard
 
     def tower(self, hidden: int, near: list[Clause]) -> ClipTower:
-        """A new one; `near` is not used."""
+        """A new tower; `near` is not used."""
         return ClipTower(self.model.config.projection_dim, hidden)
 
     @torch.no_grad()
@@ -53,7 +53,7 @@ class OnClip:
 
 
 class ClipTower(nn.Module):
-    """Features to logits: the bottleneck of two layers with a residual, and the head, as printed."""
+    """Features to logits, as in the paper: a bottleneck of two layers with a residual, and a head."""
 
     def __init__(self, width: int, hidden: int):
         super().__init__()
@@ -62,9 +62,9 @@ class ClipTower(nn.Module):
         self.head = nn.Linear(width, 3 * len(UNITS))
 
     def adapted(self, features: Tensor) -> Tensor:
-        """[N, D]."""
+        """Features after the bottleneck, [N, D]."""
         return features + self.up(F.relu(self.down(features)))
 
     def forward(self, features: Tensor) -> Tensor:
-        """Logits [N, 3, 16], as those of `training.text.tower`."""
+        """Logits [N, 3, 16] with the same meaning as in `training.text.tower`."""
         return self.head(self.adapted(features)).unflatten(-1, (3, len(UNITS)))

@@ -1,4 +1,4 @@
-"""Words for the fifteen emotions that training gives the coarse condition (Cafe-Talk §3.1.1)."""
+"""Words for the fifteen emotions of the coarse condition in training (Cafe-Talk §3.1.1)."""
 
 SYNONYMS = {
     "neutral": ["neutral", "indifferent", "expressionless", "impassive"],

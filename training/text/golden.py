@@ -1,4 +1,4 @@
-"""Golden of the words: a small text space and tower with random numbers, and what texts become in them."""
+"""Golden of the text model: a small text space and tower with random numbers, and their output for texts."""
 
 import json
 from pathlib import Path
@@ -21,7 +21,7 @@ TEXTS = (
 
 
 def random_space() -> Words:
-    """A few words at random places."""
+    """A text space of a few words with random vectors."""
     random = np.random.default_rng(5)
     places, ngrams = (random.standard_normal((n, 12)).astype(np.float32) for n in (len(KNOWN.split()), 64))
     return Words({word: row for row, word in enumerate(KNOWN.split())}, places, ngrams)

@@ -1,4 +1,4 @@
-"""Golden of CLIP's text tower: a small one of Hugging Face's with random numbers, and a model upon it."""
+"""Golden of CLIP's text tower: a small Hugging Face model with random numbers, and a tower on top."""
 
 import json
 from pathlib import Path
@@ -26,7 +26,7 @@ MERGES = (
 
 
 def vocabulary() -> dict[str, int]:
-    """256 bytes, the same at a word's end, what is joined of them, start and end; numbered as CLIP does."""
+    """256 bytes, the same bytes at a word's end, their merges, start and end; numbered as in CLIP."""
     visible = [*range(33, 127), *range(161, 173), *range(174, 256)]
     letters = [chr(b) for b in visible] + [chr(256 + n) for n in range(256 - len(visible))]
     joined = [pair.replace(" ", "") for pair in MERGES]
@@ -35,7 +35,7 @@ def vocabulary() -> dict[str, int]:
 
 
 def write_folder(folder: Path, width: int = 16) -> tuple[CLIPTokenizer, CLIPTextModelWithProjection]:
-    """A Hugging Face folder: config.json, vocab.json, merges.txt, model.safetensors; and what reads it."""
+    """Writes config.json, vocab.json, merges.txt and model.safetensors; returns their tokenizer and model."""
     folder.mkdir(parents=True, exist_ok=True)
     torch.manual_seed(3)
     numbers = vocabulary()
@@ -56,10 +56,10 @@ def write_folder(folder: Path, width: int = 16) -> tuple[CLIPTokenizer, CLIPText
 
 
 def write(out: Path, shared: Path) -> Path:
-    """`weights.*` of CLIP and `model.*` of a model upon it; for each text of the metadata its symbols there,
-    `places.N` [D] of length 1, and `logits.N` [clauses, 3, 16].
+    """`weights.*` of CLIP and `model.*` of a tower on top; for each text of the metadata, `places.N` [D] of
+    length 1 and `logits.N` [clauses, 3, 16].
 
-    `shared` is not used.
+    The metadata also has the tokens of each text. `shared` is not used.
     """
     folder = out / "clip_text_folder"
     tokens, model = write_folder(folder)

@@ -1,4 +1,4 @@
-"""Descriptions whose words of expression no training pair has: `training.text.train` measures on them."""
+"""Descriptions for `training.text.train` to measure on. No training pair has their expression words."""
 
 TABLE_13 = {
     "A person is smiling": "12",

@@ -1,4 +1,4 @@
-"""How well text becomes units: table 13, held-out descriptions, and floors without a tower beside them."""
+"""Measures how well text becomes units, on table 13 and held-out descriptions, and compares baselines."""
 
 from dataclasses import dataclass
 from pathlib import Path
@@ -20,7 +20,7 @@ Pair = tuple[str, Shown]
 
 @dataclass
 class Counts:
-    """Counts of units: found, found wrongly, and missed."""
+    """Counts of units: rightly found, wrongly found, and missed."""
 
     right: int = 0
     wrong: int = 0
@@ -49,7 +49,7 @@ def understood(tower: TextTower | ClipTower, hearing: OnWords | OnClip, text: st
 
 
 class Nearest:
-    """The floor: units of the training text that is nearest by the mean of its words. Denials are ignored."""
+    """Baseline: units of the training text with the nearest mean word vector. Denials are ignored."""
 
     def __init__(self, known: list[Pair], words: Words):
         self.known, self.words = known, words
@@ -67,7 +67,7 @@ class Nearest:
 
 
 class Synonyms:
-    """The floor without a space: units of a training word that shares a meaning of WordNet."""
+    """Baseline without a text space: units of a training word that shares a meaning in WordNet."""
 
     def __init__(self, known: list[Pair], folder: Path):
         single = ((c.words, shown) for text, shown in known for c in clauses(text)[:1])
@@ -96,10 +96,10 @@ def measured(
     held_out: list[Pair],
     place: Path | None = None,
 ) -> dict:
-    """F1 of the tower and of the floors, the number of texts with every unit right, and the result on table
+    """F1 of the tower and the baselines, the number of texts with every unit right, and the result on table
     13.
 
-    `words`: the space of the nearest text. `place`: WordNet's folder, for the floor of synonyms.
+    `words`: the text space for `Nearest`. `place`: WordNet's folder for `Synonyms`, which None leaves out.
     """
     beside = {"nearest_text": Nearest(known, words)} | ({"synonym": Synonyms(known, place)} if place else {})
     ours, floors = Counts(), {name: Counts() for name in beside}

@@ -1,9 +1,9 @@
-"""Texts and the units that show them, written by us: what the tower learns from.
+"""The tower's training data: texts that we wrote, and the units that show them.
 
-Units of the seven emotions are those of Ekman & Friesen's tables where the sixteen units have them; those
-of everyday expressions, of lay names and of the other emotions are our own choice. `12L` is on one side
-alone, the left where a text names none; `45:0.3` has that strength, 1 where nothing is said. No word of
-expression of `training.text.held_out` is here.
+The seven emotions have the units of Ekman & Friesen's tables, as far as the sixteen units include them. We
+chose the units of everyday expressions, lay names and the other emotions ourselves. `12L` is on one side
+only: the left if a text names no side. `45:0.3` has strength 0.3; without a number the strength is 1. No word
+for an expression in `training.text.held_out` occurs here.
 """
 
 EMOTIONS = {

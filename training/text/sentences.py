@@ -1,4 +1,4 @@
-"""Takes a sentence apart: clauses, and in each the meaningful words, denied or not, with side and amount.
+"""Splits a sentence into clauses, each with its meaningful and its denied words, a side and an amount.
 
 The lists of `RULES` go into the model's `config.json`, where `rust-core/src/text` reads them.
 """
@@ -48,9 +48,9 @@ STRENGTH = (0.1, 2.0)
 
 @dataclass
 class Clause:
-    """Meaningful words, with those after a denial apart; the side it names; a factor of strength.
+    """Meaningful words, those after a denial apart; the side that the clause names; a factor of strength.
 
-    `said`: the clause without sides and amounts, a space between its words.
+    `said`: the clause without sides and amounts, its words separated by spaces.
     """
 
     words: list[str] = field(default_factory=list)
@@ -65,7 +65,7 @@ AMOUNTS = {word: float(factor) for factor, words in RULES["amounts"].items() for
 
 
 def tokens(text: str) -> list[str]:
-    """Words in small letters, and marks that separate clauses. `n't` becomes the word `not`."""
+    """Lower-case words, and the marks that separate clauses. `n't` becomes the word `not`."""
     plain = text.lower().replace("\u2019", "'").replace("n't", " not").replace("'", " ")
     pieces, word = [], ""
     for letter in plain + " ":
@@ -79,7 +79,7 @@ def tokens(text: str) -> list[str]:
 
 
 def is_letter(c: str) -> bool:
-    """a to z, and what lies beyond Latin-1's signs but for general and ideographic punctuation."""
+    """True for a to z and for U+00C0 upwards, except general and ideographic punctuation."""
     return "a" <= c <= "z" or (c >= "\u00c0" and not ("\u2000" <= c <= "\u206f" or "\u3000" <= c <= "\u303f"))
 
 
@@ -116,14 +116,14 @@ def _hear(clause: Clause, token: str, denies: bool) -> None:
 
 @dataclass(frozen=True)
 class Shown:
-    """Units by number in `UNITS`: which on one side alone, and how strong."""
+    """Units by their number in `UNITS`: how strong each is, and which are on one side only."""
 
     units: dict[int, float]
     one_sided: frozenset[int]
 
     @staticmethod
     def read(text: str) -> Shown:
-        """`12L 45:0.3`: units, those on one side with `L`, strengths behind a colon."""
+        """Reads units such as `12L 45:0.3`: `L` means one side only, the strength follows a colon."""
         units, one_sided = {}, set()
         for item in text.split():
             name, _, strength = item.partition(":")
@@ -139,5 +139,5 @@ class Shown:
 
 
 def listed(table: dict[str, str]) -> list[tuple[str, Shown]]:
-    """Texts and units of a table of units and comma-separated texts."""
+    """Each text with its units, from a table of units and comma-separated texts."""
     return [(text.strip(), Shown.read(units)) for units, texts in table.items() for text in texts.split(",")]

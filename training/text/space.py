@@ -1,13 +1,14 @@
-"""Places words so that what means the same lies together and opposites lie apart.
+"""Places words so that synonyms lie together and opposites lie apart.
 
     python -m training.text.space --wordnet /usr/share/wordnet --out runs/text
 
-A graph of words and meanings: synonyms share a meaning, meanings are tied by WordNet's relations and
-to the words that explain them, antonyms by a negative tie. Random vectors walk over it (Chen, Sultan,
-Tian, Chen & Skiena 2019, "Fast and accurate network embeddings via very sparse random projection"), with
-the signs of the ties, so that antonyms end on opposite sides (Kunegis et al. 2010); principal components
-keep `WIDTH` numbers. Words that it lacks are placed by their letters, n-grams of 3 to 5, whose vectors
-are fitted to the known words by ridge regression.
+The nodes of a graph are words and meanings. Synonyms are tied to a shared meaning. Meanings are tied to each
+other by WordNet's relations, and to the words of their definitions; ties between antonyms are negative.
+Random vectors walk over the graph (Chen, Sultan, Tian, Chen & Skiena 2019, "Fast and accurate network
+embeddings via very sparse random projection"). The walk keeps the signs of the ties, so that antonyms end on
+opposite sides (Kunegis et al. 2010). Principal components reduce the vectors to `WIDTH` numbers. Other words
+are placed by their letters: n-grams of 3 to 5, whose vectors are fitted to the known words by ridge
+regression.
 """
 
 import re
@@ -80,7 +81,7 @@ def build(folder: Path, seed: int = 0) -> TextSpace:
 
 
 def word_frequency(counts: dict[tuple[str, str], int]) -> dict[str, int]:
-    """Occurrences of a word, its parts of speech together."""
+    """How often each word occurs, summed over its parts of speech."""
     total: dict[str, int] = {}
     for (word, _), times in counts.items():
         total[word] = total.get(word, 0) + times
@@ -126,14 +127,14 @@ def _relate(tie, at, synsets, key, synset, pointer) -> None:
 
 
 def explaining(gloss: str, known: dict[str, int], excluded: list[str]) -> set[str]:
-    """Words of a definition without its examples."""
+    """Known words of a definition, without those of its examples."""
     said = re.sub(r'"[^"]*"', "", gloss).lower()
     forms = {known_form(w, known) for w in re.findall(r"[a-z]+", said) if w not in STOP}
     return {w for w in forms if w and w not in excluded}
 
 
 def known_form(word: str, known) -> str | None:
-    """The word, or its stem by English endings, where `known` has it."""
+    """The word if `known` has it, else a known stem without an English ending, else None."""
     forms = [word]
     for ending, instead in (("ies", "y"), ("es", ""), ("s", ""), ("ing", ""), ("ing", "e"), ("ed", ""),
                             ("ed", "e"), ("ly", ""), ("ily", "y"), ("er", ""), ("est", "")):  # fmt: skip
@@ -162,7 +163,7 @@ def walked(matrix: csr_matrix, seed: int) -> np.ndarray:
 
 
 def choose(names: list[str], rank: np.ndarray, frequency: dict[str, int]) -> np.ndarray:
-    """Numbers of the words to keep: near the seeds, and the frequent ones."""
+    """Numbers of the words to keep: frequent words, and words near the seeds."""
     words = np.array([i for i, n in enumerate(names) if n.isalpha() and not n[-1].isdigit()])
     near = rank[words]
     often = np.array([frequency.get(names[i], 0) for i in words])
@@ -177,7 +178,7 @@ def choose(names: list[str], rank: np.ndarray, frequency: dict[str, int]) -> np.
 
 
 def nearness(names: list[str], matrix: csr_matrix) -> np.ndarray:
-    """Personalised PageRank from the seeds over the ties whatever their sign, [N]."""
+    """Personalised PageRank from the seeds over the ties, regardless of their signs, [N]."""
     at = {n: i for i, n in enumerate(names)}
     start = np.zeros(len(names))
     start[[at[s] for s in SEEDS if s in at]] = 1.0
@@ -191,7 +192,7 @@ def nearness(names: list[str], matrix: csr_matrix) -> np.ndarray:
 
 
 def isotropic(vectors: np.ndarray) -> np.ndarray:
-    """Principal components [W, WIDTH] of length 1; their spread is evened by a square root."""
+    """Principal components [W, WIDTH] of length 1; a square root evens out their spread."""
     unit = vectors / np.maximum(np.linalg.norm(vectors, axis=1, keepdims=True), 1e-9)
     centred = unit - unit.mean(axis=0)
     u, s, _ = np.linalg.svd(centred, full_matrices=False)
@@ -208,7 +209,7 @@ def ngram_buckets(word: str) -> list[int]:
 
 
 def ngram_vectors(words: list[str], vectors: np.ndarray) -> np.ndarray:
-    """Vectors of the buckets whose mean is nearest to each word's own, [BUCKETS, WIDTH]."""
+    """Fits bucket vectors [BUCKETS, WIDTH], so that their mean over a word comes near its own vector."""
     rows, columns, shares = [], [], []
     for row, word in enumerate(words):
         buckets = ngram_buckets(word)

@@ -1,4 +1,4 @@
-"""The text space and the tower as they stand in a model folder."""
+"""Reads the text space and the tower, and lists what a model folder stores of them."""
 
 from pathlib import Path
 
@@ -14,7 +14,7 @@ from training.text.words import Words
 
 
 def load_tower(folder: Path, on_clip: bool) -> tuple[Words, TextTower | ClipTower]:
-    """What `training.text.space` and `training.text.train` left in a folder."""
+    """Loads what `training.text.space` and `training.text.train` wrote to a folder."""
     words, state = Words.load(folder), torch.load(folder / "tower.pt")
     hidden, width = state["down.weight"].shape
     tower = ClipTower(width, hidden) if on_clip else TextTower(words.vectors.shape[1], hidden)
@@ -29,8 +29,8 @@ def arrays(tower: TextTower | ClipTower, words: Words) -> dict[str, Tensor]:
 
 
 def config_of(tower: TextTower | ClipTower, words: Words, clip: Path | None = None) -> dict:
-    """Sizes, the words in the order of their places, the lists by which a sentence is taken apart, and where
-    CLIP lies."""
+    """Sizes, the words in the order of their vectors, the lists for parsing a sentence, and the path of
+    CLIP."""
     heard = {"clip": str(clip)} if clip else {}
     return heard | {
         "model": "text_units",

@@ -1,9 +1,9 @@
 """The text tower of Cafe-Talk (Chen et al. 2025, appendix E) on our own text space.
 
-The paper's tower reads a sentence as CLIP encodes it; this one reads the words of a clause as the text
-space places them: their mean, weighed by a learned score, those that are denied apart. Then as printed: a
-bottleneck of two layers with a residual, and a head; that also says which units are on one side and how
-strong they are.
+The paper's tower reads a sentence that CLIP encoded. This one reads the vectors of a clause's words in the
+text space: their mean, weighted by a learned score, and a separate mean for denied words. A bottleneck of two
+layers with a residual follows, then a head, both as in the paper. The head also predicts which units are on
+one side and how strong they are.
 """
 
 from __future__ import annotations
@@ -29,18 +29,18 @@ FULL = 1.5
 
 @dataclass
 class Heard:
-    """Places of the words [N, L, D] and of the denied ones [N, M, D]; 0 beyond a clause's end."""
+    """Vectors of the words [N, L, D] and of the denied words [N, M, D]; 0 beyond a clause's end."""
 
     words: Tensor
     denied: Tensor
 
     @staticmethod
     def of(clauses: list[Clause], words: Words) -> Heard:
-        """Looked up in the text space."""
+        """Looks the words up in the text space."""
         return Heard(_places([c.words for c in clauses], words), _places([c.denied for c in clauses], words))
 
     def moved(self, noise: float) -> Heard:
-        """At random, each text by its own deviation, `noise` in the mean; what is no word stays 0."""
+        """Adds noise in place. Each text has its own deviation, `noise` on average; padding stays 0."""
         for places in (self.words, self.denied):
             there = (places != 0).any(dim=-1, keepdim=True)
             places += 2.0 * noise * torch.rand(len(places), 1, 1) * torch.randn_like(places) * there
@@ -48,18 +48,18 @@ class Heard:
 
 
 class OnWords:
-    """What the tower hears with: the text space."""
+    """Encodes clauses for the tower, with the text space."""
 
     def __init__(self, words: Words):
         self.words = words
 
     def hear(self, clauses: list[Clause], noise: float = 0.0) -> Heard:
-        """Looked up, and moved at random."""
+        """Looks the words up and adds noise to their vectors."""
         heard = Heard.of(clauses, self.words)
         return heard.moved(noise) if noise else heard
 
     def tower(self, hidden: int, near: list[Clause]) -> TextTower:
-        """A new one, whose first hidden numbers are nearness to these clauses, denied words unheard."""
+        """A new tower. Its first hidden units measure nearness to the meaningful words of `near`."""
         width = self.words.vectors.shape[1]
         tower = TextTower(width, hidden)
         places = np.stack([np.mean([self.words.of(w) for w in clause.words], axis=0) for clause in near])
@@ -89,7 +89,7 @@ class TextTower(nn.Module):
         self.head = nn.Linear(2 * width, 3 * len(UNITS))
 
     def mean(self, places: Tensor) -> Tensor:
-        """[N, L, D] to [N, D]."""
+        """Weighted mean of word vectors, [N, L, D] to [N, D]."""
         there = (places != 0).any(dim=-1, keepdim=True)
         weight = torch.sigmoid(self.score(places)) * there
         return (weight * places).sum(dim=1) / (weight.sum(dim=1) + NO_WORD)
@@ -100,5 +100,5 @@ class TextTower(nn.Module):
         return x + self.up(F.relu(self.down(x)))
 
     def forward(self, heard: Heard) -> Tensor:
-        """Logits [N, 3, 16]: the unit shows; it does on one side alone; its strength, of `FULL`."""
+        """Logits [N, 3, 16]: does a unit show, is it on one side only, its strength as a share of `FULL`."""
         return self.head(self.adapted(heard)).unflatten(-1, (3, len(UNITS)))

@@ -3,8 +3,8 @@
     python -m training.text.train --text runs/text --seed 0
 
 Writes `tower.pt` and `measured.json` beside the text space. `--folds 5` trains on four fifths of the texts
-and measures on the rest, which is how sizes were chosen; `--info-nce 0` leaves out the alignment with the
-units' names. `--clip FOLDER` hears by CLIP instead of the space, as the paper does.
+and measures on the rest; the sizes were chosen in this way. `--info-nce 0` leaves out the alignment with the
+units' names. `--clip FOLDER` encodes text with CLIP instead of the text space, as the paper does.
 """
 
 from __future__ import annotations
@@ -49,7 +49,7 @@ Tower = TextTower | ClipTower
 
 @dataclass
 class Pairs:
-    """Texts by kind, each with what it shows."""
+    """Texts by kind, each with the units that it shows."""
 
     shown: list[tuple[str, Shown]]
     denied: list[tuple[str, Shown]]
@@ -68,7 +68,7 @@ class Pairs:
         return Pairs(listed(EMOTIONS) + listed(EXPRESSIONS), opposites, nothing)
 
     def without(self, fold: int, folds: int, seed: int) -> tuple[Pairs, list[tuple[str, Shown]]]:
-        """The pairs of all folds but one, and those of that one."""
+        """The pairs of all folds but this one, and the pairs of this one to test on."""
         of = np.random.default_rng(seed).integers(0, folds, len(self.shown))
         training = [i for i in range(len(of)) if of[i] != fold]
         test = [self.shown[i] for i in range(len(of)) if of[i] == fold]
@@ -77,7 +77,7 @@ class Pairs:
 
 
 class Batches:
-    """Draws one text or two, a denied one, some with a meaningless word, or nothing at all."""
+    """Draws clauses: one or two texts, some with a meaningless word; a denied one; one that shows nothing."""
 
     def __init__(self, pairs: Pairs, words: Words, arguments: argparse.Namespace):
         self.pairs, self.arguments = pairs, arguments
@@ -87,7 +87,7 @@ class Batches:
         self.share, self.share_denied = shares(pairs.shown), shares(pairs.denied)
 
     def draw(self) -> tuple[list[Clause], list[Shown]]:
-        """A batch: clauses and what they show."""
+        """A batch: clauses and the units that they show."""
         drawn = [self._one() for _ in range(self.arguments.batch)]
         return [clause for clause, _ in drawn], [shown for _, shown in drawn]
 
@@ -136,25 +136,25 @@ def spoken(words: list[str]) -> Clause:
 
 
 def beside(one: Clause, other: Clause) -> Clause:
-    """Two clauses as one."""
+    """Joins two clauses into one."""
     return Clause([*one.words, *other.words], said=f"{one.said} {other.said}")
 
 
 @cache
 def heard_words(text: str) -> list[str]:
-    """Meaningful words of a text's first clause. Those of templates never are."""
+    """Meaningful words of a text's first clause. Words of templates are never meaningful."""
     return clauses(text)[0].words
 
 
 def shares(pairs: list[tuple[str, Shown]]) -> np.ndarray:
-    """How often each pair is drawn, summed: a kind of units as the square root of its number of texts."""
+    """Cumulative chance of each pair. A set of units weighs the square root of its number of texts."""
     kinds = [tuple(sorted(shown.units.items())) for _, shown in pairs]
     share = np.array([kinds.count(kind) for kind in kinds]) ** -0.5
     return np.cumsum(share / share.sum())
 
 
 def far_words(pairs: Pairs, words: Words) -> np.ndarray:
-    """Known words far from every word of the pairs: they say nothing. Held-out words are not among them."""
+    """Known words that are far from every word of the pairs and so show nothing. Excludes held-out words."""
     used = sorted({w for text, _ in pairs.shown for c in clauses(text) for w in c.words})
     nearest = (words.vectors @ np.stack([words.of(w) for w in used]).T).max(axis=1)
     kept_back = {known_form(w, words.rows) for text, _ in listed(HELD_OUT) for w in tokens(text)}
@@ -163,7 +163,7 @@ def far_words(pairs: Pairs, words: Words) -> np.ndarray:
 
 
 def targets(shown: list[Shown]) -> torch.Tensor:
-    """[N, 3, 16] as the tower's logits: shows, on one side, strength of 1.5."""
+    """Targets [N, 3, 16] of the tower's logits: shows, on one side only, strength as a share of `FULL`."""
     target = torch.zeros(len(shown), 3, len(UNITS))
     for row, what in enumerate(shown):
         for unit, strength in what.units.items():
@@ -176,8 +176,8 @@ def targets(shown: list[Shown]) -> torch.Tensor:
 def loss_of(
     tower: Tower, hearing: Hearing, said: list[Clause], shown: list[Shown], arguments: argparse.Namespace
 ) -> torch.Tensor:
-    """Cross-entropy of the units, of side and strength for units that show, and InfoNCE with the units'
-    names."""
+    """Cross-entropy of the units, and of side and strength for the units that show, plus InfoNCE with the
+    units' names."""
     target = targets(shown)
     features = tower.adapted(hearing.hear(said, arguments.noise))
     logits = tower.head(features).unflatten(-1, (3, len(UNITS)))
@@ -189,7 +189,7 @@ def loss_of(
 
 
 def aligned(tower: Tower, hearing: Hearing, features: torch.Tensor, active: torch.Tensor) -> torch.Tensor:
-    """InfoNCE: each description is nearest to the names of its own units (§3.3, appendix E)."""
+    """InfoNCE: pulls each description towards the names of its own units (§3.3, appendix E)."""
     kinds, of = torch.unique(active, dim=0, return_inverse=True)
     names = [" ".join(NAMES[u] for u in torch.nonzero(kind).flatten().tolist()) for kind in kinds]
     heard = hearing.hear([Clause(heard_words(name), said=name) for name in names])
@@ -200,7 +200,7 @@ def aligned(tower: Tower, hearing: Hearing, features: torch.Tensor, active: torc
 
 
 def train(pairs: Pairs, words: Words, hearing: Hearing, arguments: argparse.Namespace) -> Tower:
-    """Seeded; Adam with a rate that falls as a cosine."""
+    """Trains a tower. Seeded; AdamW with a learning rate that falls along a cosine."""
     torch.manual_seed(arguments.seed)
     batches = Batches(pairs, words, arguments)
     chosen = batches.random.permutation(len(pairs.shown))[: arguments.hidden]

@@ -1,4 +1,4 @@
-"""WordNet's words, senses and relations, read from the files of its own format (`wndb(5WN)`).
+"""Reads WordNet's words, senses and relations from files in its own format (`wndb(5WN)`).
 
 WordNet 3.0, Princeton University; Debian's package `wordnet-base` installs it in /usr/share/wordnet.
 """
@@ -25,7 +25,10 @@ class Synset:
 
 @dataclass(frozen=True)
 class Pointer:
-    """A relation (`!` antonym, `@` hypernym, …) to another meaning; between words where both are over 0."""
+    """A relation (`!` antonym, `@` hypernym, …) to another meaning.
+
+    It ties two words if `word` and `target_word`, their numbers from 1, are both over 0.
+    """
 
     relation: str
     target: str
@@ -34,9 +37,9 @@ class Pointer:
 
 
 def read(folder: Path = PLACE) -> dict[str, Synset]:
-    """All meanings by part of speech and place in the file, such as `n02084071`.
+    """All meanings, keyed by part of speech and offset in the file, such as `n02084071`.
 
-    Raises `FileNotFoundError` with the package to install where WordNet is not there.
+    Raises `FileNotFoundError` with the package to install if WordNet is missing.
     """
     missing = [name for name in FILES.values() if not (folder / name).is_file()]
     if missing:
@@ -63,12 +66,12 @@ def _synset(part: str, line: str) -> tuple[str, Synset]:
 
 
 def plain(word: str) -> str:
-    """Lower case, without the mark of an adjective's place (`afraid(p)`)."""
+    """The word in lower case, without the mark of an adjective's position (`afraid(p)`)."""
     return re.sub(r"\(\w+\)$", "", word).lower()
 
 
 def counts(folder: Path = PLACE) -> dict[tuple[str, str], int]:
-    """How often each word stands for each meaning in WordNet's tagged texts: by `(word, part)`, summed."""
+    """How often each `(word, part)` occurs in WordNet's tagged texts, summed over its meanings."""
     totals: dict[tuple[str, str], int] = {}
     parts = {"1": "n", "2": "v", "3": "a", "4": "r", "5": "a"}
     with open(folder / "cntlist.rev", encoding="utf-8") as file:

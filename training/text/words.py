@@ -1,4 +1,4 @@
-"""Places of words in the text space: known ones, inflected ones, and the rest by their letters."""
+"""Vectors of words in the text space: known words, inflected words, and others by their letters."""
 
 from __future__ import annotations
 
@@ -23,13 +23,13 @@ class Words:
 
     @staticmethod
     def load(folder: Path) -> Words:
-        """What `training.text.space` wrote."""
+        """Loads what `training.text.space` wrote."""
         file = np.load(folder / "space.npz")
         rows = {str(word): i for i, word in enumerate(file["words"])}
         return Words(rows, file["vectors"].astype(np.float32), file["ngrams"].astype(np.float32))
 
     def of(self, word: str) -> np.ndarray:
-        """Place of one word, [D]: its own, that of its stem, or the mean of its n-grams."""
+        """Vector of one word, [D]: its own, that of its stem, or the mean of its n-grams."""
         if word not in self._found:
             form = known_form(word, self.rows)
             known = form is not None
@@ -40,5 +40,5 @@ class Words:
         return self.ngrams[np.array(ngram_buckets(word)) % len(self.ngrams)].mean(axis=0)
 
     def emotions(self) -> np.ndarray:
-        """Places of the fifteen emotions, [15, D]: the means of their words."""
+        """Vectors of the fifteen emotions, [15, D]: the means of their words."""
         return np.stack([np.mean([self.of(w) for w in SYNONYMS[e]], axis=0) for e in EMOTIONS])

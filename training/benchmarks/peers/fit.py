@@ -19,20 +19,22 @@ LEAST_SCALE = 0.05
 
 
 def at_frames(times_s: np.ndarray, values: np.ndarray, frames: int) -> np.ndarray:
-    """Values [N, K] at rising times [N], joined by lines, as their means over the 40 ms around each frame at
-    25 fps, [frames, K]."""
+    """Resamples values [N, K] at rising times [N] to 25 fps, [frames, K].
+
+    Interpolates linearly and takes the mean over the 40 ms around each frame.
+    """
     fine_s = (np.arange(frames * FINE) - 0.5 * (FINE - 1)) / (FPS * FINE)
     columns = [np.interp(fine_s, times_s, column) for column in values.T]
     return np.stack(columns, axis=1).reshape(frames, FINE, -1).mean(axis=1)
 
 
 def smoothed(x: np.ndarray, sigma: float) -> np.ndarray:
-    """[T, K] under a Gaussian of `sigma` frames; 0 leaves it."""
+    """Smooths [T, K] with a Gaussian of `sigma` frames; 0 changes nothing."""
     return gaussian_filter1d(x, sigma, axis=0, mode="nearest") if sigma else x
 
 
 def shifted(x: np.ndarray, lag: int) -> np.ndarray:
-    """[T, K] moved `lag` frames earlier; the end values repeat."""
+    """Moves [T, K] `lag` frames earlier; the end values repeat."""
     return x[np.clip(np.arange(len(x)) + lag, 0, len(x) - 1)]
 
 
@@ -46,7 +48,7 @@ class LinearMap:
     offset: np.ndarray
 
     def __call__(self, x: np.ndarray) -> np.ndarray:
-        """[T, K] to [T, D]."""
+        """Maps [T, K] to [T, D]."""
         return (x - self.centre) / self.scale @ self.weights + self.offset
 
 
@@ -63,7 +65,7 @@ class Moments:
 
     @classmethod
     def of(cls, x: np.ndarray, y: np.ndarray) -> "Moments":
-        """Of outputs [T, K] and mouths [T, D]."""
+        """The moments of outputs [T, K] and mouths [T, D]."""
         return cls(len(x), x.sum(axis=0), y.sum(axis=0), x.T @ x, x.T @ y, np.square(y).sum(axis=0))
 
     def __add__(self, other: "Moments") -> "Moments":
@@ -99,7 +101,7 @@ def ridge(clips: list[Moments]) -> LinearMap:
     """Ridge regression from outputs to the mouth over several clips.
 
     The penalty is the one of `PENALTIES` (shares of the number of frames, on outputs of unit deviation) with
-    the least squared error on clips that were left out in four turns.
+    the least squared error in a four-fold cross-validation over the clips.
     """
     whole = sum(clips[1:], clips[0])
     scale, size = whole.deviations()
@@ -141,8 +143,8 @@ def best_fit(
 ) -> Fitted:
     """Mouths of the judged recordings from a tool's `outputs` [T, K] at 25 fps.
 
-    `turns` are pairs: recordings that a map is fitted to, and recordings that are judged under it. Delay and
-    smoothing are those with the highest `score` on the judged recordings. That favours the tools.
+    `turns` are pairs: recordings to fit a map to, and recordings to judge with it. Delay and smoothing are
+    those with the highest `score` on the judged recordings. That favours the tools.
     """
     learned = {r.name: r for chosen, _ in turns for r in chosen}
     needed = learned.keys() | {r.name for _, judged in turns for r in judged}

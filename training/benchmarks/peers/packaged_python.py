@@ -1,9 +1,9 @@
-"""Runs the peers that PyPI carries, in an environment that has them and not ours.
+"""Runs the peers from PyPI in an environment that has their packages but not ours.
 
     python packaged_python.py SOUNDS OUT
 
-SOUNDS holds `<name>.wav` (16 bits, 16 kHz) and `phones.json`: for some names rows of start and duration,
-seconds, and ARPABET label. OUT gets `<tool>/<name>.npz` with `times_s` [N] and `values` [N, K].
+SOUNDS holds `<name>.wav` (16 bits, 16 kHz) and `phones.json`. For some names that file has rows of start and
+duration in seconds and ARPABET label. OUT gets `<tool>/<name>.npz` with `times_s` [N] and `values` [N, K].
 """
 
 import json
@@ -22,7 +22,7 @@ FPS = 60
 
 
 def track_values(track, seconds: float) -> tuple[np.ndarray, np.ndarray]:
-    """Keys of OpenFaceFX's channels, joined by lines, at 60 fps: times [N] and weights [N, 15]."""
+    """Interpolates the keys of OpenFaceFX's channels linearly at 60 fps: times [N] and weights [N, 15]."""
     times_s = np.arange(int(seconds * FPS) + 1) / FPS
     values = np.zeros((len(times_s), len(VISEMES)))
     for channel in track.channels:
@@ -32,7 +32,7 @@ def track_values(track, seconds: float) -> tuple[np.ndarray, np.ndarray]:
 
 
 def main(sounds: Path, out: Path) -> None:
-    """All sounds through all tools."""
+    """Runs all tools on all sounds."""
     phones = json.loads((sounds / "phones.json").read_text())
     analyzer = PhonemeAnalyzer()
     for path in sorted(sounds.glob("*.wav")):

@@ -1,4 +1,4 @@
-"""The page: what is measured and how, a table for each source, and what the tables say."""
+"""Writes the page: the measures and the method, a table for each source, and what the tables say."""
 
 from math import isnan
 from pathlib import Path
@@ -37,14 +37,14 @@ def section(source: Source) -> str:
 
 
 def counts(source: Source) -> str:
-    """How many closures and stretches stand behind the shares."""
+    """How many closures and stretches the scores rest on."""
     scores = source.rows[0].scores
     closures = f"{scores['p b m']} p, b and m, " if scores["p b m"] else "No phone times, "
     return f"{closures}{scores['stretches']} stretches."
 
 
 def cells(row: Row) -> list[str]:
-    """Texts of a row."""
+    """The cells of a row as text."""
     s = row.scores
     pairs = [f"{number(s[f'{f} r'])} / {number(s[f'{f} slope'])}" for f in ("gap", "width", "protrusion")]
     mtm, joined = number(s.get("MTM"), 0), number(s.get("joined"), 0)
@@ -63,7 +63,7 @@ def number(value: float | None, digits: int = 2) -> str:
 
 
 def reading(sources: list[Source]) -> str:
-    """What the tables say of r, in sentences."""
+    """What the tables say about r, in sentences."""
     lines = ["## Reading\n"]
     for source in sources:
         rows = {row.name: row.scores for row in source.rows}
@@ -79,7 +79,7 @@ def reading(sources: list[Source]) -> str:
 
 
 def above(rows: dict[str, dict[str, float]], tools: list[str]) -> str:
-    """Loudness, and the tools that tell more of the gap."""
+    """A sentence with the r of loudness for the gap and the tools that have a higher one."""
     level = rows["loudness"]["gap r"]
     louder = [
         f"{tool} {number(rows[tool]['gap r'])}" for tool in tools if rows[tool]["gap r"] > level + MARGIN
@@ -89,7 +89,7 @@ def above(rows: dict[str, dict[str, float]], tools: list[str]) -> str:
 
 
 def place(rows: dict[str, dict[str, float]], others: list[str], name: str) -> str:
-    """Where one of our models leads all others and where at least one of them leads it."""
+    """A sentence with the scores in which one of our models beats all others, and those in which not."""
     before, behind = [], []
     for key, label in READ.items():
         if key in rows[name]:

@@ -1,4 +1,4 @@
-"""Recorded speech with the mouth's true motion: what peers are fitted to and what all are judged on."""
+"""Recorded speech with the mouth's true motion. Peers are fitted to it, all predictors are judged on it."""
 
 from dataclasses import dataclass, replace
 from pathlib import Path
@@ -28,11 +28,11 @@ LEAD_S = (0.04, 0.12)
 
 @dataclass
 class Recording:
-    """Speech and its mouth: frame i is second i / 25 of the sound.
+    """Speech and the motion of its mouth: frame i is at second i / 25 of the sound.
 
     `samples` [S] at 16 kHz; `truth` [T, 3] mm, the `FEATURES`; `mel` [4 T, 64]; `judged` is the longest
     stretch of frames in which the tracker saw the face; `rest_mm` is the inner-lip gap of the face at rest;
-    `text` and its `phones` are empty where nobody knows the text.
+    `text` and its `phones` are empty if the text is unknown.
     """
 
     name: str
@@ -50,14 +50,14 @@ class Recording:
         return loudness(self.mel)
 
     def cut(self, first: int) -> "Recording":
-        """The same, judged from frame `first` on."""
+        """The same recording, judged from frame `first` on."""
         return replace(self, judged=slice(max(first, self.judged.start), self.judged.stop))
 
 
 def mouth_features(motion: np.ndarray, neutral: np.ndarray) -> np.ndarray:
-    """Displacements [T, 68, 3] and face at rest [68, 3], metres, to the `FEATURES`, [T, 3] mm.
+    """The `FEATURES`, [T, 3] mm, of displacements [T, 68, 3] and a face at rest [68, 3], both in metres.
 
-    Gap of the inner lips ‖62 − 66‖, width ‖48 − 54‖, protrusion (mean z of 51 and 57, from rest): those of
+    Gap of the inner lips ‖62 − 66‖, width ‖48 − 54‖, protrusion (mean z of 51 and 57, from rest), as in
     `docs/measured/quality.md`.
     """
     left, right = (motion[:, n] + neutral[n] for n in CORNERS)
@@ -67,7 +67,7 @@ def mouth_features(motion: np.ndarray, neutral: np.ndarray) -> np.ndarray:
 
 
 def recording(clip: Clip, name: str, text: str, phones: list[Phone]) -> Recording:
-    """A clip of a corpus, its sound cut or filled with zeros to its frames."""
+    """The recording of a corpus clip. Its sound is cut or padded with zeros to the length of the motion."""
     frames = len(clip.motion)
     room = frames * SAMPLES_PER_FRAME
     samples = np.pad(clip.samples[:room], (0, max(room - len(clip.samples), 0)))
@@ -116,10 +116,10 @@ def facegood(data: Path) -> tuple[list[Recording], dict[str, int]]:
 
 
 def closure_windows(phones: list[Phone]) -> list[tuple[float, float]]:
-    """When lips have to meet for p, b and m, from and to in seconds.
+    """The windows in which lips have to meet for p, b and m: start and end in seconds.
 
-    From half of the phone or pause before, 40 to 120 ms, to the phone's end. Twin of `windows` in
-    `tests/eval/src/quality/closures.rs`.
+    A window starts before the phone, by half of the preceding phone or pause (40 to 120 ms), and ends with
+    the phone. Twin of `windows` in `tests/eval/src/quality/closures.rs`.
     """
     windows, before = [], None
     for phone in phones:
@@ -132,6 +132,6 @@ def closure_windows(phones: list[Phone]) -> list[tuple[float, float]]:
 
 
 def smallest_gaps(gap: np.ndarray, windows: list[tuple[float, float]]) -> list[float]:
-    """Smallest of `gap` [T] within each window, in its unit; windows without a frame are left out."""
+    """Smallest value of `gap` [T] within each window, in its unit. Windows without a frame are left out."""
     spans = [(max(int(np.ceil(a * FPS)), 0), int(np.floor(b * FPS)) + 1) for a, b in windows]
     return [float(gap[a:b].min()) for a, b in spans if a < min(b, len(gap))]

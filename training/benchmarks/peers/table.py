@@ -1,4 +1,4 @@
-"""What a predictor of the mouth reaches on one source: the rows of the page."""
+"""Scores of a predictor of the mouth on one source: the rows of the page."""
 
 from dataclasses import dataclass, field
 from math import nan
@@ -31,8 +31,8 @@ PER_CENT, MS = 100.0, 1000.0
 
 @dataclass
 class Row:
-    """A predictor's numbers by name. `lag_ms` is the delay that was removed, `sigma_ms` the smoothing that
-    was added."""
+    """A predictor's scores by name. `lag_ms` is the delay that was removed, `sigma_ms` the smoothing that was
+    added."""
 
     name: str
     scores: dict[str, float]
@@ -42,9 +42,9 @@ class Row:
 
 @dataclass
 class Source:
-    """Recordings that are judged. `turns` are pairs: what a map is fitted to, and what is judged under it.
+    """Recordings that are judged. `turns` are pairs: recordings to fit a map to, and those to judge with it.
 
-    `note` says what the shipped model saw of them; empty where it must have no row.
+    `note` says which part of them the shipped model was trained on. If it is empty, that model gets no row.
     """
 
     key: str
@@ -55,14 +55,14 @@ class Source:
 
 
 def gap_correlation(mouths: dict[str, np.ndarray], judged: list[Recording]) -> float:
-    """Mean over recordings of r of the gap, the first column of the mouths [T, 3]."""
+    """Correlation r of the gap (the first column of the mouths [T, 3]), as the mean over recordings."""
     predicted = [torch.from_numpy(mouths[r.name][r.judged, 0]) for r in judged]
     true = [torch.from_numpy(r.truth[r.judged, 0].astype(np.float64)) for r in judged]
     return float(torch.stack([correlation(a, b) for a, b in zip(predicted, true, strict=True)]).mean())
 
 
 def best_lag(mouths: dict[str, np.ndarray], judged: list[Recording]) -> float:
-    """The delay at which the gap's r is highest, ms in whole frames."""
+    """The delay at which the gap's r is highest: a whole number of frames, in ms."""
     correlations = {
         lag: gap_correlation({n: shifted(m, lag) for n, m in mouths.items()}, judged) for lag in LAGS
     }
@@ -72,7 +72,7 @@ def best_lag(mouths: dict[str, np.ndarray], judged: list[Recording]) -> float:
 def measure(
     mouths: dict[str, np.ndarray], rest_mm: dict[str, float], judged: list[Recording]
 ) -> dict[str, float]:
-    """Numbers of mouths [T, 3] mm, by recording; `rest_mm` is the gap at rest of the face that they move."""
+    """Scores of mouths [T, 3] mm by recording. `rest_mm` is the gap at rest of the face that they move."""
     scores = {}
     for k, feature in enumerate(FEATURES):
         clips = [
@@ -85,7 +85,7 @@ def measure(
 
 
 def closures(mouths, rest_mm, judged: list[Recording]) -> dict[str, float]:
-    """Share of p, b and m at which the gap comes within half a millimetre of that at rest, per cent."""
+    """Per cent of p, b and m in which the gap is at most half a millimetre wider than at rest."""
     met = []
     for r in judged:
         late_s = r.judged.start / FPS
@@ -96,7 +96,7 @@ def closures(mouths, rest_mm, judged: list[Recording]) -> dict[str, float]:
 
 
 def timing(mouths, judged: list[Recording]) -> dict[str, float]:
-    """MTM, ms: mean over recordings of the mean of each; and per cent of true extrema with a partner."""
+    """MTM in ms (mean over recordings of each one's mean), and per cent of true extrema with a partner."""
     means, joined, all_extrema = [], 0, 0
     for r in judged:
         off = temporal_misalignment(mouths[r.name][r.judged, 0], r.truth[r.judged, 0])
@@ -108,7 +108,7 @@ def timing(mouths, judged: list[Recording]) -> dict[str, float]:
 
 
 def intensity(mouths, judged: list[Recording]) -> dict[str, float]:
-    """SLCC over stretches of 3 s of gap, width and protrusion, as one point of three coordinates."""
+    """SLCC over stretches of 3 s. Gap, width and protrusion count as one point with three coordinates."""
     lips, speech = [], []
     for r in judged:
         for first in range(r.judged.start, r.judged.stop - STRETCH_FRAMES + 1, STRETCH_FRAMES):

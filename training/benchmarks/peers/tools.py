@@ -1,4 +1,4 @@
-"""Fetches the peers from PyPI and npm, and lets them hear the recordings."""
+"""Fetches the peers from PyPI and npm and runs them on the recordings."""
 
 import json
 import os
@@ -24,7 +24,7 @@ BROWSER_LIMIT_S = 3600.0
 
 @dataclass(frozen=True)
 class Tool:
-    """A peer in one use: its folder of outputs, its row, its package, and which outputs the map sees."""
+    """A peer in one mode: its folder of outputs, its row, its package, and which outputs the map sees."""
 
     key: str
     row: str
@@ -57,7 +57,7 @@ NPM = sorted({t.package.split(" ")[0] for t in TOOLS if "(npm)" in t.package})
 
 
 def hear(work: Path, recordings: list[Recording]) -> dict[str, str]:
-    """Runs all tools on the recordings that they have not heard. Returns errors by way of running."""
+    """Runs all tools on the recordings that they have no outputs for. Returns the errors by runner."""
     write_sounds(recordings, work / "sounds")
     ways = {"Python": run_python, "Chromium": run_browser, "Rhubarb": run_rhubarb}
     errors = {}
@@ -72,7 +72,7 @@ def hear(work: Path, recordings: list[Recording]) -> dict[str, str]:
 
 
 def write_sounds(recordings: list[Recording], folder: Path) -> None:
-    """`<name>.wav`, 16 bits, `phones.json`, rows of start, duration and label, and `texts.json`."""
+    """Writes `<name>.wav` (16 bits), `phones.json` (rows of start, duration and label) and `texts.json`."""
     folder.mkdir(parents=True, exist_ok=True)
     for r in recordings:
         soundfile.write(folder / f"{r.name}.wav", r.samples, SOUND_HZ, subtype="PCM_16")
@@ -82,12 +82,12 @@ def write_sounds(recordings: list[Recording], folder: Path) -> None:
 
 
 def lacks(work: Path, tool: str, recordings: list[Recording]) -> bool:
-    """Whether a tool has not heard some of the recordings."""
+    """Whether a tool's outputs are missing for some of the recordings."""
     return not all((work / "outputs" / tool / f"{r.name}.npz").exists() for r in recordings)
 
 
 def run_python(work: Path, recordings: list[Recording]) -> None:
-    """The peers of PyPI, in an environment of their own."""
+    """Runs the PyPI peers in an environment of their own."""
     python = environment(work)
     if lacks(work, "pylipsync", recordings):
         clean = {key: value for key, value in os.environ.items() if key != "PYTHONPATH"}
@@ -106,7 +106,7 @@ def environment(work: Path) -> Path:
 
 
 def install_npm(work: Path) -> Path:
-    """The folder that has the packages of npm."""
+    """The folder that has the npm packages; installs them if they are missing."""
     place = work / "npm"
     if not (place / "node_modules/rhubarb-lip-sync-wasm").exists():
         place.mkdir(parents=True, exist_ok=True)
@@ -115,7 +115,7 @@ def install_npm(work: Path) -> Path:
 
 
 def run_browser(work: Path, recordings: list[Recording]) -> None:
-    """The peers of npm that need a browser."""
+    """Runs the npm peers that need a browser."""
     install_npm(work)
     if any(lacks(work, tool, recordings) for tool in browser.TOOLS):
         profile = profile_of_pylipsync(environment(work))
@@ -123,9 +123,9 @@ def run_browser(work: Path, recordings: list[Recording]) -> None:
 
 
 def profile_of_pylipsync(python: Path) -> dict:
-    """What wLipSync compares a voice with: it brings none, pylipsync brings one.
+    """The voice profile of pylipsync, for wLipSync, whose package has none.
 
-    Both count twelve cepstral coefficients of 64 ms as uLipSync does.
+    Both compute twelve cepstral coefficients over 64 ms as uLipSync does.
     """
     where = "import pathlib, pylipsync; print(pathlib.Path(pylipsync.__file__).parent)"
     folder = subprocess.run([python, "-c", where], check=True, capture_output=True, text=True).stdout.strip()
@@ -152,7 +152,7 @@ def run_rhubarb(work: Path, recordings: list[Recording]) -> None:
 
 
 def shapes(cues: list[dict], seconds: float) -> tuple[np.ndarray, np.ndarray]:
-    """Times [N] and which of nine mouth shapes is on at each, [N, 9]; of two cues the later one counts."""
+    """Times [N] and which of nine mouth shapes is on at each, [N, 9]. If cues overlap, the later counts."""
     times_s = np.arange(int(seconds * CUES_HZ) + 1) / CUES_HZ
     values = np.zeros((len(times_s), len(SHAPES)))
     for cue in cues:
@@ -162,7 +162,7 @@ def shapes(cues: list[dict], seconds: float) -> tuple[np.ndarray, np.ndarray]:
 
 
 def read_outputs(work: Path, tool: str, recordings: list[Recording]) -> dict[str, np.ndarray]:
-    """Outputs of a tool for the recordings that it heard, at 25 fps, [T, K] by name."""
+    """Outputs of a tool at 25 fps, [T, K] by recording; recordings without outputs are left out."""
     outputs = {}
     for r in recordings:
         path = work / "outputs" / tool / f"{r.name}.npz"

@@ -1,4 +1,4 @@
-"""Readers of published corpora: each writes a corpus folder from a corpus as it is downloaded."""
+"""Readers of published corpora: each turns a downloaded corpus into a corpus folder."""
 
 from training.corpus.readers.flame import emovoca, mead, ravdess
 from training.corpus.readers.openface import openface

@@ -1,4 +1,4 @@
-"""Corpora over FLAME with emotions in their names: MEAD-3D, RAVDESS (parameters) and EmoVOCA (vertices)."""
+"""FLAME corpora whose clip names give the emotion: MEAD-3D, RAVDESS (parameters) and EmoVOCA (vertices)."""
 
 import re
 from collections.abc import Callable
@@ -32,7 +32,7 @@ JAW = 2
 
 
 def label_of(name: str) -> tuple[str, float]:
-    """Emotion and intensity from words in a name: `M003_happy_level_2_001`, `…_sentence01_sad_3`."""
+    """Emotion and intensity from the words in a name: `M003_happy_level_2_001`, `…_sentence01_sad_3`."""
     words = re.split(r"[\W_]+", name.lower())
     emotion = next((EMOTIONS[word] for word in words if word in EMOTIONS), None)
     if emotion is None:
@@ -46,8 +46,11 @@ def label_of(name: str) -> tuple[str, float]:
 
 
 def emovoca(source: Path, folder: Path, landmarks: Path | None) -> Path:
-    """EmoVOCA (Nocentini et al. 2024): SPEAKER_sentenceNN_EMOTION_LEVEL.npy [T, 5023, 3], a sound of the
-    same stem or of SPEAKER_sentenceNN in `audio`, templates.pkl, FLAME_sample.ply."""
+    """Reads EmoVOCA (Nocentini et al. 2024).
+
+    Its files are SPEAKER_sentenceNN_EMOTION_LEVEL.npy [T, 5023, 3], templates.pkl and FLAME_sample.ply.
+    Each sequence has a sound in `audio`, of the same stem or of the stem SPEAKER_sentenceNN.
+    """
     table = need_table(landmarks, "flame")
     neutral, triangles = read_mesh(found_files(source, "FLAME_sample.ply")[0])
     writer = CorpusWriter(folder, "emovoca", "m", topology="flame", fps={"vertices": EMOVOCA_FPS})
@@ -68,10 +71,11 @@ def emovoca(source: Path, folder: Path, landmarks: Path | None) -> Path:
 
 
 def mead(source: Path, folder: Path, landmarks: Path | None) -> Path:
-    """MEAD-3D: FLAME parameters NAME.npz with `exp` [T, E], `jaw` [T, 3] (or `pose` [T, 6], jaw last) and
-    `shape`, a sound NAME beside it, and flame.pkl or generic_model.pkl, the user's licensed model.
+    """Reads MEAD-3D, a corpus of FLAME parameters.
 
-    The head stays still. Speakers are the first word of a name (M003); every tenth speaker tests.
+    Each NAME.npz has `exp` [T, E], `jaw` [T, 3] (or `pose` [T, 6], jaw last) and `shape`, with a sound NAME
+    beside it. The user adds the licensed model, flame.pkl or generic_model.pkl. The head stays still. The
+    first word of a name is the speaker (M003). Every tenth speaker is for testing.
     """
     speakers: list[str] = []
 
@@ -86,11 +90,11 @@ def mead(source: Path, folder: Path, landmarks: Path | None) -> Path:
 
 
 def ravdess(source: Path, folder: Path, landmarks: Path | None) -> Path:
-    """RAVDESS (Livingstone & Russo 2018) with FLAME parameters of each clip, as EMOCA tracks them at 30 fps:
-    files as for MEAD-3D with RAVDESS's own names, 03-01-06-01-02-01-12.npz.
+    """Reads RAVDESS (Livingstone & Russo 2018) as FLAME parameters that EMOCA tracked at 30 fps.
 
-    Actors 1 to 20 train, 21 and 22 validate, 23 and 24 test, as in EmoFace (§4.1). The two statements are the
-    text, so that one actor's emotions can be crossed.
+    The files are those of MEAD-3D but with RAVDESS's own names, 03-01-06-01-02-01-12.npz. Actors 1 to 20 are
+    for training, 21 and 22 for validation, 23 and 24 for testing, as in EmoFace (§4.1). The two statements
+    are the text, so that one actor's emotions can be crossed.
     """
 
     def about(name: str) -> Clip:
@@ -111,7 +115,7 @@ def ravdess(source: Path, folder: Path, landmarks: Path | None) -> Path:
 
 @dataclass
 class Clip:
-    """What a clip's name says about it."""
+    """Facts about a clip that its name gives."""
 
     speaker: str
     split: str
@@ -123,7 +127,7 @@ class Clip:
 def _of_parameters(
     source: Path, folder: Path, landmarks: Path | None, style: str, fps: float, about: Callable[[str], Clip]
 ) -> Path:
-    """A folder of FLAME parameters, a sound beside each, and FLAME's own pickle."""
+    """Reads a folder of FLAME parameters, the sound beside each, and FLAME's own pickle."""
     table = need_table(landmarks, "flame")
     models = [*source.glob("flame.pkl"), *source.glob("generic_model.pkl")]
     if not models:
@@ -161,9 +165,9 @@ def _parameters(path: Path, arrays: dict[str, np.ndarray]):
 
 @dataclass
 class Flame:
-    """FLAME (Li et al. 2017) with jaw and expression alone.
+    """FLAME (Li et al. 2017), in which only jaw and expression move.
 
-    neutral: [V, 3] m. directions: [V, 3, 400], shape then expression. pose: [V, 3, 36], correctives by the
+    neutral: [V, 3] m. directions: [V, 3, 400], shape then expression. pose: [V, 3, 36], correctives for the
     rotations of four joints. regressor: [5, V]. skinning: [V, 5].
     """
 
@@ -190,7 +194,7 @@ class Flame:
 
 
 def read_flame(path: Path) -> Flame:
-    """FLAME's own pickle."""
+    """Reads FLAME's own pickle."""
     model = read_pickle(path)
     names = ("v_template", "f", "shapedirs", "posedirs", "J_regressor", "weights")
     missing = [name for name in names if name not in model]

@@ -16,9 +16,9 @@ CAMERA_TO_FACE = np.array([1.0, -1.0, -1.0])
 
 
 def openface(source: Path, folder: Path, landmarks: Path | None) -> Path:
-    """Every NAME.csv of `FeatureExtraction -3Dfp` with a sound NAME beside it; folders are speakers.
+    """Reads every NAME.csv of `FeatureExtraction -3Dfp` and the sound NAME beside it.
 
-    `landmarks` is not used.
+    Each folder is a speaker. `landmarks` is not used.
     """
     writer = CorpusWriter(folder, "openface", "mm", head="moves")
     for number, path in enumerate(found_files(source, "*.csv")):
@@ -31,7 +31,7 @@ def openface(source: Path, folder: Path, landmarks: Path | None) -> Path:
 
 
 def read_openface(path: Path) -> tuple[np.ndarray, np.ndarray, float]:
-    """Landmarks [T, 68, 3] mm in the face's axes, which frames were tracked [T], and frames a second."""
+    """Landmarks [T, 68, 3] mm in the face's axes, which frames were tracked [T], and the frame rate."""
     axes = [f"{axis}_{i}" for axis in "XYZ" for i in range(68)]
     columns = read_numbers(path, ["timestamp", "confidence", "success", *axes])
     seconds = columns["timestamp"]

@@ -28,16 +28,16 @@ MULTIFACE_TEST_EVERY = 10
 
 
 def vocaset_split(speaker: str) -> str:
-    """train, val or test."""
+    """The split of a speaker: train, val or test."""
     return next((split for split, names in VOCASET_SPLITS.items() if speaker in names), "train")
 
 
 def vocaset(source: Path, folder: Path, landmarks: Path | None) -> Path:
-    """VOCASET, metres, head still, 60 fps, in one of three layouts, each beside FLAME_sample.ply.
+    """Reads VOCASET (metres, head still, 60 fps) in one of three layouts, each with FLAME_sample.ply.
 
     As published: `unposedcleaneddata/SPEAKER/sentenceNN/*.ply` and `audio/SPEAKER/sentenceNN.wav`. For
     training: data_verts.npy, subj_seq_to_idx.pkl, raw_audio_fixed.pkl, templates.pkl. Or as FaceFormer
-    has it: vertices_npy/SPEAKER_sentenceNN.npy at 30 fps, wav/, templates.pkl.
+    needs it: vertices_npy/SPEAKER_sentenceNN.npy at 30 fps, wav/, templates.pkl.
     """
     if (source / "vertices_npy").is_dir():
         return _flat(source, folder, landmarks, "vocaset", "flame", 30.0, "m", _vocaset_name)
@@ -81,10 +81,10 @@ def _vocaset_name(stem: str) -> tuple[str, str]:
 
 
 def biwi(source: Path, folder: Path, landmarks: Path | None) -> Path:
-    """BIWI as FaceFormer has it: vertices_npy/F2_e01.npy at 25 fps, wav/, templates.pkl, BIWI.ply.
+    """Reads BIWI as FaceFormer needs it: vertices_npy/F2_e01.npy at 25 fps, wav/, templates.pkl, BIWI.ply.
 
-    Its faces are about one unit wide and of no stated unit: `unit` is written so that they come out near
-    human size. Emotional takes (`e`) have no label: their emotion is unknown.
+    BIWI states no unit and its faces are about one unit wide, so they are scaled to about human size.
+    Emotional takes (`e`) have no label, so their emotion is unknown.
     """
     return _flat(source, folder, landmarks, "biwi", "biwi", 25.0, None, _biwi_name)
 
@@ -100,7 +100,7 @@ def _biwi_name(stem: str) -> tuple[str, str]:
 
 def _flat(source: Path, folder: Path, landmarks: Path | None, name: str, topology: str, fps: float,
           unit: str | None, of_name) -> Path:  # fmt: skip
-    """vertices_npy/*.npy, wav/*.wav, templates.pkl, and a .ply or .obj with the triangles."""
+    """Reads vertices_npy/*.npy, wav/*.wav, templates.pkl, and a .ply or .obj with the triangles."""
     table = need_table(landmarks, topology)
     templates = {k: numbers(v).reshape(-1, 3) for k, v in read_pickle(source / "templates.pkl").items()}
     meshes = [*sorted(source.glob("*.ply")), *sorted(source.glob("*.obj"))]
@@ -129,11 +129,11 @@ def metres_of(templates: np.ndarray, width_m: float = 0.15) -> float:
 
 
 def multiface(source: Path, folder: Path, landmarks: Path | None) -> Path:
-    """Multiface (Wuu et al. 2022): PERSON/tracked_mesh/SENTENCE/*.obj (or .bin beside one .obj) and
-    PERSON/audio/SENTENCE.wav; millimetres, head still, 30 fps. Every tenth sentence of a person tests.
+    """Reads Multiface (Wuu et al. 2022), in millimetres, head still, 30 fps.
 
-    The neutral face of a person is the first frame of `EXP_neutral*` if there is one, else of the first
-    sentence.
+    Its files are PERSON/tracked_mesh/SENTENCE/*.obj (or .bin beside one .obj) and PERSON/audio/SENTENCE.wav.
+    Every tenth sentence of a person is for testing. A person's neutral face is the first frame of
+    `EXP_neutral*` if there is one, else of the first sentence.
     """
     table = need_table(landmarks, "multiface")
     writer = CorpusWriter(folder, "multiface", "mm", topology="multiface", fps={"vertices": 30.0})
@@ -156,12 +156,12 @@ def multiface(source: Path, folder: Path, landmarks: Path | None) -> Path:
 
 
 def read_obj_of(take: Path) -> tuple[np.ndarray, np.ndarray]:
-    """The first .obj of a take."""
+    """Reads the first .obj of a take."""
     return read_mesh(found_files(take, "*.obj")[0])
 
 
 def multiface_frames(take: Path, vertices: int) -> np.ndarray:
-    """[T, V, 3] of a take, from .bin (f32) where there are such."""
+    """Vertices [T, V, 3] of a take, from its .bin files (f32) if it has any."""
     binary = sorted(take.glob("*.bin"))
     if not binary:
         return read_sequence(take, vertices)

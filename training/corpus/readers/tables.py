@@ -1,4 +1,4 @@
-"""What readers share: files of numpy and pickle, meshes, csv with numbers, sounds beside motion."""
+"""Helpers that readers share, for numpy and pickle files, meshes, csv with numbers, and sounds."""
 
 import csv
 import pickle
@@ -17,10 +17,10 @@ PLY_TYPES = {"float": "f4", "float32": "f4", "double": "f8", "uchar": "u1", "uin
 
 
 class NumbersAlone(pickle.Unpickler):
-    """Reads pickles of arrays and refuses everything else in them, since a pickle can run programs."""
+    """Reads pickles of arrays and refuses everything else in them, because a pickle can run programs."""
 
     def find_class(self, module: str, name: str):
-        """numpy's constructors, and `Ch` of chumpy as a plain holder of its array."""
+        """Allows the constructors of numpy and scipy's sparse matrices. A chumpy array becomes a `Held`."""
         if module in SAFE and name in ("_reconstruct", "ndarray", "dtype", "scalar", "_frombuffer"):
             return super().find_class(module.replace("numpy.core", "numpy._core"), name)
         if (module, name) == ("_codecs", "encode"):
@@ -33,11 +33,11 @@ class NumbersAlone(pickle.Unpickler):
 
 
 class Held:
-    """A chumpy array: its state has the numbers under `x`."""
+    """Stands for a chumpy array, whose state has the numbers under `x`."""
 
 
 def read_pickle(path: Path):
-    """A pickle of numbers."""
+    """Reads a pickle of numbers."""
     if not path.exists():
         raise CorpusError(path, None, "a file", "none")
     try:
@@ -48,7 +48,7 @@ def read_pickle(path: Path):
 
 
 def numbers(value) -> np.ndarray:
-    """An array, unwrapped if chumpy holds it."""
+    """The value as an array, unwrapped if it was a chumpy array."""
     return np.asarray(value.__dict__["x"] if isinstance(value, Held) else value)
 
 
@@ -95,7 +95,7 @@ def _binary_ply(body: bytes, counts: dict[str, int], fields) -> tuple[np.ndarray
 
 
 def read_sequence(path: Path, vertices: int | None = None) -> np.ndarray:
-    """[T, V, 3] of a .npy ([T, V, 3] or [T, 3 V]), or of a folder of .ply or .obj."""
+    """Vertices [T, V, 3] from a .npy ([T, V, 3] or [T, 3 V]) or from a folder of .ply or .obj."""
     if path.is_dir():
         meshes = sorted([*path.glob("*.ply"), *path.glob("*.obj")])
         if not meshes:
@@ -108,7 +108,7 @@ def read_sequence(path: Path, vertices: int | None = None) -> np.ndarray:
 
 
 def sound_of(folder: Path, stem: str) -> Path:
-    """The sound of a clip."""
+    """The path of a clip's sound; raises if there is none."""
     for ending in SOUNDS:
         if (folder / f"{stem}{ending}").exists():
             return folder / f"{stem}{ending}"
@@ -128,7 +128,7 @@ def found_files(source: Path, pattern: str) -> list[Path]:
 
 
 def read_numbers(path: Path, names: list[str]) -> dict[str, np.ndarray]:
-    """Columns of a csv by name, each [T]; spaces around names do not count."""
+    """Columns of a csv by name, each [T]. Spaces around names are ignored."""
     with open(path, newline="", encoding="utf-8-sig") as file:
         rows = [row for row in csv.reader(file) if row]
     heads = [name.strip() for name in rows[0]] if rows else []
@@ -145,7 +145,7 @@ def read_numbers(path: Path, names: list[str]) -> dict[str, np.ndarray]:
 
 
 def need_table(landmarks: Path | None, topology: str) -> Path:
-    """The table of landmarks, which the user has to supply."""
+    """The table of landmarks; raises if the user did not supply it."""
     if landmarks is None:
         expected = f"--landmarks FILE: the 68 landmarks of {topology} (`anyface landmarks --mesh` finds them)"
         raise CorpusError(Path(topology), None, expected, "nothing")

@@ -16,15 +16,16 @@ TEST_EVERY = 10
 
 
 def split_of(number: int) -> str:
-    """Every tenth clip tests."""
+    """The split of a clip. Every tenth one is for testing."""
     return "test" if number % TEST_EVERY == TEST_EVERY - 1 else "train"
 
 
 def beat(source: Path, folder: Path, landmarks: Path | None) -> Path:
-    """BEAT (Liu et al. 2022): SPEAKER/NAME.json with `names` and `frames` of `weights` and `time`, a sound
-    beside it, and NAME.txt with the words where it is there. `landmarks` is not used.
+    """Reads BEAT (Liu et al. 2022).
 
-    BEAT labels emotions in NAME.csv with rows (emotion, start, end, …); they are not read: unknown.
+    SPEAKER/NAME.json has `names`, and `frames` of `weights` and `time`. A sound is beside it, and sometimes
+    NAME.txt with the words. BEAT labels emotions in NAME.csv with rows (emotion, start, end, …). They are not
+    read, so every emotion is unknown. `landmarks` is not used.
     """
     writer = CorpusWriter(folder, "beat", "m")
     for number, path in enumerate(found_files(source, "*.json")):
@@ -58,9 +59,10 @@ def read_beat(path: Path) -> tuple[list[str], np.ndarray, np.ndarray]:
 
 
 def live_link_face(source: Path, folder: Path, landmarks: Path | None) -> Path:
-    """Takes of Live Link Face: TAKE/*_iPhone.csv and a sound of the same stem, taken out of the .mov.
+    """Reads takes of Live Link Face: TAKE/*_iPhone.csv and a sound of the same stem, extracted from the .mov.
 
-    Folders of takes are speakers where they are nested, else all are one. `landmarks` is not used.
+    If the folders of takes are nested, the folder around each names the speaker. Otherwise all takes have the
+    same speaker. `landmarks` is not used.
     """
     writer = CorpusWriter(folder, "live_link_face", "m")
     takes = [p for p in found_files(source, "*.csv") if not p.stem.endswith(("_raw", "_cal", "_neutral"))]
@@ -78,7 +80,7 @@ def live_link_face(source: Path, folder: Path, landmarks: Path | None) -> Path:
 
 
 def _without_repeats(path: Path, writer: CorpusWriter) -> Path:
-    """A copy whose timecodes differ: the app writes a row again where no new frame came."""
+    """A copy without repeated timecodes: the app repeats a row when no new frame has arrived."""
     with open(path, newline="", encoding="utf-8-sig") as file:
         head, *rows = [row for row in csv.reader(file) if row]
     at = [name.lower() for name in head].index("timecode") if "timecode" in map(str.lower, head) else None

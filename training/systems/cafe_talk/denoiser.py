@@ -1,8 +1,8 @@
 """The diffusion transformer of Cafe-Talk and its adapter for fine control (Chen et al. 2025, §3.1 and §3.2).
 
-Differs from the paper: the coarse condition may change from frame to frame; modulation comes from one
-linear layer for all blocks and a table in each (`nn.ada_ln`), which alone fits the printed number of
-parameters; a unit of the fine condition is active on the left, on the right or on both sides.
+It differs from the paper in three ways. The coarse condition may change from frame to frame. Modulation comes
+from one linear layer for all blocks and a table in each (`nn.ada_ln`): only this design fits the number of
+parameters that the paper prints. A unit of the fine condition is active on the left, the right or both sides.
 """
 
 from dataclasses import dataclass, field
@@ -118,7 +118,7 @@ class Coarse:
     """The coarse condition C of a batch.
 
     `style` [B] int. `emotion` [B, T, E]: place in the text space. `intensity` [B, T]. `has_label` [B] bool:
-    where it is false, the learned null replaces all of it.
+    where it is false, the learned null replaces the whole condition.
     """
 
     style: Tensor
@@ -162,7 +162,7 @@ class Block(nn.Module):
         self.ada_table = table(ADA_LAYERS, width)
 
     def forward(self, x: Tensor, memory: Tensor, ada: Tensor, films, band: Tensor) -> Tensor:
-        """`x` [B, T, d], `memory` [B, T, d], `ada` [B, T, 6, d]. → what the adapter adds to, [B, T, d]."""
+        """`x` [B, T, d], `memory` [B, T, d], `ada` [B, T, 6, d] → the adapter's input, [B, T, d]."""
         shift, scale, gate = self._ada(ada, 0)
         y = modulated(x, shift, scale)
         x = x + gate * self.coarse_attn(y, y)
@@ -193,13 +193,13 @@ class AdapterBlock(nn.Module):
         nn.init.zeros_(self.zero.bias)
 
     def forward(self, x: Tensor, events: Tensor, place: tuple[Tensor, Tensor]) -> Tensor:
-        """`x` and `events` [B, T, d] → what is added to `x`."""
+        """`x` and `events` [B, T, d] → the term to add to `x`."""
         heard = self.norm(x) + events
         return self.zero(film(heard, self.attn(heard, heard), *place))
 
 
 class Adapter(nn.Module):
-    """Fine control beside the frozen base: events `F` to a condition, and a block for each of the base's."""
+    """Fine control beside the frozen base: maps events `F` to a condition; one block per base block."""
 
     def __init__(self, config: CafeTalkConfig):
         super().__init__()
@@ -210,7 +210,7 @@ class Adapter(nn.Module):
         self.blocks = nn.ModuleList(AdapterBlock(config) for _ in range(config.blocks))
 
     def condition(self, events: Tensor) -> Tensor:
-        """Active units [B, T, 2·16] (left, then right) → [B, T, d]; 0 two frames away from any event."""
+        """Active units [B, T, 2·16] (left, then right) → [B, T, d]; 0 from two frames off any event."""
         active = events.any(dim=-1, keepdim=True).to(events.dtype)
         heard = nn.functional.silu(self.events(events)) * active
         near = nn.functional.max_pool1d(active.transpose(1, 2), EVENT_KERNEL, 1, EVENT_KERNEL // 2)
@@ -218,7 +218,7 @@ class Adapter(nn.Module):
 
 
 class Denoiser(nn.Module):
-    """`M̂₀ = G(M_τ; τ, A, C, F)`, eq. 3; without events only the base model."""
+    """`M̂₀ = G(M_τ; τ, A, C, F)`, eq. 3. Without events only the base model runs."""
 
     def __init__(self, config: CafeTalkConfig):
         super().__init__()
@@ -239,7 +239,7 @@ class Denoiser(nn.Module):
         self.register_buffer("std", torch.ones(len(config.channels)))
 
     def base_parameters(self) -> list[nn.Parameter]:
-        """What stage 1 trains: all but the adapter."""
+        """The parameters that stage 1 trains: all except the adapter's."""
         return [p for name, p in self.named_parameters() if not name.startswith("adapter.")]
 
     def forward(
@@ -254,7 +254,7 @@ class Denoiser(nn.Module):
         """One pass in standardised space.
 
         `noisy` [B, T, 51], `timestep` [B] int, `speech` [B, T, C] at the motion's frame rate,
-        `speech_given` [B] bool, `events` [B, T, 32] or none: the base alone. Returns x̂₀ [B, T, 51].
+        `speech_given` [B] bool, `events` [B, T, 32], or None to run the base alone. Returns x̂₀ [B, T, 51].
         """
         if speech.shape[1] != noisy.shape[1]:
             raise ValueError(f"speech frames: expected {noisy.shape[1]}, got {speech.shape[1]}")

@@ -4,9 +4,9 @@
 
 `--run weights/cafe-talk/cafe_talk_compact` measures an exported model with the encoder beside it. Writes
 report.json and report.md. `--ablation "without swapped labels=runs/x/cafe_talk.pt"` adds a row for a run or
-folder trained without a part; unmasked guidance needs no run and is always a row. Weights alone are
-measured, on ICT's landmarks: what the engine adds when it shows them (lips brought together on the head) is
-not in here.
+folder trained without a part. Unmasked guidance needs no run of its own and always gets a row. Only weights
+are measured, on ICT's landmarks. This leaves out what the engine adds when it shows them (it brings the lips
+together on the head).
 """
 
 import argparse
@@ -35,7 +35,7 @@ TITLES = {
 
 
 def report(arguments) -> dict[str, list[dict]]:
-    """All tables that `--only` names, as rows by title."""
+    """The table on speech and all tables that `--only` names, as rows by name."""
     torch.set_num_threads(arguments.threads)
     lessons, held_out = trial.clips(arguments)
     if not held_out:
@@ -87,7 +87,7 @@ def whole(name: str, actor: Actor, takes: list[Take], few: list[Take], judge, un
 
 
 def by_source(takes: list[Take], count: int) -> list[Take]:
-    """The first takes of each source."""
+    """The first `count` takes of each source."""
     sources = sorted({t.source for t in takes})
     return [t for s in sources for t in [t for t in takes if t.source == s][:count]]
 
@@ -104,7 +104,7 @@ def page(tables: dict[str, list[dict]]) -> str:
 
 
 def table(rows: list[dict]) -> str:
-    """A Markdown table; a cell that is a table itself becomes columns."""
+    """A Markdown table. A cell that holds a dict becomes one column per key."""
     flat = [{k: v for key, value in row.items() for k, v in _columns(key, value)} for row in rows]
     heads = list(dict.fromkeys(key for row in flat for key in row))
     lines = [f"| {' | '.join(heads)} |", "| --- |" + " --- |" * (len(heads) - 1)]
@@ -125,7 +125,7 @@ def _cell(value) -> str:
 
 
 def plain(value):
-    """The same with `None` for NaN, which JSON does not know."""
+    """Replaces NaN, which JSON lacks, by `None`."""
     if isinstance(value, dict):
         return {k: plain(v) for k, v in value.items()}
     if isinstance(value, list):

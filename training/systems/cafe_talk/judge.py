@@ -1,9 +1,9 @@
-"""A judge of emotions: which of the fifteen do weights [T, 51] show? (Cafe-Talk, appendix D.2.)
+"""A judge that tells which of the fifteen emotions weights [T, 51] show (Cafe-Talk, appendix D.2).
 
-An MLP, a `cls` token, positions, one layer of a transformer with 8 heads, and two heads on the token: which
-emotion, and how strong. It learns from recorded speech under added emotions and judges other clips. `Acc` is
-the share of clips whose emotion it reads correctly, `Div` the deviation of its features over clips, `read`
-the mean strength that it reads.
+It has an MLP, a `cls` token, positions, one transformer layer with 8 heads, and two heads on the token, for
+the emotion and for its strength. It learns from recorded speech with added emotions and judges other clips.
+`Acc` is the share of clips whose emotion it reads correctly, `Div` the deviation of its features over clips,
+`read` the mean strength that it reads in clips that are not neutral.
 """
 
 from collections.abc import Callable
@@ -44,7 +44,7 @@ class Judge(nn.Module):
         self.strength = nn.Linear(WIDTH, 1)
 
     def features(self, weights: Tensor) -> Tensor:
-        """Features of the token for weights [B, T, 51], [B, d]."""
+        """Features [B, d] of the token for weights [B, T, 51]."""
         x = self.mlp(weights)
         x = torch.cat([self.cls.expand(len(x), 1, -1), x], dim=1)
         return self.layer(x + timestep_embedding(torch.arange(x.shape[1]), WIDTH))[:, 0]
@@ -65,14 +65,14 @@ class Judge(nn.Module):
 
 
 def under_emotion(weights: Tensor, emotion: int, intensity: float) -> Tensor:
-    """Recorded speech [T, 51] under an emotion, computed as the model's targets are."""
+    """Recorded speech [T, 51] with an added emotion, computed in the same way as the model's targets."""
     rows = torch.zeros(len(weights), len(EMOTIONS))
     rows[:, emotion] = 1.0
     return with_emotion(weights, rows, torch.full((len(weights),), intensity), lips_met(weights))
 
 
 def taught(lessons: list[Entry], steps: int, seed: int = 0) -> Judge:
-    """A judge trained on windows of `lessons`; those shorter than 2 s are left out."""
+    """Trains a judge on windows of `lessons`; clips shorter than 2 s are left out."""
     usable = [e.motion.float() for e in lessons if len(e.motion) >= WINDOW_FRAMES]
     if not usable:
         count = len(lessons)

@@ -1,4 +1,4 @@
-"""Where an event yields to speech: jaw and chin follow the mouth opening that speech needs.
+"""Makes events yield to speech: jaw and chin follow the mouth opening that speech needs.
 
 Twin of `rust-core/src/systems/cafe_talk/priority.rs`. A jaw that stays down for its whole slot, or a chin
 that stays up, hides the speech (Cafe-Talk's own table 4: lower units cost four times the SyncD of upper

@@ -1,10 +1,10 @@
-"""How Cafe-Talk is trained: ours, and as the paper (appendix C.1, eqs. 4 and 5) prints it.
+"""Training recipes of Cafe-Talk: ours, and the paper's (appendix C.1, eqs. 4 and 5).
 
-`--recipe paper` has the squares of eqs. 4 and 5 alone, every channel alike, and AdamW at 1e-4 with 16 windows
-a batch for 400,000 steps of the base and 300,000 of the adapter. Where the paper is silent (schedule of the
-rate, decay, averaged weights) the plainest choice is made: the rate stays, PyTorch's own decay, none. Its
-8 GPUs are 8 processes of `accelerate launch`, 16 windows in each. Ours is a rate that rises to 8e-4 and falls
-to the end.
+`--recipe paper` uses only the squared errors of eqs. 4 and 5, with the same weight for every channel. AdamW
+runs at 1e-4 with 16 windows a batch, for 400,000 steps of the base and 300,000 of the adapter. Where the
+paper is silent, we make the plainest choice: the learning rate is constant, the weight decay is PyTorch's
+default, and weights are not averaged. The paper's 8 GPUs are 8 processes of `accelerate launch` with 16
+windows each. The rate of our recipe rises to 8e-4 and then falls until the end.
 """
 
 from dataclasses import dataclass
@@ -15,7 +15,7 @@ from training.systems.freetalk.recipes import Recipe
 
 @dataclass(frozen=True)
 class Stages(Recipe):
-    """A recipe whose two stages last so many steps."""
+    """A recipe with the number of steps of each of its two stages."""
 
     base: int = 6000
     adapter: int = 6000

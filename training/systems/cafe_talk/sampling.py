@@ -20,10 +20,10 @@ from training.systems.freetalk.sampling import _ramp, window_starts
 class Request:
     """A request for a clip.
 
-    `style` by number; `emotion` [T, E] in the text space; `intensity` [T]; `events` [T, 32] of 0 and 1.
-    `strength` [T, 51] is Z of eq. 6: the strength of the events at each frame and channel, 0 outside them.
-    `printed` takes eq. 6 as printed, with G_∅ in its third term. `over_speech` lets jaw and chin hide the
-    speech (`priority`), as eq. 6 does.
+    `style` is a number; `emotion` [T, E] lies in the text space; `intensity` is [T]; `events` [T, 32] are 0
+    or 1. `strength` [T, 51] is Z of eq. 6: the strength of the events at each frame and channel, 0 outside
+    them. `printed` uses eq. 6 as printed, with G_∅ in its third term. With `over_speech`, events of jaw and
+    chin may hide the speech, as in eq. 6 (see `priority`).
     """
 
     style: int
@@ -36,7 +36,7 @@ class Request:
 
     @staticmethod
     def neutral(config: CafeTalkConfig, emotions: np.ndarray, frames: int) -> "Request":
-        """The default style without emotion or event."""
+        """A request for the default style without emotion or events."""
         return Request(
             config.styles.index(config.default_style),
             torch.from_numpy(emotions[0]).expand(frames, -1),
@@ -46,11 +46,11 @@ class Request:
         )
 
     def span(self, frames: slice) -> "Request":
-        """The same for a stretch of frames."""
+        """The same request for a range of frames."""
         return self._changed(lambda track: track[frames])
 
     def to(self, device: torch.device) -> "Request":
-        """The same on another device."""
+        """The same request on another device."""
         return self._changed(lambda track: track.to(device))
 
     def _changed(self, change: Callable[[Tensor], Tensor]) -> "Request":
@@ -72,7 +72,7 @@ def sample_weights(
 def sample_from(
     model: Denoiser, noise: Tensor, speech: Tensor, request: Request, sampling: Sampling | None = None
 ) -> Tensor:
-    """The same from given unit noise [T, 51]; it computes where the model is."""
+    """Like `sample_weights`, but from given unit noise [T, 51]. Runs on the model's device."""
     config, sampling = model.config, sampling or model.config.sampling
     frames, device = len(speech), model.mean.device
     noise, speech, request = noise.to(device) * sampling.temperature, speech.to(device), request.to(device)

@@ -1,4 +1,4 @@
-"""A finished Cafe-Talk model, from a run or from the folder that it was exported to."""
+"""Loads a finished Cafe-Talk model from a run or from an exported folder."""
 
 from dataclasses import dataclass
 from pathlib import Path
@@ -17,9 +17,9 @@ ADAPTER = "adapter."
 
 @dataclass
 class Stored:
-    """`state` of the denoiser in f32, `emotions` [15, E] in the text space, and the `encoder` it hears with.
+    """The denoiser's `state` in f32, `emotions` [15, E] in the text space, and the speech `encoder`.
 
-    `encoder` is `None` where speech comes from a checkpoint (HuBERT, wav2vec2, XLSR).
+    `encoder` is `None` if the speech features come from a checkpoint (HuBERT, wav2vec2, XLSR).
     """
 
     config: CafeTalkConfig
@@ -34,9 +34,9 @@ class Stored:
 
 
 def load(path: Path) -> Stored:
-    """A `cafe_talk.pt`, or a folder as `training.export` writes it, with its encoder or the shipped one.
+    """Loads a `cafe_talk.pt`, or a folder of `training.export` with its encoder or the shipped one.
 
-    Weights of a folder have 16 bits; they come as f32.
+    A folder stores 16-bit weights. They are returned as f32.
     """
     if path.is_dir():
         return _exported(path)

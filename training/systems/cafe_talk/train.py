@@ -1,11 +1,11 @@
-"""Trains Cafe-Talk: first the base, then the adapter for fine control beside the frozen base.
+"""Trains Cafe-Talk: first the base, then the adapter for fine control while the base is frozen.
 
     python -m training.systems.cafe_talk.train --data ../shared/data --out runs/cafe_base
     python -m training.systems.cafe_talk.train --base runs/cafe_base/cafe_talk.pt ... --out runs/cafe_fine
 
-`--corpus` trains on corpus folders and nothing else. `--recipe paper` has the losses, rate, batch and steps
-of the paper (`training/systems/cafe_talk/recipes.py`). Seeded; resumes from `--out/last.pt` with the same
-bits; `--device` and `--precision` say where it computes (`training/machine.py`).
+`--corpus` trains on corpus folders only. `--recipe paper` uses the losses, rate, batch and steps of the paper
+(`training/systems/cafe_talk/recipes.py`). Training is seeded and resumes from `--out/last.pt` with the same
+bits. `--device` and `--precision` choose where and how it computes (`training/machine.py`).
 """
 
 import argparse
@@ -63,8 +63,10 @@ MET_M, PARTED_M = -0.3e-3, 1.0e-3
 
 @dataclass
 class Step:
-    """One batch. `weights` and `visibility` [B, T, 51]; `events` [B, T, 32]; the rest as the denoiser takes
-    it."""
+    """One batch: `weights` and their `visibility` in the loss [B, T, 51], and `events` [B, T, 32].
+
+    `coarse` has the form that the denoiser takes. `swapped` [B] marks rows with a swapped label.
+    """
 
     mel: torch.Tensor
     weights: torch.Tensor
@@ -107,13 +109,13 @@ class CafeTalkTrainer:
         self.speech.to(self.machine.device)
 
     def parameters(self) -> list[nn.Parameter]:
-        """Parameters that the stage trains."""
+        """The parameters that this stage trains."""
         if self.joint:
             return list(self.model.parameters())
         return list(self.model.adapter.parameters()) if self.fine else self.model.base_parameters()
 
     def _begin_at(self, path: Path) -> None:
-        """Loads a finished base. An adapter in it is ignored and begins anew."""
+        """Loads a finished base. Ignores any adapter in it: training starts with a new one."""
         stored = load_stored(path)
         for part in ("blocks", "width", "coarse", "styles"):
             expected, actual = getattr(self.config, part), getattr(stored.config, part)
@@ -124,7 +126,7 @@ class CafeTalkTrainer:
 
     @torch.no_grad()
     def draw(self, count: int, frames: int) -> Step:
-        """A batch of speech under random emotions and, in the second stage, with events."""
+        """A batch of speech with random emotions and, in the second stage, with events."""
         batch = self.sampler.batch(count, frames)
         rows = [self._acted(*row) for row in zip(batch.motion.float(), batch.affect, strict=True)]
         weights, emotion, intensity, events = (torch.stack(column) for column in zip(*rows, strict=True))
@@ -186,8 +188,10 @@ class CafeTalkTrainer:
         return emotion, (1 - share) * levels[0] + share * levels[1]
 
     def _label_places(self, emotion: torch.Tensor, swapped: torch.Tensor) -> torch.Tensor:
-        """Places in the text space [B, T, E] of words for the emotion, or for another one where labels are
-        swapped."""
+        """Places in the text space for the label of each row and frame, [B, T, E].
+
+        They are those of words for the row's emotion, or for another emotion if the label is swapped.
+        """
         out = []
         for row, other in zip(emotion, swapped, strict=True):
             names = [self.generator.choice(SYNONYMS[e]) for e in self.config.emotions]
@@ -198,7 +202,7 @@ class CafeTalkTrainer:
         return torch.stack(out)
 
     def loss(self, step: Step) -> tuple[torch.Tensor, dict[str, float]]:
-        """Eq. 4, with the concordance of what a viewer sees; eq. 5 in rows whose label was swapped."""
+        """Eq. 4, or eq. 5 in rows with a swapped label. Our recipe adds the concordance of mouth features."""
         count, device = len(step.weights), self.machine.device
         pure_noise = 0.0 if self.recipe.plain else PURE_NOISE_SHARE
         t, noise = noise_levels(step.weights.shape, len(self.alphas), pure_noise, self.random)
@@ -243,14 +247,14 @@ def lips_met(weights: torch.Tensor) -> torch.Tensor:
 
 
 def lips_touch(weights: torch.Tensor) -> torch.Tensor:
-    """As `lips_met`, but 0 for lips at rest, which do not part within a quarter of a second, [T]."""
+    """Like `lips_met`, but 0 for lips at rest, which do not part within a quarter of a second, [T]."""
     gap = lip_gap(arkit.landmarks_of(weights))
     around = nn.functional.max_pool1d(gap[None, None], 2 * CONTACT_FRAMES + 1, 1, CONTACT_FRAMES)[0, 0]
     return lips_met(weights) * (around > SPOKEN_M).float()
 
 
 def source_shares(entries: list[Entry]) -> tuple[list[str], list[float]]:
-    """Sources to train on and how often each is drawn: ours as they were set, others by their length."""
+    """The sources to train on and how often to draw each: `SHARES` for our own, otherwise by length."""
     lengths = lasting(entries)
     shares = {s: share for s, share in SHARES.items() if s in lengths} or lengths
     return list(shares), list(shares.values())
@@ -258,7 +262,7 @@ def source_shares(entries: list[Entry]) -> tuple[list[str], list[float]]:
 
 @torch.no_grad()
 def validate(trainer: CafeTalkTrainer, model: Denoiser, clips: int) -> dict[str, float]:
-    """r and slope of what a viewer sees, on held-out clips, neutral."""
+    """r and slope of mouth features on held-out clips, generated without an emotion."""
     report = {}
     model.eval()
     for source in sorted({e.source for e in trainer.speech.entries} - {spoken.SOURCE}):
@@ -275,7 +279,7 @@ def validate(trainer: CafeTalkTrainer, model: Denoiser, clips: int) -> dict[str,
 
 
 def train(arguments) -> Path:
-    """Runs a stage; writes `cafe_talk.pt` with the averaged weights and returns its path."""
+    """Trains one stage. Writes `cafe_talk.pt` with the averaged weights and returns its path."""
     seeded(arguments)
     config = CONFIGS[arguments.config]()
     speech = weights_source(arguments, config)
@@ -311,14 +315,14 @@ def train(arguments) -> Path:
 
 
 def batch_of(arguments, recipe: Stages, frames: int) -> int:
-    """Windows of `frames` in a batch."""
+    """Number of windows of `frames` frames in a batch."""
     if arguments.tokens is None and recipe.batch is not None:
         return recipe.batch
     return max(1, (arguments.tokens or TOKENS) // frames)
 
 
 def weights_source(arguments, config: CafeTalkConfig) -> CompactSpeech | HubertSpeech:
-    """The encoder and all clips as weights; the solved ones are kept in the cache."""
+    """The speech encoder, and all clips as ARKit weights. The cache keeps solved weights."""
     source = speech_source(arguments, config)
     if arguments.corpus:
         source.entries = arkit.as_weights(source.entries, folders=arguments.corpus)
@@ -330,7 +334,7 @@ def weights_source(arguments, config: CafeTalkConfig) -> CompactSpeech | HubertS
 
 
 def solved(entries: list[Entry], arguments) -> list[Entry]:
-    """`arkit.as_weights`, from the cache if the same code did it before on the same clips."""
+    """`arkit.as_weights`, read from the cache if the same code already solved the same clips."""
     code = Path(arkit.__file__).read_bytes() + repr([(e.name, len(e.motion)) for e in entries]).encode()
     path = arguments.cache / f"arkit-{hashlib.sha256(code).hexdigest()[:12]}.pt"
     if path.exists():
@@ -344,7 +348,7 @@ def solved(entries: list[Entry], arguments) -> list[Entry]:
 
 
 def _constant_once(weight: torch.Tensor) -> torch.Tensor:
-    """[T, 51]; if all rows are equal, one row that stands for all."""
+    """[T, 51] unchanged; if all its rows are equal, its first row expanded to all of them."""
     return weight[:1].expand(len(weight), -1) if weight.var(0).max() == 0 else weight
 
 

@@ -1,1 +1,1 @@
-"""EmoFace (Lin et al. 2025): separate branches for what somebody says and how he feels."""
+"""EmoFace (Lin et al. 2025): separate branches for the content of speech and for its emotion."""

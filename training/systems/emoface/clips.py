@@ -1,4 +1,4 @@
-"""The clips that EmoFace trains on, heard by both encoders; kept in the cache."""
+"""EmoFace's training clips with the features of both encoders, kept in the cache."""
 
 import hashlib
 from pathlib import Path
@@ -52,7 +52,7 @@ def load_emotion(folder: Path) -> EmotionEncoder:
 
 
 def load_clips(arguments, config: EmoFaceConfig) -> list[Spoken]:
-    """The project's own clips, from the cache if the same encoders heard them before."""
+    """The project's own clips, from the cache if the same emotion encoder already heard them."""
     for_folders = {
         "--hubert": arguments.hubert, "--emotion-hubert": arguments.emotion_hubert,
         "--tune-encoders": arguments.tune_encoders, "--recipe paper": arguments.recipe == "paper",
@@ -82,7 +82,10 @@ def load_clips(arguments, config: EmoFaceConfig) -> list[Spoken]:
 
 
 def of_corpus(arguments, config: EmoFaceConfig) -> tuple[list[Spoken], Encoders]:
-    """Clips of a corpus folder and their encoders. Sets both, and the speakers and emotions, in `config`."""
+    """Reads the clips of a corpus folder and loads their encoders.
+
+    Sets the encoders, the speakers and the emotions in `config`.
+    """
     folder = CorpusFolder(arguments.corpus)
     present = {row.emotion for row in folder.rows if not row.held_out}
     config.emotions = [f for f in EMOTIONS if f == NEUTRAL or f in present]
@@ -95,10 +98,10 @@ def of_corpus(arguments, config: EmoFaceConfig) -> tuple[list[Spoken], Encoders]
 
 
 def encoders_of(arguments, config: EmoFaceConfig, before_transformer: bool) -> Encoders:
-    """The encoders of the command line at the frame rate of a model.
+    """The encoders that the command line names, at the model's frame rate.
 
-    If the model's size asks for it (or the model was trained so), a checkpoint resamples before its
-    transformer, as FaceFormer does.
+    With `before_transformer`, a checkpoint resamples before its transformer, as FaceFormer does. Callers set
+    it if the size of the model asks for this or if the model was trained so.
     """
     if arguments.hubert is not None:
         speech = Checkpoint(arguments.hubert, config.fps, before_transformer)
@@ -120,7 +123,7 @@ def _said(encoder, samples: np.ndarray, frames: int) -> Tensor:
 
 @torch.no_grad()
 def recorded(arguments) -> list[Spoken]:
-    """grid_s1 and facegood_zh: recorded motion, neutral."""
+    """Clips of grid_s1 and facegood_zh, with recorded neutral motion."""
     encoder, emotion = load_encoder(SHIPPED_ENCODER).eval(), load_emotion(arguments.emotion_encoder)
     entries = bank.load(arguments.data, arguments.cache, arguments.voices, limit=arguments.limit)
     entries = arkit.as_weights(entries, arguments.data)
@@ -135,7 +138,7 @@ def recorded(arguments) -> list[Spoken]:
 
 @torch.no_grad()
 def acted(arguments) -> list[Spoken]:
-    """emodb_de: the teacher makes faces from its phones. The emotion is added when rows are drawn."""
+    """Clips of emodb_de. The teacher makes their faces from phones; drawing a row adds the emotion."""
     encoder, emotion = load_encoder(SHIPPED_ENCODER).eval(), load_emotion(arguments.emotion_encoder)
     teacher, clips = Teacher.load(), []
     for clip in read_acted(arguments.data, arguments.limit):

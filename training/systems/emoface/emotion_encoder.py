@@ -1,12 +1,12 @@
-"""The emotion encoder E_e: how somebody feels, heard in how he speaks over two seconds (EmoFace §3.3.2).
+"""The emotion encoder E_e: hears a speaker's emotion in two seconds of his voice (EmoFace §3.3.2).
 
 For each instant, 118 numbers describe the last two seconds: pitch, voicing, loudness, tilt, cepstra and their
-changes. A linear discriminant (Fisher 1936) with equal priors and a shrunken covariance turns them into six
-coordinates that separate the taught emotions, and into the probability of each. Both are F_e. Differs from
-the paper's wav2vec 2.0: with 25 minutes of acted speech from ten actors, a convolutional network recognised
-50 % of an unheard actor's emotions, these numbers 69 %.
+changes. A linear discriminant (Fisher 1936) with equal priors and a shrunken covariance turns these numbers
+into six coordinates that separate the taught emotions, and into the probability of each emotion. Together
+they are F_e. The paper uses wav2vec 2.0 instead. With 25 minutes of acted speech from ten actors, a
+convolutional network recognised 50 % of an unheard actor's emotions, these numbers 69 %.
 
-Frames of 10 ms are those of `log_mel`. Instants stand 160 ms apart.
+Frames are the 10 ms frames of `log_mel`. Instants are 160 ms apart.
 """
 
 from dataclasses import dataclass, field
@@ -50,7 +50,7 @@ class EmotionEncoderConfig(Config):
 
 @dataclass
 class Voice:
-    """`mel` [M, 64] raw log-mel; `octave` [M] of the pitch, log2 Hz; `periodic` [M], 0 to 1."""
+    """`mel` [M, 64]: raw log-mel; `octave` [M]: pitch in log2 Hz; `periodic` [M]: periodicity, 0 to 1."""
 
     mel: np.ndarray
     octave: np.ndarray
@@ -58,7 +58,7 @@ class Voice:
 
 
 def voice_of(samples: np.ndarray) -> Voice:
-    """The voice of samples [S] at 16 kHz, whatever their level."""
+    """Measures the voice in samples [S] at 16 kHz, independent of their level."""
     peak = np.abs(samples).max(initial=0.0)
     scaled = torch.from_numpy(samples * (PEAK / peak if peak > SILENT else 1.0)).float()
     power = power_spectrum(scaled).numpy().astype(np.float64)
@@ -163,10 +163,10 @@ class EmotionEncoder:
         return np.concatenate([x @ self.coordinates, shares / shares.sum(axis=1, keepdims=True)], axis=1)
 
     def track(self, samples: np.ndarray, frames: int, fps: float = 25.0) -> np.ndarray:
-        """F_e at motion frames, [T, 13]. Each frame hears what came before it, the first frames the first 0.8
-        s.
+        """F_e at motion frames, [T, 13].
 
-        A shorter sound has no emotion: coordinates 0, and the probabilities of the training's mean.
+        Each frame hears the sound before it. Frames in the first 0.8 s hear all of those 0.8 s. A shorter
+        sound has no emotion: its coordinates are 0, and its probabilities are those of the training's mean.
         """
         measured = numbers(voice_of(samples))
         if len(measured) == 0:
@@ -181,7 +181,7 @@ class EmotionEncoder:
 
 
 def fitted(x: np.ndarray, labels: np.ndarray, shrinkage: float) -> EmotionEncoder:
-    """The discriminant of measured numbers [N, 118] with labels [N] in `HEARD_EMOTIONS`."""
+    """Fits the discriminant to numbers [N, 118] with labels [N], which index `HEARD_EMOTIONS`."""
     mean, scale = x.mean(axis=0), np.maximum(x.std(axis=0), 1e-6)
     z = (x - mean) / scale
     classes = np.arange(len(HEARD_EMOTIONS))
@@ -191,7 +191,7 @@ def fitted(x: np.ndarray, labels: np.ndarray, shrinkage: float) -> EmotionEncode
     within = (1.0 - shrinkage) * within + shrinkage * level * np.eye(len(within))
     weight = np.linalg.solve(within, means.T)
     bias = -0.5 * (means * weight.T).sum(axis=1)
-    # Directions between the class means, of unit deviation within the classes.
+    # Directions that separate the class means, scaled to unit deviation within the classes.
     value, vector = np.linalg.eigh(within)
     white = vector / np.sqrt(value)
     spread = (means - means.mean(axis=0)) @ white

@@ -1,8 +1,8 @@
-"""Both encoders of EmoFace as networks: E_c hears what is said and E_e how, frozen or trained (§3.3.2).
+"""EmoFace's encoders as networks, frozen or trained: E_c for content and E_e for emotion (§3.3.2).
 
-`prepare` turns a sound into the encoder's input, which a clip stores if the encoder learns. The encoder turns
-that into features at motion frames, [T, C]. E_e also gives class logits for eq. 10. `write` leaves a folder
-as the engine reads it.
+`prepare` turns a sound into the encoder's input. A clip stores this input if the encoder is trained. The
+encoder turns it into features at motion frames, [T, C]. E_e also returns class logits for eq. 10. `write`
+writes a folder that the engine can read.
 """
 
 import json
@@ -39,22 +39,22 @@ class CompactSpeech(nn.Module):
         self.about = SpeechInput(self.name, self.encoder.config.channels)
 
     def prepare(self, samples: Tensor, frames: int) -> Tensor:
-        """Samples [S] at 16 kHz → [4 N, 64], N frames of 25 a second."""
+        """Samples [S] at 16 kHz → log-mel [4 N, 64], where N counts frames at 25 fps."""
         count = math.ceil(frames * FPS / self.fps - 1e-6)
         return normalise(fit_frames(log_mel(samples), MEL_PER_FRAME * count))
 
     def forward(self, mel: Tensor, frames: int) -> Tensor:
-        """[frames, C]."""
+        """Log-mel → features [frames, C]."""
         heard = self.encoder(mel[None])[0]
         return heard[:frames] if self.fps == FPS else at_motion_frames(heard, FPS, 0.0, frames, self.fps)
 
     def write(self, folder: Path) -> None:
-        """As a model folder."""
+        """Writes a model folder."""
         write_model(folder / self.name, self.encoder.state_dict(), self.encoder.config.to_json(), ("",))
 
 
 class Checkpoint(nn.Module):
-    """A user's HuBERT or wav2vec2. Its input is samples. `role` is a prefix of its folder's name."""
+    """A user's HuBERT or wav2vec2. Its input is samples. `role` prefixes the name of its folder."""
 
     def __init__(self, folder: Path, fps: float, before_transformer: bool, role: str = ""):
         super().__init__()
@@ -67,22 +67,22 @@ class Checkpoint(nn.Module):
         self.about = SpeechInput(self.features.kind, self.features.channels, self.features.transformer_fps)
 
     def prepare(self, samples: Tensor, frames: int) -> Tensor:
-        """As they are."""
+        """Returns the samples unchanged."""
         return samples
 
     def forward(self, samples: Tensor, frames: int) -> Tensor:
-        """[frames, C]."""
+        """Samples [S] → features [frames, C]."""
         return self.features.hear(samples, frames)
 
     def write(self, folder: Path) -> None:
-        """As a folder of Hugging Face's."""
+        """Writes a folder in Hugging Face's format."""
         at = write_model(folder / self.name, self.model.state_dict(), self.features.config, ("",))
         about = {"do_normalize": self.features.normalise}
         (at / "preprocessor_config.json").write_text(json.dumps(about) + "\n")
 
 
 class CheckpointEmotion(Checkpoint):
-    """E_e as in the paper. A linear layer on the mean over the recording gives the `classes`."""
+    """E_e as in the paper. A linear layer classifies the mean features of a recording into `classes`."""
 
     def __init__(self, folder: Path, fps: float, before_transformer: bool, classes: list[str]):
         super().__init__(folder, fps, before_transformer, "emotion_")
@@ -90,7 +90,7 @@ class CheckpointEmotion(Checkpoint):
         self.classifier = nn.Linear(self.about.channels, len(classes))
 
     def classify(self, samples: Tensor, frames: int) -> tuple[Tensor, Tensor]:
-        """[frames, C] and logits of the classes."""
+        """Features [frames, C], and logits of the classes."""
         heard = self(samples, frames)
         return heard, self.classifier(heard.mean(dim=0))
 
@@ -113,12 +113,15 @@ class EmotionNumbers(nn.Module):
         )
 
     def prepare(self, samples: Tensor, frames: int) -> Tensor:
-        """Samples [S] at 16 kHz → [I, 118]; the training's mean if the sound is too short for an instant."""
+        """Samples [S] at 16 kHz → numbers [I, 118].
+
+        If the sound is too short for an instant, they are the training's mean.
+        """
         measured = torch.from_numpy(numbers(voice_of(samples.numpy()))).float()
         return measured if len(measured) else self.mean[None].clone()
 
     def classify(self, measured: Tensor, frames: int) -> tuple[Tensor, Tensor]:
-        """F_e [frames, 13] as `EmotionEncoder.track`, and logits of the classes, mean over instants."""
+        """F_e [frames, 13] as in `EmotionEncoder.track`, and class logits averaged over instants."""
         x = (measured - self.mean) / self.scale
         logits = x @ self.weight + self.bias
         heard = torch.cat([x @ self.coordinates, logits.softmax(dim=1)], dim=1)
@@ -130,7 +133,7 @@ class EmotionNumbers(nn.Module):
         return self.classify(measured, frames)[0]
 
     def write(self, folder: Path) -> None:
-        """As a model folder."""
+        """Writes a model folder."""
         write_model(folder / self.name, self.state_dict(), self.config.to_json(), ("",))
 
 
@@ -156,18 +159,18 @@ class Encoders(nn.Module):
         return self.emotion.classify(clip.voice, len(clip)) if self.learn else (clip.emotion, None)
 
     def label(self, clip: Spoken) -> int:
-        """The class of a clip."""
+        """Number of the clip's class, or `UNTAUGHT` if the emotion encoder has no such class."""
         classes = self.emotion.classes
         return classes.index(clip.label) if clip.label in classes else UNTAUGHT
 
     @torch.no_grad()
     def hear(self, clips: list[Spoken]) -> list[Spoken]:
-        """The clips as these encoders hear them at this moment."""
+        """The clips with features from the encoders' current weights."""
         if not self.learn:
             return clips
         return [replace(c, content=[self.content(c)], emotion=self.feel(c)[0]) for c in clips]
 
     def write(self, folder: Path) -> None:
-        """Writes both as folders into a folder of models."""
+        """Writes each encoder as a folder inside a folder of models."""
         for part in (self.speech, self.emotion):
             part.write(folder)

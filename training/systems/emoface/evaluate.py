@@ -1,17 +1,18 @@
-"""What EmoFace's branches and its Mesh Attention are worth, on actors that were held out.
+"""Measures EmoFace's branches and its Mesh Attention on held-out actors.
 
     python -m training.systems.emoface.evaluate --data ../shared/data --run runs/emoface/emoface.pt
 
-Every sentence of the held-out actors of emodb_de is spoken from rest with the emotion of its own voice. The
-truth is the teacher's face under the label, since no faces of these recordings exist. Then the same sentence
-gets the emotion of another recording. Errors are on the template: √LVE over the vertices about the lips, √EVE
-over those above the middle of the nose, mm (metrics as in `docs/measuring.md`). Nothing is random. `--run`
-may be repeated to compare runs.
+The model performs every sentence of emodb_de's held-out actors from rest, with the emotion of its own voice.
+No faces of these recordings exist, so the truth is the teacher's face with the labelled emotion. Then the
+model performs the same sentence with the emotion of another recording. Errors are in mm on the template: √LVE
+over the vertices around the lips, √EVE over those above the middle of the nose (metrics as in
+`docs/measuring.md`). Nothing is random. Repeat `--run` to compare runs.
 
     python -m training.systems.emoface.evaluate --corpus DIR --run runs/emoface/emoface.pt
 
-scores held-out clips of a corpus folder instead, against their own vertices (`folder_scores`). Encoders are
-those of the command line as in training, or if they learned, those that the run left in `models`.
+This command scores held-out clips of a corpus folder instead, against their own vertices (`folder_scores`).
+The command line names the encoders as in training. If the run trained its encoders, those in its folder
+`models` are used instead.
 """
 
 import argparse
@@ -43,7 +44,7 @@ CROSSED = 3
 
 @dataclass
 class Judged:
-    """A model with what is needed to score it: `modes` [51, D] metres; `lips` and `upper` vertices."""
+    """A model with `modes` [51, D] in metres, and the numbers of its `lips` and `upper` vertices."""
 
     model: EmoFace
     modes: Tensor
@@ -51,7 +52,10 @@ class Judged:
     upper: np.ndarray
 
     def truth(self, clip: Spoken, emotion: Spoken | None = None) -> Tensor:
-        """[T, V, 3] metres: the clip's speech under its own label, or under that of another clip."""
+        """True displacements [T, V, 3] in metres for the clip's speech.
+
+        They show the clip's own labelled emotion, or that of another clip.
+        """
         one = emotion or clip
         frames = len(clip)
         emotion, share = mixture(one).expand(frames, -1), torch.full((frames,), one.share)
@@ -64,7 +68,7 @@ class Judged:
 
 
 def opened(run: Path, data: Path) -> Judged:
-    """A run as `training.systems.emoface.train` saved it."""
+    """Loads a run that `training.systems.emoface.train` saved."""
     model, _ = face_of(run)
     template, modes = template_of(data, model.config.vertices)
     return Judged(
@@ -101,7 +105,7 @@ def branches(judged: Judged, clips: list[Spoken]) -> dict[str, tuple[float, floa
 
 @torch.no_grad()
 def emotion_of(judged: Judged, clip: Spoken, other: Spoken) -> FaceMotion:
-    """A sentence with the emotion of another recording, stretched to its length."""
+    """Performs a sentence with the emotion of another recording, stretched to the sentence's length."""
     inputs = together([clip], judged.model.config, len(clip))
     at = np.linspace(0.2 * (len(other) - 1), len(other) - 1, len(clip)).round().astype(int)
     inputs.emotion = other.emotion[at].float()[None]
@@ -109,11 +113,11 @@ def emotion_of(judged: Judged, clip: Spoken, other: Spoken) -> FaceMotion:
 
 
 def crossed(judged: Judged, clips: list[Spoken]) -> dict[str, float]:
-    """How often a face shows the emotion that the other recording was meant to have, and r of its lip gap
-    with its own take.
+    """How often a face shows the other recording's labelled emotion, and how its lips follow its own take.
 
-    A face belongs to the class, of seven, whose teacher's face of this sentence lies nearest in the mean over
-    vertices and frames. Our own tables measure this, not people.
+    The teacher makes this sentence's face for each of the seven emotions. A face counts as the emotion whose
+    teacher's face is nearest in the mean over vertices and frames. So our own tables judge this, not people.
+    The lips are compared by r of the lip gap.
     """
     right, heard, agreement = [], [], []
     for n, clip in enumerate(clips):
@@ -148,10 +152,10 @@ def _gap_r(judged: Judged, one: FaceMotion, two: FaceMotion) -> float:
 
 
 def taught(judged: Judged, clips: list[Spoken]) -> dict[str, tuple[float, float]]:
-    """How far each taught emotion goes when its mean features are the input.
+    """How strongly each taught emotion shows when its mean features are the input.
 
-    The slope, by least squares, of what it adds to the neutral face over what the teacher's adds, mean over
-    the frames of a clip; and the cosine.
+    Compares the offset from the neutral face with the teacher's offset, both averaged over the frames of a
+    clip. Returns the slope by least squares, and the cosine.
     """
     out = {}
     neutral = [_under_label(judged, clip, HEARD_EMOTIONS[0]) for clip in clips]
@@ -168,7 +172,7 @@ def taught(judged: Judged, clips: list[Spoken]) -> dict[str, tuple[float, float]
 
 @torch.no_grad()
 def _under_label(judged: Judged, clip: Spoken, emotion: str) -> tuple[Tensor, Tensor]:
-    """Mean faces [V, 3] metres, predicted and true, of a sentence under an emotion that is the label."""
+    """Mean faces [V, 3] in metres, predicted and true, of a sentence with the given emotion."""
     inputs = together([clip], judged.model.config, len(clip))
     inputs.emotion = judged.model.prototypes[HEARD_EMOTIONS.index(emotion)].expand(1, len(clip), -1)
     label = Spoken("", "", True, [], clip.emotion, clip.weights, emotion)
@@ -178,7 +182,7 @@ def _under_label(judged: Judged, clip: Spoken, emotion: str) -> tuple[Tensor, Te
 
 
 def recorded(judged: Judged, clips: list[Spoken]) -> dict[str, float]:
-    """Largest errors on recorded neutral speech of held-out clips, √LVE mm."""
+    """√LVE in mm on held-out clips of recorded neutral speech."""
     out = {}
     for source in sorted({c.source for c in clips}):
         errors = []
@@ -190,7 +194,7 @@ def recorded(judged: Judged, clips: list[Spoken]) -> dict[str, float]:
 
 
 def masks(judged: Judged, clips: list[Spoken]) -> dict[str, float]:
-    """w, mean over frames, at the mouth, the jaw and the eyes: the paper's figure 4 in three numbers."""
+    """Mean of w over frames at the mouth, the jaw and the eyes: the paper's figure 4 in three numbers."""
     at = judged.model.config.landmarks
     regions = {"mouth": at[48:], "jaw": at[4:13], "eyes and brows": at[17:27] + at[36:48]}
     mask = torch.stack([performed(judged.model, clip).mask[0].mean(dim=0) for clip in clips]).mean(dim=0)
@@ -198,7 +202,7 @@ def masks(judged: Judged, clips: list[Spoken]) -> dict[str, float]:
 
 
 def parser() -> argparse.ArgumentParser:
-    """Command line: that of training, and the runs."""
+    """Command line: the flags of training, plus the runs to measure and the number of clips."""
     parser = training_parser()
     parser.description = __doc__.splitlines()[0]
     parser.add_argument(

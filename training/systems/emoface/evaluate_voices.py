@@ -1,12 +1,13 @@
-"""What EmoFace shows for voices chosen for their emotion, and for people who read calmly.
+"""Measures the emotion that EmoFace shows for borrowed emotional voices and for calm readers.
 
     python -m training.systems.emoface.evaluate_voices --data ../shared/data --anyface target/release/anyface
 
-Two people whom nobody taught an emotion (a man of grid_s1, a woman of nathalie_nl) say a line under
-recordings of the two held-out actors of emodb_de (`--emotion-of`). Motion is compared with the same line
-without an emotion, in mm on a human head: brows up, corners up, r of the lips' gap. A face belongs to the
-emotion whose face under `--emotion` has the most similar direction in the mean over frames. A neutral reading
-shows an emotion where a brow or a lid is more than 1.5 mm from the same reading without an emotion.
+Two people who are neutral in all training data (a man of grid_s1, a woman of nathalie_nl) say a line. The
+emotion comes from recordings of emodb_de's two held-out actors (`--emotion-of`). The motion is compared with
+the same line without an emotion, in mm on a human head: how far the brows and the corners of the mouth rise,
+and r of the lip gap. A face counts as the emotion whose face under `--emotion` has the most similar direction
+in the mean over frames. A neutral reading shows an emotion in frames where a brow or a lid is more than 1.5
+mm from the same reading without an emotion.
 """
 
 import tempfile
@@ -46,7 +47,7 @@ GRID_STEP, GRID_COUNT = 20, 40
 
 
 def motion(engine: Engine, sound: Path, *more) -> np.ndarray:
-    """Landmarks of a sound, [T, 68, 3] mm."""
+    """Landmark displacements for a sound, [T, 68, 3] mm."""
     arrays = engine.run("motion", "--audio", sound, *STILL, *more)
     return arrays["landmark_displacements"].astype(float) * 1e3
 
@@ -57,7 +58,7 @@ def gap(moved: np.ndarray) -> np.ndarray:
 
 
 def borrowed(engine: Engine, data: Path, line: Path, limit: int) -> Iterator[str]:
-    """A line under recordings of each emotion, `limit` of each at most."""
+    """Scores a line with the emotion of other recordings, at most `limit` for each emotion."""
     plain = motion(engine, line, "--emotion-from", "off")
     faces = {name: (motion(engine, line, "--emotion", f"{name}:1") - plain).mean(axis=0) for name in SHOWN}
     rows, right = defaultdict(list), []
@@ -80,13 +81,12 @@ def borrowed(engine: Engine, data: Path, line: Path, limit: int) -> Iterator[str
 
 
 def angle(a: np.ndarray, b: np.ndarray) -> float:
-    """Angle between two faces, whatever their strength."""
+    """Negative cosine between two faces: smaller for more similar directions, whatever their strength."""
     return -float((a * b).sum() / (np.linalg.norm(a) * np.linalg.norm(b) + 1e-9))
 
 
 def neutral(engine: Engine, name: str, sounds: list[Path]) -> str:
-    """The share of calm readings that shows an emotion, and how far from rest the face is in the silence
-    after them."""
+    """How often calm readings show an emotion, and how far from rest the face is a second after them."""
     emotional, shown, ends = [], 0, []
     for sound in sounds:
         moved = motion(engine, sound)

@@ -1,8 +1,8 @@
-"""Vertex sequences of corpus folders as EmoFace trains on them: the paper's own setting (§4).
+"""Turns vertex sequences of corpus folders into training clips of EmoFace: the paper's own setting (§4).
 
-The template is the neutral mesh of the folder's topology in canonical axes; motion is the displacement of
-each speaker's vertices from his own neutral mesh, at the frame rate of the model. A style is a speaker, a
-level the intensity of `clips.tsv`.
+The template is the neutral mesh of the folder's topology in canonical axes. Motion is the displacement of
+each speaker's vertices from his own neutral mesh, at the frame rate of the model. Each speaker is a style.
+The level is the intensity in `clips.tsv`.
 """
 
 import numpy as np
@@ -35,7 +35,7 @@ def template_of(folder: CorpusFolder) -> Template:
 
 @torch.no_grad()
 def spoken(folder: CorpusFolder, encoders: Encoders, fps: float) -> list[Spoken]:
-    """Every clip with vertices, `weights` [T, 3 V] metres, as both encoders hear it."""
+    """Every clip that has vertices, with both encoders' features and `weights` [T, 3 V] in metres."""
     if folder.head_moves:
         raise ValueError(f"{folder.path}: head: expected still vertices for EmoFace, got moves")
     clips = []

@@ -1,10 +1,11 @@
-"""What a model is worth on held-out clips of a corpus folder, against recorded vertices.
+"""Scores a model on held-out clips of a corpus folder against recorded vertices.
 
-LVE and EVE are those of `training.paper.metrics`, mm²: over vertices within 8 mm of the lips' landmarks, and
-over those above the middle of the nose; means over clips. Clips start from rest, or after the paper's recipe
-from their own first frame. Recordings with a partner are also crossed: the content of one under the emotion
-of the other, compared with the other's motion at its times. `nearer` is how often the crossed motion lies
-nearer to that than to the motion of the replaced emotion, in the mean over vertices and frames.
+LVE and EVE are those of `training.paper.metrics`, in mm² and averaged over clips. LVE covers vertices within
+8 mm of the lips' landmarks, EVE those above the middle of the nose. Clips start from rest. After the paper's
+recipe they start from their own first frame. Recordings with a partner are also crossed: the model performs
+the content of one with the emotion of the other, and the truth is the other's motion at the matching times.
+`nearer` is how often the crossed motion is nearer to this truth than to the motion with the replaced emotion,
+in the mean over vertices and frames.
 """
 
 from argparse import Namespace
@@ -32,7 +33,7 @@ LIP_REACH_M = 8e-3
 
 @dataclass
 class Scores:
-    """Scores of one kind of performance; `nearer` only if the emotion was another recording's."""
+    """Scores of one kind of performance. `nearer` is set only if the emotion came from another recording."""
 
     name: str
     clips: int
@@ -47,21 +48,21 @@ class Scores:
 
 
 def face_of(run: Path) -> tuple[EmoFace, dict]:
-    """The model of an emoface.pt, and all that was saved with it."""
+    """The model in an emoface.pt, and everything that was saved with it."""
     saved = torch.load(run, map_location="cpu")
     config = EmoFaceConfig.from_json(saved["config"])
     return restored(EmoFace(config, saved["spirals"].numpy()), saved["state"]), saved
 
 
 def regions(points: np.ndarray, landmarks: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
-    """Numbers of the vertices about the lips, and of those above the middle of the nose."""
+    """Numbers of the vertices around the lips, and of those above the middle of the nose."""
     lips = points[landmarks[48:]]
     near = np.linalg.norm(points[:, None] - lips, axis=-1).min(axis=1) < LIP_REACH_M
     return np.flatnonzero(near), np.flatnonzero(points[:, 1] > points[landmarks[29], 1])
 
 
 def lines(run: Path, arguments) -> Iterator[Scores]:
-    """Scores of no motion, of own emotions, and of crossed ones if the folder has pairs."""
+    """Scores without motion, with each clip's own emotion, and with crossed emotions if there are pairs."""
     model, saved = face_of(run)
     clips = read_held_out(run, model.config, saved, arguments)
     about = regions(saved["vertices"].numpy(), np.array(model.config.landmarks))
@@ -81,7 +82,7 @@ def lines(run: Path, arguments) -> Iterator[Scores]:
 
 
 def read_held_out(run: Path, config: EmoFaceConfig, saved: dict, arguments) -> list[Spoken]:
-    """Clips of the folder that training did not see, as the run's encoders hear them."""
+    """The held-out clips of the folder, with features of the run's encoders."""
     encoders = encoders_of_run(run, config, saved, arguments)
     folder = CorpusFolder(arguments.corpus)
     folder.rows = [row for row in folder.rows if row.held_out]
@@ -98,8 +99,10 @@ def read_held_out(run: Path, config: EmoFaceConfig, saved: dict, arguments) -> l
 
 
 def encoders_of_run(run: Path, config: EmoFaceConfig, saved: dict, arguments) -> Encoders:
-    """The encoders of the command line, or those trained with the run; they must be of the kinds used in
-    training."""
+    """The encoders that the command line names, or those that the run trained.
+
+    Raises ValueError if they are not of the kinds used in training.
+    """
     arguments = Namespace(**vars(arguments))
     if saved.get("tuned"):
         models, hears, feels = run.parent / MODELS, config.speech.encoder, config.emotion
@@ -126,13 +129,16 @@ def encoders_of_run(run: Path, config: EmoFaceConfig, saved: dict, arguments) ->
 
 
 def perform_clip(model: EmoFace, clip: Spoken, starts: bool) -> Tensor:
-    """What the model makes of a clip, [T, 3 V] metres; it `starts` from the clip's first frame, or rest."""
+    """The model's motion for a clip, [T, 3 V] metres.
+
+    If `starts`, it begins at the clip's first frame, otherwise at rest.
+    """
     scale = model.config.scale_m
     return performed(model, clip, first=clip.weights[:1] / scale if starts else None).motion[0] * scale
 
 
 def score(name: str, pairs: list[tuple[Tensor, Tensor]], about: tuple[np.ndarray, np.ndarray]) -> Scores:
-    """Scores of truths and motions [T, 3 V] metres."""
+    """Scores pairs of true and predicted motion, each [T, 3 V] in metres."""
     errors = []
     for truth, predicted in pairs:
         g, p = (1e3 * x.unflatten(1, (-1, 3)).double().numpy() for x in (truth, predicted))

@@ -1,4 +1,4 @@
-"""Golden of EmoFace: a performance of 30 frames from a first pose, longer than the look-back."""
+"""Golden of EmoFace: a performance from a first pose, 30 frames and so longer than the look-back."""
 
 from pathlib import Path
 

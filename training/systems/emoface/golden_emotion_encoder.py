@@ -1,4 +1,4 @@
-"""Golden of the emotion encoder: three seconds of a made voice, and one too short to be heard."""
+"""Golden of the emotion encoder: three seconds of a synthetic voice, and a sound too short to measure."""
 
 from pathlib import Path
 
@@ -18,7 +18,7 @@ RATE_HZ = 16000
 
 
 def made_voice() -> np.ndarray:
-    """Three seconds of syllables with a pitch that moves, [48000] f32."""
+    """A synthetic voice: three seconds of syllables with a moving pitch, [48000] f32."""
     random = np.random.default_rng(29)
     t = np.arange(3 * RATE_HZ) / RATE_HZ
     pitch = 160.0 * 2.0 ** (0.4 * np.sin(2.0 * np.pi * 0.9 * t))

@@ -1,12 +1,16 @@
-"""EmoFace: two branches that move a template frame after frame, and Mesh Attention that mixes them (§3).
+"""EmoFace: two branches that move a template frame by frame, and Mesh Attention that mixes them (§3).
 
-Both encoders are frozen and come from outside: content is heard by a speech encoder, emotion by
-`training.systems.emoface.emotion_encoder` or a second speech encoder.
-Displacements are metres; inside they are divided by `scale_m`.
+Both encoders are outside the model, which gets their features. A speech encoder hears the content.
+`training.systems.emoface.emotion_encoder` or a second speech encoder hears the emotion. Both are frozen
+unless `--tune-encoders` trains them. Displacements are metres; inside the model they are divided by
+`scale_m`.
 
-Shapes: `T` frames, `V` template vertices, `D` = 3 V, `C` channels of heard features, `d` width of a branch.
-Differs from the paper: attention to the own frame alone is a linear layer of it, so it is one here; the
-level of emotion enters the emotion branch alone; the formula of the fusion is not printed (see `EmoFace`).
+Shapes: `T` frames, `V` template vertices, `D` = 3 V, `C` channels of an encoder's features, `d` width of a
+branch.
+
+Differences from the paper: its attention to the features of the same frame alone equals a linear layer, so we
+use one. The level of emotion enters only the emotion branch. The paper does not print the formula of the
+fusion (see `EmoFace` for ours).
 """
 
 from dataclasses import dataclass, field
@@ -65,7 +69,7 @@ class Template:
 
 
 class Branch(nn.Module):
-    """FaceFormer's decoder of one layer: frames before → the next frame."""
+    """FaceFormer's decoder with one layer: predicts the next frame from the frames before it."""
 
     def __init__(self, config: EmoFaceConfig):
         super().__init__()
@@ -81,13 +85,15 @@ class Branch(nn.Module):
         nn.init.zeros_(self.motion_out.bias)
 
     def forward(self, before: Tensor, heard: Tensor, condition: Tensor) -> Tensor:
-        """`before` [B, T, D] holds the frame before each; `heard` [B, T, C], `condition` [B, T, d] → [B, T,
-        D]."""
+        """Predicts each frame from the one before, [B, T, D].
+
+        `before` [B, T, D] holds the frame before each frame; `heard` is [B, T, C], `condition` [B, T, d].
+        """
         x = self._entered(before, condition, 0)
         return self._left(self.norm1(x + self.self_attn(x)), heard)
 
     def step(self, before: Tensor, heard: Tensor, condition: Tensor, frame: int, cache: list) -> Tensor:
-        """As `forward` for frame number `frame` alone, [B, 1, …]."""
+        """Like `forward`, but only for frame number `frame`, [B, 1, …]."""
         x = self._entered(before, condition, frame)
         return self._left(self.norm1(x + self.self_attn.step(x, cache)), heard)
 
@@ -115,22 +121,22 @@ class MeshAttention(nn.Module):
         self.out = nn.Linear(channels // 16, 1)
 
     def heard(self, content: Tensor, emotion: Tensor) -> Tensor:
-        """F_audio: [B, T, C] twice → [B, T, C/16]."""
+        """F_audio: content and emotion, each [B, T, C], → [B, T, C/16]."""
         parts = F.gelu(self.content(content)), F.gelu(self.emotion(emotion))
         return F.gelu(self.joint(torch.cat(parts, dim=-1)))
 
     def forward(self, content: Tensor, emotion: Tensor) -> Tensor:
-        """[B, T, C] twice → w [B, T, V]."""
+        """Content and emotion, each [B, T, C], → w [B, T, V]."""
         around = self.conv.of_sum(self.heard(content, emotion), self.places)
         return torch.sigmoid(self.out(F.gelu(around))[..., 0])
 
 
 @dataclass
 class Inputs:
-    """Inputs of a stretch.
+    """Inputs of the model for a stretch of frames.
 
-    `content` [B, T, speech channels], `emotion` [B, T, emotion channels], `style` [B], `level` [B, T] of
-    emotion from 0 to 1.5.
+    `content` [B, T, speech channels], `emotion` [B, T, emotion channels], `style` [B], and `level` [B, T],
+    the level of the emotion from 0 to 1.5.
     """
 
     content: Tensor
@@ -150,7 +156,10 @@ class FaceMotion:
 
 
 class EmoFace(nn.Module):
-    """`M = w ⊙ M^e + (1 − w) ⊙ M^c` w of Mesh Attention; or `M^c + M^e`, "w/o Mesh Attention" of table 3."""
+    """`M = w ⊙ M^e + (1 − w) ⊙ M^c`, where w comes from Mesh Attention.
+
+    With `fusion` `sum` it is `M^c + M^e`, "w/o Mesh Attention" of table 3.
+    """
 
     def __init__(self, config: EmoFaceConfig, spirals: np.ndarray):
         super().__init__()
@@ -178,7 +187,7 @@ class EmoFace(nn.Module):
         ] + level * self.level[1]
 
     def fused(self, content: Tensor, emotion: Tensor, mask: Tensor) -> FaceMotion:
-        """Both branches [B, T, D] under the mask [B, T, V]."""
+        """Mixes both branches [B, T, D] by the mask [B, T, V]."""
         if self.config.fusion == "sum":
             return FaceMotion(content + emotion, content, emotion, mask)
         w = mask.repeat_interleave(3, dim=-1)
@@ -186,9 +195,9 @@ class EmoFace(nn.Module):
 
     @torch.no_grad()
     def perform(self, inputs: Inputs, first: Tensor | None = None, layer: str = "motion") -> FaceMotion:
-        """Predicts frame after frame from a first pose [B, D] (the template if None).
+        """Predicts frame by frame from a first pose [B, D] (the template if None).
 
-        With `layer` `content` or `emotion` the next frame follows from that branch alone.
+        If `layer` is `content` or `emotion`, the next frame follows from the motion of that branch alone.
         """
         content, emotion = self.content_in(inputs.content), self.emotion_in(inputs.emotion)
         plain, emotional = self._conditions(inputs)
@@ -221,7 +230,10 @@ def debug_config(vertices: int = 90) -> EmoFaceConfig:
 
 
 def paper_config(vertices: int = 5023) -> EmoFaceConfig:
-    """FLAME's vertices, wav2vec2's 768 channels twice, 30 fps (§4, appendix A.1); width: FaceFormer's."""
+    """The paper's sizes: FLAME's vertices, 768 channels from each wav2vec2, 30 fps (§4, appendix A.1).
+
+    The width is FaceFormer's.
+    """
     return EmoFaceConfig(
         name="paper", template="own", vertices=vertices, fps=30.0, period=30, width=64, channels=768,
         speech=SpeechInput("wav2vec2", 768, transformer_fps=30.0), emotion_channels=768,

@@ -1,7 +1,7 @@
 """Pairs of a corpus folder: one speaker says one sentence in two emotions (EmoFace §3.3.2).
 
 The two recordings differ in tempo. Dynamic time warping on the speech encoder's features of both maps the
-times of one to the other, so that content of one with emotion of the other has a true motion.
+times of one to the other. So the content of one with the emotion of the other has a true motion.
 """
 
 import re
@@ -22,12 +22,12 @@ SMOOTH_FRAMES = 5
 
 
 def sentence(text: str) -> str:
-    """Words of a text without case and punctuation. Recordings with the same words say the same."""
+    """A text's words without case and punctuation. If two texts match, they are the same sentence."""
     return " ".join(re.findall(r"\w+", text.casefold()))
 
 
 class Pairs:
-    """Which clips are partners, and where a moment of one lies in the other."""
+    """Knows which clips are partners, and aligns the times of partners."""
 
     def __init__(self, clips: list[Spoken]):
         groups: dict[tuple[str, str], list[Spoken]] = {}
@@ -45,14 +45,14 @@ class Pairs:
         return self.partners[clip.name]
 
     def path(self, clip: Spoken, other: Spoken) -> Tensor:
-        """Place in the other clip for every frame of a clip, in the other's frames, [T]."""
+        """For each frame of `clip`, the matching place in `other`, counted in its frames, [T]."""
         key = clip.name, other.name
         if key not in self.paths:
             self.paths[key] = torch.from_numpy(align(*map(_standard, (clip, other))))
         return self.paths[key]
 
     def cross(self, clip: Spoken, other: Spoken) -> Spoken:
-        """A clip with the emotion of the other. The other's motion at the clip's times is the truth."""
+        """`clip` with the emotion of `other`. The truth is the motion of `other` at the times of `clip`."""
         at = self.path(clip, other)
         emotion, weights = (interpolate(x, at) for x in (other.emotion, other.weights))
         label = {"label": other.label, "share": other.share}
@@ -60,7 +60,7 @@ class Pairs:
 
 
 def align(x: np.ndarray, y: np.ndarray) -> np.ndarray:
-    """Rows of `x` [T, C] → places among rows of `y` [S, C] that sound alike, never backwards, [T] f32."""
+    """For each row of `x` [T, C], the place of a similar row in `y` [S, C], never decreasing, [T] f32."""
     path = np.array(best_path(path_costs(cdist(x, y), np.add)))
     sums = np.bincount(path[:, 0], weights=path[:, 1], minlength=len(x))
     places = sums / np.bincount(path[:, 0], minlength=len(x))
@@ -68,6 +68,6 @@ def align(x: np.ndarray, y: np.ndarray) -> np.ndarray:
 
 
 def _standard(clip: Spoken) -> np.ndarray:
-    """F_c with every channel at mean 0 and deviation 1. That removes the voice's lasting colour."""
+    """F_c with each channel at mean 0 and deviation 1, which removes the constant colour of the voice."""
     x = clip.content[0].double().numpy()
     return (x - x.mean(axis=0)) / np.maximum(x.std(axis=0), 1e-6)

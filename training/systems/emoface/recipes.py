@@ -1,9 +1,9 @@
-"""How EmoFace is trained: as we do, and as its paper prints it (eq. 7 to 11, appendix A.1).
+"""Training recipes of EmoFace: ours, and the paper's (eq. 7 to 11, appendix A.1).
 
-`--recipe paper` takes eq. 11 with its printed weights, Adam at a rate of 1e-4 that stays, a batch of one
-recording from end to end with its crossed pair, 200 epochs, and the first frame of a recording for the frame
-before it. An epoch shows every training clip once. Where the paper is silent (averaged weights, bound of
-gradients, decay) there is none; its norms are means here.
+`--recipe paper` uses eq. 11 with its printed weights, and Adam at a constant rate of 1e-4 for 200 epochs. A
+batch is one whole recording with its crossed pair. The recording's first frame also serves as the frame
+before it. An epoch shows every training clip once. The paper does not mention averaged weights, a bound of
+gradients or decay, so there are none. Its norms are means here.
 """
 
 import math
@@ -14,9 +14,9 @@ from training.systems.freetalk.recipes import Recipe
 
 @dataclass(frozen=True, kw_only=True)
 class EmoFaceRecipe(Recipe):
-    """A recipe whose lengths are metres and whose `velocity` is λ3 of eq. 11.
+    """A recipe with lengths in metres. Its `velocity` is λ3 of eq. 11.
 
-    If it is `plain`, L_self and L_cross are summed as printed. Otherwise all rows have one mean.
+    If it is `plain`, L_self and L_cross are summed as printed. Otherwise one mean covers all rows.
     """
 
     average: float | None = None

@@ -1,4 +1,4 @@
-"""What EmoFace trains on where faces were recorded with emotion: recordings and crossed pairs (eq. 7, 8)."""
+"""Training rows from faces recorded with emotion: recordings and crossed pairs (eq. 7, 8)."""
 
 import numpy as np
 import torch
@@ -14,13 +14,13 @@ from training.systems.emoface.rows import Batch, Rows, Spoken
 class RecordedRows(Rows):
     """Draws batches.
 
-    A recording with a partner gives two rows. One has its content with its own emotion and motion. The other
-    has its content with the partner's emotion, and the partner's motion at its own times.
+    A recording with a partner gives two rows with its content. The first has its own emotion and motion. The
+    second has the partner's emotion, and the partner's motion at the times of the recording.
     """
 
     def __init__(self, clips: list[Spoken], config: EmoFaceConfig, encoders: Encoders, seed: int,
                  worn_share: float = 0.0):  # fmt: skip
-        """In `worn_share` of the rows of a pair the frames before are those of the other row."""
+        """In `worn_share` of a pair's rows, the frames before are taken from the other row."""
         training = [c for c in clips if not c.held_out]
         super().__init__(clips, config, {c.source: 1.0 for c in training}, seed, None, worn_share)
         self.seed, self.encoders, self.training = seed, encoders, training
@@ -28,7 +28,7 @@ class RecordedRows(Rows):
 
     @property
     def pair_count(self) -> int:
-        """Training clips that have a partner."""
+        """Number of training clips that have a partner."""
         return sum(bool(self.pairs.of(c)) for c in self.training)
 
     def batch(self, count: int, frames: int) -> Batch:
@@ -42,7 +42,10 @@ class RecordedRows(Rows):
         return _batch(rows, recordings)
 
     def whole(self, step: int) -> Batch:
-        """One recording from end to end, each once in an epoch. Its first frame precedes itself."""
+        """One whole recording. Each epoch shows every recording once.
+
+        The recording's first frame also serves as the frame before it.
+        """
         epoch, place = divmod(step, len(self.training))
         order = np.random.default_rng([self.seed, epoch]).permutation(len(self.training))
         clip = self.training[order[place]]
@@ -67,7 +70,11 @@ class RecordedRows(Rows):
     def _feel(
         self, recordings: list, clip: Spoken, at: Tensor, from_rest: bool
     ) -> tuple[Tensor, Tensor, Tensor]:
-        """F_e [T, E], level [T] and displacements with the frame before [T + 1, 3 V] at places in a clip."""
+        """The emotion and the motion at places `at` in a clip.
+
+        Returns F_e [T, E], level [T], and displacements that include the frame before, [T + 1, 3 V]. Appends
+        the clip's logits and label to `recordings` if the encoders learn.
+        """
         emotion, logits = self.encoders.feel(clip)
         if logits is not None:
             recordings.append((logits, torch.tensor(self.encoders.label(clip))))

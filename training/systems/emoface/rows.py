@@ -1,4 +1,4 @@
-"""What EmoFace trains on: stretches of speech under an emotion, their own or that of another recording."""
+"""Training rows of EmoFace: stretches of speech with their own emotion or another recording's."""
 
 from dataclasses import dataclass
 
@@ -25,13 +25,12 @@ TEMPO_OCTAVES = 0.25
 
 @dataclass
 class Spoken:
-    """A clip: `content` [voices][T, C], `emotion` [T, E] as its encoder hears it, `weights` [T, 51] of
-    neutral speech.
+    """A clip: `content` [voices][T, C] and `emotion` [T, E] from the encoders, and `weights` [T, 51].
 
-    `label` is its emotion, `share` how far listeners agreed, 0 to 1. If the emotional face itself
-    `is_recorded`, `weights` [T, 3 V] are its displacements in metres and `share` is its intensity. `text` is
-    what it says, empty if the text or the emotion is unknown. `sound` and `voice` are the inputs of encoders
-    that learn.
+    The weights are those of neutral speech. `label` is the clip's emotion, `share` the share of listeners who
+    agreed, 0 to 1. If the emotional face itself was recorded (`is_recorded`), `weights` [T, 3 V] are its
+    displacements in metres and `share` is its intensity. `text` is what the clip says, empty if the text or
+    the emotion is unknown. `sound` and `voice` are the inputs of encoders that learn.
     """
 
     name: str
@@ -53,12 +52,12 @@ class Spoken:
 
 @dataclass
 class Batch:
-    """A batch. `inputs` as the model takes them; `weights` [B, T, 51] with the emotion; `before` [B, T, 51]
-    the frame before each.
+    """A batch: the model's `inputs`, and `weights` [B, T, 51] with the emotion.
 
-    Of recorded faces both are [B, T, 3 V], and `crossed` [B] says which rows have the emotion of another
-    recording. With encoders that learn, `logits` [N, K] are their class logits for the recordings of the
-    batch, `labels` [N] the true classes.
+    `before` [B, T, 51] holds the frame before each frame. For recorded faces `weights` and `before` are
+    [B, T, 3 V], and `crossed` [B] marks the rows that have the emotion of another recording. With encoders
+    that learn, `logits` [N, K] are their class logits for the recordings of the batch, and `labels` [N] the
+    true classes.
     """
 
     inputs: Inputs
@@ -81,10 +80,10 @@ class Rows:
         met,
         worn_share: float = 0.0,
     ):
-        """`met` tells where lips meet in weights.
+        """`met` computes from weights where the lips meet.
 
-        In `worn_share` of the rows the frames before show another emotion than the voice, so that the model
-        learns the emotion from the voice and not from the frames before.
+        In `worn_share` of the rows, the frames before show another emotion than the voice. So the model
+        learns to take the emotion from the voice and not from these frames.
         """
         self.config, self.met, self.worn_share = config, met, worn_share
         self.random = np.random.default_rng(seed)
@@ -127,7 +126,7 @@ class Rows:
         return self.config.styles.index(ANY_STYLE if unnamed else clip.source)
 
     def _stretch(self, clip: Spoken, frames: int) -> tuple[float, Tensor]:
-        """Where a stretch starts, and the places of its frames in the clip with the one before, [T + 1]."""
+        """Start of a random stretch, and places in the clip of its frames and the one before, [T + 1]."""
         tempo = 2.0 ** self.random.uniform(-TEMPO_OCTAVES, TEMPO_OCTAVES)
         tempo = min(tempo, (len(clip) - 2) / frames)
         start = self.random.uniform(0.0, max(len(clip) - 1 - frames * tempo, 0.0))
@@ -136,8 +135,10 @@ class Rows:
         return start, start + torch.arange(-1, frames) * tempo
 
     def _worn(self, spoken: Tensor, met: Tensor) -> Tensor:
-        """The face of the frames before under another emotion, or none; the model has to leave it for this
-        row's."""
+        """The row's frames with a randomly drawn emotion, which may be none.
+
+        They serve as the frames before. The model has to leave this emotion for the row's own.
+        """
         other = self.config.emotions[int(self.random.integers(len(self.config.emotions)))]
         row = torch.zeros(len(spoken), len(EMOTIONS))
         row[:, EMOTIONS.index(other)] = 1.0
@@ -145,8 +146,7 @@ class Rows:
         return with_emotion(spoken, row, torch.full((len(spoken),), level), met)
 
     def _emotion(self, clip: Spoken, at: Tensor, frames: int) -> tuple[Tensor, Tensor, Tensor]:
-        """Features for the emotion branch [T, E], the mixture of emotions [T + 1, 15] and its intensity [T +
-        1]."""
+        """Features for the emotion branch [T, E], the emotions' mixture [T + 1, 15] and intensity [T + 1]."""
         is_own = self.random.random() < (NEUTRAL_SHARE if clip.label == NEUTRAL else OWN_SHARE)
         one = (interpolate(clip.emotion, at[1:]), clip) if is_own else self._of_another(frames)
         if self.random.random() >= CHANGING_SHARE:
@@ -181,7 +181,7 @@ def mixture(clip: Spoken) -> Tensor:
 
 
 def prototypes(clips: list[Spoken], config: EmoFaceConfig) -> Tensor:
-    """Mean features of each emotion in the last half of its training clips, [7, E]."""
+    """Mean features of each emotion over the second half of its training clips, [7, E]."""
     out = torch.zeros(len(config.emotions), config.emotion_channels)
     for row, label in enumerate(config.emotions):
         heard = [c.emotion[len(c) // 2 :] for c in clips if c.label == label and not c.held_out]

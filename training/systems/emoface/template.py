@@ -1,9 +1,10 @@
-"""The template whose vertices EmoFace moves: a part of ICT FaceKit's vertices, dense at lips and lids.
+"""EmoFace's template: a subset of ICT FaceKit's vertices, dense at lips and lids.
 
-The landmarks come first. Each further vertex is the one farthest from all chosen ones along the surface
-(Eldar et al. 1997). Edges about lips and lids count as longer, edges where nothing moves as shorter.
-Triangles join vertices whose cells of nearest points meet (the dual of a geodesic Voronoi diagram). Paths
-never cross the slit between the lips, so neither do triangles.
+The landmarks are chosen first. Each further vertex is the one farthest along the surface from all chosen ones
+(Eldar et al. 1997). Edges around lips and lids count as longer, edges where nothing moves as shorter. Every
+other vertex belongs to the cell of its nearest chosen vertex. Triangles join chosen vertices whose cells meet
+(the dual of a geodesic Voronoi diagram). Paths never cross the slit between the lips, so neither do
+triangles.
 """
 
 from pathlib import Path
@@ -22,12 +23,12 @@ STILL_M, STILL = 5e-4, 0.5
 
 
 def ict_template(data: Path, vertices: int) -> tuple[Template, np.ndarray]:
-    """The template, and which vertices of ICT's face region it has, [V]."""
+    """The template, and the numbers of its vertices in ICT's face region, [V]."""
     return chosen(load_ict(data, "face").mean, vertices)
 
 
 def chosen(face: Face, vertices: int) -> tuple[Template, np.ndarray]:
-    """A template of this many of a face's own vertices; fewer if some have no triangle."""
+    """Chooses this many of a face's vertices as a template; fewer if some have no triangle."""
     graph = _graph(face)
     seeds = list(dict.fromkeys(face.landmarks.tolist()))
     near = np.full(len(face.vertices), np.inf)
@@ -57,7 +58,7 @@ def chosen(face: Face, vertices: int) -> tuple[Template, np.ndarray]:
 
 
 def _graph(face: Face) -> sp.csr_matrix:
-    """Edges with their lengths, longer about lips and lids."""
+    """Graph of edge lengths: longer around lips and lids, shorter where nothing moves."""
     a, b = np.concatenate([face.triangles[:, [i, j]] for i, j in ((0, 1), (1, 2), (2, 0))]).T
     length = np.linalg.norm(face.vertices[a] - face.vertices[b], axis=1)
     moved = np.linalg.norm(face.modes, axis=-1).max(axis=0)

@@ -2,13 +2,13 @@
 
     python -m training.systems.emoface.train --data ../shared/data --out runs/emoface
 
-Reads the recorded motion of grid_s1 and facegood_zh and the acted speech of emodb_de, whose faces are made
-from its phones and labels. `--corpus` reads vertex sequences of a corpus folder instead, as the paper does.
-There, recordings of one speaker and sentence in two emotions are crossed (`pairs`), at the frame rate of
-`--config`. The emotion encoder is that of `training.systems.emoface.train_emotion_encoder`, or with
-`--emotion-hubert` a second checkpoint, as in the paper. Both encoders are frozen unless `--tune-encoders`
-trains them too, under eq. 10. `--recipe paper` is eq. 11 as printed. Seeded; resumes from `--out/last.pt`
-with the same bits.
+Reads the recorded motion of grid_s1 and facegood_zh and the acted speech of emodb_de. The faces of emodb_de
+are made from its phones and labels. `--corpus` reads vertex sequences of a corpus folder instead, as the
+paper does. Then recordings of one speaker and sentence in two emotions are crossed (`pairs`), and the frame
+rate is that of `--config`. The emotion encoder is that of `training.systems.emoface.train_emotion_encoder`.
+With `--emotion-hubert` it is a second checkpoint, as in the paper. Both encoders are frozen unless
+`--tune-encoders` trains them too, with eq. 10. `--recipe paper` is eq. 11 as printed. Training is seeded and
+resumes from `--out/last.pt` with the same bits.
 """
 
 import argparse
@@ -47,7 +47,7 @@ MODELS = "models"
 
 
 class Learner(nn.Module):
-    """Everything that a training changes: the model, and encoders that learn."""
+    """All modules that training changes: the model, and the encoders if they learn."""
 
     def __init__(self, face: EmoFace, encoders: Encoders | None):
         super().__init__()
@@ -55,7 +55,7 @@ class Learner(nn.Module):
         self.encoders = encoders if encoders is not None and encoders.learn else None
 
     def groups(self, recipe: EmoFaceRecipe) -> list[dict]:
-        """Parameters with their rates."""
+        """The parameters with their learning rates."""
         groups = [{"params": list(self.face.parameters()), "lr": recipe.rate}]
         if self.encoders is not None:
             rate = recipe.encoder_share * recipe.rate
@@ -108,9 +108,10 @@ class EmoFaceTrainer:
         return moved / self.config.scale_m
 
     def loss(self, batch: Batch, step: int) -> tuple[Tensor, dict[str, float]]:
-        """Eq. 7 to 10 on the second pass of the self-growing scheme.
+        """The losses of eq. 7 to 10, on the second pass of the self-growing scheme.
 
-        The sum is eq. 11, or in our recipe one mean over all rows plus the concordance of the mouth.
+        The paper's recipe sums them as in eq. 11. Ours takes one mean over all rows and adds the concordance
+        of the mouth.
         """
         truth = self.motion(batch.weights)
         before = self.motion(batch.before)
@@ -150,7 +151,7 @@ class EmoFaceTrainer:
         return total, sizes | report | {"mask": predicted.mask.mean().item()}
 
     def own_share(self, step: int) -> float:
-        """Share of the frames before that come from the model, eq. 6: 0 until θ, 1 from (N + θ)/2 on."""
+        """Share of the frames before that the model made, eq. 6: 0 until θ, 1 from (N + θ)/2 on."""
         if not self.grows:
             return 0.0
         first = GUIDED_SHARE * self.steps
@@ -159,12 +160,12 @@ class EmoFaceTrainer:
         return 1.0 - max(0.0, math.cos(math.pi * (step - first) / (self.steps - first)))
 
     def landmarks(self, motion: Tensor) -> Tensor:
-        """[..., D] → [..., 204]."""
+        """Motion of vertices [..., D] → motion of landmarks [..., 204]."""
         return motion.unflatten(-1, (-1, 3))[..., self.config.landmarks, :].flatten(-2)
 
 
 def _template(arguments, config: EmoFaceConfig):
-    """The template and its displacement at weight 1 of each channel; None where clips hold its vertices."""
+    """The template and its displacement at weight 1 of each channel (None if clips hold vertices)."""
     if not arguments.corpus:
         return template_of(arguments.data, config.vertices)
     return folder_clips.template_of(CorpusFolder(arguments.corpus)), None
@@ -172,7 +173,10 @@ def _template(arguments, config: EmoFaceConfig):
 
 @torch.no_grad()
 def validate(trainer: EmoFaceTrainer, model: EmoFace, clips: list[Spoken]) -> dict[str, float]:
-    """r and slope of what a viewer sees, frame after frame from rest, on held-out neutral clips."""
+    """r and slope of mouth features on held-out clips, except those of emodb_de.
+
+    The model performs them frame by frame from rest.
+    """
     report, model = {}, model.eval()
     for source in sorted({c.source for c in clips} - {"emodb_de"}):
         chosen = [c for c in clips if c.source == source]
@@ -188,7 +192,7 @@ def validate(trainer: EmoFaceTrainer, model: EmoFace, clips: list[Spoken]) -> di
 
 
 def together(clips: list[Spoken], config: EmoFaceConfig, frames: int) -> Inputs:
-    """Clips in one batch. Shorter ones repeat their last frame."""
+    """Puts clips into one batch. Shorter clips repeat their last frame."""
 
     def padded(x: Tensor) -> Tensor:
         return torch.cat([x.float(), x[-1:].float().expand(frames - len(x), -1)])
@@ -201,7 +205,7 @@ def together(clips: list[Spoken], config: EmoFaceConfig, frames: int) -> Inputs:
 
 
 def train(arguments) -> Path:
-    """Runs the training; writes `emoface.pt` with the averaged weights and returns its path."""
+    """Runs the training. Writes `emoface.pt` with the averaged weights and returns its path."""
     seeded(arguments)
     config = CONFIGS[arguments.config]()
     config.vertices = arguments.vertices or config.vertices
@@ -253,14 +257,14 @@ def train(arguments) -> Path:
 
 
 def few_of_each(clips: list[Spoken]) -> list[Spoken]:
-    """Training clips, enough of each emotion to compute prototypes from."""
+    """A few training clips of each emotion, enough to compute prototypes."""
     labels = sorted({c.label for c in clips})
     groups = ([c for c in clips if c.label == label and not c.held_out] for label in labels)
     return [c for group in groups for c in group[:: max(1, len(group) // PROTOTYPE_CLIPS)][:PROTOTYPE_CLIPS]]
 
 
 def performed(model: EmoFace, clip: Spoken, layer: str = "motion", first: Tensor | None = None) -> FaceMotion:
-    """A held-out clip with its own emotion, from rest or a first pose."""
+    """Performs a clip with its own emotion, from rest or from a first pose."""
     return model.perform(together([clip], model.config, len(clip)), first, layer)
 
 

@@ -3,8 +3,8 @@
     python -m training.systems.emoface.train_emotion_encoder --data ../shared/data
     python -m training.systems.emoface.train_emotion_encoder --data ../shared/data --leave-one-out
 
-The second command fits once without each of the ten actors and prints how often the left-out actor's emotion
-is recognised from the first two seconds of a clip. Nothing is random.
+The second command leaves out each of the ten actors in turn and fits to the others. It prints how often the
+left-out actor's emotion is recognised at the end of a clip, from up to two seconds. Nothing is random.
 """
 
 import argparse
@@ -28,7 +28,7 @@ TRAINING_INSTANTS = 2
 
 @dataclass
 class Measured:
-    """A clip: `rows` [I, 118]; `label` counts in `HEARD_EMOTIONS`."""
+    """A clip: `rows` [I, 118] are its numbers, `label` indexes `HEARD_EMOTIONS`."""
 
     speaker: str
     label: int
@@ -37,7 +37,7 @@ class Measured:
 
 
 def acted_clips(data: Path, limit: int | None = None) -> list[Measured]:
-    """emodb_de."""
+    """The clips of emodb_de that are long enough to measure."""
     clips = []
     for clip in read_acted(data, limit):
         rows = numbers(voice_of(clip.samples))
@@ -47,7 +47,7 @@ def acted_clips(data: Path, limit: int | None = None) -> list[Measured]:
 
 
 def readers(data: Path, count: int = 60) -> list[Measured]:
-    """Readings, which are neutral: `count` of each source, evenly drawn; every other one is held out."""
+    """Neutral readings: `count` of each source, evenly spaced. Every other one is held out."""
     recordings = []
     for source in READERS:
         paths = sorted((data / "speech" / source).glob("*.ogg"))
@@ -75,7 +75,7 @@ def logits_of(model: EmotionEncoder, clips: list[Measured]) -> np.ndarray:
 
 
 def scores(logits: np.ndarray, labels: np.ndarray) -> dict[str, float]:
-    """Share of right answers; mean over the classes; joy against anger."""
+    """Share of right answers, its mean over the classes, and the share for joy against anger alone."""
     answers = logits.argmax(axis=1)
     angry, happy = HEARD_EMOTIONS.index("angry"), HEARD_EMOTIONS.index("happy")
     two = np.isin(labels, (angry, happy))
@@ -89,7 +89,7 @@ def scores(logits: np.ndarray, labels: np.ndarray) -> dict[str, float]:
 
 
 def without_neutral(clips: list[Measured]) -> list[Measured]:
-    """Clips less their speaker's mean neutral numbers."""
+    """The clips, less the mean numbers of their speaker's neutral clips."""
     out = []
     for clip in clips:
         group = [c.rows[-1] for c in clips if c.speaker == clip.speaker and c.label == 0]
@@ -98,7 +98,7 @@ def without_neutral(clips: list[Measured]) -> list[Measured]:
 
 
 def leave_one_out(clips: list[Measured], others: list[Measured]) -> dict[str, float]:
-    """Every actor judged by an encoder that never heard him."""
+    """Scores over all actors. Each actor is judged by an encoder that never heard him."""
     logits, labels = [], []
     for actor in sorted({c.speaker for c in clips}):
         group = [c for c in clips if c.speaker == actor]

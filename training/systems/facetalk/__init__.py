@@ -1,1 +1,1 @@
-"""FaceTalk: a parametric head that is a field (Aneja et al. 2023)."""
+"""FaceTalk: a parametric head represented as a field (Aneja et al. 2023)."""

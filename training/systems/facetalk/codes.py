@@ -1,9 +1,9 @@
-"""Codes of identities, in closed form: principal components of ICT's heads, of the whole and of each region.
+"""Computes identity codes in closed form: principal components of ICT's whole heads and of each region.
 
-The global part are the directions of the coefficients that move the surface furthest. A region's code are the
-furthest-moving directions of the rest, weighted by the blend weights of its anchor. ICT's modes are symmetric
-or antisymmetric, so the directions are too, and the left region's code is the right one's of the mirrored
-head.
+The global code comes from the directions of the coefficients that move the surface furthest. A region's code
+comes from the remaining directions that move the region furthest, where the blend weights of its anchor
+weight the vertices. ICT's modes are symmetric or antisymmetric, so the global directions are too. The code of
+a left region is the code of the right region on the mirrored head.
 """
 
 from dataclasses import dataclass
@@ -23,8 +23,11 @@ MARGIN_M = 0.01
 
 @dataclass
 class Modes:
-    """Aligned heads are nearly `mean + c · modes`: mean [V, 3], modes [100, V, 3] and which sign a mirror
-    gives each, [100]; area [V] of each vertex, attention included."""
+    """A linear model of aligned heads: they are nearly `mean + c · modes`.
+
+    mean [V, 3]; modes [100, V, 3]; sign [100], by which a mirror multiplies each mode; area [V] of each
+    vertex, reduced off the face.
+    """
 
     mean: Tensor
     modes: Tensor
@@ -33,7 +36,7 @@ class Modes:
 
 
 def linear_modes(heads: IctHeads) -> Modes:
-    """Least squares over random heads: alignment makes them a little nonlinear."""
+    """Fits the modes to random heads by least squares, since alignment makes heads a little nonlinear."""
     random = torch.Generator().manual_seed(11)
     coefficients = torch.randn(SAMPLES // 2, COEFFICIENTS, generator=random)
     coefficients = torch.cat([coefficients, -coefficients])
@@ -52,11 +55,10 @@ def linear_modes(heads: IctHeads) -> Modes:
 
 
 def directions(modes: Modes, weight: Tensor, left: Tensor, count: int, split: bool) -> tuple[Tensor, Tensor]:
-    """The `count` unit directions [count, 100] that move vertices furthest, and the mean squared movement
-    along each.
+    """The `count` unit directions [count, 100] that move vertices furthest, and their mean squared movement.
 
-    They lie within the projector `left` [100, 100]; vertices are weighted by [V]. `split` separates symmetric
-    from antisymmetric ones.
+    `left` [100, 100] projects onto the directions that remain. `weight` [V] weights the vertices. `split`
+    separates symmetric from antisymmetric directions.
     """
     flat = (modes.modes * weight.sqrt()[:, None]).flatten(1)
     gram = (left @ (flat @ flat.T) @ left).double()
@@ -69,9 +71,9 @@ def directions(modes: Modes, weight: Tensor, left: Tensor, count: int, split: bo
 
 @torch.no_grad()
 def set_codes(head: Head, heads: IctHeads) -> dict[str, float]:
-    """Fills the maps to codes, landmarks, mirror signs and principal directions.
+    """Fills the maps from coefficients to codes and from codes to landmarks, and the mirror signs.
 
-    Returns how much of the movement each region's codes leave unexplained.
+    Returns for each region how many mm of its movement the codes leave unexplained.
     """
     config, modes = head.config, linear_modes(heads)
     whole = directions(modes, modes.area, torch.eye(COEFFICIENTS), config.global_code, True)[0]
@@ -109,7 +111,10 @@ def set_codes(head: Head, heads: IctHeads) -> dict[str, float]:
 
 @torch.no_grad()
 def set_directions(head: Head, heads: IctHeads) -> None:
-    """The sliders: directions that move the surface furthest, each signed so that its named measure grows."""
+    """Sets the sliders' directions, which move the surface furthest.
+
+    Each has the sign that makes its named measure grow.
+    """
     modes = linear_modes(heads)
     rows, reach = directions(modes, modes.area, torch.eye(COEFFICIENTS), DIRECTIONS, True)
     names = named(modes, heads, rows)
@@ -122,7 +127,7 @@ def set_directions(head: Head, heads: IctHeads) -> None:
 
 
 def set_bounds(head: Head, heads: IctHeads) -> None:
-    """The box of many random heads, with a margin."""
+    """Sets the box that contains many random heads, with a margin."""
     random = torch.Generator().manual_seed(12)
     vertices = heads.canonical(torch.randn(SAMPLES, COEFFICIENTS, generator=random))[0]
     low, high = vertices.amin((0, 1)) - MARGIN_M, vertices.amax((0, 1)) + MARGIN_M
@@ -130,7 +135,7 @@ def set_bounds(head: Head, heads: IctHeads) -> None:
 
 
 def measures(vertices: Tensor, landmarks: Tensor) -> dict[str, Tensor]:
-    """What a tape would measure on heads [B, V, 3], metres, [B] each."""
+    """Tape measures of heads [B, V, 3] in metres, [B] each."""
     at = vertices[:, landmarks]
 
     def apart(a: int, b: int) -> Tensor:
@@ -160,10 +165,10 @@ def measures(vertices: Tensor, landmarks: Tensor) -> dict[str, Tensor]:
 
 
 def named(modes: Modes, heads: IctHeads, rows: Tensor) -> list[tuple[str, float]]:
-    """Names each direction [N, 100] after the measure that changes most along it, relative to its variation
-    between heads.
+    """Names each direction [N, 100] after the measure that changes most along it.
 
-    The sign makes the measure grow. A name goes to one direction only.
+    Each measure's change is relative to its variation between heads. The returned sign makes the measure
+    grow. Each name is used only once.
     """
     random = torch.Generator().manual_seed(13)
 

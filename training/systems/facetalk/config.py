@@ -14,10 +14,10 @@ MIDDLE = [8, 27, 30, 51, 57]
 class HeadConfig(Config):
     """Everything that inference has to know.
 
-    pairs: mirrored anchors, the subject's right one first; middle: those of the middle. Both are numbers of
-    the 68 landmarks. Lengths inside are metres divided by `scale_m`; `sigma` and `background` are in these.
-    `bounds_m` is a box that holds any head, in metres. directions: what each slider is called and how far it
-    moves the face, a name and millimetres.
+    pairs: mirrored anchors, the subject's right one first; middle: anchors on the midline. Both are numbers
+    of the 68 landmarks. Inside the model, lengths are metres divided by `scale_m`; `sigma` is in this unit
+    and `background` in its square. `bounds_m` is a box that contains any head, in metres. directions: each
+    slider's name and how far it moves the face in millimetres.
     """
 
     system: str = "facetalk"
@@ -53,18 +53,21 @@ class HeadConfig(Config):
 
     @property
     def identity_code(self) -> int:
-        """Length of z_id: the global part, one for every anchor and one for the background."""
+        """Length of z_id: the global code, then a local code for each anchor and for the background."""
         return self.global_code + (self.anchors + 1) * self.local_code
 
     @classmethod
     def from_json(cls, data: dict) -> HeadConfig:
-        """Reads what `to_json` wrote, also from a folder that holds the models that move the head."""
+        """Reads what `to_json` wrote.
+
+        It also reads the configuration of a folder that holds models to move the head, and ignores these.
+        """
         data = {key: value for key, value in data.items() if not key.endswith("motion")}
         return super().from_json(data | {"pairs": [tuple(pair) for pair in data["pairs"]]})
 
 
 def debug_config() -> HeadConfig:
-    """Small enough for a golden."""
+    """Sizes small enough for a golden."""
     return HeadConfig(
         name="debug",
         pairs=PAIRS[4:6],
@@ -86,8 +89,11 @@ def debug_config() -> HeadConfig:
 
 
 def paper_config() -> HeadConfig:
-    """NPHM's sizes of the networks. Its 39 anchors are vertices of FLAME, which is not ours to hand on: here
-    they are 39 of the landmarks, 16 pairs and 7 of the middle."""
+    """The sizes of NPHM's networks.
+
+    NPHM's 39 anchors are vertices of FLAME, which we may not redistribute. Here they are 39 of the landmarks:
+    16 pairs and 7 on the midline.
+    """
     pairs = [(i, 16 - i) for i in range(0, 8, 2)]
     pairs += [(17 + i, 26 - i) for i in (0, 2, 4)]
     pairs += [(36, 45), (37, 44), (39, 42), (41, 46), (31, 35), (32, 34), (48, 54), (50, 52), (59, 55)]

@@ -2,8 +2,8 @@
 
     python -m training.systems.facetalk.evaluate --head runs/facetalk_head/head.pt
 
-Reads a run's head.pt or an exported folder. Distances are those of points of the true face to the field's
-zero, by one Newton step. `--parts` chooses what is measured.
+Reads a run's head.pt or an exported folder. A distance is that from a point of the true face to the field's
+zero surface, estimated by one Newton step. `--parts` chooses what is measured.
 """
 
 import argparse
@@ -33,7 +33,7 @@ CLOUD_POINTS, NOISE_M = 5000, 5e-4
 
 
 def unseen(count: int) -> Tensor:
-    """Coefficients [count, 100]."""
+    """Random coefficients [count, 100] that training never drew."""
     return torch.randn(count, COEFFICIENTS, generator=torch.Generator().manual_seed(UNSEEN_SEED))
 
 
@@ -47,13 +47,13 @@ def to_surface(head: Head, points: Tensor, normals: Tensor, z: Tensor) -> tuple[
 
 
 def face_points(heads: IctHeads, vertices: Tensor, count: int, seed: int) -> tuple[Tensor, Tensor]:
-    """Points of the face drawn by area, with normals, of one head [V, 3]."""
+    """Draws points by area on the face of one head [V, 3], with normals."""
     face = heads.triangles[(heads.triangles < FACE_VERTICES).all(1)]
     return drawn_by_area(vertices, face, count, seed)
 
 
 def drawn_by_area(vertices: Tensor, triangles: Tensor, count: int, seed: int) -> tuple[Tensor, Tensor]:
-    """Points [count, 3] and normals of triangles [F, 3]."""
+    """Draws points [count, 3] by area on triangles [F, 3], with normals."""
     random = torch.Generator().manual_seed(seed)
     corners = vertices[triangles]
     cross = torch.linalg.cross(corners[:, 1] - corners[:, 0], corners[:, 2] - corners[:, 0])
@@ -64,7 +64,7 @@ def drawn_by_area(vertices: Tensor, triangles: Tensor, count: int, seed: int) ->
 
 
 def identity(head: Head, heads: IctHeads, _data: Path, count: int) -> None:
-    """Codes from known coefficients, fitted ones, and the mean head."""
+    """Measures heads with the known coefficients and with fitted ones, and the mean head."""
     coefficients = unseen(count)
     vertices = heads.canonical(coefficients)[0]
     distances: dict[str, list[tuple[Tensor, Tensor]]] = {"known code": [], "fitted": [], "mean head": []}
@@ -83,7 +83,7 @@ def identity(head: Head, heads: IctHeads, _data: Path, count: int) -> None:
 
 
 def makehuman(head: Head, _heads: IctHeads, data: Path, _count: int) -> None:
-    """A face of a kind that training never saw, jaw opened by its own mode."""
+    """Measures a face of a kind that training never saw. Its own mode opens its jaw."""
     face = load_makehuman(data)
     opened = torch.from_numpy(
         face.vertices + head.config.open_jaw * face.modes[CHANNELS.index("jawOpen")]
@@ -104,8 +104,12 @@ def makehuman(head: Head, _heads: IctHeads, data: Path, _count: int) -> None:
 
 
 def outer(vertices: Tensor, triangles: Tensor, landmarks: Tensor) -> Tensor:
-    """Triangles of the face's front, [F] bool: within 3 cm of a landmark, facing away from the middle of the
-    head, not in the mouth's bag or the eyes' pockets (within 12 mm behind landmarks of mouth and eyes)."""
+    """Which triangles are the front of the face, [F] bool.
+
+    They lie within 3 cm of a landmark and face away from the middle of the head. Triangles in the mouth's bag
+    or the eyes' pockets are left out: those behind landmarks of mouth and eyes and within 12 mm of them as
+    seen from the front.
+    """
     corners = vertices[triangles]
     centre = corners.mean(1)
     normal = F.normalize(
@@ -123,7 +127,7 @@ def outer(vertices: Tensor, triangles: Tensor, landmarks: Tensor) -> Tensor:
 
 
 def show(name: str, rows: list[tuple[Tensor, Tensor]]) -> None:
-    """Mean, 95 % and normals."""
+    """Prints the mean distance, its 95 % quantile and the mean cosine of the normals."""
     distance, cosine = torch.cat([r[0] for r in rows]), torch.cat([r[1] for r in rows])
     print(
         f"{name}: {distance.mean():.2f} mm (95 % {distance.quantile(0.95):.2f}), normals {cosine.mean():.3f}"
@@ -132,7 +136,10 @@ def show(name: str, rows: list[tuple[Tensor, Tensor]]) -> None:
 
 @torch.no_grad()
 def expression(head: Head, heads: IctHeads, data: Path, count: int) -> None:
-    """Both directions on unseen identities; poses of held-out takes, then single channels, then rest."""
+    """Measures both deformations on unseen identities.
+
+    The poses come from held-out takes, then from single shapes.
+    """
     random = torch.Generator().manual_seed(UNSEEN_SEED + 1)
     poses = Poses(data, held_out=True)
     kinds = {"facegood_zh": poses.captured, "grid_s1": poses.tracked}
@@ -175,10 +182,10 @@ def expression(head: Head, heads: IctHeads, data: Path, count: int) -> None:
 
 @torch.no_grad()
 def shapes(head: Head, heads: IctHeads, _data: Path, count: int) -> None:
-    """Each ARKit shape at weight 1, from rest.
+    """Measures each ARKit shape at weight 1, from rest.
 
-    Prints the share of the true way that the field goes, and the error of vertices that the shape moves by
-    more than half a millimetre.
+    Prints how much of the true motion the field makes, and the error of vertices that the shape moves by more
+    than half a millimetre.
     """
     canonical, scales = heads.canonical(unseen(count))
     z, size = head.identity_code(unseen(count)), head.config.scale_m
@@ -196,11 +203,10 @@ def shapes(head: Head, heads: IctHeads, _data: Path, count: int) -> None:
 
 @torch.no_grad()
 def closure(head: Head, heads: IctHeads, _data: Path, count: int) -> None:
-    """Gap of lips that meet at rest, and of lids that meet when shut, after the way through the canonical
-    pose.
+    """Measures the gaps of lips at rest and of shut lids, moved there from the canonical pose.
 
-    Measured on pairs of vertices along the true surface's normal, beside the gap of the mesh itself. A
-    negative gap means that they have crossed.
+    A gap is that of pairs of vertices along the true surface's normal. It is printed beside the gap of the
+    mesh itself. A negative gap means that they have crossed.
     """
     rest, shut = torch.zeros(len(CHANNELS)), torch.zeros(len(CHANNELS))
     shut[LIDS] = 1.0
@@ -229,7 +235,10 @@ def closure(head: Head, heads: IctHeads, _data: Path, count: int) -> None:
 
 
 def sequences(head: Head, heads: IctHeads, data: Path, count: int) -> None:
-    """Noisy clouds from stretches of held-out takes, fitted by eq. 16, frame by frame, and from rest."""
+    """Fits noisy point clouds from stretches of held-out takes, by eq. 16 and frame by frame.
+
+    The codes mapped from the true weights, and rest, are measured beside them.
+    """
     poses = Poses(data, held_out=True)
     random = torch.Generator().manual_seed(UNSEEN_SEED + 2)
     coefficients = unseen(count)

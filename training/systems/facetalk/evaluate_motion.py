@@ -1,11 +1,11 @@
-"""Measures FaceTalk's speech model on held-out clips, FreeTalk and loudness beside it.
+"""Measures FaceTalk's speech model on held-out clips, with FreeTalk and loudness beside it.
 
     python -m training.systems.facetalk.evaluate_motion --model weights/facetalk/facetalk_compact
     python -m training.systems.facetalk.evaluate_motion --corpus DIR --motion runs/facetalk_motion/motion.pt
 
-`--corpus` takes the held-out clips of corpus folders in place of the project's own.
-Codes are read back as ARKit weights and shown on ICT's landmarks: nothing of the head's field is in here.
-`--runs NAME=motion.pt` adds rows for runs without a part (table 2).
+`--corpus` takes the held-out clips of corpus folders instead of the project's own. Codes are converted back
+to ARKit weights and shown on ICT's landmarks, so the head's field has no influence. `--runs NAME=motion.pt`
+adds rows for runs that lack a part of the model (table 2).
 """
 
 import argparse
@@ -43,18 +43,18 @@ STILL = [0, 1, 15, 16, 27, 28]
 
 
 class Speaker:
-    """A model with its encoder and the way from codes to weights."""
+    """A model with its speech encoder and the map from codes to weights."""
 
     def __init__(self, model: Denoiser, codes: Codes, encoder):
         self.model, self.codes, self.encoder = model, codes, encoder
 
     @torch.no_grad()
     def heard(self, entry: Entry) -> Tensor:
-        """Features [T, C] of a clip."""
+        """Speech features [T, C] of a clip."""
         return self.encoder(normalise(entry.mels[0].float())[None])[0]
 
     def says(self, speech: Tensor, seed: int = 0, sampling: Sampling | None = None) -> Tensor:
-        """Weights [T, 51]."""
+        """ARKit weights [T, 51] for speech features."""
         return self.codes.weights(sample(self.model, speech, seed, sampling))
 
 
@@ -64,7 +64,7 @@ def correlation(a: Tensor, b: Tensor) -> float:
 
 
 def by_source(entries: list[Entry], count: int, skipped: int = 0) -> dict[str, list[Entry]]:
-    """Held-out clips by source, without the first `skipped`; sources that have no more are left out."""
+    """At most `count` held-out clips of each source, after `skipped` ones. Omits sources without clips."""
     sources = sorted({e.source for e in entries})
     groups = {s: [e for e in entries if e.source == s and e.held_out][skipped:][:count] for s in sources}
     return {source: group for source, group in groups.items() if group}
@@ -87,7 +87,7 @@ def agreement(speaker: Speaker, clips: dict[str, list[Entry]], sampling: Samplin
 
 
 def freetalk(models: Path, clips: dict[str, list[Entry]]) -> dict[str, float]:
-    """The same for the shipped FreeTalk, on landmarks; r of its chin with jawOpen."""
+    """r and slope of FreeTalk's lip gap on landmarks, and r of its chin with jawOpen, by source."""
     encoder, model = load_models(models)
     style = model.config.styles.index(model.config.default_style)
     report = {}
@@ -139,8 +139,10 @@ def seeds(speaker: Speaker, clips: list[Entry], sampling: Sampling | None = None
 
 
 def at_once(speaker: Speaker, clips: list[Entry]) -> dict[str, float]:
-    """A minute sampled at once, compared with windows of two seconds: r of the lip gap, and drift of the
-    mean."""
+    """Compares a minute sampled at once with the same minute in windows of two seconds.
+
+    Returns r of the lip gap for both, and the drift of its mean.
+    """
     speech = torch.cat([speaker.heard(e) for e in clips])[:LONG_FRAMES]
     truth = lip_gap(landmarks_of(torch.cat([e.motion.float() for e in clips])[:LONG_FRAMES]))
     whole = lip_gap(landmarks_of(speaker.says(speech)))
@@ -169,10 +171,10 @@ def tell(name: str, row: dict[str, float]) -> None:
 
 
 def from_landmarks(model: Denoiser, codes: Codes, clips, data: Path) -> dict[str, dict[str, float]]:
-    """Error of the model that hears only the motion of landmarks, as mean mm over vertices of ICT's face.
+    """Error of the model that follows landmarks, as mean mm over vertices of ICT's face.
 
-    The landmarks of recordings, plain and with an emotion, are disturbed by so many mm. Least squares stands
-    beside it.
+    Noise of each size in `OFF_MM` disturbs the landmarks of recordings, plain and with an emotion. Least
+    squares and no motion are measured beside it.
     """
     modes = torch.from_numpy(load_ict(data, "face").mean.modes).float().flatten(1)
     random = torch.Generator().manual_seed(3)
@@ -197,7 +199,7 @@ def from_landmarks(model: Denoiser, codes: Codes, clips, data: Path) -> dict[str
 
 
 def held_out(arguments) -> dict[str, list[Entry]]:
-    """Held-out clips of the corpus folders, else of the project's own sources."""
+    """Held-out clips of the corpus folders if there are any, otherwise of the project's own sources."""
     entries = of_folders(arguments.corpus, 1) if arguments.corpus else entries_of(arguments)
     clips = by_source(entries, arguments.clips, arguments.skip)
     if not clips:

@@ -1,7 +1,7 @@
-"""How heads move: E takes posed points to the canonical pose, its forward twin canonical points to a pose.
+"""Moves heads: E takes posed points to the canonical pose, its forward twin canonical points to a pose.
 
-Both get the point's place on the mean head, the expression's code, and a few numbers compressed from the
-identity's code and anchors (NPHM §3.3).
+Both get the point's place on the mean head, the expression code, and a few numbers compressed from the
+identity code and the anchors (NPHM §3.3).
 """
 
 import torch
@@ -12,7 +12,7 @@ from training.systems.facetalk.network import Network, encode, encoded
 
 
 class Deformation(Network):
-    """Places on the mean head [B, P, 3] → displacements [B, P, 3], in units of the field; at first 0."""
+    """Places on the mean head [B, P, 3] → displacements [B, P, 3] in units of the field, initially 0."""
 
     def __init__(self, config: HeadConfig, code_layers: list[int]):
         super().__init__(

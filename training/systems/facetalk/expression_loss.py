@@ -1,4 +1,4 @@
-"""The loss of the deformations: exact pairs of canonical and posed places, and lips and lids that meet."""
+"""The loss of the deformations: exact pairs of canonical and posed points, and contact of lips and lids."""
 
 from dataclasses import dataclass
 
@@ -24,7 +24,7 @@ BACKWARD_POINTS, BACKWARD_AWAY_M = 0.5, 1.5e-3
 
 @dataclass
 class Batch:
-    """What both directions learn from. `B` heads and poses."""
+    """Training data for both directions: `B` heads and poses."""
 
     z: Tensor
     weights: Tensor
@@ -34,17 +34,20 @@ class Batch:
 
 
 def lip_pairs(heads: IctHeads) -> Tensor:
-    """Vertices of the upper and the lower lip that meet at rest and not in the canonical pose, [N, 2]."""
+    """Pairs of upper and lower lip vertices that meet at rest but not in the canonical pose, [N, 2]."""
     return meeting(heads, heads.mean, heads.landmarks[48:])
 
 
 def lid_pairs(heads: IctHeads) -> Tensor:
-    """Vertices of lids that meet when eyes are shut and not in the canonical pose, [N, 2]."""
+    """Pairs of lid vertices that meet when the eyes are shut but not in the canonical pose, [N, 2]."""
     return meeting(heads, heads.mean + heads.modes[LIDS].sum(0), heads.landmarks[36:48])
 
 
 def meeting(heads: IctHeads, shut: Tensor, landmarks: Tensor) -> Tensor:
-    """Pairs (upper, lower) of vertices near landmarks that coincide in the pose `shut` [V, 3]."""
+    """Pairs (upper, lower) of vertices near landmarks that coincide in the pose `shut` [V, 3].
+
+    In the canonical pose they are apart.
+    """
     near = torch.cdist(heads.mean[:FACE_VERTICES], heads.mean[landmarks]).amin(1) < ABOUT_M
     rows = near.nonzero()[:, 0]
     together = torch.cdist(shut[rows], shut[rows])
@@ -55,7 +58,7 @@ def meeting(heads: IctHeads, shut: Tensor, landmarks: Tensor) -> Tensor:
 
 
 def steep(length: Tensor, scale: float) -> Tensor:
-    """Mean of lengths and, for those beyond `STEEP_M`, of their squares."""
+    """Mean of the lengths plus their scaled squares. Beyond `STEEP_M` the squares weigh more."""
     return (length + length.square() * (scale / STEEP_M)).mean()
 
 
@@ -68,9 +71,10 @@ class ExpressionLoss:
         print(f"pairs of vertices: {len(self.lips)} of lips, {len(self.lids)} of lids")
 
     def __call__(self, head: Head, pool, count: int, points: int, exact: bool, cycle: bool, random):
-        """`exact`: places on the mean head come from the triangles, not from the identity field.
+        """Returns the loss of one batch and its parts.
 
-        `cycle`: the backward field starts from where the forward field brings points.
+        If `exact`, places on the mean head come from the triangles, not from the identity field. If `cycle`,
+        the backward field starts at the points that the forward field returns, not at the true posed points.
         """
         heads, scale = self.heads, head.config.scale_m
         device = head.identity_code.weight.device

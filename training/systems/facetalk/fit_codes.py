@@ -1,8 +1,8 @@
-"""Codes of a head from points: z_id of a scan, and z_ex of a sequence of clouds (eq. 16 to 18).
+"""Fits a head's codes to points: z_id to a scan, and z_ex to a sequence of clouds (eq. 16 to 18).
 
-z_id is sought among coefficients, z = W c + b with c from N(0, 1), by Gauss-Newton steps on distances and
-landmarks under that prior. Slopes come from differences, so that it also works without automatic
-differentiation. `free` then lets z leave the range of the coefficients.
+`fit_identity` searches z_id among coefficients: z = W c + b, with the prior N(0, 1) on c. It takes
+Gauss-Newton steps on distances and landmarks. Slopes are finite differences, so it also works without
+automatic differentiation. `fit_free` then lets z leave the range of the coefficients.
 """
 
 from dataclasses import dataclass
@@ -40,8 +40,8 @@ def fit_identity(
 ) -> Tensor:  # fmt: skip
     """Coefficients [100] whose head passes through points [P, 3] (metres, canonical frame and pose).
 
-    `landmarks` [68, 3] metres start the fit and keep weight. `which` says which of them exist; None means
-    all.
+    `landmarks` [68, 3] in metres start the fit and keep their weight in it. `which` lists the landmarks that
+    exist; None means all.
     """
     random = torch.Generator().manual_seed(seed)
     chosen = list(range(68)) if which is None else which
@@ -69,7 +69,10 @@ def fit_identity(
 
 
 def fit_free(head: Head, points: Tensor, z: Tensor, steps: int, stay: float, seed: int = 0) -> Tensor:
-    """z_id [Z] near `z` [Z] by eq. 17: Adam on distances of random points, `stay` times the squared way."""
+    """Fits z_id [Z] near `z` [Z] by eq. 17, with Adam on the distances of random points.
+
+    `stay` is the weight of the squared change of z.
+    """
     random = torch.Generator().manual_seed(seed)
     start, z = z.detach(), z.detach().clone().requires_grad_()
     optimiser = torch.optim.Adam([z], 2e-2)
@@ -85,7 +88,7 @@ def fit_free(head: Head, points: Tensor, z: Tensor, steps: int, stay: float, see
 
 @dataclass
 class SequenceFit:
-    """How eq. 16 is minimised; the paper's numbers."""
+    """Settings for minimising eq. 16. The defaults are the paper's numbers."""
 
     group: int = 10
     shared: int = 2
@@ -99,7 +102,10 @@ class SequenceFit:
 def fit_sequence(
     head: Head, clouds: list[Tensor], z: Tensor, fit: SequenceFit, start: Tensor, seed: int = 0
 ) -> Tensor:
-    """z_ex [T, X] of clouds [P_i, 3] metres (canonical frame), z_id [Z] known, from `start` [X]."""
+    """Fits z_ex [T, X] to clouds [P_i, 3] in metres (canonical frame).
+
+    `z` [Z] is the known z_id. The codes start from `start` [X].
+    """
     random = torch.Generator().manual_seed(seed)
     frames, scale = len(clouds), head.config.scale_m
     codes = start.expand(frames, -1).clone()

@@ -1,4 +1,4 @@
-"""Golden of FaceTalk's head: both fields and both deformations at points of two heads."""
+"""Golden of FaceTalk's head: both fields and both deformations at points of one head."""
 
 from pathlib import Path
 

@@ -1,8 +1,8 @@
 """The parametric head F(x, z_id, z_ex) = I(x + E(x; z_id, z_ex); z_id), eq. 1 and §5.
 
-Codes of identities are a linear map of ICT's coefficients: a head that was never seen has a code at once, and
-random heads are coefficients from N(0, 1). Codes of expressions are a linear map of ARKit weights; the
-canonical pose, jaw open by `open_jaw`, has the code 0.
+The identity code is a linear map of ICT's coefficients. So a head that training never saw has a code at once,
+and coefficients from N(0, 1) give random heads. The expression code is a linear map of ARKit weights. It is 0
+in the canonical pose, where the jaw is open by `open_jaw`.
 """
 
 import torch
@@ -17,7 +17,7 @@ DIRECTIONS = 10
 
 
 class Principal(nn.Module):
-    """Directions of the coefficients, [10, 100], orthonormal; the first moves the surface furthest."""
+    """Orthonormal directions of the coefficients, [10, 100]. The first moves the surface furthest."""
 
     def __init__(self):
         super().__init__()
@@ -25,7 +25,7 @@ class Principal(nn.Module):
 
 
 class Head(nn.Module):
-    """Both fields, the forward twin and the maps to codes."""
+    """Both fields (identity and backward deformation), the forward deformation, and the maps to codes."""
 
     def __init__(self, config: HeadConfig):
         super().__init__()
@@ -48,16 +48,16 @@ class Head(nn.Module):
         return self.expression_code(weights - rest)
 
     def place(self, x: Tensor, z: Tensor) -> Tensor:
-        """Places of points [B, P, 3] on the mean head."""
+        """Maps points [B, P, 3] to their places on the mean head."""
         return x + self.identity.to_mean(x, z)
 
     def posed(self, x: Tensor, z: Tensor, expression: Tensor) -> Tensor:
-        """Canonical points [B, P, 3] in the pose of `expression` [B, X]."""
+        """Moves canonical points [B, P, 3] to the pose of `expression` [B, X]."""
         anchors = self.identity.anchors(z)
         return x + self.forward_field.move(self.place(x, z), z, anchors, expression)
 
     def canonical(self, x: Tensor, z: Tensor, expression: Tensor) -> Tensor:
-        """Posed points [B, P, 3] in the canonical pose."""
+        """Moves posed points [B, P, 3] to the canonical pose."""
         anchors = self.identity.anchors(z)
         return x + self.backward_field.move(self.place(x, z), z, anchors, expression)
 

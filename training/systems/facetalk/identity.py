@@ -1,8 +1,9 @@
-"""The canonical field I(x; z) = T(x + D(x; z)): the mean head, and small networks at anchors that say how
-far a point lies from the same point of the mean head (anchors, frames, mirrored pairs and blend of NPHM,
-Giebenhain et al. 2023, §3.2).
+"""The canonical field I(x; z) = T(x + D(x; z)).
 
-Shapes: `B` heads, `P` points of each, `A` anchors, `G` and `L` numbers of the global and of a local code.
+T is the mean head. D comes from small networks at anchors: it is the offset from a point to the same point of
+the mean head. Anchors, frames, mirrored pairs and blend are those of NPHM (Giebenhain et al. 2023, §3.2).
+
+Shapes: `B` heads, `P` points of each, `A` anchors, `G` and `L` lengths of the global and of a local code.
 """
 
 import math
@@ -18,12 +19,12 @@ LANDMARKS = 68
 
 
 def numbers(config: HeadConfig) -> list[int]:
-    """The landmark of every anchor."""
+    """The landmark number of every anchor."""
     return [number for pair in config.pairs for number in pair] + list(config.middle)
 
 
 class Identity(nn.Module):
-    """Signed distance, negative inside, and the way to the mean head, in units of `scale_m`."""
+    """Signed distance, negative inside, and the offset to the mean head, in units of `scale_m`."""
 
     def __init__(self, config: HeadConfig):
         super().__init__()
@@ -38,7 +39,7 @@ class Identity(nn.Module):
         self.template = Template(config.octaves, config.template_width, config.template_layers)
 
     def codes(self, z: Tensor) -> tuple[Tensor, Tensor]:
-        """z_id [B, Z] → the global part [B, G] and the local ones [B, A + 1, L]."""
+        """Splits z_id [B, Z] into the global code [B, G] and the local ones [B, A + 1, L]."""
         split = self.config.global_code
         return z[:, :split], z[:, split:].unflatten(1, (self.config.anchors + 1, self.config.local_code))
 
@@ -47,7 +48,7 @@ class Identity(nn.Module):
         return self.landmarks(self.codes(z)[0]).unflatten(-1, (LANDMARKS, 3))
 
     def anchors(self, z: Tensor) -> Tensor:
-        """[B, A, 3]: pairs first, then the middle."""
+        """Places of the anchors [B, A, 3]: pairs first, then the midline."""
         return self.places(z)[:, numbers(self.config)]
 
     def blend(self, x: Tensor, anchors: Tensor) -> Tensor:
@@ -60,9 +61,9 @@ class Identity(nn.Module):
         return weight / weight.sum(-1, keepdim=True)
 
     def to_mean(self, x: Tensor, z: Tensor) -> Tensor:
-        """D(x; z): from points [B, P, 3] to the same points of the mean head, [B, P, 3].
+        """D(x; z): offsets [B, P, 3] from points [B, P, 3] to the same points of the mean head.
 
-        A network computes the points where its weight is positive for any head of the batch.
+        Each network runs only on the points where its weight is positive for any head of the batch.
         """
         config = self.config
         global_code, local = self.codes(z)
@@ -90,5 +91,5 @@ class Identity(nn.Module):
         return total
 
     def forward(self, x: Tensor, z: Tensor) -> Tensor:
-        """Points [B, P, 3], z_id [B, Z] → [B, P]."""
+        """Points [B, P, 3], z_id [B, Z] → signed distances [B, P]."""
         return self.template(x + self.to_mean(x, z))

@@ -1,9 +1,9 @@
 """Speech to expression codes: a transformer decoder that predicts clean codes (§4, fig. 2; eq. 2 to 10).
 
-Departures from the paper: the norm stands before each sublayer, whose output is modulated (`nn.film`).
-Positions are rotary. A row sees itself and the `look_back_frames` − 1 rows before it, so a sound of any
-length is sampled at once, just as windows were trained. The augmentation r of eq. 8 is an input of the model
-and so becomes a control.
+Differences from the paper: the norm comes before each sublayer, and FiLM modulates the sublayer's output
+(`nn.film`). Positions are rotary. A row attends to itself and to the `look_back_frames` − 1 rows before it.
+So a sound of any length can be sampled at once, in the same way as training windows. The augmentation r of
+eq. 8 is an input of the model, so artists can control it.
 """
 
 from dataclasses import dataclass, field
@@ -39,7 +39,7 @@ class Sampling:
 
 @dataclass
 class MotionConfig(Config):
-    """Everything that inference has to know; `motion` in config.json."""
+    """Everything that inference has to know; stored as `motion` in config.json."""
 
     codes: int = 64
     fps: float = 25.0
@@ -58,10 +58,10 @@ class MotionConfig(Config):
 
 
 def landmark_config(codes: int) -> MotionConfig:
-    """The model whose memory is the motion of 68 landmarks (the paper's conclusion).
+    """The model that follows the motion of 68 landmarks instead of speech (the paper's conclusion).
 
-    That motion says nearly everything, so the model is small, starts from no noise and is not guided. A layer
-    that begins as the best linear map adds the memory to the output.
+    This motion nearly determines the codes, so the model is small, starts without noise and has no guidance.
+    A linear layer adds the landmarks' motion directly to the output. It starts as the best linear map.
     """
     return MotionConfig(
         codes=codes, width=32, inner=32, blocks=2, heads=4, feedforward=32, look_back_frames=12,
@@ -71,7 +71,7 @@ def landmark_config(codes: int) -> MotionConfig:
 
 
 def debug_config() -> MotionConfig:
-    """Small enough for a golden."""
+    """Sizes small enough for a golden."""
     return MotionConfig(
         codes=5,
         width=16,
@@ -87,7 +87,7 @@ def debug_config() -> MotionConfig:
 
 
 class Time(nn.Module):
-    """MLP of three layers behind the timestep's sinusoids."""
+    """MLP of three layers on the sinusoids of the timestep."""
 
     def __init__(self, width: int):
         super().__init__()
@@ -167,9 +167,9 @@ class Denoiser(nn.Module):
 
     @torch.no_grad()
     def begin_direct(self, memory: Tensor, codes: Tensor) -> None:
-        """Sets the direct layer to the linear map from memory [N, C] that comes nearest to codes [N, X].
+        """Sets the direct layer to the least-squares map from memory [N, C] to codes [N, X].
 
-        The blocks add nothing yet.
+        Sets the output layer to 0, so that the blocks add nothing yet.
         """
         inputs = torch.cat([memory, torch.ones(len(memory), 1)], 1)
         solution = torch.linalg.lstsq(inputs, self.standardise(codes)).solution
@@ -189,7 +189,10 @@ class Denoiser(nn.Module):
 
 @torch.no_grad()
 def sample_from(model: Denoiser, noise: Tensor, speech: Tensor, sampling: Sampling | None = None) -> Tensor:
-    """z_ex [T, X] of a whole sound from unit noise [T, X], where the model is; `speech` [T, C]."""
+    """Samples z_ex [T, X] of a whole sound from unit noise [T, X], on the model's device.
+
+    `speech` is [T, C].
+    """
     config, sampling, device = model.config, sampling or model.config.sampling, model.mean.device
     noise, speech = noise.to(device), speech.to(device)
     alphas = config.diffusion.alphas()
@@ -208,7 +211,7 @@ def sample_from(model: Denoiser, noise: Tensor, speech: Tensor, sampling: Sampli
 
 
 def sample(model: Denoiser, speech: Tensor, seed: int = 0, sampling: Sampling | None = None) -> Tensor:
-    """z_ex [T, X] of features [T, C]."""
+    """Samples z_ex [T, X] for speech features [T, C]."""
     generator = torch.Generator().manual_seed(seed)
     noise = torch.randn(len(speech), model.config.codes, generator=generator)
     return sample_from(model, noise, speech, sampling)

@@ -1,6 +1,7 @@
-"""Layers that a point enters twice and a code up to three times: as rows to add and in the last matrix.
+"""Layers with two inputs, a point and a code.
 
-A code contributes the same to all points of a head (or a frame), so its part is computed once for each.
+A point enters twice. A code enters up to three times: it adds rows, and it changes the last matrix. Its part
+is the same for all points of a head (or a frame), so it is computed once for all of them.
 """
 
 import math
@@ -20,13 +21,16 @@ def encode(x: Tensor, octaves: int) -> Tensor:
 
 
 def encoded(octaves: int) -> int:
-    """Length of what `encode` returns."""
+    """Number of values that `encode` returns for a point."""
     return 3 + 6 * octaves
 
 
 def widened(state: dict[str, Tensor], octaves: int) -> dict[str, Tensor]:
-    """A head's tensors for deformations with `octaves`. The added finer ones have weight 0, so outputs stay
-    the same."""
+    """A head's tensors for deformations with `octaves`.
+
+    The weights of the added finer octaves are 0, so outputs stay the same. Raises ValueError if the head
+    already has more octaves.
+    """
     wider = dict(state)
     for name, weight in state.items():
         if name.split(".")[0] in ("backward_field", "forward_field") and name.split(".")[1:2] == ["point"]:
@@ -40,8 +44,8 @@ def widened(state: dict[str, Tensor], octaves: int) -> dict[str, Tensor]:
 class Network(nn.Module):
     """Points [B, P, I] and codes [B, C] → [B, P, O].
 
-    The point joins again at the layer in the middle; the code joins at `code_layers` and, multiplied with
-    the last hidden layer, in the output: `(W + M(code)) h + b + m(code)`. At first it gives 0.
+    The point enters again at the middle layer. The code enters at `code_layers`. It also changes the output
+    layer, which maps the last hidden layer h to `(W + M(code)) h + b + m(code)`. The output is 0 initially.
     """
 
     def __init__(self, inputs: int, code: int, width: int, layers: int, outputs: int, code_layers: list[int]):
@@ -62,11 +66,11 @@ class Network(nn.Module):
             nn.init.zeros_(tensor)
 
     def trunk(self, x: Tensor, code: Tensor, last: int) -> Tensor:
-        """The hidden layers before number `last`, [B, P, W]."""
+        """Output of the layers before number `last`, [B, P, W]."""
         return self._layers(None, x, code, 0, last)
 
     def forward(self, x: Tensor, code: Tensor) -> Tensor:
-        """Points [B, P, I], codes [B, C]."""
+        """Points [B, P, I] and codes [B, C] → [B, P, O]."""
         return self.read_out(self._layers(None, x, code, 0, len(self.hidden) + 1), code)
 
     def _layers(self, h: Tensor | None, x: Tensor, code: Tensor, first: int, last: int) -> Tensor:
@@ -80,7 +84,7 @@ class Network(nn.Module):
         return h
 
     def read_out(self, h: Tensor, code: Tensor) -> Tensor:
-        """The last layer, whose matrix each code makes."""
+        """The output layer. Each code makes its own matrix."""
         matrix = self.out_code(code).unflatten(-1, (self.outputs, self.width + 1))
         weight = self.out.weight + matrix[..., :-1]
         bias = self.out.bias + matrix[..., -1]
@@ -88,7 +92,7 @@ class Network(nn.Module):
 
 
 class Template(nn.Module):
-    """The signed distance of one head, the mean in its canonical pose, in units of the field."""
+    """The signed distance of the mean head in its canonical pose, in units of the field."""
 
     def __init__(self, octaves: int, width: int, layers: int):
         super().__init__()
@@ -100,7 +104,7 @@ class Template(nn.Module):
             nn.init.zeros_(layer.bias)
 
     def forward(self, x: Tensor) -> Tensor:
-        """Points [..., 3] → [...]."""
+        """Points [..., 3] → signed distances [...]."""
         h = encode(x, self.octaves)
         for layer in self.layers[:-1]:
             h = F.silu(layer(h))

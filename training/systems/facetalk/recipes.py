@@ -1,8 +1,8 @@
-"""How FaceTalk's speech model is trained: ours, and as the paper (Aneja et al. 2024) prints it.
+"""Recipes for training FaceTalk's speech model: ours, and the one that the paper (Aneja et al. 2024) prints.
 
-`--recipe paper` has eq. 4 alone and Adam at 1e-4, which stays; every step of the noise is as likely as any
-other. The paper is silent about batch, number of steps and the range of r: there ours stays. Its head is
-NPHM's, of whose training it says nothing.
+`--recipe paper` uses eq. 4 alone and Adam at a constant rate of 1e-4, and draws every noise level equally
+often. The paper does not give the batch, the number of steps or the range of r, so these stay ours. Its
+head is NPHM's; the paper does not say how that head was trained.
 """
 
 from training.losses import ACCELERATION, VELOCITY

@@ -1,4 +1,4 @@
-"""FaceTalk's head and the models that move it: checkpoints, and the one folder that holds all of them."""
+"""Loads FaceTalk's head and the models that move it, from checkpoints or from one exported folder."""
 
 from pathlib import Path
 
@@ -18,7 +18,7 @@ EXACT = ("identity_code.", "expression_code.", "identity.landmarks.", "identity.
 
 
 def load_head(path: Path, octaves: int | None = None) -> Head:
-    """Loads a head.pt; its deformations then see `octaves` of places, if given."""
+    """Loads a head.pt. If `octaves` is given, its deformations encode points with that many octaves."""
     saved = torch.load(path, map_location="cpu", weights_only=True)
     config = HeadConfig.from_json(saved["config"])
     config.expression_octaves = octaves or config.expression_octaves
@@ -34,7 +34,7 @@ def load_motion(path: Path) -> Denoiser:
 
 
 def joined(head: Head, motions: dict[str, Denoiser]) -> tuple[dict[str, Tensor], dict]:
-    """State and configuration of all; `motions` by what they are called there, `MOTIONS`."""
+    """Joins the states and configurations of a head and `motions`, whose keys are names of `MOTIONS`."""
     state, config = dict(head.state_dict()), head.config.to_json()
     for name, motion in motions.items():
         state |= {f"{name}.{key}": value for key, value in motion.state_dict().items()}

@@ -1,13 +1,13 @@
-"""Trains FaceTalk's head: the mean head's field, the ways to it, then both deformations.
+"""Trains FaceTalk's head: the mean head's distance field, the map to it, then both expression deformations.
 
     python -m training.systems.facetalk.train template --out runs/template
     python -m training.systems.facetalk.train identity --start runs/template/head.pt --out runs/identity
     python -m training.systems.facetalk.train expression --start runs/identity/head.pt --out runs/facetalk
 
-Heads are ICT identities from N(0, 1), a pool of them held in memory and changed bit by bit; coefficients of
-evaluation come from seeds of their own. `expression --corpus DIR` takes poses of corpus folders in place of
-those of facegood_zh and grid_s1. Seeded; resumes from `--out/last.pt` with the same bits. `--device` is where
-the networks compute, `--precision` is theirs; where points lie is found on the processor, in float32.
+Heads are ICT identities with coefficients from N(0, 1). A pool of them stays in memory, and every draw
+replaces some; evaluation draws its coefficients from other seeds. `expression --corpus DIR` takes poses from
+corpus folders instead of facegood_zh and grid_s1. Seeded; resumes from `--out/last.pt` bit for bit. The
+networks compute on `--device` in `--precision`; the positions of points are computed on the CPU in float32.
 """
 
 import argparse
@@ -56,12 +56,12 @@ class Pool:
         return vertices, vertex_normals(vertices, self.heads.triangles), scales
 
     def state_dict(self) -> dict[str, Tensor]:
-        """State for the checkpoint; everything else follows from coefficients."""
+        """State for the checkpoint. Everything else is computed from the coefficients."""
         return {"coefficients": self.coefficients}
 
     def load_state_dict(self, state: dict[str, Tensor]) -> None:
-        """Restores the heads. Replaced heads are rebuilt one by one, as before: sums over several at once
-        differ in their last bits."""
+        """Restores the heads. Rebuilds replaced heads one by one, as `draw` did: sums over several heads at
+        once would differ in their last bits."""
         for number in (state["coefficients"] != self.coefficients).any(1).nonzero()[:, 0]:
             self._replace(number[None], state["coefficients"][number][None])
 
@@ -70,7 +70,7 @@ class Pool:
         self.vertices[old], self.normals[old], self.scales[old] = self._made(fresh)
 
     def draw(self, count: int) -> Tensor:
-        """Numbers of `count` heads; some heads of the pool give way to new ones first."""
+        """Replaces some heads of the pool with new ones, then returns the numbers of `count` random heads."""
         old = torch.randint(0, len(self.scales), (REFRESHED,), generator=self.random)
         fresh = torch.randn(REFRESHED, COEFFICIENTS, generator=self.random)
         self._replace(old, fresh)
@@ -78,12 +78,12 @@ class Pool:
 
 
 def drawn(count: int, among: int, random: torch.Generator) -> Tensor:
-    """Random rows."""
+    """`count` random row numbers below `among`."""
     return torch.randint(0, among, (count,), generator=random)
 
 
 def template_loss(head: Head, heads: IctHeads, points: int, step: int, random: torch.Generator):
-    """Loss of distances beside the surface and about it; in some steps also of the gradient's length."""
+    """Loss of distances near the surface and around it; in some steps also of the gradient's length."""
     scale, device = head.config.scale_m, head.identity_code.weight.device
     places = heads.places[drawn(points, len(heads.places), random)]
     near = (heads.at(heads.opened[None], heads.normals[None], places)[0] / scale).to(device)
@@ -101,14 +101,14 @@ def template_loss(head: Head, heads: IctHeads, points: int, step: int, random: t
 
 
 def uneven(error: Tensor, normals: Tensor, scale: float) -> Tensor:
-    """Lengths of errors [B, P, 3] with more weight along normals, [B, P]."""
+    """Lengths [B, P] of errors [B, P, 3]. The part along the normal weighs more."""
     along = (error * normals).sum(-1)
     floor = EVEN_M / scale
     return (error.square().sum(-1) + NORMAL_WEIGHT * along.square() + floor**2).sqrt() - floor
 
 
 def identity_loss(head: Head, heads: IctHeads, pool: Pool, count: int, points: int, random: torch.Generator):
-    """Loss of the way to the mean head, for places on, beside and about the surface."""
+    """Loss of the map to the mean head, for points on, near and around the surface."""
     scale, device = head.config.scale_m, head.identity_code.weight.device
     chosen = pool.draw(count)
     vertices, normals = pool.vertices[chosen], pool.normals[chosen]
@@ -137,10 +137,10 @@ def identity_loss(head: Head, heads: IctHeads, pool: Pool, count: int, points: i
 
 
 def by_rate(head: Head, learned: list[Tensor], rate: float) -> list[dict]:
-    """Groups for the optimiser.
+    """Parameter groups for the optimiser.
 
-    Layers that output displacements learn more slowly, because displacements are small. So do layers with
-    many numbers of a code as input, because all of them change its sum at once.
+    Layers that output displacements learn more slowly, because displacements are small. So do layers that
+    sum over many numbers of a code, because a step changes all terms of the sum at once.
     """
     chosen = {id(p) for p in learned}
     slow = (".out", ".press.", ".code.", "expression_code")
@@ -170,7 +170,7 @@ def _rounded(machine: Machine, forward: Callable[..., Tensor]) -> Callable[..., 
 
 
 def poses_of(arguments) -> Poses:
-    """Poses of the corpus folders' training clips, else of the project's own recordings."""
+    """Poses from the training clips of the corpus folders, or else from the project's own recordings."""
     if not arguments.corpus:
         return Poses(arguments.data)
     entries = arkit.of_folders(arguments.corpus, 1, arguments.seed)

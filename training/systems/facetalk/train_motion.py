@@ -4,12 +4,12 @@
     python -m training.systems.facetalk.train_motion --head runs/facetalk/head.pt --data ../shared/data
 
 `--corpus` trains on corpus folders (`training/corpus/folder.py`) and nothing else. The head's map turns ARKit
-weights into codes. Captured weights are used as they are. Landmarks, and those of vertices, first become the
-weights that move ICT's landmarks alike. Each window is scaled about the face at rest by r ~ U(low, high) (eq.
-8), and r is an input of the model. `--without` leaves a part out, for table 2. `--memory landmarks` trains
-the small model that follows the motion of landmarks instead, whatever moves them. `--recipe paper` has the
-paper's loss and rate. Seeded; resumes from `--out/last.pt` with the same bits; `--device` and `--precision`
-say where it computes (`training/machine.py`).
+weights into codes. Captured weights are used as they are. Recorded landmarks, and landmarks of recorded
+vertices, are first fitted with weights that move ICT's landmarks in the same way. Each window is scaled about
+the face at rest by r ~ U(low, high) (eq. 8), and r is an input of the model. `--without` leaves a part out,
+for table 2. `--memory landmarks` instead trains the small model that follows landmark motion from any source.
+`--recipe paper` uses the paper's loss and rate. Seeded; resumes from `--out/last.pt` bit for bit; `--device`
+and `--precision` set where and how it computes (`training/machine.py`).
 """
 
 import argparse
@@ -67,7 +67,7 @@ UNEVEN_MM = 1.5
 
 
 class Codes:
-    """Map from ARKit weights to z_ex of a head, and the shortest way back."""
+    """Maps ARKit weights to a head's z_ex, and z_ex back to weights with the pseudo-inverse."""
 
     def __init__(self, head):
         with torch.no_grad():
@@ -89,7 +89,7 @@ class Codes:
 
 
 def entries_of(arguments) -> list[bank.Entry]:
-    """All clips with weights for motion: of the corpus folders, else of the project's own sources."""
+    """All clips, with ARKit weights as motion: from the corpus folders, or else the project's own sources."""
     if arguments.corpus:
         return of_folders(arguments.corpus, arguments.voices, arguments.seed)
     return solved(bank.load(arguments.data, arguments.cache, arguments.voices), arguments)
@@ -134,7 +134,7 @@ class Trainer:
         self.codes.to(self.machine.device)
 
     def loss(self, count: int, frames: int) -> tuple[Tensor, dict[str, float]]:
-        """Eq. 4; in our recipe also the same loss on the landmarks that the codes move."""
+        """Eq. 4. Our recipe adds the same loss on landmarks that the codes move, and their concordance."""
         device = self.machine.device
         batch = self.sampler.batch(count, frames)
         r = self.low + (self.high - self.low) * torch.rand(count, generator=self.random)
@@ -165,7 +165,7 @@ class Trainer:
         return total, {"simple": simple.item(), "landmarks": near.item()} | parts
 
     def _noise(self, count: int, frames: int) -> tuple[Tensor, Tensor]:
-        """Levels [B] and noise of codes [B, T, X]; ours is often all noise."""
+        """Noise levels [B] and noise for codes [B, T, X]. Our recipe often draws the level of pure noise."""
         t = torch.randint(0, len(self.alphas), (count,), generator=self.random)
         if not self.recipe.plain:
             pure = torch.rand(count, generator=self.random) < PURE_NOISE_SHARE
@@ -185,7 +185,7 @@ class Trainer:
         return (CM * moved).to(self.model.mean.device)
 
     def beside(self, weights: Tensor) -> Tensor:
-        """Weights [B, T, 51] plus what recordings of speech lack: emotions, brows, and lids that shut."""
+        """Adds to weights [B, T, 51] what recordings of speech lack: emotions, moving brows and shut lids."""
         count, frames = weights.shape[:2]
 
         def uniform(*shape: int) -> Tensor:
@@ -206,7 +206,7 @@ class Trainer:
 
 
 def speech_of(arguments) -> tuple[CompactSpeech | HubertSpeech, SpeechInput]:
-    """The speech features and their encoder; wav2vec2 as the paper has it (section 4)."""
+    """The source of speech features and its description. The paper uses wav2vec2 (section 4): `--hubert`."""
     if arguments.hubert is None:
         encoder = load_encoder(arguments.speech or SHIPPED_ENCODER)
         heard = SpeechInput("compact_speech", encoder.config.channels)
@@ -223,7 +223,7 @@ def speech_of(arguments) -> tuple[CompactSpeech | HubertSpeech, SpeechInput]:
 
 @torch.no_grad()
 def validate(trainer: Trainer, model: Denoiser, clips: int) -> dict[str, float]:
-    """r and slope of what a viewer sees, on held-out clips."""
+    """r and slope of the visible features (`feature_scores`) on held-out clips."""
     report, entries = {}, trainer.speech.entries
     model.eval()
     for source in sorted({e.source for e in entries if e.held_out}):
@@ -240,7 +240,7 @@ def validate(trainer: Trainer, model: Denoiser, clips: int) -> dict[str, float]:
 
 
 def head_of(path: Path) -> Head:
-    """A head.pt, or that of a model folder."""
+    """Loads a head.pt, or the head of a model folder."""
     return load_folder(path)[0] if path.is_dir() else load_head(path)
 
 

@@ -47,9 +47,9 @@ class Sampling:
 class AtsConfig(Config):
     """Everything that inference needs; saved as config.json.
 
-    In `closing_styles` lips meet where the speech encoder says so; the other styles are as recorded.
-    `emotion` is "learned" if the network was trained on emotional motion, "added" if it speaks neutrally and
-    the expression is added to its output.
+    In `closing_styles` the lips close where the speech encoder detects a closure; other styles move as in the
+    recordings. `emotion` is "learned" if the network was trained on emotional motion, "added" if it speaks
+    neutrally and the expression is added to its output.
     """
 
     system: str = "freetalk"
@@ -114,7 +114,7 @@ CONFIGS = {"compact": compact_config, "paper": paper_config, "debug": debug_conf
 
 
 class AtsDenoiser(nn.Module):
-    """Predicts the clean motion in a noisy one: f_θ(x_ℓ, ℓ, A, e, i)."""
+    """Predicts the clean motion from a noisy one: f_θ(x_ℓ, ℓ, A, e, i)."""
 
     def __init__(self, config: AtsConfig, dropout: float = 0.0):
         super().__init__()
@@ -185,9 +185,9 @@ class AtsDenoiser(nn.Module):
 
 
 def initial_positions(frames: int, width: int) -> Tensor:
-    """Start of the learned positions, [T, d]: sinusoids with periods of 4 to 126 frames.
+    """Initial values of the learned positions, [T, d]: sinusoids with periods of 4 to 126 frames.
 
-    Tokens and memory start from the same ones, so that equal frames are alike.
+    Tokens and memory start with the same values, so that both have the same position code for a frame.
     """
     omega = torch.logspace(math.log10(1.5), math.log10(0.05), width // 2)
     angle = torch.arange(frames)[:, None] * omega[None]
@@ -198,8 +198,8 @@ def initial_positions(frames: int, width: int) -> Tensor:
 def look_at_own_frame(attention: MultiheadAttention) -> None:
     """Starts queries and keys from one matrix, so that frame i of the motion attends to frame i of speech.
 
-    From independent matrices the alignment itself has to be learned first: after 300 steps the lip-gap
-    correlation on held-out grid_s1 clips was then 0.75, and 0.87 from this start.
+    With independent matrices the model has to learn this alignment first: after 300 steps the lip-gap
+    correlation on held-out grid_s1 clips was 0.75, compared with 0.87 from this start.
     """
     width = attention.in_proj_weight.shape[1]
     shared = OWN_FRAME_SCALE * attention.in_proj_weight[:width]
@@ -210,7 +210,7 @@ def look_at_own_frame(attention: MultiheadAttention) -> None:
 def strengths(affect: Tensor) -> Tensor:
     """[..., 16] → [..., 14]: share × intensity of every category but neutral.
 
-    Neutral at any intensity and any mixture at intensity 0 are thus the same input, exactly.
+    So neutral at any intensity and any mixture at intensity 0 are exactly the same input.
     """
     count = affect.shape[-1] - 1
     return affect[..., 1:count] * affect[..., count:]

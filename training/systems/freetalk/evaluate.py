@@ -1,12 +1,12 @@
-"""Motion of baselines on the held-out clips, as files that `anyface deform` reads.
+"""Writes the motion of baselines on the held-out clips, as files that `anyface deform` reads.
 
     python -m training.systems.freetalk.evaluate --data ../shared/data --out runs/baselines
 
 writes `<out>/teacher/grid_s1/<clip>.npz`: the co-articulation teacher on the true phone times of
-every held-out clip of grid_s1. It hears nothing, so it bounds what phones alone can tell. With
-`--run ats.pt --name NAME --takes TAKE ...` instead `<out>/NAME/facegood_zh_whole/…`: what a model that
-never heard these takes makes of them in its default style; with `--grid` also `<out>/NAME/grid_s1/…`,
-the held-out clips of a speaker that it never heard.
+every held-out clip of grid_s1. It does not use the sound, so it bounds how much phones alone can predict.
+With `--run ats.pt --name NAME --takes TAKE ...` it writes `<out>/NAME/facegood_zh_whole/…` instead: the
+motion, in its default style, of a model that was not trained on these takes. `--grid` adds
+`<out>/NAME/grid_s1/…`: the held-out clips of a speaker that the model was not trained on.
 """
 
 from dataclasses import replace
@@ -30,13 +30,13 @@ SAMPLES_PER_FRAME = 640
 
 
 def write(path: Path, motion: np.ndarray) -> None:
-    """Displacements [T, 68, 3] in canonical metres as `anyface motion` names them."""
+    """Writes displacements [T, 68, 3] in canonical metres under the names that `anyface motion` uses."""
     path.parent.mkdir(parents=True, exist_ok=True)
     np.savez(path, landmark_displacements=motion.astype(np.float32), fps=np.float64(FPS))
 
 
 def write_teacher(data: Path, out: Path) -> int:
-    """Every held-out clip whose words could be aligned; returns their number."""
+    """Writes every held-out clip whose words could be aligned; returns the number of clips."""
     teacher = Teacher.load(clear=False)
     held_out = [u for u in read_grid_speech(data) if u.held_out]
     for utterance in held_out:
@@ -47,7 +47,7 @@ def write_teacher(data: Path, out: Path) -> int:
 
 
 def write_unheard(data: Path, cache: Path, run: Path, out: Path, takes: list[str], grid: bool) -> None:
-    """A finished run's motion of whole takes of facegood_zh and of grid_s1's held-out clips."""
+    """Writes a run's motion for whole takes of facegood_zh and, with `grid`, grid_s1's held-out clips."""
     model, entries = full_model(run), bank.load(data, cache, 7)
     chosen = {f"grid_s1/{e.name}": e for e in entries if grid and e.source == "grid_s1" and e.held_out}
     for take in takes:
@@ -60,7 +60,7 @@ def write_unheard(data: Path, cache: Path, run: Path, out: Path, takes: list[str
 
 
 def joined(parts: list[bank.Entry]) -> bank.Entry:
-    """The pieces of one take, the training part first, as one clip in its own voice."""
+    """Joins the pieces of one take, the training part first, into one clip in its own voice."""
     parts = sorted(parts, key=lambda e: e.held_out)
     mels = torch.cat([e.mels[0] for e in parts])[None]
     together = {k: torch.cat([getattr(e, k) for e in parts]) for k in ("motion", "weight", "phones")}
@@ -68,7 +68,7 @@ def joined(parts: list[bank.Entry]) -> bank.Entry:
 
 
 def full_model(run: Path) -> FullModel:
-    """A finished run, sampled as the exported model is: one step, little noise."""
+    """Loads a finished run with the sampling of the exported model: one step, little noise."""
     encoder, denoiser = load_run(run)
     denoiser.config.sampling = Sampling(steps=1, temperature=0.1)
     return FullModel(encoder, denoiser)

@@ -14,10 +14,9 @@ from training.speech.log_mel import HOP, log_mel
 
 @torch.no_grad()
 def write(out: Path, shared: Path) -> Path:
-    """`weights.*`, `input` [S] → `normalised` [R, 64], `output` [T, 3N] metres; `sooner_0` and `sooner_1`
-    the same by the further heads.
+    """`weights.*`, `input` [S] → `normalised` [R, 64], `output` [T, 3N] metres.
 
-    `shared` is not used.
+    `sooner_0` and `sooner_1` are the output of the further heads. `shared` is not used.
     """
     torch.manual_seed(17)
     config = debug_config()

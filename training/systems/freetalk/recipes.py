@@ -1,8 +1,8 @@
-"""How models are trained: ours, and as FreeTalk (Nocentini et al. 2026) prints it.
+"""Recipes for training the models: ours, and the one that FreeTalk (Nocentini et al. 2026) prints.
 
-`--recipe paper` takes losses of eqs. 15 and 16 and the hyperparameters of its section 7; where the paper is
-silent (schedule of the learning rate, averaged weights, dropout) the plainest choice is made: none. It knows
-no speaking styles, so that every window is of the style `any`. An epoch shows every clip once.
+`--recipe paper` uses the losses of eqs. 15 and 16 and the hyperparameters of section 7. The paper does not
+mention a schedule of the learning rate, averaged weights or dropout, so this recipe has none. It has no
+speaking styles either: every window gets the style `any`. An epoch shows every clip once.
 """
 
 import argparse
@@ -35,7 +35,7 @@ class Recipe:
         return max(1, self.epochs * windows // (self.batch or 1))
 
     def record(self) -> dict:
-        """For the checkpoint."""
+        """The recipe as the checkpoint stores it."""
         return asdict(self)
 
 
@@ -50,12 +50,12 @@ STM = {
 
 
 def add_arguments(parser: argparse.ArgumentParser) -> None:
-    """`--recipe`, and the rate that overrides its own."""
+    """Adds `--recipe`, and `--rate`, which overrides the recipe's rate."""
     parser.add_argument("--recipe", choices=["ours", "paper"], default="ours")
     parser.add_argument("--rate", type=float, help="learning rate, instead of the recipe's")
 
 
 def chosen(recipes: dict[str, Recipe], arguments: argparse.Namespace) -> Recipe:
-    """The recipe of the command line."""
+    """The recipe that the command line chooses, with its overrides."""
     overrides = {key: getattr(arguments, key, None) for key in ("rate", "dropout")}
     return replace(recipes[arguments.recipe], **{k: v for k, v in overrides.items() if v is not None})

@@ -1,4 +1,4 @@
-"""Whole clips from the denoiser: DDIM on overlapping windows, cross-faded."""
+"""Samples whole clips from the denoiser: DDIM on overlapping windows, cross-faded."""
 
 import torch
 from torch import Tensor
@@ -9,7 +9,7 @@ from training.systems.freetalk.ats import AtsDenoiser, Sampling
 
 
 def window_starts(frames: int, window: int, overlap: int) -> list[int]:
-    """First frames of the windows: every `window − overlap`, the last one flush with the end."""
+    """First frame of each window: one every `window − overlap` frames; the last window ends with the clip."""
     if frames <= window:
         return [0]
     starts = list(range(0, frames - window, window - overlap))
@@ -43,11 +43,11 @@ def sample_from(
     style: int,
     sampling: Sampling,
 ) -> Tensor:
-    """The same from given unit noise [T, 3N].
+    """Works like `sample_motion`, from given unit noise [T, 3N].
 
     The noise belongs to the frame, not to the window, so overlapping windows start from the same noise,
-    scaled by the temperature. Their results are averaged with the weights of a linear ramp. It computes on
-    the model's device.
+    scaled by the temperature. Their results are averaged with the weights of a linear ramp. Computes on the
+    model's device.
     """
     config = model.config
     frames = speech.shape[0]
@@ -76,7 +76,7 @@ def _sample_window(model, noise, speech, affect, style, sampling) -> Tensor:
 
 
 def _ramp(span: slice, frames: int, overlap: int) -> Tensor:
-    """Weight of a window's frames [T, 1]: rises over the overlap, 1 at the clip's own ends."""
+    """Weight of a window's frames [T, 1]: a ramp over each overlap, 1 at the ends of the clip."""
     count = span.stop - span.start
     position = torch.arange(count, dtype=torch.float32)
     rise = (position + 1) / (overlap + 1)

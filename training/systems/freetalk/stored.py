@@ -1,4 +1,4 @@
-"""Finished models of FreeTalk, from a run or from the folders that they were exported to."""
+"""Loads finished models of FreeTalk, from a run or from the folders that they were exported to."""
 
 from pathlib import Path
 

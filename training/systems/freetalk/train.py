@@ -4,11 +4,12 @@
     python -m training.systems.freetalk.train --data ../shared/data --speech runs/speech/speech.pt
 
 `--corpus` trains on corpus folders (`training/corpus/folder.py`) and nothing else, with their emotions;
-`--data` on the project's own sources. `--config compact` (default), `paper` or `debug` (trains and exports
-in under a minute). Each hears the shipped compact encoder, that of `--speech` (`debug`: a random one), or
-HuBERT or wav2vec2 from `--hubert FOLDER`; `paper` must be told which. `--recipe paper` has the losses and
-rates of the paper. Seeded; resumes from `--out/last.pt` with the same bits; `--device` and `--precision` say
-where it computes, and several GPUs are told by `accelerate launch` (`training/machine.py`).
+`--data` trains on the project's own sources. `--config` is `compact` (default), `paper` or `debug` (trains
+and exports in under a minute). Speech features come from the shipped compact encoder, the one of `--speech`
+(`debug`: a random one), or HuBERT or wav2vec2 in `--hubert FOLDER`; `paper` needs one of the two flags.
+`--recipe paper` uses the paper's losses and rates. Seeded; resumes from `--out/last.pt` bit for bit;
+`--device` and `--precision` set where and how it computes, and `accelerate launch` starts it on several GPUs
+(`training/machine.py`).
 """
 
 import argparse
@@ -66,7 +67,10 @@ UNLABELLED_SHARE = 0.6
 
 @dataclass
 class Step:
-    """One training batch: what the encoder hears; the rest as in `AtsDenoiser.forward`."""
+    """One training batch: the encoder's input, the true motion with weights, and the conditions.
+
+    `affect` and `source` (the style) are as in `AtsDenoiser.forward`.
+    """
 
     mel: torch.Tensor
     motion: torch.Tensor
@@ -114,7 +118,7 @@ class AtsTrainer:
 
     @torch.no_grad()
     def draw(self, count: int, frames: int) -> Step:
-        """A batch of motion, and its speech features."""
+        """Draws a batch of motion with its sound and conditions."""
         batch = self.sampler.batch(count, frames)
         withheld = torch.rand(count, generator=self.random) < (1.0 if self.recipe.plain else UNLABELLED_SHARE)
         label = torch.tensor([self.config.styles.index(s) for s in self.sources])[batch.source]
@@ -127,7 +131,7 @@ class AtsTrainer:
         return Step(*[t.to(self.machine.device) for t in tensors])
 
     def loss(self, step: Step) -> tuple[torch.Tensor, dict[str, float]]:
-        """x₀ loss at random noise levels: eq. 15 in mm, or ours and the concordance of what a viewer sees."""
+        """x₀ loss at random noise levels: eq. 15 in mm, or ours plus the concordance of visible features."""
         count, frames = step.motion.shape[:2]
         device = self.machine.device
         t, noise = self._noise(step.motion.shape)
@@ -148,7 +152,7 @@ class AtsTrainer:
         return motion + CONCORDANCE * agreement, {"motion": motion.item()} | parts
 
     def _noise(self, shape: torch.Size) -> tuple[torch.Tensor, torch.Tensor]:
-        """Levels [B] and noise of `shape` [B, T, D]; ours is often all noise, weaker than normal at times."""
+        """Levels [B] and noise of `shape` [B, T, D]. Ours is often pure noise with a random amplitude."""
         if not self.recipe.plain:
             return noise_levels(shape, len(self.alphas), PURE_NOISE_SHARE, self.random)
         t = torch.randint(0, len(self.alphas), shape[:1], generator=self.random)
@@ -163,7 +167,7 @@ class AtsTrainer:
 
 
 def source_shares(arguments, entries: list[Entry]) -> dict[str, float]:
-    """How often each source is drawn: corpus folders in proportion to their length, ours by fixed shares."""
+    """How often each source is drawn: corpus folders in proportion to length, our sources by `--shares`."""
     if arguments.corpus:
         return lasting(entries)
     sources = {e.source for e in entries if not e.held_out}
@@ -203,7 +207,7 @@ def validate(trainer: AtsTrainer, model, speech, sampling: Sampling) -> dict:
 
 
 def closure_report(trainer: AtsTrainer, model, speech, sampling: Sampling) -> dict[str, float]:
-    """Share of p, b, m at which the default style's lips meet, by source of the speech."""
+    """Share of p, b and m at which the lips meet in the style `any`, for each source of speech."""
     met: dict[str, list[bool]] = {}
     style = trainer.config.styles.index(ANY_STYLE)
     for entry in trainer.heard:
@@ -215,7 +219,7 @@ def closure_report(trainer: AtsTrainer, model, speech, sampling: Sampling) -> di
 
 @torch.no_grad()
 def clip_motion(speech, model, entry, style: int, sampling: Sampling, seed: int = 0) -> torch.Tensor:
-    """Motion [T, 204] that the model makes of one clip where it is, metres."""
+    """Predicted motion [T, 204] of one clip in metres, moved to the CPU."""
     affect = entry.affect().expand(len(entry.motion), -1)
     return sample_motion(model, speech.clip(entry), affect, style, seed, sampling).cpu()
 
@@ -223,7 +227,7 @@ def clip_motion(speech, model, entry, style: int, sampling: Sampling, seed: int 
 def train(arguments, denoiser: type[AtsDenoiser] = AtsDenoiser) -> Path:
     """Runs the training; writes `ats.pt` with the averaged weights and returns its path.
 
-    Another `denoiser` class lacks a part, for comparison. The engine knows only the whole one.
+    `denoiser` may be a class that lacks a part, for comparison. The engine runs only the complete one.
     """
     seeded(arguments)
     config = CONFIGS[arguments.config]()
@@ -262,7 +266,7 @@ def steps_of(arguments, trainer: AtsTrainer) -> int:
 
 
 def batch_of(arguments, recipe: recipes.Recipe, frames: int) -> int:
-    """Windows of `frames` in a batch."""
+    """Number of windows of `frames` frames in a batch."""
     if arguments.tokens is None and recipe.batch is not None:
         return recipe.batch
     tokens = 192 if arguments.config == "debug" else arguments.tokens or TOKENS
@@ -270,7 +274,7 @@ def batch_of(arguments, recipe: recipes.Recipe, frames: int) -> int:
 
 
 def start(arguments, trainer: AtsTrainer, steps: int) -> Run:
-    """A run of `steps` by the trainer's recipe, as it was where it stopped."""
+    """Starts a run of `steps` by the trainer's recipe, or resumes it where it stopped."""
     recipe = trainer.recipe
     generators = {"trainer": trainer.random, "windows": trainer.sampler.random}
     factor = None if recipe.annealed else lambda _: 1.0
@@ -282,7 +286,7 @@ def start(arguments, trainer: AtsTrainer, steps: int) -> Run:
 
 
 def start_from(trainer: AtsTrainer, path: Path) -> None:
-    """Takes the weights of an `ats.pt`, its encoder included."""
+    """Loads the weights of an `ats.pt`, including its encoder."""
     saved = torch.load(path)
     trainer.model.load_state_dict(saved["state"])
     if saved["encoder"] is not None:
@@ -290,7 +294,7 @@ def start_from(trainer: AtsTrainer, path: Path) -> None:
 
 
 def fit_to_corpora(config: AtsConfig, entries: list[Entry]) -> None:
-    """Sets the styles to the names of the corpora. Emotions are learned if a label in training has one."""
+    """Sets the styles to the names of the corpora. Emotions are learned if a training clip has one."""
     config.styles = [*sorted({e.source for e in entries}), ANY_STYLE]
     config.closing_styles = [ANY_STYLE]
     has_emotion = any(e.emotion != "neutral" and e.intensity > 0 and not e.held_out for e in entries)
@@ -298,7 +302,7 @@ def fit_to_corpora(config: AtsConfig, entries: list[Entry]) -> None:
 
 
 def speech_source(arguments, config: AtsConfig) -> CompactSpeech | HubertSpeech:
-    """The speech that the configuration asks for."""
+    """The source of speech features that the configuration asks for."""
     if hears_hubert(arguments, config):
         features = HubertFeatures(arguments.hubert)
         config.speech = SpeechInput(features.kind, features.channels)
@@ -314,12 +318,12 @@ def speech_source(arguments, config: AtsConfig) -> CompactSpeech | HubertSpeech:
 
 
 def hears_hubert(arguments, config: AtsConfig) -> bool:
-    """Whether features come from `--hubert`: of any size if it is set, of `paper` unless `--speech` is."""
+    """Whether features come from `--hubert`: if it is set, and for `paper` unless `--speech` is set."""
     return arguments.hubert is not None or (config.speech.encoder == "hubert" and arguments.speech is None)
 
 
 def own_clips(arguments) -> list[Clip]:
-    """Clips of the corpus folders, else of the project's own sources, before an encoder hears them."""
+    """Clips of the corpus folders, or else of the project's own sources, before they are encoded."""
     if arguments.corpus:
         return bank.clips_of_folders(arguments.corpus, arguments.limit)
     sources = [bank.few(read(arguments.data), arguments.limit) for read in bank.READERS.values()]

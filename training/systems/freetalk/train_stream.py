@@ -1,14 +1,14 @@
-"""Trains the streaming student on what the full model performs and on captured motion.
+"""Trains the streaming student on the full model's motion and on captured motion.
 
     python -m training.systems.freetalk.train_stream --data ../shared/data --out runs/stream
 
-The teacher is the encoder and denoiser in `--models`, or with `--ats` those of a finished run. It performs
-every clip once; the results are stored under `--out`. `--speech DIR ...` adds folders of speech without
-motion, so that the student hears more voices than were captured; only the teacher's motion counts there.
-`--minutes` adds recorded and synthetic speech of many languages (`training/corpus/spoken.py`). `--corpus DIR
-[DIR ...]` trains on corpus folders in place of the project's own. Seeded; resumes from `--out/last.pt` with
-the same bits; `--device` and `--precision` say where it computes (`training/machine.py`); `--config debug`
-takes a minute.
+The teacher is the encoder and denoiser in `--models`, or with `--ats` those of a finished run. It predicts
+the motion of every clip once; the results are stored under `--out`. `--speech DIR ...` adds folders of speech
+without motion, so that the student hears more voices than were captured; it learns only the teacher's motion
+there. `--minutes` adds recorded and synthetic speech of many languages (`training/corpus/spoken.py`).
+`--corpus DIR [DIR ...]` trains on corpus folders instead of the project's own sources. Seeded; resumes from
+`--out/last.pt` bit for bit; `--device` and `--precision` set where and how it computes
+(`training/machine.py`); `--config debug` takes a minute.
 """
 
 import argparse
@@ -60,7 +60,7 @@ def prior_of(config: StreamConfig, clips: list[Lesson]) -> StreamConfig:
 
 
 def captured_shares(arguments, clips: list[Lesson]) -> dict[str, float]:
-    """Share of each source with captured motion among them."""
+    """How often each source with captured motion is drawn, relative to the other such sources."""
     if not arguments.corpus:
         return SHARES
     return lasting([x for x in clips if bool((x.weight > 0).any())])
@@ -77,7 +77,7 @@ def shares_of(clips: list[Lesson], speech_share: float, among: dict[str, float])
 
 
 def loss_of(model: StreamNet, batch: LessonBatch, weight: torch.Tensor, machine: Machine):
-    """Motion loss against the captured and the taught motion, and concordance of what a viewer sees."""
+    """Motion loss against the captured and the teacher's motion, plus the concordance of visible features."""
     mel = normalise_running(batch.mel, model.config.normaliser, batch.heard)
     of_batch = (batch.weight * weight, batch.captured, batch.taught, batch.scale)
     mask, true, taught, scale = (x.to(machine.device) for x in of_batch)
@@ -112,7 +112,7 @@ def _loss(prediction: torch.Tensor, targets: tuple[torch.Tensor, ...], weight: t
 
 @torch.no_grad()
 def validate(model: StreamNet, clips: list[Lesson], captured: dict[str, float]) -> dict[str, float]:
-    """r and slope of every feature on unseen clips: with the capture where there is one, else the teacher."""
+    """r and slope of every feature on unseen clips, against captured motion or else the teacher's."""
     report, device = {}, model.mean.device
     model.eval().cpu()
     for source in sorted({x.source for x in clips if x.held_out}):
@@ -128,7 +128,7 @@ def validate(model: StreamNet, clips: list[Lesson], captured: dict[str, float]) 
 
 
 def prepare(arguments) -> list[Lesson]:
-    """The lessons of a run, from bank and teacher."""
+    """The lessons of a run: clips with the motion that the teacher predicts."""
     debug = arguments.config == "debug"
     voices, limit = (2, 4) if debug else (arguments.voices, None)
     entries = entries_of(arguments, voices, limit)
@@ -141,7 +141,7 @@ def prepare(arguments) -> list[Lesson]:
 
 
 def new_model(arguments, clips: list[Lesson]) -> StreamNet:
-    """A student that starts at the mean and deviation of the taught motion, or a finished one."""
+    """A new student scaled to the taught motion, or with `--sooner` the finished one with more heads."""
     if arguments.sooner:
         return with_sooner(arguments.finished, arguments.sooner)
     config = debug_config() if arguments.config == "debug" else StreamConfig()

@@ -1,4 +1,4 @@
-"""The peers of npm in a headless Chromium: a page that hears sounds, and a server that takes its answers."""
+"""Runs the npm peers in a headless Chromium. A page runs them on sounds, a server collects their outputs."""
 
 import functools
 import json
@@ -18,14 +18,14 @@ TOOLS = ("headaudio", "wlipsync", "wawa_lipsync")
 
 
 class Handler(SimpleHTTPRequestHandler):
-    """Files of the page, of the packages and of the sounds; `POST` takes outputs, and `/end`."""
+    """Serves the files of the page, the packages and the sounds. `POST` receives outputs and `/end`."""
 
     def __init__(self, *arguments, work: Path, task: dict, ended: threading.Event, errors: list, **more):
         self.work, self.task, self.ended, self.errors = work, task, ended, errors
         super().__init__(*arguments, **more)
 
     def translate_path(self, path: str) -> str:
-        """Where a file lies."""
+        """The path on disk of a requested file."""
         path = path.split("?")[0]
         for start, folder in (("/packages/", "npm/node_modules"), ("/sounds/", "sounds")):
             if path.startswith(start):
@@ -33,11 +33,11 @@ class Handler(SimpleHTTPRequestHandler):
         return str(HERE / path.lstrip("/"))
 
     def guess_type(self, path: str) -> str:
-        """Modules have to come as JavaScript."""
+        """Browsers load modules only if their type is JavaScript."""
         return "text/javascript" if path.endswith((".mjs", ".js")) else super().guess_type(path)
 
     def do_GET(self) -> None:
-        """`/task.json`, or a file."""
+        """Sends `/task.json` or a file."""
         if self.path == "/task.json":
             names = [n for n in self.task["names"] if not heard(self.work, n)]
             self.answer(json.dumps(self.task | {"names": names}).encode())
@@ -45,7 +45,7 @@ class Handler(SimpleHTTPRequestHandler):
             super().do_GET()
 
     def do_POST(self) -> None:
-        """`/outputs/<tool>/<name>`, or `/end`."""
+        """Receives `/outputs/<tool>/<name>` or `/end`."""
         message = json.loads(self.rfile.read(int(self.headers["Content-Length"])))
         if self.path == "/end":
             self.errors += [message["error"]] if "error" in message else []
@@ -57,7 +57,7 @@ class Handler(SimpleHTTPRequestHandler):
         self.answer(b"{}")
 
     def answer(self, body: bytes) -> None:
-        """A short JSON."""
+        """Sends a short JSON."""
         self.send_response(200)
         self.send_header("Content-Type", "application/json")
         self.send_header("Content-Length", str(len(body)))
@@ -65,18 +65,18 @@ class Handler(SimpleHTTPRequestHandler):
         self.wfile.write(body)
 
     def log_message(self, *_) -> None:
-        """Says nothing."""
+        """Logs nothing."""
 
 
 def heard(work: Path, name: str) -> bool:
-    """Whether all tools have heard a sound."""
+    """Whether all tools have outputs for the sound `name`."""
     return all((work / "outputs" / tool / f"{name}.npz").exists() for tool in TOOLS)
 
 
 def run_browser(work: Path, names: list[str], profile: dict, limit_s: float) -> None:
-    """The tools of this page on `work/sounds`, packages in `work/npm`; `profile` is a voice for wLipSync.
+    """Runs the page's tools from `work/npm` on `work/sounds`; `profile` is a voice for wLipSync.
 
-    Raises `RuntimeError` where no Chromium is found, the page fails, or it takes longer than `limit_s`.
+    Raises `RuntimeError` if no Chromium is found, the page fails, or it takes longer than `limit_s`.
     """
     command = next((path for name in BROWSERS if (path := shutil.which(name))), None)
     if command is None:

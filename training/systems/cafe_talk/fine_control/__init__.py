@@ -1,1 +1,1 @@
-"""What Cafe-Talk's control is worth: its metrics, and trials of a finished run on held-out clips."""
+"""Measures how well Cafe-Talk's control works: metrics, and trials of a finished run on held-out clips."""

@@ -1,4 +1,4 @@
-"""Numbers that the paper does not print, tried: denoising steps, α, β, and the third term of eq. 6."""
+"""Tries settings that the paper does not print: denoising steps, α, β, and the third term of eq. 6."""
 
 from dataclasses import replace
 
@@ -38,7 +38,7 @@ def steps(actor: Actor, takes: list[Take]) -> list[Row]:
 
 
 def alphas(actor: Actor, takes: list[Take]) -> list[Row]:
-    """The same by α, the guidance of speech and emotion."""
+    """Lip gap and control rate by α, the guidance of speech and emotion."""
     return [_row(actor, takes, replace(actor.config.sampling, alpha=a), {"α": a}) for a in ALPHAS]
 
 
@@ -48,11 +48,11 @@ def _row(actor: Actor, takes: list[Take], sampling: Sampling, name: Row) -> Row:
 
 
 def formulas(actor: Actor, takes: list[Take]) -> list[Row]:
-    """Eq. 6 as printed and with `G_AC` in its third term: what a slot does to the lips, by α, at β 1.
+    """Compares eq. 6 as printed with `G_AC` in its third term: how events move the lips, by α, at β 1.
 
     The amplitude of the lip gap with the event is divided by that without, inside the slot and outside it.
-    With a mask over frames alone an event guides every shape in its slot. With a mask over shapes it guides
-    its own.
+    With a mask over frames only, an event guides every shape in its slot. With a mask over shapes, it guides
+    only its own shapes.
     """
     return [
         {"α": alpha, "units": name} | row

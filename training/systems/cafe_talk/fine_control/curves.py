@@ -1,6 +1,6 @@
-"""A unit's weight under four β, and lips with and without lower events, as one picture.
+"""Draws a unit's weight under four β, and the lips with and without lower events, in one picture.
 
-The paper's figure 10, through the `anyface` command:
+It repeats the paper's figure 10 with the `anyface` command:
 
     python -m training.systems.cafe_talk.fine_control.curves \
         --anyface target/release/anyface --audio SOUND --out CURVES.png
@@ -26,7 +26,7 @@ UPPER_LIP, LOWER_LIP = 62, 66
 MM = 1000.0
 SLOT_S = (1.0, 2.2)
 """Begin and end of the event."""
-# Nothing that chance adds.
+# No random motion.
 STILL = ("--blinks", "0", "--brow-accents", "0", "--fps", "50")
 
 
@@ -41,13 +41,13 @@ def weight(arrays: dict[str, np.ndarray], shape: str) -> np.ndarray:
 
 
 def opening(arrays: dict[str, np.ndarray]) -> np.ndarray:
-    """How much farther than at rest the lips are apart, [T] mm."""
+    """How much farther apart the lips are than at rest, [T] mm."""
     moved = arrays["landmark_displacements"]
     return MM * (moved[:, UPPER_LIP, 1] - moved[:, LOWER_LIP, 1])
 
 
 def draw(audio: Path, out: Path, anyface: Path = Path("target/release/anyface")) -> None:
-    """Both pictures below each other, the slot of the event marked."""
+    """Draws both pictures, one below the other, and marks the slot of the event."""
     figure, (above, below) = pyplot.subplots(2, 1, figsize=(8.8, 5.6), sharex=True, layout="constrained")
     plain, at = motion(anyface, audio), "{:g}-{:g}".format(*SLOT_S)
     time = np.arange(len(plain["weights"])) / plain["fps"]

@@ -14,7 +14,7 @@ Scores = dict[str, float]
 
 
 def performed(actor: Actor, takes: list[Take], **controls) -> Callable[[int, int], Tensor]:
-    """A function that generates the take of a clip number and an emotion number."""
+    """A function that generates a take from the number of a clip and the number of an emotion."""
 
     def make(clip: int, emotion: int) -> Tensor:
         return actor.perform(takes[clip], TakeControl(emotion=EMOTIONS[emotion], **controls))
@@ -23,7 +23,7 @@ def performed(actor: Actor, takes: list[Take], **controls) -> Callable[[int, int
 
 
 def recorded(takes: list[Take], intensity: float) -> Callable[[int, int], Tensor]:
-    """A function that puts the recordings under each emotion: the best that the judge could read."""
+    """A function that adds an emotion to a recording. Its scores are the best that the judge can give."""
     return lambda clip, emotion: judging.under_emotion(takes[clip].truth, emotion, intensity)
 
 
@@ -33,10 +33,10 @@ def accuracy(judge: judging.Judge, actor: Actor, takes: list[Take], intensity: f
 
 
 def by_label(judge: judging.Judge, actor: Actor, takes: list[Take]) -> dict[str, Scores]:
-    """Table 8: the label present, masked, and at odds with the voice.
+    """Table 8: scores with the label present, masked, and at odds with the voice.
 
-    The recorded voices are neutral, so every other label is one that the voice does not have. With the label
-    masked a take is the same for every emotion, and 1 in 15 is right.
+    The recorded voices are neutral, so every other label contradicts the voice. With the label masked, a take
+    is the same for every emotion, so 1 in 15 is right.
     """
     count = len(takes)
     verdicts = judging.judged(judge, performed(actor, takes, intensity=1.0), count)
@@ -55,7 +55,7 @@ def by_label(judge: judging.Judge, actor: Actor, takes: list[Take]) -> dict[str,
 def by_intensity(judge: judging.Judge, actor: Actor, takes: list[Take]) -> dict[str, Scores]:
     """Table 9: Acc and Div from no intensity to 1.5, and the strength that the judge reads.
 
-    Beside them `change`, the mean change of a weight against no intensity.
+    `change` is the mean absolute change of a weight against a take without emotion.
     """
     plain = [actor.perform(take) for take in takes]
     rows = {}

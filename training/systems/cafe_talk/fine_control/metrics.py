@@ -1,7 +1,7 @@
-"""Whether the face does what events ask for, where they ask for it, and what that costs the speech.
+"""Measures whether the face follows events, whether it does so only in their slots, and the cost to speech.
 
-Twins of the Rust crate's `metrics::control_rate` and `tests/eval`'s section on events. A slot is its first
-frame and the frame after its last. What cannot be measured is NaN.
+Twins of the Rust crate's `metrics::control_rate` and `tests/eval`'s section on events. A slot is a pair: its
+first frame and the frame after its last. A value that cannot be measured is NaN.
 """
 
 import math
@@ -31,13 +31,13 @@ def unit_values(weights: Tensor, unit: str) -> Tensor:
 
 
 def control_rate(values: Tensor, slot: Slot) -> float:
-    """Eq. 7: the largest of `values` [T] in the slot over the mean of the five frames either side."""
+    """Eq. 7: the maximum of `values` [T] in the slot minus the mean of the five frames on either side."""
     inside, beside = _parts(values, slot)
     return float(inside.max() - beside.mean()) if len(inside) and len(beside) else math.nan
 
 
 def leak(with_event: Tensor, without: Tensor, slot: Slot) -> float:
-    """Mean change of [T] in the five frames either side, as a share of the mean change in the slot."""
+    """Mean change of values [T] in the five frames on either side, as a share of that in the slot."""
     inside, beside = _parts((with_event - without).abs(), slot)
     if not len(inside) or not len(beside) or inside.mean() <= 0.0:
         return math.nan
@@ -52,7 +52,7 @@ def far_change(with_event: Tensor, without: Tensor, slot: Slot) -> float:
 
 
 def gap_mm(weights: Tensor) -> Tensor:
-    """Opening of the lips over that of the neutral face, [T, 51] → [T] millimetres on ICT's landmarks."""
+    """Opening of the lips beyond that of the neutral face, [T, 51] → [T] millimetres on ICT's landmarks."""
     return 1e3 * lip_gap(arkit.landmarks_of(weights))
 
 
@@ -68,7 +68,7 @@ def gap_slope(predicted: Tensor, true: Tensor) -> float:
 
 
 def closures(weights: Tensor, phones: Tensor, slot: Slot) -> tuple[int, int]:
-    """How many p, b and m lie within a slot, and at how many of them lips meet.
+    """How many p, b and m lie within a slot, and at how many of them the lips meet.
 
     `weights` [T, 51]; `phones` [4 T], segments at the rate of the log-mels.
     """
@@ -78,14 +78,14 @@ def closures(weights: Tensor, phones: Tensor, slot: Slot) -> tuple[int, int]:
 
 
 def amplitude_mm(weights: Tensor, slot: Slot, inside: bool) -> float:
-    """Deviation of the lip gap within a slot, or everywhere else, millimetres."""
+    """Standard deviation of the lip gap within a slot, or everywhere else, in millimetres."""
     gap, within = gap_mm(weights), torch.zeros(len(weights), dtype=torch.bool)
     within[slot[0] : slot[1]] = True
     return float(gap[within if inside else ~within].std())
 
 
 def _parts(values: Tensor, slot: Slot) -> tuple[Tensor, Tensor]:
-    """Values of the slot, and of the frames beside it that the clip has."""
+    """Values in the slot, and in those of the five frames on either side that the clip has."""
     first, last = slot
     before = values[max(first - NEIGHBOURS, 0) : max(first, 0)]
     return values[first:last], torch.cat([before, values[last : last + NEIGHBOURS]])

@@ -1,4 +1,4 @@
-"""A finished run on held-out clips, with any events and emotions."""
+"""Runs a finished model on held-out clips, with any events and emotions."""
 
 from dataclasses import dataclass, replace
 from pathlib import Path
@@ -24,7 +24,7 @@ LESSONS = 40
 
 @dataclass
 class Take:
-    """A clip to speak: `features` [T, C] of its sound, `truth` [T, 51], `phones` [4 T]."""
+    """A clip to perform: `features` [T, C] of its sound, recorded weights `truth` [T, 51], `phones` [4 T]."""
 
     name: str
     source: str
@@ -34,18 +34,18 @@ class Take:
 
     @property
     def slot(self) -> tuple[int, int]:
-        """Where events are tried: 0.8 s in the middle."""
+        """The slot in which events are tried: 0.8 s in the middle of the clip."""
         first = max((len(self.truth) - SLOT_FRAMES) // 2, 0)
         return first, first + min(SLOT_FRAMES, len(self.truth))
 
 
 @dataclass
 class TakeControl:
-    """Control of a take: `unit` on both sides within the slot, times `beta`; `emotion` at `intensity`.
+    """Control of a take: `unit` on both sides within the slot, at strength `beta`; `emotion` at `intensity`.
 
-    `printed` takes eq. 6 as printed; `unmasked` lets the event guide every frame, as Ho & Salimans (2021) do,
-    and `every_shape` all shapes of the slot. `over_speech` lets jaw and chin hide what is said.
-    `labelled` is whether the model hears the coarse condition at all.
+    `printed` takes eq. 6 as printed. `unmasked` lets the event guide every frame, as Ho & Salimans (2021) do;
+    `every_shape` lets it guide all shapes in the slot. `over_speech` lets jaw and chin hide the speech.
+    Without `labelled` the model does not get the coarse condition.
     """
 
     unit: str | None = None
@@ -67,13 +67,13 @@ class Unlabelled:
         self.to_weights = model.to_weights
 
     def __call__(self, noisy: Tensor, timestep: Tensor, speech: Tensor, coarse, *more) -> Tensor:
-        """The denoiser's pass, under its learned null."""
+        """Runs the denoiser with its learned null as the coarse condition."""
         withheld = torch.zeros_like(coarse.has_label)
         return self.model(noisy, timestep, speech, replace(coarse, has_label=withheld), *more)
 
 
 class Actor:
-    """A finished model with its encoder: a `cafe_talk.pt`, or the folder that it was exported to."""
+    """A finished model with its encoder, from a `cafe_talk.pt` or the folder to which it was exported."""
 
     def __init__(self, path: Path):
         stored = load(path)
@@ -87,7 +87,7 @@ class Actor:
 
     @torch.no_grad()
     def take(self, entry: Entry) -> Take:
-        """A clip through the encoder."""
+        """Runs a clip through the encoder."""
         features = CompactSpeech(self.encoder, []).clip(entry)
         return Take(entry.name, entry.source, features, entry.motion.float(), entry.phones)
 
@@ -122,7 +122,8 @@ def clips(arguments) -> tuple[list[Entry], list[Entry]]:
     """Clips to teach the judge, and held-out clips to judge and measure; motion is weights [T, 51].
 
     `arguments` has `corpus` folders, or the `data` folder with `cache` and `voices` as in training, so that
-    its bank is reused; `clips` of each source, at most `seconds` of each.
+    the bank of the training is reused. It takes `clips` held-out clips of each source, and at most `seconds`
+    of each clip.
     """
     if arguments.corpus:
         entries = bank.of_folders(arguments.corpus, 1)
@@ -135,7 +136,7 @@ def clips(arguments) -> tuple[list[Entry], list[Entry]]:
 
 
 def first_of_each(entries: list[Entry], training: int, held_out: int) -> list[Entry]:
-    """The first clips of each source, so many for training and so many held out."""
+    """The first clips of each source: `training` clips that are not held out and `held_out` that are."""
     chosen: list[Entry] = []
     for source in sorted({e.source for e in entries}):
         for is_held_out, count in ((False, training), (True, held_out)):

@@ -1,4 +1,4 @@
-"""Every action unit on held-out takes: how well it acts, and its cost (tables 3 and 4 of Cafe-Talk)."""
+"""Measures each action unit on held-out takes: its effect and its cost (tables 3 and 4 of Cafe-Talk)."""
 
 import math
 from dataclasses import asdict, dataclass
@@ -17,11 +17,12 @@ USUAL = 1.0
 
 @dataclass
 class UnitScores:
-    """One unit on both sides, means over takes.
+    """Scores of one unit on both sides, means over takes.
 
-    `control_rate` by β, `none` without an event; `leak` a share; `far` the largest change of a weight more
-    than ten frames away; `gap_r_lost` of the lip gap with the recording. `closed` and `closed_none`: p, b and
-    m of the slots at which lips meet, of `closures`; NaN where there are none.
+    `control_rate` is by β, `none` is that without an event. `leak` is a share. `far` is the largest change of
+    any weight more than ten frames away. `gap_r_lost` is how much the event lowers r between the lip gap and
+    the recording's. `closures` counts p, b and m in the slots. `closed` and `closed_none` are the shares of
+    them at which the lips meet, with and without the event; NaN if there are none.
     """
 
     unit: str
@@ -65,7 +66,7 @@ def measure(
 def score(
     unit: str, takes: list[Take], plain: list[Tensor], generated: dict[float, list[Tensor]]
 ) -> UnitScores:
-    """One unit from weights [T, 51] without an event, and with one by β."""
+    """Scores one unit from weights [T, 51]: `plain` without an event, and `generated` with one, by β."""
     usual = list(zip(takes, plain, generated[USUAL], strict=True))
     strengths = lambda weights: metrics.unit_values(weights, unit)  # noqa: E731
 
@@ -89,7 +90,7 @@ def score(
 
 
 def closed_share(takes: list[Take], generated: list[Tensor]) -> tuple[int, float]:
-    """How many p, b and m the slots of takes hold, and the share at which lips meet."""
+    """How many p, b and m the slots of takes hold, and the share at which the lips meet."""
     counts = [metrics.closures(w, t.phones, t.slot) for t, w in zip(takes, generated, strict=True)]
     count, met = (sum(column) for column in zip(*counts, strict=True))
     return count, met / count if count else math.nan
@@ -102,7 +103,7 @@ def mean(values) -> float:
 
 
 def summary(scores: list[UnitScores]) -> dict[str, float]:
-    """One row for a model: its units together, at β 1."""
+    """One row for a model: the scores of all its units together, at β 1."""
     rates = [s.control_rate[str(USUAL)] for s in scores]
     lower, upper = ([s for s in scores if s.is_lower is side] for side in (True, False))
     count = sum(s.closures for s in lower)
@@ -119,5 +120,5 @@ def summary(scores: list[UnitScores]) -> dict[str, float]:
 
 
 def to_json(scores: list[UnitScores]) -> list[dict]:
-    """For the report."""
+    """The scores as rows of the report."""
     return [asdict(s) | {"grows": s.grows} for s in scores]

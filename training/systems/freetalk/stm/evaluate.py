@@ -3,11 +3,12 @@
     python -m training.systems.freetalk.stm.evaluate --data ../shared/data --runs runs/stm
     python -m training.systems.freetalk.stm.evaluate --corpus DIR [DIR ...] --runs runs/stm
 
-With `--corpus`: on the held-out clips of corpus folders with vertex sequences, decoders trained on such
-(`RUNS/{static,paper}_corpus.pt`) beside the shipped static one and baselines. Otherwise:
-Held-out take of facegood_zh plus upper face, at test identities, warps and triangulations of ICT
-and at the MakeHuman head as it is and remeshed. Mean distance in millimetres over all vertices /
-over the lips (within 1 cm of a lip landmark), frames and meshes weighted alike.
+With `--corpus`, it measures on the held-out clips of corpus folders with vertex sequences: decoders that
+were trained on such sequences (`RUNS/{static,paper}_corpus.pt`), the shipped static one, and baselines.
+Otherwise it measures on a held-out take of facegood_zh plus upper-face motion, on test identities, warps and
+triangulations of ICT and on the MakeHuman head, both original and remeshed. Errors are mean distances in
+millimetres over all vertices / over the lips (within 1 cm of a lip landmark); all frames and meshes have
+equal weight.
 """
 
 import argparse
@@ -68,12 +69,12 @@ def lid_error(method: Method, meshes: list[PreparedMesh]) -> float:
 
 
 def no_motion(mesh: PreparedMesh, landmarks: torch.Tensor) -> torch.Tensor:
-    """The floor: nothing moves."""
+    """Baseline: nothing moves."""
     return torch.zeros(len(landmarks), len(mesh.lips), 3)
 
 
 def static(path: Path, familiarity: float | None) -> Method:
-    """The static decoder with the weights of `path`, with or without the familiarity of each face."""
+    """The static decoder with the weights of `path`. `familiarity`, if given, replaces that of each face."""
     saved = torch.load(path)
     model = restored(StaticWeights(StaticConfig(**saved["config"])), saved["state"])
 
@@ -111,7 +112,7 @@ def paper_decoder(path: Path) -> PaperDecoder:
 
 
 def attention_line(path: Path, meshes: list[PreparedMesh], landmarks: Callable) -> str:
-    """How many landmarks the paper's decoder attends to; `landmarks` of a mesh: motion [T, N, 3] dm."""
+    """Says how many landmarks the paper's decoder attends to. `landmarks(mesh)`: motion [T, N, 3] dm."""
     model = paper_decoder(path)
     landmark_counts = []
     for mesh in meshes:
@@ -150,7 +151,7 @@ def corpus_rows(runs: Path) -> list[tuple[str, Method]]:
 
 
 def print_corpus_table(folders: list[Path], runs: Path, frames: int) -> None:
-    """One line a method: mean and lips, mm, on held-out clips."""
+    """Prints one line per method: errors in mm, mean and lips, on held-out clips."""
     meshes = sequence_meshes(folders, held_out=True)
     print(f"{len(meshes)} held-out faces, {frames} frames of each clip; mm: mean / lips")
     with torch.no_grad():
@@ -164,7 +165,7 @@ def print_corpus_table(folders: list[Path], runs: Path, frames: int) -> None:
 
 
 def rows(runs: Path) -> list[tuple[str, Method]]:
-    """Every method that `runs` has weights for."""
+    """Baselines, and every method that `runs` has weights for."""
     table = [("no motion", no_motion), ("training-free (TSB)", training_free)]
     for faces in ("both", "ict", "makehuman"):
         path = runs / f"static_{faces}.pt"
@@ -179,7 +180,10 @@ def rows(runs: Path) -> list[tuple[str, Method]]:
 
 
 def print_table(corpus: Corpus, speech: np.ndarray, runs: Path) -> None:
-    """One line a method: ICT, then MakeHuman; speech with upper face, speech alone, lids of a blink."""
+    """Prints one line per method.
+
+    Columns, each for ICT, then MakeHuman: speech with upper face, speech alone, lids of a blink.
+    """
     faces = ("ict", "makehuman")
     heads = "".join(f"{head:>16}" for head in ("ICT unseen", "MakeHuman", "ICT, mouth", "MH, mouth"))
     print(f"{'mm: mean / lips':40}{heads}{'lids: ICT':>10}{'MH':>8}")

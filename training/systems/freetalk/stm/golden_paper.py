@@ -13,7 +13,7 @@ SOURCE = "parity/diffusion_net_random.safetensors"
 
 
 def operators_of(parity: dict[str, torch.Tensor]) -> SurfaceOperators:
-    """The operators that a parity file holds, as the network takes them."""
+    """Converts the surface operators of a parity file to the network's format."""
     size = (parity["mass"].shape[0],) * 2
 
     def sparse(name: str) -> torch.Tensor:

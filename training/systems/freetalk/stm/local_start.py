@@ -1,10 +1,10 @@
-"""Attention of the `paper` decoder that is local before training begins.
+"""Makes the attention of the `paper` decoder local before training begins.
 
-From random weights every vertex attends to all landmarks alike, and the gradients of a softmax so flat are
-too small to change that within a day. So the first four channels of every head start where `query · key` of
-eq. 13 is `(2 x·l - l·l) / (2 σ²)`: up to a constant of the vertex that is `-|x - l|² / (2 σ²)`, a Gaussian
-over the landmarks around it. `x` and `l` are what a linear layer can say of a vertex by its feature and of a
-landmark by its index, fitted on the faces of the training.
+With random weights every vertex attends equally to all landmarks, and the gradients of such a flat softmax
+are too small to change that within a day. So in the first four channels of every head, `query · key` of eq.
+13 starts as `(2 x·l - l·l) / (2 σ²)`. Up to a constant of the vertex, this is `-|x - l|² / (2 σ²)`: a
+Gaussian over the landmarks around the vertex. Linear layers estimate the positions `x` from the vertex's
+feature and `l` from the landmark's index. They are fitted to the training faces.
 """
 
 import numpy as np
@@ -27,7 +27,7 @@ def attend_nearby(
 ) -> None:
     """Sets φ of eq. 12, queries and keys.
 
-    faces: vertex inputs [V, 6] dm, positions first, and operators. landmarks: mean places [N, 3] dm.
+    faces: vertex inputs [V, 6] dm, positions first, and operators. landmarks: mean positions [N, 3] dm.
     """
     attention, latent = model.attention, model.config.latent
     per_head = latent // attention.heads
@@ -64,6 +64,6 @@ def fit(inputs: Tensor, targets: Tensor, ridge: float) -> tuple[Tensor, Tensor]:
 def effective_landmarks(
     model: PaperDecoder, inputs: Tensor, operators: SurfaceOperators, landmarks: Tensor
 ) -> Tensor:
-    """Landmarks that a vertex attends to: e to the entropy of the mean share of all heads. [T, V]."""
+    """How many landmarks a vertex attends to: exp of the entropy of the heads' mean attention. [T, V]."""
     shares = model.attention.shares(model.encode(inputs, operators), model.nodes(landmarks)).mean(1)
     return torch.exp(-(shares * (shares + 1e-12).log()).sum(-1))

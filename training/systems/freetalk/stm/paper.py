@@ -1,12 +1,12 @@
 """FreeTalk's own Sparse-To-Mesh decoder (Nocentini et al. 2026, section 3.2).
 
-Mirrors `rust-core/src/systems/freetalk/stm/paper.rs`, attribute name for layer name.
+Mirrors `rust-core/src/systems/freetalk/stm/paper.rs`; attributes here have the names of its layers.
 
 A DiffusionNet reads the neutral mesh once; per frame a graph network reads the 68 landmark
 displacements, every vertex attends to the landmarks, and a second DiffusionNet turns vertex
 feature, global displacement vector and attended feature into a displacement.
 
-What the paper leaves open and this file settles:
+The paper leaves some choices open. This file chooses:
 - landmark graph: iBUG chains plus bridges (`landmark_edges`);
 - index encoding: the sinusoidal one of Vaswani et al. 2017 (`index_encoding`);
 - `phi` (eq. 12) is one linear layer; the attention has no output projection (eq. 14 has none);
@@ -143,7 +143,7 @@ class LandmarkToVertexAttention(nn.Module):
 
 
 class PaperDecoder(nn.Module):
-    """The whole decoder; see the head of the file."""
+    """The whole decoder; see the top of the file."""
 
     def __init__(self, config: PaperConfig):
         super().__init__()

@@ -4,13 +4,13 @@
     python -m training.systems.freetalk.stm.train paper  --data ../shared/data --runs runs/stm --faces both
     python -m training.systems.freetalk.stm.train paper  --corpus DIR [DIR ...] --config paper --steps 20000
 
-With `--corpus` a decoder trains on vertex sequences of corpus folders, is measured on their held-out
-clips, and becomes `RUNS/{static,paper}_corpus.pt`; it goes on from `RUNS/MODEL_corpus/last.pt` with the
-same bits. `--config` chooses its size: `paper` is that of the paper (width 128, position and normal).
+With `--corpus` a decoder trains on vertex sequences of corpus folders and is measured on their held-out
+clips. It is written to `RUNS/{static,paper}_corpus.pt`, and training resumes from `RUNS/MODEL_corpus/last.pt`
+bit for bit. `--config` sets its size: `paper` is that of the paper (width 128, position and normal).
 
 With `--data` each command trains three times: on both faces (shipped), on ICT alone and on MakeHuman
-alone (for the leave-one-face-out errors), seeded, one thread by default. Results are
-`RUNS/{static,paper}_{both,ict,makehuman}.pt`; `training.systems.freetalk.stm.evaluate` prints their
+alone (for the leave-one-face-out errors). It is seeded and uses one thread by default. It writes
+`RUNS/{static,paper}_{both,ict,makehuman}.pt`. `training.systems.freetalk.stm.evaluate` prints their
 errors and `training.export stm` writes the shipped one.
 """
 
@@ -66,7 +66,7 @@ FACES = {"both": ("ict", "makehuman"), "ict": ("ict",), "makehuman": ("makehuman
 
 
 def sample(rng: np.random.Generator, mesh: PreparedMesh, speech: np.ndarray, frames: int):
-    """Some vertices of a mesh, more at the lips, in some frames, at times seen in the mirror.
+    """Draws vertices of a mesh, more at the lips, and frames. Mirrors them half of the time.
 
     Returns the vertices' geometry, landmark displacements [T, N, 3] and true displacements
     [T, P, 3], decimetres.
@@ -92,8 +92,8 @@ def sample(rng: np.random.Generator, mesh: PreparedMesh, speech: np.ndarray, fra
 def restyle(motion: torch.Tensor, positions: torch.Tensor, strength: float) -> torch.Tensor:
     """Multiplies motion by a smooth random field of matrices near one, a new field in each frame.
 
-    Real faces differ in how they move; the corpus does not. The field keeps the network from taking one
-    face's habits for a law. motion: [T, P, 3]; positions: [P, 3] dm.
+    Real faces differ in how they move; those of the corpus do not. The field keeps the network from learning
+    one face's habits as a rule. motion: [T, P, 3]; positions: [P, 3] dm.
     """
     bumps = 6
     centres = positions[torch.randint(len(positions), (bumps,))] + 0.1 * torch.randn(bumps, 3)
@@ -112,9 +112,10 @@ def train_static(
     out: Path,
     machine: Machine | None = None,
 ) -> StaticWeights:
-    """Minimises the mean distance to the true place, at full strength of the correction.
+    """Minimises the mean distance to the true positions, with the correction at full strength.
 
-    `meshes` by face; `speech` are weights of their modes, none for meshes with sequences of their own.
+    `meshes` has a list for each face. `speech` holds weights of their modes; it is None for meshes with their
+    own sequences.
     """
     machine = machine or Machine("cpu")
     torch.manual_seed(seed)
@@ -146,7 +147,7 @@ def train_static(
 
 
 def learn_shapes(model: StaticWeights, faces: tuple[str, ...], data: Path, seed: int) -> None:
-    """Shows the model the landmarks of many neutral faces; one face takes all kinds of the model."""
+    """Shows the model the landmarks of many neutral faces. A single face fills all kinds of the model."""
     rng = np.random.default_rng(seed)
     for kind in range(model.config.kinds):
         shapes = landmark_shapes(rng, data, faces[kind % len(faces)], SHAPES)
@@ -176,17 +177,17 @@ def train_on_data(args) -> None:
 
 
 def machine_of(args) -> Machine:
-    """The machine that it trains on."""
+    """The machine to train on."""
     return Machine(args.device, args.precision)
 
 
 def how(args) -> tuple[recipes.Recipe, Machine]:
-    """Recipe and machine of the paper's decoder."""
+    """Recipe and machine for the paper's decoder."""
     return recipes.chosen(recipes.STM, args), machine_of(args)
 
 
 def judge_on(args, config: PaperConfig) -> Callable[[PaperDecoder], dict[str, float]]:
-    """Errors of a decoder on held-out clips of the folders, in mm, where it computes."""
+    """Returns a function that measures a decoder on held-out clips, in mm, on the training device."""
     device = machine_of(args).device
     meshes = sequence_meshes(args.corpus, held_out=True)
     prepared = {mesh.name: moved(paper_mesh(mesh, config), device) for mesh in meshes}
@@ -201,7 +202,7 @@ def judge_on(args, config: PaperConfig) -> Callable[[PaperDecoder], dict[str, fl
 
 
 def paper_steps(args, meshes: list[SequenceMesh]) -> int:
-    """Number of steps on corpora: `--steps`, else the recipe's epochs, else as many as ours."""
+    """Number of steps on corpora: `--steps`, else the recipe's epochs, else `PAPER_STEPS`."""
     recipe = recipes.STM[args.recipe]
     if args.steps is not None or recipe.epochs is None:
         return args.steps or PAPER_STEPS

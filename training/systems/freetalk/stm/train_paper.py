@@ -1,8 +1,8 @@
 """Training of the `paper` decoder.
 
-Losses as in the paper (section 3.3): squares of position, velocity and acceleration. Where the recipe is
-ours, attention starts near each vertex and learns at a tenth of the rate (`local_start`), faces are
-seen in the mirror half of the time, and the rate rises and falls.
+Losses are as in the paper (section 3.3): squares of position, velocity and acceleration. In our recipe each
+vertex first attends to nearby landmarks (`local_start`), the attention learns at a tenth of the rate, half of
+the samples are mirrored, and the rate rises and then falls.
 """
 
 import math
@@ -38,7 +38,7 @@ START_MESHES = 8
 
 @dataclass
 class PaperMesh:
-    """A mesh as the decoder takes it: inputs [V, 6], operators, and what `corpus.prepared` holds."""
+    """A mesh of `corpus.prepared` with the decoder's inputs [V, 6] and operators."""
 
     mesh: PreparedMesh
     inputs: Tensor
@@ -46,7 +46,7 @@ class PaperMesh:
 
 
 def paper_mesh(mesh: PreparedMesh, config: PaperConfig) -> PaperMesh:
-    """Computes inputs and operators; about a second."""
+    """Computes inputs and operators; takes about a second."""
     positions = mesh.geometry.positions.double().numpy()
     operators = surface_operators(positions, mesh.triangles, config.eigenpairs)
     normals = torch.from_numpy(vertex_normals(positions, mesh.triangles)).float()
@@ -54,7 +54,7 @@ def paper_mesh(mesh: PreparedMesh, config: PaperConfig) -> PaperMesh:
 
 
 def mirrored(face: PaperMesh) -> PaperMesh:
-    """The mesh in the mirror. The second tangent turns round, so that frames stay right-handed."""
+    """Mirrors a mesh. The second tangent changes sign, so that tangent frames stay right-handed."""
     flip = FLIP.to(face.inputs.device)
     operators = replace(face.operators, grad_y=-1.0 * face.operators.grad_y)
     mesh = replace(face.mesh, geometry=face.mesh.geometry.mirrored())
@@ -62,14 +62,14 @@ def mirrored(face: PaperMesh) -> PaperMesh:
 
 
 def moved(face: PaperMesh, device: torch.device) -> PaperMesh:
-    """The same on another device."""
+    """The mesh on another device."""
     operators = {name: value.to(device) for name, value in vars(face.operators).items()}
     mesh = replace(face.mesh, geometry=face.mesh.geometry.to(device))
     return PaperMesh(mesh, face.inputs.to(device), SurfaceOperators(**operators))
 
 
 def sequence(rng: np.random.Generator, speech: np.ndarray) -> np.ndarray:
-    """Channel weights of a few frames in a row. [FRAMES, M]."""
+    """Channel weights of a short sequence. [FRAMES, M]."""
     phase = np.linspace(0.0, rng.uniform(0.2, 1.0), FRAMES)[:, None]
     if rng.random() < 0.25:
         ends = random_combinations(rng, 2)
@@ -81,7 +81,7 @@ def sequence(rng: np.random.Generator, speech: np.ndarray) -> np.ndarray:
 
 
 def motion_of(rng: np.random.Generator, mesh: PreparedMesh, speech: np.ndarray | None) -> Tensor:
-    """Displacements of all vertices in a few frames in a row, [FRAMES, V, 3] dm."""
+    """Displacements of all vertices in a short sequence, [FRAMES, V, 3] dm."""
     if isinstance(mesh, SequenceMesh):
         return mesh.in_a_row(rng, FRAMES)
     weights = torch.from_numpy(sequence(rng, speech)).float()
@@ -95,7 +95,7 @@ def predict(model: PaperDecoder, face: PaperMesh, landmarks: Tensor) -> Tensor:
 
 @torch.no_grad()
 def prepare_weights(model: PaperDecoder, faces: list[PaperMesh]) -> None:
-    """Starts at no motion, reads landmarks by their size of 0.05 dm, and attends to those nearby."""
+    """Starts with no output, input gains for landmark motion of about 0.05 dm, and local attention."""
     torch.nn.init.zeros_(model.decoder.last_lin.weight)
     torch.nn.init.zeros_(model.decoder.last_lin.bias)
     latent = model.config.latent
@@ -106,7 +106,7 @@ def prepare_weights(model: PaperDecoder, faces: list[PaperMesh]) -> None:
 
 
 def parameter_groups(model: PaperDecoder, recipe: Recipe) -> list[dict]:
-    """Parameters in two groups. In our recipe those that decide where a vertex looks learn more slowly."""
+    """Two parameter groups. In our recipe those that choose a vertex's landmarks learn more slowly."""
     deciding = [model.attention.query, model.attention.key, model.landmark_projection]
     slow = [parameter for layer in deciding for parameter in layer.parameters()]
     rest = [p for p in model.parameters() if all(p is not other for other in slow)]
@@ -115,13 +115,13 @@ def parameter_groups(model: PaperDecoder, recipe: Recipe) -> list[dict]:
 
 
 def motion_loss(error: Tensor, recipe: Recipe) -> Tensor:
-    """Eq. 15: squared position, velocity and acceleration of an error [T, V, 3] dm, cm²."""
+    """Eq. 15: squared position, velocity and acceleration of an error [T, V, 3] dm, in cm²."""
     loss = squared(error) + recipe.velocity * squared(error.diff(dim=0))
     return loss + recipe.acceleration * squared(error.diff(n=2, dim=0))
 
 
 def squared(difference: Tensor) -> Tensor:
-    """Mean of squared lengths, cm²."""
+    """Mean of squared lengths, in cm²."""
     return 100.0 * difference.square().sum(-1).mean()
 
 
@@ -140,9 +140,9 @@ def train_paper(
 ) -> PaperDecoder:
     """Trains on the faces of `prepared`; resumes from `out`.
 
-    `speech` are weights of the meshes' modes, none for meshes with sequences of their own. Another `decoder`
-    is one that lacks a part, for comparison. The log has the mean loss since its last row and what `judge`
-    says of the model.
+    `speech` holds weights of the meshes' modes; it is None for meshes with their own sequences. `decoder` may
+    be a class that lacks a part, for comparison. A row of the log has the mean loss since the last row and
+    the scores that `judge` returns for the model.
     """
     machine = machine or Machine("cpu")
     torch.manual_seed(seed)
@@ -176,12 +176,12 @@ def train_paper(
 
 
 def warm(step: int, steps: int) -> float:
-    """The share of the learning rate: up in 200 steps, along a cosine to zero at the end."""
+    """Factor of the learning rate: rises over 200 steps, while a cosine takes it to zero at the end."""
     return min(1.0, (step + 1) / 200) * 0.5 * (1.0 + math.cos(math.pi * step / steps))
 
 
 class Draw:
-    """Draws a mesh, seen in the mirror half of the time unless `plain`, and frames in a row on it."""
+    """Draws a mesh and a short sequence of its motion; mirrors both half of the time unless `plain`."""
 
     def __init__(self, random: np.random.Generator, prepared: dict[str, list[PaperMesh]],
                  speech: np.ndarray | None, device: torch.device, plain: bool):  # fmt: skip
@@ -201,7 +201,7 @@ class Draw:
         return face, landmarks.to(self.device), motion.to(self.device)
 
     def image(self, face: PaperMesh) -> PaperMesh:
-        """The mesh in the mirror, made once."""
+        """The mirrored mesh, made once."""
         if id(face) not in self.images:
             self.images[id(face)] = mirrored(face)
         return self.images[id(face)]
