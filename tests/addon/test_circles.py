@@ -36,7 +36,7 @@ def circle(root: Path) -> list[str]:
     try:
         TopologicalSorter(graph).prepare()
     except CycleError as error:
-        return [str(path.relative_to(root)) for path in error.args[1]]
+        return [path.relative_to(root).as_posix() for path in error.args[1]]
     return []
 
 

@@ -169,7 +169,8 @@ def test_every_face_has_its_own_pictures(addon, head):
 def test_nothing_in_the_file_changes(head):
     def state():
         return [
-            sorted(head.keys()),
+            # Blender 4.2 lists registered properties too, once they were read.
+            sorted(set(head.keys()) - set(head.bl_rna.properties.keys())),
             head.data.shape_keys,
             len(bpy.data.images),
             len(bpy.data.meshes),
@@ -334,9 +335,9 @@ def test_a_batch_makes_the_same_of_the_mixture(speaking, installed, tmp_path):
     assert bpy.ops.anyface.remove() == {"FINISHED"}
     shot, out = (str(tmp_path / name) for name in ("shot.blend", "out.blend"))
     bpy.ops.wm.save_as_mainfile(filepath=shot)
-    command = [sys.executable, "-m", "anyface_batch", shot, "bake", "--object", "Head"]
-    environment = {**os.environ, "PYTHONPATH": str(installed)}
-    environment["BLENDER_USER_RESOURCES"] = str(tmp_path / "empty")
+    script = str(installed / "anyface_batch.py")
+    command = [sys.executable, script, shot, "bake", "--object", "Head"]
+    environment = {**os.environ, "BLENDER_USER_RESOURCES": str(tmp_path / "empty")}
     takes = []
     for more in ((), ("--emotion", "happy:0.6,sad:0.6"), ("--emotion", "happy:0.6")):
         words = [*command, "--save", out, *more]
