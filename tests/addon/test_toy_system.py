@@ -44,6 +44,7 @@ print("LARGEST", len(keys), most)
 """
 
 
+@pytest.mark.skipif(os.name == "nt", reason="ignored, the library with a toy is built for Linux")
 @pytest.mark.skipif(not _LIBRARY.is_file(), reason="the Rust tests built no library with a toy")
 def test_a_system_of_the_registry_alone_moves_a_head(tmp_path):
     with wave.open(str(tmp_path / "voice.wav"), "wb") as voice:
