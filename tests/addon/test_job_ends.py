@@ -17,7 +17,7 @@ from mathutils import Vector
 
 import figures
 from faults import ERRORS, TIMER, Fault, WholeStage, press, steps_of, without_blender
-from figures import animation_rows, everything, grid, motion, own_keys, stand_in, tone
+from figures import SETTINGS, animation_rows, everything, grid, motion, own_keys, stand_in, tone
 from test_control_takes import Waves, rigged
 
 START = 5
@@ -116,11 +116,7 @@ class Set:
         delta = tuple(bpy.data.objects["Turns"].delta_rotation_euler)
         modifiers = [(m.type, m.name) for ob in bpy.data.objects for m in ob.modifiers]
         live = self.addon("scene.live")._followers
-        # Blender 4.2 lists registered properties too, once they were read.
-        scenes = [
-            sorted(set(scene.keys()) - set(scene.bl_rna.properties.keys()))
-            for scene in bpy.data.scenes
-        ]
+        scenes = [sorted(set(scene.keys()) - SETTINGS) for scene in bpy.data.scenes]
         moved = [row for ob in bpy.data.objects for row in _motion_of(ob)]
         return everything(), files, turns, delta, modifiers, len(live), scenes, moved
 
